@@ -1,0 +1,48 @@
+// The errors that cross a public boundary. A message names the file, line or id, what was expected,
+// what was found, and what to do; the launcher turns it into one line and an exit code.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace trigpoint {
+
+class Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+  // Process exit code, as fixed for every command: 1 failed, 2 usage, 3 a gate failed, 130 cancelled.
+  virtual int ExitCode() const { return 1; }
+};
+
+// What the user brought cannot be used as it is.
+class InputError : public Error {
+ public:
+  using Error::Error;
+};
+
+// An option is unknown, of the wrong type, or out of range.
+class OptionError : public Error {
+ public:
+  using Error::Error;
+  int ExitCode() const override { return 2; }
+};
+
+// A file or folder cannot be read or written.
+class IoError : public Error {
+ public:
+  using Error::Error;
+};
+
+// An estimation problem has no usable answer (singular, diverged).
+class NumericError : public Error {
+ public:
+  using Error::Error;
+};
+
+class Cancelled : public Error {
+ public:
+  Cancelled() : Error("cancelled; finished stages are kept, run the same command again to go on") {}
+  int ExitCode() const override { return 130; }
+};
+
+}  // namespace trigpoint

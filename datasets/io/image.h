@@ -1,0 +1,19 @@
+// Pictures as they come: JPEG, PNG, TIFF, 8 or 16 bit, grey, colour, CMYK; video frames.
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+// Grey 8-bit picture of an image of a run. Applies EXIF orientation unless only the raw orientation has the
+// calibration's size; undoes `mirrored`. Throws InputError naming the file when it is missing, empty, truncated,
+// not a picture, or of another size than the calibration (expected and found sizes named).
+cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
+
+// Colour 8-bit BGR (or grey, if `grey`) picture of any file, EXIF orientation applied. Throws InputError.
+cv::Mat LoadPicture(const std::filesystem::path& file, bool grey);
+
+}  // namespace trigpoint
