@@ -1,0 +1,144 @@
+// Errors of localized panoramas against the positions their tags give (Agarwal, Burgard, Spinello 2015, section V;
+// docs/method.md section 6): error = estimated position - (tag position + measured offset).
+//
+// Two kinds of number, never mixed:
+//   relative  in the run's own optimised frame, against tags estimated from that run's own cameras
+//             (reference = self): the common error of cameras and tags cancels, as in the paper.
+//   absolute  in site ENU (world), against a tag map, error of the global fit included.
+//
+// The pipeline's use:
+//   EvaluateInput input;              // one EvaluatedRun per localize result, stations, tag maps
+//   const Evaluation e = Evaluate(input, options);
+//   WriteEvaluation(e, stage.out);    // eval/evaluation_files.h
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/base/option.h"
+#include "datasets/io/site.h"
+#include "eval/results.h"
+#include "eval/statistics.h"
+
+namespace trigpoint {
+
+struct EvaluateOptions {
+  double passed_radius_m = 12;   // a station counts as passed by a run that came at least this near, m
+  double confidence = 0.95;      // of intervals
+  int bootstrap_samples = 2000;  // resampled campaigns behind every interval; 0: no intervals
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.passed_radius_m, {"passed_radius_m", "m", 0.0, 1000.0, "a run passes a station it comes this near to"});
+    visit(self.confidence, {"confidence", "", 0.5, 0.999, "confidence of the intervals"});
+    visit(self.bootstrap_samples, {"bootstrap_samples", "", 0, 1000000, "resampled campaigns behind every interval"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+// One localize result under test.
+struct EvaluatedRun {
+  std::string run;
+  std::string variant;             // empty: the default results
+  std::string method = "single";   // of `result.panoramas`: g2 in paper mode, else single. views are always g1
+  bool odometry_levelled = false;  // run.yaml: +z of the odom frame is up
+  LocalizeResult result;
+  // odom_from_tag, estimated from `result.cameras_odom` and the run's detections; empty: no relative errors.
+  std::vector<TagResult> self_tags;
+};
+
+// A tag map in site ENU that results are held against.
+struct ReferenceMap {
+  std::string name;                   // as errors.csv shows it: "survey", a variant or a release
+  std::vector<TagResult> tags;        // world_from_tag
+  std::vector<std::string> runs;      // the runs whose images went into it
+  std::vector<std::string> evidence;  // control points, geotags behind it, one name each ("control:57")
+};
+
+struct EvaluateInput {
+  std::vector<EvaluatedRun> runs;
+  std::vector<Station> stations;
+  std::vector<ReferenceMap> references;  // may be empty: only relative errors then
+};
+
+// A row of errors.csv. status is the localizer's (localized, rejected, unmatched), or
+//   missing       the result has no row for the station
+//   no_reference  it was localized but there is nothing to hold it against; `reason` says why
+// Only `localized` rows have errors. `missing`, `rejected` and `unmatched` are abstentions.
+struct ErrorRow {
+  std::string run, variant;
+  std::string method;  // g1, g2, single
+  std::string station, panorama;
+  int tag_id = -1;
+  std::string reference;  // self, or ReferenceMap::name
+  std::string kind;       // relative, absolute
+  std::string status, reason;
+  std::optional<double> error_3d_m;
+  std::optional<double> error_h_m, error_v_m;  // unset when the vertical of the odom frame is not known
+  std::optional<Eigen::Vector3d> error_enu_m;  // estimate - reference; unset when north is not known
+  std::optional<double> error_rot_deg;         // unset: a tag says nothing about a panorama's heading
+  // Of the difference, ENU, estimate and reference taken as independent; unset unless both sides have theirs.
+  std::optional<Eigen::Matrix3d> covariance_m2;
+  std::optional<double> nees;  // e' C^-1 e
+  int dof = 0;
+  bool passed = false;  // the run came within passed_radius_m of the reference position
+};
+
+// What belongs together in one table and one set of percentiles.
+struct ErrorGroup {
+  std::string variant, method, reference, kind;
+  bool operator<(const ErrorGroup& other) const;
+};
+
+struct Interval {
+  double low = 0, high = 0;
+};
+
+struct GroupSummary {
+  ErrorGroup group;
+  int runs = 0, stations = 0;
+  int attempts = 0;  // every station of every run, no_reference left out
+  int answers = 0;   // of these, answered and scored
+  int unscored = 0;  // no_reference
+  int passed = 0;    // attempts at stations that the run passed
+  int passed_answers = 0;
+  std::map<std::string, int> reasons;  // of abstentions and unscored answers: "status: reason" -> count
+  ErrorStatistics error_3d, error_h, error_v;
+  // Bootstrap intervals of the 3D error over answers, clustered by station and run; unset with too little data.
+  std::optional<Interval> median_interval, p90_interval;
+  int nees_count = 0;
+  std::optional<double> anees_per_dof;  // sum nees / sum dof over the rows that have it
+  // Both sides rest on the same data (the run's own tags, or a map the run went into): the numbers are then an
+  // agreement, not an accuracy.
+  bool shares_evidence = false;
+  std::vector<std::string> rests_on;  // what is behind the reference, for people
+};
+
+struct Evaluation {
+  std::vector<ErrorRow> rows;         // ordered by variant, method, reference, kind, run, station
+  std::vector<GroupSummary> groups;   // the same order
+  std::vector<std::string> stations;  // columns of the tables, in the order of stations.csv
+  std::vector<std::string> warnings;  // duplicate stations and the like, one sentence each
+  EvaluateOptions options;
+};
+
+// Pure function of its input; thread safe. Throws OptionError for options out of range, InputError when there is no
+// run. O(rows) plus the bootstrap.
+Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options = {});
+
+// The centre of a station from its tag's pose, in the tag's frame of reference `map`.
+// `enu_from_map`: rotation from the map to east-north-up (identity for a world map); unset when unknown.
+// `up_in_map`: unit vertical in the map frame; unset when unknown.
+// Offsets east/north/up need enu_from_map; right/out/up need up_in_map: right is the tag's x axis made level, out the
+// horizontal normal away from the tag's face towards the reader, up the vertical. Unset with `reason` otherwise.
+std::optional<Eigen::Vector3d> StationCentre(const Station& station, const Rigid3d& map_from_tag,
+                                             const std::optional<Eigen::Matrix3d>& enu_from_map,
+                                             const std::optional<Eigen::Vector3d>& up_in_map, std::string* reason);
+
+// Rigid world_from_odom of a run from its two camera trajectories (same stamps): mean rotation (chordal), then mean
+// translation. Unset with fewer than one common stamp.
+std::optional<Rigid3d> WorldFromOdom(const std::vector<TimedPose>& cameras_odom, const std::vector<TimedPose>& cameras);
+
+}  // namespace trigpoint

@@ -1,0 +1,78 @@
+// The result files of `localize` and `survey` as plain values. The formats are those of docs/file_formats.md; columns
+// that a reader does not know are ignored, so that a newer file still reads.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/geometry/rigid3.h"
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+
+// A row of panoramas.csv: what was estimated for a panorama, photo or photo set.
+struct PanoramaResult {
+  std::string panorama;
+  std::string station;
+  std::string status;  // localized, rejected, unmatched
+  std::string reason;
+  std::optional<Rigid3d> world_from_pano;
+  std::optional<Eigen::Vector3d> sigma_m;  // of the world position, per axis of world
+  std::optional<Rigid3d> odom_from_pano;   // in the run's own optimised frame
+  // Of the odom position, per axis of odom (optional columns odom_sigma_x_m, odom_sigma_y_m, odom_sigma_z_m).
+  std::optional<Eigen::Vector3d> odom_sigma_m;
+  int inliers = 0;
+  int views = 0;
+};
+
+// A row of views.csv: one view of a panorama by itself (G1 of the paper).
+struct ViewResult {
+  std::string panorama;
+  std::string view;
+  std::string status;
+  std::string reason;
+  std::optional<Rigid3d> odom_from_view;
+  int inliers = 0;
+  double distance_m = 0;
+};
+
+// A row of tags.csv: map_from_tag, where map is `world` (a tag map) or `odom` (a run's own tags).
+struct TagResult {
+  int tag_id = -1;
+  std::string family;
+  double size_m = 0;
+  std::optional<Rigid3d> map_from_tag;
+  std::optional<Eigen::Vector3d> sigma_m;        // per axis of the map
+  std::optional<Eigen::Vector3d> sigma_rot_rad;  // about the tag's own axes
+  // Of the left tangent of map_from_tag, rotation first (tags_cov.csv, rows with tag_a = tag_b).
+  std::optional<Matrix6d> covariance;
+  int images = 0;
+  int runs = 0;
+  double rms_px = 0;
+  std::string role;  // control, check, free
+  std::string status;
+};
+
+// The artefacts of results/localize/<run>[@V] that an evaluation needs.
+struct LocalizeResult {
+  std::vector<PanoramaResult> panoramas;
+  std::vector<ViewResult> views;        // empty without views.csv
+  std::vector<TimedPose> cameras_odom;  // odom_from_cam, first camera
+  std::vector<TimedPose> cameras;       // world_from_cam, first camera; empty: no global fit
+  std::vector<std::string> warnings;    // rows that could not be used, one sentence each
+};
+
+// Each throws InputError naming file, line, expected and found when a needed column is missing or a value is not a
+// number. An empty or NaN number is "not given".
+std::vector<PanoramaResult> ReadPanoramaResults(const std::filesystem::path& panoramas_csv);
+std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv);
+// `tags_cov_csv` may be empty or missing: then `covariance` stays unset.
+std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
+                                      const std::filesystem::path& tags_cov_csv = {});
+// Reads panoramas.csv (needed), views.csv, cameras_odom.tum and cameras.tum (each may be missing) of a folder.
+LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir);
+
+}  // namespace trigpoint
