@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Checks the sources' form (clang-format) and runs clang-tidy over the product's translation units.
+
+    lint.py format ROOT
+    lint.py tidy ROOT BUILD [--jobs N]
+
+clang-tidy needs seconds a file, so a file that passed is left alone until it, a header of ours that it includes
+(as Ninja recorded them), its compile command or .clang-tidy changes: BUILD/lint holds a stamp for each.
+"""
+import concurrent.futures
+import hashlib
+import json
+import os
+import subprocess
+import sys
+
+PRODUCT = ("app", "calib", "datasets", "eval", "localize", "survey")
+
+
+def sources(root, tops, suffixes):
+    for top in tops:
+        for folder, _, files in os.walk(os.path.join(root, top)):
+            for name in files:
+                if name.endswith(suffixes):
+                    yield os.path.join(folder, name)
+
+
+def run_format(root):
+    files = sorted(sources(root, PRODUCT + ("tests",), (".h", ".cc")))
+    return subprocess.run(["clang-format-14", "--dry-run", "--Werror", *files], check=False).returncode
+
+
+def headers_of_objects(root, build):
+    """Object file -> files of ours it was made from."""
+    result, current = {}, None
+    for line in subprocess.run(["ninja", "-C", build, "-t", "deps"], check=True, capture_output=True, text=True).stdout.splitlines():
+        if line and not line.startswith(" "):
+            current = result.setdefault(line.split(":")[0], [])
+        elif line.strip():
+            file = os.path.normpath(os.path.join(build, line.strip()))
+            if file.startswith(root + os.sep) and not file.startswith(build + os.sep):
+                current.append(file)
+    return result
+
+
+def run_tidy(root, build, jobs):
+    stamps = os.path.join(build, "lint")
+    os.makedirs(stamps, exist_ok=True)
+    digests = {}
+
+    def digest(file):
+        if file not in digests:
+            with open(file, "rb") as content:
+                digests[file] = hashlib.sha256(content.read()).hexdigest()
+        return digests[file]
+
+    headers = headers_of_objects(root, build)
+    todo = []
+    with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as commands:
+        for entry in json.load(commands):
+            path = os.path.relpath(entry["file"], root)
+            if path.split(os.sep)[0] not in PRODUCT:
+                continue
+            parts = [entry["command"], digest(os.path.join(root, ".clang-tidy")), digest(entry["file"])]
+            parts += [digest(file) for file in sorted(headers.get(entry.get("output", ""), []))]
+            stamp = os.path.join(stamps, hashlib.sha256("\n".join(parts).encode()).hexdigest())
+            if not os.path.exists(stamp):
+                todo.append((path, entry["file"], stamp))
+
+    def tidy(task):
+        path, file, stamp = task
+        done = subprocess.run(["clang-tidy-14", "-quiet", "-p", build, file], check=False, capture_output=True, text=True)
+        if done.returncode == 0:
+            open(stamp, "w", encoding="utf-8").close()
+        return path, done
+
+    failed = 0
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        for path, done in pool.map(tidy, todo):
+            if done.returncode != 0:
+                failed += 1
+                print(f"{path}:\n{done.stdout}{done.stderr}")
+    print(f"clang-tidy: {len(todo)} files checked, {failed} with findings")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    mode, top = sys.argv[1], os.path.realpath(sys.argv[2])
+    if mode == "format":
+        sys.exit(run_format(top))
+    count = int(sys.argv[sys.argv.index("--jobs") + 1]) if "--jobs" in sys.argv else os.cpu_count()
+    sys.exit(run_tidy(top, os.path.realpath(sys.argv[3]), count))
