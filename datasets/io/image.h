@@ -16,4 +16,8 @@ cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
 // Colour 8-bit BGR (or grey, if `grey`) picture of any file, EXIF orientation applied. Throws InputError.
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey);
 
+// An equirectangular panorama, 2:1. A partial one whose GPano tags say where it lies is put into a black full sphere.
+// Throws InputError naming the size found for any other picture.
+cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey);
+
 }  // namespace trigpoint

@@ -45,13 +45,15 @@ struct RunConfig {
   std::string role = "both";  // survey, evaluation, both
   std::string camera;         // name of a calibration of this project, or empty
   bool mirrored = false;      // pictures are flipped left-right; undone on loading, pixels count in the mended one
-  std::map<std::string, std::string> masks;                   // camera -> mask image
+  std::map<std::string, std::string> masks;                   // camera ("": all) -> mask image
   std::optional<int64_t> time_zero_utc_ns;                    // UTC of timestamp 0
   Eigen::Vector3d gps_lever_arm_m = Eigen::Vector3d::Zero();  // antenna in the body frame
-  double gps_time_offset_s = 0;
+  double gps_time_offset_s = 0;                               // already added to the fixes' stamps: gives image time
   bool odometry_levelled = false;
   double odometry_scale_sigma = 0.01;
-  double odometry_time_offset_s = 0;
+  double odometry_time_offset_s = 0;  // already added to the poses' stamps: gives image time
+  double video_start_s = 0;           // time of a video's first frame on the run's clock
+  int video_every = 1;                // every n-th frame is used
 };
 
 struct Run {
@@ -125,6 +127,7 @@ struct Site {
   std::filesystem::path dir;
   std::optional<Geodetic> origin;  // from origin.json
   std::vector<Run> runs;
+  std::map<std::string, std::string> broken_runs;  // run -> why nothing of it can be used
   std::vector<Reference> references;
   std::vector<Station> stations;
   TagSizes tags;

@@ -1,0 +1,160 @@
+#include "datasets/io/camchain.h"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cstdio>
+
+#include "calib/base/error.h"
+#include "datasets/io/text.h"
+#include "datasets/io/yaml.h"
+
+namespace trigpoint {
+namespace {
+
+const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distortion_model", "distortion_coeffs",
+                                        "resolution",   "rostopic",     "T_cam_imu",        "T_imu_cam",
+                                        "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu"};
+
+// Looks along the body's x axis, upright.
+Rigid3d LevelForwardCamera() {
+  Eigen::Matrix3d r;
+  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
+}
+
+Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
+  const YAML::Node rows = map.Node(key);
+  Eigen::Matrix4d m;
+  bool good = rows.IsSequence() && rows.size() == 4;
+  for (size_t i = 0; good && i < 4; ++i) {
+    good = rows[i].IsSequence() && rows[i].size() == 4;
+    for (size_t k = 0; good && k < 4; ++k) {
+      const auto value = rows[i][k].IsScalar() ? ParseDouble(rows[i][k].Scalar()) : std::nullopt;
+      good = value && std::isfinite(*value);
+      if (good) m(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = *value;
+    }
+  }
+  if (!good) map.Fail(key, "expected 4 rows of 4 numbers, a transform's matrix");
+  const Eigen::Matrix3d r = m.topLeftCorner<3, 3>();
+  if ((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() > 1e-3 || r.determinant() < 0 ||
+      (m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
+    map.Fail(key, "expected a rotation and a translation (last row 0 0 0 1), found a matrix that is no rigid motion");
+  }
+  return {Eigen::Quaterniond(r), m.topRightCorner<3, 1>()};
+}
+
+Camera ReadCamera(const YamlMap& map) {
+  const std::string model = map.Text("camera_model", "pinhole");
+  if (model != "pinhole") {
+    map.Fail("camera_model", "expected pinhole, found '" + model + "'; " +
+                                 "recalibrate as pinhole with radtan or (for a fisheye) equidistant distortion");
+  }
+  std::vector<double> params = map.Numbers("intrinsics", 4);
+  const std::vector<double> size = map.Numbers("resolution", 2);
+  std::vector<double> distortion = map.Numbers("distortion_coeffs");
+  const std::string distortion_model = map.Text("distortion_model", distortion.empty() ? "none" : "radtan");
+  params.insert(params.end(), distortion.begin(), distortion.end());
+  const size_t n = distortion.size();
+  CameraModel kind = CameraModel::kPinhole;
+  std::string expected;
+  if (distortion_model == "radtan" || distortion_model == "plumb_bob" || distortion_model == "rational_polynomial") {
+    kind = n == 8 ? CameraModel::kRational : CameraModel::kRadtan;
+    if (n != 4 && n != 5 && n != 8) expected = "4, 5 or 8";
+  } else if (distortion_model == "equidistant") {
+    kind = CameraModel::kKannalaBrandt;
+    if (n != 4) expected = "4";
+  } else if (distortion_model == "none") {
+    if (n != 0) expected = "no";
+  } else {
+    map.Fail("distortion_model", "expected radtan, equidistant or none, found '" + distortion_model + "'");
+  }
+  if (!expected.empty()) {
+    map.Fail("distortion_coeffs",
+             "expected " + expected + " coefficients for " + distortion_model + ", found " + std::to_string(n));
+  }
+  try {
+    return {kind, static_cast<int>(size[0]), static_cast<int>(size[1]), std::move(params)};
+  } catch (const InputError& e) {
+    map.Fail("intrinsics", e.what());
+  }
+}
+
+std::string Number(double value) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
+  return buffer;
+}
+
+std::string List(const std::vector<double>& values, size_t begin, size_t end) {
+  std::string text = "[";
+  for (size_t i = begin; i < end; ++i) text += (i == begin ? "" : ", ") + Number(values[i]);
+  return text + "]";
+}
+
+}  // namespace
+
+std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
+  const YamlMap top = YamlMap::AnyKeys(file, LoadYaml(file));
+  if (top.Keys().empty()) throw InputError(file.string() + ": no camera in it; expected a map cam0: {...}");
+  std::vector<BodyCamera> cameras;
+  for (const std::string& name : top.Keys()) {
+    if (!top.Node(name).IsMap()) {
+      top.Fail(name, "expected a camera (a map with camera_model, intrinsics, ...): is this a Kalibr camchain?");
+    }
+    const YamlMap map = top.Map(name, kKeys);
+    BodyCamera camera;
+    camera.name = name;
+    camera.camera = ReadCamera(map);
+    if (map.Has("T_cam_imu")) {
+      camera.cam_from_body = ReadTransform(map, "T_cam_imu");
+      camera.has_extrinsics = true;
+    } else if (map.Has("T_imu_cam")) {
+      camera.cam_from_body = ReadTransform(map, "T_imu_cam").Inverse();
+      camera.has_extrinsics = true;
+    } else if (cameras.empty()) {
+      camera.cam_from_body = LevelForwardCamera();
+    } else if (map.Has("T_cn_cnm1")) {
+      camera.cam_from_body = ReadTransform(map, "T_cn_cnm1") * cameras.back().cam_from_body;
+      camera.has_extrinsics = cameras.back().has_extrinsics;
+    } else {
+      throw InputError(file.string() + ": camera '" + name +
+                       "' has neither T_cam_imu nor T_cn_cnm1; its place on the body must be given when there are "
+                       "several cameras");
+    }
+    camera.time_offset_s = map.Number("timeshift_cam_imu", 0);
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
+                   const std::vector<std::string>& comments) {
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  for (const BodyCamera& camera : cameras) {
+    const std::vector<double>& params = camera.camera.params();
+    std::string distortion;
+    switch (camera.camera.model()) {
+      case CameraModel::kPinhole: distortion = "none"; break;
+      case CameraModel::kRadtan:
+      case CameraModel::kRational: distortion = "radtan"; break;
+      case CameraModel::kKannalaBrandt: distortion = "equidistant"; break;
+      case CameraModel::kEquirectangular:
+        throw OptionError(file.string() + ": an equirectangular camera has no place in a camchain");
+    }
+    text += camera.name + ":\n  camera_model: pinhole\n  intrinsics: " + List(params, 0, 4) +
+            "\n  distortion_model: " + distortion + "\n  distortion_coeffs: " + List(params, 4, params.size()) +
+            "\n  resolution: [" + std::to_string(camera.camera.width()) + ", " +
+            std::to_string(camera.camera.height()) + "]\n";
+    if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + Number(camera.time_offset_s) + "\n";
+    if (!camera.has_extrinsics) continue;
+    text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n";
+    Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+    m.topLeftCorner<3, 3>() = camera.cam_from_body.rotation.toRotationMatrix();
+    m.topRightCorner<3, 1>() = camera.cam_from_body.translation;
+    for (int i = 0; i < 4; ++i) text += "  - " + List({m(i, 0), m(i, 1), m(i, 2), m(i, 3)}, 0, 4) + "\n";
+  }
+  WriteFileAtomically(file, text);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,21 @@
+// Calibrated cameras as Kalibr writes them: camchain.yaml.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+// Cameras cam0, cam1, ... in the file's order. Models: pinhole with distortion none, radtan (4, 5 or 8 coefficients in
+// OpenCV's order) or equidistant. T_cam_imu is cam_from_body; T_cn_cnm1 chains from the camera before; T_imu_cam is
+// the inverse of T_cam_imu. Without any extrinsics the first camera is taken to look along the body's x axis and
+// has_extrinsics is false. Throws InputError with file, line and key (omni and double sphere cameras are refused).
+std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
+
+// Writes the same form (atomically); T_cam_imu only where has_extrinsics. Throws OptionError for a panorama camera.
+void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
+                   const std::vector<std::string>& comments = {});
+
+}  // namespace trigpoint

@@ -1,0 +1,269 @@
+#include "datasets/io/csv.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+namespace {
+
+struct Record {
+  std::vector<std::string> cells;
+  int line = 0;  // where it begins
+};
+
+// Cuts the text into records; comments are collected apart.
+std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_view text,
+                                 std::vector<std::string>* comments) {
+  std::vector<Record> records;
+  int line = 1;
+  size_t at = 0;
+  while (at < text.size()) {
+    size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view whole = Trim(text.substr(at, end - at));
+    if (whole.empty() || whole.starts_with('#')) {
+      if (!whole.empty()) comments->emplace_back(Trim(whole.substr(1)));
+      at = end + 1;
+      ++line;
+      continue;
+    }
+    Record record{{}, line};
+    for (bool more = true; more;) {
+      std::string cell;
+      while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
+      if (at < text.size() && text[at] == '"') {
+        const int opened = line;
+        for (++at;; ++at) {
+          if (at >= text.size()) throw InputError(FileLine(file, opened) + ": a quote is opened and never closed");
+          if (text[at] == '\n') ++line;
+          if (text[at] != '"') {
+            cell += text[at];
+          } else if (at + 1 < text.size() && text[at + 1] == '"') {
+            cell += '"';
+            ++at;
+          } else {
+            ++at;
+            break;
+          }
+        }
+        end = std::min(text.find_first_of(",\n", at), text.size());
+        if (!Trim(text.substr(at, end - at)).empty()) {
+          throw InputError(FileLine(file, line) +
+                           ": text follows a closing quote; expected a comma or the line's end " +
+                           "(a quote inside a quoted cell is written twice)");
+        }
+      } else {
+        end = std::min(text.find_first_of(",\n", at), text.size());
+        cell = Trim(text.substr(at, end - at));
+      }
+      record.cells.push_back(std::move(cell));
+      more = end < text.size() && text[end] == ',';
+      at = end + 1;
+    }
+    ++line;
+    records.push_back(std::move(record));
+  }
+  return records;
+}
+
+}  // namespace
+
+const std::string* CsvRow::Cell(std::string_view column) const {
+  const auto& columns = header_->columns;
+  const auto it = std::find(columns.begin(), columns.end(), column);
+  if (it == columns.end()) return nullptr;
+  if (cells_.size() != columns.size()) {
+    Fail("expected " + std::to_string(columns.size()) + " cells, found " + std::to_string(cells_.size()));
+  }
+  return &cells_[static_cast<size_t>(it - columns.begin())];
+}
+
+bool CsvRow::Has(std::string_view column) const {
+  const std::string* cell = Cell(column);
+  return cell != nullptr && !cell->empty();
+}
+
+const std::string& CsvRow::Text(std::string_view column) const {
+  static const std::string empty;
+  const std::string* cell = Cell(column);
+  return cell == nullptr ? empty : *cell;
+}
+
+double CsvRow::Number(std::string_view column) const {
+  const std::optional<double> value = ParseDouble(Text(column));
+  if (!value || !std::isfinite(*value)) {
+    throw InputError(Where(column) + ": expected a number, found '" + Text(column) + "'");
+  }
+  return *value;
+}
+
+double CsvRow::Number(std::string_view column, double missing) const { return Has(column) ? Number(column) : missing; }
+
+int64_t CsvRow::Integer(std::string_view column) const {
+  const std::optional<int64_t> value = ParseInt(Text(column));
+  if (!value) throw InputError(Where(column) + ": expected a whole number, found '" + Text(column) + "'");
+  return *value;
+}
+
+int64_t CsvRow::Integer(std::string_view column, int64_t missing) const {
+  return Has(column) ? Integer(column) : missing;
+}
+
+int64_t CsvRow::StampNs(std::string_view column) const {
+  try {
+    return ParseSecondsToNs(Text(column));
+  } catch (const InputError& e) {
+    throw InputError(Where(column) + ": " + e.what());
+  }
+}
+
+std::string CsvRow::Where() const { return FileLine(header_->file, line_); }
+
+std::string CsvRow::Where(std::string_view column) const { return Where() + ": column " + std::string(column); }
+
+void CsvRow::Fail(const std::string& what) const { throw InputError(Where() + ": " + what); }
+
+CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std::string>& required,
+                        const std::vector<std::string>& optional) {
+  CsvTable table;
+  std::vector<Record> records = SplitRecords(file, ReadTextFile(file), &table.comments_);
+  if (records.empty()) throw InputError(file.string() + ": the table is empty; expected a header row");
+  auto header = std::make_shared<CsvRow::Header>();
+  header->file = file;
+  header->columns = std::move(records.front().cells);
+  const int header_line = records.front().line;
+  for (auto it = header->columns.begin(); it != header->columns.end(); ++it) {
+    if (std::find(header->columns.begin(), it, *it) != it) {
+      throw InputError(FileLine(file, header_line) + ": column '" + *it + "' stands twice in the header row");
+    }
+  }
+  const auto known = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  std::vector<std::string> spare;  // columns nobody asked for, candidates for a slip of the pen
+  for (const std::string& column : header->columns) {
+    if (!known(required, column) && !known(optional, column)) spare.push_back(column);
+  }
+  for (const std::string& column : required) {
+    if (known(header->columns, column)) continue;
+    const std::string nearest = NearestName(column, spare);
+    throw InputError(FileLine(file, header_line) + ": column '" + column + "' is missing in the header row" +
+                     (nearest.empty() ? "" : "; nearest column found: '" + nearest + "'"));
+  }
+  if (!optional.empty()) {
+    std::vector<std::string> all = required;
+    all.insert(all.end(), optional.begin(), optional.end());
+    for (const std::string& column : spare) {
+      if (column.empty()) continue;
+      table.warnings_.push_back(FileLine(file, header_line) + ": column '" + column +
+                                "' is not known and not used; nearest known column: '" + NearestName(column, all) +
+                                "'");
+    }
+  }
+  table.header_ = header;
+  table.rows_.reserve(records.size() - 1);
+  for (size_t i = 1; i < records.size(); ++i) {
+    CsvRow row;
+    row.header_ = table.header_;
+    row.cells_ = std::move(records[i].cells);
+    row.line_ = records[i].line;
+    table.rows_.push_back(std::move(row));
+  }
+  return table;
+}
+
+bool CsvTable::HasColumn(std::string_view column) const {
+  return std::find(columns().begin(), columns().end(), column) != columns().end();
+}
+
+void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::function<void(const CsvRow&)>& use) const {
+  std::optional<InputError> first;
+  size_t skipped = 0;
+  for (const CsvRow& row : rows_) {
+    try {
+      use(row);
+    } catch (const PathError&) {
+      throw;
+    } catch (const InputError& e) {
+      if (!first) first = e;
+      ++skipped;
+      warnings->push_back(std::string(e.what()) + "; the row is skipped");
+    }
+  }
+  if (first && skipped == rows_.size()) throw *first;
+}
+
+CsvWriter::CsvWriter(std::vector<std::string> columns, const std::vector<std::string>& comments)
+    : columns_(std::move(columns)) {
+  for (const std::string& comment : comments) text_ += "# " + comment + "\n";
+  for (size_t i = 0; i < columns_.size(); ++i) text_ += (i == 0 ? "" : ",") + columns_[i];
+  text_ += "\n";
+}
+
+void CsvWriter::Separate() {
+  if (cell_++ > 0) text_ += ',';
+}
+
+CsvWriter& CsvWriter::Text(std::string_view value) {
+  const bool first = cell_ == 0;
+  Separate();
+  const bool quote = value.find_first_of(",\"\n\r") != std::string_view::npos || value != Trim(value) ||
+                     (first && value.starts_with('#'));
+  if (!quote) {
+    text_ += value;
+    return *this;
+  }
+  text_ += '"';
+  for (char c : value) {
+    if (c == '"') text_ += '"';
+    text_ += c;
+  }
+  text_ += '"';
+  return *this;
+}
+
+CsvWriter& CsvWriter::Number(double value, int decimals) {
+  Separate();
+  if (!std::isfinite(value)) return *this;
+  char buffer[400];
+  std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);
+  std::string_view number(buffer);
+  if (number.starts_with('-') && number.find_first_of("123456789") == std::string_view::npos) number.remove_prefix(1);
+  text_ += number;
+  return *this;
+}
+
+CsvWriter& CsvWriter::Integer(int64_t value) {
+  Separate();
+  text_ += std::to_string(value);
+  return *this;
+}
+
+CsvWriter& CsvWriter::Stamp(int64_t stamp_ns, int decimals) {
+  Separate();
+  text_ += FormatNsAsSeconds(stamp_ns, decimals);
+  return *this;
+}
+
+CsvWriter& CsvWriter::Empty(int cells) {
+  for (int i = 0; i < cells; ++i) Separate();
+  return *this;
+}
+
+void CsvWriter::EndRow() {
+  if (cell_ != columns_.size()) {
+    throw std::logic_error("a table row has " + std::to_string(cell_) + " cells for " +
+                           std::to_string(columns_.size()) + " columns, beginning with " + columns_.front());
+  }
+  text_ += '\n';
+  cell_ = 0;
+}
+
+void CsvWriter::Save(const std::filesystem::path& file) const { WriteFileAtomically(file, text_); }
+
+}  // namespace trigpoint

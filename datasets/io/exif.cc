@@ -1,0 +1,259 @@
+#include "datasets/io/exif.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exiv2/exiv2.hpp>
+#include <mutex>
+
+#include "calib/base/error.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kDiagonal35mm = 43.266615305567875;  // of a 36 x 24 mm frame
+
+class Tags {
+ public:
+  explicit Tags(const Exiv2::ExifData& data) : data_(data) {}
+  const Exiv2::Exifdatum* Find(const char* key) const {
+    const auto it = data_.findKey(Exiv2::ExifKey(key));
+    return it == data_.end() || it->count() == 0 ? nullptr : &*it;
+  }
+  std::optional<double> Number(const char* key, long index = 0) const {
+    const Exiv2::Exifdatum* datum = Find(key);
+    if (datum == nullptr || datum->count() <= index) return std::nullopt;
+    const Exiv2::Rational r = datum->toRational(index);
+    const double value = r.second != 0 ? static_cast<double>(r.first) / r.second : datum->toFloat(index);
+    return std::isfinite(value) && r.second != 0 ? std::optional<double>(value) : std::nullopt;
+  }
+  std::string Text(const char* key) const {
+    const Exiv2::Exifdatum* datum = Find(key);
+    if (datum == nullptr) return "";
+    std::string text = datum->toString();
+    text.erase(std::find(text.begin(), text.end(), '\0'), text.end());
+    return std::string(Trim(text));
+  }
+
+ private:
+  const Exiv2::ExifData& data_;
+};
+
+// Degrees, minutes, seconds with the hemisphere's letter.
+std::optional<double> Angle(const Tags& tags, const char* key, const char* ref_key, char negative) {
+  const std::optional<double> degrees = tags.Number(key, 0);
+  if (!degrees) return std::nullopt;
+  const double value = *degrees + tags.Number(key, 1).value_or(0) / 60 + tags.Number(key, 2).value_or(0) / 3600;
+  return tags.Text(ref_key).starts_with(negative) ? -value : value;
+}
+
+void ReadGps(const Tags& tags, PhotoMetadata* metadata) {
+  const auto latitude = Angle(tags, "Exif.GPSInfo.GPSLatitude", "Exif.GPSInfo.GPSLatitudeRef", 'S');
+  const auto longitude = Angle(tags, "Exif.GPSInfo.GPSLongitude", "Exif.GPSInfo.GPSLongitudeRef", 'W');
+  // Phones without a fix write 0, 0.
+  if (latitude && longitude && std::abs(*latitude) <= 90 && std::abs(*longitude) <= 180 &&
+      (*latitude != 0 || *longitude != 0)) {
+    metadata->position = Geodetic{*latitude, *longitude, 0};
+    if (const auto height = tags.Number("Exif.GPSInfo.GPSAltitude")) {
+      // 0, 1: above, below the sea; 2, 3: above, below the ellipsoid (EXIF 3).
+      const double ref = tags.Number("Exif.GPSInfo.GPSAltitudeRef").value_or(0);
+      metadata->position->height_m = ref == 1 || ref == 3 ? -*height : *height;
+      metadata->has_height = true;
+      metadata->height_above_sea = ref < 2;
+    }
+    const auto error = tags.Number("Exif.GPSInfo.GPSHPositioningError");
+    if (error && *error > 0) metadata->sigma_h_m = error;
+  }
+  const std::string north = tags.Text("Exif.GPSInfo.GPSImgDirectionRef");
+  if (!north.starts_with('M')) metadata->heading_deg = tags.Number("Exif.GPSInfo.GPSImgDirection");
+}
+
+void ReadTime(const Tags& tags, PhotoMetadata* metadata) {
+  std::string time = tags.Text("Exif.Photo.DateTimeOriginal");
+  if (time.size() < 19) return;
+  time = time.substr(0, 19);
+  time[4] = time[7] = '-';
+  const std::string subsec = tags.Text("Exif.Photo.SubSecTimeOriginal");
+  if (!subsec.empty() && subsec.find_first_not_of("0123456789") == std::string::npos) time += "." + subsec;
+  const std::string zone = tags.Text("Exif.Photo.OffsetTimeOriginal");
+  metadata->taken_utc_ns = ParseUtcToNs(time + zone);
+  metadata->taken_zone_known = !zone.empty() && metadata->taken_utc_ns.has_value();
+  if (!metadata->taken_utc_ns) metadata->taken_utc_ns = ParseUtcToNs(time);
+}
+
+void ReadFocal(const Tags& tags, PhotoMetadata* metadata) {
+  const double width = metadata->width, height = metadata->height;
+  if (width <= 0 || height <= 0) return;
+  const auto equivalent = tags.Number("Exif.Photo.FocalLengthIn35mmFilm");
+  if (equivalent && *equivalent > 0) {
+    metadata->focal_px = *equivalent / kDiagonal35mm * std::hypot(width, height);
+    return;
+  }
+  const auto focal_mm = tags.Number("Exif.Photo.FocalLength");
+  const auto resolution = tags.Number("Exif.Photo.FocalPlaneXResolution");
+  if (!focal_mm || !resolution || *focal_mm <= 0 || *resolution <= 0) return;
+  const int unit = static_cast<int>(tags.Number("Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
+  const double unit_mm = unit == 3 ? 10 : unit == 4 ? 1 : unit == 5 ? 1e-3 : 25.4;
+  // The resolution counts pixels of the picture as taken; a smaller copy keeps the tag and says its old width.
+  const double taken_width = tags.Number("Exif.Photo.PixelXDimension").value_or(width);
+  metadata->focal_px = *focal_mm * *resolution / unit_mm * (taken_width > 0 ? width / taken_width : 1);
+}
+
+std::optional<GPano> ReadGPano(const Exiv2::XmpData& xmp) {
+  GPano pano;
+  bool found = false;
+  const auto text = [&](const char* name) -> std::string {
+    const auto it = xmp.findKey(Exiv2::XmpKey(std::string("Xmp.GPano.") + name));
+    if (it == xmp.end()) return "";
+    found = true;
+    return it->toString();
+  };
+  const auto number = [&](const char* name) {
+    const auto value = ParseDouble(text(name));
+    return value && std::isfinite(*value) ? value : std::nullopt;
+  };
+  const auto pixels = [&](const char* name) {
+    return static_cast<int>(std::clamp(number(name).value_or(0), -1e9, 1e9));
+  };
+  pano.projection = text("ProjectionType");
+  pano.heading_deg = number("PoseHeadingDegrees");
+  pano.pitch_deg = number("PosePitchDegrees");
+  pano.roll_deg = number("PoseRollDegrees");
+  pano.full_width = pixels("FullPanoWidthPixels");
+  pano.full_height = pixels("FullPanoHeightPixels");
+  pano.crop_left = pixels("CroppedAreaLeftPixels");
+  pano.crop_top = pixels("CroppedAreaTopPixels");
+  pano.crop_width = pixels("CroppedAreaImageWidthPixels");
+  pano.crop_height = pixels("CroppedAreaImageHeightPixels");
+  return found ? std::optional<GPano>(pano) : std::nullopt;
+}
+
+std::string LowerExtension(const std::filesystem::path& file) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+// IMG_2 before IMG_10: runs of digits compare as numbers.
+bool NaturalLess(const std::string& a, const std::string& b) {
+  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
+  size_t i = 0, k = 0;
+  while (i < a.size() && k < b.size()) {
+    if (digit(a[i]) && digit(b[k])) {
+      const auto number = [&](const std::string& s, size_t* at) {
+        while (*at < s.size() && s[*at] == '0') ++*at;
+        const size_t begin = *at;
+        while (*at < s.size() && digit(s[*at])) ++*at;
+        return std::string_view(s).substr(begin, *at - begin);
+      };
+      const std::string_view x = number(a, &i), y = number(b, &k);
+      if (x.size() != y.size()) return x.size() < y.size();
+      if (x != y) return x < y;
+    } else if (a[i] != b[k]) {
+      return a[i] < b[k];
+    } else {
+      ++i, ++k;
+    }
+  }
+  return a.size() - i != b.size() - k ? a.size() - i < b.size() - k : a < b;
+}
+
+}  // namespace
+
+PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto size = std::filesystem::file_size(file, error);
+  if (error) throw InputError(file.string() + ": there is no such picture");
+  if (size == 0) throw InputError(file.string() + ": the picture is empty (0 bytes)");
+  // Exiv2's XMP parser has global state.
+  static std::mutex mutex;
+  const std::lock_guard<std::mutex> lock(mutex);
+  static const bool quiet = [] {
+    Exiv2::XmpParser::initialize();
+    Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
+    return true;
+  }();
+  static_cast<void>(quiet);
+  PhotoMetadata metadata;
+  try {
+    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+    image->readMetadata();
+    metadata.width = image->pixelWidth();
+    metadata.height = image->pixelHeight();
+    const Tags tags(image->exifData());
+    const double orientation = tags.Number("Exif.Image.Orientation").value_or(1);
+    if (orientation >= 1 && orientation <= 8) metadata.orientation = static_cast<int>(orientation);
+    ReadFocal(tags, &metadata);
+    ReadGps(tags, &metadata);
+    ReadTime(tags, &metadata);
+    metadata.gpano = ReadGPano(image->xmpData());
+  } catch (const Exiv2::AnyError& e) {
+    throw InputError(file.string() + ": its headers cannot be read as a picture's: " + e.what());
+  }
+  return metadata;
+}
+
+std::optional<Camera> CameraFromMetadata(const PhotoMetadata& metadata) {
+  if (!metadata.focal_px || metadata.width <= 0 || metadata.height <= 0) return std::nullopt;
+  const int width = metadata.SwapsSides() ? metadata.height : metadata.width;
+  const int height = metadata.SwapsSides() ? metadata.width : metadata.height;
+  return Camera(CameraModel::kPinhole, width, height,
+                {*metadata.focal_px, *metadata.focal_px, 0.5 * (width - 1), 0.5 * (height - 1)});
+}
+
+GeoTag GeoTagFromMetadata(const PhotoMetadata& metadata, const std::filesystem::path& file,
+                          std::vector<std::string>* warnings) {
+  GeoTag tag;
+  if (metadata.position) {
+    tag.has_position = true;
+    tag.position = *metadata.position;
+    tag.has_height = metadata.has_height;
+    tag.sigma_h_m = metadata.sigma_h_m.value_or(tag.sigma_h_m);
+    if (metadata.has_height && metadata.height_above_sea) {
+      warnings->push_back(file.string() +
+                          ": EXIF marks the height as above sea level; it is taken as above the ellipsoid. If it is "
+                          "not, list the picture in a table with height_m above the ellipsoid");
+    }
+  }
+  if (metadata.gpano && metadata.gpano->heading_deg) {
+    tag.has_heading = true;
+    tag.attitude.heading_rad = *metadata.gpano->heading_deg * kDegToRad;
+  } else if (metadata.heading_deg) {
+    tag.has_heading = true;
+    tag.attitude.heading_rad = *metadata.heading_deg * kDegToRad;
+  }
+  if (metadata.gpano && (metadata.gpano->pitch_deg || metadata.gpano->roll_deg)) {
+    tag.has_tilt = true;
+    tag.attitude.pitch_rad = metadata.gpano->pitch_deg.value_or(0) * kDegToRad;
+    tag.attitude.roll_rad = metadata.gpano->roll_deg.value_or(0) * kDegToRad;
+  }
+  return tag;
+}
+
+bool IsPictureName(const std::filesystem::path& file) {
+  const std::string extension = LowerExtension(file);
+  return extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".tif" ||
+         extension == ".tiff";
+}
+
+bool IsVideoName(const std::filesystem::path& file) {
+  static const std::vector<std::string> known = {".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg",
+                                                 ".ts",  ".mts", ".wmv", ".3gp", ".ogv", ".insv", ".360"};
+  return std::find(known.begin(), known.end(), LowerExtension(file)) != known.end();
+}
+
+std::vector<std::filesystem::path> PicturesIn(const std::filesystem::path& dir) {
+  std::vector<std::filesystem::path> pictures;
+  if (!std::filesystem::is_directory(dir)) return pictures;
+  for (const auto& entry : std::filesystem::directory_iterator(dir)) {
+    if (entry.is_regular_file() && IsPictureName(entry.path()) && !entry.path().filename().string().starts_with('.')) {
+      pictures.push_back(entry.path());
+    }
+  }
+  std::sort(pictures.begin(), pictures.end(),
+            [](const auto& a, const auto& b) { return NaturalLess(a.filename().string(), b.filename().string()); });
+  return pictures;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,57 @@
+#include "datasets/io/gps.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/gps_order.h"
+
+namespace trigpoint {
+
+void CheckOnEarth(const Geodetic& p, const std::string& where) {
+  if (std::abs(p.latitude_deg) <= 90 && std::abs(p.longitude_deg) <= 180 && std::isfinite(p.height_m)) return;
+  throw InputError(where + ": expected a latitude of -90 to 90 and a longitude of -180 to 180 degrees, found " +
+                   std::to_string(p.latitude_deg) + ", " + std::to_string(p.longitude_deg));
+}
+
+void PutFixesInOrder(const std::filesystem::path& file, GpsTrack* track) {
+  auto& fixes = track->fixes;
+  if (fixes.empty()) {
+    throw InputError(file.string() + ": no usable GPS fix" +
+                     (track->warnings.empty() ? "" : "; the first problem: " + track->warnings.front()));
+  }
+  const auto earlier = [](const GpsFix& a, const GpsFix& b) { return a.stamp_ns < b.stamp_ns; };
+  if (!std::is_sorted(fixes.begin(), fixes.end(), earlier)) {
+    std::stable_sort(fixes.begin(), fixes.end(), earlier);
+    track->warnings.push_back(file.string() + ": timestamps are out of order; the fixes were sorted by time");
+  }
+  const auto same = [](const GpsFix& a, const GpsFix& b) { return a.stamp_ns == b.stamp_ns; };
+  const auto doubled = std::unique(fixes.begin(), fixes.end(), same);
+  if (doubled != fixes.end()) {
+    track->warnings.push_back(file.string() + ": " + std::to_string(fixes.end() - doubled) +
+                              " fix(es) with a timestamp seen before were dropped, the first of each was kept");
+    fixes.erase(doubled, fixes.end());
+  }
+}
+
+GpsTrack ReadGpsCsv(const std::filesystem::path& file) {
+  GpsTrack track;
+  const CsvTable table =
+      CsvTable::Read(file, {"timestamp_s", "latitude_deg", "longitude_deg"}, {"height_m", "sigma_h_m", "sigma_v_m"});
+  track.warnings = table.warnings();
+  table.ForEachUsable(&track.warnings, [&](const CsvRow& row) {
+    GpsFix fix;
+    fix.stamp_ns = row.StampNs("timestamp_s");
+    fix.position = {row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m", 0)};
+    CheckOnEarth(fix.position, row.Where());
+    fix.sigma_h_m = row.Number("sigma_h_m", fix.sigma_h_m);
+    fix.sigma_v_m = row.Has("height_m") ? row.Number("sigma_v_m", fix.sigma_v_m) : kUnknownHeightSigma;
+    if (fix.sigma_h_m <= 0 || fix.sigma_v_m <= 0) row.Fail("expected positive sigmas");
+    track.fixes.push_back(fix);
+  });
+  PutFixesInOrder(file, &track);
+  return track;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,40 @@
+// GPS tracks: CSV, NMEA 0183, GPX.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+struct GpsTrack {
+  std::vector<GpsFix> fixes;  // ascending time on the run's clock, no time twice
+  std::vector<std::string> warnings;
+};
+
+// Ties a receiver's UTC to the run's clock: stamp = UTC - time_zero. Without `time_zero_utc_ns` stamps are Unix time.
+struct RunClock {
+  std::optional<int64_t> time_zero_utc_ns;
+  std::string date;  // YYYY-MM-DD (UTC) for NMEA without RMC or ZDA sentences
+};
+
+// A height nobody measured is 0 with this sigma; one above the sea, where nobody says how far the sea lies from the
+// ellipsoid (-107 to +86 m), is kept with kUnknownGeoidSigma.
+constexpr double kUnknownHeightSigma = 1e4;
+constexpr double kUnknownGeoidSigma = 50;
+
+// `timestamp_s` (on the run's clock), `latitude_deg`, `longitude_deg` [, `height_m`, `sigma_h_m`, `sigma_v_m`].
+GpsTrack ReadGpsCsv(const std::filesystem::path& file);
+
+// GGA (height = above sea + geoid separation), RMC and ZDA (date), GST (sigmas); any talker. Sentences with a wrong
+// checksum, an invalid status or no fix are counted and skipped. The day goes on at midnight. RTK fixes (quality 4, 5)
+// without GST get 0.02 / 0.04 m and 0.3 / 0.5 m.
+GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock);
+
+// GPX 1.0 and 1.1 track points with time; height = ele + geoidheight.
+GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock);
+
+}  // namespace trigpoint

@@ -1,0 +1,215 @@
+#include <algorithm>
+#include <set>
+
+#include "calib/base/error.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/run_parts.h"
+#include "datasets/io/tables.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int64_t kNsPerSecond = 1'000'000'000;
+
+int CameraIndex(const Run& run, std::string_view name) {
+  for (size_t i = 0; i < run.cameras.size(); ++i) {
+    if (run.cameras[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+// `timestamp file [camera]`; a file name with spaces may be quoted, and need not if no camera follows.
+ImageEntry ParseLine(const std::filesystem::path& site_dir, const Run& run, std::string_view line,
+                     const std::string& where) {
+  const size_t end = std::min(line.find_first_of(" \t,;"), line.size());
+  ImageEntry entry;
+  entry.stamp_ns = ParseSecondsToNs(line.substr(0, end));
+  std::string_view rest = end < line.size() ? Trim(line.substr(end + 1)) : std::string_view();
+  std::string_view camera;
+  if (rest.starts_with('"') && rest.find('"', 1) != std::string_view::npos) {
+    const size_t close = rest.find('"', 1);
+    camera = Trim(rest.substr(close + 1));
+    if (camera.starts_with(',')) camera = Trim(camera.substr(1));
+    rest = rest.substr(1, close - 1);
+  } else {
+    const size_t space = rest.find_last_of(" \t,");
+    if (space != std::string_view::npos && CameraIndex(run, Trim(rest.substr(space))) >= 0) {
+      camera = Trim(rest.substr(space));
+    } else if (space != std::string_view::npos && CameraIndex(run, rest.substr(space + 1)) >= 0) {
+      camera = rest.substr(space + 1);
+    }
+    if (!camera.empty()) rest = Trim(rest.substr(0, space));
+  }
+  if (rest.empty()) throw InputError("expected 'timestamp file [camera]', found '" + std::string(line) + "'");
+  entry.file = rest;
+  entry.camera = camera.empty() ? 0 : CameraIndex(run, camera);
+  if (entry.camera < 0) {
+    std::vector<std::string> names;
+    for (const BodyCamera& known : run.cameras) names.push_back(known.name);
+    throw InputError("there is no camera '" + std::string(camera) + "' in camchain.yaml; nearest: '" +
+                     NearestName(camera, names) + "'");
+  }
+  entry.path = ResolveInside(site_dir, run.dir, entry.file, where);
+  CheckPresent(entry.path, where);
+  return entry;
+}
+
+void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::path& file, Run* run) {
+  const std::string text = ReadTextFile(file);
+  std::string first_problem;
+  int skipped = 0, number = 1;
+  constexpr int kNamed = 5;
+  for (size_t at = 0; at < text.size(); ++number) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
+    at = end + 1;
+    if (line.empty() || line.starts_with('#')) continue;
+    const std::string where = FileLine(file, number);
+    try {
+      run->images.push_back(ParseLine(site_dir, *run, line, where));
+    } catch (const PathError&) {
+      throw;
+    } catch (const InputError& e) {
+      std::string problem = e.what();
+      if (!problem.starts_with(where)) problem = where + ": " + problem;
+      if (skipped++ == 0) first_problem = problem;
+      if (skipped <= kNamed) run->warnings.push_back(problem + "; the image is skipped");
+    }
+  }
+  if (skipped > kNamed) {
+    run->warnings.push_back(file.string() + ": " + std::to_string(skipped - kNamed) + " more image(s) are skipped");
+  }
+  if (run->images.empty() && skipped > 0) throw InputError(first_problem + "; none of the listed images is usable");
+}
+
+// Times from file names: nanoseconds or seconds since 1970 or on any clock, if every name looks like one.
+bool StampsFromNames(std::vector<ImageEntry>* images) {
+  for (ImageEntry& image : *images) {
+    const std::string stem = image.path.stem().string();
+    if (stem.find_first_not_of("0123456789.") != std::string::npos) return false;
+    const bool fraction = stem.find('.') != std::string::npos;
+    if (!fraction && stem.size() < 10) return false;  // 000123 counts, it does not tell the time
+    try {
+      image.stamp_ns = ParseSecondsToNs(stem);
+    } catch (const InputError&) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool StampsFromExif(const Run& run, std::vector<ImageEntry>* images, bool* zone_known) {
+  *zone_known = true;
+  std::set<std::pair<int, int64_t>> seen;
+  for (ImageEntry& image : *images) {
+    try {
+      const PhotoMetadata metadata = ReadPhotoMetadata(image.path);
+      if (!metadata.taken_utc_ns) return false;
+      *zone_known = *zone_known && metadata.taken_zone_known;
+      image.stamp_ns = *metadata.taken_utc_ns - run.config.time_zero_utc_ns.value_or(0);
+    } catch (const InputError&) {
+      return false;
+    }
+    if (!seen.insert({image.camera, image.stamp_ns}).second) return false;
+  }
+  return true;
+}
+
+void ReadFolders(Run* run) {
+  std::vector<ImageEntry> images;
+  const auto add = [&](const std::filesystem::path& dir, int camera) {
+    for (const std::filesystem::path& file : PicturesIn(dir)) {
+      try {
+        CheckPresent(file, run->dir.string());
+        images.push_back({0, file.lexically_relative(run->dir).string(), file, camera, -1});
+      } catch (const InputError& e) {
+        run->warnings.push_back(std::string(e.what()) + "; the image is skipped");
+      }
+    }
+  };
+  for (const std::filesystem::path& dir : {run->dir / "images", run->dir}) {
+    add(dir, 0);
+    if (!images.empty()) break;
+    for (size_t i = 0; i < run->cameras.size(); ++i) {
+      add(dir / run->cameras[i].name, static_cast<int>(i));
+      add(dir / run->cameras[i].name / "data", static_cast<int>(i));  // EuRoC
+    }
+    if (!images.empty()) break;
+  }
+  if (images.empty()) return;
+  bool zone_known = true;
+  if (!StampsFromNames(&images)) {
+    if (StampsFromExif(*run, &images, &zone_known)) {
+      if (!zone_known) {
+        run->warnings.push_back(run->dir.string() + ": the images' times are from EXIF without a time zone and taken " +
+                                "as UTC; if they are local time, list the images in images.txt");
+      }
+    } else {
+      std::vector<int64_t> next(std::max<size_t>(run->cameras.size(), 1), 0);
+      for (ImageEntry& image : images) image.stamp_ns = kNsPerSecond * next[static_cast<size_t>(image.camera)]++;
+      run->warnings.push_back(run->dir.string() +
+                              ": neither names nor EXIF tell when the images were taken; they are " +
+                              "numbered one a second. Odometry and GPS fit only if they use that clock: better list " +
+                              "'timestamp file' in images.txt");
+    }
+  }
+  run->images = std::move(images);
+}
+
+void ReadVideos(Run* run) {
+  std::vector<std::filesystem::path> videos;
+  for (const auto& entry : std::filesystem::directory_iterator(run->dir)) {
+    if (entry.is_regular_file() && IsVideoName(entry.path())) videos.push_back(entry.path());
+  }
+  std::sort(videos.begin(), videos.end());
+  for (const std::filesystem::path& video : videos) {
+    int camera = CameraIndex(*run, video.stem().string());
+    if (camera < 0 && videos.size() == 1) camera = 0;
+    if (camera < 0) {
+      run->warnings.push_back(video.string() + ": there are several videos and none of the cameras is named '" +
+                              video.stem().string() + "'; the video is skipped");
+      continue;
+    }
+    CheckPresent(video, run->dir.string());
+    const std::vector<int64_t> times = VideoFrameTimes(video);
+    const int64_t start = std::llround(run->config.video_start_s * 1e9);
+    for (size_t i = 0; i < times.size(); i += static_cast<size_t>(run->config.video_every)) {
+      char number[32];
+      std::snprintf(number, sizeof(number), "#%06zu", i);
+      run->images.push_back({start + times[i], video.filename().string() + number, video, camera, static_cast<int>(i)});
+    }
+  }
+}
+
+}  // namespace
+
+void ReadImageList(const std::filesystem::path& site_dir, Run* run) {
+  const std::filesystem::path list = run->dir / "images.txt";
+  if (std::filesystem::exists(list)) {
+    ReadTable(site_dir, list, run);
+  } else if (run->detections.empty()) {
+    ReadFolders(run);
+    if (run->images.empty()) ReadVideos(run);
+  }
+  const auto key = [](const ImageEntry& image) { return std::pair(image.stamp_ns, image.camera); };
+  const auto earlier = [&](const ImageEntry& a, const ImageEntry& b) { return key(a) < key(b); };
+  auto& images = run->images;
+  if (!std::is_sorted(images.begin(), images.end(), earlier)) {
+    const auto later = [](const ImageEntry& a, const ImageEntry& b) { return a.stamp_ns < b.stamp_ns; };
+    if (std::filesystem::exists(list) && !std::is_sorted(images.begin(), images.end(), later)) {
+      run->warnings.push_back(list.string() + ": timestamps are out of order; the images were sorted by time");
+    }
+    std::stable_sort(images.begin(), images.end(), earlier);
+  }
+  const auto doubled = std::unique(images.begin(), images.end(),
+                                   [&](const ImageEntry& a, const ImageEntry& b) { return key(a) == key(b); });
+  if (doubled != images.end()) {
+    run->warnings.push_back(run->dir.string() + ": " + std::to_string(images.end() - doubled) +
+                            " image(s) with a timestamp seen before in the same camera were dropped, the first of " +
+                            "each was kept");
+    images.erase(doubled, images.end());
+  }
+}
+
+}  // namespace trigpoint

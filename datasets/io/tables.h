@@ -1,0 +1,29 @@
+// The tables and small files at the top of a site's folder. Bad rows are skipped and named in `warnings`.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+std::vector<Reference> ReadPanoramaTable(const std::filesystem::path& file, const std::filesystem::path& site_dir,
+                                         std::vector<std::string>* warnings);
+// Without a table: every picture of the folder, geotag from EXIF and GPano.
+std::vector<Reference> ReadPanoramaFolder(const std::filesystem::path& dir, const std::filesystem::path& site_dir,
+                                          std::vector<std::string>* warnings);
+std::vector<Reference> ReadPhotoTable(const std::filesystem::path& file, const std::filesystem::path& site_dir,
+                                      std::vector<std::string>* warnings);
+// Every folder below `dir` with at least two pictures is a hand-held set.
+std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vector<std::string>* warnings);
+std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector<std::string>* warnings);
+std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, std::vector<std::string>* warnings);
+TagSizes ReadTagSizes(const std::filesystem::path& file);
+Geodetic ReadOrigin(const std::filesystem::path& file);
+
+// Throws InputError naming `where` unless the file exists and is not empty.
+void CheckPresent(const std::filesystem::path& file, const std::string& where);
+
+}  // namespace trigpoint
