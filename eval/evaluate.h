@@ -13,6 +13,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <compare>
 #include <map>
 #include <optional>
 #include <string>
@@ -47,6 +48,8 @@ struct EvaluatedRun {
   LocalizeResult result;
   // odom_from_tag, estimated from `result.cameras_odom` and the run's detections; empty: no relative errors.
   std::vector<TagResult> self_tags;
+  // What the global fit rests on, one name each ("geotag:S57", "gps:run1"); decides what is shared with a map.
+  std::vector<std::string> evidence;
 };
 
 // A tag map in site ENU that results are held against.
@@ -84,12 +87,16 @@ struct ErrorRow {
   std::optional<double> nees;  // e' C^-1 e
   int dof = 0;
   bool passed = false;  // the run came within passed_radius_m of the reference position
+  // Both sides rest on the same data (the run's own tags, a map the run went into, a geotag in both): the difference
+  // is an agreement, not an accuracy.
+  bool shares_evidence = false;
 };
 
 // What belongs together in one table and one set of percentiles.
 struct ErrorGroup {
   std::string variant, method, reference, kind;
-  bool operator<(const ErrorGroup& other) const;
+  bool shares_evidence = false;  // kept apart: never in one percentile with independent numbers
+  auto operator<=>(const ErrorGroup&) const = default;
 };
 
 struct Interval {
@@ -110,10 +117,8 @@ struct GroupSummary {
   std::optional<Interval> median_interval, p90_interval;
   int nees_count = 0;
   std::optional<double> anees_per_dof;  // sum nees / sum dof over the rows that have it
-  // Both sides rest on the same data (the run's own tags, or a map the run went into): the numbers are then an
-  // agreement, not an accuracy.
-  bool shares_evidence = false;
-  std::vector<std::string> rests_on;  // what is behind the reference, for people
+  // What is behind each side, sorted, without repetition.
+  std::vector<std::string> estimate_rests_on, reference_rests_on;
 };
 
 struct Evaluation {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -56,6 +57,15 @@ struct TagResult {
   std::string status;
 };
 
+// A row of cameras.csv.
+struct CameraResult {
+  int64_t stamp_ns = 0;
+  std::string image;
+  std::string camera;
+  std::optional<Rigid3d> world_from_cam;
+  std::optional<Eigen::Vector3d> sigma_m;  // east, north, up
+};
+
 // The artefacts of results/localize/<run>[@V] that an evaluation needs.
 struct LocalizeResult {
   std::vector<PanoramaResult> panoramas;
@@ -72,6 +82,7 @@ std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv);
 // `tags_cov_csv` may be empty or missing: then `covariance` stays unset.
 std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
                                       const std::filesystem::path& tags_cov_csv = {});
+std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras_csv);
 // Reads panoramas.csv (needed), views.csv, cameras_odom.tum and cameras.tum (each may be missing) of a folder.
 LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir);
 

@@ -24,8 +24,9 @@ struct ErrorStatistics {
   std::optional<double> median, p90, mean, rmse, max;
   // Over attempts; unset where the percentile falls among the abstentions.
   std::optional<double> median_attempts, p90_attempts;
-  // Share of attempts that were answered with an error of at most 1.0 and 1.5 (metres): the paper's figures.
+  // Share of the answers and of the attempts with an error of at most 1.0 and 1.5 (metres); 0 without any.
   double within_1m = 0, within_1m5 = 0;
+  double within_1m_attempts = 0, within_1m5_attempts = 0;
 };
 ErrorStatistics Summarize(const std::vector<double>& errors, int abstentions);
 

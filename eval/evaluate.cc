@@ -1,0 +1,383 @@
+#include "eval/evaluate.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "calib/base/error.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr char kLocalized[] = "localized";
+constexpr char kMissing[] = "missing";
+constexpr char kNoReference[] = "no_reference";
+
+// What one method answered for one panorama.
+struct Answer {
+  std::string status, reason;
+  std::optional<Eigen::Vector3d> odom, world;              // position in either frame
+  std::optional<Eigen::Vector3d> odom_sigma, world_sigma;  // per axis of the frame
+};
+
+// A tag map as the evaluation of one run uses it.
+struct MapView {
+  std::string reference, kind;
+  std::map<int, const TagResult*> tags;
+  std::optional<Eigen::Matrix3d> enu_from_map;
+  std::optional<Eigen::Vector3d> up_in_map;
+  const std::vector<TimedPose>* cameras = nullptr;  // in the map's frame
+  bool shares_evidence = false;
+  std::vector<std::string> rests_on;
+};
+
+// "2 of 8 views ..." is the localizer's business; here the view with the most inliers speaks for its panorama.
+Answer BestView(const std::vector<ViewResult>& views, const std::string& panorama) {
+  const ViewResult* best = nullptr;
+  const auto rank = [](const ViewResult& v) {
+    return std::pair(v.status == kLocalized && v.odom_from_view, v.inliers);
+  };
+  for (const ViewResult& view : views) {
+    if (view.panorama == panorama && (best == nullptr || rank(view) > rank(*best))) best = &view;
+  }
+  if (best == nullptr) return {.status = "unmatched", .reason = "no view matched"};
+  Answer answer{.status = best->status, .reason = best->reason};
+  if (best->odom_from_view) answer.odom = best->odom_from_view->translation;
+  return answer;
+}
+
+Answer OwnAnswer(const PanoramaResult& row) {
+  Answer answer{.status = row.status, .reason = row.reason};
+  if (row.odom_from_pano) answer.odom = row.odom_from_pano->translation;
+  if (row.world_from_pano) answer.world = row.world_from_pano->translation;
+  answer.odom_sigma = row.odom_sigma_m;
+  answer.world_sigma = row.sigma_m;
+  return answer;
+}
+
+Eigen::Matrix3d Diagonal(const Eigen::Vector3d& sigma) { return sigma.cwiseAbs2().asDiagonal(); }
+
+// The tag's covariance, left tangent in the map's axes, from whatever is given of it.
+std::optional<Matrix6d> CovarianceOf(const TagResult& tag) {
+  if (tag.covariance) return tag.covariance;
+  if (!tag.sigma_m) return std::nullopt;
+  Matrix6d c = Matrix6d::Zero();
+  c.bottomRightCorner<3, 3>() = Diagonal(*tag.sigma_m);
+  if (tag.sigma_rot_rad) {
+    const Eigen::Matrix3d r = tag.map_from_tag->rotation.toRotationMatrix();
+    c.topLeftCorner<3, 3>() = r * Diagonal(*tag.sigma_rot_rad) * r.transpose();
+  }
+  return c;
+}
+
+// Covariance of tag centre + offset in the map's axes. An offset in the tag's levelled frame turns with the tag's
+// heading (about `up`); one in east, north, up does not.
+std::optional<Eigen::Matrix3d> CentreCovariance(const Station& station, const TagResult& tag,
+                                                const Eigen::Vector3d& centre,
+                                                const std::optional<Eigen::Vector3d>& up) {
+  const std::optional<Matrix6d> c = CovarianceOf(tag);
+  if (!c || !c->allFinite()) return std::nullopt;
+  Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
+  j.rightCols<3>().setIdentity();
+  if (station.in_tag_frame && up) {
+    j.leftCols<3>() = up->cross(centre - tag.map_from_tag->translation) * up->transpose();
+  }
+  return Eigen::Matrix3d(j * *c * j.transpose() + Eigen::Matrix3d::Identity() * station.sigma_m * station.sigma_m);
+}
+
+std::map<int, const TagResult*> UsableTags(const std::vector<TagResult>& tags) {
+  std::map<int, const TagResult*> usable;
+  for (const TagResult& tag : tags) {
+    if (tag.map_from_tag && tag.map_from_tag->IsFinite()) usable.emplace(tag.tag_id, &tag);
+  }
+  return usable;
+}
+
+double NearestCamera(const std::vector<TimedPose>& cameras, const Eigen::Vector3d& point) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const TimedPose& c : cameras) nearest = std::min(nearest, (c.target_from_body.translation - point).norm());
+  return nearest;
+}
+
+// Fills the errors of a localized row; turns it into no_reference where there is nothing to hold it against.
+void Score(const Answer& answer, const Station* station, const MapView& map, double passed_radius_m, ErrorRow* row) {
+  std::optional<Eigen::Vector3d> centre;
+  const TagResult* tag = nullptr;
+  std::string reason;
+  if (station == nullptr) {
+    reason = "station " + row->station + " is not in stations.csv";
+  } else if (const auto it = map.tags.find(station->tag_id); it == map.tags.end()) {
+    reason = "tag " + std::to_string(station->tag_id) + " has no pose in reference " + map.reference;
+  } else {
+    tag = it->second;
+    centre = StationCentre(*station, *tag->map_from_tag, map.enu_from_map, map.up_in_map, &reason);
+  }
+  if (centre) row->passed = NearestCamera(*map.cameras, *centre) <= passed_radius_m;
+  if (row->status != kLocalized) return;
+
+  const bool relative = map.kind == "relative";
+  const std::optional<Eigen::Vector3d>& position = relative ? answer.odom : answer.world;
+  if (!position || !position->allFinite()) {
+    row->status = kMissing;
+    row->reason = std::string("localized, but the result gives no position in ") +
+                  (relative ? "the run's own frame" : "world (no global fit)");
+    return;
+  }
+  if (!centre) {
+    row->status = kNoReference;
+    row->reason = reason;
+    return;
+  }
+  const Eigen::Vector3d difference = *position - *centre;
+  row->error_3d_m = difference.norm();
+  if (map.up_in_map) {
+    const double vertical = difference.dot(*map.up_in_map);
+    row->error_v_m = std::abs(vertical);
+    row->error_h_m = (difference - vertical * *map.up_in_map).norm();
+  }
+  if (!map.enu_from_map) return;
+  row->error_enu_m = *map.enu_from_map * difference;
+  const std::optional<Eigen::Vector3d>& sigma = relative ? answer.odom_sigma : answer.world_sigma;
+  const auto reference_covariance = CentreCovariance(*station, *tag, *centre, map.up_in_map);
+  if (!sigma || !sigma->allFinite() || !reference_covariance) return;
+  const Eigen::Matrix3d c =
+      *map.enu_from_map * (Diagonal(*sigma) + *reference_covariance) * map.enu_from_map->transpose();
+  const Eigen::LLT<Eigen::Matrix3d> llt(c);
+  if (llt.info() != Eigen::Success) return;
+  row->covariance_m2 = c;
+  row->nees = row->error_enu_m->dot(llt.solve(*row->error_enu_m));
+  row->dof = 3;
+}
+
+bool Intersect(const std::vector<std::string>& a, const std::vector<std::string>& b) {
+  return std::any_of(a.begin(), a.end(), [&](const auto& x) { return std::find(b.begin(), b.end(), x) != b.end(); });
+}
+
+ErrorGroup GroupOf(const ErrorRow& row) {
+  return {row.variant, row.method, row.reference, row.kind, row.shares_evidence};
+}
+
+void Summarize(const std::vector<const ErrorRow*>& rows, GroupSummary* summary) {
+  std::set<std::string> runs, stations;
+  std::vector<double> e3, eh, ev;
+  double nees = 0;
+  int dof = 0;
+  for (const ErrorRow* row : rows) {
+    runs.insert(row->run);
+    stations.insert(row->station);
+    if (row->status != kLocalized) {
+      ++summary->reasons[row->reason.empty() ? row->status : row->status + ": " + row->reason];
+    }
+    if (row->status == kNoReference) {
+      ++summary->unscored;
+      continue;
+    }
+    ++summary->attempts;
+    summary->passed += row->passed;
+    if (!row->error_3d_m) continue;
+    ++summary->answers;
+    summary->passed_answers += row->passed;
+    e3.push_back(*row->error_3d_m);
+    if (row->error_h_m) eh.push_back(*row->error_h_m);
+    if (row->error_v_m) ev.push_back(*row->error_v_m);
+    if (row->nees) ++summary->nees_count, nees += *row->nees, dof += row->dof;
+  }
+  summary->runs = static_cast<int>(runs.size());
+  summary->stations = static_cast<int>(stations.size());
+  const int abstentions = summary->attempts - summary->answers;
+  summary->error_3d = trigpoint::Summarize(e3, abstentions);
+  summary->error_h = trigpoint::Summarize(eh, abstentions);
+  summary->error_v = trigpoint::Summarize(ev, abstentions);
+  if (dof > 0) summary->anees_per_dof = nees / dof;
+}
+
+void Insert(const std::vector<std::string>& from, std::vector<std::string>* to) {
+  std::set<std::string> all(to->begin(), to->end());
+  all.insert(from.begin(), from.end());
+  to->assign(all.begin(), all.end());
+}
+
+}  // namespace
+
+std::optional<Rigid3d> WorldFromOdom(const std::vector<TimedPose>& cameras_odom,
+                                     const std::vector<TimedPose>& cameras) {
+  std::map<int64_t, const Rigid3d*> world;
+  for (const TimedPose& pose : cameras) world.emplace(pose.stamp_ns, &pose.target_from_body);
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d mean_odom = Eigen::Vector3d::Zero(), mean_world = Eigen::Vector3d::Zero();
+  int n = 0;
+  for (const TimedPose& pose : cameras_odom) {
+    const auto it = world.find(pose.stamp_ns);
+    if (it == world.end()) continue;
+    sum += (it->second->rotation * pose.target_from_body.rotation.conjugate()).toRotationMatrix();
+    mean_odom += pose.target_from_body.translation;
+    mean_world += it->second->translation;
+    ++n;
+  }
+  if (n == 0) return std::nullopt;
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1.0 : 1.0;
+  const Eigen::Matrix3d r = svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+  return Rigid3d(Eigen::Quaterniond(r), mean_world / n - r * mean_odom / n);
+}
+
+std::optional<Eigen::Vector3d> StationCentre(const Station& station, const Rigid3d& map_from_tag,
+                                             const std::optional<Eigen::Matrix3d>& enu_from_map,
+                                             const std::optional<Eigen::Vector3d>& up_in_map, std::string* reason) {
+  if (!station.in_tag_frame) {
+    if (!enu_from_map && !station.offset_m.isZero()) {
+      *reason = "the offset of station " + station.name +
+                " is east/north/up, but the run has no global fit to give north; measure right/out/up instead";
+      return std::nullopt;
+    }
+    return map_from_tag.translation +
+           (enu_from_map ? Eigen::Vector3d(enu_from_map->transpose() * station.offset_m) : Eigen::Vector3d::Zero());
+  }
+  if (!up_in_map) {
+    *reason = "the offset of station " + station.name +
+              " is right/out/up, but the vertical of the run's frame is not known (no global fit, and run.yaml does "
+              "not say odometry.levelled)";
+    return std::nullopt;
+  }
+  const Eigen::Vector3d up = up_in_map->normalized();
+  const Eigen::Vector3d x = map_from_tag.rotation * Eigen::Vector3d::UnitX();
+  Eigen::Vector3d right = x - up.dot(x) * up;
+  if (right.norm() < 0.1) {
+    *reason = "tag " + std::to_string(station.tag_id) + " is turned on its side, so that right/out/up has no meaning";
+    return std::nullopt;
+  }
+  right.normalize();
+  return map_from_tag.translation + station.offset_m.x() * right + station.offset_m.y() * right.cross(up) +
+         station.offset_m.z() * up;
+}
+
+Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) {
+  for (const std::string& problem : options.Check()) throw OptionError(problem);
+  if (input.runs.empty()) throw InputError("evaluate: there is no localize result to evaluate; run `localize` first");
+
+  Evaluation result;
+  result.options = options;
+  std::map<std::string, const Station*> stations;
+  for (const Station& station : input.stations) {
+    if (stations.emplace(station.name, &station).second) {
+      result.stations.push_back(station.name);
+    } else {
+      result.warnings.push_back("station " + station.name + " stands twice in stations.csv; its first row is used");
+    }
+  }
+  if (stations.empty()) result.warnings.push_back("no stations: without stations.csv no error can be given");
+
+  std::map<ErrorGroup, std::pair<std::vector<std::string>, std::vector<std::string>>> rests_on;
+  for (const EvaluatedRun& run : input.runs) {
+    const LocalizeResult& localized = run.result;
+    const std::optional<Rigid3d> world_from_odom = WorldFromOdom(localized.cameras_odom, localized.cameras);
+    for (const std::string& warning : localized.warnings) result.warnings.push_back(run.run + ": " + warning);
+
+    // The maps this run is held against.
+    std::vector<MapView> maps;
+    if (run.self_tags.empty()) {
+      result.warnings.push_back(run.run +
+                                ": no tag was estimated from its own cameras, so there are no relative errors");
+    } else {
+      MapView self{.reference = "self",
+                   .kind = "relative",
+                   .tags = UsableTags(run.self_tags),
+                   .cameras = &localized.cameras_odom,
+                   .shares_evidence = true,
+                   .rests_on = {"tags:" + run.run}};
+      if (world_from_odom) {
+        self.enu_from_map = world_from_odom->rotation.toRotationMatrix();
+        self.up_in_map = self.enu_from_map->row(2).transpose();
+      } else if (run.odometry_levelled) {
+        self.up_in_map = Eigen::Vector3d::UnitZ();
+      }
+      maps.push_back(std::move(self));
+    }
+    for (const ReferenceMap& reference : input.references) {
+      MapView map{
+          .reference = reference.name,
+          .kind = "absolute",
+          .tags = UsableTags(reference.tags),
+          .enu_from_map = Eigen::Matrix3d::Identity(),
+          .up_in_map = Eigen::Vector3d::UnitZ(),
+          .cameras = &localized.cameras,
+          .shares_evidence = Intersect({run.run}, reference.runs) || Intersect(run.evidence, reference.evidence),
+          .rests_on = reference.evidence};
+      for (const std::string& name : reference.runs) map.rests_on.push_back("tags:" + name);
+      maps.push_back(std::move(map));
+    }
+
+    // The answers, one row per panorama and method; stations that the result does not mention are kept as missing.
+    struct Attempt {
+      std::string method, station, panorama;
+      Answer answer;
+    };
+    std::vector<Attempt> attempts;
+    std::set<std::string> mentioned;
+    std::vector<std::string> methods{run.method};
+    if (!localized.views.empty()) methods.push_back("g1");
+    for (const PanoramaResult& row : localized.panoramas) {
+      const std::string station = row.station.empty() ? row.panorama : row.station;
+      mentioned.insert(station);
+      attempts.push_back({run.method, station, row.panorama, OwnAnswer(row)});
+      if (localized.views.empty()) continue;
+      Answer g1 = BestView(localized.views, row.panorama);
+      if (g1.odom && world_from_odom) g1.world = *world_from_odom * *g1.odom;
+      attempts.push_back({"g1", station, row.panorama, std::move(g1)});
+    }
+    for (const std::string& name : result.stations) {
+      if (mentioned.count(name) > 0) continue;
+      for (const std::string& method : methods) {
+        attempts.push_back({method, name, "", {.status = kMissing, .reason = "not in panoramas.csv"}});
+      }
+    }
+
+    for (const MapView& map : maps) {
+      for (const Attempt& attempt : attempts) {
+        const auto station = stations.find(attempt.station);
+        ErrorRow row{.run = run.run,
+                     .variant = run.variant,
+                     .method = attempt.method,
+                     .station = attempt.station,
+                     .panorama = attempt.panorama,
+                     .tag_id = station == stations.end() ? -1 : station->second->tag_id,
+                     .reference = map.reference,
+                     .kind = map.kind,
+                     .status = attempt.answer.status,
+                     .reason = attempt.answer.reason,
+                     .shares_evidence = map.shares_evidence};
+        Score(attempt.answer, station == stations.end() ? nullptr : station->second, map, options.passed_radius_m,
+              &row);
+        auto& [estimate, reference] = rests_on[GroupOf(row)];
+        Insert(run.evidence, &estimate);
+        Insert({"images:" + run.run}, &estimate);
+        Insert(map.rests_on, &reference);
+        result.rows.push_back(std::move(row));
+      }
+    }
+  }
+
+  std::map<std::string, size_t> column;
+  for (size_t i = 0; i < result.stations.size(); ++i) column.emplace(result.stations[i], i);
+  const auto key = [&](const ErrorRow& row) {
+    const auto it = column.find(row.station);
+    return std::tuple(GroupOf(row), row.run, it == column.end() ? result.stations.size() : it->second);
+  };
+  std::stable_sort(result.rows.begin(), result.rows.end(),
+                   [&](const ErrorRow& a, const ErrorRow& b) { return key(a) < key(b); });
+  for (size_t begin = 0, end = 0; begin < result.rows.size(); begin = end) {
+    std::vector<const ErrorRow*> rows;
+    const ErrorGroup group = GroupOf(result.rows[begin]);
+    while (end < result.rows.size() && GroupOf(result.rows[end]) == group) rows.push_back(&result.rows[end++]);
+    GroupSummary summary{.group = group};
+    std::tie(summary.estimate_rests_on, summary.reference_rests_on) = rests_on[group];
+    Summarize(rows, &summary);
+    result.groups.push_back(std::move(summary));
+  }
+  return result;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,327 @@
+#include "eval/evaluation_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "eval/paper_tables.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kDecimals = 9;
+
+std::string InUnit(const std::optional<double>& metres, const TableOptions& options, const char* missing = "-") {
+  return metres ? fmt::format("{:.{}f}", *metres / options.unit.metres, options.decimals) : missing;
+}
+
+std::string Title(const ErrorGroup& g) {
+  return fmt::format("{}, {}, reference = {}{}{}", g.method, g.kind, g.reference,
+                     g.variant.empty() ? "" : ", variant " + g.variant,
+                     g.shares_evidence && g.reference != "self" ? " (shares evidence with the run)" : "");
+}
+
+std::string FileStem(const ErrorGroup& g) {
+  std::string stem = fmt::format("table_{}_{}_{}{}{}", g.method, g.reference, g.kind,
+                                 g.shares_evidence && g.reference != "self" ? "_shared" : "",
+                                 g.variant.empty() ? "" : "@" + g.variant);
+  std::replace_if(
+      stem.begin(), stem.end(), [](char c) { return c == '/' || c == '\\'; }, '_');
+  return stem;
+}
+
+// Pads the cells of a Markdown table so that it reads well on a terminal too.
+std::string AlignMarkdown(const std::vector<std::vector<std::string>>& lines) {
+  std::vector<size_t> width(lines.front().size(), 3);
+  for (const auto& line : lines) {
+    for (size_t c = 0; c < line.size(); ++c) width[c] = std::max(width[c], line[c].size());
+  }
+  std::string text;
+  for (size_t r = 0; r < lines.size(); ++r) {
+    text += "|";
+    for (size_t c = 0; c < lines[r].size(); ++c) {
+      text +=
+          c == 0 ? fmt::format(" {:<{}} |", lines[r][c], width[c]) : fmt::format(" {:>{}} |", lines[r][c], width[c]);
+    }
+    text += "\n";
+    if (r > 0) continue;
+    text += "|";
+    for (size_t c = 0; c < width.size(); ++c) text += std::string(width[c] + 1, '-') + (c == 0 ? "-|" : ":|");
+    text += "\n";
+  }
+  return text;
+}
+
+ErrorTable TableOf(const PaperTable& paper) {
+  ErrorTable table{.title = paper.caption};
+  for (size_t tag = 0; tag < paper.error_m[0].size(); ++tag) table.columns.push_back(std::to_string(tag + 1));
+  for (size_t run = 0; run < paper.error_m.size(); ++run) {
+    table.rows.push_back("run " + std::to_string(run + 1));
+    table.cells.emplace_back(paper.error_m[run].begin(), paper.error_m[run].end());
+  }
+  return table;
+}
+
+std::string Percent(double share) { return fmt::format("{:.1f} %", 100 * share); }
+
+std::string FormatStatistics(const std::string& what, const ErrorStatistics& s, const TableOptions& o) {
+  return fmt::format(
+      "{}: {} answers of {} attempts; over answers median {}, mean {}, P90 {}, max {}; over attempts "
+      "median {}, P90 {} {}\n",
+      what, s.answers, s.attempts, InUnit(s.median, o), InUnit(s.mean, o), InUnit(s.p90, o), InUnit(s.max, o),
+      InUnit(s.median_attempts, o), InUnit(s.p90_attempts, o), o.unit.name);
+}
+
+std::string FormatShares(const ErrorStatistics& s) {
+  return fmt::format("Within 1.0 m: {} of answers, {} of attempts; within 1.5 m: {} and {}\n", Percent(s.within_1m),
+                     Percent(s.within_1m_attempts), Percent(s.within_1m5), Percent(s.within_1m5_attempts));
+}
+
+std::string FormatPaperTable(const PaperTable& paper, const TableOptions& options) {
+  std::vector<double> errors;
+  int blanks = 0;
+  for (const auto& run : paper.error_m) {
+    for (const auto& cell : run) cell ? errors.push_back(*cell) : void(++blanks);
+  }
+  const ErrorStatistics s = Summarize(errors, blanks);
+  return FormatMarkdown(TableOf(paper), options) + "\n" + FormatStatistics("3D", s, options) + FormatShares(s);
+}
+
+std::string Join(const std::vector<std::string>& items) {
+  std::string text;
+  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
+  return text;
+}
+
+nlohmann::json Json(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
+
+nlohmann::json Json(const std::optional<Interval>& value) {
+  return value ? nlohmann::json{value->low, value->high} : nlohmann::json();
+}
+
+// Blank percentiles are null with the reason beside them in `answers` and `attempts`.
+nlohmann::json Json(const ErrorStatistics& s) {
+  return {{"answers", s.answers},
+          {"attempts", s.attempts},
+          {"over_answers",
+           {{"median_m", Json(s.median)},
+            {"p90_m", Json(s.p90)},
+            {"mean_m", Json(s.mean)},
+            {"rmse_m", Json(s.rmse)},
+            {"max_m", Json(s.max)},
+            {"within_1m", s.within_1m},
+            {"within_1m5", s.within_1m5}}},
+          {"over_attempts",
+           {{"median_m", Json(s.median_attempts)},
+            {"p90_m", Json(s.p90_attempts)},
+            {"within_1m", s.within_1m_attempts},
+            {"within_1m5", s.within_1m5_attempts}}}};
+}
+
+const std::vector<std::string>& ErrorColumns() {
+  static const std::vector<std::string> columns{
+      "run",           "variant",   "method",     "station",   "panorama",  "tag_id", "reference", "kind",
+      "status",        "reason",    "error_3d_m", "error_h_m", "error_v_m", "de_m",   "dn_m",      "du_m",
+      "error_rot_deg", "sigma_e_m", "sigma_n_m",  "sigma_u_m", "nees",      "dof"};
+  return columns;
+}
+
+void WriteErrors(const Evaluation& evaluation, const std::filesystem::path& file) {
+  CsvWriter csv(ErrorColumns(), {"trigpoint errors 1; unit=m; axes=enu; sigma=1"});
+  const auto number = [&](const std::optional<double>& v) { v ? csv.Number(*v, kDecimals) : csv.Empty(); };
+  for (const ErrorRow& row : evaluation.rows) {
+    csv.Text(row.run).Text(row.variant).Text(row.method).Text(row.station).Text(row.panorama);
+    row.tag_id >= 0 ? csv.Integer(row.tag_id) : csv.Empty();
+    csv.Text(row.reference).Text(row.kind).Text(row.status).Text(row.reason);
+    number(row.error_3d_m);
+    number(row.error_h_m);
+    number(row.error_v_m);
+    for (int i = 0; i < 3; ++i) row.error_enu_m ? csv.Number((*row.error_enu_m)[i], kDecimals) : csv.Empty();
+    number(row.error_rot_deg);
+    for (int i = 0; i < 3; ++i) {
+      row.covariance_m2 ? csv.Number(std::sqrt((*row.covariance_m2)(i, i)), kDecimals) : csv.Empty();
+    }
+    number(row.nees);
+    row.nees ? csv.Integer(row.dof) : csv.Empty();
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
+}  // namespace
+
+std::vector<ErrorTable> ErrorTables(const Evaluation& evaluation) {
+  std::vector<ErrorTable> tables;
+  for (const GroupSummary& group : evaluation.groups) {
+    ErrorTable table{.title = Title(group.group)};
+    // Columns: stations in their order; each panorama of a station that has several.
+    std::map<std::string, std::vector<std::string>> panoramas;
+    std::map<std::string, std::map<std::pair<std::string, std::string>, std::optional<double>>> by_run;
+    for (const ErrorRow& row : evaluation.rows) {
+      if (ErrorGroup{row.variant, row.method, row.reference, row.kind, row.shares_evidence} != group.group) continue;
+      std::vector<std::string>& names = panoramas[row.station];
+      if (!row.panorama.empty() && std::find(names.begin(), names.end(), row.panorama) == names.end()) {
+        names.push_back(row.panorama);
+      }
+      by_run[row.run][{row.station, row.panorama}] = row.error_3d_m;
+    }
+    std::vector<std::pair<std::string, std::string>> keys;
+    for (const std::string& station : evaluation.stations) {
+      const std::vector<std::string>& names = panoramas[station];
+      if (names.empty()) keys.emplace_back(station, "");
+      for (const std::string& name : names) keys.emplace_back(station, name);
+      if (names.size() < 2) {
+        table.columns.push_back(station);
+      } else {
+        for (const std::string& name : names) table.columns.push_back(station + " / " + name);
+      }
+    }
+    for (const auto& [run, cells] : by_run) {
+      table.rows.push_back(run);
+      table.cells.emplace_back();
+      for (const auto& key : keys) {
+        const auto it = cells.find(key);
+        table.cells.back().push_back(it == cells.end() ? std::nullopt : it->second);
+      }
+    }
+    tables.push_back(std::move(table));
+  }
+  return tables;
+}
+
+std::string FormatMarkdown(const ErrorTable& table, const TableOptions& options) {
+  std::vector<std::vector<std::string>> lines{{"run"}};
+  lines[0].insert(lines[0].end(), table.columns.begin(), table.columns.end());
+  for (size_t r = 0; r < table.rows.size(); ++r) {
+    lines.push_back({table.rows[r]});
+    for (const auto& cell : table.cells[r]) lines.back().push_back(InUnit(cell, options));
+  }
+  return fmt::format("### {} [{}]\n\n{}", table.title, options.unit.name, AlignMarkdown(lines));
+}
+
+std::string FormatCsv(const ErrorTable& table) {
+  std::vector<std::string> columns{"run"};
+  columns.insert(columns.end(), table.columns.begin(), table.columns.end());
+  CsvWriter csv(columns, {"trigpoint table 1; unit=m; " + table.title});
+  for (size_t r = 0; r < table.rows.size(); ++r) {
+    csv.Text(table.rows[r]);
+    for (const auto& cell : table.cells[r]) cell ? csv.Number(*cell, kDecimals) : csv.Empty();
+    csv.EndRow();
+  }
+  return csv.text();
+}
+
+std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& options) {
+  std::string text;
+  const std::vector<ErrorTable> tables = ErrorTables(evaluation);
+  for (size_t i = 0; i < tables.size(); ++i) {
+    const GroupSummary& g = evaluation.groups[i];
+    text += FormatMarkdown(tables[i], options) + "\n";
+    text += FormatStatistics("3D", g.error_3d, options);
+    if (g.median_interval && g.p90_interval) {
+      text += fmt::format("{:.0f} % interval by station and run: median {} to {}, P90 {} to {} {}\n",
+                          100 * evaluation.options.confidence, InUnit(g.median_interval->low, options),
+                          InUnit(g.median_interval->high, options), InUnit(g.p90_interval->low, options),
+                          InUnit(g.p90_interval->high, options), options.unit.name);
+    }
+    if (g.error_h.answers > 0) text += FormatStatistics("Horizontal", g.error_h, options);
+    if (g.error_v.answers > 0) text += FormatStatistics("Vertical", g.error_v, options);
+    text += FormatShares(g.error_3d);
+    text += fmt::format("Stations passed within {:g} m: {} answers of {}\n", evaluation.options.passed_radius_m,
+                        g.passed_answers, g.passed);
+    if (g.anees_per_dof)
+      text += fmt::format("ANEES per degree of freedom: {:.2f} (n = {})\n", *g.anees_per_dof, g.nees_count);
+    if (g.unscored > 0) text += fmt::format("Localized but without reference: {}\n", g.unscored);
+    for (const auto& [reason, count] : g.reasons) text += fmt::format("- {} x {}\n", count, reason);
+    text += fmt::format("{}: estimate from {}; reference from {}\n\n",
+                        g.group.shares_evidence ? "Agreement (both sides share evidence)" : "Rests on",
+                        Join(g.estimate_rests_on), Join(g.reference_rests_on));
+  }
+  if (options.paper_tables) {
+    for (const PaperTable& paper : PaperTables()) text += FormatPaperTable(paper, options) + "\n";
+  }
+  for (const std::string& warning : evaluation.warnings) text += "Note: " + warning + "\n";
+  return text;
+}
+
+nlohmann::json SummaryJson(const Evaluation& evaluation) {
+  nlohmann::json groups = nlohmann::json::array();
+  for (const GroupSummary& g : evaluation.groups) {
+    groups.push_back({{"variant", g.group.variant},
+                      {"method", g.group.method},
+                      {"reference", g.group.reference},
+                      {"kind", g.group.kind},
+                      {"shares_evidence", g.group.shares_evidence},
+                      {"estimate_rests_on", g.estimate_rests_on},
+                      {"reference_rests_on", g.reference_rests_on},
+                      {"runs", g.runs},
+                      {"stations", g.stations},
+                      {"attempts", g.attempts},
+                      {"answers", g.answers},
+                      {"without_reference", g.unscored},
+                      {"passed", {{"attempts", g.passed}, {"answers", g.passed_answers}}},
+                      {"reasons", g.reasons},
+                      {"error_3d", Json(g.error_3d)},
+                      {"error_h", Json(g.error_h)},
+                      {"error_v", Json(g.error_v)},
+                      {"median_interval_m", Json(g.median_interval)},
+                      {"p90_interval_m", Json(g.p90_interval)},
+                      {"nees", {{"count", g.nees_count}, {"mean_per_dof", Json(g.anees_per_dof)}}}});
+  }
+  return {{"schema", "trigpoint evaluate 1"},
+          {"unit", "m"},
+          {"passed_radius_m", evaluation.options.passed_radius_m},
+          {"confidence", evaluation.options.confidence},
+          {"stations", evaluation.stations},
+          {"groups", groups},
+          {"warnings", evaluation.warnings}};
+}
+
+void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder, const TableOptions& options) {
+  WriteErrors(evaluation, folder / "errors.csv");
+  WriteFileAtomically(folder / "summary.json", SummaryJson(evaluation).dump(2) + "\n");
+  WriteFileAtomically(folder / "tables.md", FormatEvaluation(evaluation, options));
+  const std::vector<ErrorTable> tables = ErrorTables(evaluation);
+  for (size_t i = 0; i < tables.size(); ++i) {
+    WriteFileAtomically(folder / (FileStem(evaluation.groups[i].group) + ".csv"), FormatCsv(tables[i]));
+  }
+}
+
+std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
+  std::vector<ErrorRow> rows;
+  const CsvTable table = CsvTable::Read(errors_csv, ErrorColumns());
+  const auto number = [](const CsvRow& row, const char* column) {
+    return row.Has(column) ? std::optional<double>(row.Number(column)) : std::nullopt;
+  };
+  for (const CsvRow& cells : table.rows()) {
+    ErrorRow row{.run = cells.Text("run"),
+                 .variant = cells.Text("variant"),
+                 .method = cells.Text("method"),
+                 .station = cells.Text("station"),
+                 .panorama = cells.Text("panorama"),
+                 .tag_id = static_cast<int>(cells.Integer("tag_id", -1)),
+                 .reference = cells.Text("reference"),
+                 .kind = cells.Text("kind"),
+                 .status = cells.Text("status"),
+                 .reason = cells.Text("reason"),
+                 .error_3d_m = number(cells, "error_3d_m"),
+                 .error_h_m = number(cells, "error_h_m"),
+                 .error_v_m = number(cells, "error_v_m"),
+                 .error_rot_deg = number(cells, "error_rot_deg"),
+                 .nees = number(cells, "nees"),
+                 .dof = static_cast<int>(cells.Integer("dof", 0))};
+    row.shares_evidence = row.reference == "self";
+    if (cells.Has("de_m") && cells.Has("dn_m") && cells.Has("du_m")) {
+      row.error_enu_m = {cells.Number("de_m"), cells.Number("dn_m"), cells.Number("du_m")};
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+}  // namespace trigpoint
