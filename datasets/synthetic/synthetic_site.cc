@@ -27,8 +27,6 @@ struct Spot {
   Vector3d position, normal, along;
 };
 
-double GroundHeight(double x, double y) { return 0.01 * x - 0.005 * y; }
-
 // The drive as a polyline of about 5 cm, at equal steps.
 std::vector<Vector2d> PathPoints(const SyntheticOptions& options) {
   const int n = std::max(2, static_cast<int>(std::lround(options.length_m / 0.05)));
@@ -80,32 +78,36 @@ std::vector<Rigid3d> BodyPoses(const SyntheticOptions& options, const std::vecto
     const double roll = amplitude * (std::sin(s / 4 + phase[2]) + std::sin(s / 13 + phase[3]));
     const Eigen::Quaterniond q = HeadingRotation(Tangent(path, i)) * Eigen::AngleAxisd(pitch, Vector3d::UnitY()) *
                                  Eigen::AngleAxisd(roll, Vector3d::UnitX());
-    poses.emplace_back(q, Vector3d(path[i].x(), path[i].y(), GroundHeight(path[i].x(), path[i].y()) + 0.4));
+    poses.emplace_back(q, Vector3d(path[i].x(), path[i].y(), SyntheticGroundHeight(path[i].x(), path[i].y()) + 0.4));
   }
   return poses;
 }
 
+Vector3d OnGround(const Vector2d& p) { return {p.x(), p.y(), SyntheticGroundHeight(p.x(), p.y())}; }
+
 void AddWall(const Vector2d& a, const Vector2d& b, double height, double per_m2, Random& random,
-             std::vector<Spot>* spots) {
+             std::vector<Spot>* spots, std::vector<SyntheticWall>* walls) {
+  walls->push_back({OnGround(a), OnGround(b), height});
   const Vector2d d = b - a;
   const Vector2d along = d.normalized();
   const int n = static_cast<int>(std::lround(d.norm() * height * per_m2));
   for (int i = 0; i < n; ++i) {
     const Vector2d p = a + random.Uniform() * d;
-    spots->push_back({{p.x(), p.y(), GroundHeight(p.x(), p.y()) + random.Uniform(0.3, height)},
-                      {-along.y(), along.x(), 0},  // to the left of a -> b
+    spots->push_back({OnGround(p) + Vector3d(0, 0, random.Uniform(0.3, height)),
+                      {-along.y(), along.x(), 0},
                       {along.x(), along.y(), 0}});
   }
 }
 
-std::vector<Spot> MakeSpots(const SyntheticOptions& options, const std::vector<Vector2d>& path, Random& random) {
+std::vector<Spot> MakeSpots(const SyntheticOptions& options, const std::vector<Vector2d>& path, Random& random,
+                            std::vector<SyntheticWall>* walls) {
   std::vector<Spot> spots;
   if (options.path == "loop") {
     Vector2d low = path[0], high = path[0];
     for (const Vector2d& p : path) low = low.cwiseMin(p), high = high.cwiseMax(p);
     low.array() -= 14, high.array() += 14;
     const Vector2d corners[4] = {low, {high.x(), low.y()}, high, {low.x(), high.y()}};
-    for (int i = 0; i < 4; ++i) AddWall(corners[i], corners[(i + 1) % 4], 9, 1.5, random, &spots);
+    for (int i = 0; i < 4; ++i) AddWall(corners[i], corners[(i + 1) % 4], 9, 1.5, random, &spots, walls);
   } else {
     const int house = std::max(1, static_cast<int>(std::lround(18 / options.step_m)));
     for (size_t i = 0; i + 1 < path.size(); i += static_cast<size_t>(house)) {
@@ -116,14 +118,14 @@ std::vector<Spot> MakeSpots(const SyntheticOptions& options, const std::vector<V
         const Vector2d a = path[i] + setback * n, b = path[j] + setback * n;
         // The wall faces the street.
         if (side < 0) {
-          AddWall(a, b, height, 1.5, random, &spots);
+          AddWall(a, b, height, 1.5, random, &spots, walls);
         } else {
-          AddWall(b, a, height, 1.5, random, &spots);
+          AddWall(b, a, height, 1.5, random, &spots, walls);
         }
       }
     }
     const Vector2d t = Tangent(path, path.size() - 1), n(-t.y(), t.x()), end = path.back() + 25 * t;
-    AddWall(end - 20 * n, end + 20 * n, 10, 1.5, random, &spots);  // closes the street
+    AddWall(end - 20 * n, end + 20 * n, 10, 1.5, random, &spots, walls);  // closes the street
   }
   // Cars, bins, poles beside the path, and the ground itself.
   for (size_t i = 0; i < path.size(); ++i) {
@@ -132,10 +134,11 @@ std::vector<Spot> MakeSpots(const SyntheticOptions& options, const std::vector<V
     for (int k = 0; k < clutter; ++k) {
       const double side = random.Uniform() < 0.5 ? -1 : 1;
       const Vector2d p = path[i] + side * random.Uniform(3.5, 8) * n;
-      spots.push_back(
-          {{p.x(), p.y(), GroundHeight(p.x(), p.y()) + random.Uniform(0.2, 2.5)}, Vector3d::Zero(), Vector3d::Zero()});
+      spots.push_back({{p.x(), p.y(), SyntheticGroundHeight(p.x(), p.y()) + random.Uniform(0.2, 2.5)},
+                       Vector3d::Zero(),
+                       Vector3d::Zero()});
       const Vector2d g = path[i] + random.Uniform(-12, 12) * n;
-      spots.push_back({{g.x(), g.y(), GroundHeight(g.x(), g.y())}, Vector3d::UnitZ(), Vector3d::Zero()});
+      spots.push_back({{g.x(), g.y(), SyntheticGroundHeight(g.x(), g.y())}, Vector3d::UnitZ(), Vector3d::Zero()});
     }
   }
   return spots;
@@ -226,11 +229,12 @@ void MakePanoramas(const std::vector<Vector2d>& path, const std::vector<Spot>& s
   for (int k = 0; k < options.panoramas; ++k) {
     const size_t i = static_cast<size_t>((k + 0.5) / options.panoramas * static_cast<double>(path.size()));
     const Vector2d t = Tangent(path, i), n(-t.y(), t.x());
-    const Vector2d p = path[i] + (k % 2 == 0 ? 1 : -1) * options.panorama_offset_m * random.Uniform(0.7, 1.3) * n;
+    const Vector2d p = path[i] + (options.panoramas_left || k % 2 == 0 ? 1 : -1) * options.panorama_offset_m *
+                                     random.Uniform(0.7, 1.3) * n;
     const double tilt = options.tilt_deg * kDegToRad;
     const Attitude attitude = {random.Uniform(0, 2 * kPi), random.Uniform(-tilt, tilt), random.Uniform(-tilt, tilt)};
     const Rigid3d world_from_pano(WorldFromCamRotation(attitude),
-                                  {p.x(), p.y(), GroundHeight(p.x(), p.y()) + random.Uniform(1.6, 2.0)});
+                                  {p.x(), p.y(), SyntheticGroundHeight(p.x(), p.y()) + random.Uniform(1.6, 2.0)});
     SyntheticPanorama panorama;
     panorama.name = "pano_" + std::to_string(k);
     panorama.rig = EvenViewRig(panorama.name, options.views, options.view_size_px, 90 * kDegToRad);
@@ -388,6 +392,8 @@ std::vector<std::string> SyntheticOptions::Check() const {
   return problems;
 }
 
+double SyntheticGroundHeight(double x, double y) { return 0.01 * x - 0.005 * y; }
+
 BodyCamera SyntheticCamera(const std::string& name, double yaw_rad) {
   BodyCamera camera;
   camera.name = name;
@@ -435,7 +441,7 @@ SyntheticSite MakeSyntheticSite(const SyntheticOptions& options, uint64_t seed, 
   Random geometry = MakeRandom(seed, Stream::kGeometry);
   const std::vector<Vector2d> path = PathPoints(options);
   site.truth.world_from_body = BodyPoses(options, path, geometry);
-  const std::vector<Spot> spots = MakeSpots(options, path, geometry);
+  const std::vector<Spot> spots = MakeSpots(options, path, geometry, &site.truth.walls);
   for (size_t i = 0; i < path.size(); ++i) {
     for (size_t camera = 0; camera < site.cameras.size(); ++camera) {
       site.images.push_back({static_cast<int>(camera),

@@ -57,7 +57,8 @@ struct SyntheticOptions {
   double odometry_heading_drift_per_m = 0;  // rad/m
 
   int panoramas = 9;
-  double panorama_offset_m = 4;  // from the path, to both sides in turn
+  double panorama_offset_m = 4;  // from the path, to both sides in turn ...
+  bool panoramas_left = false;   // ... or all to its left
   int views = 8;                 // 90 deg each, spread evenly over the circle
   int view_size_px = 1024;
   int points_per_view = 40;  // at most
@@ -100,6 +101,7 @@ struct SyntheticOptions {
     visit(self.odometry_heading_drift_per_m, {"odometry_heading_drift_per_m", "rad/m", 0, 1, "unmodelled drift"});
     visit(self.panoramas, {"panoramas", "", 0, 1e4, "number of panoramas"});
     visit(self.panorama_offset_m, {"panorama_offset_m", "m", 0, 100, "distance from the path"});
+    visit(self.panoramas_left, {"panoramas_left", "", 0, 1, "all panoramas to the left of the path"});
     visit(self.views, {"views", "", 1, 64, "views of a panorama"});
     visit(self.view_size_px, {"view_size_px", "px", 64, 8192, "edge of a view"});
     visit(self.points_per_view, {"points_per_view", "", 0, 1e5, "matches of a view at most"});
@@ -146,12 +148,19 @@ struct SyntheticPanorama {
   GeoTag geotag;
 };
 
+// An upright wall on the ground, faced by who stands to the left of a -> b.
+struct SyntheticWall {
+  Eigen::Vector3d a, b;
+  double height = 0;
+};
+
 // A point is one track: a spot of the scene that is lost and found again counts as a new point, as tracks do.
 struct SyntheticTruth {
   std::vector<Rigid3d> world_from_body;  // one a step; world: ENU about SyntheticSite::frame
   std::vector<Eigen::Vector3d> points;
   std::vector<Eigen::Vector3d> along;  // per point: unit vector along its facade, zero where there is none
   std::vector<Rigid3d> world_from_pano;
+  std::vector<SyntheticWall> walls;
   double odometry_scale = 1;               // 1 + s: odometry's length of a true metre
   std::vector<bool> geotag_is_outlier;     // per panorama
   std::vector<std::vector<bool>> wrong;    // per image, per observation: an outlier
@@ -185,6 +194,9 @@ SyntheticSite MakeSyntheticSite(const SyntheticOptions& options, uint64_t seed, 
 
 // The same geometry, which image sees which point included, with every noise drawn anew.
 SyntheticSite RedrawNoise(const SyntheticSite& site, uint64_t seed);
+
+// Height of the site's ground, a slightly sloping plane, m.
+double SyntheticGroundHeight(double x, double y);
 
 // n views of `fov_rad` with `size_px` edge, evenly spread clockwise (seen from above) from the panorama's centre.
 ViewRig EvenViewRig(const std::string& name, int n, int size_px, double fov_rad);

@@ -133,7 +133,7 @@ cv::Mat ValueNoise(cv::Size size, double cell_px, int octaves, uint64_t seed) {
     }
     sum = layer.clone();
   }
-  if (finest > 1.01) cv::resize(sum, sum, {}, finest, finest, cv::INTER_LINEAR);
+  if (finest > 1) cv::resize(sum, sum, {}, finest, finest, cv::INTER_LINEAR);
   return sum(cv::Rect({0, 0}, size)).clone();
 }
 

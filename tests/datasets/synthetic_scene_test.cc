@@ -205,6 +205,16 @@ TEST(Render, FeaturesAreFoundAgainFromAnotherPlace) {
   EXPECT_GT(matched, 0.4 * visible) << matched << " of " << visible;  // windows that repeat take their share
 }
 
+TEST(ValueNoise, HasTheSizeAskedForAndStaysInRange) {
+  for (const double cell : {0.7, 1.0, 1.005, 1.3, 2.0, 7.9, 64.3, 300.0}) {
+    for (const cv::Size size : {cv::Size(8, 8), cv::Size(641, 133), cv::Size(200, 977)}) {
+      const cv::Mat noise = ValueNoise(size, cell, 8, 3);
+      EXPECT_EQ(noise.size(), size) << cell;
+      EXPECT_LT(cv::norm(noise, cv::NORM_INF), 1.3);
+    }
+  }
+}
+
 TEST(Distractors, DifferWithTheSeedAndRepeatWithIt) {
   const DistractorOptions options = {.width = 256, .facades = 2, .cars = 2, .px_per_m = 8};
   const cv::Mat a = MakeDistractorPanorama(options, 1, 2), b = MakeDistractorPanorama(options, 1, 1);
