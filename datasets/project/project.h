@@ -3,37 +3,95 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "datasets/io/site.h"
+#include "datasets/project/hash.h"
+#include "datasets/project/lock.h"
 
 namespace trigpoint {
 
-// A project as opened. Inputs are never written; everything made goes below results/.
+// What `Project::Init` saw in a folder, in words.
+struct InitReport {
+  std::filesystem::path file;         // trigpoint.yaml
+  bool created = false;               // false: it was there before, and is kept
+  std::vector<std::string> found;     // one sentence each
+  std::vector<std::string> missing;   // what would make more possible, and what it would make possible
+  std::vector<std::string> warnings;  // what was found but cannot be used as it is
+};
+
+// A project as opened. Inputs are never written; everything made goes below results/. Copies share lock and hashes.
 class Project {
  public:
   // Opens DIR (its trigpoint.yaml, or a bare folder in the known layout: defaults then). Throws InputError.
   static Project Open(const std::filesystem::path& dir);
+  // Looks at DIR and writes trigpoint.yaml; one that is there is kept, only runs that it doesn't list yet are added to
+  // it. Throws InputError if the folder holds nothing to work with, IoError if it cannot be written.
+  static InitReport Init(const std::filesystem::path& dir);
 
   const std::filesystem::path& dir() const { return dir_; }
+  const std::string& name() const { return name_; }
+  const std::string& crs() const { return crs_; }  // "EPSG:32632" or empty
+  // As read, reduced to the runs of trigpoint.yaml (without a list: all), with its roles.
   const Site& site() const { return site_; }
-  const Run& run(const std::string& name) const;  // throws InputError naming the nearest run
+  // Throws InputError naming the nearest run, or why nothing of a broken one can be used.
+  const Run& run(const std::string& name) const;
+  // All runs that take part, broken ones (site().broken_runs) among them, so that these are named as failures.
+  std::vector<std::string> RunNames() const;
   // Site ENU: from trigpoint.yaml or origin.json, else the mean of control points, panoramas, GPS. None: no geo data.
   bool has_frame() const { return has_frame_; }
   const LocalFrame& frame() const { return frame_; }
   // Option values of a stage from trigpoint.yaml (stages: <stage>: {key: value}), as JSON; empty object if none.
   const nlohmann::json& StageOptions(const std::string& stage) const;
-  // results/<stage>/<name>
+  // The same for a variant (variants: <variant>: <stage>: {key: value}), to be laid over StageOptions.
+  const nlohmann::json& VariantOptions(const std::string& variant, const std::string& stage) const;
+  // All of it: {stage: {...}} and {variant: {stage: {...}}}.
+  const nlohmann::json& stages() const { return stages_; }
+  const nlohmann::json& variants() const { return variants_; }
+  // Thresholds of `evaluate`, {name: limit}.
+  const nlohmann::json& gates() const { return gates_; }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+  std::filesystem::path results() const { return dir_ / "results"; }
+  // results/<stage>/<name>; a name that is empty or begins with '@' stands for the stage's single result:
+  // results/<stage>[@variant].
   std::filesystem::path ResultDir(const std::string& stage, const std::string& name) const;
 
+  // The right to write below results/, shared by everything that uses this project, until the last one lets go.
+  // Throws IoError if another process has it.
+  std::shared_ptr<ProjectLock> Lock() const;
+  // Hashes of input files, kept in results/.hashes.
+  FileHashes& hashes() const;
+
  private:
+  struct Shared;
+
   std::filesystem::path dir_;
+  std::string name_;
+  std::string crs_;
   Site site_;
   LocalFrame frame_;
   bool has_frame_ = false;
-  std::map<std::string, nlohmann::json> stage_options_;
+  nlohmann::json stages_ = nlohmann::json::object();
+  nlohmann::json variants_ = nlohmann::json::object();
+  nlohmann::json gates_ = nlohmann::json::object();
+  std::vector<std::string> warnings_;
+  std::shared_ptr<Shared> shared_;
 };
+
+// Where the site's frame begins, from what the folder holds, and from what it was taken ("the mean of 6 control
+// points"). Nothing without coordinates on the Earth.
+struct SiteOrigin {
+  Geodetic position;
+  std::string source;
+};
+std::optional<SiteOrigin> FindOrigin(const Site& site);
+
+// A variant's or result's name must be usable as part of a file name. Throws OptionError.
+void CheckVariantName(const std::string& variant);
 
 }  // namespace trigpoint

@@ -1,0 +1,76 @@
+// The launcher: the one place where errors become a line on standard error and an exit code.
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+#include <new>
+
+#include "app/cli/command.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+CancelToken cancel_token;
+
+// The first Ctrl-C asks the computation to stop, the second one ends the process.
+void OnSignal(int signal) {
+  cancel_token.Cancel();
+  std::signal(signal, SIG_DFL);
+}
+
+int Fail(const Session& session, std::string message, int exit_code) {
+  for (char& c : message) c = c == '\n' ? ' ' : c;
+  std::fputs(("trigpoint: " + message + "\n").c_str(), stderr);
+  session.PrintJson({{"ok", false}, {"error", message}, {"exit_code", exit_code}});
+  return exit_code;
+}
+
+int Launch(int argc, char** argv) {
+  CLI::App app(
+      "Trigpoint: from a folder of images to localized panoramas, and how good they are.\n"
+      "`trigpoint <command> --help` says it all about a command.",
+      "trigpoint");
+  app.set_version_flag("--version", TRIGPOINT_VERSION);
+  app.require_subcommand(1);
+  Session session;
+  session.cancel = &cancel_token;
+  AddInitCommand(app, session);
+  AddStatusCommand(app, session);
+  AddRunCommand(app, session);
+  for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommand_no_throw(argv[1]) == nullptr) {
+    std::vector<std::string> names;
+    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+      names.push_back(command->get_name());
+    }
+    return Fail(session,
+                "unknown command '" + std::string(argv[1]) + "'; nearest: '" + NearestName(argv[1], names) +
+                    "', see trigpoint --help",
+                2);
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& e) {  // --help, --version
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    return Fail(session, std::string(e.what()) + "; see trigpoint --help", 2);
+  }
+  std::signal(SIGINT, OnSignal);
+  std::signal(SIGTERM, OnSignal);
+  try {
+    return session.action(session);
+  } catch (const Error& e) {
+    return Fail(session, e.what(), e.ExitCode());
+  } catch (const std::bad_alloc&) {
+    return Fail(session, "not enough memory", 1);
+  } catch (const std::exception& e) {
+    return Fail(session, std::string("unexpected error: ") + e.what(), 1);
+  } catch (...) {
+    return Fail(session, "unexpected error of unknown kind", 1);
+  }
+}
+
+}  // namespace
+}  // namespace trigpoint
+
+int main(int argc, char** argv) { return trigpoint::Launch(argc, argv); }

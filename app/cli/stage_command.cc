@@ -1,0 +1,82 @@
+// One command per stage, made from its entry in Stages().
+#include <fmt/format.h>
+
+#include "app/cli/command.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+std::string OptionTable(const StageInfo& stage) {
+  std::vector<std::vector<std::string>> rows;
+  for (const OptionDescription& option : stage.options("")) {
+    std::string range;
+    if (std::isfinite(option.min) && std::isfinite(option.max))
+      range = fmt::format("{:g} to {:g}", option.min, option.max);
+    else if (std::isfinite(option.min))
+      range = fmt::format("from {:g}", option.min);
+    else if (std::isfinite(option.max))
+      range = fmt::format("up to {:g}", option.max);
+    rows.push_back({"  " + option.name, " " + DumpJson(option.default_value), option.unit, range, option.help});
+  }
+  if (rows.empty()) return "";
+  return "Options for --set, and for stages: " + stage.name + ": in trigpoint.yaml (in a variant under variants:)\n" +
+         TableText({"  name", " default", "unit", "range", "meaning"}, rows) + "\n";
+}
+
+std::string Examples(const StageInfo& stage) {
+  std::string text = "Examples:\n  trigpoint " + stage.name + " my_site\n";
+  if (stage.per_run) text += "  trigpoint " + stage.name + " my_site --run run1\n";
+  if (stage.variants) text += "  trigpoint " + stage.name + " my_site --variant trial\n";
+  return text;
+}
+
+}  // namespace
+
+void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
+  struct Arguments {
+    std::string dir, variant;
+    std::vector<std::string> runs, settings;
+    std::map<std::string, std::string> flags;
+  };
+  CLI::App& command = AddCommand(app, session, stage.name, stage.help, OptionTable(stage) + Examples(stage));
+  const auto arguments = std::make_shared<Arguments>();
+  command.add_option("DIR", arguments->dir, "the project")->required();
+  command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
+  if (stage.variants) {
+    command.add_option(
+        "--variant", arguments->variant,
+        "a second set of results beside the first, results/" + stage.name + (stage.per_run ? "/<run>@V" : "@V"));
+  }
+  const std::vector<OptionDescription> options = stage.options("");
+  for (const std::string& flag : stage.flags) {
+    for (const OptionDescription& option : options) {
+      if (option.name == flag) command.add_option("--" + flag, arguments->flags[flag], option.help);
+    }
+  }
+  command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
+      ->allow_extra_args(false);
+  command.callback([&session, &stage, arguments] {
+    session.action = [&stage, arguments](Session& s) {
+      JobQuery query;
+      std::vector<std::string> settings = arguments->settings;
+      for (const auto& [flag, value] : arguments->flags) {
+        if (!value.empty()) settings.push_back(flag + "=" + value);
+      }
+      query.overrides = ParseOverrides(settings, stage.name);
+      query.stages = {stage.name};
+      query.runs = arguments->runs;
+      query.variants = {arguments->variant};
+      // As published, beside our own: a mode other than the default is a variant of its name unless one is named.
+      const auto mode = arguments->flags.find("mode");
+      if (arguments->variant.empty() && mode != arguments->flags.end() && mode->second == "paper") {
+        query.variants = {"paper"};
+      }
+      if (!query.variants.front().empty()) CheckVariantName(query.variants.front());
+      const Project project = OpenProject(s, arguments->dir);
+      return RunAndReport(s, stage.name, project, PlanJobs(project, query));
+    };
+  });
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,174 @@
+#include "app/pipeline/jobs.h"
+
+#include <algorithm>
+#include <set>
+
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// Does `job` read the result of `earlier`?
+bool Needs(const Job& job, const Job& earlier) {
+  const std::vector<std::string>& needs = job.stage->needs;
+  if (std::find(needs.begin(), needs.end(), earlier.stage->name) == needs.end()) return false;
+  if (job.stage->per_run && earlier.stage->per_run && job.target.run != earlier.target.run) return false;
+  // Without variants of its own a stage gives its one result to all variants of those behind it.
+  return !earlier.stage->variants || !job.stage->variants || job.target.variant == earlier.target.variant;
+}
+
+std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
+  std::set<std::string> all;
+  const std::function<void(const std::string&)> add = [&](const std::string& name) {
+    if (!all.insert(name).second) return;
+    for (const std::string& need : StageNamed(name).needs) add(need);
+  };
+  if (stages.empty()) {
+    for (const StageInfo& stage : Stages()) all.insert(stage.name);
+  }
+  for (const std::string& stage : stages) add(stage);
+  return all;
+}
+
+std::string WhyNotNeeded(const Project& project, const Job& job) {
+  return job.stage->not_needed ? job.stage->not_needed(project, job.target) : "";
+}
+
+}  // namespace
+
+std::string Job::Title() const {
+  const std::string name = ResultName(*stage, target);
+  return name.empty() || name.front() == '@' ? stage->name + name : stage->name + "/" + name;
+}
+
+std::vector<std::string> KnownVariants(const Project& project) {
+  std::set<std::string> variants = {""};
+  for (const auto& [name, stages] : project.variants().items()) variants.insert(name);
+  for (const StageInfo& stage : Stages()) {
+    if (!stage.variants) continue;
+    std::error_code ignored;
+    const fs::path folder = stage.per_run ? project.results() / stage.name : project.results();
+    for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+      const std::string name = it->path().filename().string();
+      const size_t at = name.find('@');
+      if (at == std::string::npos || name.front() == '.') continue;
+      if (stage.per_run || name.substr(0, at) == stage.name) variants.insert(name.substr(at + 1));
+    }
+  }
+  return {variants.begin(), variants.end()};
+}
+
+std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
+  std::vector<std::string> runs = query.runs;
+  const std::vector<std::string> there = project.RunNames();
+  for (const std::string& run : runs) {
+    if (std::find(there.begin(), there.end(), run) == there.end()) project.run(run);  // throws, naming the nearest one
+  }
+  if (runs.empty()) runs = there;
+  const std::set<std::string> wanted = WithNeeds(query.stages);
+  std::vector<Job> jobs;
+  for (const StageInfo& stage : Stages()) {
+    if (wanted.count(stage.name) == 0) continue;
+    const std::vector<std::string> variants = stage.variants ? query.variants : std::vector<std::string>{""};
+    const std::vector<std::string> names = stage.per_run ? runs : std::vector<std::string>{""};
+    for (const std::string& variant : variants) {
+      for (const std::string& run : names) jobs.push_back({&stage, {run, variant, query.overrides}});
+    }
+  }
+  return jobs;
+}
+
+std::string_view JobEndName(JobEnd end) {
+  switch (end) {
+    case JobEnd::kComputed: return "computed";
+    case JobEnd::kUpToDate: return "up to date";
+    case JobEnd::kNotNeeded: return "not needed";
+    case JobEnd::kSkipped: return "skipped";
+    case JobEnd::kFailed: return "failed";
+  }
+  return "";
+}
+
+std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& jobs, int threads, uint64_t seed,
+                               ProgressSink& progress, const CancelToken& cancel, const JobCallbacks& callbacks) {
+  const std::shared_ptr<ProjectLock> lock = project.Lock();  // over all of them, so that nobody comes in between
+  std::vector<JobResult> results;
+  for (const Job& job : jobs) {
+    cancel.ThrowIfCancelled();
+    JobResult result;
+    result.job = job;
+    int needed = 0, broken = 0;
+    for (const JobResult& earlier : results) {
+      if (!Needs(job, earlier.job)) continue;
+      ++needed;
+      if (earlier.end != JobEnd::kFailed && earlier.end != JobEnd::kSkipped) continue;
+      ++broken;
+      result.reason = earlier.job.Title() + " " + std::string(JobEndName(earlier.end));
+    }
+    if (std::string why = WhyNotNeeded(project, job); !why.empty()) {
+      result.end = JobEnd::kNotNeeded;
+      result.reason = std::move(why);
+    } else if (broken > 0 && (job.stage->per_run || broken == needed)) {
+      result.end = JobEnd::kSkipped;
+    } else {
+      result.reason.clear();
+      callbacks.begun(job);
+      try {
+        result.outcome =
+            RunStage(project, MakeRequest(project, *job.stage, job.target), threads, seed, progress, cancel);
+        result.end = result.outcome.computed ? JobEnd::kComputed : JobEnd::kUpToDate;
+      } catch (const Cancelled&) {
+        throw;
+      } catch (const Error& e) {
+        result.end = JobEnd::kFailed;
+        result.reason = e.what();
+        result.exit_code = e.ExitCode();
+      }
+    }
+    results.push_back(result);
+    callbacks.ended(results.back());
+  }
+  return results;
+}
+
+std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& jobs, uint64_t seed) {
+  std::vector<JobState> states;
+  for (const Job& job : jobs) {
+    JobState state;
+    state.job = job;
+    state.reason = WhyNotNeeded(project, job);
+    state.needed = state.reason.empty();
+    const std::string name = ResultName(*job.stage, job.target);
+    if (const auto manifest = ReadManifest(project, job.stage->name, name)) state.manifest = *manifest;
+    if (state.needed && project.site().broken_runs.count(job.target.run) > 0) {
+      state.state = StageState::kFailed;
+      state.reason = project.site().broken_runs.at(job.target.run);
+    } else if (state.needed) {
+      StageRequest request = MakeRequest(project, *job.stage, job.target);
+      uint64_t its_seed = seed;
+      if (!job.target.variant.empty() && !project.variants().contains(job.target.variant) &&
+          state.manifest.is_object()) {
+        request.options = state.manifest.value("options", request.options);
+        its_seed = state.manifest.value("seed", seed);
+      }
+      state.state = StateOf(project, request, its_seed);
+      const auto failure = ReadFailure(project, job.stage->name, name);
+      if (state.state == StageState::kFailed && failure) state.reason = failure->value("error", "");
+      if (state.state == StageState::kDone) {
+        for (const JobState& earlier : states) {
+          if (earlier.needed && Needs(job, earlier.job) && earlier.state != StageState::kDone) {
+            state.state = StageState::kOutOfDate;
+            state.reason = earlier.job.Title() + " is " + std::string(StageStateName(earlier.state));
+          }
+        }
+      }
+    }
+    states.push_back(std::move(state));
+  }
+  return states;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,110 @@
+#include "app/pipeline/stages.h"
+
+#include <algorithm>
+
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+// Each is defined in the file of its name; here they stand in the order in which they need each other.
+const std::vector<StageInfo>& Stages() {
+  static const std::vector<StageInfo> kStages = {};
+  return kStages;
+}
+
+const StageInfo& StageNamed(const std::string& name) {
+  std::vector<std::string> names;
+  for (const StageInfo& stage : Stages()) {
+    if (stage.name == name) return stage;
+    names.push_back(stage.name);
+  }
+  const std::string nearest = NearestName(name, names);
+  throw OptionError("unknown stage '" + name + "'" + (nearest.empty() ? "" : "; nearest known one: '" + nearest + "'"));
+}
+
+std::string ResultName(const StageInfo& stage, const StageTarget& target) {
+  const std::string run = stage.per_run ? target.run : "";
+  return stage.variants && !target.variant.empty() ? run + "@" + target.variant : run;
+}
+
+StageRequest MakeRequest(const Project& project, const StageInfo& stage, const StageTarget& target) {
+  StageRequest request = stage.make(project, target);
+  request.stage = stage.name;
+  request.name = ResultName(stage, target);
+  return request;
+}
+
+fs::path ResultOf(const Project& project, const std::string& stage, const StageTarget& target) {
+  return project.ResultDir(stage, ResultName(StageNamed(stage), target));
+}
+
+fs::path ManifestOf(const Project& project, const std::string& stage, const StageTarget& target) {
+  return ResultOf(project, stage, target) / "manifest.json";
+}
+
+std::vector<fs::path> RunInputs(const Project&, const Run& run) {
+  std::vector<fs::path> inputs;
+  std::error_code ignored;
+  // Tables first: every small file of the run's folder, known by name or not, since readers may take new ones in.
+  for (fs::directory_iterator it(run.dir, ignored), end; it != end; it.increment(ignored)) {
+    if (it->is_regular_file(ignored) && it->path().filename().string().front() != '.') inputs.push_back(it->path());
+  }
+  for (const ImageEntry& image : run.images) inputs.push_back(image.path);
+  for (const BodyCamera& camera : run.cameras) {
+    if (!camera.mask.empty()) inputs.push_back(camera.mask);
+  }
+  std::sort(inputs.begin(), inputs.end());
+  inputs.erase(std::unique(inputs.begin(), inputs.end()), inputs.end());
+  return inputs;
+}
+
+std::vector<fs::path> ReferenceInputs(const Project& project) {
+  std::vector<fs::path> inputs;
+  for (const char* table : {"panoramas.csv", "photos.csv"}) {
+    if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
+  }
+  for (const Reference& reference : project.site().references) {
+    inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
+  }
+  return inputs;
+}
+
+std::vector<OptionLayer> OptionLayers(const Project& project, const std::string& stage, const StageTarget& target) {
+  const std::string file = (project.dir() / "trigpoint.yaml").string();
+  std::vector<OptionLayer> layers = {{project.StageOptions(stage), file + ": stages." + stage}};
+  if (target.variant == "paper" && !project.variants().contains("paper")) {
+    const std::vector<std::string>& flags = StageNamed(stage).flags;
+    if (std::find(flags.begin(), flags.end(), "mode") != flags.end()) {
+      layers.push_back({{{"mode", "paper"}}, "the variant paper"});
+    }
+  } else if (!target.variant.empty()) {
+    layers.push_back(
+        {project.VariantOptions(target.variant, stage), file + ": variants." + target.variant + "." + stage});
+  }
+  if (const auto it = target.overrides.find(stage); it != target.overrides.end()) {
+    layers.push_back({*it, "command line"});
+  }
+  return layers;
+}
+
+void CheckProjectOptions(const Project& project) {
+  const std::string file = (project.dir() / "trigpoint.yaml").string();
+  std::vector<std::string> problems;
+  const auto check = [&](const json& stages, const std::string& where) {
+    for (const auto& [name, values] : stages.items()) {
+      try {
+        StageNamed(name).check(values, where + "." + name, problems);
+      } catch (const OptionError& e) {
+        problems.push_back(where + ": " + e.what());
+      }
+    }
+  };
+  check(project.stages(), file + ": stages");
+  for (const auto& [variant, stages] : project.variants().items()) check(stages, file + ": variants." + variant);
+  ThrowIfAny(problems);
+}
+
+}  // namespace trigpoint

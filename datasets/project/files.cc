@@ -1,0 +1,81 @@
+#include "datasets/project/files.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <vector>
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+IoError IoErrorFor(const fs::path& file, std::string_view done, int error_number) {
+  std::string text = file.string() + ": cannot be " + std::string(done) + ": " + std::strerror(error_number);
+  switch (error_number) {
+    case ENOSPC:
+    case EDQUOT: text += "; free some space on that disk and run the same command again"; break;
+    case EROFS:
+    case EACCES:
+    case EPERM: text += "; make the place writable or work in a copy of the project"; break;
+    default: break;
+  }
+  return IoError(text);
+}
+
+void ReplaceFolder(const fs::path& fresh, const fs::path& target) {
+  std::error_code ignored;
+  if (rename(fresh.c_str(), target.c_str()) == 0) return;  // nothing was there, or an empty folder
+  if (renameat2(AT_FDCWD, fresh.c_str(), AT_FDCWD, target.c_str(), RENAME_EXCHANGE) == 0) {
+    fs::remove_all(fresh, ignored);  // if this is cut short, RecoverFolder does the rest
+    return;
+  }
+  const fs::path old = target.parent_path() / (std::string(kReplacedPrefix) + target.filename().string());
+  fs::remove_all(old, ignored);
+  if (rename(target.c_str(), old.c_str()) != 0 || rename(fresh.c_str(), target.c_str()) != 0) {
+    throw IoErrorFor(target, "replaced", errno);
+  }
+  fs::remove_all(old, ignored);
+}
+
+void RecoverFolder(const fs::path& folder) {
+  std::error_code ignored;
+  std::vector<fs::path> leftovers;
+  for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+    const std::string name = it->path().filename().string();
+    if (name.starts_with(kTemporaryPrefix) || name.starts_with(kReplacedPrefix)) leftovers.push_back(it->path());
+  }
+  for (const fs::path& path : leftovers) {
+    const std::string name = path.filename().string();
+    const fs::path target = folder / name.substr(kReplacedPrefix.size());
+    if (name.starts_with(kReplacedPrefix) && !fs::exists(target, ignored)) {
+      fs::rename(path, target, ignored);
+    } else {
+      fs::remove_all(path, ignored);
+    }
+  }
+}
+
+std::string RelativeTo(const fs::path& root, const fs::path& path) {
+  const fs::path relative = path.lexically_normal().lexically_relative(root);
+  if (relative.empty() || *relative.begin() == "..") return path.lexically_normal().generic_string();
+  return relative.generic_string();
+}
+
+std::string DumpJson(const nlohmann::json& value, int indent) {
+  return value.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string UtcTimeText() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,42 @@
+// One writer at a time in a project: results/.lock.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace trigpoint {
+
+// Who writes, as the lock file says.
+struct LockHolder {
+  std::string host;
+  int64_t process = 0;
+  std::string user;
+  std::string since;  // UTC
+  std::string stage;  // the result being made, "localize/run1", or empty
+};
+
+// Held from construction to destruction. It is a lock of the kernel on an open file, so that it ends with its process
+// however that ends: the lock of a dead holder needs no clearing. The file's content is only what others are told.
+class ProjectLock {
+ public:
+  // Creates `results` if needed, and removes what killed processes left in it. Throws IoError naming the holder if
+  // another one (also of this process) has it, or if `results` cannot be written.
+  explicit ProjectLock(std::filesystem::path results);
+  ~ProjectLock();
+  ProjectLock(const ProjectLock&) = delete;
+  ProjectLock& operator=(const ProjectLock&) = delete;
+
+  // Says which result is being made (`status` shows it as running).
+  void Announce(const std::string& stage);
+
+  // Who holds the lock now; nothing if nobody does. Never creates or changes anything.
+  static std::optional<LockHolder> Holder(const std::filesystem::path& results);
+
+ private:
+  std::filesystem::path file_;
+  LockHolder holder_;
+  int fd_ = -1;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,459 @@
+#include "datasets/project/project.h"
+
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <optional>
+#include <set>
+
+#include "datasets/io/text.h"
+#include "datasets/io/yaml.h"
+#include "datasets/project/files.h"
+#include "datasets/project/yaml_json.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSchema = 1;
+constexpr const char* kProjectFile = "trigpoint.yaml";
+const std::vector<std::string> kKeys = {"schema", "name",  "origin",   "crs",   "runs",
+                                        "roles",  "gates", "variants", "stages"};
+const std::vector<std::string> kRoles = {"survey", "evaluation", "both"};
+
+struct ProjectFile {
+  std::string name;
+  std::optional<Geodetic> origin;
+  std::string crs;
+  std::optional<std::vector<std::string>> runs;
+  std::map<std::string, std::string> roles;
+  nlohmann::json stages = nlohmann::json::object();
+  nlohmann::json variants = nlohmann::json::object();
+  nlohmann::json gates = nlohmann::json::object();
+};
+
+// {name: {key: value}}, so that what comes later can rely on two levels of maps.
+nlohmann::json ReadNestedMap(const YamlMap& map) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const std::string& key : map.Keys()) {
+    map.MapOfAnyKeys(key);
+    const nlohmann::json value = JsonFromYaml(map.Node(key));
+    json[key] = value.is_null() ? nlohmann::json::object() : value;
+  }
+  return json;
+}
+
+ProjectFile ReadProjectFile(const fs::path& dir) {
+  const fs::path file = dir / kProjectFile;
+  const YamlMap map(file, LoadYaml(file), kKeys);
+  ProjectFile result;
+  if (const int schema = map.Integer("schema", kSchema); schema != kSchema) {
+    map.Fail("schema",
+             fmt::format("expected {}, found {}: the file is of another version of Trigpoint", kSchema, schema));
+  }
+  result.name = map.Text("name");
+  result.crs = map.Text("crs");
+  if (!result.crs.empty() && (!result.crs.starts_with("EPSG:") || !ParseInt(result.crs.substr(5)))) {
+    map.Fail("crs", "expected EPSG:<number>, found '" + result.crs + "'");
+  }
+  if (map.Has("origin")) {
+    const YamlMap origin = map.Map("origin", {"latitude_deg", "longitude_deg", "height_m"});
+    for (const char* key : {"latitude_deg", "longitude_deg"}) {
+      if (!origin.Has(key)) map.Fail("origin", std::string("expected latitude_deg and longitude_deg, found no ") + key);
+    }
+    result.origin =
+        Geodetic{origin.Number("latitude_deg", 0), origin.Number("longitude_deg", 0), origin.Number("height_m", 0)};
+  }
+  if (map.Has("runs")) {
+    const YAML::Node list = map.Node("runs");
+    if (!list.IsSequence()) map.Fail("runs", "expected a list of folders below runs/, such as [run1, run2]");
+    result.runs.emplace();
+    for (const YAML::Node& item : list) {
+      if (!item.IsScalar()) map.Fail("runs", "expected a list of names");
+      const std::string& written = item.Scalar();
+      const fs::path run = ResolveInside(dir, dir / "runs", written, map.Where("runs"));
+      if (run.parent_path() != dir / "runs") {
+        map.Fail("runs", "expected the names of folders below runs/, found '" + written + "'");
+      }
+      result.runs->push_back(run.filename().string());
+    }
+  }
+  const YamlMap roles = map.MapOfAnyKeys("roles");
+  for (const std::string& run : roles.Keys()) {
+    const std::string role = roles.Text(run);
+    if (std::find(kRoles.begin(), kRoles.end(), role) == kRoles.end()) {
+      roles.Fail(run, "expected survey, evaluation or both, found '" + role + "'");
+    }
+    result.roles[run] = role;
+  }
+  map.MapOfAnyKeys("gates");
+  if (map.Has("gates")) result.gates = JsonFromYaml(map.Node("gates"));
+  result.stages = ReadNestedMap(map.MapOfAnyKeys("stages"));
+  const YamlMap variants = map.MapOfAnyKeys("variants");
+  for (const std::string& variant : variants.Keys()) {
+    try {
+      CheckVariantName(variant);
+    } catch (const OptionError& e) {
+      variants.Fail(variant, e.what());
+    }
+    result.variants[variant] = ReadNestedMap(variants.MapOfAnyKeys(variant));
+  }
+  return result;
+}
+
+bool KnowsAnything(const Site& site) {
+  return !site.runs.empty() || !site.broken_runs.empty() || !site.references.empty() || !site.control_points.empty();
+}
+
+// As they end up in trigpoint.yaml, so that a folder opened bare has the same frame as after `init`.
+Geodetic Rounded(const Geodetic& g) {
+  return {std::round(g.latitude_deg * 1e9) / 1e9, std::round(g.longitude_deg * 1e9) / 1e9,
+          std::round(g.height_m * 1e4) / 1e4};
+}
+
+class GeodeticMean {
+ public:
+  void Add(const Geodetic& g, bool has_height) {
+    ecef_ += EcefFromGeodetic({g.latitude_deg, g.longitude_deg, 0});
+    ++count_;
+    if (!has_height) return;
+    height_ += g.height_m;
+    ++heights_;
+  }
+  int count() const { return count_; }
+  Geodetic Mean() const {
+    Geodetic mean = GeodeticFromEcef(ecef_ / count_);
+    mean.height_m = heights_ > 0 ? height_ / heights_ : 0;
+    return Rounded(mean);
+  }
+
+ private:
+  Eigen::Vector3d ecef_ = Eigen::Vector3d::Zero();
+  double height_ = 0;
+  int count_ = 0;
+  int heights_ = 0;
+};
+
+std::string Count(size_t n, const std::string& one, const std::string& many) {
+  return fmt::format("{} {}", n, n == 1 ? one : many);
+}
+
+std::string Quoted(const std::string& text) { return DumpJson(text); }  // JSON's strings are YAML's
+
+std::string QuotedList(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + Quoted(name);
+  return "[" + text + "]";
+}
+
+std::vector<std::string> NamesOfRuns(const Site& site) {
+  std::vector<std::string> names;
+  for (const Run& run : site.runs) names.push_back(run.name);
+  for (const auto& [name, reason] : site.broken_runs) names.push_back(name);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string DescribeRun(const Run& run) {
+  std::vector<std::string> parts;
+  if (!run.images.empty()) {
+    const bool video = run.images.front().video_frame >= 0;
+    parts.push_back(Count(run.images.size(), video ? "video frame" : "image", video ? "video frames" : "images"));
+  }
+  if (!run.detections.empty()) parts.push_back("detections.csv");
+  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size(), "camera", "cameras"));
+  if (!run.odometry.poses.empty()) parts.push_back(Count(run.odometry.poses.size(), "odometry pose", "odometry poses"));
+  if (!run.gps.empty()) parts.push_back(Count(run.gps.size(), "GPS fix", "GPS fixes"));
+  return fmt::format("run {}: {}", run.name,
+                     parts.empty() ? "nothing that can be used" : fmt::format("{}", fmt::join(parts, ", ")));
+}
+
+void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitReport& report) {
+  for (const Run& run : site.runs) {
+    report.found.push_back(DescribeRun(run));
+    const std::string prefix = "run " + run.name + ": ";
+    if (run.images.empty() && run.detections.empty()) {
+      report.missing.push_back(prefix + "images (images.txt with its pictures, or a video)");
+    }
+    if (run.cameras.empty()) report.missing.push_back(prefix + "camchain.yaml, the camera's calibration");
+    if (run.odometry.poses.empty()) {
+      report.missing.push_back(prefix + "odometry.tum: `localize` needs the motion between images in metres");
+    }
+    for (const std::string& warning : run.warnings) report.warnings.push_back(warning);
+  }
+  for (const auto& [run, reason] : site.broken_runs) report.warnings.push_back("run " + run + ": " + reason);
+  size_t kinds[3] = {};
+  size_t positions = 0;
+  for (const Reference& reference : site.references) {
+    ++kinds[static_cast<size_t>(reference.kind)];
+    positions += reference.geotag.has_position ? 1 : 0;
+  }
+  if (kinds[0] > 0) report.found.push_back(Count(kinds[0], "panorama", "panoramas"));
+  if (kinds[1] > 0) report.found.push_back(Count(kinds[1], "geotagged photo", "geotagged photos"));
+  if (kinds[2] > 0) report.found.push_back(Count(kinds[2], "hand-held photo set", "hand-held photo sets"));
+  if (!site.stations.empty()) report.found.push_back(Count(site.stations.size(), "station", "stations"));
+  if (site.tags.size_m > 0 || !site.tags.sizes_m.empty()) {
+    report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
+                                       site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
+  }
+  if (!site.control_points.empty()) {
+    const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
+                                       [](const ControlPoint& p) { return p.control; });
+    report.found.push_back(fmt::format("{}, {} of them for checks only",
+                                       Count(site.control_points.size(), "control point", "control points"),
+                                       site.control_points.size() - static_cast<size_t>(control)));
+  }
+  if (!site.aerial.empty()) report.found.push_back("aerial image " + site.aerial.filename().string());
+  if (origin) {
+    report.found.push_back(fmt::format("origin {:.9f}, {:.9f}, {:.3f} m ({})", origin->position.latitude_deg,
+                                       origin->position.longitude_deg, origin->position.height_m, origin->source));
+  }
+  if (NamesOfRuns(site).empty())
+    report.missing.push_back("runs: runs/<run>/ with images.txt, camchain.yaml, odometry.tum");
+  if (site.references.empty()) {
+    report.missing.push_back(
+        "panoramas (panoramas.csv), geotagged photos (photos.csv) or photo sets (photos/<set>/): "
+        "without them `localize` gives only each run's own frame");
+  } else if (positions == 0) {
+    report.missing.push_back("positions of the panoramas: without them there are no coordinates on the Earth");
+  }
+  if (!origin) report.missing.push_back("an origin: no control point, panorama or GPS says where on Earth this is");
+  if (site.stations.empty() || (site.tags.size_m <= 0 && site.tags.sizes_m.empty())) {
+    report.missing.push_back("stations.csv and tags.yaml: `evaluate` needs tags at the stations as truth");
+  }
+  for (const std::string& warning : site.warnings) report.warnings.push_back(warning);
+}
+
+std::string NewProjectFile(const fs::path& dir, const Site& site, const std::optional<SiteOrigin>& origin) {
+  std::string text =
+      "# A Trigpoint project. Every key has a default; docs/file_formats.md lists them.\n"
+      "schema: 1\n";
+  text += "name: " + Quoted(dir.filename().string()) + "\n";
+  if (origin) {
+    const Geodetic& g = origin->position;
+    text += fmt::format("# Where the site's east-north-up frame begins: {}.\n", origin->source);
+    text += fmt::format("origin: {{latitude_deg: {:.9f}, longitude_deg: {:.9f}, height_m: {:.4f}}}\n", g.latitude_deg,
+                        g.longitude_deg, g.height_m);
+    if (std::abs(g.latitude_deg) < 80) text += fmt::format("crs: EPSG:{}\n", UtmFromGeodetic(g).EpsgCode());
+  }
+  text += "# Folders below runs/ that take part.\nruns: " + QuotedList(NamesOfRuns(site)) + "\n";
+  text +=
+      "# survey, evaluation or both; goes before the role in the run's run.yaml.\n"
+      "roles: {}\n"
+      "gates: {}\n"
+      "# Further sets of results: {<variant>: {<stage>: {<option>: value}}}.\n"
+      "variants: {}\n"
+      "# Options that differ from their defaults: {<stage>: {<option>: value}}; `trigpoint <stage> --help` lists "
+      "them.\n"
+      "stages: {}\n";
+  return text;
+}
+
+// Adds runs to a one-line `runs: [...]` of a file that is otherwise the user's own; false if it has another form.
+bool AddRuns(std::string& text, const std::vector<std::string>& all) {
+  size_t begin = text.starts_with("runs:") ? 0 : text.find("\nruns:");
+  if (begin == std::string::npos) return false;
+  if (text[begin] == '\n') ++begin;
+  const size_t end = std::min(text.find('\n', begin), text.size());
+  const std::string_view value = Trim(std::string_view(text).substr(begin + 5, end - begin - 5));
+  if (!value.starts_with('[') || !value.ends_with(']')) return false;
+  text.replace(begin, end - begin, "runs: " + QuotedList(all));
+  return true;
+}
+
+const nlohmann::json& ObjectAt(const nlohmann::json& json, const std::string& key) {
+  static const nlohmann::json kEmpty = nlohmann::json::object();
+  const auto it = json.find(key);
+  return it == json.end() ? kEmpty : *it;
+}
+
+fs::path ExistingFolder(const fs::path& dir) {
+  std::error_code failure;
+  if (!fs::exists(dir, failure)) throw InputError(dir.string() + ": there is no such folder");
+  if (!fs::is_directory(dir, failure)) throw InputError(dir.string() + ": expected a project folder, found a file");
+  const fs::path canonical = fs::canonical(dir, failure);
+  if (failure) throw InputError(dir.string() + ": cannot be opened: " + failure.message());
+  return canonical;
+}
+
+[[noreturn]] void ThrowNothingFound(const fs::path& dir) {
+  throw InputError(dir.string() +
+                   ": found neither runs/<run>/ with images.txt, nor panoramas.csv, photos.csv, photos/ or "
+                   "control_points.csv; expected a folder in the layout of docs/file_formats.md");
+}
+
+}  // namespace
+
+struct Project::Shared {
+  explicit Shared(const fs::path& dir) : hashes(dir, dir / "results" / ".hashes") {}
+  FileHashes hashes;
+  std::mutex mutex;
+  std::weak_ptr<ProjectLock> lock;
+};
+
+std::optional<SiteOrigin> FindOrigin(const Site& site) {
+  if (site.origin) return SiteOrigin{*site.origin, "from origin.json"};
+  GeodeticMean control, references, gps;
+  for (const ControlPoint& point : site.control_points) {
+    if (point.geodetic) control.Add(*point.geodetic, true);
+  }
+  if (control.count() > 0) {
+    return SiteOrigin{control.Mean(),
+                      "the mean of " + Count(static_cast<size_t>(control.count()), "control point", "control points")};
+  }
+  for (const Reference& reference : site.references) {
+    if (reference.geotag.has_position) references.Add(reference.geotag.position, reference.geotag.has_height);
+  }
+  if (references.count() > 0) {
+    return SiteOrigin{references.Mean(),
+                      "the mean of " + Count(static_cast<size_t>(references.count()), "geotag", "geotags")};
+  }
+  for (const Run& run : site.runs) {
+    for (const GpsFix& fix : run.gps) gps.Add(fix.position, true);
+  }
+  if (gps.count() > 0) {
+    return SiteOrigin{gps.Mean(), "the mean of " + Count(static_cast<size_t>(gps.count()), "GPS fix", "GPS fixes")};
+  }
+  return std::nullopt;
+}
+
+void CheckVariantName(const std::string& variant) {
+  const bool fits = !variant.empty() && variant.front() != '.' &&
+                    variant.find_first_of(std::string("/\\@\n\0", 5)) == std::string::npos;
+  if (!fits) {
+    throw OptionError("the variant name '" + variant +
+                      "' cannot be part of a folder's name; use letters, digits, '-' and '_'");
+  }
+}
+
+Project Project::Open(const fs::path& dir_in) {
+  Project project;
+  project.dir_ = ExistingFolder(dir_in);
+  const fs::path& dir = project.dir_;
+  ProjectFile file;
+  const bool has_file = fs::exists(dir / kProjectFile);
+  if (has_file) file = ReadProjectFile(dir);  // before the site: its errors come first and fast
+  project.site_ = ReadSite(dir);
+  if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
+  project.name_ = file.name.empty() ? dir.filename().string() : file.name;
+  project.crs_ = file.crs;
+  project.stages_ = std::move(file.stages);
+  project.variants_ = std::move(file.variants);
+  project.gates_ = std::move(file.gates);
+  project.warnings_ = project.site_.warnings;
+
+  const std::vector<std::string> there = NamesOfRuns(project.site_);
+  const auto require = [&](const std::string& run, const std::string& key) {
+    if (std::find(there.begin(), there.end(), run) != there.end()) return;
+    const std::string nearest = NearestName(run, there);
+    throw InputError((dir / kProjectFile).string() + ": key '" + key + "': there is no run '" + run + "' below runs/" +
+                     (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+  };
+  if (file.runs) {
+    for (const std::string& run : *file.runs) require(run, "runs");
+    const std::set<std::string> listed(file.runs->begin(), file.runs->end());
+    for (const std::string& run : there) {
+      if (listed.count(run) > 0) continue;
+      project.warnings_.push_back("run " + run + " is not listed in " + kProjectFile +
+                                  " and takes no part; `trigpoint init` adds it");
+    }
+    std::erase_if(project.site_.runs, [&](const Run& run) { return listed.count(run.name) == 0; });
+    std::erase_if(project.site_.broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
+  }
+  for (const auto& [run, role] : file.roles) {
+    require(run, "roles");
+    for (Run& r : project.site_.runs) {
+      if (r.name == run) r.config.role = role;
+    }
+  }
+  const std::optional<SiteOrigin> found = FindOrigin(project.site_);
+  if (file.origin || found) {
+    project.has_frame_ = true;
+    project.frame_ = LocalFrame(file.origin ? *file.origin : found->position);
+  }
+  if (file.origin && project.site_.origin) {
+    const double apart = (EcefFromGeodetic(*file.origin) - EcefFromGeodetic(*project.site_.origin)).norm();
+    if (apart > 1e-3) {
+      project.warnings_.push_back(fmt::format("origin.json and {} name origins {:.3f} m apart; the one in {} is used",
+                                              kProjectFile, apart, kProjectFile));
+    }
+  }
+  project.shared_ = std::make_shared<Shared>(dir);
+  return project;
+}
+
+InitReport Project::Init(const fs::path& dir_in) {
+  const fs::path dir = ExistingFolder(dir_in);
+  InitReport report;
+  report.file = dir / kProjectFile;
+  report.created = !fs::exists(report.file);
+  ProjectFile old;
+  if (!report.created) old = ReadProjectFile(dir);
+  const Site site = ReadSite(dir);
+  if (!KnowsAnything(site)) ThrowNothingFound(dir);
+  std::optional<SiteOrigin> origin = FindOrigin(site);
+  if (origin) origin->position = Rounded(origin->position);
+  if (report.created) {
+    WriteFileAtomically(report.file, NewProjectFile(dir, site, origin));
+  } else if (old.runs) {
+    std::vector<std::string> runs = *old.runs;
+    std::vector<std::string> added;
+    for (const std::string& run : NamesOfRuns(site)) {
+      if (std::find(runs.begin(), runs.end(), run) == runs.end()) added.push_back(run);
+    }
+    runs.insert(runs.end(), added.begin(), added.end());
+    std::string text = ReadTextFile(report.file);
+    if (added.empty()) {
+      // nothing new
+    } else if (AddRuns(text, runs)) {
+      WriteFileAtomically(report.file, text);
+    } else {
+      report.warnings.push_back(fmt::format("add {} to `runs:` in {} to use it", fmt::join(added, ", "), kProjectFile));
+    }
+  }
+  if (old.origin) origin = SiteOrigin{*old.origin, std::string("from ") + kProjectFile};
+  Describe(site, origin, report);
+  Open(dir);  // what was written must be readable, and what the user wrote before is checked in full
+  return report;
+}
+
+const Run& Project::run(const std::string& name) const {
+  for (const Run& run : site_.runs) {
+    if (run.name == name) return run;
+  }
+  if (const auto broken = site_.broken_runs.find(name); broken != site_.broken_runs.end()) {
+    throw InputError(broken->second);
+  }
+  const std::string nearest = NearestName(name, RunNames());
+  throw InputError("project " + dir_.string() + " has no run '" + name + "'" +
+                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+}
+
+std::vector<std::string> Project::RunNames() const { return NamesOfRuns(site_); }
+
+const nlohmann::json& Project::StageOptions(const std::string& stage) const { return ObjectAt(stages_, stage); }
+
+const nlohmann::json& Project::VariantOptions(const std::string& variant, const std::string& stage) const {
+  return ObjectAt(ObjectAt(variants_, variant), stage);
+}
+
+fs::path Project::ResultDir(const std::string& stage, const std::string& name) const {
+  if (name.empty() || name.front() == '@') return results() / (stage + name);
+  return results() / stage / name;
+}
+
+std::shared_ptr<ProjectLock> Project::Lock() const {
+  const std::lock_guard guard(shared_->mutex);
+  std::shared_ptr<ProjectLock> lock = shared_->lock.lock();
+  if (!lock) shared_->lock = lock = std::make_shared<ProjectLock>(results());
+  return lock;
+}
+
+FileHashes& Project::hashes() const { return shared_->hashes; }
+
+}  // namespace trigpoint

@@ -1,0 +1,369 @@
+#include "datasets/project/stage.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <fstream>
+#include <mutex>
+#include <new>
+#include <sstream>
+
+#include "calib/base/parallel.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+constexpr int kManifestSchema = 1;
+constexpr const char* kManifest = "manifest.json";
+constexpr const char* kLog = "log.txt";
+
+fs::path Beside(const fs::path& dir, std::string_view prefix) {
+  return dir.parent_path() / (std::string(prefix) + dir.filename().string());
+}
+
+std::string Title(const std::string& stage, const std::string& name) {
+  return name.empty() || name.front() == '@' ? stage + name : stage + "/" + name;
+}
+
+// A manifest that is not there or not readable counts as none: its result is made again.
+std::optional<json> ReadManifestIn(const fs::path& dir) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(dir / kManifest, ignored)) return std::nullopt;
+  const json manifest = json::parse(ReadTextFile(dir / kManifest), nullptr, false);
+  if (!manifest.is_object() || manifest.value("schema", 0) != kManifestSchema) return std::nullopt;
+  return manifest;
+}
+
+// All regular files below a folder, in order, without half-made ones.
+std::vector<fs::path> FilesBelow(const fs::path& dir) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(dir)) {
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+// What an earlier stage's result holds; its times and resources say nothing about that.
+std::string ResultHash(const fs::path& manifest_file) {
+  const std::optional<json> manifest = ReadManifestIn(manifest_file.parent_path());
+  if (!manifest) return "missing";
+  return Sha256(DumpJson({{"stage", manifest->value("stage", "")},
+                          {"version", manifest->value("version", 0)},
+                          {"files", manifest->value("files", json::object())}}));
+}
+
+// Hash of every input file, by its path relative to the project.
+json HashInputs(const Project& project, const StageRequest& request, int threads, const CancelToken& cancel) {
+  std::vector<fs::path> files;
+  json hashes = json::object();
+  for (const fs::path& input : request.inputs) {
+    const fs::path path = input.is_absolute() ? input : project.dir() / input;
+    std::error_code ignored;
+    if (fs::is_directory(path, ignored)) {
+      const std::vector<fs::path> below = FilesBelow(path);
+      files.insert(files.end(), below.begin(), below.end());
+    } else if (!fs::exists(path, ignored)) {
+      hashes[RelativeTo(project.dir(), path)] = "missing";
+    } else if (path.filename() == kManifest) {
+      hashes[RelativeTo(project.dir(), path)] = ResultHash(path);
+    } else {
+      files.push_back(path);
+    }
+  }
+  std::vector<std::string> file_hashes(files.size());
+  ParallelFor(static_cast<int64_t>(files.size()), threads, cancel, [&](int64_t i) {
+    file_hashes[static_cast<size_t>(i)] = project.hashes().Of(files[static_cast<size_t>(i)]);
+  });
+  for (size_t i = 0; i < files.size(); ++i) hashes[RelativeTo(project.dir(), files[i])] = file_hashes[i];
+  return hashes;
+}
+
+std::string Identity(const StageRequest& request, uint64_t seed, const json& inputs) {
+  return Sha256(DumpJson({{"stage", request.stage},
+                          {"version", request.version},
+                          {"options", request.options},
+                          {"values", request.values},
+                          {"seed", seed},
+                          {"inputs", inputs}}));
+}
+
+bool IsComplete(const json& manifest, const fs::path& dir) {
+  std::error_code ignored;
+  const json files = manifest.value("files", json::object());
+  for (const auto& [file, hash] : files.items()) {
+    if (!fs::exists(dir / file, ignored)) return false;
+  }
+  return manifest.value("status", "") == "done";
+}
+
+bool IsUpToDate(const std::optional<json>& manifest, const fs::path& dir, const std::string& identity) {
+  return manifest && manifest->value("identity", "") == identity && IsComplete(*manifest, dir);
+}
+
+// CPU seconds of this process and of the programs it has run.
+double CpuSeconds() {
+  double seconds = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    getrusage(who, &usage);
+    for (const timeval& t : {usage.ru_utime, usage.ru_stime}) {
+      seconds += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    }
+  }
+  return seconds;
+}
+
+// The kernel's high-water mark of this process' memory, since the last reset where it allows one.
+void ResetPeakMemory() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
+int64_t PeakMemoryBytes() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with("VmHWM:")) return ParseInt(SplitFields(line).at(1)).value_or(0) * 1024;
+  }
+  return 0;
+}
+
+// Writes log.txt, collects the warnings, and passes everything on.
+class StageLog final : public ProgressSink {
+ public:
+  StageLog(const fs::path& file, ProgressSink& outer) : file_(file), out_(file), outer_(outer) {
+    if (!out_) throw IoErrorFor(file_, "written", errno);
+  }
+  void Begin(std::string_view task, int64_t total) override {
+    Write("task", task);
+    outer_.Begin(task, total);
+  }
+  void Advance(int64_t steps) override { outer_.Advance(steps); }
+  void Log(LogLevel level, std::string_view text) override {
+    static constexpr const char* kNames[] = {"debug", "info", "warning", "error"};
+    Write(kNames[static_cast<size_t>(level)], text);
+    outer_.Log(level, text);
+    if (level != LogLevel::kWarning) return;
+    const std::lock_guard guard(mutex_);
+    warnings_.emplace_back(text);
+  }
+  void Write(std::string_view kind, std::string_view text) {
+    const std::lock_guard guard(mutex_);
+    out_ << UtcTimeText() << ' ' << kind << ' ' << text << '\n' << std::flush;
+  }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+  void Close() {
+    out_.close();
+    if (!out_) throw IoErrorFor(file_, "written", errno == 0 ? EIO : errno);
+  }
+
+ private:
+  fs::path file_;
+  std::ofstream out_;
+  ProgressSink& outer_;
+  std::mutex mutex_;
+  std::vector<std::string> warnings_;
+};
+
+// Writers deep inside a stage may not notice that their last block didn't fit.
+void RequireSpaceLeft(const fs::path& dir) {
+  std::error_code failure;
+  const fs::space_info space = fs::space(dir, failure);
+  if (!failure && space.available == 0) throw IoErrorFor(dir, "written", ENOSPC);
+}
+
+json HashOutputs(const fs::path& out, int threads, const CancelToken& cancel) {
+  const std::vector<fs::path> files = FilesBelow(out);
+  std::vector<std::string> hashes(files.size());
+  ParallelFor(static_cast<int64_t>(files.size()), threads, cancel,
+              [&](int64_t i) { hashes[static_cast<size_t>(i)] = Sha256OfFile(files[static_cast<size_t>(i)]); });
+  json result = json::object();
+  for (size_t i = 0; i < files.size(); ++i) {
+    const std::string name = RelativeTo(out, files[i]);
+    if (name != kLog) result[name] = hashes[i];
+  }
+  return result;
+}
+
+// Calls `body`, and turns what is not a trigpoint::Error into one.
+void CallTranslated(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error&) {
+    throw;
+  } catch (const fs::filesystem_error& e) {
+    throw IoErrorFor(e.path1(), "used", e.code().value());
+  } catch (const std::bad_alloc&) {
+    throw Error("not enough memory; use fewer --threads or smaller images");
+  } catch (const std::exception& e) {
+    throw Error(std::string("unexpected error: ") + e.what());
+  }
+}
+
+// Runs one request whose result is not up to date; the lock is held.
+class Attempt {
+ public:
+  Attempt(const Project& project, const StageRequest& request, const json& manifest)
+      : project_(project),
+        request_(request),
+        dir_(project.ResultDir(request.stage, request.name)),
+        temporary_(Beside(dir_, kTemporaryPrefix)),
+        manifest_(manifest) {}
+
+  json Run(int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+    std::error_code failure;
+    fs::remove_all(temporary_, failure);
+    fs::create_directories(temporary_, failure);
+    if (failure) throw IoErrorFor(temporary_, "created", failure.value());
+    try {
+      StageLog log(temporary_ / kLog, progress);
+      const auto start = std::chrono::steady_clock::now();
+      const double cpu_start = CpuSeconds();
+      ResetPeakMemory();
+      manifest_["start"] = UtcTimeText();
+      const auto finish = [&](const char* status) {
+        const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+        manifest_["end"] = UtcTimeText();
+        manifest_["wall_seconds"] = wall.count();
+        manifest_["cpu_seconds"] = CpuSeconds() - cpu_start;
+        manifest_["peak_memory_bytes"] = PeakMemoryBytes();
+        manifest_["warnings"] = log.warnings();
+        manifest_["status"] = status;
+      };
+      try {
+        CallTranslated([&] {
+          StageContext context{project_, temporary_, threads, seed, log, cancel, manifest_["metrics"]};
+          request_.body(context);
+          cancel.ThrowIfCancelled();
+          RequireSpaceLeft(temporary_);
+          manifest_["files"] = HashOutputs(temporary_, threads, cancel);
+        });
+        finish("done");
+        log.Write("done", fmt::format("in {:.1f} s", manifest_["wall_seconds"].get<double>()));
+        log.Close();
+      } catch (const Cancelled&) {
+        throw;
+      } catch (const Error& e) {
+        finish("failed");
+        manifest_["error"] = e.what();
+        manifest_["metrics"] = json::object();
+        log.Write("error", e.what());
+        LeaveRecord();
+        throw;
+      }
+      WriteFileAtomically(temporary_ / kManifest, DumpJson(manifest_, 2) + "\n");
+      ReplaceFolder(temporary_, dir_);
+    } catch (const Error&) {
+      fs::remove_all(temporary_, failure);
+      throw;
+    }
+    fs::remove_all(Beside(dir_, kFailedPrefix), failure);
+    return manifest_;
+  }
+
+ private:
+  // Only the manifest and the log of a failed attempt are kept. No room for them must not hide the error itself.
+  void LeaveRecord() {
+    std::error_code ignored;
+    try {
+      for (const auto& entry : fs::directory_iterator(temporary_)) {
+        if (entry.path().filename() != kLog) fs::remove_all(entry.path(), ignored);
+      }
+      WriteFileAtomically(temporary_ / kManifest, DumpJson(manifest_, 2) + "\n");
+      ReplaceFolder(temporary_, Beside(dir_, kFailedPrefix));
+    } catch (const std::exception&) {
+      fs::remove_all(temporary_, ignored);
+    }
+  }
+
+  const Project& project_;
+  const StageRequest& request_;
+  fs::path dir_, temporary_;
+  json manifest_;
+};
+
+}  // namespace
+
+std::string_view StageStateName(StageState state) {
+  switch (state) {
+    case StageState::kMissing: return "missing";
+    case StageState::kDone: return "done";
+    case StageState::kOutOfDate: return "out of date";
+    case StageState::kFailed: return "failed";
+    case StageState::kRunning: return "running";
+  }
+  return "";
+}
+
+StageOutcome RunStage(const Project& project, const StageRequest& request, int threads, uint64_t seed,
+                      ProgressSink& progress, const CancelToken& cancel) {
+  const std::shared_ptr<ProjectLock> lock = project.Lock();
+  const std::string title = Title(request.stage, request.name);
+  lock->Announce(title);
+  // Resets the announcement however this ends.
+  const std::shared_ptr<void> announced(nullptr, [&](void*) {
+    try {
+      lock->Announce("");
+    } catch (const IoError&) {  // a full disk is reported by what needed the space
+    }
+  });
+  StageOutcome outcome;
+  outcome.dir = project.ResultDir(request.stage, request.name);
+  json inputs;
+  CallTranslated([&] { inputs = HashInputs(project, request, threads, cancel); });
+  project.hashes().Save();
+  const std::string identity = Identity(request, seed, inputs);
+  if (const auto manifest = ReadManifestIn(outcome.dir); IsUpToDate(manifest, outcome.dir, identity)) {
+    outcome.manifest = *manifest;
+    return outcome;
+  }
+  const json manifest = {{"schema", kManifestSchema},
+                         {"stage", request.stage},
+                         {"name", request.name},
+                         {"version", request.version},
+                         {"identity", identity},
+                         {"options", request.options},
+                         {"values", request.values},
+                         {"inputs", inputs},
+                         {"seed", seed},
+                         {"threads", ResolveThreads(threads)},
+                         {"metrics", json::object()},
+                         {"warnings", json::array()},
+                         {"files", json::object()},
+                         {"status", "running"},
+                         {"error", nullptr}};
+  outcome.manifest = Attempt(project, request, manifest).Run(threads, seed, progress, cancel);
+  outcome.computed = true;
+  return outcome;
+}
+
+StageState StateOf(const Project& project, const StageRequest& request, uint64_t seed) {
+  const fs::path dir = project.ResultDir(request.stage, request.name);
+  if (const auto holder = ProjectLock::Holder(project.results());
+      holder && holder->stage == Title(request.stage, request.name)) {
+    return StageState::kRunning;
+  }
+  const auto manifest = ReadManifestIn(dir);
+  const auto failure = ReadManifestIn(Beside(dir, kFailedPrefix));
+  if (!manifest && !failure) return StageState::kMissing;
+  const std::string identity = Identity(request, seed, HashInputs(project, request, 0, CancelToken()));
+  if (IsUpToDate(manifest, dir, identity)) return StageState::kDone;
+  if (failure && failure->value("identity", "") == identity) return StageState::kFailed;
+  return manifest ? StageState::kOutOfDate : StageState::kMissing;
+}
+
+std::optional<json> ReadManifest(const Project& project, const std::string& stage, const std::string& name) {
+  return ReadManifestIn(project.ResultDir(stage, name));
+}
+
+std::optional<json> ReadFailure(const Project& project, const std::string& stage, const std::string& name) {
+  return ReadManifestIn(Beside(project.ResultDir(stage, name), kFailedPrefix));
+}
+
+}  // namespace trigpoint
