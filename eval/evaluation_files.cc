@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "eval/markdown.h"
 #include "eval/paper_tables.h"
 
 namespace trigpoint {
@@ -33,28 +34,6 @@ std::string FileStem(const ErrorGroup& g) {
   std::replace_if(
       stem.begin(), stem.end(), [](char c) { return c == '/' || c == '\\'; }, '_');
   return stem;
-}
-
-// Pads the cells of a Markdown table so that it reads well on a terminal too.
-std::string AlignMarkdown(const std::vector<std::vector<std::string>>& lines) {
-  std::vector<size_t> width(lines.front().size(), 3);
-  for (const auto& line : lines) {
-    for (size_t c = 0; c < line.size(); ++c) width[c] = std::max(width[c], line[c].size());
-  }
-  std::string text;
-  for (size_t r = 0; r < lines.size(); ++r) {
-    text += "|";
-    for (size_t c = 0; c < lines[r].size(); ++c) {
-      text +=
-          c == 0 ? fmt::format(" {:<{}} |", lines[r][c], width[c]) : fmt::format(" {:>{}} |", lines[r][c], width[c]);
-    }
-    text += "\n";
-    if (r > 0) continue;
-    text += "|";
-    for (size_t c = 0; c < width.size(); ++c) text += std::string(width[c] + 1, '-') + (c == 0 ? "-|" : ":|");
-    text += "\n";
-  }
-  return text;
 }
 
 ErrorTable TableOf(const PaperTable& paper) {

@@ -1,4 +1,5 @@
 // The launcher: the one place where errors become a line on standard error and an exit code.
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <iostream>
@@ -38,11 +39,11 @@ int Launch(int argc, char** argv) {
   AddStatusCommand(app, session);
   AddRunCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
-  if (argc > 1 && argv[1][0] != '-' && app.get_subcommand_no_throw(argv[1]) == nullptr) {
-    std::vector<std::string> names;
-    for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-      names.push_back(command->get_name());
-    }
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(command->get_name());
+  }
+  if (argc > 1 && argv[1][0] != '-' && std::find(names.begin(), names.end(), argv[1]) == names.end()) {
     return Fail(session,
                 "unknown command '" + std::string(argv[1]) + "'; nearest: '" + NearestName(argv[1], names) +
                     "', see trigpoint --help",

@@ -100,6 +100,7 @@ Camera::Camera(CameraModel model, int width, int height, std::vector<double> par
   }
   if (least > 0 && (params_[0] <= 0 || params_[1] <= 0)) fail("focal lengths must be positive");
   max_theta_ = MaxTheta(model_, params_);
+  max_radius_ = std::tan(max_theta_);
 }
 
 Camera Camera::FromFieldOfView(int width, int height, double hfov_rad) {
@@ -140,8 +141,7 @@ std::optional<Eigen::Vector3d> Camera::Unproject(const Eigen::Vector2d& pixel) c
   }
   // Newton with the exact Jacobian; converges from the distorted point inside the valid radius.
   Eigen::Vector2d x = m;
-  const double limit = std::tan(max_theta_);
-  if (x.norm() > limit) x *= limit / x.norm();
+  if (x.norm() > max_radius_) x *= max_radius_ / x.norm();
   for (int i = 0; i < 50; ++i) {
     Eigen::Matrix2d jacobian;
     const Eigen::Vector2d error = Distort(params_, x, &jacobian) - m;
@@ -150,13 +150,14 @@ std::optional<Eigen::Vector3d> Camera::Unproject(const Eigen::Vector2d& pixel) c
     x -= step;
     if (step.squaredNorm() < 1e-28) break;
   }
-  if (!x.allFinite() || x.norm() > limit * 1.0001) return std::nullopt;
+  if (!x.allFinite() || x.norm() > max_radius_ * 1.0001) return std::nullopt;
   if ((Distort(params_, x, nullptr) - m).norm() > 1e-9) return std::nullopt;
   return Eigen::Vector3d(x.x(), x.y(), 1).normalized();
 }
 
 std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& point,
                                                Eigen::Matrix<double, 2, 3>* jacobian) const {
+  if (!point.allFinite()) return std::nullopt;
   const double x = point.x(), y = point.y(), z = point.z();
   if (model_ == CameraModel::kEquirectangular) {
     const double rho2 = x * x + z * z, rho = std::sqrt(rho2), n2 = rho2 + y * y;
@@ -189,7 +190,7 @@ std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& point,
     }
     return Eigen::Vector2d(fx * s * x + cx, fy * s * y + cy);
   }
-  if (z <= 1e-9 || std::hypot(x, y) > z * std::tan(max_theta_)) return std::nullopt;
+  if (z <= 1e-9 || x * x + y * y > z * z * max_radius_ * max_radius_) return std::nullopt;
   const Eigen::Vector2d n(x / z, y / z);
   Eigen::Matrix2d dd = Eigen::Matrix2d::Identity();
   const Eigen::Vector2d d =
@@ -216,10 +217,11 @@ Camera Camera::Scaled(double factor) const {
   c.width_ = std::max(1, static_cast<int>(std::lround(width_ * factor)));
   c.height_ = std::max(1, static_cast<int>(std::lround(height_ * factor)));
   if (c.params_.size() >= 4) {
-    c.params_[0] *= factor;
-    c.params_[1] *= factor;
-    c.params_[2] = (c.params_[2] + 0.5) * factor - 0.5;
-    c.params_[3] = (c.params_[3] + 0.5) * factor - 0.5;
+    const double sx = static_cast<double>(c.width_) / width_, sy = static_cast<double>(c.height_) / height_;
+    c.params_[0] *= sx;
+    c.params_[1] *= sy;
+    c.params_[2] = (c.params_[2] + 0.5) * sx - 0.5;
+    c.params_[3] = (c.params_[3] + 0.5) * sy - 0.5;
   }
   return c;
 }

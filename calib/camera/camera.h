@@ -57,7 +57,8 @@ class Camera {
   // W * ray(pixel) = 0. Throws NumericError where the pixel has no ray.
   Eigen::Matrix<double, 2, 3> BearingSqrtInfo(const Eigen::Vector2d& pixel, double sigma_px) const;
 
-  // The same camera for an image resized by `factor` (pixel centres at integers are respected).
+  // The same camera for an image resized to round(width * factor) x round(height * factor); the image's edges stay
+  // its edges, as cv::resize to that size does it.
   Camera Scaled(double factor) const;
 
  private:
@@ -65,7 +66,8 @@ class Camera {
   int width_ = 0;
   int height_ = 0;
   std::vector<double> params_;
-  double max_theta_ = 0;  // largest valid angle from the axis, rad
+  double max_theta_ = 0;   // largest valid angle from the axis, rad
+  double max_radius_ = 0;  // its tangent
 };
 
 }  // namespace trigpoint

@@ -24,16 +24,22 @@ Sim3d AlignPoints(const std::vector<Eigen::Vector3d>& source, const std::vector<
     spread += (source[i] - ms).squaredNorm();
   }
   Sim3d result;
+  // Spread that rounding alone leaves of coincident points, squared.
+  const double nothing = 1e-24 * n * (ms.squaredNorm() + mt.squaredNorm());
   if (kind == AlignmentKind::kYawTranslation) {
     const double yaw = std::atan2(cross(1, 0) - cross(0, 1), cross(0, 0) + cross(1, 1));
-    if (cross.topLeftCorner<2, 2>().norm() < 1e-20) throw NumericError("alignment: the points coincide");
+    if (!(cross.topLeftCorner<2, 2>().norm() > nothing)) throw NumericError("alignment: the points coincide");
     result.rotation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ());
   } else {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    if (!(spread > 0) || !(svd.singularValues()(0) > 0)) throw NumericError("alignment: the points coincide");
+    if (!(svd.singularValues()(0) > nothing)) throw NumericError("alignment: the points coincide");
     Eigen::Vector3d d(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1.0 : 1.0);
-    const Eigen::Matrix3d r = svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();
-    result.rotation = Eigen::Quaterniond(r).normalized();
+    if (svd.singularValues()(1) > 1e-12 * svd.singularValues()(0)) {
+      const Eigen::Matrix3d r = svd.matrixU() * d.asDiagonal() * svd.matrixV().transpose();
+      result.rotation = Eigen::Quaterniond(r).normalized();
+    } else {  // points on a line
+      result.rotation = Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0));
+    }
     if (kind == AlignmentKind::kSim3) result.scale = svd.singularValues().dot(d) / spread;
   }
   result.translation = mt - result.scale * (result.rotation * ms);

@@ -40,7 +40,8 @@ inline Eigen::Matrix3d LeftJacobianSO3(const Eigen::Vector3d& w) {
   const Eigen::Matrix3d k = Skew(w);
   if (t2 < 1e-10) return Eigen::Matrix3d::Identity() + 0.5 * k + k * k / 6.0;
   const double t = std::sqrt(t2);
-  return Eigen::Matrix3d::Identity() + (1.0 - std::cos(t)) / t2 * k + (t - std::sin(t)) / (t2 * t) * k * k;
+  const double s = std::sin(0.5 * t);  // 1 - cos t = 2 s^2 without cancellation
+  return Eigen::Matrix3d::Identity() + 2.0 * s * s / t2 * k + (t - std::sin(t)) / (t2 * t) * k * k;
 }
 
 // Inverse of the left Jacobian: Log(Exp(d) Exp(w)) ~ w + J_l^-1 d.
@@ -49,7 +50,7 @@ inline Eigen::Matrix3d LeftJacobianInverseSO3(const Eigen::Vector3d& w) {
   const Eigen::Matrix3d k = Skew(w);
   if (t2 < 1e-10) return Eigen::Matrix3d::Identity() - 0.5 * k + k * k / 12.0;
   const double t = std::sqrt(t2);
-  const double c = 1.0 / t2 - (1.0 + std::cos(t)) / (2.0 * t * std::sin(t));
+  const double c = 1.0 / t2 - 1.0 / (2.0 * t * std::tan(0.5 * t));
   return Eigen::Matrix3d::Identity() - 0.5 * k + c * k * k;
 }
 

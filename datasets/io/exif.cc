@@ -11,7 +11,7 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kDiagonal35mm = 43.266615305567875;  // of a 36 x 24 mm frame
+constexpr double kLongSide35mm = 36;
 
 class Tags {
  public:
@@ -56,10 +56,10 @@ void ReadGps(const Tags& tags, PhotoMetadata* metadata) {
     metadata->position = Geodetic{*latitude, *longitude, 0};
     if (const auto height = tags.Number("Exif.GPSInfo.GPSAltitude")) {
       // 0, 1: above, below the sea; 2, 3: above, below the ellipsoid (EXIF 3).
-      const double ref = tags.Number("Exif.GPSInfo.GPSAltitudeRef").value_or(0);
+      const auto ref = tags.Number("Exif.GPSInfo.GPSAltitudeRef");
       metadata->position->height_m = ref == 1 || ref == 3 ? -*height : *height;
       metadata->has_height = true;
-      metadata->height_above_sea = ref < 2;
+      metadata->height_above_sea = ref && *ref < 2;
     }
     const auto error = tags.Number("Exif.GPSInfo.GPSHPositioningError");
     if (error && *error > 0) metadata->sigma_h_m = error;
@@ -86,7 +86,7 @@ void ReadFocal(const Tags& tags, PhotoMetadata* metadata) {
   if (width <= 0 || height <= 0) return;
   const auto equivalent = tags.Number("Exif.Photo.FocalLengthIn35mmFilm");
   if (equivalent && *equivalent > 0) {
-    metadata->focal_px = *equivalent / kDiagonal35mm * std::hypot(width, height);
+    metadata->focal_px = *equivalent / kLongSide35mm * std::max(width, height);
     return;
   }
   const auto focal_mm = tags.Number("Exif.Photo.FocalLength");

@@ -21,6 +21,8 @@ struct PreparedPlane {
   float inv_normal_norm;
   float shade;
   float texels_per_m_s, texels_per_m_t;
+  Eigen::Vector3f to_centre;  // unit, to the middle of the plane
+  float angular_radius;       // of the sphere around it, rad; pi where the origin is within
 };
 
 PreparedPlane Prepare(const TexturedPlane& plane, const Eigen::Vector3d& origin, const Scene& scene) {
@@ -35,13 +37,19 @@ PreparedPlane Prepare(const TexturedPlane& plane, const Eigen::Vector3d& origin,
   p.shade = static_cast<float>(scene.ambient + (1 - scene.ambient) * lambert);
   p.texels_per_m_s = static_cast<float>(plane.texture->width() / plane.right.norm());
   p.texels_per_m_t = static_cast<float>(plane.texture->height() / plane.down.norm());
+  const Eigen::Vector3d centre = 0.5 * (plane.right + plane.down) - offset;
+  const double radius = 0.5 * std::max((plane.right + plane.down).norm(), (plane.right - plane.down).norm());
+  p.to_centre = centre.normalized().cast<float>();
+  p.angular_radius = static_cast<float>(centre.norm() > radius ? std::asin(radius / centre.norm()) : M_PI);
   return p;
 }
 
-int Nearest(const std::vector<PreparedPlane>& planes, const Eigen::Vector3f& d, float* distance, float* s, float* t) {
+// Of the planes listed in `candidates`, the first one hit by the ray d, or -1.
+int Nearest(const std::vector<PreparedPlane>& planes, const std::vector<int>& candidates, const Eigen::Vector3f& d,
+            float* distance, float* s, float* t) {
   int best = -1;
   *distance = std::numeric_limits<float>::max();
-  for (size_t i = 0; i < planes.size(); ++i) {
+  for (const int i : candidates) {
     const PreparedPlane& p = planes[i];
     const float dn = d.dot(p.normal);
     if (std::abs(dn) < 1e-12F) continue;
@@ -51,9 +59,35 @@ int Nearest(const std::vector<PreparedPlane>& planes, const Eigen::Vector3f& d, 
     if (!(ss >= 0 && ss <= 1)) continue;
     const float tt = d.dot(p.t_vector) * inv;
     if (!(tt >= 0 && tt <= 1)) continue;
-    *distance = x, *s = ss, *t = tt, best = static_cast<int>(i);
+    *distance = x, *s = ss, *t = tt, best = i;
   }
   return best;
+}
+
+std::vector<int> AllOf(const std::vector<PreparedPlane>& planes) {
+  std::vector<int> all(planes.size());
+  for (size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
+  return all;
+}
+
+// The planes that any of `count` neighbouring rays may hit: those that reach into the cone around them.
+void Candidates(const std::vector<PreparedPlane>& planes, const Eigen::Vector3f* rays, int count,
+                std::vector<int>* candidates) {
+  candidates->clear();
+  const Eigen::Vector3f axis = rays[count / 2];
+  float least = 1;
+  bool complete = true;
+  for (int i = 0; i < count; ++i) {
+    least = std::min(least, axis.dot(rays[i]));
+    complete = complete && !rays[i].isZero();
+  }
+  const float cone = complete ? std::acos(std::clamp(least, -1.0F, 1.0F)) + 1e-3F : static_cast<float>(M_PI);
+  for (size_t i = 0; i < planes.size(); ++i) {
+    const float reach = cone + planes[i].angular_radius;
+    if (reach >= static_cast<float>(M_PI) || axis.dot(planes[i].to_centre) >= std::cos(reach)) {
+      candidates->push_back(static_cast<int>(i));
+    }
+  }
 }
 
 std::vector<PreparedPlane> PrepareAll(const Scene& scene, const Eigen::Vector3d& origin) {
@@ -111,7 +145,8 @@ cv::Vec3f Texture::Sample(float u, float v, float footprint) const {
 
 int FirstHit(const Scene& scene, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double* distance) {
   float d = 0, s = 0, t = 0;
-  const int hit = Nearest(PrepareAll(scene, origin), direction.cast<float>(), &d, &s, &t);
+  const std::vector<PreparedPlane> planes = PrepareAll(scene, origin);
+  const int hit = Nearest(planes, AllOf(planes), direction.cast<float>(), &d, &s, &t);
   if (distance != nullptr) *distance = d;
   return hit;
 }
@@ -127,6 +162,8 @@ cv::Mat Render(const Scene& scene, const Camera& camera, const Rigid3d& world_fr
   const auto row = [&](int64_t y) {
     std::vector<cv::Vec3f> sum(static_cast<size_t>(camera.width()), cv::Vec3f(0, 0, 0));
     std::vector<Eigen::Vector3f> rays(static_cast<size_t>(wide));
+    std::vector<int> candidates;
+    constexpr int kSegment = 64;
     for (int sub = 0; sub < n; ++sub) {
       const double v = static_cast<double>(y) + (sub + 0.5) / n - 0.5;
       for (int x = 0; x < wide; ++x) {
@@ -134,10 +171,11 @@ cv::Mat Render(const Scene& scene, const Camera& camera, const Rigid3d& world_fr
         rays[x] = ray ? Eigen::Vector3f((rotation * *ray).cast<float>()) : Eigen::Vector3f::Zero();
       }
       for (int x = 0; x < wide; ++x) {
+        if (x % kSegment == 0) Candidates(planes, &rays[x], std::min(kSegment, wide - x), &candidates);
         const Eigen::Vector3f& d = rays[x];
         if (d.isZero()) continue;
         float distance = 0, s = 0, t = 0;
-        const int hit = Nearest(planes, d, &distance, &s, &t);
+        const int hit = Nearest(planes, candidates, d, &distance, &s, &t);
         cv::Vec3f colour;
         if (hit < 0) {
           const float up = std::clamp(d.z(), 0.0F, 1.0F);

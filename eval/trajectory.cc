@@ -1,0 +1,469 @@
+#include "eval/trajectory.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "calib/base/error.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/alignment.h"
+#include "eval/markdown.h"
+#include "eval/statistics.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kNsPerS = 1e9;
+
+// As evo holds a time: ties between neighbours depend on it.
+double Seconds(int64_t ns) {
+  constexpr int64_t kSecond = 1'000'000'000;
+  return static_cast<double>(ns / kSecond) + static_cast<double>(ns % kSecond) / kNsPerS;
+}
+
+// Index of the stamp nearest in time, the first of equally near ones.
+size_t NearestIndex(const std::vector<int64_t>& stamps, int64_t stamp) {
+  auto nearest = std::lower_bound(stamps.begin(), stamps.end(), stamp);
+  const auto distance = [&](const auto& it) { return std::abs(Seconds(*it) - Seconds(stamp)); };
+  if (nearest == stamps.end() || (nearest != stamps.begin() && distance(std::prev(nearest)) <= distance(nearest))) {
+    nearest = std::lower_bound(stamps.begin(), stamps.end(), *std::prev(nearest));
+  }
+  return static_cast<size_t>(nearest - stamps.begin());
+}
+
+// "3.2 to 17.5 s"
+std::string CoveredTime(const std::vector<int64_t>& stamps) {
+  if (stamps.empty()) return "nothing";
+  return FormatNsAsSeconds(stamps.front(), 3) + " to " + FormatNsAsSeconds(stamps.back(), 3) + " s";
+}
+
+// a^-1 b with the transpose for the inverse, whether or not it is one exactly.
+MatrixPose Between(const MatrixPose& a, const MatrixPose& b) {
+  MatrixPose c;
+  c.rotation = a.rotation.transpose() * b.rotation;
+  c.translation = a.rotation.transpose() * (b.translation - a.translation);
+  return c;
+}
+
+double RotationDeg(const Eigen::Matrix3d& rotation) {
+  return kRadToDeg * LogSO3(Eigen::Quaterniond(rotation).normalized()).norm();
+}
+
+// The estimate moved in time and referred to the reference's body.
+PoseSequence Prepared(const PoseSequence& estimate, const AssociationOptions& options) {
+  PoseSequence prepared = estimate;
+  const auto offset_ns = static_cast<int64_t>(std::llround(options.offset_s * kNsPerS));
+  for (int64_t& stamp : prepared.stamps_ns) stamp += offset_ns;
+  const MatrixPose body(options.estimate_body_from_reference_body);
+  for (MatrixPose& pose : prepared.poses) {
+    pose.translation += pose.rotation * body.translation;
+    pose.rotation *= body.rotation;
+  }
+  return prepared;
+}
+
+Trajectory ToTrajectory(const PoseSequence& sequence) {
+  Trajectory trajectory;
+  for (size_t i = 0; i < sequence.stamps_ns.size(); ++i) {
+    if (i > 0 && sequence.stamps_ns[i] == sequence.stamps_ns[i - 1]) continue;
+    trajectory.poses.push_back({sequence.stamps_ns[i], sequence.poses[i].ToRigid()});
+  }
+  return trajectory;
+}
+
+const MatrixPose& PoseOf(const PosePair& pair, bool reference) { return reference ? pair.reference : pair.estimate; }
+
+// Progress along the trajectory, in frames, metres or seconds, at every pair.
+std::vector<double> Progress(const std::vector<PosePair>& pairs, DeltaUnit unit, bool reference) {
+  std::vector<double> progress(pairs.size(), 0.0);
+  for (size_t i = 1; i < pairs.size(); ++i) {
+    switch (unit) {
+      case DeltaUnit::kFrames: progress[i] = static_cast<double>(i); break;
+      case DeltaUnit::kSeconds:
+        progress[i] = static_cast<double>(pairs[i].stamp_ns - pairs[0].stamp_ns) / kNsPerS;
+        break;
+      case DeltaUnit::kMetres:
+        progress[i] = progress[i - 1] +
+                      (PoseOf(pairs[i], reference).translation - PoseOf(pairs[i - 1], reference).translation).norm();
+        break;
+    }
+  }
+  return progress;
+}
+
+using Pieces = std::vector<std::pair<size_t, size_t>>;
+
+Pieces ConsecutivePieces(const std::vector<double>& progress, const RelativeOptions& options) {
+  Pieces pieces;
+  // By metres, evo's first piece begins where the path has first grown by delta; by frames, with the first pose.
+  std::optional<size_t> begin;
+  double since = 0;
+  if (options.unit != DeltaUnit::kMetres) begin = 0;
+  for (size_t i = 1; i < progress.size(); ++i) {
+    since += progress[i] - progress[i - 1];
+    if (since < options.delta) continue;
+    if (begin) pieces.emplace_back(*begin, i);
+    begin = i;
+    since = 0;
+  }
+  return pieces;
+}
+
+Pieces AllPieces(const std::vector<double>& progress, const RelativeOptions& options) {
+  Pieces pieces;
+  const double tolerance = options.unit == DeltaUnit::kFrames ? 0 : options.relative_tolerance * options.delta;
+  for (size_t i = 0; i + 1 < progress.size(); ++i) {
+    const double target = progress[i] + options.delta;
+    // The nearest in progress; of equally near ones the first.
+    const auto from = progress.begin() + static_cast<ptrdiff_t>(i) + 1;
+    auto j = std::lower_bound(from, progress.end(), target);
+    if (j == progress.end() || (j != from && target - *std::prev(j) <= *j - target)) {
+      j = std::lower_bound(from, progress.end(), *std::prev(j));
+    }
+    if (std::abs(*j - target) <= tolerance) pieces.emplace_back(i, static_cast<size_t>(j - progress.begin()));
+  }
+  return pieces;
+}
+
+TrajectoryErrors ErrorsOf(const std::vector<PosePair>& pairs, const Pieces& pieces, double scale) {
+  TrajectoryErrors errors;
+  for (const auto& [i, j] : pieces) {
+    const MatrixPose reference = Between(pairs[i].reference, pairs[j].reference);
+    const MatrixPose estimate = Between(pairs[i].estimate, pairs[j].estimate);
+    errors.stamps_ns.push_back(pairs[i].stamp_ns);
+    errors.translation_m.push_back(
+        (reference.rotation.transpose() * (scale * estimate.translation - reference.translation)).norm());
+    errors.rotation_deg.push_back(RotationDeg(reference.rotation.transpose() * estimate.rotation));
+  }
+  return errors;
+}
+
+// Reference positions at the estimate's stamps moved by `offset_ns`, with the estimate's positions; the ATE after a
+// rigid fit, or nothing if less than half of the estimate is covered.
+struct ShiftedFit {
+  double rmse = 0;
+  size_t count = 0;
+  double squared_speed_sum = 0;  // of the reference, (m/s)^2
+};
+std::optional<ShiftedFit> FitShifted(const Trajectory& reference, const Trajectory& estimate, int64_t offset_ns,
+                                     int64_t max_gap_ns) {
+  constexpr int64_t kStep = 20'000'000;
+  std::vector<Eigen::Vector3d> source, target;
+  ShiftedFit fit;
+  for (const TimedPose& pose : estimate.poses) {
+    const int64_t stamp = pose.stamp_ns + offset_ns;
+    const auto at = reference.At(stamp, max_gap_ns);
+    if (!at) continue;
+    source.push_back(pose.target_from_body.translation);
+    target.push_back(at->translation);
+    const auto before = reference.At(stamp - kStep, max_gap_ns), after = reference.At(stamp + kStep, max_gap_ns);
+    if (before && after) {
+      fit.squared_speed_sum +=
+          ((after->translation - before->translation) / (2 * static_cast<double>(kStep) / kNsPerS)).squaredNorm();
+    }
+  }
+  if (source.size() < 3 || 2 * source.size() < estimate.poses.size()) return std::nullopt;
+  Sim3d target_from_source;
+  try {
+    target_from_source = AlignPoints(source, target, AlignmentKind::kSE3);
+  } catch (const NumericError&) {
+    return std::nullopt;
+  }
+  double sum = 0;
+  for (size_t i = 0; i < source.size(); ++i) sum += (target_from_source * source[i] - target[i]).squaredNorm();
+  fit.count = source.size();
+  fit.rmse = std::sqrt(sum / static_cast<double>(source.size()));
+  return fit;
+}
+
+nlohmann::json Json(const SampleStatistics& s) {
+  return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std},
+          {"min", s.min},     {"max", s.max},   {"sse", s.sse},   {"p90", s.p90},       {"p95", s.p95}};
+}
+
+const char* Name(DeltaUnit unit) {
+  switch (unit) {
+    case DeltaUnit::kFrames: return "frames";
+    case DeltaUnit::kMetres: return "m";
+    case DeltaUnit::kSeconds: return "s";
+  }
+  return "";
+}
+
+}  // namespace
+
+PoseSequence::PoseSequence(const Trajectory& trajectory) : warnings(trajectory.warnings) {
+  for (const TimedPose& pose : trajectory.poses) {
+    stamps_ns.push_back(pose.stamp_ns);
+    poses.emplace_back(pose.target_from_body);
+  }
+}
+
+std::vector<PosePair> Associate(const PoseSequence& reference, const PoseSequence& given,
+                                const AssociationOptions& options) {
+  const PoseSequence estimate = Prepared(given, options);
+  std::vector<PosePair> pairs;
+  if (reference.HasTimes() != estimate.HasTimes()) {
+    throw InputError(fmt::format("the {} has no times but the {} has; give both in a form with times, or both without",
+                                 reference.HasTimes() ? "estimate" : "reference",
+                                 reference.HasTimes() ? "reference" : "estimate"));
+  }
+  if (!reference.HasTimes()) {
+    if (reference.poses.size() != estimate.poses.size()) {
+      throw InputError(
+          fmt::format("without times, poses correspond by their number: expected as many as the "
+                      "reference's {}, found {}",
+                      reference.poses.size(), estimate.poses.size()));
+    }
+    for (size_t i = 0; i < reference.poses.size(); ++i) {
+      pairs.push_back({static_cast<int64_t>(i), reference.poses[i], estimate.poses[i]});
+    }
+    return pairs;
+  }
+  const bool reference_is_longer = reference.poses.size() >= estimate.poses.size();
+  const PoseSequence& longer = reference_is_longer ? reference : estimate;
+  const PoseSequence& shorter = reference_is_longer ? estimate : reference;
+  for (size_t i = 0; i < shorter.poses.size(); ++i) {
+    const size_t j = NearestIndex(longer.stamps_ns, shorter.stamps_ns[i]);
+    if (std::abs(Seconds(longer.stamps_ns[j]) - Seconds(shorter.stamps_ns[i])) > options.max_difference_s) continue;
+    const size_t r = reference_is_longer ? j : i, e = reference_is_longer ? i : j;
+    pairs.push_back({reference.stamps_ns[r], reference.poses[r], estimate.poses[e]});
+  }
+  if (pairs.empty()) {
+    throw InputError(
+        fmt::format("no two poses are within {:g} s of each other: the reference covers {}, the estimate "
+                    "{}; check the clocks, or give a time offset",
+                    options.max_difference_s, CoveredTime(reference.stamps_ns), CoveredTime(estimate.stamps_ns)));
+  }
+  return pairs;
+}
+
+TrajectoryAlignment ParseTrajectoryAlignment(const std::string& name) {
+  for (const auto a : {TrajectoryAlignment::kNone, TrajectoryAlignment::kOrigin, TrajectoryAlignment::kYaw,
+                       TrajectoryAlignment::kSE3, TrajectoryAlignment::kSim3}) {
+    if (ToString(a) == name) return a;
+  }
+  throw OptionError("alignment is '" + name + "', expected none, origin, yaw, se3 or sim3");
+}
+
+std::string ToString(TrajectoryAlignment alignment) {
+  switch (alignment) {
+    case TrajectoryAlignment::kNone: return "none";
+    case TrajectoryAlignment::kOrigin: return "origin";
+    case TrajectoryAlignment::kYaw: return "yaw";
+    case TrajectoryAlignment::kSE3: return "se3";
+    case TrajectoryAlignment::kSim3: return "sim3";
+  }
+  return "";
+}
+
+Sim3d Align(std::vector<PosePair>* pairs, TrajectoryAlignment alignment) {
+  Sim3d fit;
+  if (alignment == TrajectoryAlignment::kNone || pairs->empty()) return fit;
+  if (alignment == TrajectoryAlignment::kOrigin) {
+    const Rigid3d t = pairs->front().reference.ToRigid() * pairs->front().estimate.ToRigid().Inverse();
+    fit = {1.0, t.rotation, t.translation};
+  } else {
+    std::vector<Eigen::Vector3d> source, target;
+    for (const PosePair& pair : *pairs) {
+      source.push_back(pair.estimate.translation);
+      target.push_back(pair.reference.translation);
+    }
+    fit = AlignPoints(source, target,
+                      alignment == TrajectoryAlignment::kYaw   ? AlignmentKind::kYawTranslation
+                      : alignment == TrajectoryAlignment::kSE3 ? AlignmentKind::kSE3
+                                                               : AlignmentKind::kSim3);
+  }
+  const Eigen::Matrix3d rotation = fit.rotation.toRotationMatrix();
+  for (PosePair& pair : *pairs) {
+    pair.estimate.translation = fit * pair.estimate.translation;
+    pair.estimate.rotation = rotation * pair.estimate.rotation;
+  }
+  return fit;
+}
+
+SampleStatistics StatisticsOf(const std::vector<double>& sample) {
+  if (sample.empty()) throw InputError("statistics of an empty sample");
+  SampleStatistics s;
+  const double n = static_cast<double>(sample.size());
+  s.count = static_cast<int>(sample.size());
+  s.mean = std::accumulate(sample.begin(), sample.end(), 0.0) / n;
+  double variance = 0;
+  for (const double v : sample) s.sse += v * v, variance += (v - s.mean) * (v - s.mean);
+  s.rmse = std::sqrt(s.sse / n);
+  s.std = std::sqrt(variance / n);
+  s.min = *std::min_element(sample.begin(), sample.end());
+  s.max = *std::max_element(sample.begin(), sample.end());
+  s.median = Quantile(sample, 0.5);
+  s.p90 = Quantile(sample, 0.9);
+  s.p95 = Quantile(sample, 0.95);
+  return s;
+}
+
+TrajectoryErrors AbsoluteErrors(const std::vector<PosePair>& pairs) {
+  TrajectoryErrors errors;
+  for (const PosePair& pair : pairs) {
+    errors.stamps_ns.push_back(pair.stamp_ns);
+    errors.translation_m.push_back((pair.estimate.translation - pair.reference.translation).norm());
+    errors.rotation_deg.push_back(RotationDeg(pair.reference.rotation.transpose() * pair.estimate.rotation));
+  }
+  return errors;
+}
+
+TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options) {
+  if (!(options.delta > 0)) throw OptionError(fmt::format("delta is {:g}, expected more than 0", options.delta));
+  const std::vector<double> progress = Progress(pairs, options.unit, options.lengths_from_reference);
+  return ErrorsOf(pairs, options.all_pairs ? AllPieces(progress, options) : ConsecutivePieces(progress, options), 1);
+}
+
+TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, double length_m, double scale) {
+  const std::vector<double> path = Progress(pairs, DeltaUnit::kMetres, true);
+  Pieces pieces;
+  for (size_t i = 0; i < path.size(); ++i) {
+    const auto j = std::lower_bound(path.begin(), path.end(), path[i] + length_m);
+    if (j != path.end()) pieces.emplace_back(i, static_cast<size_t>(j - path.begin()));
+  }
+  return ErrorsOf(pairs, pieces, scale);
+}
+
+double PathLength(const std::vector<PosePair>& pairs) {
+  return pairs.empty() ? 0 : Progress(pairs, DeltaUnit::kMetres, true).back();
+}
+
+std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference_sequence,
+                                             const PoseSequence& estimate_sequence, double max_offset_s) {
+  const Trajectory reference = ToTrajectory(reference_sequence), estimate = ToTrajectory(estimate_sequence);
+  if (reference.poses.size() < 3 || estimate.poses.size() < 3) return std::nullopt;
+  // The reference's own spacing tells what may be interpolated and what resolution there is.
+  std::vector<double> gaps;
+  for (size_t i = 1; i < reference.poses.size(); ++i) {
+    gaps.push_back(static_cast<double>(reference.poses[i].stamp_ns - reference.poses[i - 1].stamp_ns));
+  }
+  const double interval = Quantile(gaps, 0.5);
+  const auto max_gap = static_cast<int64_t>(std::max(1.0 * kNsPerS, 3 * interval));
+  const auto rmse = [&](double offset_s) {
+    const auto fit = FitShifted(reference, estimate, static_cast<int64_t>(std::llround(offset_s * kNsPerS)), max_gap);
+    return fit ? fit->rmse : std::numeric_limits<double>::infinity();
+  };
+  const auto before = FitShifted(reference, estimate, 0, max_gap);
+  if (!before) return std::nullopt;
+
+  constexpr int kSteps = 20;  // a coarse grid each side, then golden section about the best
+  const double step = max_offset_s / kSteps;
+  double best = 0, best_rmse = before->rmse;
+  for (int i = -kSteps; i <= kSteps; ++i) {
+    if (const double r = rmse(i * step); r < best_rmse) best = i * step, best_rmse = r;
+  }
+  double low = best - step, high = best + step;
+  constexpr double kGolden = 0.6180339887498949;
+  while (high - low > 1e-5) {
+    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+    (rmse(a) < rmse(b) ? high : low) = rmse(a) < rmse(b) ? b : a;
+  }
+  TimeOffset result;
+  result.offset_s = 0.5 * (low + high);
+  const auto after =
+      FitShifted(reference, estimate, static_cast<int64_t>(std::llround(result.offset_s * kNsPerS)), max_gap);
+  if (!after || !(after->squared_speed_sum > 0)) return std::nullopt;
+  result.rmse_before_m = before->rmse;
+  result.rmse_after_m = after->rmse;
+  // d residual / d offset = velocity: sigma^2 = s^2 / sum v^2 with s^2 per axis. Errors of trajectories are correlated
+  // in time, so that a tenth of them counts.
+  result.sigma_s = std::sqrt(10 * after->rmse * after->rmse / 3 / after->squared_speed_sum);
+  result.significant =
+      std::abs(result.offset_s) > 3 * result.sigma_s && std::abs(result.offset_s) > 0.5 * interval / kNsPerS;
+  return result;
+}
+
+TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence& reference,
+                                    const PoseSequence& estimate, const TrajectoryReportOptions& options) {
+  TrajectoryReport report{.name = name};
+  report.reference_poses = static_cast<int>(reference.poses.size());
+  report.estimate_poses = static_cast<int>(estimate.poses.size());
+  std::vector<PosePair> pairs = Associate(reference, estimate, options.association);
+  report.pairs = static_cast<int>(pairs.size());
+  report.path_length_m = PathLength(pairs);
+  report.reference_from_estimate = Align(&pairs, options.alignment);
+  const TrajectoryErrors absolute = AbsoluteErrors(pairs);
+  report.ate_m = StatisticsOf(absolute.translation_m);
+  report.ate_deg = StatisticsOf(absolute.rotation_deg);
+  const TrajectoryErrors relative = RelativeErrors(pairs, options.relative);
+  if (!relative.translation_m.empty()) {
+    report.rpe_m = StatisticsOf(relative.translation_m);
+    report.rpe_deg = StatisticsOf(relative.rotation_deg);
+  }
+  report.time_offset = EstimateTimeOffset(reference, Prepared(estimate, options.association));
+  report.warnings = reference.warnings;
+  report.warnings.insert(report.warnings.end(), estimate.warnings.begin(), estimate.warnings.end());
+  return report;
+}
+
+std::string FormatTrajectoryReports(const std::vector<TrajectoryReport>& reports,
+                                    const TrajectoryReportOptions& options, const std::string& unit,
+                                    double metres_per_unit) {
+  std::vector<std::vector<std::string>> lines{{"estimate", "pairs", "ATE rmse", "mean", "median", "P90", "max", "std",
+                                               "rot. deg rmse", "RPE rmse", "RPE median", "RPE deg rmse", "scale"}};
+  const auto length = [&](double metres) { return fmt::format("{:.4f}", metres / metres_per_unit); };
+  const auto degrees = [](double deg) { return fmt::format("{:.3f}", deg); };
+  for (const TrajectoryReport& r : reports) {
+    lines.push_back({r.name, std::to_string(r.pairs), length(r.ate_m.rmse), length(r.ate_m.mean),
+                     length(r.ate_m.median), length(r.ate_m.p90), length(r.ate_m.max), length(r.ate_m.std),
+                     degrees(r.ate_deg.rmse), r.rpe_m ? length(r.rpe_m->rmse) : "-",
+                     r.rpe_m ? length(r.rpe_m->median) : "-", r.rpe_deg ? degrees(r.rpe_deg->rmse) : "-",
+                     fmt::format("{:.5f}", r.reference_from_estimate.scale)});
+  }
+  std::string text =
+      fmt::format("Lengths in {}; alignment {}; RPE over {:g} {}{}\n\n{}", unit, ToString(options.alignment),
+                  options.relative.delta, Name(options.relative.unit),
+                  options.relative.all_pairs ? ", from every pose" : ", consecutive", AlignMarkdown(lines));
+  for (const TrajectoryReport& r : reports) {
+    for (const std::string& warning : r.warnings) text += "Note: " + warning + "\n";
+    if (!r.time_offset || !r.time_offset->significant) continue;
+    text += fmt::format(
+        "Note: {} fits better with its clock moved by {:+.3f} s (sigma {:.3f} s): ATE {} instead of {} "
+        "{} after a rigid fit\n",
+        r.name, r.time_offset->offset_s, r.time_offset->sigma_s, length(r.time_offset->rmse_after_m),
+        length(r.time_offset->rmse_before_m), unit);
+  }
+  return text;
+}
+
+nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& reports,
+                                     const TrajectoryReportOptions& options) {
+  nlohmann::json estimates = nlohmann::json::array();
+  for (const TrajectoryReport& r : reports) {
+    const Sim3d& s = r.reference_from_estimate;
+    nlohmann::json j{{"name", r.name},
+                     {"reference_poses", r.reference_poses},
+                     {"estimate_poses", r.estimate_poses},
+                     {"pairs", r.pairs},
+                     {"path_length_m", r.path_length_m},
+                     {"reference_from_estimate",
+                      {{"scale", s.scale},
+                       {"rotation_xyzw", {s.rotation.x(), s.rotation.y(), s.rotation.z(), s.rotation.w()}},
+                       {"translation_m", {s.translation.x(), s.translation.y(), s.translation.z()}}}},
+                     {"ate_m", Json(r.ate_m)},
+                     {"ate_deg", Json(r.ate_deg)},
+                     {"rpe_m", r.rpe_m ? Json(*r.rpe_m) : nlohmann::json()},
+                     {"rpe_deg", r.rpe_deg ? Json(*r.rpe_deg) : nlohmann::json()}};
+    if (r.time_offset) {
+      j["time_offset"] = {{"offset_s", r.time_offset->offset_s},
+                          {"sigma_s", r.time_offset->sigma_s},
+                          {"significant", r.time_offset->significant}};
+    }
+    estimates.push_back(std::move(j));
+  }
+  return {{"schema", "trigpoint trajectory 1"},
+          {"alignment", ToString(options.alignment)},
+          {"max_difference_s", options.association.max_difference_s},
+          {"offset_s", options.association.offset_s},
+          {"relative",
+           {{"delta", options.relative.delta},
+            {"unit", Name(options.relative.unit)},
+            {"all_pairs", options.relative.all_pairs}}},
+          {"estimates", estimates}};
+}
+
+}  // namespace trigpoint
