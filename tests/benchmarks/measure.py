@@ -1,0 +1,54 @@
+"""What the benchmarks share: running a command and copying a project without its results."""
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+
+def program(name="trigpoint"):
+    """A program of the Release build."""
+    top = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    path = os.path.join(top, "build", "release", "bin", name)
+    if not os.path.exists(path):
+        sys.exit(f"{path} is not there: run ./setup.sh test first")
+    return path
+
+
+def run(command, log):
+    """Runs a command, its output into the open file `log`. Wall and CPU seconds, peak resident memory in MiB."""
+    start = time.monotonic()
+    process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        sys.exit(f"{' '.join(command)}: exit code {process.returncode}, see {log.name}")
+    return {"wall": time.monotonic() - start, "cpu": usage.ru_utime + usage.ru_stime, "memory": usage.ru_maxrss / 1024}
+
+
+def link(source, target):
+    """A hard link where the file system allows it, else a copy."""
+    os.makedirs(os.path.dirname(target), exist_ok=True)
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+    return target
+
+
+def copy_project(source, target, runs):
+    """The inputs of a project with some of its runs; results and trigpoint.yaml stay behind."""
+    def ignore(folder, names):
+        if os.path.samefile(folder, source):
+            return {"results", "trigpoint.yaml", "truth"} & set(names)
+        if os.path.samefile(folder, os.path.join(source, "runs")):
+            return set(names) - set(runs)
+        return set()
+    shutil.copytree(source, target, ignore=ignore, copy_function=link)
+
+
+def read_rows(path):
+    """Comment lines, and the other lines split at blanks."""
+    with open(path, encoding="utf-8") as text:
+        lines = [line.rstrip("\n") for line in text if line.strip()]
+    return [line for line in lines if line.startswith("#")], [line.split() for line in lines if not line.startswith("#")]
