@@ -2,6 +2,7 @@
 #include <cmath>
 #include <map>
 #include <string_view>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "datasets/io/gps.h"
@@ -79,6 +80,7 @@ GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock) {
   std::map<int64_t, std::pair<double, double>> sigmas;  // by time of day (of the day counter's day)
   std::optional<int64_t> first_day_ns;                  // midnight, UTC, of day 0
   int64_t day = 0, last_time = -1;
+  size_t dated_entries = 0;  // those before the last sentence with a date
   int bad_checksum = 0, no_fix = 0, malformed = 0, no_geoid = 0, sentences = 0;
   int first_bad_line = 0;
 
@@ -91,10 +93,11 @@ GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock) {
   const auto anchor = [&](int64_t time, int64_t date_ns) {
     advance(time);
     if (!first_day_ns) first_day_ns = date_ns - day * kDayNs;
+    const size_t dated = std::exchange(dated_entries, entries.size());
     const int64_t told = (date_ns - *first_day_ns) / kDayNs;
     if (told == day) return;
     // A file put together from several days: the epoch's GGA may stand before its date.
-    for (auto it = entries.rbegin(); it != entries.rend() && it->fix.stamp_ns == time; ++it) it->day = told;
+    for (size_t i = entries.size(); i > dated && entries[i - 1].fix.stamp_ns == time; --i) entries[i - 1].day = told;
     day = told;
   };
 

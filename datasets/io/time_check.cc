@@ -158,8 +158,9 @@ double Duration(const Trajectory& trajectory) {
                                      : ToSeconds(trajectory.poses.back().stamp_ns - trajectory.poses.front().stamp_ns);
 }
 
-// Speed of turning (rad/s) over time, smoothed: raw differences interpolated would fit best where the interpolation
-// halves the noise, that is between the samples, and not where the clocks agree.
+// Speed of turning (rad/s) over time, the same for a body and a camera fixed to it. Smoothed: raw differences
+// interpolated would fit best where the interpolation halves the noise, that is between the samples, and not where the
+// clocks agree.
 class TurnRate {
  public:
   TurnRate(const Trajectory& trajectory, double width_s) : width_s_(width_s) {
@@ -167,8 +168,9 @@ class TurnRate {
     for (size_t i = 1; i < poses.size(); ++i) {
       const double from = ToSeconds(poses[i - 1].stamp_ns - poses.front().stamp_ns);
       const double to = ToSeconds(poses[i].stamp_ns - poses.front().stamp_ns);
-      const double angle = AngleBetween(poses[i - 1].target_from_body.rotation, poses[i].target_from_body.rotation);
-      samples_.push_back({0.5 * (from + to), to - from, angle});
+      const Eigen::Vector3d turn =
+          LogSO3(poses[i - 1].target_from_body.rotation.conjugate() * poses[i].target_from_body.rotation);
+      samples_.push_back({0.5 * (from + to), to - from, turn});
     }
     start_ns_ = poses.front().stamp_ns;
   }
@@ -177,20 +179,22 @@ class TurnRate {
     const double t = ToSeconds(stamp_ns - start_ns_);
     auto it = std::lower_bound(samples_.begin(), samples_.end(), t - 3 * width_s_,
                                [](const Sample& sample, double at) { return sample.at < at; });
-    double time = 0, angle = 0;
+    double time = 0;
+    Eigen::Vector3d turn = Eigen::Vector3d::Zero();
     for (; it != samples_.end() && it->at <= t + 3 * width_s_; ++it) {
       if (it->duration > 3 * width_s_) return std::nullopt;  // a gap
       const double u = (it->at - t) / width_s_;
       const double weight = std::exp(-0.5 * u * u);
       time += weight * it->duration;
-      angle += weight * it->angle;
+      turn += weight * it->turn;
     }
-    return time > 0.5 * width_s_ ? std::optional<double>(angle / time) : std::nullopt;
+    return time > 0.5 * width_s_ ? std::optional<double>(turn.norm() / time) : std::nullopt;
   }
 
  private:
   struct Sample {
-    double at, duration, angle;
+    double at, duration;
+    Eigen::Vector3d turn;  // rotation vector in the body's (or camera's) own frame
   };
   double width_s_;
   int64_t start_ns_ = 0;

@@ -1,5 +1,6 @@
 #include "datasets/io/video.h"
 
+#include <cmath>
 #include <deque>
 #include <map>
 #include <memory>
@@ -62,6 +63,15 @@ class OpenVideo {
   std::deque<std::pair<int, cv::Mat>> kept_;
 };
 
+constexpr size_t kProbed = 60;
+
+// Is frame count - 1 the last one, and at this time?
+bool EndsAt(const std::filesystem::path& file, int64_t count, double last_ms) {
+  cv::VideoCapture video = Open(file);
+  if (!video.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(count - 1)) || !video.grab()) return false;
+  return std::abs(video.get(cv::CAP_PROP_POS_MSEC) - last_ms) < 1.5 && !video.grab();
+}
+
 }  // namespace
 
 cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) {
@@ -79,11 +89,14 @@ cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) {
 
 std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
   cv::VideoCapture video = Open(file);
-  std::vector<int64_t> times;
   const double fps = video.get(cv::CAP_PROP_FPS);
+  const auto count = static_cast<int64_t>(video.get(cv::CAP_PROP_FRAME_COUNT));
+  const auto regular = [&](int64_t index) { return std::llround(static_cast<double>(index) * 1e9 / fps); };
+  std::vector<int64_t> times;
   double first_ms = 0;
+  bool even = fps > 0;
   while (video.grab()) {
-    double ms = video.get(cv::CAP_PROP_POS_MSEC);
+    const double ms = video.get(cv::CAP_PROP_POS_MSEC);
     if (times.empty()) first_ms = ms;
     int64_t ns = std::llround((ms - first_ms) * 1e6);
     // Some containers hold no times: fall back to the rate.
@@ -91,7 +104,15 @@ std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
       if (fps <= 0) throw InputError(file.string() + ": the video states neither frame times nor a frame rate");
       ns = times.back() + std::llround(1e9 / fps);
     }
+    even = even && std::abs(ns - regular(static_cast<int64_t>(times.size()))) < 1'500'000;
     times.push_back(ns);
+    // Decoding a long video only to learn that its frames come evenly would take minutes: a good start and the right
+    // end will do.
+    if (times.size() == kProbed && even && count > 2 * static_cast<int64_t>(kProbed) &&
+        EndsAt(file, count, first_ms + 1e-6 * static_cast<double>(regular(count - 1)))) {
+      for (int64_t i = static_cast<int64_t>(kProbed); i < count; ++i) times.push_back(regular(i));
+      return times;
+    }
   }
   if (times.empty()) throw InputError(file.string() + ": no frame of the video can be read");
   return times;

@@ -1,0 +1,287 @@
+// Cameras, GPS, and whether the clocks agree.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "datasets/io/camchain.h"
+#include "datasets/io/gps.h"
+#include "datasets/io/time_check.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int64_t kSecond = 1'000'000'000;
+
+std::string CameraText(const std::string& name, const std::string& more) {
+  return name + ":\n  camera_model: pinhole\n  intrinsics: [400, 401, 319.5, 239.5]\n  resolution: [640, 480]\n" + more;
+}
+
+const char kRadtan[] = "  distortion_model: radtan\n  distortion_coeffs: [-0.1, 0.01, 1e-3, -1e-3]\n";
+const char kFisheye[] = "  distortion_model: equidistant\n  distortion_coeffs: [0.1, 0, 0, 0]\n";
+
+TEST(Camchain, ChainsCamerasToTheBody) {
+  const TempDir dir;
+  const auto file = dir.Write(
+      "camchain.yaml",
+      CameraText("cam0",
+                 std::string(kRadtan) +
+                     "  T_cam_imu:\n  - [0, -1, 0, 0.1]\n  - [0, 0, -1, 0.2]\n  - [1, 0, 0, 0.3]\n  - [0, 0, 0, "
+                     "1]\n  timeshift_cam_imu: 0.005\n  rostopic: /cam0\n  cam_overlaps: [1]\n") +
+          CameraText("cam1", std::string(kFisheye) + "  T_cn_cnm1: [[1, 0, 0, -0.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, "
+                                                     "0, 0, 1]]\n"));
+  const std::vector<BodyCamera> cameras = ReadCamchain(file);
+  ASSERT_EQ(cameras.size(), 2u);
+  EXPECT_EQ(cameras[0].camera.model(), CameraModel::kRadtan);
+  EXPECT_EQ(cameras[0].time_offset_s, 0.005);
+  EXPECT_EQ(cameras[1].camera.model(), CameraModel::kKannalaBrandt);
+  EXPECT_TRUE(cameras[1].has_extrinsics);
+  // A point 2 m ahead of the body: 2 m along cam0's axis, half a metre further left for cam1.
+  const Eigen::Vector3d ahead(2, 0, 0);
+  EXPECT_LT((cameras[0].cam_from_body * ahead - Eigen::Vector3d(0.1, 0.2, 2.3)).norm(), 1e-12);
+  EXPECT_LT((cameras[1].cam_from_body * ahead - Eigen::Vector3d(-0.4, 0.2, 2.3)).norm(), 1e-12);
+
+  WriteCamchain(dir / "copy.yaml", cameras, {"a copy"});
+  const std::vector<BodyCamera> copy = ReadCamchain(dir / "copy.yaml");
+  ASSERT_EQ(copy.size(), 2u);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(copy[i].camera.params(), cameras[i].camera.params());
+    EXPECT_EQ(copy[i].camera.model(), cameras[i].camera.model());
+    EXPECT_EQ(copy[i].time_offset_s, cameras[i].time_offset_s);
+    EXPECT_LT(copy[i].cam_from_body.Minus(cameras[i].cam_from_body).norm(), 1e-12);
+  }
+}
+
+TEST(Camchain, WithoutExtrinsicsLooksAhead) {
+  const TempDir dir;
+  const auto cameras = ReadCamchain(dir.Write("c.yaml", CameraText("cam0", kRadtan)));
+  EXPECT_FALSE(cameras[0].has_extrinsics);
+  EXPECT_LT((cameras[0].cam_from_body * Eigen::Vector3d(1, -2, 3) - Eigen::Vector3d(2, -3, 1)).norm(), 1e-12);
+  const auto inverse = ReadCamchain(dir.Write(
+      "i.yaml", CameraText("cam0", std::string(kRadtan) +
+                                       "  T_imu_cam: [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n")));
+  EXPECT_LT((inverse[0].cam_from_body.translation - Eigen::Vector3d(-5, 0, 0)).norm(), 1e-12);
+}
+
+TEST(Camchain, RefusesWhatItCannotMean) {
+  const TempDir dir;
+  const auto message = [&](const std::string& text) {
+    return MessageOf<InputError>([&] { ReadCamchain(dir.Write("c.yaml", text)); });
+  };
+  EXPECT_THAT(message("cam0:\n  camera_model: omni\n  intrinsics: [1, 2, 3, 4, 5]\n"),
+              HasSubstr("c.yaml:2: key 'cam0.camera_model': expected pinhole, found 'omni'"));
+  EXPECT_THAT(message(CameraText("cam0", "  distortion_model: fov\n  distortion_coeffs: [0.9]\n")), HasSubstr("'fov'"));
+  EXPECT_THAT(message(CameraText("cam0", "  distortion_model: radtan\n  distortion_coeffs: [0.9]\n")),
+              HasSubstr("expected 4, 5 or 8 coefficients for radtan, found 1"));
+  EXPECT_THAT(message(CameraText("cam0", "  distortion_models: radtan\n")),
+              HasSubstr("c.yaml:5: unknown key 'cam0.distortion_models'; nearest known key: 'cam0.distortion_model'"));
+  EXPECT_THAT(message(CameraText("cam0", std::string(kRadtan) + "  T_cam_imu: [[2, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, "
+                                                                "0], [0, 0, 0, 1]]\n")),
+              HasSubstr("no rigid motion"));
+  EXPECT_THAT(message(CameraText("cam0", kRadtan) + CameraText("cam1", kRadtan)),
+              HasSubstr("camera 'cam1' has neither T_cam_imu nor T_cn_cnm1"));
+  EXPECT_THAT(message("cam0:\n  camera_model: pinhole\n  intrinsics: [-1, 2, 3, 4]\n  resolution: [4, 4]\n"),
+              HasSubstr("focal lengths must be positive"));
+  EXPECT_THAT(message("a: 1\n"), HasSubstr("is this a Kalibr camchain?"));
+  EXPECT_THAT(message(""), HasSubstr("no camera"));
+}
+
+TEST(GpsCsv, SkipsBadRowsAndSorts) {
+  const TempDir dir;
+  const GpsTrack track =
+      ReadGpsCsv(dir.Write("gps.csv",
+                           "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_h_m\n"
+                           "2,48,8,240,0.5\n1,48,8,,\n3,148,8,240,1\n2,48,8,240,1\n4,48,8,240,-1\n"));
+  ASSERT_EQ(track.fixes.size(), 2u);
+  EXPECT_EQ(track.fixes[0].stamp_ns, kSecond);
+  EXPECT_EQ(track.fixes[0].sigma_v_m, kUnknownHeightSigma);
+  EXPECT_EQ(track.fixes[0].sigma_h_m, GpsFix().sigma_h_m);
+  EXPECT_EQ(track.fixes[1].sigma_h_m, 0.5);
+  const std::string warnings = Joined(track.warnings);
+  EXPECT_THAT(warnings, HasSubstr("gps.csv:4: expected a latitude"));
+  EXPECT_THAT(warnings, HasSubstr("gps.csv:6: expected positive sigmas"));
+  EXPECT_THAT(warnings, HasSubstr("out of order"));
+  EXPECT_THAT(warnings, HasSubstr("seen before"));
+}
+
+std::string Nmea(const std::string& body) {
+  unsigned char sum = 0;
+  for (char c : body) sum = static_cast<unsigned char>(sum ^ static_cast<unsigned char>(c));
+  char end[8];
+  std::snprintf(end, sizeof(end), "*%02X\r\n", sum);
+  return "$" + body + end;
+}
+
+TEST(NmeaTrack, CrossesMidnightWithItsDate) {
+  const TempDir dir;
+  const auto file = dir.Write("track.nmea", Nmea("GNGGA,235959.00,4800.6,N,00730.0,W,1,09,1.1,190.1,M,47.8,M,,") +
+                                                Nmea("GNRMC,235959.00,A,4800.6,N,00730.0,W,0.5,90.0,120526,,,A") +
+                                                Nmea("GNGST,000000.50,1,1,1,1,0.3,0.4,0.9") +
+                                                Nmea("GNGGA,000000.50,4800.6,N,00730.0,W,4,09,1.1,190.1,M,47.8,M,,") +
+                                                Nmea("GNRMC,000000.50,A,4800.6,N,00730.0,W,0.5,90.0,130526,,,A") +
+                                                Nmea("GNGGA,000001.50,4800.6,N,00730.0,W,4,09,1.1,190.1,M,,M,,"));
+  RunClock clock;
+  clock.time_zero_utc_ns = 1'778'630'399 * kSecond;  // 2026-05-12T23:59:59Z
+  const GpsTrack track = ReadNmea(file, clock);
+  ASSERT_EQ(track.fixes.size(), 3u);
+  EXPECT_EQ(track.fixes[0].stamp_ns, 0);
+  EXPECT_EQ(track.fixes[1].stamp_ns, 3 * kSecond / 2);
+  EXPECT_NEAR(track.fixes[0].position.latitude_deg, 48.01, 1e-12);
+  EXPECT_NEAR(track.fixes[0].position.longitude_deg, -7.5, 1e-12);
+  EXPECT_NEAR(track.fixes[0].position.height_m, 237.9, 1e-9);
+  EXPECT_EQ(track.fixes[0].sigma_h_m, GpsFix().sigma_h_m);
+  EXPECT_NEAR(track.fixes[1].sigma_h_m, std::sqrt((0.09 + 0.16) / 2), 1e-12);
+  EXPECT_EQ(track.fixes[1].sigma_v_m, 0.9);
+  EXPECT_EQ(track.fixes[2].sigma_h_m, 0.02);
+  EXPECT_EQ(track.fixes[2].sigma_v_m, kUnknownGeoidSigma);
+  EXPECT_THAT(Joined(track.warnings), HasSubstr("1 fix(es) state no geoid separation"));
+}
+
+TEST(NmeaTrack, CountsWhatItSkips) {
+  const TempDir dir;
+  const std::string good = Nmea("GPGGA,100000.00,4800.6,N,00730.0,E,1,09,1.1,190.1,M,47.8,M,,");
+  std::string wrong = Nmea("GPGGA,100001.00,4800.6,N,00730.0,E,1,09,1.1,190.1,M,47.8,M,,");
+  wrong[10] = '7';
+  const std::string text = "noise\r\n" + good + wrong + Nmea("GPGGA,100002.00,,,,,0,00,,,M,,M,,") +
+                           Nmea("GPGGA,100003.00,x,N,00730.0,E,1,09,1.1,1,M,1,M,,") + Nmea("GPVTG,1,T") +
+                           "$GPGGA,100004.00,4800.6,N,00730.0,E,1,09,1.1,190.1,M,47.8,M,,\r\n" + "$GPGGA\r\n$\r\n";
+  const auto file = dir.Write("t.nmea", text);
+  const GpsTrack track = ReadNmea(file, {std::nullopt, "2026-05-14"});
+  ASSERT_EQ(track.fixes.size(), 2u);
+  EXPECT_EQ(track.fixes[0].stamp_ns, (1'778'716'800 + 36'000) * kSecond);
+  const std::string warnings = Joined(track.warnings);
+  EXPECT_THAT(warnings, HasSubstr("1 sentence(s) with a wrong checksum are skipped, the first on line 3"));
+  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) say that there was no fix"));
+  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) without a readable time"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadNmea(file, {}); }),
+              HasSubstr("give 'date: YYYY-MM-DD' (UTC) in run.yaml"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadNmea(dir.Write("n.nmea", "hello\n"), {}); }),
+              HasSubstr("no NMEA sentence"));
+}
+
+TEST(NmeaTrack, FollowsDatesOverAPause) {
+  const TempDir dir;
+  std::string text;
+  for (const char* day : {"120526", "150526"}) {
+    text += Nmea("GPGGA,100000.00,4800.6,N,00730.0,E,1,09,1.1,190.1,M,47.8,M,,");
+    text += Nmea(std::string("GPRMC,100000.00,A,4800.6,N,00730.0,E,0.5,90.0,") + day + ",,,A");
+  }
+  const GpsTrack track = ReadNmea(dir.Write("t.nmea", text), {});
+  ASSERT_EQ(track.fixes.size(), 2u);
+  EXPECT_EQ(track.fixes[1].stamp_ns - track.fixes[0].stamp_ns, 3 * 86400 * kSecond);
+}
+
+TEST(GpxTrack, ReadsTimedPoints) {
+  const TempDir dir;
+  const std::string head = "<?xml version=\"1.0\"?>\n<gpx version=\"1.1\"><trk><name>a &amp; b</name><trkseg>\n";
+  const std::string text =
+      head +
+      "<trkpt lat=\"48.01\" lon=\"-7.5\"><ele>190.1</ele><time>2026-05-12T09:43:21Z</time><geoidheight>47.8"
+      "</geoidheight></trkpt>\n<trkpt lat=\"48.02\" lon=\"7.5\"><ele>190</ele><time>2026-05-12T09:43:22.5Z</time>"
+      "</trkpt>\n<trkpt lat=\"48.02\" lon=\"7.5\"/>\n<trkpt lat=\"98\" lon=\"7\"><time>2026-05-12T09:43:23Z</time>"
+      "</trkpt>\n";
+  RunClock clock;
+  clock.time_zero_utc_ns = 1'778'579'000 * kSecond;
+  const GpsTrack track = ReadGpx(dir.Write("t.gpx", text + "</trkseg></trk></gpx>\n"), clock);
+  ASSERT_EQ(track.fixes.size(), 2u);
+  EXPECT_EQ(track.fixes[0].stamp_ns, kSecond);
+  EXPECT_EQ(track.fixes[1].stamp_ns, 5 * kSecond / 2);
+  EXPECT_NEAR(track.fixes[0].position.height_m, 237.9, 1e-9);
+  EXPECT_EQ(track.fixes[1].sigma_v_m, kUnknownGeoidSigma);
+  const std::string warnings = Joined(track.warnings);
+  EXPECT_THAT(warnings, HasSubstr("1 track point(s) without a time"));
+  EXPECT_THAT(warnings, HasSubstr("the first on line 6"));
+  EXPECT_THAT(Joined(ReadGpx(dir.Write("cut.gpx", text), clock).warnings), HasSubstr("not valid XML"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadGpx(dir.Write("x.gpx", "<kml/>"), clock); }),
+              HasSubstr("expected a GPX"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadGpx(dir.Write("e.gpx", head + "</trkseg></trk></gpx>"), clock); }),
+              HasSubstr("no usable GPS fix"));
+}
+
+// A drive with turns at 5 m/s, odometry at 10 Hz with noise, GPS at 1 Hz.
+trigpoint::Run Drive(double gps_sigma_m, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  trigpoint::Run run;
+  run.dir = "runs/run1";
+  const LocalFrame frame({48, 8, 200});
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  double heading = 0;
+  for (int i = 0; i <= 3000; ++i) {
+    const double t = 0.1 * i;
+    heading += 0.1 * 0.4 * std::sin(0.3 * t) * std::cos(0.05 * t);
+    position += 0.5 * Eigen::Vector3d(std::cos(heading), std::sin(heading), 0);
+    const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
+    run.odometry.poses.push_back({i * kSecond / 10, {ExpSO3({0, 0, heading}), position + 0.01 * noise}});
+    if (i % 10 != 0) continue;
+    GpsFix fix;
+    fix.stamp_ns = i * kSecond / 10;
+    const Eigen::Vector3d error(normal(random), normal(random), normal(random));
+    fix.position = frame.GeodeticFromEnu(ExpSO3({0, 0, 1}) * position + gps_sigma_m * error);
+    run.gps.push_back(fix);
+  }
+  return run;
+}
+
+TEST(TimeCheck, FindsTheGpsOffsetAndStaysQuietWithout) {
+  for (uint64_t seed : {1, 2, 3, 4, 5}) {
+    trigpoint::Run run = Drive(0.5, seed);
+    const TimeOffset none = CheckGpsTime(run);
+    EXPECT_TRUE(none.observable);
+    EXPECT_FALSE(none.warning) << *none.warning;
+    EXPECT_LT(std::abs(none.offset_s), 3 * none.sigma_s);
+    run.config.gps_time_offset_s = 1.25;
+    for (GpsFix& fix : run.gps) fix.stamp_ns -= 18 * kSecond;
+    const TimeOffset leap = CheckGpsTime(run);
+    EXPECT_NEAR(leap.offset_s, 18, 3 * leap.sigma_s);
+    ASSERT_TRUE(leap.warning);
+    EXPECT_THAT(*leap.warning, HasSubstr("runs/run1/run.yaml: the GPS contradicts the declared time offset"));
+    EXPECT_THAT(*leap.warning, HasSubstr("set gps.time_offset_s: 19."));
+  }
+}
+
+TEST(TimeCheck, SaysNothingOnAStraightEvenDrive) {
+  trigpoint::Run run = Drive(0.5, 1);
+  const LocalFrame frame({48, 8, 200});
+  for (TimedPose& pose : run.odometry.poses) {
+    pose.target_from_body = {Eigen::Quaterniond::Identity(), {5e-9 * static_cast<double>(pose.stamp_ns), 0, 0}};
+  }
+  for (GpsFix& fix : run.gps) fix.position = frame.GeodeticFromEnu({5e-9 * static_cast<double>(fix.stamp_ns), 0, 0});
+  EXPECT_FALSE(CheckGpsTime(run).warning);
+  run.gps.clear();
+  EXPECT_FALSE(CheckGpsTime(run).observable);
+  EXPECT_FALSE(CheckGpsTime(trigpoint::Run()).observable);
+}
+
+TEST(TimeCheck, FindsTheOdometryOffset) {
+  trigpoint::Run run = Drive(0.5, 1);
+  // Cameras see the truth at 3 Hz from a camera mounted askew; the odometry's rotations are noisy.
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal(0, 0.002);
+  const Eigen::Quaterniond body_from_cam = ExpSO3({0.3, -1.2, 0.5});
+  Trajectory cameras;
+  for (int64_t stamp = 0; stamp < 300 * kSecond; stamp += kSecond / 3) {
+    const Rigid3d body = run.odometry.At(stamp, kSecond).value();
+    cameras.poses.push_back({stamp, {body.rotation * body_from_cam, body.translation}});
+  }
+  for (TimedPose& pose : run.odometry.poses) {
+    const Eigen::Vector3d noise(normal(random), normal(random), normal(random));
+    pose.target_from_body.rotation = ExpSO3(noise) * pose.target_from_body.rotation;
+  }
+  EXPECT_FALSE(CheckOdometryTime(run, cameras).warning);
+  for (const double shift : {-0.7, 0.4, 12.0}) {
+    trigpoint::Run shifted = run;
+    for (TimedPose& pose : shifted.odometry.poses) pose.stamp_ns -= std::llround(shift * 1e9);
+    const TimeOffset offset = CheckOdometryTime(shifted, cameras);
+    EXPECT_NEAR(offset.offset_s, shift, 0.05);
+    ASSERT_TRUE(offset.warning) << shift;
+    EXPECT_THAT(*offset.warning, HasSubstr("set odometry.time_offset_s"));
+  }
+}
+
+}  // namespace
+}  // namespace trigpoint

@@ -1,0 +1,149 @@
+// Trajectories: TUM, EuRoC, KITTI; times to the nanosecond; interpolation.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int64_t kSecond = 1'000'000'000;
+
+TEST(Seconds, AreExact) {
+  EXPECT_EQ(ParseSecondsToNs("1403636579.763555584"), 1'403'636'579'763'555'584);
+  EXPECT_EQ(ParseSecondsToNs("1403636579763555584"), 1'403'636'579'763'555'584);
+  EXPECT_EQ(ParseSecondsToNs("1.403636579763555584e+09"), 1'403'636'579'763'555'584);
+  EXPECT_EQ(ParseSecondsToNs(" -0.0000000015 "), -2);
+  EXPECT_EQ(ParseSecondsToNs("5"), 5 * kSecond);
+  EXPECT_EQ(ParseSecondsToNs("1e-10"), 0);
+  for (const char* bad : {"", ".", "1,5", "abc", "1e", "nan", "1 2", "99999999999.0", "1e30"}) {
+    EXPECT_THROW(ParseSecondsToNs(bad), InputError) << bad;
+  }
+  EXPECT_EQ(FormatNsAsSeconds(1'403'636'579'763'555'584), "1403636579.763555584");
+  EXPECT_EQ(FormatNsAsSeconds(-1'500'000'000, 3), "-1.500");
+  EXPECT_EQ(FormatNsAsSeconds(1'999'999'999, 3), "2.000");
+  EXPECT_EQ(FormatNsAsSeconds(-1, 3), "0.000");
+  EXPECT_EQ(FormatNsAsSeconds(1'500'000'000, 0), "2");
+  for (int64_t ns : {int64_t{0}, int64_t{1}, -kSecond, int64_t{9'000'000'000'000'000'001}}) {
+    EXPECT_EQ(ParseSecondsToNs(FormatNsAsSeconds(ns)), ns);
+  }
+}
+
+TEST(Tum, KeepsWhatIsUsableAndNamesTheRest) {
+  const TempDir dir;
+  const auto file = dir.Write("odometry.tum",
+                              "# timestamp tx ty tz qx qy qz qw\r\n"
+                              "2 2 0 0 0 0 0 1\r\n1 1 0 0 0 0 0 1\r\n"    // out of order
+                              "2 9 9 9 0 0 0 1\r\n3 nan 0 0 0 0 0 1\r\n"  // doubled, not finite
+                              "4 4 0 0 0 0 0 2\r\n5 5 0 0\r\n"            // no unit quaternion, too short
+                              "6 6 0 0 0 0 0 1.0005\r\nx 6 0 0 0 0 0 1\r\n");
+  const Trajectory trajectory = ReadTrajectory(file);
+  ASSERT_EQ(trajectory.poses.size(), 3u);
+  EXPECT_EQ(trajectory.poses[1].stamp_ns, 2 * kSecond);
+  EXPECT_EQ(trajectory.poses[1].target_from_body.translation.x(), 2);
+  EXPECT_NEAR(trajectory.poses[2].target_from_body.rotation.norm(), 1, 1e-15);
+  const std::string warnings = Joined(trajectory.warnings);
+  EXPECT_THAT(warnings, HasSubstr("odometry.tum:5: the pose holds 'nan'; the row is skipped"));
+  EXPECT_THAT(warnings, HasSubstr("odometry.tum:6: expected a unit quaternion, found one of length 2"));
+  EXPECT_THAT(warnings, HasSubstr("odometry.tum:7: expected 8 numbers"));
+  EXPECT_THAT(warnings, HasSubstr("odometry.tum:9: expected a time"));
+  EXPECT_THAT(warnings, HasSubstr("out of order"));
+  EXPECT_THAT(warnings, HasSubstr("1 pose(s) with a timestamp seen before"));
+}
+
+TEST(Tum, RefusesWhatHoldsNothing) {
+  const TempDir dir;
+  EXPECT_THAT(
+      MessageOf<InputError>([&] { ReadTrajectory(dir.Write("nan.tum", "#\n1 nan 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n")); }),
+      HasSubstr("nan.tum:2: the pose holds 'nan'; no row of the file is usable"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadTrajectory(dir.Write("empty.tum", "# nothing\n")); }),
+              HasSubstr("empty"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadTrajectory(dir / "none.tum"); }), HasSubstr("no such file"));
+  const Trajectory constant = ReadTrajectory(dir.Write("c.tum", "1 1 2 3 0 0 0 1\n2 1 2 3 0 0 0 1\n"));
+  EXPECT_EQ(constant.poses.size(), 2u);
+  EXPECT_THAT(Joined(constant.warnings), HasSubstr("all 2 poses are the same"));
+}
+
+TEST(Tum, ManyBadRowsAreCounted) {
+  const TempDir dir;
+  std::string text = "1 1 0 0 0 0 0 1\n";
+  for (int i = 0; i < 100; ++i) text += "2 inf 0 0 0 0 0 1\n";
+  const Trajectory trajectory = ReadTrajectory(dir.Write("t.tum", text));
+  EXPECT_EQ(trajectory.warnings.size(), 6u);
+  EXPECT_THAT(trajectory.warnings.back(), HasSubstr("95 more"));
+}
+
+TEST(Euroc, PutsWFirst) {
+  const TempDir dir;
+  const auto file = dir.Write("data.csv",
+                              "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+                              "q_RS_z [], v_RS_R_x [m s^-1]\n1403636580838555648,1,2,3,0.8,0.6,0,0,9\n");
+  const Trajectory trajectory = ReadTrajectory(file);
+  EXPECT_EQ(trajectory.poses[0].stamp_ns, 1'403'636'580'838'555'648);
+  EXPECT_DOUBLE_EQ(trajectory.poses[0].target_from_body.rotation.w(), 0.8);
+  EXPECT_DOUBLE_EQ(trajectory.poses[0].target_from_body.rotation.x(), 0.6);
+  // A table whose header names another order is believed.
+  const auto named = dir.Write("named.csv", "timestamp,tx,ty,tz,qx,qy,qz,qw\n1.5,1,2,3,0.6,0,0,0.8\n");
+  EXPECT_DOUBLE_EQ(ReadTrajectory(named).poses[0].target_from_body.rotation.w(), 0.8);
+}
+
+TEST(Kitti, TakesItsTimesFromAside) {
+  const TempDir dir;
+  const auto poses =
+      dir.Write("00.txt", "1 0 0 1 0 1 0 2 0 0 1 3\n0 0 1 4 0 1 0 5 -1 0 0 6\n1 0 0 0 0 1 0 0 0 0 9 0\n");
+  const Trajectory trajectory = ReadKittiTrajectory(poses, dir.Write("times.txt", "0.0\n1.036224e-01\n0.2\n"));
+  ASSERT_EQ(trajectory.poses.size(), 2u);
+  EXPECT_EQ(trajectory.poses[1].stamp_ns, 103'622'400);
+  EXPECT_EQ(trajectory.poses[1].target_from_body.translation, Eigen::Vector3d(4, 5, 6));
+  EXPECT_NEAR(
+      (trajectory.poses[1].target_from_body.rotation * Eigen::Vector3d::UnitX() + Eigen::Vector3d::UnitZ()).norm(), 0,
+      1e-12);
+  EXPECT_THAT(Joined(trajectory.warnings), HasSubstr("00.txt:3: the matrix holds no rotation"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadKittiTrajectory(poses, dir.Write("t2.txt", "0\n")); }),
+              HasSubstr("3 poses, but"));
+}
+
+TEST(Tum, ComesBackAsWritten) {
+  const TempDir dir;
+  std::vector<TimedPose> poses;
+  for (int i = 0; i < 50; ++i) {
+    poses.push_back({1'700'000'000'000'000'000 + i * 33'333'333,
+                     {ExpSO3(Eigen::Vector3d(0.1 * i, -0.05 * i, 0.02)), {0.1 * i, -1e3, 1e-9 * i}}});
+  }
+  WriteTum(dir / "t.tum", poses, {"one", "two"});
+  EXPECT_TRUE(ReadTextFile(dir / "t.tum").starts_with("# one\n# two\n1700000000.000000000 0.000000000 "));
+  const Trajectory back = ReadTrajectory(dir / "t.tum");
+  ASSERT_EQ(back.poses.size(), poses.size());
+  for (size_t i = 0; i < poses.size(); ++i) {
+    EXPECT_EQ(back.poses[i].stamp_ns, poses[i].stamp_ns);
+    EXPECT_LT(back.poses[i].target_from_body.Minus(poses[i].target_from_body).norm(), 2e-9);
+  }
+}
+
+TEST(Trajectory, InterpolatesOnlyWhereItKnows) {
+  Trajectory trajectory;
+  for (int64_t s : {0, 1, 2, 10}) {
+    trajectory.poses.push_back(
+        {s * kSecond, {ExpSO3(Eigen::Vector3d(0, 0, 0.1 * static_cast<double>(s))), {static_cast<double>(s), 0, 0}}});
+  }
+  const auto middle = trajectory.At(kSecond + kSecond / 4, kSecond);
+  ASSERT_TRUE(middle);
+  EXPECT_NEAR(middle->translation.x(), 1.25, 1e-12);
+  EXPECT_NEAR(LogSO3(middle->rotation).z(), 0.125, 1e-12);
+  EXPECT_FALSE(trajectory.At(5 * kSecond, kSecond));  // in the gap
+  EXPECT_TRUE(trajectory.At(5 * kSecond, 8 * kSecond));
+  EXPECT_TRUE(trajectory.At(10 * kSecond, 1));  // a pose itself
+  EXPECT_FALSE(trajectory.At(-1, kSecond));
+  EXPECT_FALSE(trajectory.At(10 * kSecond + 1, 100 * kSecond));
+  EXPECT_FALSE(Trajectory().At(0, kSecond));
+}
+
+}  // namespace
+}  // namespace trigpoint
