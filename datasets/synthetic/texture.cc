@@ -250,7 +250,9 @@ cv::Mat GroundTexture(double width_m, double height_m, double px_per_m, uint64_t
                std::max(1, static_cast<int>(0.12 * px_per_m)), cv::LINE_AA);
     }
   }
-  AddNoise(&ground, ValueNoise(size, 0.4 * px_per_m, 8, random.Next()), 35);
+  AddNoise(&ground, ValueNoise(size, 0.4 * px_per_m, 4, random.Next()), 30);
+  // The grain of the asphalt: what corners on the ground are made of.
+  AddNoise(&ground, ValueNoise(size, std::max(1.0, 0.1 * px_per_m), 2, random.Next()), 45);
   return ground;
 }
 
