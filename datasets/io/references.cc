@@ -138,7 +138,13 @@ std::vector<Reference> ReadPhotoTable(const std::filesystem::path& file, const s
     Reference reference = OneFile(ReferenceKind::kPhoto, name, row.Text("station"), path);
     if (row.Has("camera")) {
       const std::filesystem::path chain = ResolveInside(site_dir, site_dir, row.Text("camera"), row.Where("camera"));
-      if (!cameras.contains(chain)) cameras.emplace(chain, ReadCamchain(chain).front().camera);
+      if (!cameras.contains(chain)) {
+        try {
+          cameras.emplace(chain, ReadCamchain(chain).front().camera);
+        } catch (const InputError& e) {
+          row.Fail(std::string("column camera: ") + e.what());
+        }
+      }
       reference.camera = cameras.at(chain);
     } else {
       reference.camera = CameraFromMetadata(ReadPhotoMetadata(path));

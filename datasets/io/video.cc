@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -15,6 +16,9 @@ namespace trigpoint {
 namespace {
 
 cv::VideoCapture Open(const std::filesystem::path& file) {
+  // OpenCV tries its backends one after the other and complains about each; our message says it once.
+  static const auto quiet = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  static_cast<void>(quiet);
   cv::VideoCapture video(file.string());
   if (!video.isOpened()) throw InputError(file.string() + ": the video cannot be opened; convert it to MP4 (H.264)");
   return video;

@@ -5,8 +5,12 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "datasets/io/exif.h"
+#include "datasets/io/gps.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
+#include "datasets/io/tables.h"
+#include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -20,12 +24,6 @@ std::optional<Site> Read(const std::string& name) {
   const std::filesystem::path dir = SharedData() / name;
   if (!std::filesystem::is_directory(dir)) return std::nullopt;
   return ReadSite(dir);
-}
-
-std::string Joined(const std::vector<std::string>& lines) {
-  std::string text;
-  for (const std::string& line : lines) text += line + "\n";
-  return text;
 }
 
 TEST(SharedSites, LotA) {
@@ -111,6 +109,87 @@ TEST(SharedSites, Strecha) {
   EXPECT_EQ(herz_jesu->runs.at(0).images.size(), 8u);
   EXPECT_FALSE(herz_jesu->origin.has_value());
   EXPECT_EQ(Joined(fountain->warnings) + Joined(herz_jesu->warnings), "");
+}
+
+// The example that is part of the program.
+TEST(ParkingLot, IsReadCompletely) {
+  const Site site = ReadSite("datasets/parking_lot");
+  std::string warnings = Joined(site.warnings);
+  size_t images = 0;
+  for (const trigpoint::Run& run : site.runs) {
+    warnings += Joined(run.warnings);
+    images += run.images.size();
+    EXPECT_FALSE(run.odometry.poses.empty());
+    EXPECT_FALSE(run.gps.empty());
+    EXPECT_EQ(LoadGrey(run, run.images.back()).cols, run.cameras[0].camera.width());
+  }
+  EXPECT_EQ(warnings, "");
+  EXPECT_GT(images, 30u);
+  EXPECT_GE(site.references.size(), 4u);
+  EXPECT_FALSE(site.stations.empty() || site.control_points.empty() || site.aerial.empty());
+}
+
+// What the table says stands in the files too, to the digits written there.
+TEST(SharedSites, LotAPanoramasSayTheSameThemselves) {
+  const auto site = Read("lot_a");
+  if (!site) GTEST_SKIP() << "no shared data";
+  std::vector<std::string> warnings;
+  const auto files = ReadPanoramaFolder(site->dir / "panoramas", site->dir, &warnings);
+  EXPECT_EQ(Joined(warnings), "");
+  ASSERT_EQ(files.size(), 9u);
+  for (const Reference& file : files) {
+    const auto row = std::find_if(site->references.begin(), site->references.end(),
+                                  [&](const Reference& reference) { return reference.name == file.name; });
+    ASSERT_NE(row, site->references.end()) << file.name;
+    EXPECT_NEAR(file.geotag.position.latitude_deg, row->geotag.position.latitude_deg, 2e-8);
+    EXPECT_NEAR(file.geotag.position.longitude_deg, row->geotag.position.longitude_deg, 2e-8);
+    EXPECT_NEAR(file.geotag.position.height_m, row->geotag.position.height_m, 0.01);
+    EXPECT_NEAR(file.geotag.attitude.heading_rad, row->geotag.attitude.heading_rad, 1e-9);
+    EXPECT_NEAR(file.geotag.attitude.pitch_rad, row->geotag.attitude.pitch_rad, 1e-9);
+    EXPECT_NEAR(file.geotag.attitude.roll_rad, row->geotag.attitude.roll_rad, 1e-9);
+    EXPECT_TRUE(file.geotag.has_height && file.geotag.has_heading && file.geotag.has_tilt);
+  }
+}
+
+TEST(SharedSites, LotAPhotoFocalLength) {
+  const auto site = Read("lot_a");
+  if (!site) GTEST_SKIP() << "no shared data";
+  EXPECT_NEAR(site->references[9].camera->params()[0], 1331.4, 5);
+}
+
+TEST(SharedData, PhonePhotos) {
+  const std::filesystem::path dir = SharedData() / "lund/images";
+  if (!std::filesystem::is_directory(dir)) GTEST_SKIP() << "no shared data";
+  const LocalFrame street({55.6985, 13.1950, 40});
+  size_t near = 0;
+  for (const auto& file : PicturesIn(dir)) {
+    const PhotoMetadata metadata = ReadPhotoMetadata(file);
+    near += metadata.position && street.EnuFromGeodetic(*metadata.position).norm() < 300;
+    EXPECT_NEAR(metadata.focal_px.value_or(0), 996, 1);
+  }
+  EXPECT_EQ(near, 29u);
+}
+
+TEST(SharedData, TrajectoriesOfOthers) {
+  const std::filesystem::path dir = SharedData() / "trajectories";
+  if (!std::filesystem::is_directory(dir)) GTEST_SKIP() << "no shared data";
+  EXPECT_EQ(ReadKittiTrajectory(dir / "KITTI_00_gt.txt", dir / "KITTI_00_gt_times.txt").poses.size(), 4541u);
+  const Trajectory vicon = ReadTrajectory(dir / "V102_groundtruth.csv");
+  const Trajectory estimate = ReadTrajectory(dir / "V102.txt");
+  EXPECT_GT(vicon.poses.size(), 10000u);
+  EXPECT_EQ(vicon.poses.front().stamp_ns, 1'403'715'524'907'143'168);
+  // Both on the same clock, each read in its own form.
+  EXPECT_LT(std::abs(vicon.poses.front().stamp_ns - estimate.poses.front().stamp_ns), 20'000'000'000);
+  EXPECT_GT(ReadTrajectory(dir / "freiburg1_xyz-groundtruth.txt").poses.size(), 2900u);
+}
+
+TEST(SharedData, GpxTracks) {
+  const std::filesystem::path file = SharedData() / "geodesy/test_files/around-visnjan-with-car.gpx";
+  if (!std::filesystem::is_regular_file(file)) GTEST_SKIP() << "no shared data";
+  const GpsTrack track = ReadGpx(file, {});
+  EXPECT_GT(track.fixes.size(), 100u);
+  const LocalFrame visnjan({45.2775, 13.7206, 250});
+  for (const GpsFix& fix : track.fixes) EXPECT_LT(visnjan.EnuFromGeodetic(fix.position).head<2>().norm(), 30e3);
 }
 
 }  // namespace

@@ -1,0 +1,337 @@
+// Pictures of all kinds, whole and broken; what their headers say; videos.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <exiv2/exiv2.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <thread>
+
+#include "datasets/io/exif.h"
+#include "datasets/io/image.h"
+#include "datasets/io/text.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+// Dark above, bright below, and brighter to the right: tells flips and turns apart.
+cv::Mat Ramp(int width, int height) {
+  cv::Mat picture(height, width, CV_8U);
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u)
+      picture.at<uchar>(v, u) = static_cast<uchar>(20 + 150 * v / height + 60 * u / width);
+  }
+  return picture;
+}
+
+double Difference(const cv::Mat& a, const cv::Mat& b) {
+  if (a.size() != b.size() || a.type() != b.type()) return 1e9;
+  return cv::norm(a, b, cv::NORM_L1) / static_cast<double>(a.total());
+}
+
+trigpoint::Run RunWithCamera(int width, int height) {
+  trigpoint::Run run;
+  run.cameras.push_back({"cam0", Camera::FromFieldOfView(width, height, 1.0), {}, true, 0, {}});
+  return run;
+}
+
+ImageEntry Entry(const std::filesystem::path& file) { return {0, file.filename().string(), file, 0, -1}; }
+
+void SetExif(const std::filesystem::path& file, const std::vector<std::pair<std::string, std::string>>& values) {
+  const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+  image->readMetadata();
+  for (const auto& [key, value] : values) {
+    if (key.starts_with("Xmp.")) {
+      image->xmpData()[key] = value;
+    } else {
+      image->exifData()[key] = value;
+    }
+  }
+  image->writeMetadata();
+}
+
+void SetOrientation(const std::filesystem::path& file, uint16_t orientation) {
+  const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+  image->readMetadata();
+  image->exifData()["Exif.Image.Orientation"] = orientation;
+  image->writeMetadata();
+}
+
+TEST(LoadGrey, ReadsEveryKind) {
+  const TempDir dir;
+  const cv::Mat grey = Ramp(64, 48);
+  const trigpoint::Run run = RunWithCamera(64, 48);
+  cv::Mat colour, deep;
+  cv::cvtColor(grey, colour, cv::COLOR_GRAY2BGR);
+  grey.convertTo(deep, CV_16U, 257);
+  for (const auto& [name, picture] : std::vector<std::pair<std::string, cv::Mat>>{{"grey.jpg", grey},
+                                                                                  {"colour.jpg", colour},
+                                                                                  {"grey.png", grey},
+                                                                                  {"colour.png", colour},
+                                                                                  {"grey.tif", grey},
+                                                                                  {"deep.png", deep},
+                                                                                  {"deep.tif", deep},
+                                                                                  {"a \"b\" \xC3\xA4.jpg", grey}}) {
+    ASSERT_TRUE(cv::imwrite((dir / name).string(), picture));
+    EXPECT_LT(Difference(LoadGrey(run, Entry(dir / name)), grey), 1.0) << name;
+    EXPECT_EQ(LoadPicture(dir / name, false).type(), CV_8UC3) << name;
+  }
+  // 12 bits stored in 16: seen at full contrast.
+  cv::Mat twelve;
+  grey.convertTo(twelve, CV_16U, 4095.0 / 255);
+  cv::imwrite((dir / "twelve.png").string(), twelve);
+  EXPECT_LT(Difference(LoadGrey(run, Entry(dir / "twelve.png")), grey), 1.0);
+}
+
+TEST(LoadGrey, ReadsCmyk) {
+  // 16 x 8, as print programs write it (Adobe's inverted CMYK): left half no ink, right half three quarters of black.
+  const std::string hex =
+      "ffd8ffee000e41646f626500640000000000ffdb0043000302020302020303030304030304050805050404050a070706080c0a0c0c0b0a"
+      "0b0b0d0e12100d0e110e0b0b1016101113141515150c0f171816141812141514ffc000140800080010044311004d11005911004b1100ff"
+      "c4001500010100000000000000000000000000000900ffc40014100100000000000000000000000000000000ffda000e0443004d005900"
+      "4b00003f0054ca99532a692002ffd9";
+  std::string bytes;
+  for (size_t i = 0; i < hex.size(); i += 2) bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
+  const TempDir dir;
+  const cv::Mat grey = LoadGrey(RunWithCamera(16, 8), Entry(dir.Write("cmyk.jpg", bytes)));
+  EXPECT_GT(grey.at<uchar>(4, 3), 250);
+  EXPECT_NEAR(grey.at<uchar>(4, 12), 64, 6);
+}
+
+TEST(LoadGrey, TurnsByExifUnlessOnlyTheRawPictureFits) {
+  const TempDir dir;
+  const cv::Mat stored = Ramp(64, 48);
+  cv::Mat turned;
+  cv::rotate(stored, turned, cv::ROTATE_90_CLOCKWISE);  // orientation 6
+  cv::imwrite((dir / "a.jpg").string(), stored, {cv::IMWRITE_JPEG_QUALITY, 100});
+  SetOrientation(dir / "a.jpg", 6);
+  EXPECT_LT(Difference(LoadPicture(dir / "a.jpg", true), turned), 2.0);
+  EXPECT_LT(Difference(LoadGrey(RunWithCamera(48, 64), Entry(dir / "a.jpg")), turned), 2.0);
+  EXPECT_LT(Difference(LoadGrey(RunWithCamera(64, 48), Entry(dir / "a.jpg")), stored), 2.0);
+  cv::Mat upside_down;
+  cv::rotate(stored, upside_down, cv::ROTATE_180);
+  SetOrientation(dir / "a.jpg", 3);
+  EXPECT_LT(Difference(LoadGrey(RunWithCamera(64, 48), Entry(dir / "a.jpg")), upside_down), 2.0);
+}
+
+TEST(LoadGrey, MendsMirroredPictures) {
+  const TempDir dir;
+  cv::Mat flipped;
+  cv::flip(Ramp(64, 48), flipped, 1);
+  cv::imwrite((dir / "a.png").string(), flipped);
+  trigpoint::Run run = RunWithCamera(64, 48);
+  run.config.mirrored = true;
+  EXPECT_EQ(Difference(LoadGrey(run, Entry(dir / "a.png")), Ramp(64, 48)), 0);
+}
+
+TEST(LoadGrey, NamesWhatIsBroken) {
+  const TempDir dir;
+  const trigpoint::Run run = RunWithCamera(640, 480);
+  cv::Mat noise(480, 640, CV_8UC3);
+  cv::randu(noise, 0, 255);
+  cv::imwrite((dir / "whole.jpg").string(), noise);
+  cv::imwrite((dir / "whole.png").string(), noise);
+  cv::imwrite((dir / "whole.tif").string(), noise);
+  cv::imwrite((dir / "small.jpg").string(), Ramp(320, 240));
+  const auto message = [&](const std::filesystem::path& file) {
+    return MessageOf<InputError>([&] { LoadGrey(run, Entry(file)); });
+  };
+  EXPECT_EQ(message(dir / "whole.jpg"), "");
+  EXPECT_THAT(message(dir / "missing.jpg"), HasSubstr("missing.jpg: there is no such picture"));
+  EXPECT_THAT(message(dir.Write("zero.jpg", "")), HasSubstr("zero.jpg: the picture is empty (0 bytes)"));
+  EXPECT_THAT(message(dir.Write("text.jpg", "hello, I am no picture")), HasSubstr("text.jpg: not a picture"));
+  EXPECT_THAT(message(dir / "small.jpg"),
+              HasSubstr("small.jpg: expected a picture of 640 x 480 as camera 'cam0' was calibrated, found 320 x 240"));
+  for (const std::string kind : {"jpg", "png", "tif"}) {
+    const std::string whole = ReadTextFile(dir / ("whole." + kind));
+    for (const double part : {0.999, 0.5, 0.05}) {
+      const std::string cut = whole.substr(0, static_cast<size_t>(part * static_cast<double>(whole.size())));
+      EXPECT_THAT(message(dir.Write("cut." + kind, cut)), HasSubstr("cut." + kind)) << kind << " " << part;
+    }
+  }
+  // Filled up with zeros, as a copy that broke off may be; and a whole picture with something behind it.
+  const std::string jpeg = ReadTextFile(dir / "whole.jpg");
+  EXPECT_THAT(message(dir.Write("filled.jpg", jpeg.substr(0, jpeg.size() / 2) + std::string(5000, '\0'))),
+              HasSubstr("filled.jpg: the picture is cut off"));
+  EXPECT_EQ(message(dir.Write("appended.jpg", jpeg + "a motion picture")), "");
+}
+
+TEST(LoadGrey, WorksInManyThreads) {
+  const TempDir dir;
+  const trigpoint::Run run = RunWithCamera(64, 48);
+  for (int i = 0; i < 8; ++i) cv::imwrite((dir / (std::to_string(i) + ".png")).string(), Ramp(64, 48) + i);
+  std::vector<std::thread> threads;
+  std::vector<int> good(4, 0);
+  for (size_t t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 8; ++i) {
+        const cv::Mat grey = LoadGrey(run, Entry(dir / (std::to_string(i) + ".png")));
+        good[t] += Difference(grey, Ramp(64, 48) + i) == 0;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(good, std::vector<int>(4, 8));
+}
+
+TEST(LoadPanorama, WantsTwoToOneOrTheTagsThatSayWhere) {
+  const TempDir dir;
+  cv::imwrite((dir / "full.jpg").string(), Ramp(128, 64));
+  EXPECT_EQ(LoadPanorama(dir / "full.jpg", true).size(), cv::Size(128, 64));
+  cv::imwrite((dir / "odd.jpg").string(), Ramp(128, 48));
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(dir / "odd.jpg", true); }),
+              HasSubstr("odd.jpg: expected an equirectangular panorama twice as wide as high (or GPano tags that say "
+                        "which part it is), found 128 x 48"));
+  // The sphere without its top quarter, at half the size the tags were written for.
+  SetExif(dir / "odd.jpg", {{"Xmp.GPano.FullPanoWidthPixels", "256"},
+                            {"Xmp.GPano.FullPanoHeightPixels", "128"},
+                            {"Xmp.GPano.CroppedAreaLeftPixels", "0"},
+                            {"Xmp.GPano.CroppedAreaTopPixels", "32"},
+                            {"Xmp.GPano.CroppedAreaImageWidthPixels", "256"},
+                            {"Xmp.GPano.CroppedAreaImageHeightPixels", "96"}});
+  const cv::Mat full = LoadPanorama(dir / "odd.jpg", true);
+  ASSERT_EQ(full.size(), cv::Size(128, 64));
+  EXPECT_EQ(cv::countNonZero(full.rowRange(0, 16)), 0);
+  EXPECT_LT(Difference(full.rowRange(16, 64).clone(), Ramp(128, 48)), 2.0);
+}
+
+TEST(PhotoMetadata, TellsWhatTheFileSays) {
+  const TempDir dir;
+  cv::imwrite((dir / "p.jpg").string(), Ramp(80, 60));
+  SetExif(dir / "p.jpg", {{"Exif.Image.Orientation", "6"},
+                          {"Exif.Photo.FocalLengthIn35mmFilm", "27"},
+                          {"Exif.Photo.DateTimeOriginal", "2026:05:12 11:43:20"},
+                          {"Exif.Photo.SubSecTimeOriginal", "25"},
+                          {"Exif.GPSInfo.GPSLatitude", "33/1 30/1 36/1"},
+                          {"Exif.GPSInfo.GPSLatitudeRef", "S"},
+                          {"Exif.GPSInfo.GPSLongitude", "70/1 15/1 0/1"},
+                          {"Exif.GPSInfo.GPSLongitudeRef", "W"},
+                          {"Exif.GPSInfo.GPSAltitude", "5205/10"},
+                          {"Exif.GPSInfo.GPSImgDirection", "270/1"},
+                          {"Exif.GPSInfo.GPSImgDirectionRef", "T"}});
+  const PhotoMetadata metadata = ReadPhotoMetadata(dir / "p.jpg");
+  EXPECT_EQ(metadata.width, 80);
+  EXPECT_EQ(metadata.height, 60);
+  EXPECT_EQ(metadata.orientation, 6);
+  ASSERT_TRUE(metadata.focal_px);
+  EXPECT_NEAR(*metadata.focal_px, 60, 1e-9);  // 27 / 36 of the long side
+  ASSERT_TRUE(metadata.position);
+  EXPECT_NEAR(metadata.position->latitude_deg, -33.51, 1e-12);
+  EXPECT_NEAR(metadata.position->longitude_deg, -70.25, 1e-12);
+  EXPECT_NEAR(metadata.position->height_m, 520.5, 1e-12);
+  EXPECT_FALSE(metadata.height_above_sea);
+  EXPECT_EQ(metadata.taken_utc_ns, ParseUtcToNs("2026-05-12T11:43:20.25Z"));
+  EXPECT_FALSE(metadata.taken_zone_known);
+  const auto camera = CameraFromMetadata(metadata);
+  ASSERT_TRUE(camera);
+  EXPECT_EQ(camera->width(), 60);  // as shown
+  EXPECT_EQ(camera->height(), 80);
+  EXPECT_EQ(camera->params(), (std::vector<double>{60, 60, 29.5, 39.5}));
+  std::vector<std::string> warnings;
+  const GeoTag tag = GeoTagFromMetadata(metadata, dir / "p.jpg", &warnings);
+  EXPECT_TRUE(tag.has_position && tag.has_height && tag.has_heading && !tag.has_tilt);
+  EXPECT_NEAR(tag.attitude.heading_rad, 1.5 * M_PI, 1e-12);
+  EXPECT_TRUE(warnings.empty());
+
+  SetExif(dir / "p.jpg", {{"Exif.GPSInfo.GPSAltitudeRef", "1"}, {"Exif.Photo.OffsetTimeOriginal", "+02:00"}});
+  const PhotoMetadata more = ReadPhotoMetadata(dir / "p.jpg");
+  EXPECT_NEAR(more.position->height_m, -520.5, 1e-12);
+  EXPECT_TRUE(more.taken_zone_known);
+  EXPECT_EQ(more.taken_utc_ns, ParseUtcToNs("2026-05-12T09:43:20.25Z"));
+  GeoTagFromMetadata(more, dir / "p.jpg", &warnings);
+  EXPECT_THAT(Joined(warnings), HasSubstr("as above sea level"));
+}
+
+TEST(PhotoMetadata, FallsBackToTheFocalPlane) {
+  const TempDir dir;
+  cv::imwrite((dir / "p.jpg").string(), Ramp(100, 60));
+  SetExif(dir / "p.jpg", {{"Exif.Photo.FocalLength", "5/1"},
+                          {"Exif.Photo.FocalPlaneXResolution", "2540/1"},  // a tenth of a millimetre a 10 pixels
+                          {"Exif.Photo.FocalPlaneResolutionUnit", "2"},
+                          {"Exif.Photo.PixelXDimension", "200"}});
+  EXPECT_NEAR(ReadPhotoMetadata(dir / "p.jpg").focal_px.value(), 5 * 100 * 0.5, 1e-9);
+  cv::imwrite((dir / "bare.png").string(), Ramp(100, 60));
+  const PhotoMetadata bare = ReadPhotoMetadata(dir / "bare.png");
+  EXPECT_EQ(bare.width, 100);
+  EXPECT_FALSE(bare.focal_px || bare.position || bare.heading_deg || bare.taken_utc_ns || bare.gpano);
+  EXPECT_FALSE(CameraFromMetadata(bare));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadPhotoMetadata(dir.Write("x.jpg", "no")); }), HasSubstr("x.jpg"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadPhotoMetadata(dir.Write("z.jpg", "")); }), HasSubstr("0 bytes"));
+}
+
+TEST(PhotoMetadata, ReadsGPano) {
+  const TempDir dir;
+  cv::imwrite((dir / "p.jpg").string(), Ramp(128, 64));
+  SetExif(dir / "p.jpg", {{"Xmp.GPano.ProjectionType", "equirectangular"},
+                          {"Xmp.GPano.PoseHeadingDegrees", "195.14"},
+                          {"Xmp.GPano.PosePitchDegrees", "-0.17"},
+                          {"Xmp.GPano.PoseRollDegrees", "2.5"}});
+  const PhotoMetadata metadata = ReadPhotoMetadata(dir / "p.jpg");
+  ASSERT_TRUE(metadata.gpano);
+  EXPECT_EQ(metadata.gpano->projection, "equirectangular");
+  std::vector<std::string> warnings;
+  const GeoTag tag = GeoTagFromMetadata(metadata, dir / "p.jpg", &warnings);
+  EXPECT_FALSE(tag.has_position);
+  EXPECT_TRUE(tag.has_heading && tag.has_tilt);
+  EXPECT_NEAR(tag.attitude.heading_rad, 195.14 * kDegToRad, 1e-12);
+  EXPECT_NEAR(tag.attitude.pitch_rad, -0.17 * kDegToRad, 1e-12);
+  EXPECT_NEAR(tag.attitude.roll_rad, 2.5 * kDegToRad, 1e-12);
+}
+
+TEST(Pictures, ComeInTheOrderOfTheirNumbers) {
+  const TempDir dir;
+  for (const char* name : {"IMG_10.jpg", "IMG_9.JPG", "IMG_2.tiff", ".hidden.jpg", "notes.txt", "IMG_2b.png"}) {
+    dir.Write(name, "x");
+  }
+  std::vector<std::string> names;
+  for (const auto& file : PicturesIn(dir.path())) names.push_back(file.filename().string());
+  EXPECT_EQ(names, (std::vector<std::string>{"IMG_2.tiff", "IMG_2b.png", "IMG_9.JPG", "IMG_10.jpg"}));
+  EXPECT_TRUE(PicturesIn(dir / "none").empty());
+}
+
+class VideoTest : public testing::TestWithParam<int> {};
+
+TEST_P(VideoTest, FramesHaveTimesAndComeInAnyOrder) {
+  const TempDir dir;
+  const int count = GetParam();
+  const std::filesystem::path file = dir / "runs/run1/clip.avi";
+  std::filesystem::create_directories(file.parent_path());
+  cv::VideoWriter writer(file.string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 25, {64, 48});
+  if (!writer.isOpened()) GTEST_SKIP() << "this OpenCV writes no videos";
+  for (int i = 0; i < count; ++i) writer.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all((7 * i) % 250)));
+  writer.release();
+  dir.Write("runs/run1/camchain.yaml",
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [60, 60, 31.5, 23.5]\n  resolution: [64, 48]\n");
+  dir.Write("runs/run1/run.yaml", "video:\n  start_s: 10.5\n  every: 2\n");
+  const trigpoint::Run run = ReadRun(file.parent_path(), dir.path());
+  ASSERT_EQ(run.images.size(), static_cast<size_t>((count + 1) / 2));
+  for (size_t i = 0; i < run.images.size(); ++i) {
+    EXPECT_NEAR(static_cast<double>(run.images[i].stamp_ns), 10.5e9 + static_cast<double>(i) * 80e6, 1e3);
+  }
+  EXPECT_EQ(run.images[3].file, "clip.avi#000006");
+  EXPECT_EQ(run.images[3].video_frame, 6);
+  for (const size_t i : {size_t{3}, size_t{0}, run.images.size() - 1, size_t{9}, size_t{8}}) {
+    EXPECT_NEAR(cv::mean(LoadGrey(run, run.images[i]))[0], static_cast<double>((14 * i) % 250), 2) << i;
+  }
+  ImageEntry beyond = run.images[0];
+  beyond.video_frame = count + 5;
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, beyond); }), HasSubstr("clip.avi: frame"));
+}
+
+INSTANTIATE_TEST_SUITE_P(ShortAndLong, VideoTest, testing::Values(40, 301));
+
+TEST(Video, ThatCannotBeOpenedIsNamed) {
+  const TempDir dir;
+  dir.Write("runs/run1/camchain.yaml",
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [60, 60, 31.5, 23.5]\n  resolution: [64, 48]\n");
+  dir.Write("runs/run1/clip.mp4", "not a video");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadRun(dir / "runs/run1", dir.path()); }),
+              HasSubstr("clip.mp4: the video cannot be opened"));
+}
+
+}  // namespace
+}  // namespace trigpoint

@@ -1,0 +1,444 @@
+// Whole sites and runs, as brought: complete, odd, and broken.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <exiv2/exiv2.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "datasets/io/path_error.h"
+#include "datasets/io/site.h"
+#include "datasets/io/tables.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr int64_t kSecond = 1'000'000'000;
+
+const char kCamera[] =
+    "  camera_model: pinhole\n  intrinsics: [60, 60, 31.5, 23.5]\n  resolution: [64, 48]\n"
+    "  T_cam_imu: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]\n";
+
+// A site with one run of four images at 1, 2, 3, 4 s.
+class SiteTest : public testing::Test {
+ protected:
+  SiteTest() {
+    AddRun("run1");
+    Write("tags.yaml", "size_m: 0.5\n");
+  }
+  void AddRun(const std::string& name) {
+    const std::string run = "runs/" + name + "/";
+    Write(run + "camchain.yaml", std::string("cam0:\n") + kCamera);
+    std::string list, odometry;
+    for (int i = 1; i <= 4; ++i) {
+      const std::string n = std::to_string(i);
+      Picture(run + "images/" + n + ".png");
+      list += n + " images/" + n + ".png\n";
+      odometry += n + " " + n + " 0 0 0 0 0 1\n";
+    }
+    Write(run + "images.txt", list);
+    Write(run + "odometry.tum", odometry);
+  }
+  std::filesystem::path Write(const std::string& name, const std::string& text) { return dir_.Write(name, text); }
+  void Picture(const std::string& name, int width = 64, int height = 48) {
+    std::filesystem::create_directories((dir_ / name).parent_path());
+    cv::imwrite((dir_ / name).string(), cv::Mat(height, width, CV_8U, cv::Scalar(100)));
+  }
+  void Exif(const std::string& name, const std::vector<std::pair<std::string, std::string>>& values) {
+    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open((dir_ / name).string());
+    image->readMetadata();
+    for (const auto& [key, value] : values) image->exifData()[key] = value;
+    image->writeMetadata();
+  }
+  Site Read() { return ReadSite(dir_.path()); }
+  trigpoint::Run ReadOne(const std::string& name = "run1") { return ReadRun(dir_ / ("runs/" + name), dir_.path()); }
+  std::string Refusal() {
+    return MessageOf<InputError>([&] { Read(); });
+  }
+  std::string Warnings(const trigpoint::Run& run) { return Joined(run.warnings); }
+
+  TempDir dir_;
+};
+
+TEST_F(SiteTest, ReadsAPlainRun) {
+  const Site site = Read();
+  ASSERT_EQ(site.runs.size(), 1u);
+  EXPECT_EQ(Joined(site.warnings) + Joined(site.runs[0].warnings), "");
+  EXPECT_EQ(site.runs[0].images.size(), 4u);
+  EXPECT_EQ(site.runs[0].images[1].stamp_ns, 2 * kSecond);
+  EXPECT_EQ(site.runs[0].images[1].path, dir_ / "runs/run1/images/2.png");
+  EXPECT_EQ(site.runs[0].config.role, "both");
+  EXPECT_EQ(site.runs[0].config.odometry_scale_sigma, 0.01);
+}
+
+TEST_F(SiteTest, SkipsBadImagesAndCountsThem) {
+  Write("runs/run1/images/empty.png", "");
+  Write("runs/run1/images.txt",
+        "# time file\n3 images/3.png\n1 images/1.png\n2 images/2.png\n2 images/4.png\n5 images/gone.png\n"
+        "6 images/empty.png\nx images/4.png\n7\n");
+  const trigpoint::Run run = ReadOne();
+  ASSERT_EQ(run.images.size(), 3u);
+  EXPECT_EQ(run.images[0].file, "images/1.png");
+  EXPECT_EQ(run.images[1].file, "images/2.png");
+  const std::string warnings = Warnings(run);
+  EXPECT_THAT(warnings, HasSubstr("images.txt:6: there is no file"));
+  EXPECT_THAT(warnings, HasSubstr("images.txt:7: the file"));
+  EXPECT_THAT(warnings, HasSubstr("is empty (0 bytes); the image is skipped"));
+  EXPECT_THAT(warnings, HasSubstr("images.txt:8: expected a time"));
+  EXPECT_THAT(warnings, HasSubstr("images.txt:9: expected 'timestamp file [camera]'"));
+  EXPECT_THAT(warnings, HasSubstr("timestamps are out of order"));
+  EXPECT_THAT(warnings, HasSubstr("1 image(s) with a timestamp seen before"));
+}
+
+TEST_F(SiteTest, TakesNamesAsTheyAre) {
+  const std::string umlaut = "images/H\xC3\xA4user am Platz.png", quoted = "images/it's \"2\".png";
+  Picture("runs/run1/" + umlaut);
+  Picture("runs/run1/" + quoted);
+  Picture("runs/run1/images/cam0 x.png");
+  Write("runs/run1/images.txt",
+        "\xEF\xBB\xBF"
+        "1 " +
+            umlaut + "\r\n2 \"" + umlaut + "\" cam0\r\n3 " + quoted +
+            "\r\n4\timages/cam0 x.png cam0\r\n5,images/1.png\r\n");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(Warnings(run).find("skipped"), std::string::npos) << Warnings(run);
+  ASSERT_EQ(run.images.size(), 5u);
+  EXPECT_EQ(run.images[0].file, umlaut);
+  EXPECT_EQ(run.images[1].file, umlaut);
+  EXPECT_EQ(run.images[2].file, quoted);
+  EXPECT_EQ(run.images[3].file, "images/cam0 x.png");
+}
+
+TEST_F(SiteTest, SortsSeveralCameras) {
+  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera + "left:\n" + kCamera);
+  Write("runs/run1/images.txt", "1 images/1.png left\n1 images/2.png cam0\n2 images/3.png\n2 images/4.png left\n");
+  const trigpoint::Run run = ReadOne();
+  ASSERT_EQ(run.images.size(), 4u);
+  EXPECT_EQ(run.images[0].file, "images/2.png");
+  EXPECT_EQ(run.images[1].camera, 1);
+  EXPECT_EQ(Warnings(run), "");
+  Write("runs/run1/images.txt", "1 \"images/1.png\" lefd\n");
+  EXPECT_THAT(Refusal(), HasSubstr("images.txt:1: there is no camera 'lefd' in camchain.yaml; nearest: 'left'"));
+}
+
+TEST_F(SiteTest, RefusesPathsThatClimbOut) {
+  const auto refusal = [&] { return MessageOf<PathError>([&] { Read(); }); };
+  Write("runs/run1/images.txt", "1 images/1.png\n2 ../../../secret.png\n");
+  EXPECT_THAT(refusal(), HasSubstr("images.txt:2: the path '../../../secret.png' leaves the project"));
+  Write("runs/run1/images.txt", "1 images/1.png\n2 /etc/passwd\n");
+  EXPECT_THAT(refusal(), HasSubstr("images.txt:2: the path '/etc/passwd' leaves the project"));
+  Write("runs/run1/images.txt", "1 images/1.png\n2 ../../runs/run1/images/2.png\n");
+  EXPECT_EQ(refusal(), "");
+  Write("panoramas.csv", "file,station\n../x.jpg,S1\n");
+  EXPECT_THAT(refusal(), HasSubstr("panoramas.csv:2: the path '../x.jpg' leaves the project"));
+  std::filesystem::remove(dir_ / "panoramas.csv");
+  Picture("references/a.png");
+  Write("photos.csv", "file,camera\nreferences/a.png,../camchain.yaml\n");
+  EXPECT_THAT(refusal(), HasSubstr("photos.csv:2: column camera: the path '../camchain.yaml' leaves"));
+  std::filesystem::remove(dir_ / "photos.csv");
+  Write("runs/run1/run.yaml", "masks:\n  cam0: ../../../mask.png\n");
+  EXPECT_THAT(refusal(), HasSubstr("run.yaml: key 'masks': the path '../../../mask.png' leaves"));
+  Write("runs/run1/run.yaml", "camera: ../../../../x\n");
+  EXPECT_THAT(refusal(), HasSubstr("run.yaml: key 'camera': the path"));
+}
+
+TEST_F(SiteTest, RefusesABadRunYaml) {
+  const auto with = [&](const std::string& text) {
+    Write("runs/run1/run.yaml", text);
+    return Refusal();
+  };
+  EXPECT_THAT(with("mirored: true\n"), HasSubstr("run.yaml:1: unknown key 'mirored'; nearest known key: 'mirrored'"));
+  EXPECT_THAT(with("odometry:\n  scale_sgma: 1\n"), HasSubstr("nearest known key: 'odometry.scale_sigma'"));
+  EXPECT_THAT(with("mirrored: 3\n"), HasSubstr("run.yaml:1: key 'mirrored': expected true or false, found '3'"));
+  EXPECT_THAT(with("gps:\n\ttime_offset_s: 3\n"), HasSubstr("run.yaml:2: the line is indented with a tab"));
+  EXPECT_THAT(with("gps:\n  lever_arm_m: [0, 1]\n"), HasSubstr("expected a list of 3 numbers, found a list of 2"));
+  EXPECT_THAT(with("role: servey\n"),
+              HasSubstr("expected survey, evaluation or both, found 'servey'; nearest: 'survey'"));
+  EXPECT_THAT(with("date: yesterday\n"), HasSubstr("expected a date as 2026-05-12"));
+  EXPECT_THAT(with("time_zero_utc: noon\n"), HasSubstr("expected a time as 2026-05-12T09:43:20Z"));
+  EXPECT_THAT(with("camera: wide\n"), HasSubstr("there is no calibration 'wide'"));
+  EXPECT_THAT(with("masks: none.png\n"), HasSubstr("there is no file"));
+  Picture("runs/run1/mask.png");
+  EXPECT_THAT(with("masks:\n  cam1: mask.png\n"), HasSubstr("there is no camera 'cam1'; nearest: 'cam0'"));
+  EXPECT_EQ(with("masks: mask.png\n"), "");
+  EXPECT_EQ(ReadOne().cameras[0].mask, dir_ / "runs/run1/mask.png");
+}
+
+TEST_F(SiteTest, AppliesTimeOffsets) {
+  Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg,height_m\n1,48,8,240\n2,48,8,240\n");
+  Write("runs/run1/run.yaml",
+        "date: 2026-05-12\nrole: survey\nmirrored: true\ntime_zero_utc: 2026-05-12T09:43:20Z\n"
+        "gps: {lever_arm_m: [0.1, 0.2, 1.3], time_offset_s: 0.25}\n"
+        "odometry: {levelled: true, scale_sigma: 0.02, time_offset_s: -0.5}\n");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(run.odometry.poses[0].stamp_ns, kSecond / 2);
+  EXPECT_EQ(run.gps[0].stamp_ns, 5 * kSecond / 4);
+  EXPECT_TRUE(run.config.mirrored && run.config.odometry_levelled);
+  EXPECT_EQ(run.config.gps_lever_arm_m, Eigen::Vector3d(0.1, 0.2, 1.3));
+  EXPECT_EQ(run.config.odometry_scale_sigma, 0.02);
+  EXPECT_EQ(run.config.role, "survey");
+  EXPECT_EQ(run.config.time_zero_utc_ns, 1'778'579'000 * kSecond);
+}
+
+TEST_F(SiteTest, SaysWhereOdometryAndGpsDoNotReach) {
+  Write("runs/run1/odometry.tum", "1 0 0 0 0 0 0 1\n2.5 1 0 0 0 0 0 1\n");
+  EXPECT_THAT(Warnings(ReadOne()),
+              HasSubstr("odometry covers 2 of 4 images (odometry 1.000 to 2.500 s, images 1.000 to "
+                        "4.000 s)"));
+  Write("runs/run1/odometry.tum", "1 5 0 0 0 0 0 1\n4 5 0 0 0 0 0 1\n");
+  EXPECT_THAT(Warnings(ReadOne()), HasSubstr("all 2 poses are the same"));
+  Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n7201,48,8\n7202,48,8\n");
+  EXPECT_THAT(Warnings(ReadOne()), HasSubstr("no GPS fix falls into the images' time"));
+  Write("runs/run1/gps.csv", "time,latitude_deg,longitude_deg\n1,48,8\n");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_TRUE(run.gps.empty());
+  EXPECT_THAT(Warnings(run),
+              HasSubstr("column 'timestamp_s' is missing in the header row; nearest column found: 'time'; "
+                        "the run goes on without GPS"));
+}
+
+TEST_F(SiteTest, LeavesABrokenRunOut) {
+  AddRun("run2");
+  Write("runs/run1/odometry.tum", "1 nan 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n");
+  const Site site = Read();
+  ASSERT_EQ(site.runs.size(), 1u);
+  EXPECT_EQ(site.runs[0].name, "run2");
+  EXPECT_THAT(site.broken_runs.at("run1"),
+              HasSubstr("odometry.tum:1: the pose holds 'nan'; no row of the file is usable"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("run 'run1' is left out"));
+  std::filesystem::remove_all(dir_ / "runs/run2");
+  EXPECT_THAT(Refusal(), HasSubstr("no row of the file is usable"));
+  std::filesystem::create_directories(dir_ / "runs/run2");
+  Write("runs/run2/camchain.yaml", std::string("cam0:\n") + kCamera);
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne("run2"); }), HasSubstr("run2: no images; expected images.txt"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadSite(dir_ / "nowhere"); }), HasSubstr("there is no such folder"));
+}
+
+TEST_F(SiteTest, TakesDetectionsInPlaceOfImages) {
+  Write("runs/run1/detections.csv", "timestamp,image\n");
+  std::filesystem::remove(dir_ / "runs/run1/images.txt");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_TRUE(run.images.empty());
+  EXPECT_EQ(run.detections, dir_ / "runs/run1/detections.csv");
+}
+
+TEST_F(SiteTest, ReadsBareFoldersOfImages) {
+  const std::string run = "runs/bare/";
+  Write(run + "camchain.yaml", std::string("cam0:\n") + kCamera + "cam1:\n" + kCamera);
+  Picture(run + "cam0/data/1403636579763555584.png");
+  Picture(run + "cam1/data/1403636579763555584.png");
+  Picture(run + "cam0/data/1403636579813555456.png");
+  trigpoint::Run read = ReadOne("bare");
+  EXPECT_EQ(Warnings(read), "");
+  ASSERT_EQ(read.images.size(), 3u);
+  EXPECT_EQ(read.images[0].stamp_ns, 1'403'636'579'763'555'584);
+  EXPECT_EQ(read.images[1].camera, 1);
+  EXPECT_EQ(read.images[2].stamp_ns, 1'403'636'579'813'555'456);
+
+  std::filesystem::remove_all(dir_ / (run + "cam0"));
+  std::filesystem::remove_all(dir_ / (run + "cam1"));
+  for (const char* name : {"1311868164.363181.png", "1311868164.399026.png"}) Picture(run + "images/" + name);
+  EXPECT_EQ(ReadOne("bare").images[1].stamp_ns, 1'311'868'164'399'026'000);
+
+  std::filesystem::remove_all(dir_ / (run + "images"));
+  for (const char* name : {"IMG_2.jpg", "IMG_10.jpg"}) Picture(run + name);
+  read = ReadOne("bare");
+  ASSERT_EQ(read.images.size(), 2u);
+  EXPECT_EQ(read.images[1].file, "IMG_10.jpg");
+  EXPECT_EQ(read.images[1].stamp_ns, kSecond);
+  EXPECT_THAT(Warnings(read), HasSubstr("neither names nor EXIF tell when the images were taken"));
+
+  Exif(run + "IMG_2.jpg", {{"Exif.Photo.DateTimeOriginal", "2026:05:12 09:43:22"}});
+  Exif(run + "IMG_10.jpg", {{"Exif.Photo.DateTimeOriginal", "2026:05:12 09:43:21"}});
+  Write(run + "run.yaml", "time_zero_utc: 2026-05-12T09:43:20Z\n");
+  read = ReadOne("bare");
+  ASSERT_EQ(read.images.size(), 2u);
+  EXPECT_EQ(read.images[0].file, "IMG_10.jpg");
+  EXPECT_EQ(read.images[0].stamp_ns, kSecond);
+  EXPECT_THAT(Warnings(read), HasSubstr("without a time zone"));
+}
+
+TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
+  std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
+  EXPECT_THAT(Refusal(), HasSubstr("run1: no camera; expected camchain.yaml"));
+  for (int i = 1; i <= 2; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".jpg");
+  Exif("runs/run1/images/1.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "36"}});
+  Write("runs/run1/images.txt", "1 images/1.jpg\n2 images/2.jpg\n");
+  trigpoint::Run run = ReadOne();
+  EXPECT_EQ(run.cameras.at(0).camera.params(), (std::vector<double>{64, 64, 31.5, 23.5}));
+  EXPECT_FALSE(run.cameras[0].has_extrinsics);
+  EXPECT_THAT(Warnings(run), HasSubstr("focal length from the EXIF of 1.jpg"));
+  // A calibration of the project has the lens, the run's own file says where the camera sits.
+  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera);
+  Write("runs/run1/run.yaml", "camera: wide\n");
+  Write("results/calibrate/wide/camchain.yaml",
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [70, 70, 31, 23]\n  resolution: [64, 48]\n");
+  run = ReadOne();
+  EXPECT_EQ(run.cameras.at(0).camera.params()[0], 70);
+  EXPECT_TRUE(run.cameras[0].has_extrinsics);
+}
+
+TEST_F(SiteTest, ReadsPanoramasFromTheTable) {
+  Picture("panoramas/a.jpg", 64, 32);
+  Picture("panoramas/b \xC3\xBC.jpg", 64, 32);
+  Write("panoramas/zero.jpg", "");
+  Write("panoramas.csv",
+        "file,station,latitude_deg,longitude_deg,height_m,heading_deg,pitch_deg,roll_deg,sigma_h_m,sigma_tilt_deg\n"
+        "panoramas/a.jpg,S1,-48,170,,90,,,0.3,\n"  // another continent is none of the reader's business
+        "\"panoramas/b \xC3\xBC.jpg\",,,,,,,,,\n"
+        "panoramas/a.jpg,S2,48,8,240,0,0,0,1,1\npanoramas/none.jpg,S3,48,8,240,0,0,0,1,1\n"
+        "panoramas/zero.jpg,S3,48,8,240,0,0,0,1,1\npanoramas/a.jpg,S1,48,,240,0,0,0,1,1\n"
+        "panoramas/a.jpg,S1,97,8,240,0,0,0,1,1\npanoramas/a.jpg,S1,48,8,240,0,0,0,0,1\n");
+  const Site site = Read();
+  ASSERT_EQ(site.references.size(), 2u);
+  const GeoTag& tag = site.references[0].geotag;
+  EXPECT_TRUE(tag.has_position && !tag.has_height && tag.has_heading && !tag.has_tilt);
+  EXPECT_EQ(tag.position.latitude_deg, -48);
+  EXPECT_EQ(tag.sigma_h_m, 0.3);
+  EXPECT_EQ(tag.sigma_v_m, GeoTag().sigma_v_m);
+  EXPECT_NEAR(tag.attitude.heading_rad, M_PI / 2, 1e-12);
+  EXPECT_EQ(site.references[1].station, "panoramas/b \xC3\xBC.jpg");
+  EXPECT_FALSE(site.references[1].geotag.has_position);
+  const std::string warnings = Joined(site.warnings);
+  EXPECT_THAT(warnings, HasSubstr("no geotag, neither in a table nor in its EXIF"));
+  EXPECT_THAT(warnings, HasSubstr("panoramas.csv:4: panorama 'panoramas/a.jpg' stands in the table twice"));
+  EXPECT_THAT(warnings, HasSubstr("panoramas.csv:5: there is no file"));
+  EXPECT_THAT(warnings, HasSubstr("zero.jpg is empty (0 bytes)"));
+  EXPECT_THAT(warnings, HasSubstr("panoramas.csv:7: expected both latitude_deg and longitude_deg"));
+  EXPECT_THAT(warnings, HasSubstr("panoramas.csv:8: expected a latitude"));
+  EXPECT_THAT(warnings, HasSubstr("panoramas.csv:9: column sigma_h_m: expected a sigma above 0"));
+}
+
+TEST_F(SiteTest, ReadsPanoramasFromTheirFiles) {
+  Picture("panoramas/a.jpg", 64, 32);
+  Picture("panoramas/b.jpg", 64, 32);
+  Write("panoramas/broken.jpg", "x");
+  Exif("panoramas/a.jpg", {{"Exif.GPSInfo.GPSLatitude", "48/1 0/1 36/1"},
+                           {"Exif.GPSInfo.GPSLatitudeRef", "N"},
+                           {"Exif.GPSInfo.GPSLongitude", "7/1 30/1 0/1"},
+                           {"Exif.GPSInfo.GPSLongitudeRef", "E"}});
+  const Site site = Read();
+  ASSERT_EQ(site.references.size(), 2u);
+  EXPECT_EQ(site.references[0].name, "panoramas/a.jpg");
+  EXPECT_EQ(site.references[0].station, "a");
+  EXPECT_NEAR(site.references[0].geotag.position.latitude_deg, 48.01, 1e-12);
+  EXPECT_FALSE(site.references[0].geotag.has_height);
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("broken.jpg"));
+}
+
+TEST_F(SiteTest, ReadsPhotosAndSets) {
+  Picture("references/a.png");
+  Picture("references/b.jpg");
+  Picture("references/c.png");
+  Exif("references/b.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "36"}});
+  Write("photos.csv",
+        "file,camera,latitude_deg,longitude_deg,heading_deg\nreferences/a.png,runs/run1/camchain.yaml,48,8,10\n"
+        "references/b.jpg,,48,8,20\nreferences/c.png,,48,8,30\nreferences/a.png,runs/none.yaml,48,8,10\n");
+  for (int i : {10, 9}) Picture("photos/around/IMG_" + std::to_string(i) + ".jpg");
+  Picture("photos/lonely/IMG_1.jpg");
+  Exif("photos/around/IMG_9.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "27"}});
+  const Site site = Read();
+  ASSERT_EQ(site.references.size(), 3u);
+  EXPECT_EQ(site.references[0].kind, ReferenceKind::kPhoto);
+  EXPECT_EQ(site.references[0].camera->params()[0], 60);
+  EXPECT_EQ(site.references[1].camera->params()[0], 64);
+  EXPECT_EQ(site.references[2].kind, ReferenceKind::kPhotoSet);
+  EXPECT_EQ(site.references[2].name, "around");
+  EXPECT_THAT(site.references[2].files,
+              ElementsAre(dir_ / "photos/around/IMG_9.jpg", dir_ / "photos/around/IMG_10.jpg"));
+  EXPECT_EQ(site.references[2].camera->params()[0], 48);
+  const std::string warnings = Joined(site.warnings);
+  EXPECT_THAT(warnings, HasSubstr("photos.csv:4: no camera is given and the photo's EXIF states no focal length"));
+  EXPECT_THAT(warnings, HasSubstr("photos.csv:5: column camera: "));
+  EXPECT_THAT(warnings, HasSubstr("none.yaml: there is no such file"));
+  EXPECT_THAT(warnings, HasSubstr("lonely: a hand-held set needs at least two photos, found 1"));
+}
+
+TEST_F(SiteTest, ReadsStationsInBothForms) {
+  Write("stations.csv",
+        "station,tag_id,east_m,north_m,up_m,right_m,out_m,sigma_m\nA,5,1,2,3,,,0.02\nB,6,,,3,1,2,\n"
+        "C,7,1,2,3,1,2,\nD,-8,1,2,3,,,\nA,9,1,2,3,,,\nE,9,1,,3,,,\n");
+  const Site site = Read();
+  ASSERT_EQ(site.stations.size(), 2u);
+  EXPECT_FALSE(site.stations[0].in_tag_frame);
+  EXPECT_TRUE(site.stations[1].in_tag_frame);
+  EXPECT_EQ(site.stations[1].offset_m, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(site.stations[0].sigma_m, 0.02);
+  EXPECT_EQ(site.stations[1].sigma_m, 0.01);
+  EXPECT_EQ(site.warnings.size(), 4u);
+}
+
+TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
+  Write("control_points.csv",
+        "tag_id,corner,point,role,latitude_deg,longitude_deg,height_m,crs,easting_m,northing_m,x_m,y_m,z_m,sigma_h_m,"
+        "height_system\n"
+        "5,,,control,48.01,7.83,240,,,,,,,0.008,\n"
+        "6,3,,check,,,240,EPSG:32632,412733.5,5318057.3,,,,,\n"
+        ",,bench,control,,,,,,,1,2,3,,\n"
+        "7,,,control,,,240,EPSG:4326,7.83,48.01,,,,,DHHN2016\n"
+        "8,,,control,,,240,EPSG:31467,3412733,5318057,,,,,\n"
+        "9,,,control,48,8,,,,,,,,,\n"
+        "9,,x,control,48,8,1,,,,,,,,\n"
+        "9,4,,control,48,8,1,,,,,,,,\n"
+        "9,,,contrl,48,8,1,,,,,,,,\n"
+        "9,,,control,48,8,1,,,,1,2,3,,\n");
+  const Site site = Read();
+  ASSERT_EQ(site.control_points.size(), 4u);
+  EXPECT_TRUE(site.control_points[0].control);
+  EXPECT_EQ(site.control_points[0].sigma_h_m, 0.008);
+  EXPECT_EQ(site.control_points[1].corner, 3);
+  EXPECT_FALSE(site.control_points[1].control);
+  const Utm utm = UtmFromGeodetic(*site.control_points[1].geodetic, 32);
+  EXPECT_NEAR(utm.easting_m, 412733.5, 1e-6);
+  EXPECT_NEAR(utm.northing_m, 5318057.3, 1e-6);
+  EXPECT_EQ(site.control_points[2].point, "bench");
+  EXPECT_EQ(*site.control_points[2].local_m, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(site.control_points[3].geodetic->latitude_deg, 48.01);
+  EXPECT_EQ(site.control_points[3].height_system, "DHHN2016");
+  const std::string warnings = Joined(site.warnings);
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:6: column crs: expected EPSG:326zz or EPSG:327zz"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:7: column height_m: expected a number, found ''"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:8: expected either a tag_id or a point"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:10: column role: expected control or check, found 'contrl'"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:11: expected one position"));
+  EXPECT_THAT(warnings, HasSubstr("no geoid is built in"));
+}
+
+TEST_F(SiteTest, ReadsTagsAndOrigin) {
+  Write("tags.yaml", "family: tag36h11\nsize_m: 0.5\nsizes_m: {7: 0.25}\n");
+  Write("origin.json", "{\"lat\": 48.5, \"lon\": 8, \"alt\": 240}");
+  const Site site = Read();
+  EXPECT_EQ(site.tags.SizeOf(7), 0.25);
+  EXPECT_EQ(site.tags.SizeOf(8), 0.5);
+  EXPECT_EQ(site.origin->latitude_deg, 48.5);
+  const auto with = [&](const std::string& name, const std::string& text) {
+    Write(name, text);
+    return Refusal();
+  };
+  EXPECT_THAT(with("origin.json", "{\"lat\": \"48\", \"lon\": 8}"),
+              HasSubstr("key 'lat': expected a number, found \"48\""));
+  EXPECT_THAT(with("origin.json", "{\"lat\": 48, \"long\": 8}"),
+              HasSubstr("unknown key 'long'; nearest known key: 'lon'"));
+  EXPECT_THAT(with("origin.json", "{lat: 48"), HasSubstr("expected JSON"));
+  EXPECT_THAT(with("origin.json", "{\"lat\": 98, \"lon\": 8}"), HasSubstr("expected a latitude"));
+  std::filesystem::remove(dir_ / "origin.json");
+  EXPECT_THAT(with("tags.yaml", "family: tag36h12\n"), HasSubstr("nearest known: 'tag36h11'"));
+  EXPECT_THAT(with("tags.yaml", "size_m: big\n"), HasSubstr("tags.yaml:1: key 'size_m': expected a number"));
+  EXPECT_THAT(with("tags.yaml", "sizes_m: {x: 1}\n"), HasSubstr("expected 'ID: SIZE'"));
+  EXPECT_THAT(with("tags.yaml", "size: 1\n"), HasSubstr("nearest known key: 'size_m'"));
+}
+
+TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
+  Write("stations.csv", "station,tag_id,east_m,north_m,up_m\nA,x,1,2,3\n");
+  Write("control_points.csv", "tag,lat,lon\n1,2,3\n");
+  const Site site = Read();
+  EXPECT_TRUE(site.stations.empty() && site.control_points.empty());
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("stations.csv:2: column tag_id: expected a whole number, found 'x'"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("control_points.csv:1: column 'role' is missing"));
+}
+
+}  // namespace
+}  // namespace trigpoint
