@@ -182,6 +182,7 @@ bool CsvTable::HasColumn(std::string_view column) const {
 }
 
 void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::function<void(const CsvRow&)>& use) const {
+  constexpr size_t kNamed = 10;
   std::optional<InputError> first;
   size_t skipped = 0;
   for (const CsvRow& row : rows_) {
@@ -191,11 +192,13 @@ void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::func
       throw;
     } catch (const InputError& e) {
       if (!first) first = e;
-      ++skipped;
-      warnings->push_back(std::string(e.what()) + "; the row is skipped");
+      if (++skipped <= kNamed) warnings->push_back(std::string(e.what()) + "; the row is skipped");
     }
   }
   if (first && skipped == rows_.size()) throw *first;
+  if (skipped > kNamed) {
+    warnings->push_back(header_->file.string() + ": " + std::to_string(skipped - kNamed) + " more row(s) are skipped");
+  }
 }
 
 CsvWriter::CsvWriter(std::vector<std::string> columns, const std::vector<std::string>& comments)

@@ -80,8 +80,8 @@ class CsvTable {
   const std::vector<std::string>& comments() const { return comments_; }  // without '#' and outer spaces
   const std::vector<std::string>& warnings() const { return warnings_; }
 
-  // Calls `use` for each row; a row that throws InputError is skipped and its message added to `warnings` (a PathError
-  // goes on). Throws the first of them if no row was usable but some were there.
+  // Calls `use` for each row; a row that throws InputError is skipped and named in `warnings` (the first ten; a
+  // PathError goes on). Throws the first of them if no row was usable but some were there.
   void ForEachUsable(std::vector<std::string>* warnings, const std::function<void(const CsvRow&)>& use) const;
 
  private:

@@ -24,8 +24,8 @@ struct PhotoMetadata {
   int width = 0, height = 0;  // px, as stored, before `orientation`; 0: unknown
   int orientation = 1;        // EXIF 1..8
   bool SwapsSides() const { return orientation >= 5; }
-  // Of the stored picture, px: from the 35 mm equivalent (36 mm are the picture's long side), else from the focal length
-  // and the focal plane's resolution. Good to some 5 %: makers differ in what they call equivalent.
+  // Of the stored picture, px: from the 35 mm equivalent (36 mm are the picture's long side), else from the focal
+  // length and the focal plane's resolution. Good to some 5 %: makers differ in what they call equivalent.
   std::optional<double> focal_px;
   std::optional<Geodetic> position;
   bool has_height = false;

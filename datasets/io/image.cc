@@ -28,15 +28,15 @@ std::vector<uchar> ReadBytes(const std::filesystem::path& file) {
 
 // Where a JPEG's coded pixels begin, past headers, thumbnails and previews; 0 if there are none.
 size_t JpegScanBegin(const std::vector<uchar>& b) {
-  size_t at = 2;
-  while (at + 4 <= b.size() && b[at] == 0xFF) {
-    if (b[at + 1] == 0xFF) {  // fill byte
+  constexpr uchar kStartOfScan = 0xDA, kFill = 0xFF;
+  for (size_t at = 2; at + 4 <= b.size() && b[at] == 0xFF;) {
+    const uchar marker = b[at + 1];
+    if (marker == kFill) {
       ++at;
       continue;
     }
-    const size_t length = static_cast<size_t>(b[at + 2]) << 8 | b[at + 3];
-    at += 2 + length;
-    if (b[at - 2 - length + 1] == 0xDA) return at <= b.size() ? at : 0;
+    at += 2 + (static_cast<size_t>(b[at + 2]) << 8 | b[at + 3]);
+    if (marker == kStartOfScan) return at <= b.size() ? at : 0;
   }
   return 0;
 }
@@ -89,27 +89,38 @@ cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& byte
 
 std::string Size(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
+bool Fits(const cv::Mat& picture, const Camera& camera) {
+  return picture.cols == camera.width() && picture.rows == camera.height();
+}
+
+void CheckFits(const std::filesystem::path& file, const cv::Mat& picture, const Camera& camera) {
+  if (Fits(picture, camera)) return;
+  throw InputError(file.string() + ": expected a picture of " + Size(camera.width(), camera.height()) +
+                   " as its camera was calibrated, found " + Size(picture.cols, picture.rows));
+}
+
 }  // namespace
+
+cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey) {
+  const std::vector<uchar> bytes = ReadBytes(file);
+  CheckComplete(file, bytes);
+  cv::Mat picture = Decode(file, bytes, grey, false);
+  if (!Fits(picture, camera)) {
+    const cv::Mat raw = Decode(file, bytes, grey, true);
+    if (Fits(raw, camera)) return raw;
+  }
+  CheckFits(file, picture, camera);
+  return picture;
+}
 
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) {
   const Camera& camera = run.cameras.at(static_cast<size_t>(entry.camera)).camera;
-  const auto fits = [&](const cv::Mat& m) { return m.cols == camera.width() && m.rows == camera.height(); };
   cv::Mat picture;
   if (entry.video_frame >= 0) {
     picture = ReadVideoFrameGrey(entry.path, entry.video_frame);
+    CheckFits(entry.path, picture, camera);
   } else {
-    const std::vector<uchar> bytes = ReadBytes(entry.path);
-    CheckComplete(entry.path, bytes);
-    picture = Decode(entry.path, bytes, true, false);
-    if (!fits(picture)) {
-      const cv::Mat raw = Decode(entry.path, bytes, true, true);
-      if (fits(raw)) picture = raw;
-    }
-  }
-  if (!fits(picture)) {
-    throw InputError(entry.path.string() + ": expected a picture of " + Size(camera.width(), camera.height()) +
-                     " as camera '" + run.cameras[static_cast<size_t>(entry.camera)].name + "' was calibrated, found " +
-                     Size(picture.cols, picture.rows));
+    picture = LoadPhoto(entry.path, camera, true);
   }
   if (run.config.mirrored) cv::flip(picture, picture, 1);
   return picture;

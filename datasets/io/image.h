@@ -13,6 +13,9 @@ namespace trigpoint {
 // not a picture, or of another size than the calibration (expected and found sizes named).
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
 
+// The same of a photo with a known camera: 8-bit grey or BGR of the camera's size. Throws InputError.
+cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey);
+
 // Colour 8-bit BGR (or grey, if `grey`) picture of any file, EXIF orientation applied. Throws InputError.
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey);
 

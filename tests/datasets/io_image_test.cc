@@ -145,7 +145,7 @@ TEST(LoadGrey, NamesWhatIsBroken) {
   EXPECT_THAT(message(dir.Write("zero.jpg", "")), HasSubstr("zero.jpg: the picture is empty (0 bytes)"));
   EXPECT_THAT(message(dir.Write("text.jpg", "hello, I am no picture")), HasSubstr("text.jpg: not a picture"));
   EXPECT_THAT(message(dir / "small.jpg"),
-              HasSubstr("small.jpg: expected a picture of 640 x 480 as camera 'cam0' was calibrated, found 320 x 240"));
+              HasSubstr("small.jpg: expected a picture of 640 x 480 as its camera was calibrated, found 320 x 240"));
   for (const std::string kind : {"jpg", "png", "tif"}) {
     const std::string whole = ReadTextFile(dir / ("whole." + kind));
     for (const double part : {0.999, 0.5, 0.05}) {
