@@ -1,0 +1,548 @@
+#include "survey/tags/corner_refinement.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <vector>
+
+#include "calib/geometry/bearing.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kGeometry = 8;                        // homography
+constexpr int kLevels = 10;                         // see Levels()
+constexpr int kBlur = kGeometry;                    // position of the blur among the unknowns
+constexpr int kGamma = kGeometry + 1;               // of the exponent of the tone curve
+constexpr int kLevel = kGeometry + 2;               // of the first level
+constexpr int kUnknowns = kLevel + kLevels;
+constexpr int kMaxIterations = 30;
+constexpr double kTolerancePx = 0.002;
+// The Gaussian's standard deviation is sqrt(kLeastBlur^2 + b^2), b unknown: below this it makes no visible difference
+// beside the pixel's square.
+constexpr double kLeastBlur = 0.2;
+// The exponent's prior: between a linear picture (1) and a display's (2.2), wide enough for the picture to decide.
+constexpr double kGammaMean = 1.6, kGammaSigma = 1.0, kGammaMin = 0.7, kGammaMax = 3.5;
+// A picture's curve is steep at black but not vertical: the least share of white's light that black is taken to have.
+constexpr double kLeastBlack = 2e-3;
+// Above this size of a cell only the outer ring of cells is used: it carries enough, and a sheet that is not quite
+// flat pulls less at the corners.
+constexpr double kAllCellsBelowPx = 8.0;
+// What a picture's noise does not tell: printing, flatness, the pixel's true response. Share of a pixel.
+constexpr double kSigmaFloorPx = 0.02;
+
+using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+double Phi(double x) { return 0.5 * std::erfc(-x * std::numbers::sqrt2 / 2); }
+double Density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
+
+// A step from 0 to 1 at d = 0, blurred by a Gaussian of standard deviation s and averaged over a pixel. The pixel's
+// extent along any direction has the variance of a unit interval, which stands for it here.
+struct Step {
+  double value, by_d, by_s;
+};
+Step BlurredStep(double d, double s) {
+  const double a = (d + 0.5) / s, b = (d - 0.5) / s;
+  if (b > 6) return {1, 0, 0};
+  if (a < -6) return {0, 0, 0};
+  const double pa = Phi(a), pb = Phi(b), da = Density(a), db = Density(b);
+  return {s * (a * pa + da - b * pb - db), pa - pb, da - db};
+}
+
+// A picture's tone curve between a tag's black and its white: light is mixed by lens and pixel, and encoded afterwards,
+// as (share of light)^(1 / gamma). Where half of a pixel is white its grey value is far above the middle, which draws
+// every edge towards the black side by up to 0.2 px. From the share f of white in a pixel to the share of contrast.
+struct Tone {
+  double value, by_f, by_gamma;
+};
+class ToneCurve {
+ public:
+  // `black`, `white`: grey values of the two; what they are in light follows from gamma.
+  ToneCurve(double gamma, double black, double white) : gamma_(gamma) {
+    const double ratio = std::clamp(black / std::max(white, 1.0), 0.0, 0.95);
+    black_light_ = std::max(kLeastBlack, std::pow(ratio, gamma));
+    black_ = std::pow(black_light_, 1 / gamma);
+    // d black_ / d gamma: the ratio of grey values is given, unless the floor holds.
+    black_by_gamma_ = black_light_ > kLeastBlack ? 0.0 : -black_ * std::log(black_light_) / (gamma * gamma);
+    black_light_by_gamma_ = black_light_ > kLeastBlack ? black_light_ * std::log(ratio) : 0.0;
+  }
+  Tone At(double f) const {
+    f = std::clamp(f, 0.0, 1.0);
+    const double light = black_light_ + (1 - black_light_) * f, range = 1 - black_;
+    const double value = std::pow(light, 1 / gamma_);
+    Tone t;
+    t.value = (value - black_) / range;
+    t.by_f = value / light / gamma_ * (1 - black_light_) / range;
+    const double by_gamma =
+        -value * std::log(light) / (gamma_ * gamma_) + value / light / gamma_ * (1 - f) * black_light_by_gamma_;
+    t.by_gamma = (by_gamma - black_by_gamma_ + t.value * black_by_gamma_) / range;
+    return t;
+  }
+
+ private:
+  double gamma_, black_light_, black_, black_by_gamma_, black_light_by_gamma_;
+};
+
+// Pixels of a plane tangent to the view's direction at the tag, scaled like the picture: straight lines stay straight.
+class LocalPlane {
+ public:
+  LocalPlane(const Camera* camera, const Eigen::Vector2d& centre) : camera_(camera), centre_(centre) {
+    if (camera_ == nullptr) return;
+    const std::optional<Eigen::Vector3d> axis = camera_->Unproject(centre);
+    if (!axis) {
+      camera_ = nullptr;
+      return;
+    }
+    axis_ = *axis;
+    basis_ = TangentBasis(axis_);
+    Eigen::Matrix<double, 2, 3> jacobian;
+    if (!camera_->Project(axis_, &jacobian)) {
+      camera_ = nullptr;
+      return;
+    }
+    scale_ = jacobian * basis_.transpose();
+  }
+
+  std::optional<Eigen::Vector2d> FromPixel(const Eigen::Vector2d& pixel) const {
+    if (camera_ == nullptr) return pixel;
+    const std::optional<Eigen::Vector3d> ray = camera_->Unproject(pixel);
+    if (!ray) return std::nullopt;
+    const double depth = axis_.dot(*ray);
+    if (depth < 0.1) return std::nullopt;
+    return Eigen::Vector2d(centre_ + scale_ * (basis_ * *ray) / depth);
+  }
+
+  std::optional<Eigen::Vector2d> ToPixel(const Eigen::Vector2d& plane) const {
+    if (camera_ == nullptr) return plane;
+    const Eigen::Vector2d m = scale_.inverse() * (plane - centre_);
+    return camera_->Project(axis_ + basis_.transpose() * m);
+  }
+
+ private:
+  const Camera* camera_;
+  Eigen::Vector2d centre_;
+  Eigen::Vector3d axis_;
+  Eigen::Matrix<double, 2, 3> basis_;
+  Eigen::Matrix2d scale_;
+};
+
+// Homography that takes four points to four points; nothing if three of them are on a line.
+std::optional<Eigen::Matrix3d> FourPoints(const std::array<Eigen::Vector2d, 4>& from,
+                                          const std::array<Eigen::Vector2d, 4>& to) {
+  Eigen::Matrix<double, 8, 8> a = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 8, 1> b;
+  for (int k = 0; k < 4; ++k) {
+    const double x = from[k].x(), y = from[k].y(), u = to[k].x(), v = to[k].y();
+    a.row(2 * k) << x, y, 1, 0, 0, 0, -u * x, -u * y;
+    a.row(2 * k + 1) << 0, 0, 0, x, y, 1, -v * x, -v * y;
+    b[2 * k] = u;
+    b[2 * k + 1] = v;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix<double, 8, 8>> lu(a);
+  if (!lu.isInvertible()) return std::nullopt;
+  const Eigen::Matrix<double, 8, 1> h = lu.solve(b);
+  Eigen::Matrix3d m;
+  m << h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1;
+  return m;
+}
+
+struct Sample {
+  Eigen::Vector2d plane;  // normalised: (plane - centre) / radius
+  double grey;
+  int x, y;
+};
+
+// The fit of one tag.
+class Fit {
+ public:
+  Fit(const cv::Mat& grey, const TagPattern& pattern, const std::array<Eigen::Vector2d, 4>& corners,
+      const Camera* camera)
+      : grey_(grey),
+        pattern_(pattern),
+        centre_(0.25 * (corners[0] + corners[1] + corners[2] + corners[3])),
+        plane_(camera, centre_) {
+    const double w = pattern.width;
+    tag_corners_ = {Eigen::Vector2d(0, w), Eigen::Vector2d(w, w), Eigen::Vector2d(w, 0), Eigen::Vector2d(0, 0)};
+    start_ = corners;
+  }
+
+  CornerRefinement Run() {
+    CornerRefinement out;
+    out.corners = start_;
+    out.reason = Solve(&out);
+    out.ok = out.reason.empty();
+    if (!out.ok) out.corners = start_;
+    return out;
+  }
+
+ private:
+  std::string Solve(CornerRefinement* out) {
+    double perimeter = 0;
+    for (int k = 0; k < 4; ++k) {
+      const double side = (start_[(k + 1) % 4] - start_[k]).norm();
+      if (side < 4) return "the tag is smaller than 4 px";
+      perimeter += side;
+    }
+    cell_px_ = perimeter / (4 * pattern_.width);
+    radius_ = perimeter / 8;
+    std::array<Eigen::Vector2d, 4> from;
+    for (int k = 0; k < 4; ++k) {
+      const auto p = plane_.FromPixel(start_[k]);
+      if (!p) return "a corner has no ray";
+      from[k] = Normalised(*p);
+    }
+    const auto h = FourPoints(from, tag_corners_);
+    if (!h) return "the corners are on a line";
+    Unknowns x = Unknowns::Zero();
+    for (int i = 0; i < kGeometry; ++i) x[i] = (*h)(i / 3, i % 3);
+    x[kBlur] = 0.6;
+    x[kGamma] = kGammaMean;
+    CollectSamples(x);
+    if (samples_.size() < 3 * kUnknowns) return "too few pixels of the tag are in the picture";
+    if (!SolveLevels(&x)) return "no contrast";
+    const std::string problem = Iterate(&x, &out->iterations);
+    if (!problem.empty()) return problem;
+    return Finish(x, out);
+  }
+
+  // Levenberg-Marquardt until no corner moves by more than kTolerancePx.
+  std::string Iterate(Unknowns* x, int* iterations) {
+    Normal a;
+    Unknowns b;
+    sigma_ = 1e9;  // the first round only finds the scale of the robust loss
+    Accumulate(*x, &a, &b);
+    sigma_ = RobustSigma();
+    double cost = Accumulate(*x, &a, &b), lambda = 1e-3;
+    for (int i = 0; i < kMaxIterations; ++i, ++*iterations) {
+      Normal damped = a;
+      damped.diagonal() *= 1 + lambda;
+      damped.diagonal().array() += 1e-12;
+      const Unknowns step = damped.ldlt().solve(b);
+      if (!step.allFinite()) return "singular fit";
+      Unknowns next = *x - step;
+      next[kGamma] = std::clamp(next[kGamma], kGammaMin, kGammaMax);
+      Normal a_next;
+      Unknowns b_next;
+      const double cost_next = Accumulate(next, &a_next, &b_next);
+      const double motion = CornerMotion(*x, next);
+      if (cost_next >= cost) {
+        if (motion < 0.1 * kTolerancePx) return {};  // no descent left
+        lambda *= 5;
+        continue;
+      }
+      *x = next;
+      a = a_next;
+      b = b_next;
+      cost = cost_next;
+      lambda = std::max(lambda * 0.1, 1e-7);
+      const double sigma = RobustSigma();
+      if (i < 5 && std::abs(sigma - sigma_) > 0.1 * sigma_) {  // the scale follows the fit, at first
+        sigma_ = sigma;
+        cost = Accumulate(*x, &a, &b);
+      } else if (motion < kTolerancePx) {
+        return {};
+      }
+    }
+    return "no convergence";
+  }
+
+  Eigen::Vector2d Normalised(const Eigen::Vector2d& p) const { return (p - centre_) / radius_; }
+
+  // The pixels that carry information: the tag with its white margin, or for big tags a band along the outer edges.
+  void CollectSamples(const Unknowns& x) {
+    const bool all = cell_px_ < kAllCellsBelowPx;
+    constexpr double kBandCells = 2;
+    Eigen::Vector2d low = start_[0], high = start_[0];
+    for (const Eigen::Vector2d& c : start_) low = low.cwiseMin(c), high = high.cwiseMax(c);
+    const double pad = 3 * cell_px_ * (pattern_.margin + 1);
+    const int x0 = std::max(0, static_cast<int>(low.x() - pad)), y0 = std::max(0, static_cast<int>(low.y() - pad));
+    const int x1 = std::min(grey_.cols - 1, static_cast<int>(high.x() + pad));
+    const int y1 = std::min(grey_.rows - 1, static_cast<int>(high.y() + pad));
+    const double w = pattern_.width, outer = std::max(1, pattern_.margin);
+    for (int v = y0; v <= y1; ++v) {
+      for (int u = x0; u <= x1; ++u) {
+        const auto p = plane_.FromPixel({static_cast<double>(u), static_cast<double>(v)});
+        if (!p) continue;
+        const Eigen::Vector2d q = Normalised(*p);
+        const double denominator = x[6] * q.x() + x[7] * q.y() + 1;
+        if (denominator < 1e-3) continue;
+        const double s = (x[0] * q.x() + x[1] * q.y() + x[2]) / denominator;
+        const double t = (x[3] * q.x() + x[4] * q.y() + x[5]) / denominator;
+        if (s < -outer || t < -outer || s > w + outer || t > w + outer) continue;
+        if (!all && std::min({s, t, w - s, w - t}) > kBandCells) continue;
+        // Pixels away from all lines of the grid tell about levels only: a quarter of them will do.
+        const double to_line = std::min(std::abs(s - std::round(s)), std::abs(t - std::round(t))) * cell_px_;
+        if (to_line > 3 && ((u + 2 * v) & 3) != 0) continue;
+        samples_.push_back({q, static_cast<double>(grey_.at<unsigned char>(v, u)), u, v});
+      }
+    }
+  }
+
+  // Model of one pixel: share of white light in it with its derivatives by tag coordinates and blur, the share of
+  // contrast that the tone curve makes of it, and the weight of what lies beyond each side of the white margin, whose
+  // brightness is not known.
+  struct Prediction {
+    double u, v, denominator;
+    Eigen::Vector2d grad_u, grad_v;  // by normalised plane coordinates
+    double white = 0, white_by_u = 0, white_by_v = 0, white_by_s = 0;
+    std::array<double, 4> beyond{};
+    Tone tone{};
+  };
+
+  static double BlurOf(const Unknowns& x) { return std::hypot(kLeastBlur, x[kBlur]); }
+  static ToneCurve CurveOf(const Unknowns& x) {
+    return {x[kGamma], x[kLevel], x[kLevel] + x[kLevel + 3]};
+  }
+
+  Prediction Predict(const Unknowns& x, const ToneCurve& curve, const Eigen::Vector2d& q) const {
+    Prediction p;
+    p.denominator = x[6] * q.x() + x[7] * q.y() + 1;
+    p.u = (x[0] * q.x() + x[1] * q.y() + x[2]) / p.denominator;
+    p.v = (x[3] * q.x() + x[4] * q.y() + x[5]) / p.denominator;
+    p.grad_u = Eigen::Vector2d(x[0] - p.u * x[6], x[1] - p.u * x[7]) / p.denominator;
+    p.grad_v = Eigen::Vector2d(x[3] - p.v * x[6], x[4] - p.v * x[7]) / p.denominator;
+    const double s = BlurOf(x);
+    const double px_per_u = radius_ / std::max(p.grad_u.norm(), 1e-9);
+    const double px_per_v = radius_ / std::max(p.grad_v.norm(), 1e-9);
+    std::array<Weight, 32> wu, wv;
+    const int nu = CellWeights(p.u, px_per_u, s, &wu), nv = CellWeights(p.v, px_per_v, s, &wv);
+    const int n = pattern_.total;
+    for (int i = 0; i < nv; ++i) {
+      const int row = wv[i].cell + pattern_.margin;
+      for (int j = 0; j < nu; ++j) {
+        const int column = wu[j].cell + pattern_.margin;
+        const bool inside_u = column >= 0 && column < n, inside_v = row >= 0 && row < n;
+        const double product = wv[i].value * wu[j].value;
+        if (!inside_u) {
+          p.beyond[column < 0 ? 3 : 1] += product;
+        } else if (!inside_v) {
+          p.beyond[row < 0 ? 2 : 0] += product;
+        } else if (pattern_.At(row, column)) {
+          p.white += product;
+          p.white_by_u += wv[i].value * wu[j].by_d * px_per_u;
+          p.white_by_v += wv[i].by_d * wu[j].value * px_per_v;
+          p.white_by_s += wv[i].by_s * wu[j].value + wv[i].value * wu[j].by_s;
+        }
+      }
+    }
+    p.tone = curve.At(p.white);
+    return p;
+  }
+
+  // Share of each cell along one axis in the blurred pixel at tag coordinate t; cells -margin - 1 and
+  // width + margin stand for everything beyond the pattern.
+  struct Weight {
+    int cell;
+    double value, by_d, by_s;
+  };
+  int CellWeights(double t, double px_per_cell, double s, std::array<Weight, 32>* weights) const {
+    const double reach = (5 * s + 0.5) / px_per_cell;
+    const int lowest = -pattern_.margin, highest = pattern_.width + pattern_.margin;  // boundaries
+    int first = std::clamp(static_cast<int>(std::ceil(t - reach)), lowest, highest + 1);
+    int last = std::clamp(static_cast<int>(std::floor(t + reach)), lowest - 1, highest);
+    if (last - first > 29) last = first + 29;
+    int n = 0;
+    Step before{1, 0, 0};  // of the boundary left of the current cell
+    for (int boundary = first; boundary <= last + 1; ++boundary) {
+      const Step step =
+          boundary <= last ? BlurredStep((t - boundary) * px_per_cell, s) : Step{0, 0, 0};
+      (*weights)[n++] = {boundary - 1, before.value - step.value, before.by_d - step.by_d, before.by_s - step.by_s};
+      before = step;
+    }
+    return n;
+  }
+
+  // The levels enter linearly: dark level with slopes (3), bright minus dark with slopes (3), beyond each side (4).
+  Eigen::Matrix<double, kLevels, 1> Levels(const Prediction& p) const {
+    const double w = 0.5 * pattern_.width;
+    const double a = p.u / w - 1, b = p.v / w - 1;
+    Eigen::Matrix<double, kLevels, 1> row;
+    row << 1, a, b, p.tone.value, p.tone.value * a, p.tone.value * b, p.beyond[0], p.beyond[1], p.beyond[2], p.beyond[3];
+    return row;
+  }
+
+  bool SolveLevels(Unknowns* x) const {
+    Eigen::Matrix<double, kLevels, kLevels> a = Eigen::Matrix<double, kLevels, kLevels>::Zero();
+    Eigen::Matrix<double, kLevels, 1> b = Eigen::Matrix<double, kLevels, 1>::Zero();
+    const ToneCurve curve((*x)[kGamma], 0, 255);  // levels are not known yet
+    for (const Sample& sample : samples_) {
+      const auto row = Levels(Predict(*x, curve, sample.plane));
+      a += row * row.transpose();
+      b += row * sample.grey;
+    }
+    a.diagonal().array() += 1e-6;
+    x->tail<kLevels>() = a.ldlt().solve(b);
+    return x->allFinite() && (*x)[kLevel + 3] > 5;  // bright minus dark
+  }
+
+
+  // Of the last Accumulate().
+  double RobustSigma() const {
+    std::vector<double> r;
+    r.reserve(residuals_.size());
+    for (size_t i = 0; i < residuals_.size(); ++i) r.push_back(std::abs(residuals_[i]));
+    std::nth_element(r.begin(), r.begin() + r.size() / 2, r.end());
+    return std::max(1.4826 * r[r.size() / 2], 0.5);  // not below what rounding to whole grey values leaves
+  }
+
+  // Huber cost and its Gauss-Newton system a * step = b at x; `scatter`: sum of the gradients' squares.
+  double Accumulate(const Unknowns& x, Normal* a, Unknowns* b, Normal* scatter = nullptr) {
+    a->setZero();
+    b->setZero();
+    if (scatter != nullptr) scatter->setZero();
+    double cost = 0;
+    residuals_.resize(samples_.size());
+    const double knee = 2.5 * sigma_, w = 0.5 * pattern_.width;
+    const ToneCurve curve = CurveOf(x);
+    for (size_t i = 0; i < samples_.size(); ++i) {
+      const Eigen::Vector2d& q = samples_[i].plane;
+      const Prediction p = Predict(x, curve, q);
+      const Eigen::Matrix<double, kLevels, 1> levels = Levels(p);
+      const auto c = x.tail<kLevels>();
+      const double r = levels.dot(c) - samples_[i].grey;
+      residuals_[i] = r;
+      const double contrast = c[3] + c[4] * levels[1] + c[5] * levels[2];
+      const double by_white = contrast * p.tone.by_f;
+      const double by_u = by_white * p.white_by_u + (c[1] + c[4] * p.tone.value) / w;
+      const double by_v = by_white * p.white_by_v + (c[2] + c[5] * p.tone.value) / w;
+      Unknowns j;
+      const double d = 1 / p.denominator, k = -(by_u * p.u + by_v * p.v) * d;
+      j.head<kGeometry>() << by_u * q.x() * d, by_u * q.y() * d, by_u * d, by_v * q.x() * d, by_v * q.y() * d, by_v * d,
+          k * q.x(), k * q.y();
+      j[kBlur] = by_white * p.white_by_s * x[kBlur] / BlurOf(x);
+      j[kGamma] = contrast * p.tone.by_gamma;
+      j.tail<kLevels>() = levels;
+      const double size = std::abs(r);
+      const double weight = size > knee ? knee / size : 1.0;
+      cost += size > knee ? 2 * knee * size - knee * knee : r * r;
+      a->selfadjointView<Eigen::Lower>().rankUpdate(j, weight);
+      *b += weight * r * j;
+      if (scatter != nullptr) scatter->selfadjointView<Eigen::Lower>().rankUpdate(j, weight * weight * r * r);
+    }
+    if (scatter != nullptr) scatter->triangularView<Eigen::StrictlyUpper>() = scatter->transpose();
+    const double prior = sigma_ / kGammaSigma, off = x[kGamma] - kGammaMean;
+    (*a)(kGamma, kGamma) += prior * prior;
+    (*b)[kGamma] += prior * prior * off;
+    cost += prior * prior * off * off;
+    a->triangularView<Eigen::StrictlyUpper>() = a->transpose();
+    return cost;
+  }
+
+  // Corners in normalised plane coordinates.
+  std::array<Eigen::Vector2d, 4> PlaneCorners(const Unknowns& x) const {
+    Eigen::Matrix3d h;
+    h << x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], 1;
+    const Eigen::Matrix3d inverse = h.inverse();
+    std::array<Eigen::Vector2d, 4> out;
+    for (int k = 0; k < 4; ++k) out[k] = (inverse * tag_corners_[k].homogeneous()).hnormalized();
+    return out;
+  }
+
+  double CornerMotion(const Unknowns& x, const Unknowns& y) const {
+    const auto a = PlaneCorners(x), b = PlaneCorners(y);
+    double most = 0;
+    for (int k = 0; k < 4; ++k) most = std::max(most, (a[k] - b[k]).norm() * radius_);
+    return most;
+  }
+
+  // Residuals of neighbouring pixels agree (compression, sharpening, what the model lacks): so many pixels count
+  // as one. From their correlation at lag one in x and y, as for two first-order autoregressive processes.
+  double PixelsPerObservation() const {
+    double square = 0, along_x = 0, along_y = 0;
+    int nx = 0, ny = 0;
+    std::vector<std::pair<std::pair<int, int>, double>> by_place;
+    by_place.reserve(samples_.size());
+    const double limit = 4 * sigma_;
+    for (size_t i = 0; i < samples_.size(); ++i) {
+      const double r = std::clamp(residuals_[i], -limit, limit);
+      square += r * r;
+      by_place.push_back({{samples_[i].y, samples_[i].x}, r});
+    }
+    for (size_t i = 0; i < by_place.size(); ++i) {  // samples are in row order
+      const auto [place, r] = by_place[i];
+      if (i + 1 < by_place.size() && by_place[i + 1].first == std::pair(place.first, place.second + 1)) {
+        along_x += r * by_place[i + 1].second;
+        ++nx;
+      }
+      const auto below = std::lower_bound(by_place.begin() + i, by_place.end(),
+                                          std::pair(std::pair(place.first + 1, place.second), -1e300));
+      if (below != by_place.end() && below->first == std::pair(place.first + 1, place.second)) {
+        along_y += r * below->second;
+        ++ny;
+      }
+    }
+    const double variance = square / std::max<size_t>(1, by_place.size());
+    if (variance <= 0 || nx == 0 || ny == 0) return 1;
+    const double rx = std::clamp(along_x / nx / variance, 0.0, 0.9);
+    const double ry = std::clamp(along_y / ny / variance, 0.0, 0.9);
+    return (1 + rx) / (1 - rx) * (1 + ry) / (1 - ry);
+  }
+
+  std::string Finish(const Unknowns& x, CornerRefinement* out) {
+    out->blur_px = BlurOf(x);
+    out->gamma = x[kGamma];
+    out->contrast = x[kLevel + 3];
+    if (out->contrast < 8) return "contrast below 8 grey values";
+    // Sandwich form (White 1980): what the model lacks sits at the edges, where the corners come from, so that one
+    // variance for all pixels would be too good.
+    Normal a, scatter;
+    Unknowns unused;
+    Accumulate(x, &a, &unused, &scatter);
+    out->residual = RobustSigma();
+    double square = 0;
+    for (double r : residuals_) square += std::min(r * r, 25 * sigma_ * sigma_);
+    const double variance = square / (residuals_.size() - kUnknowns);
+    if (std::sqrt(variance) > 0.25 * out->contrast) return "the picture does not look like the tag";
+    // The first guess may be half a cell or a pixel off; more than that is another edge.
+    const auto corners = PlaneCorners(x);
+    for (int k = 0; k < 4; ++k) {
+      const auto pixel = plane_.ToPixel(centre_ + radius_ * corners[k]);
+      if (!pixel || !pixel->allFinite()) return "a corner left the picture";
+      if ((*pixel - start_[k]).norm() > std::max(1.5, 0.6 * cell_px_)) return "a corner moved to another edge";
+      out->corners[k] = *pixel;
+    }
+    const Normal inverse = a.ldlt().solve(Normal::Identity());
+    const double freedom = static_cast<double>(samples_.size()) / static_cast<double>(samples_.size() - kUnknowns);
+    const Normal covariance = inverse * scatter * inverse * (freedom * PixelsPerObservation());
+    Eigen::Matrix<double, 8, kGeometry> jacobian;
+    for (int i = 0; i < kGeometry; ++i) {
+      const double h = 1e-6 * std::max(1.0, std::abs(x[i]));
+      Unknowns plus = x, minus = x;
+      plus[i] += h;
+      minus[i] -= h;
+      const auto cp = PlaneCorners(plus), cm = PlaneCorners(minus);
+      for (int k = 0; k < 4; ++k) jacobian.block<2, 1>(2 * k, i) = radius_ * (cp[k] - cm[k]) / (2 * h);
+    }
+    const Eigen::Matrix<double, 8, 8> c = jacobian * covariance.topLeftCorner<8, 8>() * jacobian.transpose();
+    for (int k = 0; k < 4; ++k) {
+      const double v = 0.5 * (c(2 * k, 2 * k) + c(2 * k + 1, 2 * k + 1));
+      if (!(v >= 0) || !std::isfinite(v)) return "singular fit";
+      out->sigma_px[k] = std::sqrt(v + kSigmaFloorPx * kSigmaFloorPx);
+      if (out->sigma_px[k] > 1) return "a corner is uncertain by more than a pixel";
+    }
+    return {};
+  }
+
+  const cv::Mat& grey_;
+  const TagPattern& pattern_;
+  Eigen::Vector2d centre_;
+  LocalPlane plane_;
+  std::array<Eigen::Vector2d, 4> tag_corners_;
+  std::array<Eigen::Vector2d, 4> start_;
+  double cell_px_ = 0, radius_ = 1, sigma_ = 1;
+  std::vector<Sample> samples_;
+  std::vector<double> residuals_;
+};
+
+}  // namespace
+
+CornerRefinement RefineCorners(const cv::Mat& grey, const TagPattern& pattern,
+                               const std::array<Eigen::Vector2d, 4>& corners, const Camera* camera) {
+  return Fit(grey, pattern, corners, camera).Run();
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,160 @@
+#include "survey/tags/detection.h"
+
+#include <apriltag/apriltag.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <tuple>
+
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/camera/pixel_convention.h"
+#include "survey/tags/corner_refinement.h"
+#include "survey/tags/tag_family.h"
+
+namespace trigpoint {
+namespace {
+
+// A detector of the library with its own family, for one thread at a time.
+class Detector {
+ public:
+  explicit Detector(const DetectTagsOptions& options)
+      : options_(options), family_(options.family), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
+    apriltag_detector_add_family(detector_.get(), family_.get());
+    detector_->nthreads = 1;
+    detector_->quad_decimate = static_cast<float>(options.quad_decimate);
+    detector_->quad_sigma = static_cast<float>(options.quad_sigma);
+  }
+
+  ImageTags Detect(const cv::Mat& grey, const Camera* camera, int64_t* refused) {
+    ImageTags out;
+    out.usable = true;
+    // The library works on the picture's own memory and does not write to it.
+    image_u8_t image{grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
+    const std::unique_ptr<zarray_t, void (*)(zarray_t*)> found(apriltag_detector_detect(detector_.get(), &image),
+                                                               apriltag_detections_destroy);
+    for (int i = 0; i < zarray_size(found.get()); ++i) {
+      apriltag_detection_t* d = nullptr;
+      zarray_get(found.get(), i, &d);
+      TagDetection tag;
+      tag.family = options_.family;
+      tag.id = d->id;
+      tag.hamming = d->hamming;
+      tag.margin = d->decision_margin;
+      double side = 1e300;
+      for (int k = 0; k < 4; ++k) tag.corners[k] = FromAprilTagPixel({d->p[k][0], d->p[k][1]});
+      for (int k = 0; k < 4; ++k) side = std::min(side, (tag.corners[(k + 1) % 4] - tag.corners[k]).norm());
+      tag.corner_sigma_px.fill(options_.raw_sigma_px * std::max(1.0, options_.quad_decimate));
+      if (tag.hamming > options_.max_hamming || tag.margin < options_.min_margin || side < options_.min_side_px) {
+        ++*refused;
+        continue;
+      }
+      if (options_.refine) {
+        const CornerRefinement fit = RefineCorners(grey, family_.Pattern(tag.id), tag.corners, camera);
+        if (fit.ok) {
+          tag.corners = fit.corners;
+          tag.corner_sigma_px = fit.sigma_px;
+          tag.refined = true;
+        }
+      }
+      out.detections.push_back(tag);
+    }
+    std::sort(out.detections.begin(), out.detections.end(), [](const TagDetection& a, const TagDetection& b) {
+      return std::tuple(a.id, a.corners[0].x(), a.corners[0].y()) <
+             std::tuple(b.id, b.corners[0].x(), b.corners[0].y());
+    });
+    return out;
+  }
+
+ private:
+  const DetectTagsOptions& options_;
+  TagFamily family_;
+  std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector_;
+};
+
+// Detectors handed out to workers and given back.
+class DetectorPool {
+ public:
+  explicit DetectorPool(const DetectTagsOptions& options) : options_(options) {}
+  std::unique_ptr<Detector> Take() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!idle_.empty()) {
+        std::unique_ptr<Detector> detector = std::move(idle_.back());
+        idle_.pop_back();
+        return detector;
+      }
+    }
+    return std::make_unique<Detector>(options_);
+  }
+  void Give(std::unique_ptr<Detector> detector) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(detector));
+  }
+
+ private:
+  const DetectTagsOptions& options_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Detector>> idle_;
+};
+
+}  // namespace
+
+double TagDetection::SigmaPx() const {
+  double sum = 0;
+  for (double s : corner_sigma_px) sum += s * s;
+  return std::sqrt(sum / 4);
+}
+
+Eigen::Vector3d TagCorner(double size_m, int k) {
+  const double h = 0.5 * size_m;
+  return {k == 1 || k == 2 ? h : -h, k < 2 ? h : -h, 0};
+}
+
+std::vector<std::string> DetectTagsOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  const std::vector<std::string> names = TagFamilyNames();
+  if (std::find(names.begin(), names.end(), family) == names.end()) {
+    std::string known;
+    for (const std::string& name : names) known += (known.empty() ? "" : ", ") + name;
+    problems.push_back("option family is \"" + family + "\", expected one of " + known);
+  }
+  return problems;
+}
+
+DetectTagsResult DetectTags(int64_t count, const PictureSource& picture, const CameraSource& camera,
+                            const DetectTagsOptions& options, int threads, ProgressSink& progress,
+                            const CancelToken& cancel) {
+  if (const std::vector<std::string> problems = options.Check(); !problems.empty()) throw OptionError(problems.front());
+  DetectTagsResult result;
+  result.images.resize(count);
+  std::vector<int64_t> refused(count, 0);
+  DetectorPool pool(options);
+  progress.Begin("detecting tags", count);
+  ParallelFor(count, threads, cancel, [&](int64_t i) {
+    ImageTags& out = result.images[i];
+    try {
+      const cv::Mat grey = picture(i);
+      if (grey.empty() || grey.type() != CV_8UC1) throw InputError("the picture is not a grey 8-bit one");
+      std::unique_ptr<Detector> detector = pool.Take();
+      out = detector->Detect(grey, camera ? camera(i) : nullptr, &refused[i]);
+      pool.Give(std::move(detector));
+    } catch (const InputError& error) {
+      out.problem = error.what();
+      progress.Log(LogLevel::kWarning, out.problem);
+    }
+    progress.Advance(1);
+  });
+  for (int64_t i = 0; i < count; ++i) {
+    const ImageTags& image = result.images[i];
+    result.unusable += image.usable ? 0 : 1;
+    result.refused += refused[i];
+    result.detections += static_cast<int64_t>(image.detections.size());
+    for (const TagDetection& tag : image.detections) result.unrefined += options.refine && !tag.refined ? 1 : 0;
+  }
+  return result;
+}
+
+}  // namespace trigpoint
