@@ -13,11 +13,11 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kGeometry = 8;                        // homography
-constexpr int kLevels = 10;                         // see Levels()
-constexpr int kBlur = kGeometry;                    // position of the blur among the unknowns
-constexpr int kGamma = kGeometry + 1;               // of the exponent of the tone curve
-constexpr int kLevel = kGeometry + 2;               // of the first level
+constexpr int kGeometry = 8;           // homography
+constexpr int kLevels = 10;            // see Levels()
+constexpr int kBlur = kGeometry;       // position of the blur among the unknowns
+constexpr int kGamma = kGeometry + 1;  // of the exponent of the tone curve
+constexpr int kLevel = kGeometry + 2;  // of the first level
 constexpr int kUnknowns = kLevel + kLevels;
 constexpr int kMaxIterations = 30;
 constexpr double kTolerancePx = 0.002;
@@ -216,7 +216,7 @@ class Fit {
     sigma_ = 1e9;  // the first round only finds the scale of the robust loss
     Accumulate(*x, &a, &b);
     sigma_ = RobustSigma();
-    double cost = Accumulate(*x, &a, &b), lambda = 1e-3;
+    double cost = Accumulate(*x, &a, &b), lambda = 1e-3, motion = 1e9;
     for (int i = 0; i < kMaxIterations; ++i, ++*iterations) {
       Normal damped = a;
       damped.diagonal() *= 1 + lambda;
@@ -228,7 +228,7 @@ class Fit {
       Normal a_next;
       Unknowns b_next;
       const double cost_next = Accumulate(next, &a_next, &b_next);
-      const double motion = CornerMotion(*x, next);
+      motion = CornerMotion(*x, next);
       if (cost_next >= cost) {
         if (motion < 0.1 * kTolerancePx) return {};  // no descent left
         lambda *= 5;
@@ -247,7 +247,7 @@ class Fit {
         return {};
       }
     }
-    return "no convergence";
+    return motion < 0.02 ? "" : "no convergence";
   }
 
   Eigen::Vector2d Normalised(const Eigen::Vector2d& p) const { return (p - centre_) / radius_; }
@@ -294,9 +294,7 @@ class Fit {
   };
 
   static double BlurOf(const Unknowns& x) { return std::hypot(kLeastBlur, x[kBlur]); }
-  static ToneCurve CurveOf(const Unknowns& x) {
-    return {x[kGamma], x[kLevel], x[kLevel] + x[kLevel + 3]};
-  }
+  static ToneCurve CurveOf(const Unknowns& x) { return {x[kGamma], x[kLevel], x[kLevel] + x[kLevel + 3]}; }
 
   Prediction Predict(const Unknowns& x, const ToneCurve& curve, const Eigen::Vector2d& q) const {
     Prediction p;
@@ -348,8 +346,7 @@ class Fit {
     int n = 0;
     Step before{1, 0, 0};  // of the boundary left of the current cell
     for (int boundary = first; boundary <= last + 1; ++boundary) {
-      const Step step =
-          boundary <= last ? BlurredStep((t - boundary) * px_per_cell, s) : Step{0, 0, 0};
+      const Step step = boundary <= last ? BlurredStep((t - boundary) * px_per_cell, s) : Step{0, 0, 0};
       (*weights)[n++] = {boundary - 1, before.value - step.value, before.by_d - step.by_d, before.by_s - step.by_s};
       before = step;
     }
@@ -361,7 +358,8 @@ class Fit {
     const double w = 0.5 * pattern_.width;
     const double a = p.u / w - 1, b = p.v / w - 1;
     Eigen::Matrix<double, kLevels, 1> row;
-    row << 1, a, b, p.tone.value, p.tone.value * a, p.tone.value * b, p.beyond[0], p.beyond[1], p.beyond[2], p.beyond[3];
+    row << 1, a, b, p.tone.value, p.tone.value * a, p.tone.value * b, p.beyond[0], p.beyond[1], p.beyond[2],
+        p.beyond[3];
     return row;
   }
 
@@ -378,7 +376,6 @@ class Fit {
     x->tail<kLevels>() = a.ldlt().solve(b);
     return x->allFinite() && (*x)[kLevel + 3] > 5;  // bright minus dark
   }
-
 
   // Of the last Accumulate().
   double RobustSigma() const {

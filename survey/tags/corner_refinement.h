@@ -24,13 +24,13 @@ namespace trigpoint {
 
 struct CornerRefinement {
   bool ok = false;
-  std::string reason;                        // why not, when not ok
-  std::array<Eigen::Vector2d, 4> corners;    // our pixels; bottom-left, bottom-right, top-right, top-left
-  std::array<double, 4> sigma_px{};          // 1 sigma per axis of each corner
-  double blur_px = 0;                        // standard deviation of the Gaussian, beside the pixel's own square
-  double gamma = 1;                          // exponent of the tone curve
-  double contrast = 0;                       // bright minus dark level, grey values
-  double residual = 0;                       // robust standard deviation of picture minus model, grey values
+  std::string reason;                      // why not, when not ok
+  std::array<Eigen::Vector2d, 4> corners;  // our pixels; bottom-left, bottom-right, top-right, top-left
+  std::array<double, 4> sigma_px{};        // 1 sigma per axis of each corner
+  double blur_px = 0;                      // standard deviation of the Gaussian, beside the pixel's own square
+  double gamma = 1;                        // exponent of the tone curve
+  double contrast = 0;                     // bright minus dark level, grey values
+  double residual = 0;                     // robust standard deviation of picture minus model, grey values
   int iterations = 0;
 };
 

@@ -24,7 +24,7 @@ struct TagDetection {
   // Our pixels; bottom-left, bottom-right, top-right, top-left of the upright tag.
   std::array<Eigen::Vector2d, 4> corners;
   std::array<double, 4> corner_sigma_px{1, 1, 1, 1};  // 1 sigma per axis
-  bool refined = false;  // corners are fitted ones, else the detector's own
+  bool refined = false;                               // corners are fitted ones, else the detector's own
   // One number for the four: root of the mean square.
   double SigmaPx() const;
 };
@@ -45,7 +45,8 @@ struct DetectTagsOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.family, {"family", "", 0, 0, "tag family: tag36h11, tag25h9, tag16h5, tagStandard41h12, ..."});
-    visit(self.quad_decimate, {"quad_decimate", "", 1.0, 8.0, "search at 1 / this size (2: faster, misses small tags)"});
+    visit(self.quad_decimate,
+          {"quad_decimate", "", 1.0, 8.0, "search at 1 / this size (2: faster, misses small tags)"});
     visit(self.quad_sigma, {"quad_sigma", "px", 0.0, 5.0, "blur before the search"});
     visit(self.max_hamming, {"max_hamming", "", 0, 2, "most corrected bits of a tag that is believed"});
     visit(self.min_margin, {"min_margin", "", 0.0, 255.0, "least decision margin of a tag that is believed"});
