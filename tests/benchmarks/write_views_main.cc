@@ -1,0 +1,45 @@
+// The views of a project's panoramas as pictures, for other programs:
+//   write_views PROJECT OUT     OUT/<panorama>_<view>.jpg, and OUT/camera.txt: size and focal length of all, px
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/io/image.h"
+#include "localize/views.h"
+
+namespace trigpoint {
+namespace {
+
+int Main(const std::filesystem::path& project, const std::filesystem::path& out) {
+  std::filesystem::create_directories(out);
+  for (const Reference& reference : ReadSite(project).references) {
+    if (reference.kind != ReferenceKind::kPanorama) continue;
+    const cv::Mat panorama = LoadPicture(reference.files.front(), true);
+    for (const View& view : PanoramaViews(reference.name, panorama.cols, {}).views) {
+      const std::string name = reference.files.front().stem().string() + "_" + view.name + ".jpg";
+      if (!cv::imwrite((out / name).string(), RenderView(panorama, view), {cv::IMWRITE_JPEG_QUALITY, 95})) {
+        throw IoError((out / name).string() + ": cannot be written");
+      }
+      std::ofstream(out / "camera.txt") << view.camera.width() << ' ' << view.camera.MeanFocal() << '\n';
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace trigpoint
+
+int main(int argc, char** argv) {
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: write_views PROJECT OUT\n");
+    return 2;
+  }
+  try {
+    return trigpoint::Main(argv[1], argv[2]);
+  } catch (const trigpoint::Error& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return e.ExitCode();
+  }
+}
