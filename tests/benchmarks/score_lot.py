@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Scores the localize results of a project against its truth, all runs and both modes in one table.
 
     score_lot.py PROJECT TRUTH [--runs run1,run2] [--variants '',paper] [--json]
