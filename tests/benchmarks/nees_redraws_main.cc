@@ -1,0 +1,161 @@
+// Is the stated uncertainty real? Localizes a synthetic site many times, the same geometry with new noise each time,
+// and compares errors with their covariances:
+//   nees_redraws [--redraws 50] [--path loop|street] [--seed 1] [--threads 0]
+// Prints the mean normalised estimation error squared (NEES) of the global fit, the odometry's scale, panoramas and
+// cameras, each with the 95 % band that independent redraws give it.
+#include <CLI/CLI.hpp>
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <opencv2/core/utility.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/synthetic/synthetic_features.h"
+#include "localize/localize.h"
+
+namespace trigpoint {
+namespace {
+
+LocalizeInput InputOf(const SyntheticSite& site) {
+  LocalizeInput input;
+  input.cameras = site.cameras;
+  for (size_t i = 0; i < site.images.size(); ++i) {
+    const SyntheticImage& image = site.images[i];
+    input.images.push_back({image.stamp_ns, std::to_string(i), image.camera, image.step});
+  }
+  for (const TimedPose& pose : site.odometry.poses) {
+    input.pose_stamps.push_back(pose.stamp_ns);
+    input.odom_from_body.push_back(pose.target_from_body);
+  }
+  for (const SyntheticPanorama& panorama : site.panoramas) {
+    input.references.push_back(
+        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, false});
+  }
+  input.image_features = [&site](int i) { return SyntheticImageFeatures(site, i); };
+  input.view_features = [&site](int p, int v) { return SyntheticViewFeatures(site, p, v); };
+  input.has_frame = true;
+  input.frame = site.frame;
+  input.scale_sigma = site.options.odometry_scale_sigma;
+  return input;
+}
+
+// The noise as it is: nothing is estimated that is known.
+LocalizeOptions OptionsOf(const SyntheticOptions& site, bool estimate) {
+  LocalizeOptions options = LocalizeOptions::ForMode("trigpoint");
+  ReconstructOptions& r = options.reconstruct;
+  r.sigma_px = site.pixel_sigma_px;
+  r.odometry_rotation_deg = site.odometry_rotation_sigma_rad * kRadToDeg;
+  r.odometry_rotation_deg_m = site.odometry_rotation_sigma_per_m * kRadToDeg;
+  r.odometry_translation_m = site.odometry_translation_sigma_m;
+  r.odometry_translation_part = site.odometry_translation_sigma_per_m;
+  r.estimate_sigma = r.estimate_odometry = estimate;
+  options.registration.sigma_px = site.view_pixel_sigma_px;
+  return options;
+}
+
+template <int N>
+double Nees(const Eigen::Matrix<double, N, 1>& error, const Eigen::Matrix<double, N, N>& covariance) {
+  return error.dot(covariance.ldlt().solve(error));
+}
+
+// Sum over independent redraws of a quantity with `dof` degrees of freedom, and its 95 % band (Wilson, Hilferty 1931).
+struct Pool {
+  int dof = 1;
+  std::vector<double> values;
+  void Print(const std::string& name) const {
+    if (values.empty()) return std::printf("%-28s no values\n", name.c_str()), void();
+    double sum = 0;
+    for (const double v : values) sum += v;
+    const double n = static_cast<double>(values.size()) * dof;
+    const auto quantile = [&](double z) { return std::pow(1 - 2 / (9 * n) + z * std::sqrt(2 / (9 * n)), 3); };
+    const double mean = sum / n, low = quantile(-1.96), high = quantile(1.96);
+    std::printf("%-28s dof %d  n %3zu  mean NEES per dof %.3f  band %.3f to %.3f  %s\n", name.c_str(), dof,
+                values.size(), mean, low, high, mean >= low && mean <= high ? "in" : "OUT");
+  }
+};
+
+int Main(int argc, char** argv) {
+  CLI::App app("Normalised estimation errors over redraws of a synthetic site's noise");
+  int redraws = 50, threads = 0;
+  uint64_t seed = 1;
+  bool estimate = false, verbose = false;
+  SyntheticOptions synthetic;
+  app.add_option("--redraws", redraws, "new noise so many times");
+  app.add_option("--path", synthetic.path, "loop or street");
+  app.add_option("--length", synthetic.length_m, "of the drive, m");
+  app.add_option("--points", synthetic.points_per_image, "tracks alive in an image");
+  app.add_option("--panoramas", synthetic.panoramas, "along the drive");
+  app.add_option("--seed", seed, "of the geometry; noise has seeds of its own");
+  app.add_option("--threads", threads, "0: all cores");
+  app.add_flag("--estimate-noise", estimate, "let the localization estimate the noise instead of telling it");
+  app.add_flag("--verbose", verbose, "a line a redraw");
+  CLI11_PARSE(app, argc, argv);
+  cv::setNumThreads(1);
+  const SyntheticSite first = MakeSyntheticSite(synthetic, seed);
+  const LocalizeOptions options = OptionsOf(synthetic, estimate);
+  std::map<std::string, Pool> pools;
+  const auto add = [&](const std::string& name, int dof, double value) {
+    pools[name].dof = dof;
+    pools[name].values.push_back(value);
+  };
+  int answers = 0, wrong = 0, unsolved = 0;
+  for (int k = 0; k < redraws; ++k) {
+    const SyntheticSite site = RedrawNoise(first, 1000 + static_cast<uint64_t>(k));
+    ProgressSink progress;
+    const LocalizeResult result = Localize(InputOf(site), {}, options, threads, 1, progress, {});
+    if (!result.on_earth) {
+      ++unsolved;
+      std::printf("redraw %d: not on the Earth: %s\n", k, result.earth_reason.c_str());
+      continue;
+    }
+    // The run's frame is the first body pose; what is left of its scale is the fit's.
+    const Rigid3d& truth = site.truth.world_from_body.front();
+    Eigen::Matrix<double, 7, 1> fit;
+    fit << LogSO3(result.geo.world_from_odom.rotation * truth.rotation.conjugate()),
+        result.geo.world_from_odom.translation - truth.translation,
+        result.geo.world_from_odom.scale * result.odometry_scale * site.truth.odometry_scale - 1;
+    add("global fit", 7, Nees<7>(fit, result.geo.covariance));
+    add("global fit, rotation", 3, Nees<3>(fit.head<3>(), result.geo.covariance.topLeftCorner<3, 3>()));
+    add("global fit, translation", 3, Nees<3>(fit.segment<3>(3), result.geo.covariance.block<3, 3>(3, 3)));
+    add("odometry scale", 1, std::pow(fit[6], 2) / result.geo.covariance(6, 6));
+    for (size_t i = 0; i < result.references.size(); ++i) {
+      const ReferenceAnswer& answer = result.references[i];
+      if (answer.registration.status != AnswerStatus::kLocalized) continue;
+      ++answers;
+      const Vector6d e = answer.world.world_from_x.Minus(site.truth.world_from_pano[i]);
+      wrong += e.tail<3>().norm() > 2;
+      add("panoramas", 6, Nees<6>(e, answer.world.covariance));
+      add("panorama " + std::to_string(i) + ", position", 3,
+          Nees<3>(e.tail<3>(), answer.world.covariance.bottomRightCorner<3, 3>()));
+    }
+    for (const size_t i : {size_t{0}, result.cameras.size() / 3, 2 * result.cameras.size() / 3}) {
+      const Vector6d e = result.cameras[i].world_from_x.Minus(site.WorldFromCam(site.images[i]));
+      add("camera " + std::to_string(i) + ", position", 3,
+          Nees<3>(e.tail<3>(), result.cameras[i].covariance.bottomRightCorner<3, 3>()));
+    }
+    if (verbose) {
+      std::printf("redraw %2d: scale error %+.5f +- %.5f, fit %.1f (7)\n", k, fit[6],
+                  std::sqrt(result.geo.covariance(6, 6)), pools["global fit"].values.back());
+      std::fflush(stdout);
+    }
+  }
+  std::printf(
+      "%d redraws of a %s of %.0f m: %d of %zu panoramas answered, %d wrong by more than 2 m, %d not on the Earth\n",
+      redraws, synthetic.path.c_str(), synthetic.length_m, answers,
+      first.panoramas.size() * static_cast<size_t>(redraws), wrong, unsolved);
+  for (const auto& [name, pool] : pools) pool.Print(name);
+  return 0;
+}
+
+}  // namespace
+}  // namespace trigpoint
+
+int main(int argc, char** argv) {
+  try {
+    return trigpoint::Main(argc, argv);
+  } catch (const trigpoint::Error& e) {
+    std::fprintf(stderr, "%s\n", e.what());
+    return e.ExitCode();
+  }
+}
