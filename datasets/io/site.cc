@@ -33,8 +33,9 @@ void ReadRuns(Site* site) {
       throw;
     } catch (const InputError& e) {
       if (!first) first = e;
-      site->broken_runs[run.name] = e.what();
-      site->warnings.push_back(std::string(e.what()) + "; run '" + run.name + "' is left out");
+      const std::string name = folder.filename().string();
+      site->broken_runs[name] = e.what();
+      site->warnings.push_back(std::string(e.what()) + "; run '" + name + "' is left out");
     }
   }
   if (site->runs.empty() && first) throw *first;

@@ -100,7 +100,7 @@ struct Segment {
 // Positions of the antenna, seen in the plane the body moves in.
 class PlanarOdometry {
  public:
-  PlanarOdometry(const Run& run) : run_(run) {
+  explicit PlanarOdometry(const Run& run) : run_(run) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const TimedPose& pose : run.odometry.poses) mean += pose.target_from_body.translation;
     mean /= static_cast<double>(run.odometry.poses.size());

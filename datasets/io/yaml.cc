@@ -41,8 +41,9 @@ YAML::Node LoadYaml(const std::filesystem::path& file) {
   }
 }
 
-YamlMap::YamlMap(std::filesystem::path file, YAML::Node node, const std::vector<std::string>& known, std::string path)
-    : file_(std::move(file)), node_(std::move(node)), path_(std::move(path)) {
+YamlMap::YamlMap(std::filesystem::path file, const YAML::Node& node, const std::vector<std::string>& known,
+                 std::string path)
+    : file_(std::move(file)), node_(node), path_(std::move(path)) {
   CheckMap();
   for (const auto& entry : node_) {
     const std::string key = entry.first.Scalar();

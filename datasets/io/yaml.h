@@ -20,7 +20,8 @@ class YamlMap {
  public:
   // Throws unless `node` is a map (or null: an empty one) whose keys are all in `known` and stand once.
   // `path` names the map in messages ("gps"), "" for the file's top.
-  YamlMap(std::filesystem::path file, YAML::Node node, const std::vector<std::string>& known, std::string path = "");
+  YamlMap(std::filesystem::path file, const YAML::Node& node, const std::vector<std::string>& known,
+          std::string path = "");
   // A map with any keys.
   static YamlMap AnyKeys(std::filesystem::path file, const YAML::Node& node, std::string path = "");
 
