@@ -24,3 +24,9 @@ target_include_directories(trigpoint_geographiclib SYSTEM INTERFACE ${Geographic
 # OpenGV has no usable config on Debian 12.
 find_path(OPENGV_INCLUDE_DIR opengv/types.hpp)
 find_library(OPENGV_LIBRARY opengv)
+if(NOT OPENGV_INCLUDE_DIR OR NOT OPENGV_LIBRARY)
+  message(FATAL_ERROR "OpenGV not found: install libopengv-dev")
+endif()
+add_library(trigpoint_opengv INTERFACE)
+target_link_libraries(trigpoint_opengv INTERFACE ${OPENGV_LIBRARY} Eigen3::Eigen)
+target_include_directories(trigpoint_opengv SYSTEM INTERFACE ${OPENGV_INCLUDE_DIR})

@@ -1,0 +1,117 @@
+// Sparse bundle adjustment over rigs, points and one odometry scale, with exact covariances.
+//
+// Minimises  sum rho(|W_ij u_ij|^2)  +  sum rho(|L_k e_k|^2)
+// where u_ij is the unit ray of point j in view i (predicted), W_ij the whitened tangent plane of the observed ray
+// (Camera::BearingSqrtInfo), and e_k pose factors: odometry, priors, geotags, GPS. No singularity on the optical axis.
+//
+// The points are eliminated (Schur complement, Triggs et al. 2000); the reduced system is sparse and factored by
+// Eigen's LDLT, so cost and memory grow linearly with the length of a run without loops. The work is cut into a fixed
+// number of chunks that are summed in order: results do not depend on the number of threads.
+//
+// Gauge: whatever is left undetermined by constant poses and priors makes Solve throw NumericError; covariances are
+// relative to what was held constant or given as prior.
+#pragma once
+
+#include <ceres/loss_function.h>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <memory>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "calib/geometry/rigid3.h"
+
+namespace trigpoint {
+
+// One observation of a point: residual W * unit(view_from_rig * (rig_from_world * point)), 2 components, whitened.
+struct BearingObservation {
+  int point = 0;
+  int pose = 0;
+  int view = 0;
+  Eigen::Matrix<float, 2, 3> w;  // W (view frame); W * observed ray = 0
+  Eigen::Vector3f ray;           // observed unit ray (view frame)
+  bool active = true;            // inactive: kept for the record, no part in the solution
+};
+
+// Residual of pose factors, tangent [rotation (rad), translation (m)], whitened by sqrt_info (6 x 6).
+struct PoseFactor {
+  enum class Kind {
+    // pose_a * pose_b^-1 (a_from_b) against `measured` (a_from_b), whose translation is multiplied by the scale
+    // parameter if `scaled`. e = [Log(R_p R_z^T), t_p - s t_z].
+    kBetween,
+    // rig_from_world of a against `measured`. e = [Log(R R_z^T), t - t_z].
+    kPrior,
+    // world_from_rig of a against `measured` (world_from_rig), e = [Log(R^T R_z^T), c - c_z], c the centre.
+    kGeotag,
+    // A point of the rig (lever arm `arm`, rig frame) in the world against measured.translation; rows 3..5 only.
+    kPosition
+  };
+  Kind kind = Kind::kPrior;
+  int a = 0;
+  int b = -1;
+  bool scaled = false;
+  Rigid3d measured;
+  Eigen::Vector3d arm = Eigen::Vector3d::Zero();
+  Matrix6d sqrt_info = Matrix6d::Identity();
+  std::shared_ptr<const ceres::LossFunction> loss;  // null: least squares
+  double weight = 1.0;                              // rho' at the last evaluation (output)
+};
+
+struct BundleProblem {
+  std::vector<Rigid3d> poses;                 // rig_from_world
+  std::vector<bool> pose_constant;            // same size; empty: none
+  std::vector<Rigid3d> views;                 // view_from_rig, constant
+  std::vector<Eigen::Vector3d> points;        // world, m
+  bool points_constant = false;               // poses alone move
+  std::vector<BearingObservation> observations;  // sorted by point
+  std::vector<PoseFactor> factors;
+  std::shared_ptr<const ceres::LossFunction> loss;  // of bearing observations
+  double scale = 1.0;                         // odometry scale: true length = scale * measured length
+  bool scale_constant = true;
+  double scale_prior = 1.0, scale_sigma = 0.01;  // used when the scale is free
+};
+
+struct BundleOptions {
+  int max_iterations = 30;
+  double relative_cost_tolerance = 1e-6;  // stop when the cost falls by less than this part of itself
+  int threads = 0;
+};
+
+struct BundleSummary {
+  double initial_cost = 0;  // 1/2 sum rho
+  double final_cost = 0;
+  int iterations = 0;
+  bool converged = false;
+};
+
+// All points with the poses fixed; each independently. Points that have no finite answer keep their place.
+void OptimizePoints(BundleProblem& problem, int iterations, int threads, const CancelToken& cancel);
+
+// Poses, points and scale together (Levenberg-Marquardt). Throws NumericError if the system is singular.
+BundleSummary SolveBundle(BundleProblem& problem, const BundleOptions& options, ProgressSink& progress,
+                          const CancelToken& cancel);
+
+// Whitened squared residual of one observation at the current state; infinite behind the view.
+double SquaredError(const BundleProblem& problem, const BearingObservation& observation);
+
+// Covariance at the current state (which should be the minimum), from the reduced system without damping.
+class BundleCovariance {
+ public:
+  BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel);
+  ~BundleCovariance();
+  // Tangent indices: pose p occupies [6 p', 6 p' + 6) of the reduced system; the scale is last.
+  // Columns of the covariance for the given poses (6 each) and, if `with_scale`, the scale: rows cover all poses (6
+  // rows a pose, zero for constant ones) and the scale in the last row.
+  Eigen::MatrixXd Columns(const std::vector<int>& poses, bool with_scale) const;
+  // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
+  // (next[p] >= 0), computed by selected inversion.
+  void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) const;
+  int Dimension() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,46 @@
+// What the localization works on: images with odometry, references with views; features are read on demand.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/rig.h"
+#include "datasets/colmap/database.h"
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+struct FrameImage {
+  int64_t stamp_ns = 0;
+  std::string name;
+  int camera = 0;  // index into LocalizeInput::cameras
+  int pose = 0;    // index of the body pose (images of the same instant share one)
+};
+
+// A reference to localize: a rig of views with their features.
+struct ReferenceViews {
+  std::string name;
+  std::string station;
+  ReferenceKind kind = ReferenceKind::kPanorama;
+  ViewRig rig;  // rig frame: x right, y down, z forward at the picture's centre
+  GeoTag geotag;
+  bool rig_free = false;  // views may move against each other within their covariance (hand-held)
+};
+
+struct LocalizeInput {
+  std::vector<BodyCamera> cameras;
+  std::vector<FrameImage> images;      // ascending time
+  std::vector<int64_t> pose_stamps;    // of each body pose
+  std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
+  std::vector<ReferenceViews> references;
+  std::function<FeatureSet(int image)> image_features;
+  std::function<FeatureSet(int reference, int view)> view_features;
+  bool has_frame = false;
+  LocalFrame frame;
+  bool levelled = false;
+  double scale_sigma = 0.01;
+};
+
+
+}  // namespace trigpoint

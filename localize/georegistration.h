@@ -1,0 +1,66 @@
+// The run's frame on the Earth (METHOD.md section 5): rotation, translation and the odometry's scale from geotags.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/base/option.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/rigid3.h"
+
+namespace trigpoint {
+
+struct GeoRegistrationOptions {
+  std::string use_gps = "auto";   // GPS: never, always, or auto (only without geotagged references)
+  double outlier_chi2 = 11.3;     // a geotag beyond it (3 dof, 1 %) is marked as an outlier
+  double loss_chi2 = 4.1;         // knee of the robust kernel, chi-square with 3 dof (75 %)
+  double tilt_sigma_deg = 10;     // how level an undeclared odometry frame is, 1 sigma
+  double gps_correlation_s = 30;  // GPS errors wander: fixes closer than this count once
+  int iterations = 50;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.use_gps, {"use_gps", "", 0, 0, "GPS: never, always, auto (only without geotagged references)"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "a geotag beyond it is an outlier: chi-square, 3 dof"});
+    visit(self.loss_chi2, {"loss_chi2", "", 0.1, 10000, "knee of the robust kernel: chi-square, 3 dof"});
+    visit(self.tilt_sigma_deg, {"tilt_sigma_deg", "deg", 0.001, 90, "how level an undeclared odometry frame is"});
+    visit(self.gps_correlation_s, {"gps_correlation_s", "s", 0, 3600, "GPS fixes closer than this count once"});
+    visit(self.iterations, {"iterations", "", 1, 1000, "iterations at most"});
+  }
+  std::vector<std::string> Check() const;
+};
+
+// A place in the run's frame with what is said about it in the world.
+struct GeoObservation {
+  Rigid3d odom_from_rig;       // rotation is used only with has_attitude parts
+  Eigen::Vector3d position;    // said, world (ENU), m
+  bool has_position = true;
+  bool has_height = true;
+  bool has_heading = false;
+  bool has_tilt = false;
+  Attitude attitude;           // said, of the rig's optical axis
+  double sigma_h_m = 1, sigma_v_m = 1, sigma_heading_rad = 1, sigma_tilt_rad = 1;
+};
+
+struct GeoRegistration {
+  bool solved = false;
+  std::string reason;          // when not solved
+  Sim3d world_from_odom;       // scale: true length / length in the run's frame
+  // Tangent [rotation (rad, left), translation (m), scale], 7 x 7.
+  Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
+  // d estimate / d (errors of the places in the run's frame), 7 x 6n: for covariances of things in the run's frame.
+  Eigen::MatrixXd sensitivity;
+  std::vector<double> weights;   // of each observation's position, 0 to 1
+  std::vector<bool> outlier;     // position beyond the gate
+  std::vector<Eigen::Vector3d> residuals;  // said - estimated, world, m
+  int iterations = 0;
+};
+
+// Robust generalised least squares. `odom_covariance` (6n x 6n): of the places' odom_from_rig (left tangent, odom
+// axes), jointly. Gauge: none left where attitudes or three places that are not on a line are given; else the tilt and
+// scale priors. scale prior: 1 +- scale_sigma relative to `odometry_scale` already applied in the run's frame.
+GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& observations, const Eigen::MatrixXd& odom_covariance,
+                                double scale_prior, double scale_sigma, bool levelled,
+                                const GeoRegistrationOptions& options);
+
+}  // namespace trigpoint

@@ -1,0 +1,378 @@
+#include "localize/localize.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+#include "calib/base/parallel.h"
+#include "calib/estimation/loss.h"
+
+namespace trigpoint {
+namespace {
+
+class Stopwatch {
+ public:
+  explicit Stopwatch(LocalizeResult* result) : result_(result) {}
+  void Lap(const char* name) {
+    const auto now = std::chrono::steady_clock::now();
+    result_->seconds.emplace_back(name, std::chrono::duration<double>(now - start_).count());
+    start_ = now;
+  }
+
+ private:
+  LocalizeResult* result_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// The joint problem over images, points and references: indices of the references' poses (-1: not part of it).
+struct Joint {
+  std::vector<int> pose_of_reference;
+};
+
+// Adds the localized references to the reconstruction: a pose each, their observations, sorted by point.
+Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswer>& answers, double sigma_px, Reconstruction* r) {
+  BundleProblem& p = r->problem;
+  Joint joint;
+  joint.pose_of_reference.assign(answers.size(), -1);
+  struct Row {
+    BearingObservation o;
+    int image, feature;
+  };
+  std::vector<Row> rows;
+  for (size_t k = 0; k < p.observations.size(); ++k) rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
+  for (size_t i = 0; i < answers.size(); ++i) {
+    const Registration& g = answers[i].registration;
+    if (g.status != AnswerStatus::kLocalized) continue;
+    const ReferenceViews& ref = input.references[i];
+    const int first_view = static_cast<int>(p.views.size());
+    for (const View& v : ref.rig.views) p.views.push_back(v.rig_from_view.Inverse());
+    joint.pose_of_reference[i] = static_cast<int>(p.poses.size());
+    for (const ViewObservation& v : g.inliers) {
+      if (v.repeated) continue;
+      const Camera& camera = ref.rig.views[static_cast<size_t>(v.view)].camera;
+      BearingObservation o;
+      o.point = v.point;
+      o.pose = joint.pose_of_reference[i];
+      o.view = first_view + v.view;
+      o.ray = camera.Unproject(v.pixel.cast<double>())->cast<float>();
+      o.w = camera.BearingSqrtInfo(v.pixel.cast<double>(), sigma_px).cast<float>();
+      // image -1 - reference, feature within its view: told apart from the run's own
+      rows.push_back({o, -1 - static_cast<int>(i), v.feature});
+    }
+    p.poses.push_back(g.rig_from_odom);
+    p.pose_constant.push_back(false);
+  }
+  std::stable_sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.o.point < b.o.point; });
+  p.observations.clear();
+  r->image_of.clear();
+  r->feature_of.clear();
+  for (const Row& row : rows) {
+    p.observations.push_back(row.o);
+    r->image_of.push_back(row.image);
+    r->feature_of.push_back(row.feature);
+  }
+  return joint;
+}
+
+// Noise of the references' observations from their residuals (points carry their share): one factor for all.
+double ReferenceNoiseFactor(const Reconstruction& r) {
+  std::vector<double> errors;
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] < 0 && r.problem.observations[k].active) errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
+  }
+  if (errors.size() < 50) return 1;
+  const size_t middle = errors.size() / 2;
+  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(middle), errors.end());
+  return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
+}
+
+// odom_from_rig covariance of the references and what the global fit needs of them.
+struct LocalCovariance {
+  std::vector<int> poses;      // pose indices of the references used, in order
+  Eigen::MatrixXd columns;     // covariance of all poses (rows) with these (columns), as rig_from_odom tangents
+  Eigen::MatrixXd places;      // of odom_from_rig, 6n x 6n
+  std::vector<Matrix6d> diagonal;  // of all poses
+};
+
+Matrix6d InverseJacobian(const Rigid3d& b_from_a) {
+  const Eigen::Matrix3d rt = b_from_a.rotation.conjugate().toRotationMatrix();
+  Matrix6d j = Matrix6d::Zero();
+  j.topLeftCorner<3, 3>() = -rt;
+  j.bottomLeftCorner<3, 3>() = -rt * Skew(b_from_a.translation);
+  j.bottomRightCorner<3, 3>() = -rt;
+  return j;
+}
+
+LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector<int>& poses, int threads, const CancelToken& cancel) {
+  LocalCovariance c;
+  c.poses = poses;
+  const BundleCovariance covariance(p, threads, cancel);
+  c.columns = covariance.Columns(poses, false);
+  std::vector<Matrix6d> unused;
+  covariance.PoseBlocks({}, &c.diagonal, &unused);
+  const Eigen::Index n = static_cast<Eigen::Index>(poses.size());
+  c.places = Eigen::MatrixXd::Zero(6 * n, 6 * n);
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const Matrix6d ja = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(a)])]);
+    for (Eigen::Index b = 0; b < n; ++b) {
+      const Matrix6d jb = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(b)])]);
+      c.places.block<6, 6>(6 * a, 6 * b) = ja * c.columns.block<6, 6>(6 * poses[static_cast<size_t>(a)], 6 * b) * jb.transpose();
+    }
+  }
+  c.places = 0.5 * (c.places + c.places.transpose()).eval();
+  return c;
+}
+
+// World pose and covariance of something rigidly known in the run's frame.
+PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, const Matrix6d& covariance,
+                     const Eigen::Matrix<double, 6, Eigen::Dynamic>& with_places) {
+  PoseEstimate e;
+  const Sim3d& s = geo.world_from_odom;
+  e.world_from_x = s.TransformPose(odom_from_x);
+  const Eigen::Matrix3d rot = s.rotation.toRotationMatrix();
+  Matrix6d a = Matrix6d::Zero();  // d world / d odom_from_x
+  a.topLeftCorner<3, 3>() = rot;
+  a.bottomRightCorner<3, 3>() = s.scale * rot;
+  const Eigen::Vector3d rotated = s.rotation * odom_from_x.translation;
+  Eigen::Matrix<double, 6, 7> b = Eigen::Matrix<double, 6, 7>::Zero();  // d world / d global
+  b.topLeftCorner<3, 3>().setIdentity();
+  b.bottomLeftCorner<3, 3>() = -s.scale * Skew(rotated);
+  b.block<3, 3>(3, 3).setIdentity();
+  b.block<3, 1>(3, 6) = rotated;
+  Matrix6d cross = Matrix6d::Zero();
+  if (with_places.cols() > 0) cross = a * with_places * geo.sensitivity.transpose() * b.transpose();
+  e.covariance = a * covariance * a.transpose() + b * geo.covariance * b.transpose() + cross + cross.transpose();
+  return e;
+}
+
+struct EarthInput {
+  std::vector<GeoObservation> observations;
+  std::vector<int> poses;       // pose index of each
+  std::vector<int> references;  // -1: GPS
+  bool gps = false;
+};
+
+EarthInput CollectEarth(const LocalizeInput& input, const LocalizeResult& result, const Joint& joint,
+                        const std::vector<GpsPlace>& gps, const GeoRegistrationOptions& options) {
+  EarthInput e;
+  const BundleProblem& p = result.reconstruction.problem;
+  if (input.has_frame) {
+    for (size_t i = 0; i < result.references.size(); ++i) {
+      const GeoTag& tag = input.references[i].geotag;
+      if (joint.pose_of_reference[i] < 0 || (!tag.has_position && !tag.has_heading)) continue;
+      GeoObservation o;
+      o.odom_from_rig = p.poses[static_cast<size_t>(joint.pose_of_reference[i])].Inverse();
+      o.has_position = tag.has_position;
+      if (tag.has_position) o.position = input.frame.EnuFromGeodetic(tag.position);
+      o.has_height = tag.has_height;
+      o.has_heading = tag.has_heading;
+      o.has_tilt = tag.has_tilt;
+      o.attitude = tag.attitude;
+      o.sigma_h_m = tag.sigma_h_m, o.sigma_v_m = tag.sigma_v_m;
+      o.sigma_heading_rad = tag.sigma_heading_rad, o.sigma_tilt_rad = tag.sigma_tilt_rad;
+      e.observations.push_back(o);
+      e.poses.push_back(joint.pose_of_reference[i]);
+      e.references.push_back(static_cast<int>(i));
+    }
+  }
+  const bool use_gps = options.use_gps == "always" || (options.use_gps == "auto" && e.observations.empty());
+  if (use_gps) {
+    int64_t last = std::numeric_limits<int64_t>::min();
+    for (const GpsPlace& g : gps) {
+      if (last != std::numeric_limits<int64_t>::min() && static_cast<double>(g.stamp_ns - last) * 1e-9 < options.gps_correlation_s) continue;
+      last = g.stamp_ns;
+      GeoObservation o;
+      o.odom_from_rig = p.poses[static_cast<size_t>(g.pose)].Inverse();
+      o.odom_from_rig.translation = o.odom_from_rig * g.arm_m;
+      o.position = g.position;
+      o.sigma_h_m = g.sigma_h_m, o.sigma_v_m = g.sigma_v_m;
+      e.observations.push_back(o);
+      e.poses.push_back(g.pose);
+      e.references.push_back(-1);
+      e.gps = true;
+    }
+  }
+  return e;
+}
+
+}  // namespace
+
+LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
+  LocalizeOptions o;
+  o.mode = mode;
+  if (mode == "paper") {
+    o.tracks.mode = "paper";
+    o.tracks.ratio = 0.7;
+    o.tracks.min_length = 2;
+    o.tracks.max_gap = 1;
+    o.reconstruct.sigma_px = 1;
+    o.reconstruct.estimate_sigma = false;
+    o.reconstruct.estimate_odometry = false;
+    o.reconstruct.loss = "dcs";
+    o.reconstruct.loss_chi2 = 1;
+    o.reconstruct.min_parallax_deg = 0;
+    o.reconstruct.max_depth_m = 1e6;
+    o.registration.ratio = 0.7;
+  } else if (mode != "trigpoint") {
+    throw OptionError("mode is '" + mode + "', expected trigpoint or paper");
+  }
+  return o;
+}
+
+std::vector<std::string> LocalizeOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  if (mode != "trigpoint" && mode != "paper") problems.push_back("option mode is '" + mode + "', expected trigpoint or paper");
+  return problems;
+}
+
+LocalizeResult Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
+                        int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+  if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
+  const bool paper = options.mode == "paper";
+  LocalizeResult result;
+  Stopwatch watch(&result);
+  result.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
+  watch.Lap("tracks");
+  result.reconstruction = Reconstruct(input, result.tracks, options.reconstruct, paper, threads, progress, cancel);
+  watch.Lap("reconstruct");
+  Reconstruction& r = result.reconstruction;
+  BundleProblem& p = r.problem;
+  const size_t body_poses = p.poses.size();
+  result.retrieval = RetrieveViews(input, options.retrieval, seed, threads, progress, cancel);
+  watch.Lap("retrieval");
+  const std::vector<Registration> registrations =
+      RegisterReferences(input, r, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
+  for (const Registration& g : registrations) {
+    ReferenceAnswer answer;
+    answer.registration = g;
+    result.references.push_back(answer);
+  }
+  watch.Lap("registration");
+
+  BundleOptions bundle;
+  bundle.threads = threads;
+  bundle.max_iterations = 10;
+  bundle.relative_cost_tolerance = 1e-5;
+  Joint joint;
+  if (paper) {
+    // The points stay as they are: the references' poses are appended for the global fit only.
+    joint.pose_of_reference.assign(registrations.size(), -1);
+    for (size_t i = 0; i < registrations.size(); ++i) {
+      if (registrations[i].status != AnswerStatus::kLocalized) continue;
+      joint.pose_of_reference[i] = static_cast<int>(p.poses.size());
+      p.poses.push_back(registrations[i].rig_from_odom);
+      p.pose_constant.push_back(false);
+      PoseFactor held;
+      held.kind = PoseFactor::Kind::kPrior;
+      held.a = joint.pose_of_reference[i];
+      held.measured = registrations[i].rig_from_odom;
+      held.sqrt_info = Matrix6d(registrations[i].covariance.llt().solve(Matrix6d::Identity())).llt().matrixU();
+      p.factors.push_back(held);
+    }
+  } else {
+    double sigma = options.registration.sigma_px;
+    joint = AddReferences(input, result.references, sigma, &r);
+    SolveBundle(p, bundle, progress, cancel);
+    const double factor = std::clamp(ReferenceNoiseFactor(r), 0.3, 10.0);
+    for (size_t k = 0; k < p.observations.size(); ++k) {
+      BearingObservation& o = p.observations[k];
+      if (r.image_of[k] >= 0) continue;
+      o.w /= static_cast<float>(factor);
+      o.active = r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
+    }
+    r.summary = SolveBundle(p, bundle, progress, cancel);
+  }
+  watch.Lap("joint solution");
+
+  // The Earth, and the odometry's scale with it. One more round with the scale applied makes the run's frame metric.
+  const auto covariance_of = [&](const std::vector<int>& poses) { return ComputeLocalCovariance(p, poses, threads, cancel); };
+  result.odometry_scale = 1;
+  result.odometry_scale_sigma = input.scale_sigma;
+  EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
+  LocalCovariance local = covariance_of(earth.poses);
+  if (!input.has_frame) {
+    result.earth_reason = "the project has no origin: nothing says where on the Earth it is";
+  } else {
+    result.geo = RegisterToEarth(earth.observations, local.places, 1.0, input.scale_sigma, input.levelled, options.geo);
+    result.earth_reason = result.geo.reason;
+    if (result.geo.solved && !paper) {
+      const double scale = result.geo.world_from_odom.scale;
+      result.odometry_scale = scale;
+      const Eigen::Vector3d origin = p.poses[0].TargetOriginInSource();
+      for (Rigid3d& pose : p.poses) {
+        const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
+        pose.translation = -(pose.rotation * centre);
+      }
+      for (Eigen::Vector3d& y : p.points) y = origin + scale * (y - origin);
+      p.scale = scale;
+      // Lever arms do not scale: a last solution settles them.
+      bundle.max_iterations = 5;
+      r.summary = SolveBundle(p, bundle, progress, cancel);
+      earth = CollectEarth(input, result, joint, gps, options.geo);
+      local = covariance_of(earth.poses);
+      result.geo = RegisterToEarth(earth.observations, local.places, 1.0 / scale, input.scale_sigma, input.levelled, options.geo);
+      result.earth_reason = result.geo.reason;
+    }
+    if (result.geo.solved) {
+      result.on_earth = true;
+      result.earth_source = earth.gps ? (earth.references.front() >= 0 ? "geotags and gps" : "gps") : "geotags";
+      result.odometry_scale_sigma = std::sqrt(result.geo.covariance(6, 6));
+    }
+  }
+
+  // Answers.
+  const auto odom_from = [&](int pose) { return p.poses[static_cast<size_t>(pose)].Inverse(); };
+  // Covariance of odom_from_x of a pose with the places.
+  const auto with_places = [&](int pose) {
+    Eigen::Matrix<double, 6, Eigen::Dynamic> c(6, 6 * static_cast<Eigen::Index>(local.poses.size()));
+    const Matrix6d j = InverseJacobian(p.poses[static_cast<size_t>(pose)]);
+    for (Eigen::Index b = 0; b < static_cast<Eigen::Index>(local.poses.size()); ++b) {
+      const Matrix6d jb = InverseJacobian(p.poses[static_cast<size_t>(local.poses[static_cast<size_t>(b)])]);
+      c.middleCols<6>(6 * b) = j * local.columns.block<6, 6>(6 * pose, 6 * b) * jb.transpose();
+    }
+    return c;
+  };
+  for (size_t i = 0; i < result.references.size(); ++i) {
+    ReferenceAnswer& answer = result.references[i];
+    const int pose = joint.pose_of_reference[i];
+    if (pose < 0) continue;
+    answer.registration.rig_from_odom = p.poses[static_cast<size_t>(pose)];
+    answer.registration.covariance = local.diagonal[static_cast<size_t>(pose)];
+    if (!result.on_earth) continue;
+    const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
+    answer.world = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
+  }
+  if (result.on_earth) {
+    for (size_t k = 0; k < earth.references.size(); ++k) {
+      if (earth.references[k] < 0) continue;
+      ReferenceAnswer& answer = result.references[static_cast<size_t>(earth.references[k])];
+      answer.geotag_used = true;
+      answer.geotag_outlier = result.geo.outlier[k];
+      answer.geotag_difference = result.geo.residuals[k];
+    }
+    std::vector<PoseEstimate> bodies(body_poses);
+    ParallelFor(static_cast<int64_t>(body_poses), threads, cancel, [&](int64_t i) {
+      const int pose = static_cast<int>(i);
+      const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
+      bodies[static_cast<size_t>(i)] = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
+    });
+    for (const FrameImage& image : input.images) {
+      const PoseEstimate& body = bodies[static_cast<size_t>(image.pose)];
+      const Rigid3d body_from_cam = input.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
+      PoseEstimate camera;
+      camera.world_from_x = body.world_from_x * body_from_cam;
+      // The camera rides on the body: its position moves with the body's rotation.
+      Matrix6d j = Matrix6d::Identity();
+      j.bottomLeftCorner<3, 3>() = -Skew(body.world_from_x.rotation * body_from_cam.translation);
+      camera.covariance = j * body.covariance * j.transpose();
+      result.cameras.push_back(camera);
+    }
+  }
+  result.body_from_odom.assign(p.poses.begin(), p.poses.begin() + static_cast<std::ptrdiff_t>(body_poses));
+  watch.Lap("earth and covariances");
+  return result;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,81 @@
+// The whole localization: tracks, points, references, Earth. Options in, result out; no files.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "localize/frames.h"
+#include "localize/georegistration.h"
+#include "localize/reconstruct.h"
+#include "localize/registration.h"
+#include "localize/retrieval.h"
+#include "localize/tracks.h"
+
+namespace trigpoint {
+
+struct LocalizeOptions {
+  std::string mode = "trigpoint";  // trigpoint, or paper: as published
+  TrackOptions tracks;
+  ReconstructOptions reconstruct;
+  RetrievalOptions retrieval;
+  RegistrationOptions registration;
+  GeoRegistrationOptions geo;
+
+  // The defaults of a mode. Throws OptionError for another name than trigpoint or paper.
+  static LocalizeOptions ForMode(const std::string& mode);
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.mode, {"mode", "", 0, 0, "trigpoint, or paper: as published"});
+    visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
+    visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
+    visit(self.retrieval, {"retrieval", "", 0, 0, "candidate references of an image"});
+    visit(self.registration, {"registration", "", 0, 0, "poses of references"});
+    visit(self.geo, {"geo", "", 0, 0, "the run's frame on the Earth"});
+  }
+  std::vector<std::string> Check() const;
+};
+
+// A pose with its covariance, world_from_x: tangent [rotation (rad, left: world axes), position (m)].
+struct PoseEstimate {
+  Rigid3d world_from_x;
+  Matrix6d covariance = Matrix6d::Zero();
+};
+
+struct ReferenceAnswer {
+  Registration registration;  // rig_from_odom after the joint solution
+  PoseEstimate world;         // valid where the run is on the Earth
+  bool geotag_used = false;
+  bool geotag_outlier = false;
+  Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // said - estimated, ENU, m
+};
+
+struct LocalizeResult {
+  Reconstruction reconstruction;         // poses: body_from_odom of all images first, then references
+  std::vector<Rigid3d> body_from_odom;   // optimised, one a body pose
+  std::vector<ReferenceAnswer> references;
+  bool on_earth = false;
+  std::string earth_reason;              // why not
+  std::string earth_source;              // "geotags", "gps"
+  GeoRegistration geo;                   // of the final run's frame
+  double odometry_scale = 1;             // applied in the run's frame: true / measured length
+  double odometry_scale_sigma = 0;
+  std::vector<PoseEstimate> cameras;     // each image, world_from_cam; empty when not on the Earth
+  Retrieval retrieval;
+  TrackSet tracks;
+  std::vector<std::pair<std::string, double>> seconds;  // wall time of each step
+};
+
+// GPS as places of the antenna, already interpolated to body poses by the caller.
+struct GpsPlace {
+  int pose = 0;  // nearest body pose
+  Eigen::Vector3d arm_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position;  // world, m
+  double sigma_h_m = 3, sigma_v_m = 5;
+  int64_t stamp_ns = 0;
+};
+
+LocalizeResult Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
+                        int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

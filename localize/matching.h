@@ -1,0 +1,79 @@
+// Matching of SIFT descriptors.
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <utility>
+#include <vector>
+
+#include "calib/camera/camera.h"
+#include "calib/geometry/rigid3.h"
+#include "datasets/colmap/database.h"
+
+namespace trigpoint {
+
+// RootSIFT descriptors laid out for fast exact comparison.
+class DescriptorBlock {
+ public:
+  static constexpr int kDim = 128;
+  DescriptorBlock() = default;
+  // From 8-bit SIFT rows (n x 128).
+  explicit DescriptorBlock(const cv::Mat& sift);
+  int size() const { return static_cast<int>(norms_.size()); }
+  const int16_t* row(int i) const { return values_.data() + static_cast<size_t>(i) * kDim; }
+  // Squared distance between row i and row j of another block; unit descriptors have length 255.
+  int SquaredDistance(int i, const DescriptorBlock& other, int j) const;
+  void Append(const DescriptorBlock& other, int j);
+
+ private:
+  std::vector<int16_t> values_;
+  std::vector<int> norms_;
+};
+
+// Pairs (index in a, index in b), ascending in a.
+using Matches = std::vector<std::pair<int, int>>;
+
+// Exact nearest neighbours both ways: best / second-best distance below `ratio`, mutual, and closer than
+// `max_distance` (of unit descriptors, 0 to sqrt 2).
+Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance);
+
+// The paper's way: FLANN (kd-trees) on SIFT, ratio test one way. Several of a may share one of b: the closest stays.
+Matches MatchFlann(const cv::Mat& sift_a, const cv::Mat& sift_b, double ratio);
+
+// A grid over an image's features for range queries.
+class FeatureGrid {
+ public:
+  FeatureGrid(const std::vector<Eigen::Vector2f>& points, int width, int height, float cell_px);
+  // Calls fn(feature index) for every feature in the cells that touch the square of half size `radius` round (x, y).
+  template <typename Fn>
+  void Visit(double x, double y, double radius, Fn&& fn) const {
+    const int x0 = Cell(x - radius, columns_), x1 = Cell(x + radius, columns_);
+    const int y0 = Cell(y - radius, rows_), y1 = Cell(y + radius, rows_);
+    for (int cy = y0; cy <= y1; ++cy) {
+      for (int cx = x0; cx <= x1; ++cx) {
+        const size_t c = static_cast<size_t>(cy) * static_cast<size_t>(columns_) + static_cast<size_t>(cx);
+        for (int k = start_[c]; k < start_[c + 1]; ++k) fn(order_[static_cast<size_t>(k)]);
+      }
+    }
+  }
+
+ private:
+  int Cell(double v, int count) const;
+  float cell_;
+  int columns_, rows_;
+  std::vector<int> start_, order_;
+};
+
+struct GuidedOptions {
+  double epipolar_px = 3;      // half width of the band about the epipolar curve, px
+  double min_depth_m = 1.5;    // nearest depth searched, m
+  double ratio = 0.85;         // best / second best among the candidates
+  double max_distance = 0.75;  // of unit descriptors
+};
+
+// Matches of a's features along their epipolar curves in b, mutual. b_from_a in metres.
+Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, const std::vector<Eigen::Vector3d>& rays_a,
+                    const FeatureSet& features_b, const DescriptorBlock& b, const std::vector<Eigen::Vector3d>& rays_b,
+                    const FeatureGrid& grid_b, const Camera& camera_b, const Rigid3d& b_from_a,
+                    const GuidedOptions& options);
+
+}  // namespace trigpoint

@@ -1,0 +1,276 @@
+#include "localize/reconstruct.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/base/parallel.h"
+#include "calib/estimation/loss.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/bearing.h"
+
+namespace trigpoint {
+namespace {
+
+// Adds odometry factors between consecutive body poses, with the noise model of the options times the factors.
+void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o, double rotation_factor,
+                        double translation_factor, BundleProblem* problem) {
+  problem->factors.clear();
+  for (size_t k = 0; k + 1 < input.odom_from_body.size(); ++k) {
+    PoseFactor f;
+    f.kind = PoseFactor::Kind::kBetween;
+    f.a = static_cast<int>(k);
+    f.b = static_cast<int>(k + 1);
+    f.scaled = true;
+    f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
+    const double length = f.measured.translation.norm();
+    const double rotation = rotation_factor * std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
+    const double translation = translation_factor * std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
+    f.sqrt_info.setZero();
+    f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / rotation), Eigen::Vector3d::Constant(1 / translation);
+    f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
+    problem->factors.push_back(f);
+  }
+}
+
+// Raw odometry residual of factor k at the current state.
+Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
+  const Rigid3d predicted = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
+  Rigid3d measured = f.measured;
+  measured.translation *= p.scale;
+  return predicted.Minus(measured);
+}
+
+// Expectation-maximisation step for the odometry's noise factors: sigma^2 = mean(r^2 + posterior variance of r).
+void EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel, double* rotation,
+                           double* translation) {
+  std::vector<int> next(p.poses.size(), -1);
+  for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
+  std::vector<Matrix6d> diagonal, with_next;
+  BundleCovariance(p, threads, cancel).PoseBlocks(next, &diagonal, &with_next);
+  // Squares of all components, normalised; the bulk decides (a slip is an outlier, not noise).
+  std::vector<double> rot, tra;
+  for (const PoseFactor& f : p.factors) {
+    const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
+    const Rigid3d ab = p.poses[a] * p.poses[b].Inverse();
+    const Eigen::Matrix3d r = ab.rotation.toRotationMatrix();
+    const Eigen::Vector3d rtb = r * p.poses[b].translation;
+    Matrix6d ja = Matrix6d::Identity(), jb = Matrix6d::Zero();
+    ja.bottomLeftCorner<3, 3>() = Skew(rtb);
+    jb.topLeftCorner<3, 3>() = -r;
+    jb.bottomLeftCorner<3, 3>() = -Skew(rtb) * r;
+    jb.bottomRightCorner<3, 3>() = -r;
+    const Matrix6d cross = ja * with_next[a] * jb.transpose();
+    const Matrix6d posterior = ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
+    const Vector6d e = OdometryResidual(p, f);
+    for (int i = 0; i < 6; ++i) {
+      const double w = f.sqrt_info(i, i);
+      (i < 3 ? rot : tra).push_back(w * w * (e(i) * e(i) + std::max(0.0, posterior(i, i))));
+    }
+  }
+  const auto trimmed_mean = [](std::vector<double>& v) {
+    if (v.empty()) return 1.0;
+    std::sort(v.begin(), v.end());
+    const size_t keep = std::max<size_t>(1, v.size() * 98 / 100);
+    double sum = 0;
+    for (size_t i = 0; i < keep; ++i) sum += v[i];
+    // The mean of the lower 98 % of a chi-square with 1 dof is 0.884 of the whole's.
+    return sum / static_cast<double>(keep) / (keep < v.size() ? 0.884 : 1.0);
+  };
+  *rotation = std::sqrt(trimmed_mean(rot));
+  *translation = std::sqrt(trimmed_mean(tra));
+}
+
+void Triangulate(Reconstruction* r, int threads, const CancelToken& cancel) {
+  BundleProblem& p = r->problem;
+  std::vector<int> first(p.points.size() + 1, 0);
+  for (const BearingObservation& o : p.observations) ++first[static_cast<size_t>(o.point) + 1];
+  for (size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+  ParallelFor(static_cast<int64_t>((p.points.size() + 1023) / 1024), threads, cancel, [&](int64_t block) {
+    std::vector<Rigid3d> poses;
+    std::vector<Eigen::Vector3d> rays;
+    const size_t end = std::min(p.points.size(), static_cast<size_t>(block + 1) * 1024);
+    for (size_t j = static_cast<size_t>(block) * 1024; j < end; ++j) {
+      poses.clear(), rays.clear();
+      for (int k = first[j]; k < first[j + 1]; ++k) {
+        const BearingObservation& o = p.observations[static_cast<size_t>(k)];
+        if (!o.active) continue;
+        poses.push_back(p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)]);
+        rays.push_back(o.ray.cast<double>());
+      }
+      Eigen::Vector3d y;
+      if (poses.size() < 2 || !TriangulateRays(poses, rays, &y)) {
+        y.setConstant(std::numeric_limits<double>::quiet_NaN());
+      }
+      p.points[j] = y;
+    }
+  });
+}
+
+// Which points are fit for the bundle, and their depths. Deactivates bad observations.
+void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
+  BundleProblem& p = r->problem;
+  r->point_valid.assign(p.points.size(), false);
+  r->depth_m.assign(p.points.size(), 0);
+  r->dropped_observations = 0;
+  size_t k = 0;
+  for (size_t j = 0; j < p.points.size(); ++j) {
+    const size_t begin = k;
+    while (k < p.observations.size() && p.observations[k].point == static_cast<int>(j)) ++k;
+    bool valid = p.points[j].allFinite();
+    int good = 0;
+    double depth = std::numeric_limits<double>::infinity();
+    std::vector<Eigen::Vector3d> directions;
+    for (size_t i = begin; i < k; ++i) {
+      BearingObservation& ob = p.observations[i];
+      ob.active = valid && SquaredError(p, ob) < chi2;
+      if (!ob.active) continue;
+      ++good;
+      const Rigid3d view_from_world = p.views[static_cast<size_t>(ob.view)] * p.poses[static_cast<size_t>(ob.pose)];
+      const Eigen::Vector3d d = p.points[j] - view_from_world.TargetOriginInSource();
+      depth = std::min(depth, d.norm());
+      directions.push_back(d.normalized());
+    }
+    double parallax = 0;
+    for (const Eigen::Vector3d& d : directions) {
+      parallax = std::max(parallax, AngleBetween(d, directions.front()));
+    }
+    valid = valid && good >= 2 && parallax > o.min_parallax_deg * kDegToRad && depth < o.max_depth_m;
+    r->point_valid[j] = valid;
+    r->depth_m[j] = depth;
+    if (!valid) {
+      for (size_t i = begin; i < k; ++i) p.observations[i].active = false;
+    }
+    for (size_t i = begin; i < k; ++i) r->dropped_observations += p.observations[i].active ? 0 : 1;
+  }
+}
+
+// Variance factor of the observations: robust, from the median of squared errors against chi-square with
+// 2 (1 - redundancy loss) dof; points and poses take their share of the degrees of freedom.
+double VarianceFactor(const BundleProblem& p) {
+  double sum = 0;
+  int64_t n = 0, points = 0, last = -1;
+  for (const BearingObservation& o : p.observations) {
+    if (!o.active) continue;
+    sum += SquaredError(p, o);
+    ++n;
+    if (o.point != last) ++points, last = o.point;
+  }
+  const double dof = 2.0 * static_cast<double>(n) - 3.0 * static_cast<double>(points) - 6.0 * static_cast<double>(p.poses.size());
+  return dof > 10 ? sum / dof : 1.0;
+}
+
+void ScaleObservationNoise(double factor, BundleProblem* p) {
+  for (BearingObservation& o : p->observations) o.w /= static_cast<float>(factor);
+}
+
+}  // namespace
+
+bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,
+                     Eigen::Vector3d* point) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const Eigen::Vector3d d = view_from_world[i].rotation.conjugate() * rays[i];
+    const Eigen::Matrix3d m = Eigen::Matrix3d::Identity() - d * d.transpose();
+    a += m;
+    b += m * view_from_world[i].TargetOriginInSource();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
+  if (!(eigen.eigenvalues()(0) > 1e-9 * eigen.eigenvalues()(2))) return false;
+  *point = a.ldlt().solve(b);
+  if (!point->allFinite()) return false;
+  // In front of at least the most of its views.
+  size_t front = 0;
+  for (size_t i = 0; i < rays.size(); ++i) front += (view_from_world[i] * *point).dot(rays[i]) > 0 ? 1 : 0;
+  return 2 * front > rays.size();
+}
+
+Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, const ReconstructOptions& options,
+                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
+  Reconstruction r;
+  BundleProblem& p = r.problem;
+  for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
+  for (const Rigid3d& pose : input.odom_from_body) p.poses.push_back(pose.Inverse());
+  p.pose_constant.assign(p.poses.size(), false);
+  if (!p.pose_constant.empty()) p.pose_constant[0] = true;
+  p.points.assign(static_cast<size_t>(tracks.tracks), Eigen::Vector3d::Zero());
+  p.observations.reserve(tracks.observations.size());
+  for (const TrackObservation& t : tracks.observations) {
+    const FrameImage& image = input.images[static_cast<size_t>(t.image)];
+    const Camera& camera = input.cameras[static_cast<size_t>(image.camera)].camera;
+    const Eigen::Vector2d pixel = t.pixel.cast<double>();
+    const std::optional<Eigen::Vector3d> ray = camera.Unproject(pixel);
+    if (!ray || !camera.Project(*ray)) continue;
+    BearingObservation o;
+    o.point = t.track;
+    o.pose = image.pose;
+    o.view = image.camera;
+    o.ray = ray->cast<float>();
+    o.w = camera.BearingSqrtInfo(pixel, options.sigma_px).cast<float>();
+    p.observations.push_back(o);
+    r.image_of.push_back(t.image);
+    r.feature_of.push_back(t.feature);
+  }
+  r.sigma_px = options.sigma_px;
+  p.loss = MakeLoss(options.loss, options.loss_chi2);
+  BundleOptions bundle;
+  bundle.threads = threads;
+
+  double rotation_factor = 1, translation_factor = 1;
+  SetOdometryFactors(input, options, rotation_factor, translation_factor, &p);
+  Triangulate(&r, threads, cancel);
+  // Poses straight from odometry explain pixels only roughly: wide gates first.
+  const int rounds = paper ? 1 : options.rounds;
+  double gate = paper ? 100 * options.outlier_chi2 : 400 * options.outlier_chi2;
+  Gate(options, gate, &r);
+  OptimizePoints(p, 10, threads, cancel);
+  for (int round = 0; round < rounds; ++round) {
+    cancel.ThrowIfCancelled();
+    Gate(options, gate, &r);
+    bundle.max_iterations = round + 1 < rounds ? 12 : 30;
+    bundle.relative_cost_tolerance = round + 1 < rounds ? 1e-3 : 1e-5;
+    r.summary = SolveBundle(p, bundle, progress, cancel);
+    if (!paper) {
+      // Tracks that the first poses could not explain get another chance.
+      const std::vector<Eigen::Vector3d> before = p.points;
+      const std::vector<bool> valid = r.point_valid;
+      for (BearingObservation& o : p.observations) {
+        if (!valid[static_cast<size_t>(o.point)]) o.active = true;
+      }
+      Triangulate(&r, threads, cancel);
+      for (size_t j = 0; j < p.points.size(); ++j) {
+        if (valid[j]) p.points[j] = before[j];
+      }
+      OptimizePoints(p, 5, threads, cancel);
+      gate = std::max(options.outlier_chi2, gate / 30);
+      if (options.estimate_sigma) {
+        Gate(options, options.outlier_chi2 * (round == 0 ? 9 : 1), &r);
+        const double factor = std::clamp(std::sqrt(VarianceFactor(p)), 0.1, 10.0);
+        ScaleObservationNoise(factor, &p);
+        r.sigma_px *= factor;
+      }
+      if (options.estimate_odometry && p.factors.size() >= 8) {
+        Gate(options, gate, &r);
+        double rf = 1, tf = 1;
+        EstimateOdometryNoise(p, threads, cancel, &rf, &tf);
+        rotation_factor *= std::clamp(rf, 0.05, 20.0);
+        translation_factor *= std::clamp(tf, 0.05, 20.0);
+        SetOdometryFactors(input, options, rotation_factor, translation_factor, &p);
+      }
+    }
+  }
+  Gate(options, options.outlier_chi2, &r);
+  if (!paper) {
+    bundle.max_iterations = 10;
+    r.summary = SolveBundle(p, bundle, progress, cancel);
+    Gate(options, options.outlier_chi2, &r);
+  }
+  r.odometry_rotation_factor = rotation_factor;
+  r.odometry_translation_factor = translation_factor;
+  return r;
+}
+
+}  // namespace trigpoint

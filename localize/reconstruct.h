@@ -1,0 +1,73 @@
+// Points and camera poses from tracks and odometry (METHOD.md section 2), and how well they are known.
+#pragma once
+
+#include <vector>
+
+#include "calib/base/option.h"
+#include "calib/base/progress.h"
+#include "calib/estimation/bundle.h"
+#include "localize/frames.h"
+#include "localize/tracks.h"
+
+namespace trigpoint {
+
+struct ReconstructOptions {
+  double sigma_px = 0.6;              // first guess of the features' noise, px; estimated afterwards
+  bool estimate_sigma = true;         // from the residuals (variance factor)
+  std::string loss = "dcs";           // robust kernel of observations: none, huber, cauchy, tukey, dcs
+  double loss_chi2 = 5.99;            // its threshold, chi-square with 2 dof
+  double outlier_chi2 = 13.8;         // observations beyond it are dropped (2 dof, 0.1 %)
+  double min_parallax_deg = 0.5;      // points seen under less are kept out of the bundle
+  double max_depth_m = 500;           // points farther away are kept out of the bundle
+  double odometry_rotation_deg = 0.1;     // odometry's noise a step, constant part, 1 sigma per axis
+  double odometry_rotation_deg_m = 0.3;   // and its part per metre travelled
+  double odometry_translation_m = 0.005;  // translation noise a step, constant part, 1 sigma per axis
+  double odometry_translation_part = 0.02;  // and its part of the distance travelled
+  bool estimate_odometry = true;      // both scaled by factors estimated from the data
+  int rounds = 3;                     // outlier removal and re-triangulation rounds
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.sigma_px, {"sigma_px", "px", 0.01, 20, "first guess of the features' noise, 1 sigma"});
+    visit(self.estimate_sigma, {"estimate_sigma", "", 0, 1, "estimate the features' noise from the residuals"});
+    visit(self.loss, {"loss", "", 0, 0, "robust kernel of observations: none, huber, cauchy, tukey, dcs"});
+    visit(self.loss_chi2, {"loss_chi2", "", 0.1, 1000, "threshold of the kernel: chi-square, 2 degrees of freedom"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations beyond it are dropped: chi-square, 2 dof"});
+    visit(self.min_parallax_deg, {"min_parallax_deg", "deg", 0, 30, "points seen under less are kept out"});
+    visit(self.max_depth_m, {"max_depth_m", "m", 1, 1e6, "points farther away are kept out"});
+    visit(self.odometry_rotation_deg, {"odometry_rotation_deg", "deg", 1e-6, 90, "odometry noise a step, rotation"});
+    visit(self.odometry_rotation_deg_m,
+          {"odometry_rotation_deg_m", "deg/m", 0, 90, "odometry noise per metre travelled, rotation"});
+    visit(self.odometry_translation_m, {"odometry_translation_m", "m", 1e-6, 10, "odometry noise a step, translation"});
+    visit(self.odometry_translation_part,
+          {"odometry_translation_part", "", 0, 1, "odometry noise as a part of the distance, translation"});
+    visit(self.estimate_odometry, {"estimate_odometry", "", 0, 1, "scale both noises by factors from the data"});
+    visit(self.rounds, {"rounds", "", 1, 20, "rounds of outlier removal"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+// The run in its own frame: odom is the first body pose's odometry frame.
+struct Reconstruction {
+  BundleProblem problem;         // poses: body_from_odom; views: cameras first; observations with image indices below
+  std::vector<int> image_of;     // of each observation of `problem`: image index
+  std::vector<int> feature_of;   // and feature index
+  std::vector<double> depth_m;   // smallest depth of each point
+  std::vector<bool> point_valid;  // part of the bundle and believed
+  double sigma_px = 0;           // estimated noise of the features
+  double odometry_rotation_factor = 1;     // estimated factors of the odometry's noise
+  double odometry_translation_factor = 1;
+  BundleSummary summary;
+  int dropped_observations = 0;
+};
+
+// Frames with the pose constant at first; the gauge is the first pose (held at its odometry value).
+Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, const ReconstructOptions& options,
+                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel);
+
+// Point of several rays by linear least squares on the rays' normal planes. Nothing if the system is singular.
+// view_from_world poses, unit rays in the view.
+bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,
+                     Eigen::Vector3d* point);
+
+}  // namespace trigpoint

@@ -1,0 +1,698 @@
+#include "localize/registration.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "calib/base/parallel.h"
+#include "calib/estimation/loss.h"
+#include "calib/estimation/random.h"
+#include "calib/estimation/ransac.h"
+#include "calib/geometry/bearing.h"
+#include "localize/minimal_solvers.h"
+#include "localize/two_view.h"
+
+namespace trigpoint {
+namespace {
+
+// One matched point: where a view sees it and which point it may be.
+struct Correspondence {
+  ViewObservation observation;
+  Eigen::Vector3d ray;  // view frame
+};
+
+// A view's features, ready.
+struct PreparedView {
+  FeatureSet features;
+  DescriptorBlock descriptors;
+  std::unique_ptr<FeatureGrid> grid;
+};
+
+// Features of an image that carry believed points.
+struct ImagePoint {
+  int feature;
+  int point;
+};
+
+using ImagePoints = std::vector<std::vector<ImagePoint>>;
+
+ImagePoints PointsOfImages(const LocalizeInput& input, const Reconstruction& r) {
+  ImagePoints points(input.images.size());
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    const BearingObservation& o = r.problem.observations[k];
+    if (o.active && r.point_valid[static_cast<size_t>(o.point)]) {
+      points[static_cast<size_t>(r.image_of[k])].push_back({r.feature_of[k], o.point});
+    }
+  }
+  return points;
+}
+
+bool IsCentral(const ViewRig& rig) {
+  for (const View& v : rig.views) {
+    if ((v.rig_from_view.translation - rig.views[0].rig_from_view.translation).norm() > 1e-9) return false;
+  }
+  return true;
+}
+
+double AngularError(const Rigid3d& view_from_rig, const Rigid3d& rig_from_odom, const Eigen::Vector3d& ray,
+                    const Eigen::Vector3d& point) {
+  return AngleBetween(view_from_rig * (rig_from_odom * point), ray);
+}
+
+class Registrar {
+ public:
+  Registrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
+            const RegistrationOptions& options, bool paper, uint64_t seed, const CancelToken& cancel)
+      : input_(input), r_(reconstruction), retrieval_(retrieval), o_(options), paper_(paper), seed_(seed), cancel_(cancel),
+        image_points_(PointsOfImages(input, reconstruction)) {
+    for (const FrameImage& image : input.images) {
+      const Rigid3d cam_from_odom = input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
+                                    r_.problem.poses[static_cast<size_t>(image.pose)];
+      cam_from_odom_.push_back(cam_from_odom);
+      centres_.push_back(cam_from_odom.TargetOriginInSource());
+    }
+  }
+
+  Registration Run(int reference) const {
+    const ReferenceViews& ref = input_.references[static_cast<size_t>(reference)];
+    Registration out;
+    out.views.resize(ref.rig.views.size());
+    const std::vector<int> candidates = Candidates(reference);
+    if (candidates.empty()) {
+      out.reason = "no image of the run looks like it";
+      return Unmatched(out);
+    }
+    std::vector<PreparedView> views;
+    for (size_t v = 0; v < ref.rig.views.size(); ++v) {
+      PreparedView view;
+      view.features = input_.view_features(reference, static_cast<int>(v));
+      if (!paper_) view.descriptors = DescriptorBlock(view.features.descriptors);
+      const Camera& c = ref.rig.views[v].camera;
+      view.grid = std::make_unique<FeatureGrid>(view.features.points, c.width(), c.height(), 16.0F);
+      views.push_back(std::move(view));
+    }
+    return paper_ ? RunPaper(ref, reference, views, candidates, std::move(out))
+                  : RunJoint(ref, reference, views, candidates, std::move(out));
+  }
+
+ private:
+  static Registration Unmatched(Registration out) {
+    out.status = AnswerStatus::kUnmatched;
+    for (ViewAnswer& v : out.views) {
+      if (v.reason.empty()) v.reason = out.reason;
+    }
+    return out;
+  }
+
+  // Images that retrieved a view of this reference, best first, spaced.
+  std::vector<int> Candidates(int reference) const {
+    std::vector<std::pair<float, int>> scored;
+    for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
+      float best = 0;
+      for (const Retrieval::Hit& h : retrieval_.of_image[i]) {
+        if (h.reference == reference) best = std::max(best, h.score);
+      }
+      if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
+    }
+    std::sort(scored.begin(), scored.end());
+    std::vector<int> kept;
+    const size_t most = static_cast<size_t>(paper_ ? 4 * o_.candidates : o_.candidates);
+    for (const auto& [score, image] : scored) {
+      const bool near = std::any_of(kept.begin(), kept.end(), [&](int k) { return std::abs(k - image) < o_.candidate_spacing; });
+      if (!near || paper_) kept.push_back(image);
+      if (kept.size() >= most) break;
+    }
+    return kept;
+  }
+
+  std::vector<Rigid3d> ViewFromRig(const ViewRig& rig) const {
+    std::vector<Rigid3d> out;
+    for (const View& v : rig.views) out.push_back(v.rig_from_view.Inverse());
+    return out;
+  }
+
+  double FocalOf(const ViewRig& rig) const { return rig.views.front().camera.MeanFocal(); }
+
+  // --- ours ---------------------------------------------------------------------------------------------------
+
+  Registration RunJoint(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
+                        const std::vector<int>& candidates, Registration out) const {
+    std::vector<Correspondence> all = MatchCandidates(ref, reference, views, candidates);
+    out.view_matches = static_cast<int>(all.size());
+    const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
+    if (static_cast<int>(all.size()) < o_.min_inliers / 2) {
+      out.reason = "only " + std::to_string(all.size()) + " matches with points of the run";
+      return Unmatched(out);
+    }
+    const double threshold = o_.ransac_px / FocalOf(ref.rig);
+    const auto best = FindPose(ref, all, view_from_rig, threshold, seed_ + static_cast<uint64_t>(reference));
+    if (!best.found || best.inliers.size() < 8) {
+      out.reason = "no pose explains the matches (" + std::to_string(best.inliers.size()) + " of " +
+                   std::to_string(all.size()) + " agree)";
+      return Unmatched(out);
+    }
+    // A rival: the best pose of the matches that this one does not explain.
+    std::vector<Correspondence> rest;
+    {
+      std::set<int> used(best.inliers.begin(), best.inliers.end());
+      for (size_t i = 0; i < all.size(); ++i) {
+        if (used.count(static_cast<int>(i)) == 0) rest.push_back(all[i]);
+      }
+    }
+    // Two readings of the same scene compete on equal terms: each is refined and gets its guided matches.
+    Registration first = out, second = out;
+    Grow(ref, reference, views, view_from_rig, best.model, &first);
+    const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
+    if (rival.found && rival.inliers.size() >= 8) {
+      Grow(ref, reference, views, view_from_rig, rival.model, &second);
+      const Rigid3d difference = first.rig_from_odom * second.rig_from_odom.Inverse();
+      const double apart =
+          (first.rig_from_odom.TargetOriginInSource() - second.rig_from_odom.TargetOriginInSource()).norm();
+      const bool different = apart > 1.0 || LogSO3(difference.rotation).norm() > 5 * kDegToRad;
+      if (different && second.inliers.size() > first.inliers.size()) std::swap(first, second);
+      if (different) first.rival_inliers = static_cast<int>(second.inliers.size());
+    }
+    Decide(ref, view_from_rig, &first);
+    AnswerViews(ref, view_from_rig, &first);
+    return first;
+  }
+
+  std::vector<Correspondence> MatchCandidates(const ReferenceViews& ref, int reference,
+                                              const std::vector<PreparedView>& views,
+                                              const std::vector<int>& candidates) const {
+    std::vector<Correspondence> all;
+    std::set<std::tuple<int, int, int>> seen;
+    const int n_views = static_cast<int>(views.size());
+    for (int image : candidates) {
+      cancel_.ThrowIfCancelled();
+      // The views that the retrieval named, and their neighbours.
+      std::set<int> chosen;
+      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+        if (h.reference != reference) continue;
+        for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
+      }
+      const FeatureSet features = input_.image_features(image);
+      const DescriptorBlock full(features.descriptors);
+      DescriptorBlock block;
+      const std::vector<ImagePoint>& points = image_points_[static_cast<size_t>(image)];
+      for (const ImagePoint& p : points) block.Append(full, p.feature);
+      for (int v : chosen) {
+        const PreparedView& view = views[static_cast<size_t>(v)];
+        for (const auto& [i, j] : MatchMutual(block, view.descriptors, o_.ratio, o_.max_distance)) {
+          Correspondence c;
+          c.observation = {v, j, points[static_cast<size_t>(i)].point, image, view.features.points[static_cast<size_t>(j)], false};
+          if (!seen.insert({v, j, c.observation.point}).second) continue;
+          const auto ray = ref.rig.views[static_cast<size_t>(v)].camera.Unproject(c.observation.pixel.cast<double>());
+          if (!ray) continue;
+          c.ray = *ray;
+          all.push_back(c);
+        }
+      }
+    }
+    return all;
+  }
+
+  RansacResult<Rigid3d> FindPose(const ReferenceViews& ref, const std::vector<Correspondence>& all,
+                                 const std::vector<Rigid3d>& view_from_rig, double threshold, uint64_t seed) const {
+    std::vector<Eigen::Vector3d> rays, rig_rays, points;
+    std::vector<int> view_of;
+    std::vector<Rigid3d> rig_from_view;
+    for (const View& v : ref.rig.views) rig_from_view.push_back(v.rig_from_view);
+    for (const Correspondence& c : all) {
+      rays.push_back(c.ray);
+      rig_rays.push_back(rig_from_view[static_cast<size_t>(c.observation.view)].rotation * c.ray);
+      points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      view_of.push_back(c.observation.view);
+    }
+    RansacOptions ransac;
+    ransac.max_iterations = o_.ransac_iterations;
+    ransac.min_iterations = 200;
+    ransac.threshold = threshold;
+    ransac.seed = seed;
+    const bool central = IsCentral(ref.rig);
+    const Eigen::Vector3d centre = rig_from_view.front().translation;
+    return Ransac<Rigid3d, 3>(
+        static_cast<int>(all.size()), ransac,
+        [&](const std::vector<int>& sample) {
+          if (!central) return GeneralisedThreePointPoses(rays, view_of, rig_from_view, points, sample);
+          std::vector<Rigid3d> poses = ThreePointPoses(rig_rays, points, sample);
+          for (Rigid3d& p : poses) p.translation += centre;
+          return poses;
+        },
+        [&](const Rigid3d& pose, int i) {
+          const size_t k = static_cast<size_t>(i);
+          return AngularError(view_from_rig[static_cast<size_t>(view_of[k])], pose, rays[k], points[k]);
+        });
+  }
+
+  // Pose alone, points held. Observations: (view, ray, W, point).
+  Rigid3d RefinePose(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
+                     const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px, std::string_view loss,
+                     double chi2, Matrix6d* covariance) const {
+    BundleProblem p;
+    p.points_constant = true;
+    p.poses = {start};
+    p.views = view_from_rig;
+    p.loss = MakeLoss(loss, chi2);
+    for (const Correspondence& c : used) {
+      BearingObservation o;
+      o.point = static_cast<int>(p.points.size());
+      o.view = c.observation.view;
+      o.ray = c.ray.cast<float>();
+      o.w = ref.rig.views[static_cast<size_t>(o.view)].camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px).cast<float>();
+      p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      p.observations.push_back(o);
+    }
+    BundleOptions bundle;
+    bundle.threads = 1;
+    bundle.max_iterations = 20;
+    ProgressSink silent;
+    try {
+      SolveBundle(p, bundle, silent, cancel_);
+      if (covariance != nullptr) *covariance = BundleCovariance(p, 1, cancel_).Columns({0}, false).topRows<6>();
+    } catch (const NumericError&) {
+      if (covariance != nullptr) *covariance = Matrix6d::Identity() * 1e6;
+      return start;
+    }
+    return p.poses[0];
+  }
+
+  // From a first pose: refine, look for every point that should be seen, refine again.
+  void Grow(const ReferenceViews& ref, int /*reference*/, const std::vector<PreparedView>& views,
+            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, Registration* out) const {
+    Rigid3d pose = start;
+    const double focal = FocalOf(ref.rig);
+    std::vector<Correspondence> inliers;
+    int expected = 0;
+    for (int round = 0; round < 3; ++round) {
+      const double radius = o_.guided_px / (round + 1);
+      std::vector<Correspondence> found = SearchPredicted(ref, views, view_from_rig, pose, radius, &expected);
+      if (found.size() < 6) break;
+      // The noise is not known yet (points carry theirs too): anneal.
+      const double sigma = std::max(o_.sigma_px, radius / 5);
+      pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 3 * o_.outlier_chi2, nullptr);
+      inliers.clear();
+      const double gate = sigma * std::sqrt(o_.outlier_chi2) / focal;
+      for (const Correspondence& c : found) {
+        const double e = AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
+                                      r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        if (e < gate) inliers.push_back(c);
+      }
+    }
+    // A point in the overlap of two views of one centre is one observation, not two.
+    if (IsCentral(ref.rig)) {
+      std::map<int, size_t> best;
+      for (size_t i = 0; i < inliers.size(); ++i) {
+        const auto off_axis = [&](size_t k) { return -inliers[k].ray.z(); };
+        const auto [it, fresh] = best.try_emplace(inliers[i].observation.point, i);
+        if (fresh) continue;
+        if (off_axis(i) < off_axis(it->second)) {
+          inliers[it->second].observation.repeated = true;
+          it->second = i;
+        } else {
+          inliers[i].observation.repeated = true;
+        }
+      }
+    }
+    std::vector<Correspondence> independent;
+    for (const Correspondence& c : inliers) {
+      if (!c.observation.repeated) independent.push_back(c);
+    }
+    out->inliers.clear();
+    out->rig_from_odom = pose;
+    if (independent.size() >= 6) {
+      out->rig_from_odom = RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
+    } else {
+      out->covariance = Matrix6d::Identity() * 1e6;
+    }
+    for (const Correspondence& c : inliers) out->inliers.push_back(c.observation);
+    out->matched_share = expected > 0 ? static_cast<double>(independent.size()) / expected : 0;
+  }
+
+  // Points that the pose predicts to be seen, found by descriptor near their predicted place.
+  std::vector<Correspondence> SearchPredicted(const ReferenceViews& ref, const std::vector<PreparedView>& views,
+                                              const std::vector<Rigid3d>& view_from_rig, const Rigid3d& rig_from_odom,
+                                              double radius, int* expected) const {
+    const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
+    // The nearest images, spaced, in both directions of travel.
+    std::vector<std::pair<double, int>> near;
+    for (size_t i = 0; i < centres_.size(); ++i) {
+      if (!image_points_[i].empty()) near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
+    }
+    std::sort(near.begin(), near.end());
+    std::vector<int> images;
+    for (const auto& [distance, image] : near) {
+      if (distance > o_.max_distance_m) break;
+      const bool close = std::any_of(images.begin(), images.end(), [&, i = image](int k) { return std::abs(k - i) < o_.candidate_spacing; });
+      if (!close) images.push_back(image);
+      if (static_cast<int>(images.size()) >= o_.guided_images) break;
+    }
+    struct Best {
+      int distance = std::numeric_limits<int>::max();
+      Correspondence c;
+    };
+    std::map<std::pair<int, int>, Best> of_point;  // (view, point)
+    std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
+    std::set<int> predicted;
+    const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
+    for (int image : images) {
+      cancel_.ThrowIfCancelled();
+      const FeatureSet features = input_.image_features(image);
+      const DescriptorBlock block(features.descriptors);
+      const Camera& camera = input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(image)].camera)].camera;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
+        const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(p.point)];
+        const Eigen::Vector3d from_pano = y - centre, from_cam = y - centres_[static_cast<size_t>(image)];
+        const double d_pano = from_pano.norm(), d_cam = from_cam.norm();
+        // SIFT stands about 40 deg of change of viewpoint and a factor of 2.5 in distance.
+        if (d_pano < 0.3 || from_pano.dot(from_cam) < 0.77 * d_pano * d_cam) continue;
+        if (d_pano > 2.5 * d_cam || d_cam > 2.5 * d_pano) continue;
+        const Eigen::Vector3d in_rig = rig_from_odom * y;
+        for (size_t v = 0; v < views.size(); ++v) {
+          const Camera& view_camera = ref.rig.views[v].camera;
+          const auto pixel = view_camera.Project(view_from_rig[v] * in_rig);
+          if (!pixel || !view_camera.Contains(*pixel)) continue;
+          const float scale = features.scales[static_cast<size_t>(p.feature)] *
+                              static_cast<float>(view_camera.MeanFocal() / camera.MeanFocal() * d_cam / d_pano);
+          int best = most, second = std::numeric_limits<int>::max(), index = -1;
+          bool any = false;
+          const PreparedView& view = views[v];
+          view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j) {
+            const float s = view.features.scales[static_cast<size_t>(j)];
+            if (s > 2.0F * scale || scale > 2.0F * s) return;
+            if ((view.features.points[static_cast<size_t>(j)].cast<double>() - *pixel).squaredNorm() > radius * radius) return;
+            any = true;
+            const int d = block.SquaredDistance(p.feature, view.descriptors, j);
+            if (d < best) {
+              second = best, best = d, index = j;
+            } else if (d < second) {
+              second = d;
+            }
+          });
+          // A point counts as expected where the view has texture of its scale.
+          if (any) predicted.insert(p.point);
+          if (index < 0 || best > 0.9 * 0.9 * second) continue;
+          Best& slot = of_point[{static_cast<int>(v), p.point}];
+          if (best >= slot.distance) continue;
+          const auto ray = view_camera.Unproject(view.features.points[static_cast<size_t>(index)].cast<double>());
+          if (!ray) continue;
+          slot.distance = best;
+          slot.c.ray = *ray;
+          slot.c.observation = {static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
+        }
+      }
+    }
+    for (const auto& [key, best] : of_point) {
+      auto [it, fresh] = of_feature.try_emplace({key.first, best.c.observation.feature}, best.distance, key.second);
+      if (!fresh && best.distance < it->second.first) it->second = {best.distance, key.second};
+    }
+    std::vector<Correspondence> out;
+    for (const auto& [key, best] : of_point) {
+      if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
+    }
+    *expected = static_cast<int>(predicted.size());
+    return out;
+  }
+
+  double NearestCamera(const Eigen::Vector3d& centre) const {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& c : centres_) nearest = std::min(nearest, (c - centre).norm());
+    return nearest;
+  }
+
+  void Decide(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, Registration* out) const {
+    (void)ref;
+    (void)view_from_rig;
+    int independent = 0;
+    for (const ViewObservation& o : out->inliers) independent += o.repeated ? 0 : 1;
+    const Eigen::Vector3d centre = out->rig_from_odom.TargetOriginInSource();
+    out->distance_m = NearestCamera(centre);
+    const Matrix6d inverse = InverseCovariance(out->rig_from_odom, out->covariance);
+    const double sigma = std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inverse.bottomRightCorner<3, 3>()).eigenvalues()(2));
+    char text[200];
+    out->status = AnswerStatus::kRejected;
+    if (independent < o_.min_inliers) {
+      std::snprintf(text, sizeof text, "%d inliers, %d needed", independent, o_.min_inliers);
+    } else if (out->matched_share < o_.min_matched_share) {
+      std::snprintf(text, sizeof text, "only %.1f %% of the points that should be seen are found (%.1f %% needed)",
+                    100 * out->matched_share, 100 * o_.min_matched_share);
+    } else if (out->rival_inliers > o_.rival_share * static_cast<double>(out->inliers.size())) {
+      std::snprintf(text, sizeof text, "ambiguous: another pose has %d inliers against %zu", out->rival_inliers, out->inliers.size());
+    } else if (out->distance_m > o_.max_distance_m) {
+      std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m, o_.max_distance_m);
+    } else if (!(sigma <= o_.max_sigma_m)) {
+      std::snprintf(text, sizeof text, "position sigma %.2f m, at most %.2f m", sigma, o_.max_sigma_m);
+    } else {
+      out->status = AnswerStatus::kLocalized;
+      text[0] = 0;
+    }
+    out->reason = text;
+  }
+
+  // G1: each view from its own inliers.
+  void AnswerViews(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, Registration* out) const {
+    for (size_t v = 0; v < ref.rig.views.size(); ++v) {
+      std::vector<Correspondence> used;
+      for (const ViewObservation& o : out->inliers) {
+        if (o.view != static_cast<int>(v)) continue;
+        Correspondence c;
+        c.observation = o;
+        c.ray = *ref.rig.views[v].camera.Unproject(o.pixel.cast<double>());
+        used.push_back(c);
+      }
+      ViewAnswer& answer = out->views[v];
+      answer.inliers = static_cast<int>(used.size());
+      if (used.size() < 8) {
+        answer.status = used.empty() ? AnswerStatus::kUnmatched : AnswerStatus::kRejected;
+        answer.reason = std::to_string(used.size()) + " inliers, 8 needed";
+        continue;
+      }
+      const Rigid3d rig_from_odom = RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
+      answer.view_from_odom = view_from_rig[v] * rig_from_odom;
+      answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
+      const bool near = answer.distance_m <= o_.max_distance_m;
+      answer.status = near ? AnswerStatus::kLocalized : AnswerStatus::kRejected;
+      if (!near) answer.reason = "too far from the nearest camera";
+    }
+  }
+
+  // --- as published -------------------------------------------------------------------------------------------
+
+  Registration RunPaper(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
+                        const std::vector<int>& candidates, Registration out) const {
+    const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
+    std::vector<std::vector<Correspondence>> of_view(views.size());
+    std::vector<int> best_image(views.size(), -1), best_count(views.size(), 0);
+    std::set<std::tuple<int, int, int>> seen;
+    for (int image : candidates) {
+      cancel_.ThrowIfCancelled();
+      const FeatureSet features = input_.image_features(image);
+      std::map<int, int> point_of;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) point_of[p.feature] = p.point;
+      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+        if (h.reference != reference) continue;
+        const PreparedView& view = views[static_cast<size_t>(h.view)];
+        const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
+        std::vector<Eigen::Vector2f> pa, pb;
+        for (const auto& [i, j] : matches) {
+          pa.push_back(features.points[static_cast<size_t>(i)]);
+          pb.push_back(view.features.points[static_cast<size_t>(j)]);
+        }
+        const std::vector<int> inliers = VerifyHomography(pa, pb, o_.homography_px);
+        if (static_cast<int>(inliers.size()) < o_.homography_min_inliers) continue;
+        if (static_cast<int>(inliers.size()) > best_count[static_cast<size_t>(h.view)]) {
+          best_count[static_cast<size_t>(h.view)] = static_cast<int>(inliers.size());
+          best_image[static_cast<size_t>(h.view)] = image;
+        }
+        for (int k : inliers) {
+          const auto [i, j] = matches[static_cast<size_t>(k)];
+          const auto it = point_of.find(i);
+          if (it == point_of.end() || !seen.insert({h.view, j, it->second}).second) continue;
+          Correspondence c;
+          c.observation = {h.view, j, it->second, image, view.features.points[static_cast<size_t>(j)], false};
+          const auto ray = ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(c.observation.pixel.cast<double>());
+          if (!ray) continue;
+          c.ray = *ray;
+          of_view[static_cast<size_t>(h.view)].push_back(c);
+        }
+      }
+    }
+    for (const auto& list : of_view) out.view_matches += static_cast<int>(list.size());
+    // G1: every view by itself. The start (the paper is silent): three-point RANSAC on the view's own matches.
+    std::vector<int> answered;
+    for (size_t v = 0; v < views.size(); ++v) {
+      ViewAnswer& answer = out.views[v];
+      if (of_view[v].size() < 6) {
+        answer.reason = std::to_string(of_view[v].size()) + " matches with points, 6 needed";
+        continue;
+      }
+      const double threshold = o_.ransac_px / FocalOf(ref.rig);
+      const auto start = FindPose(ref, of_view[v], view_from_rig, threshold, seed_ + 31 * v);
+      answer.status = AnswerStatus::kRejected;
+      if (!start.found || start.inliers.size() < 6) {
+        answer.reason = "no pose explains the matches";
+        continue;
+      }
+      const Rigid3d rig = RefinePose(ref, view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
+      answer.view_from_odom = view_from_rig[v] * rig;
+      for (const Correspondence& c : of_view[v]) {
+        const double e = AngularError(view_from_rig[v], rig, c.ray, r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        if (e < threshold) {
+          ++answer.inliers;
+          out.inliers.push_back(c.observation);
+        }
+      }
+      // "estimated too far with respect to the current pose": the camera that matched best.
+      answer.distance_m = (answer.view_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[v])]).norm();
+      if (answer.distance_m > o_.max_distance_m) {
+        answer.reason = "estimated " + std::to_string(static_cast<int>(answer.distance_m)) + " m from the current camera";
+        continue;
+      }
+      answer.status = AnswerStatus::kLocalized;
+      answered.push_back(static_cast<int>(v));
+    }
+    if (answered.empty()) {
+      out.status = out.view_matches > 0 ? AnswerStatus::kRejected : AnswerStatus::kUnmatched;
+      out.reason = out.view_matches > 0 ? "no view by itself has an answer" : "no view matches";
+      return out;
+    }
+    // G2: the views' poses tied together (same position, known relative yaw), started from the best view.
+    const int lead = *std::max_element(answered.begin(), answered.end(), [&](int a, int b) {
+      return out.views[static_cast<size_t>(a)].inliers < out.views[static_cast<size_t>(b)].inliers;
+    });
+    const Rigid3d start = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * out.views[static_cast<size_t>(lead)].view_from_odom;
+    BundleProblem p;
+    p.points_constant = true;
+    p.loss = MakeLoss("dcs", 1.0);
+    p.views = {Rigid3d()};
+    for (int v : answered) {
+      const int pose = static_cast<int>(p.poses.size());
+      p.poses.push_back(view_from_rig[static_cast<size_t>(v)] * start);
+      if (pose > 0) {
+        PoseFactor f;
+        f.kind = PoseFactor::Kind::kBetween;
+        f.a = pose - 1, f.b = pose;
+        f.measured = view_from_rig[static_cast<size_t>(answered[static_cast<size_t>(pose - 1)])] * ref.rig.views[static_cast<size_t>(v)].rig_from_view;
+        // The paper gives no information matrix; 0.1 deg and 1 cm tie the views firmly without freezing the solver.
+        f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.01);
+        p.factors.push_back(f);
+      }
+      for (const Correspondence& c : of_view[static_cast<size_t>(v)]) {
+        BearingObservation o;
+        o.point = static_cast<int>(p.points.size());
+        o.pose = pose;
+        o.ray = c.ray.cast<float>();
+        o.w = ref.rig.views[static_cast<size_t>(v)].camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), o_.sigma_px).cast<float>();
+        p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        p.observations.push_back(o);
+      }
+    }
+    BundleOptions bundle;
+    bundle.threads = 1;
+    ProgressSink silent;
+    SolveBundle(p, bundle, silent, cancel_);
+    size_t at = 0;
+    for (size_t k = 0; k < answered.size(); ++k) {
+      if (answered[k] == lead) at = k;
+    }
+    out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * p.poses[at];
+    try {
+      out.covariance = BundleCovariance(p, 1, cancel_).Columns({static_cast<int>(at)}, false).middleRows<6>(6 * static_cast<Eigen::Index>(at));
+    } catch (const NumericError&) {
+      out.covariance = Matrix6d::Identity() * 1e6;
+    }
+    out.distance_m = (out.rig_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])]).norm();
+    out.status = AnswerStatus::kLocalized;
+    if (out.distance_m > o_.max_distance_m) {
+      out.status = AnswerStatus::kRejected;
+      out.reason = "estimated " + std::to_string(static_cast<int>(out.distance_m)) + " m from the current camera";
+    }
+    return out;
+  }
+
+  const LocalizeInput& input_;
+  const Reconstruction& r_;
+  const Retrieval& retrieval_;
+  const RegistrationOptions& o_;
+  bool paper_;
+  uint64_t seed_;
+  const CancelToken& cancel_;
+  ImagePoints image_points_;
+  std::vector<Rigid3d> cam_from_odom_;
+  std::vector<Eigen::Vector3d> centres_;
+};
+
+}  // namespace
+
+std::string_view AnswerStatusName(AnswerStatus status) {
+  switch (status) {
+    case AnswerStatus::kLocalized: return "localized";
+    case AnswerStatus::kRejected: return "rejected";
+    case AnswerStatus::kUnmatched: return "unmatched";
+  }
+  return "unmatched";
+}
+
+Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, uint64_t seed, int threads,
+                        ProgressSink& progress, const CancelToken& cancel) {
+  Retrieval result;
+  result.of_image.resize(input.images.size());
+  std::vector<std::pair<int, int>> documents;
+  for (size_t r = 0; r < input.references.size(); ++r) {
+    for (size_t v = 0; v < input.references[r].rig.views.size(); ++v) documents.emplace_back(r, v);
+  }
+  if (documents.empty()) return result;
+  progress.Begin("codebook", 0);
+  // An even share of every view trains the codebook.
+  DescriptorBlock training;
+  const int share = std::max(1, options.training_descriptors / static_cast<int>(documents.size()));
+  for (size_t d = 0; d < documents.size(); ++d) {
+    cancel.ThrowIfCancelled();
+    const DescriptorBlock block(input.view_features(documents[d].first, documents[d].second).descriptors);
+    std::vector<int> order(static_cast<size_t>(block.size()));
+    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+    Random random(seed * 1000003 + d);
+    random.Shuffle(order);
+    for (int i = 0; i < std::min(share, block.size()); ++i) training.Append(block, order[static_cast<size_t>(i)]);
+  }
+  if (training.size() == 0) return result;
+  const Vocabulary vocabulary(training, options, seed, threads, cancel);
+  RetrievalIndex index(vocabulary);
+  for (const auto& [r, v] : documents) {
+    cancel.ThrowIfCancelled();
+    index.Add(DescriptorBlock(input.view_features(r, v).descriptors));
+  }
+  index.Finish();
+  progress.Begin("retrieval", static_cast<int64_t>(input.images.size()));
+  ParallelFor(static_cast<int64_t>(input.images.size()), threads, cancel, [&](int64_t i) {
+    const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
+    for (const RetrievalHit& hit : index.Query(block, options.top_k)) {
+      const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
+      result.of_image[static_cast<size_t>(i)].push_back({r, v, hit.score});
+    }
+    progress.Advance(1);
+  });
+  result.words = vocabulary.size();
+  result.memory_mib = static_cast<double>(index.MemoryBytes()) / 1048576.0;
+  return result;
+}
+
+std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel) {
+  const Registrar registrar(input, reconstruction, retrieval, options, paper, seed, cancel);
+  std::vector<Registration> result(input.references.size());
+  progress.Begin("references", static_cast<int64_t>(result.size()));
+  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
+    result[static_cast<size_t>(i)] = registrar.Run(static_cast<int>(i));
+    progress.Advance(1);
+  });
+  return result;
+}
+
+}  // namespace trigpoint

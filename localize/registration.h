@@ -1,0 +1,111 @@
+// The pose of a reference (panorama, photo) in the run's frame (METHOD.md sections 3 and 4).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/base/option.h"
+#include "calib/base/progress.h"
+#include "localize/frames.h"
+#include "localize/reconstruct.h"
+#include "localize/retrieval.h"
+
+namespace trigpoint {
+
+struct RegistrationOptions {
+  int candidates = 12;            // images matched with a reference, the best of the retrieval
+  int candidate_spacing = 2;      // at least so many images apart
+  double ratio = 0.85;            // ratio test between image and view (paper: 0.7)
+  double max_distance = 0.8;      // largest distance of unit descriptors
+  double ransac_px = 8;           // threshold of the first pose, px of a view (trajectory drift included)
+  int ransac_iterations = 2000;
+  double guided_px = 12;          // search radius about a predicted point, px of a view
+  int guided_images = 24;         // images near the reference whose points are searched for
+  double sigma_px = 1.0;          // noise of a point in a view, 1 sigma
+  double outlier_chi2 = 13.8;     // observations beyond it are dropped (2 dof, 0.1 %)
+  int min_inliers = 20;           // fewer: not localized
+  double min_matched_share = 0.06;  // of the points that should be seen, so many must be found
+  double rival_share = 0.5;       // a second, different pose with more than this share of inliers: ambiguous
+  double max_distance_m = 30;     // from the nearest camera
+  double max_sigma_m = 0.35;      // largest position sigma (worst axis) of an answer
+  double homography_px = 4;       // RANSAC threshold of the paper's homography
+  int homography_min_inliers = 12;  // views with fewer matches are not used (paper mode)
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.candidates, {"candidates", "images", 1, 1000, "images matched with a reference"});
+    visit(self.candidate_spacing, {"candidate_spacing", "images", 1, 1000, "images between two candidates"});
+    visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test between image and view"});
+    visit(self.max_distance, {"max_distance", "", 0.1, 1.4, "largest distance of unit descriptors"});
+    visit(self.ransac_px, {"ransac_px", "px", 0.5, 100, "threshold of the first pose"});
+    visit(self.ransac_iterations, {"ransac_iterations", "", 10, 1000000, "samples of the first pose, at most"});
+    visit(self.guided_px, {"guided_px", "px", 1, 200, "search radius about a predicted point"});
+    visit(self.guided_images, {"guided_images", "images", 1, 1000, "images whose points are searched for"});
+    visit(self.sigma_px, {"sigma_px", "px", 0.01, 50, "noise of a point in a view, 1 sigma"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations beyond it are dropped: chi-square, 2 dof"});
+    visit(self.min_inliers, {"min_inliers", "", 6, 10000, "fewer inliers: not localized"});
+    visit(self.min_matched_share, {"min_matched_share", "", 0, 1, "share of expected points that must be found"});
+    visit(self.rival_share, {"rival_share", "", 0, 1, "a second pose with more than this share: ambiguous"});
+    visit(self.max_distance_m, {"max_distance_m", "m", 0.1, 10000, "largest distance from the nearest camera"});
+    visit(self.max_sigma_m, {"max_sigma_m", "m", 0.001, 1000, "largest position sigma of an answer, worst axis"});
+    visit(self.homography_px, {"homography_px", "px", 0.5, 100, "threshold of the homography (paper mode)"});
+    visit(self.homography_min_inliers, {"homography_min_inliers", "", 4, 10000, "matches a view needs (paper mode)"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+enum class AnswerStatus { kLocalized, kRejected, kUnmatched };
+std::string_view AnswerStatusName(AnswerStatus status);
+
+// A point seen in a view of a reference.
+struct ViewObservation {
+  int view = 0;
+  int feature = 0;
+  int point = 0;   // of the reconstruction
+  int image = 0;   // the run's image it was matched with
+  Eigen::Vector2f pixel;
+  bool repeated = false;  // the same point is used in another view of the same centre: no new evidence
+};
+
+// G1: one view by itself.
+struct ViewAnswer {
+  AnswerStatus status = AnswerStatus::kUnmatched;
+  std::string reason;
+  Rigid3d view_from_odom;
+  int inliers = 0;
+  double distance_m = 0;
+};
+
+struct Registration {
+  AnswerStatus status = AnswerStatus::kUnmatched;
+  std::string reason;
+  Rigid3d rig_from_odom;
+  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_odom with the points held
+  std::vector<ViewObservation> inliers;
+  std::vector<ViewAnswer> views;
+  int view_matches = 0;        // matches before the geometry decided
+  int rival_inliers = 0;
+  double matched_share = 0;    // of the points that should be seen
+  double distance_m = 0;       // to the nearest camera
+};
+
+// Top views of every image.
+struct Retrieval {
+  struct Hit {
+    int reference, view;
+    float score;
+  };
+  std::vector<std::vector<Hit>> of_image;
+  int words = 0;
+  double memory_mib = 0;
+};
+Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, uint64_t seed, int threads,
+                        ProgressSink& progress, const CancelToken& cancel);
+
+// All references against the points. paper: views by homography, G1 per view, G2 with connected views.
+std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel);
+
+}  // namespace trigpoint
