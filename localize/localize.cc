@@ -14,7 +14,7 @@ namespace {
 
 class Stopwatch {
  public:
-  explicit Stopwatch(LocalizeResult* result) : result_(result) {}
+  explicit Stopwatch(Localization* result) : result_(result) {}
   void Lap(const char* name) {
     const auto now = std::chrono::steady_clock::now();
     result_->seconds.emplace_back(name, std::chrono::duration<double>(now - start_).count());
@@ -22,7 +22,7 @@ class Stopwatch {
   }
 
  private:
-  LocalizeResult* result_;
+  Localization* result_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
@@ -154,7 +154,7 @@ struct EarthInput {
   bool gps = false;
 };
 
-EarthInput CollectEarth(const LocalizeInput& input, const LocalizeResult& result, const Joint& joint,
+EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, const Joint& joint,
                         const std::vector<GpsPlace>& gps, const GeoRegistrationOptions& options) {
   EarthInput e;
   const BundleProblem& p = result.reconstruction.problem;
@@ -227,11 +227,11 @@ std::vector<std::string> LocalizeOptions::Check() const {
   return problems;
 }
 
-LocalizeResult Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
+Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
                         int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
   if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
   const bool paper = options.mode == "paper";
-  LocalizeResult result;
+  Localization result;
   Stopwatch watch(&result);
   result.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
   watch.Lap("tracks");

@@ -50,7 +50,7 @@ struct ReferenceAnswer {
   Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // said - estimated, ENU, m
 };
 
-struct LocalizeResult {
+struct Localization {
   Reconstruction reconstruction;         // poses: body_from_odom of all images first, then references
   std::vector<Rigid3d> body_from_odom;   // optimised, one a body pose
   std::vector<ReferenceAnswer> references;
@@ -75,7 +75,7 @@ struct GpsPlace {
   int64_t stamp_ns = 0;
 };
 
-LocalizeResult Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
+Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
                         int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
 
 }  // namespace trigpoint

@@ -1,0 +1,172 @@
+#include "app/pipeline/feature_store.h"
+
+#include <opencv2/core/utility.hpp>
+
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/image.h"
+
+namespace trigpoint {
+namespace {
+
+// Several pictures at a time, written in order, so that the database does not depend on the threads.
+constexpr int kBatch = 16;
+
+std::string ViewName(const PreparedReference& reference, size_t view) {
+  return reference.name + "#" + reference.rig.views[view].name;
+}
+
+std::string RelativeName(const std::filesystem::path& file, const Site& site) {
+  return file.lexically_relative(site.dir).generic_string();
+}
+
+void RequireSome(const ExtractionReport& report, const std::string& what) {
+  if (report.pictures > 0) return;
+  std::string message = what + ": no picture can be used";
+  if (!report.skipped.empty()) message += "; the first: " + report.skipped.front();
+  throw InputError(message);
+}
+
+}  // namespace
+
+ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const std::filesystem::path& file,
+                                    int threads, ProgressSink& progress, const CancelToken& cancel) {
+  cv::setNumThreads(1);  // whole pictures in parallel use the cores better than parts of one
+  ExtractionReport report;
+  ColmapDatabase database = ColmapDatabase::Create(file);
+  database.Begin();
+  std::vector<uint32_t> cameras;
+  std::vector<cv::Mat> masks;
+  for (const BodyCamera& c : run.cameras) {
+    cameras.push_back(database.AddCamera(c.camera));
+    masks.push_back(c.mask.empty() ? cv::Mat() : LoadPicture(c.mask, true));
+  }
+  const int n = static_cast<int>(run.images.size());
+  progress.Begin("features of " + run.name, n);
+  for (int begin = 0; begin < n; begin += kBatch) {
+    const int count = std::min(kBatch, n - begin);
+    std::vector<FeatureSet> features(static_cast<size_t>(count));
+    std::vector<std::string> problems(static_cast<size_t>(count));
+    ParallelFor(count, threads, cancel, [&](int64_t k) {
+      const ImageEntry& entry = run.images[static_cast<size_t>(begin + k)];
+      try {
+        features[static_cast<size_t>(k)] =
+            ExtractFeatures(LoadGrey(run, entry), masks[static_cast<size_t>(entry.camera)], options);
+      } catch (const InputError& e) {
+        problems[static_cast<size_t>(k)] = e.what();
+      }
+      progress.Advance(1);
+    });
+    for (int k = 0; k < count; ++k) {
+      const ImageEntry& entry = run.images[static_cast<size_t>(begin + k)];
+      if (!problems[static_cast<size_t>(k)].empty()) {
+        report.skipped.push_back(problems[static_cast<size_t>(k)]);
+        progress.Log(LogLevel::kWarning, "skipped: " + problems[static_cast<size_t>(k)]);
+        continue;
+      }
+      const uint32_t id = database.AddImage(entry.file, cameras[static_cast<size_t>(entry.camera)]);
+      database.WriteFeatures(id, features[static_cast<size_t>(k)]);
+      ++report.pictures;
+      report.features += static_cast<int64_t>(features[static_cast<size_t>(k)].size());
+    }
+  }
+  database.Commit();
+  RequireSome(report, "run " + run.name);
+  return report;
+}
+
+std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOptions& options,
+                                                 std::vector<std::string>* warnings) {
+  std::vector<PreparedReference> prepared;
+  for (size_t r = 0; r < site.references.size(); ++r) {
+    const Reference& reference = site.references[r];
+    for (const std::filesystem::path& file : reference.files) {
+      PreparedReference p;
+      p.reference = static_cast<int>(r);
+      p.name = RelativeName(file, site);
+      try {
+        if (reference.kind == ReferenceKind::kPanorama) {
+          const PhotoMetadata metadata = ReadPhotoMetadata(file);
+          int width = metadata.width;
+          if (metadata.gpano && metadata.gpano->full_width > 0) width = metadata.gpano->full_width;
+          p.rig = PanoramaViews(p.name, width, options);
+        } else {
+          std::optional<Camera> camera = reference.camera;
+          if (!camera) camera = CameraFromMetadata(ReadPhotoMetadata(file));
+          if (!camera) {
+            throw InputError(file.string() +
+                             ": its focal length is unknown; name a camera in photos.csv or use photos with EXIF");
+          }
+          View view;
+          view.name = "0";
+          view.camera = *camera;
+          p.rig.name = p.name;
+          p.rig.views.push_back(view);
+        }
+      } catch (const InputError& e) {
+        if (warnings != nullptr) warnings->push_back(e.what());
+        continue;
+      }
+      prepared.push_back(std::move(p));
+    }
+  }
+  return prepared;
+}
+
+ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOptions& options,
+                                          const std::filesystem::path& file, int threads, ProgressSink& progress,
+                                          const CancelToken& cancel) {
+  cv::setNumThreads(1);
+  ExtractionReport report;
+  const std::vector<PreparedReference> references = PrepareReferences(site, options.views, &report.skipped);
+  ColmapDatabase database = ColmapDatabase::Create(file);
+  database.Begin();
+  int64_t total = 0;
+  for (const PreparedReference& p : references) total += static_cast<int64_t>(p.rig.views.size());
+  progress.Begin("features of references", total);
+  for (const PreparedReference& p : references) {
+    cancel.ThrowIfCancelled();
+    const Reference& reference = site.references[static_cast<size_t>(p.reference)];
+    const std::filesystem::path picture_file = site.dir / p.name;
+    const bool panorama = reference.kind == ReferenceKind::kPanorama;
+    std::vector<FeatureSet> features(p.rig.views.size());
+    try {
+      const cv::Mat picture = panorama ? LoadPanorama(picture_file, true) : LoadPicture(picture_file, true);
+      const Camera& first = p.rig.views.front().camera;
+      if (!panorama && (picture.cols != first.width() || picture.rows != first.height())) {
+        throw InputError(picture_file.string() + ": is " + std::to_string(picture.cols) + " x " + std::to_string(picture.rows) +
+                         " px, its camera's calibration " + std::to_string(first.width()) + " x " + std::to_string(first.height()));
+      }
+      ParallelFor(static_cast<int64_t>(features.size()), threads, cancel, [&](int64_t v) {
+        const View& view = p.rig.views[static_cast<size_t>(v)];
+        features[static_cast<size_t>(v)] =
+            ExtractFeatures(panorama ? RenderView(picture, view) : picture, cv::Mat(), options.references);
+        progress.Advance(1);
+      });
+    } catch (const InputError& e) {
+      report.skipped.emplace_back(e.what());
+      progress.Log(LogLevel::kWarning, std::string("skipped: ") + e.what());
+      continue;
+    }
+    for (size_t v = 0; v < features.size(); ++v) {
+      const uint32_t camera = database.AddCamera(p.rig.views[v].camera);
+      database.WriteFeatures(database.AddImage(ViewName(p, v), camera), features[v]);
+      report.features += static_cast<int64_t>(features[v].size());
+    }
+    ++report.pictures;
+  }
+  database.Commit();
+  return report;
+}
+
+FeatureStore::FeatureStore(const std::filesystem::path& file) : database_(ColmapDatabase::OpenRead(file)) {
+  for (const DatabaseImage& image : database_.Images()) ids_[image.name] = image.id;
+}
+
+FeatureSet FeatureStore::Read(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  return database_.ReadFeatures(ids_.at(name));
+}
+
+}  // namespace trigpoint

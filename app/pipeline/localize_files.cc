@@ -1,0 +1,363 @@
+#include "app/pipeline/localize_files.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "calib/base/error.h"
+#include "datasets/colmap/model.h"
+#include "datasets/io/csv.h"
+
+namespace trigpoint {
+namespace {
+
+// Odometry is interpolated across gaps up to a second, or three of its own steps.
+int64_t LongestGap(const Trajectory& odometry) {
+  std::vector<int64_t> steps;
+  for (size_t i = 1; i < odometry.poses.size(); ++i) {
+    steps.push_back(odometry.poses[i].stamp_ns - odometry.poses[i - 1].stamp_ns);
+  }
+  if (steps.empty()) return 0;
+  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
+  return std::max<int64_t>(1'000'000'000, 3 * steps[steps.size() / 2]);
+}
+
+struct CsvPose {
+  static void Put(CsvWriter& csv, const Rigid3d& world_from_x) {
+    for (int k = 0; k < 3; ++k) csv.Number(world_from_x.translation(k), 6);
+    const Eigen::Quaterniond& q = world_from_x.rotation;
+    csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9);
+  }
+};
+
+void PutGeodetic(CsvWriter& csv, const LocalFrame& frame, const Eigen::Vector3d& enu) {
+  const Geodetic g = frame.GeodeticFromEnu(enu);
+  csv.Number(g.latitude_deg, 9).Number(g.longitude_deg, 9).Number(g.height_m, 4);
+}
+
+// Heading, pitch, roll sigmas (rad) of a world_from_x; NaN where there is no heading.
+Eigen::Vector3d AttitudeSigmas(const PoseEstimate& e) {
+  try {
+    const Eigen::Matrix3d j = AttitudeJacobian(e.world_from_x.rotation);
+    return (j * e.covariance.topLeftCorner<3, 3>() * j.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  } catch (const NumericError&) {
+    return Eigen::Vector3d::Constant(std::nan(""));
+  }
+}
+
+Eigen::Vector3d PositionSigmas(const PoseEstimate& e) {
+  return e.covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt();
+}
+
+void PutAttitude(CsvWriter& csv, const Eigen::Quaterniond& world_from_cam) {
+  const Attitude a = AttitudeOf(world_from_cam);
+  csv.Number(a.heading_rad * kRadToDeg, 4).Number(a.pitch_rad * kRadToDeg, 4).Number(a.roll_rad * kRadToDeg, 4);
+}
+
+std::string FrameComment(const char* table, const Localization& result) {
+  return std::string("trigpoint ") + table + " 1; frame=" + (result.on_earth ? "enu" : "none") +
+         "; datum=" + (result.on_earth ? result.earth_source : "none") + "; sigma=1";
+}
+
+Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, const FrameImage& image) {
+  return input.cameras[static_cast<size_t>(image.camera)].cam_from_body * result.body_from_odom[static_cast<size_t>(image.pose)];
+}
+
+void WriteCameras(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
+  const LocalizeInput& input = job.input;
+  for (size_t c = 0; c < input.cameras.size(); ++c) {
+    std::vector<TimedPose> odom, world;
+    for (size_t i = 0; i < input.images.size(); ++i) {
+      const FrameImage& image = input.images[i];
+      if (image.camera != static_cast<int>(c)) continue;
+      odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
+      if (result.on_earth) world.push_back({image.stamp_ns, result.cameras[i].world_from_x});
+    }
+    const std::string suffix = c == 0 ? "" : "_" + input.cameras[c].name;
+    const std::string& name = input.cameras[c].name;
+    WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
+             {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
+              "timestamp tx ty tz qx qy qz qw"});
+    if (result.on_earth) {
+      WriteTum(dir / ("cameras" + suffix + ".tum"), world,
+               {"trigpoint trajectory 1; frame=enu; datum=" + result.earth_source + "; pose=world_from_" + name,
+                "timestamp tx ty tz qx qy qz qw"});
+    }
+  }
+  if (!result.on_earth) return;
+  CsvWriter csv({"timestamp", "image", "camera", "x", "y", "z", "qx", "qy", "qz", "qw", "latitude_deg", "longitude_deg",
+                 "height_m", "sigma_e_m", "sigma_n_m", "sigma_u_m", "heading_deg", "pitch_deg", "roll_deg",
+                 "sigma_heading_deg", "sigma_pitch_deg", "sigma_roll_deg"},
+                {FrameComment("cameras", result)});
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    const PoseEstimate& e = result.cameras[i];
+    csv.Stamp(input.images[i].stamp_ns).Text(input.images[i].name);
+    csv.Text(input.cameras[static_cast<size_t>(input.images[i].camera)].name);
+    CsvPose::Put(csv, e.world_from_x);
+    PutGeodetic(csv, input.frame, e.world_from_x.translation);
+    for (double s : PositionSigmas(e)) csv.Number(s, 5);
+    PutAttitude(csv, e.world_from_x.rotation);
+    for (double s : AttitudeSigmas(e)) csv.Number(s * kRadToDeg, 5);
+    csv.EndRow();
+  }
+  csv.Save(dir / "cameras.csv");
+}
+
+// One line of panoramas.csv: a panorama or photo, or a set whose photos are answered together.
+struct Line {
+  const Reference* reference = nullptr;
+  std::vector<size_t> answers;
+};
+
+void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
+  CsvWriter csv({"panorama", "station", "status", "reason", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma_x_m", "sigma_y_m",
+                 "sigma_z_m", "view_matches", "inliers", "views", "odom_x", "odom_y", "odom_z", "odom_qx", "odom_qy", "odom_qz",
+                 "odom_qw", "latitude_deg", "longitude_deg", "height_m", "heading_deg", "pitch_deg", "roll_deg",
+                 "geotag_de_m", "geotag_dn_m", "geotag_du_m", "geotag_status", "odom_sigma_x_m", "odom_sigma_y_m",
+                 "odom_sigma_z_m", "matched_share", "distance_m"},
+                {FrameComment("panoramas", result)});
+  std::map<int, Line> lines;
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    Line& line = lines[job.references[i].reference];
+    line.reference = &site.references[static_cast<size_t>(job.references[i].reference)];
+    line.answers.push_back(i);
+  }
+  for (const auto& [index, line] : lines) {
+    // A set: its centre is the mean of its photos' centres, its attitude that of the first photo that has one.
+    std::vector<size_t> good;
+    const ReferenceAnswer* shown = &result.references[line.answers.front()];
+    int matches = 0, inliers = 0, views = 0;
+    for (size_t i : line.answers) {
+      const ReferenceAnswer& a = result.references[i];
+      matches += a.registration.view_matches;
+      if (a.registration.status != AnswerStatus::kLocalized) continue;
+      if (good.empty()) shown = &a;
+      good.push_back(i);
+      for (const ViewObservation& o : a.registration.inliers) inliers += o.repeated ? 0 : 1;
+      for (const ViewAnswer& v : a.registration.views) views += v.inliers > 0 ? 1 : 0;
+    }
+    const Registration& g = shown->registration;
+    csv.Text(line.reference->name).Text(line.reference->station).Text(AnswerStatusName(g.status)).Text(g.reason);
+    const bool answered = !good.empty();
+    const double n = static_cast<double>(good.size());
+    Rigid3d odom_from_pano = g.rig_from_odom.Inverse();
+    PoseEstimate world = shown->world;
+    Matrix6d odom_covariance = InverseCovariance(g.rig_from_odom, g.covariance);
+    if (good.size() > 1) {
+      // The photos of a set share the run's error: their mean is no better known than one of them.
+      odom_from_pano.translation.setZero();
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (size_t i : good) {
+        odom_from_pano.translation += result.references[i].registration.rig_from_odom.TargetOriginInSource() / n;
+        sum += result.references[i].world.world_from_x.translation / n;
+      }
+      world.world_from_x.translation = sum;
+    }
+    if (answered && result.on_earth) {
+      CsvPose::Put(csv, world.world_from_x);
+      for (double s : PositionSigmas(world)) csv.Number(s, 5);
+    } else {
+      csv.Empty(10);
+    }
+    csv.Integer(matches).Integer(inliers).Integer(views);
+    if (answered) {
+      CsvPose::Put(csv, odom_from_pano);
+    } else {
+      csv.Empty(7);
+    }
+    if (answered && result.on_earth) {
+      PutGeodetic(csv, job.input.frame, world.world_from_x.translation);
+      PutAttitude(csv, world.world_from_x.rotation);
+    } else {
+      csv.Empty(6);
+    }
+    const GeoTag& tag = line.reference->geotag;
+    if (answered && result.on_earth && tag.has_position) {
+      const Eigen::Vector3d d = job.input.frame.EnuFromGeodetic(tag.position) - world.world_from_x.translation;
+      csv.Number(d.x(), 4).Number(d.y(), 4);
+      if (tag.has_height) {
+        csv.Number(d.z(), 4);
+      } else {
+        csv.Empty();
+      }
+      csv.Text(!shown->geotag_used ? "unused" : shown->geotag_outlier ? "outlier" : "ok");
+    } else {
+      csv.Empty(3).Text(tag.has_position ? "unused" : "missing");
+    }
+    if (answered) {
+      for (double s : odom_covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt()) csv.Number(s, 5);
+      csv.Number(g.matched_share, 4).Number(g.distance_m, 3);
+    } else {
+      csv.Empty(5);
+    }
+    csv.EndRow();
+  }
+  csv.Save(dir / "panoramas.csv");
+
+  CsvWriter rows({"panorama", "view", "status", "reason", "odom_x", "odom_y", "odom_z", "odom_qx", "odom_qy", "odom_qz",
+                  "odom_qw", "inliers", "distance_m"},
+                 {"trigpoint views 1; frame=odom; each view by itself (G1)"});
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    const PreparedReference& prepared = job.references[i];
+    const Reference& reference = site.references[static_cast<size_t>(prepared.reference)];
+    for (size_t v = 0; v < prepared.rig.views.size(); ++v) {
+      const ViewAnswer& a = result.references[i].registration.views[v];
+      rows.Text(reference.name);
+      rows.Text(reference.kind == ReferenceKind::kPhotoSet ? prepared.name : prepared.rig.views[v].name);
+      rows.Text(AnswerStatusName(a.status)).Text(a.reason);
+      if (a.status == AnswerStatus::kLocalized) {
+        CsvPose::Put(rows, a.view_from_odom.Inverse());
+      } else {
+        rows.Empty(7);
+      }
+      rows.Integer(a.inliers);
+      if (a.status == AnswerStatus::kLocalized) {
+        rows.Number(a.distance_m, 3);
+      } else {
+        rows.Empty();
+      }
+      rows.EndRow();
+    }
+  }
+  rows.Save(dir / "views.csv");
+}
+
+void WriteSparse(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
+  const Reconstruction& r = result.reconstruction;
+  SparseModel model;
+  for (size_t c = 0; c < job.input.cameras.size(); ++c) {
+    model.cameras.emplace_back(static_cast<uint32_t>(c + 1), job.input.cameras[c].camera);
+  }
+  for (size_t i = 0; i < job.input.images.size(); ++i) {
+    const FrameImage& image = job.input.images[i];
+    ModelImage m;
+    m.id = static_cast<uint32_t>(i + 1);
+    m.name = image.name;
+    m.camera_id = static_cast<uint32_t>(image.camera + 1);
+    m.cam_from_world = CamFromOdom(job.input, result, image);
+    model.images.push_back(std::move(m));
+  }
+  size_t k = 0;
+  for (size_t j = 0; j < r.problem.points.size(); ++j) {
+    ModelPoint point;
+    point.id = static_cast<int64_t>(j + 1);
+    point.position = r.problem.points[j];
+    double sum = 0;
+    for (; k < r.problem.observations.size() && r.problem.observations[k].point == static_cast<int>(j); ++k) {
+      const BearingObservation& o = r.problem.observations[k];
+      if (!o.active || r.image_of[k] < 0 || !r.point_valid[j]) continue;
+      ModelImage& image = model.images[static_cast<size_t>(r.image_of[k])];
+      const Camera& camera = job.input.cameras[static_cast<size_t>(image.camera_id - 1)].camera;
+      const auto pixel = camera.Project(o.ray.cast<double>());
+      if (!pixel) continue;
+      point.track.emplace_back(image.id, static_cast<uint32_t>(image.pixels.size()));
+      image.pixels.push_back(*pixel);
+      image.points.push_back(point.id);
+      sum += std::sqrt(SquaredError(r.problem, o)) * r.sigma_px;
+    }
+    if (point.track.size() < 2) {
+      // Not kept: its observations go without a point.
+      for (const auto& [image, index] : point.track) model.images[image - 1].points[index] = -1;
+      continue;
+    }
+    point.error_px = sum / static_cast<double>(point.track.size());
+    model.points.push_back(std::move(point));
+  }
+  WriteColmapModel(model, dir / "sparse");
+}
+
+}  // namespace
+
+LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
+                            const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
+                            const ViewOptions& views) {
+  LocalizeJob job;
+  LocalizeInput& input = job.input;
+  input.cameras = run.cameras;
+  input.has_frame = has_frame;
+  input.frame = frame;
+  input.levelled = run.config.odometry_levelled;
+  input.scale_sigma = run.config.odometry_scale_sigma;
+  if (run.odometry.poses.empty()) {
+    throw InputError("run " + run.name + ": has no odometry; localize needs odometry.tum (timestamp tx ty tz qx qy qz qw)");
+  }
+  const int64_t gap = LongestGap(run.odometry);
+  const auto store = std::make_shared<FeatureStore>(run_features);
+  std::map<int64_t, int> pose_of;
+  for (const ImageEntry& entry : run.images) {
+    if (!store->Has(entry.file)) {
+      ++job.without_features;
+      continue;
+    }
+    const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);
+    const int64_t stamp = entry.stamp_ns + shift;
+    const std::optional<Rigid3d> odom_from_body = run.odometry.At(stamp, gap);
+    if (!odom_from_body) {
+      ++job.without_odometry;
+      continue;
+    }
+    const auto [it, fresh] = pose_of.try_emplace(stamp, static_cast<int>(input.pose_stamps.size()));
+    if (fresh) {
+      input.pose_stamps.push_back(stamp);
+      input.odom_from_body.push_back(*odom_from_body);
+    }
+    input.images.push_back({entry.stamp_ns, entry.file, entry.camera, it->second});
+  }
+  if (job.without_odometry > 0) {
+    job.warnings.push_back("run " + run.name + ": " + std::to_string(job.without_odometry) +
+                           " images are not covered by odometry and are left out");
+  }
+  if (input.pose_stamps.size() < 2) {
+    throw InputError("run " + run.name + ": fewer than 2 images have features and odometry at their time (" +
+                     std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
+                     " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
+  }
+  std::vector<std::string> names;
+  for (const FrameImage& image : input.images) names.push_back(image.name);
+  input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };
+
+  const auto reference_store = std::make_shared<FeatureStore>(reference_features);
+  for (PreparedReference& p : PrepareReferences(site, views, &job.warnings)) {
+    if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
+    const Reference& reference = site.references[static_cast<size_t>(p.reference)];
+    ReferenceViews r;
+    r.name = p.name;
+    r.station = reference.station;
+    r.kind = reference.kind;
+    r.rig = p.rig;
+    r.geotag = reference.geotag;
+    // A set's geotag is of the set: as good as its photos are close together.
+    input.references.push_back(std::move(r));
+    job.references.push_back(std::move(p));
+  }
+  input.view_features = [reference_store, refs = job.references](int reference, int view) {
+    const PreparedReference& p = refs[static_cast<size_t>(reference)];
+    return reference_store->Read(p.name + "#" + p.rig.views[static_cast<size_t>(view)].name);
+  };
+
+  if (has_frame) {
+    for (const GpsFix& fix : run.gps) {
+      const auto it = std::lower_bound(input.pose_stamps.begin(), input.pose_stamps.end(), fix.stamp_ns);
+      size_t at = static_cast<size_t>(it - input.pose_stamps.begin());
+      if (at == input.pose_stamps.size() || (at > 0 && fix.stamp_ns - input.pose_stamps[at - 1] < input.pose_stamps[at] - fix.stamp_ns)) --at;
+      if (std::llabs(input.pose_stamps[at] - fix.stamp_ns) > 300'000'000) continue;
+      GpsPlace g;
+      g.pose = static_cast<int>(at);
+      g.arm_m = run.config.gps_lever_arm_m;
+      g.position = frame.EnuFromGeodetic(fix.position);
+      g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m;
+      g.stamp_ns = fix.stamp_ns;
+      job.gps.push_back(g);
+    }
+  }
+  return job;
+}
+
+void WriteLocalization(const Site& site, const Run&, const LocalizeJob& job, const Localization& result,
+                       const LocalizeOptions&, const std::filesystem::path& dir) {
+  WriteCameras(job, result, dir);
+  WritePanoramas(site, job, result, dir);
+  WriteSparse(job, result, dir);
+}
+
+}  // namespace trigpoint
