@@ -25,7 +25,7 @@ struct ReferenceViews {
   ReferenceKind kind = ReferenceKind::kPanorama;
   ViewRig rig;  // rig frame: x right, y down, z forward at the picture's centre
   GeoTag geotag;
-  bool rig_free = false;  // views may move against each other within their covariance (hand-held)
+  int set = -1;  // photos of one hand-held set share it; -1: stands alone
 };
 
 struct LocalizeInput {

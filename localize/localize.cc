@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
+#include <limits>
+#include <map>
 
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
@@ -147,6 +148,39 @@ PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, con
   return e;
 }
 
+// The photos of a hand-held set were taken within arm's reach: those that agree speak, the others are refused. A set
+// most of whose answers disagree, or of which a single photo answers, has no answer.
+void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<ReferenceAnswer>* answers) {
+  std::map<int, std::vector<size_t>> sets;
+  for (size_t i = 0; i < answers->size(); ++i) {
+    if (input.references[i].set >= 0) sets[input.references[i].set].push_back(i);
+  }
+  for (const auto& [set, members] : sets) {
+    std::vector<size_t> answered;
+    for (size_t i : members) {
+      if ((*answers)[i].registration.status == AnswerStatus::kLocalized) answered.push_back(i);
+    }
+    const auto centre = [&](size_t i) { return (*answers)[i].registration.rig_from_odom.TargetOriginInSource(); };
+    std::vector<size_t> best;
+    for (size_t i : answered) {
+      std::vector<size_t> near;
+      for (size_t j : answered) {
+        if ((centre(i) - centre(j)).norm() < radius) near.push_back(j);
+      }
+      if (near.size() > best.size()) best = near;
+    }
+    const bool enough = members.size() == 1 || (best.size() >= 2 && 2 * best.size() > answered.size());
+    for (size_t i : answered) {
+      if (enough && std::find(best.begin(), best.end(), i) != best.end()) continue;
+      Registration& g = (*answers)[i].registration;
+      g.status = AnswerStatus::kRejected;
+      g.reason = enough ? "disagrees with the other photos of its set"
+                        : "the photos of its set do not agree: " + std::to_string(best.size()) + " of " +
+                              std::to_string(answered.size()) + " answers within " + std::to_string(radius).substr(0, 4) + " m";
+    }
+  }
+}
+
 struct EarthInput {
   std::vector<GeoObservation> observations;
   std::vector<int> poses;       // pose index of each
@@ -249,6 +283,7 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     answer.registration = g;
     result.references.push_back(answer);
   }
+  AgreeOnSets(input, options.registration.set_radius_m, &result.references);
   watch.Lap("registration");
 
   BundleOptions bundle;
@@ -260,7 +295,7 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     // The points stay as they are: the references' poses are appended for the global fit only.
     joint.pose_of_reference.assign(registrations.size(), -1);
     for (size_t i = 0; i < registrations.size(); ++i) {
-      if (registrations[i].status != AnswerStatus::kLocalized) continue;
+      if (result.references[i].registration.status != AnswerStatus::kLocalized) continue;
       joint.pose_of_reference[i] = static_cast<int>(p.poses.size());
       p.poses.push_back(registrations[i].rig_from_odom);
       p.pose_constant.push_back(false);

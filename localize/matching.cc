@@ -134,12 +134,14 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
   const Eigen::Matrix3d rotation = b_from_a.rotation.toRotationMatrix();
   const Eigen::Vector3d t = b_from_a.translation;
   const double band = options.epipolar_px / camera_b.MeanFocal();
-  constexpr double kStep = 12;  // px between samples along the curve
+  constexpr double kStep = 16;  // px between samples along the curve
+  // Nearer than about the baseline, SIFT does not stand the change of viewpoint.
+  const double nearest = std::max(options.min_depth_m, 1.2 * t.norm());
   for (int i = 0; i < a.size(); ++i) {
     const Eigen::Vector3d far = rotation * rays_a[static_cast<size_t>(i)];
     // Depth from infinity (inverse depth 0) to the nearest: where the curve leaves the image it simply ends.
     const std::optional<Eigen::Vector2d> p_far = camera_b.Project(far);
-    const std::optional<Eigen::Vector2d> p_near = camera_b.Project(far + t / options.min_depth_m);
+    const std::optional<Eigen::Vector2d> p_near = camera_b.Project(far + t / nearest);
     double length = 200;
     if (p_far && p_near) length = (*p_far - *p_near).norm();
     const int samples = std::clamp(static_cast<int>(length / kStep) + 2, 2, 64);
@@ -147,7 +149,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
     const double normal_length = normal.norm();
     const float scale_a = features_a.scales[static_cast<size_t>(i)];
     for (int s = 0; s < samples; ++s) {
-      const double inverse_depth = s / (options.min_depth_m * (samples - 1));
+      const double inverse_depth = s / (nearest * (samples - 1));
       const std::optional<Eigen::Vector2d> p = camera_b.Project(far + t * inverse_depth);
       if (!p || !camera_b.Contains(*p)) continue;
       grid_b.Visit(p->x(), p->y(), 0.5 * kStep + options.epipolar_px, [&](int j) {

@@ -58,9 +58,10 @@ bool IsCentral(const ViewRig& rig) {
   return true;
 }
 
+// Chord between the predicted and the observed ray: the angle, to third order.
 double AngularError(const Rigid3d& view_from_rig, const Rigid3d& rig_from_odom, const Eigen::Vector3d& ray,
                     const Eigen::Vector3d& point) {
-  return AngleBetween(view_from_rig * (rig_from_odom * point), ray);
+  return ((view_from_rig * (rig_from_odom * point)).normalized() - ray).norm();
 }
 
 class Registrar {
@@ -165,18 +166,21 @@ class Registrar {
     }
     // Two readings of the same scene compete on equal terms: each is refined and gets its guided matches.
     Registration first = out, second = out;
-    Grow(ref, reference, views, view_from_rig, best.model, &first);
+    Grow(ref, views, view_from_rig, best.model, &first);
     const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
     if (rival.found && rival.inliers.size() >= 8) {
-      Grow(ref, reference, views, view_from_rig, rival.model, &second);
+      Grow(ref, views, view_from_rig, rival.model, &second);
       const Rigid3d difference = first.rig_from_odom * second.rig_from_odom.Inverse();
       const double apart =
           (first.rig_from_odom.TargetOriginInSource() - second.rig_from_odom.TargetOriginInSource()).norm();
       const bool different = apart > 1.0 || LogSO3(difference.rotation).norm() > 5 * kDegToRad;
-      if (different && second.inliers.size() > first.inliers.size()) std::swap(first, second);
-      if (different) first.rival_inliers = static_cast<int>(second.inliers.size());
+      if (different && second.support > first.support) std::swap(first, second);
+      if (different) {
+        first.rival_support = std::max(0.0, second.support);
+        first.rival_distance_m = apart;
+      }
     }
-    Decide(ref, view_from_rig, &first);
+    Decide(&first);
     AnswerViews(ref, view_from_rig, &first);
     return first;
   }
@@ -282,27 +286,39 @@ class Registrar {
   }
 
   // From a first pose: refine, look for every point that should be seen, refine again.
-  void Grow(const ReferenceViews& ref, int /*reference*/, const std::vector<PreparedView>& views,
-            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, Registration* out) const {
+  void Grow(const ReferenceViews& ref, const std::vector<PreparedView>& views, const std::vector<Rigid3d>& view_from_rig,
+            const Rigid3d& start, Registration* out) const {
     Rigid3d pose = start;
     const double focal = FocalOf(ref.rig);
-    std::vector<Correspondence> inliers;
+    std::vector<Correspondence> found, inliers;
     int expected = 0;
-    for (int round = 0; round < 3; ++round) {
-      const double radius = o_.guided_px / (round + 1);
-      std::vector<Correspondence> found = SearchPredicted(ref, views, view_from_rig, pose, radius, &expected);
+    double radius = o_.guided_px;
+    const auto error_px = [&](const Correspondence& c) {
+      return focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
+                                  r_.problem.points[static_cast<size_t>(c.observation.point)]);
+    };
+    for (int round = 0; round < 2; ++round) {
+      radius = o_.guided_px / (round + 1);
+      found = SearchPredicted(ref, views, view_from_rig, pose, radius, &expected);
       if (found.size() < 6) break;
-      // The noise is not known yet (points carry theirs too): anneal.
-      const double sigma = std::max(o_.sigma_px, radius / 5);
-      pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 3 * o_.outlier_chi2, nullptr);
-      inliers.clear();
-      const double gate = sigma * std::sqrt(o_.outlier_chi2) / focal;
-      for (const Correspondence& c : found) {
-        const double e = AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
-                                      r_.problem.points[static_cast<size_t>(c.observation.point)]);
-        if (e < gate) inliers.push_back(c);
+      for (double sigma = std::max(o_.sigma_px, radius / 4); ; sigma = std::max(o_.sigma_px, sigma / 2)) {
+        pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 2 * o_.outlier_chi2, nullptr);
+        if (sigma <= o_.sigma_px) break;
       }
     }
+    // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of
+    // the radius, less a third of what lies in the outer ring (a third of its area), is evidence.
+    int inner = 0, outer = 0;
+    for (const Correspondence& c : found) {
+      const double e = error_px(c);
+      if (e < 0.5 * radius) {
+        ++inner;
+      } else if (e < radius) {
+        ++outer;
+      }
+      if (e < o_.sigma_px * std::sqrt(o_.outlier_chi2)) inliers.push_back(c);
+    }
+    out->support = inner - outer / 3.0;
     // A point in the overlap of two views of one centre is one observation, not two.
     if (IsCentral(ref.rig)) {
       std::map<int, size_t> best;
@@ -330,7 +346,7 @@ class Registrar {
       out->covariance = Matrix6d::Identity() * 1e6;
     }
     for (const Correspondence& c : inliers) out->inliers.push_back(c.observation);
-    out->matched_share = expected > 0 ? static_cast<double>(independent.size()) / expected : 0;
+    out->matched_share = expected > 0 ? std::max(0.0, out->support) / expected : 0;
   }
 
   // Points that the pose predicts to be seen, found by descriptor near their predicted place.
@@ -424,9 +440,7 @@ class Registrar {
     return nearest;
   }
 
-  void Decide(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, Registration* out) const {
-    (void)ref;
-    (void)view_from_rig;
+  void Decide(Registration* out) const {
     int independent = 0;
     for (const ViewObservation& o : out->inliers) independent += o.repeated ? 0 : 1;
     const Eigen::Vector3d centre = out->rig_from_odom.TargetOriginInSource();
@@ -437,11 +451,12 @@ class Registrar {
     out->status = AnswerStatus::kRejected;
     if (independent < o_.min_inliers) {
       std::snprintf(text, sizeof text, "%d inliers, %d needed", independent, o_.min_inliers);
-    } else if (out->matched_share < o_.min_matched_share) {
+    } else if (out->support < o_.min_inliers || out->matched_share < o_.min_matched_share) {
       std::snprintf(text, sizeof text, "only %.1f %% of the points that should be seen are found (%.1f %% needed)",
                     100 * out->matched_share, 100 * o_.min_matched_share);
-    } else if (out->rival_inliers > o_.rival_share * static_cast<double>(out->inliers.size())) {
-      std::snprintf(text, sizeof text, "ambiguous: another pose has %d inliers against %zu", out->rival_inliers, out->inliers.size());
+    } else if (out->rival_support > o_.rival_share * out->support) {
+      std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %.0f points against %.0f",
+                    out->rival_distance_m, out->rival_support, out->support);
     } else if (out->distance_m > o_.max_distance_m) {
       std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m, o_.max_distance_m);
     } else if (!(sigma <= o_.max_sigma_m)) {

@@ -28,6 +28,7 @@ struct RegistrationOptions {
   double rival_share = 0.5;       // a second, different pose with more than this share of inliers: ambiguous
   double max_distance_m = 30;     // from the nearest camera
   double max_sigma_m = 0.35;      // largest position sigma (worst axis) of an answer
+  double set_radius_m = 1.0;      // the photos of a set were taken within it of each other
   double homography_px = 4;       // RANSAC threshold of the paper's homography
   int homography_min_inliers = 12;  // views with fewer matches are not used (paper mode)
 
@@ -48,6 +49,7 @@ struct RegistrationOptions {
     visit(self.rival_share, {"rival_share", "", 0, 1, "a second pose with more than this share: ambiguous"});
     visit(self.max_distance_m, {"max_distance_m", "m", 0.1, 10000, "largest distance from the nearest camera"});
     visit(self.max_sigma_m, {"max_sigma_m", "m", 0.001, 1000, "largest position sigma of an answer, worst axis"});
+    visit(self.set_radius_m, {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
     visit(self.homography_px, {"homography_px", "px", 0.5, 100, "threshold of the homography (paper mode)"});
     visit(self.homography_min_inliers, {"homography_min_inliers", "", 4, 10000, "matches a view needs (paper mode)"});
   }
@@ -84,8 +86,10 @@ struct Registration {
   std::vector<ViewObservation> inliers;
   std::vector<ViewAnswer> views;
   int view_matches = 0;        // matches before the geometry decided
-  int rival_inliers = 0;
-  double matched_share = 0;    // of the points that should be seen
+  double support = 0;          // points found where the pose predicts them, beyond what chance would find
+  double rival_support = 0;    // of the best other pose
+  double rival_distance_m = 0;
+  double matched_share = 0;    // support as a share of the points that should be seen
   double distance_m = 0;       // to the nearest camera
 };
 

@@ -17,7 +17,7 @@ struct TrackOptions {
   double max_distance = 0.75;      // largest distance of unit descriptors
   double inlier_px = 2.0;          // largest distance from the epipolar line (paper: homography, 3 px)
   double homography_px = 3.0;      // RANSAC threshold of the homography (paper mode)
-  int max_gap = 8;                 // longest gap bridged, frames; gaps 2, 3, 4, 6, 8, ... are tried
+  int max_gap = 8;                 // longest gap bridged, frames; gaps 2, 3, 4, 6, 9, ... are tried
   int min_length = 3;              // shortest track kept, images
   double min_depth_m = 1.5;        // nearest point searched for
   double sigma_rotation_deg = 1.0;    // how far odometry's rotation between two frames may be off, 1 sigma
@@ -30,7 +30,7 @@ struct TrackOptions {
     visit(self.max_distance, {"max_distance", "", 0.1, 1.4, "largest distance of unit descriptors"});
     visit(self.inlier_px, {"inlier_px", "px", 0.2, 20, "largest distance from the epipolar line"});
     visit(self.homography_px, {"homography_px", "px", 0.5, 50, "RANSAC threshold of the homography (paper mode)"});
-    visit(self.max_gap, {"max_gap", "frames", 1, 64, "longest gap bridged; gaps 2, 3, 4, 6, 8, ... are tried"});
+    visit(self.max_gap, {"max_gap", "frames", 1, 64, "longest gap bridged; gaps 2, 3, 4, 6, 9, ... are tried"});
     visit(self.min_length, {"min_length", "images", 2, 100, "shortest track kept"});
     visit(self.min_depth_m, {"min_depth_m", "m", 0.05, 100, "nearest point searched for"});
     visit(self.sigma_rotation_deg,

@@ -326,7 +326,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     r.kind = reference.kind;
     r.rig = p.rig;
     r.geotag = reference.geotag;
-    // A set's geotag is of the set: as good as its photos are close together.
+    if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -11,7 +12,7 @@ using nlohmann::json;
 
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
-  static const std::vector<StageInfo> kStages = {};
+  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage()};
   return kStages;
 }
 

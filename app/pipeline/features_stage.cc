@@ -1,0 +1,55 @@
+#include "app/pipeline/feature_store.h"
+#include "app/pipeline/stage_list.h"
+
+namespace trigpoint {
+namespace {
+
+nlohmann::json Metrics(const ExtractionReport& report) {
+  return {{"pictures", report.pictures}, {"features", report.features}, {"skipped", report.skipped}};
+}
+
+}  // namespace
+
+// One database per run; the site's references have their own, shared by all runs: results/features/@references.
+StageInfo FeaturesStage() {
+  StageInfo info;
+  info.name = "features";
+  info.help = "find local features in the images of a run";
+  info.metric = "features";
+  UseOptions<FeatureStageOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const auto options = ResolveOptions<FeatureStageOptions>(project, "features", target);
+    StageRequest request;
+    request.options = JsonFromOptions(options);
+    request.inputs = RunInputs(project, project.run(target.run));
+    request.body = [options, name = target.run](StageContext& context) {
+      context.metrics.update(Metrics(ExtractRunFeatures(context.project.run(name), options.images, context.out / "features.db",
+                                                        context.threads, context.progress, context.cancel)));
+    };
+    return request;
+  };
+  return info;
+}
+
+StageInfo ReferencesStage() {
+  StageInfo info;
+  info.name = "references";
+  info.help = "find local features in the views of panoramas and in reference photos";
+  info.per_run = false;
+  info.metric = "features";
+  UseOptions<FeatureStageOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const auto options = ResolveOptions<FeatureStageOptions>(project, "references", target);
+    StageRequest request;
+    request.options = JsonFromOptions(options);
+    request.inputs = ReferenceInputs(project);
+    request.body = [options](StageContext& context) {
+      context.metrics.update(Metrics(ExtractReferenceFeatures(context.project.site(), options, context.out / "features.db",
+                                                              context.threads, context.progress, context.cancel)));
+    };
+    return request;
+  };
+  return info;
+}
+
+}  // namespace trigpoint

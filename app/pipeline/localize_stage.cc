@@ -1,0 +1,110 @@
+#include <fmt/format.h>
+
+#include "app/pipeline/localize_files.h"
+#include "app/pipeline/stage_list.h"
+
+namespace trigpoint {
+namespace {
+
+// The mode decides the defaults, so it is looked at before the other options are laid over them.
+LocalizeOptions ResolveLocalizeOptions(const Project& project, const StageTarget& target) {
+  std::string mode = "trigpoint";
+  for (const OptionLayer& layer : OptionLayers(project, "localize", target)) {
+    if (const auto it = layer.values.find("mode"); it != layer.values.end() && it->is_string()) mode = *it;
+  }
+  LocalizeOptions options = LocalizeOptions::ForMode(mode);
+  std::vector<std::string> problems;
+  for (const OptionLayer& layer : OptionLayers(project, "localize", target)) {
+    SetOptions(layer.values, layer.where, options, problems);
+  }
+  if (problems.empty()) {
+    for (const std::string& problem : options.Check()) problems.push_back("stage localize: " + problem);
+  }
+  ThrowIfAny(problems);
+  return options;
+}
+
+nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
+  nlohmann::json m;
+  int localized = 0, rejected = 0, unmatched = 0;
+  for (const ReferenceAnswer& a : result.references) {
+    ++(a.registration.status == AnswerStatus::kLocalized  ? localized
+       : a.registration.status == AnswerStatus::kRejected ? rejected
+                                                          : unmatched);
+  }
+  m["images"] = job.input.images.size();
+  m["images_without_odometry"] = job.without_odometry;
+  m["references"] = result.references.size();
+  m["localized"] = localized;
+  m["rejected"] = rejected;
+  m["unmatched"] = unmatched;
+  m["tracks"] = result.tracks.tracks;
+  m["observations"] = result.tracks.observations.size();
+  m["feature_sigma_px"] = result.reconstruction.sigma_px;
+  m["odometry_rotation_noise_factor"] = result.reconstruction.odometry_rotation_factor;
+  m["odometry_translation_noise_factor"] = result.reconstruction.odometry_translation_factor;
+  m["pairs_contradicting_odometry"] = result.tracks.odometry_contradicted;
+  m["on_earth"] = result.on_earth;
+  m["earth_source"] = result.earth_source;
+  m["earth_reason"] = result.earth_reason;
+  m["odometry_scale"] = result.odometry_scale;
+  m["odometry_scale_sigma"] = result.odometry_scale_sigma;
+  m["retrieval_words"] = result.retrieval.words;
+  m["retrieval_memory_mib"] = result.retrieval.memory_mib;
+  for (const auto& [name, seconds] : result.seconds) m["seconds"][name] = seconds;
+  return m;
+}
+
+}  // namespace
+
+StageInfo LocalizeStage() {
+  StageInfo info;
+  info.name = "localize";
+  info.help = "find the pose of every camera and panorama of a run";
+  info.variants = true;
+  info.needs = {"features", "references"};
+  info.metric = "localized";
+  info.flags = {"mode"};
+  UseOptions<LocalizeOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const LocalizeOptions options = ResolveLocalizeOptions(project, target);
+    StageRequest request;
+    request.options = JsonFromOptions(options);
+    const Run& run = project.run(target.run);
+    StageTarget plain = target;
+    plain.variant.clear();
+    request.inputs = RunInputs(project, run);
+    for (const char* table : {"panoramas.csv", "photos.csv", "origin.json"}) {
+      if (std::filesystem::exists(project.dir() / table)) request.inputs.push_back(project.dir() / table);
+    }
+    request.inputs.push_back(ManifestOf(project, "features", plain));
+    request.inputs.push_back(ManifestOf(project, "references", plain));
+    const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
+    const std::filesystem::path references = ResultOf(project, "references", plain) / "features.db";
+    const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;
+    request.body = [=, name = target.run](StageContext& context) {
+      const Site& site = context.project.site();
+      const Run& r = context.project.run(name);
+      LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
+      for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
+      const Localization result = Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
+      if (!result.on_earth) context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
+      WriteLocalization(site, r, job, result, options, context.out);
+      context.metrics.update(Metrics(job, result));
+    };
+    return request;
+  };
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
+    const nlohmann::json& m = outcome.manifest.at("metrics");
+    return fmt::format("{} of {} references localized, {} rejected, {} unmatched; {} images; {}\n", m.at("localized").get<int>(),
+                       m.at("references").get<int>(), m.at("rejected").get<int>(), m.at("unmatched").get<int>(),
+                       m.at("images").get<int>(),
+                       m.at("on_earth").get<bool>()
+                           ? fmt::format("on the Earth by {}, odometry scale {:.4f} +- {:.4f} (1 sigma)", m.at("earth_source").get<std::string>(),
+                                         m.at("odometry_scale").get<double>(), m.at("odometry_scale_sigma").get<double>())
+                           : "not on the Earth: " + m.at("earth_reason").get<std::string>());
+  };
+  return info;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,12 @@
+// Every stage, each defined in app/pipeline/<name>_stage.cc.
+#pragma once
+
+#include "app/pipeline/stages.h"
+
+namespace trigpoint {
+
+StageInfo FeaturesStage();
+StageInfo ReferencesStage();
+StageInfo LocalizeStage();
+
+}  // namespace trigpoint
