@@ -1,6 +1,7 @@
 #include "localize/features.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <opencv2/features2d.hpp>
@@ -46,6 +47,11 @@ FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const Featu
 }
 
 cv::Mat RootSift(const cv::Mat& descriptors) {
+  static const std::array<float, 256> kRoots = [] {
+    std::array<float, 256> roots{};
+    for (size_t v = 0; v < roots.size(); ++v) roots[v] = std::sqrt(static_cast<float>(v));
+    return roots;
+  }();
   cv::Mat out(descriptors.rows, descriptors.cols, CV_8U);
   for (int r = 0; r < descriptors.rows; ++r) {
     const uint8_t* in = descriptors.ptr<uint8_t>(r);
@@ -53,9 +59,7 @@ cv::Mat RootSift(const cv::Mat& descriptors) {
     int sum = 0;
     for (int c = 0; c < descriptors.cols; ++c) sum += in[c];
     const float scale = sum > 0 ? 255.0F / std::sqrt(static_cast<float>(sum)) : 0.0F;
-    for (int c = 0; c < descriptors.cols; ++c) {
-      to[c] = static_cast<uint8_t>(std::lround(scale * std::sqrt(static_cast<float>(in[c]))));
-    }
+    for (int c = 0; c < descriptors.cols; ++c) to[c] = static_cast<uint8_t>(scale * kRoots[in[c]] + 0.5F);
   }
   return out;
 }

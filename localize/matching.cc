@@ -11,7 +11,7 @@ namespace trigpoint {
 namespace {
 
 // Plain loops that compilers turn into multiply-add instructions of any x86-64 or ARM64.
-int Dot(const int16_t* a, const int16_t* b) {
+inline int Dot(const int16_t* __restrict a, const int16_t* __restrict b) {
   int sum = 0;
   for (int c = 0; c < DescriptorBlock::kDim; ++c) sum += static_cast<int>(a[c]) * static_cast<int>(b[c]);
   return sum;
@@ -58,12 +58,19 @@ void DescriptorBlock::Append(const DescriptorBlock& other, int j) {
 
 Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance) {
   std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
-  for (int i = 0; i < a.size(); ++i) {
-    BestTwo& best = of_a[static_cast<size_t>(i)];
+  // Tiles of rows of a that stay in the cache while b streams by.
+  constexpr int kTile = 8;
+  for (int begin = 0; begin < a.size(); begin += kTile) {
+    const int end = std::min(a.size(), begin + kTile);
     for (int j = 0; j < b.size(); ++j) {
-      const int d = a.SquaredDistance(i, b, j);
-      best.Offer(d, j);
-      of_b[static_cast<size_t>(j)].Offer(d, i);
+      int dot[kTile];
+      for (int i = begin; i < end; ++i) dot[i - begin] = Dot(a.row(i), b.row(j));
+      BestTwo& back = of_b[static_cast<size_t>(j)];
+      for (int i = begin; i < end; ++i) {
+        const int d = a.SquaredNorm(i) + b.SquaredNorm(j) - 2 * dot[i - begin];
+        of_a[static_cast<size_t>(i)].Offer(d, j);
+        back.Offer(d, i);
+      }
     }
   }
   Matches matches;

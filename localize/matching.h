@@ -20,6 +20,7 @@ class DescriptorBlock {
   explicit DescriptorBlock(const cv::Mat& sift);
   int size() const { return static_cast<int>(norms_.size()); }
   const int16_t* row(int i) const { return values_.data() + static_cast<size_t>(i) * kDim; }
+  int SquaredNorm(int i) const { return norms_[static_cast<size_t>(i)]; }
   // Squared distance between row i and row j of another block; unit descriptors have length 255.
   int SquaredDistance(int i, const DescriptorBlock& other, int j) const;
   void Append(const DescriptorBlock& other, int j);

@@ -164,25 +164,23 @@ class Registrar {
         if (used.count(static_cast<int>(i)) == 0) rest.push_back(all[i]);
       }
     }
-    // Two readings of the same scene compete on equal terms: each is refined and gets its guided matches.
-    Registration first = out, second = out;
-    Grow(ref, views, view_from_rig, best.model, &first);
+    out.agreeing = static_cast<int>(best.inliers.size());
     const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
     if (rival.found && rival.inliers.size() >= 8) {
-      Grow(ref, views, view_from_rig, rival.model, &second);
-      const Rigid3d difference = first.rig_from_odom * second.rig_from_odom.Inverse();
-      const double apart =
-          (first.rig_from_odom.TargetOriginInSource() - second.rig_from_odom.TargetOriginInSource()).norm();
-      const bool different = apart > 1.0 || LogSO3(difference.rotation).norm() > 5 * kDegToRad;
-      if (different && second.support > first.support) std::swap(first, second);
-      if (different) {
-        first.rival_support = std::max(0.0, second.support);
-        first.rival_distance_m = apart;
+      // Refined on what it explains: a rival that ends up where the first pose is, is none.
+      std::vector<Correspondence> explained;
+      for (int i : rival.inliers) explained.push_back(rest[static_cast<size_t>(i)]);
+      const Rigid3d pose = RefinePose(ref, view_from_rig, explained, rival.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+      const double apart = (best.model.TargetOriginInSource() - pose.TargetOriginInSource()).norm();
+      if (apart > 1.0 || AngleBetween(best.model.rotation, pose.rotation) > 5 * kDegToRad) {
+        out.rival = static_cast<int>(rival.inliers.size());
+        out.rival_distance_m = apart;
       }
     }
-    Decide(&first);
-    AnswerViews(ref, view_from_rig, &first);
-    return first;
+    Grow(ref, views, view_from_rig, best.model, &out);
+    Decide(&out);
+    AnswerViews(ref, view_from_rig, &out);
+    return out;
   }
 
   std::vector<Correspondence> MatchCandidates(const ReferenceViews& ref, int reference,
@@ -190,6 +188,7 @@ class Registrar {
                                               const std::vector<int>& candidates) const {
     std::vector<Correspondence> all;
     std::set<std::tuple<int, int, int>> seen;
+    std::map<int, int> times;  // a point is matched from at most two images: more say the same again
     const int n_views = static_cast<int>(views.size());
     for (int image : candidates) {
       cancel_.ThrowIfCancelled();
@@ -202,7 +201,10 @@ class Registrar {
       const FeatureSet features = input_.image_features(image);
       const DescriptorBlock full(features.descriptors);
       DescriptorBlock block;
-      const std::vector<ImagePoint>& points = image_points_[static_cast<size_t>(image)];
+      std::vector<ImagePoint> points;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
+        if (++times[p.point] <= 2) points.push_back(p);
+      }
       for (const ImagePoint& p : points) block.Append(full, p.feature);
       for (int v : chosen) {
         const PreparedView& view = views[static_cast<size_t>(v)];
@@ -454,9 +456,12 @@ class Registrar {
     } else if (out->support < o_.min_inliers || out->matched_share < o_.min_matched_share) {
       std::snprintf(text, sizeof text, "only %.1f %% of the points that should be seen are found (%.1f %% needed)",
                     100 * out->matched_share, 100 * o_.min_matched_share);
-    } else if (out->rival_support > o_.rival_share * out->support) {
-      std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %.0f points against %.0f",
-                    out->rival_distance_m, out->rival_support, out->support);
+    } else if (out->rival > o_.rival_share * out->agreeing) {
+      std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %d matches against %d",
+                    out->rival_distance_m, out->rival, out->agreeing);
+    } else if (out->agreeing < o_.min_agreement * out->view_matches) {
+      std::snprintf(text, sizeof text, "only %d of %d matches agree on a pose (%.0f %% needed)", out->agreeing,
+                    out->view_matches, 100 * o_.min_agreement);
     } else if (out->distance_m > o_.max_distance_m) {
       std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m, o_.max_distance_m);
     } else if (!(sigma <= o_.max_sigma_m)) {

@@ -25,7 +25,8 @@ struct RegistrationOptions {
   double outlier_chi2 = 13.8;     // observations beyond it are dropped (2 dof, 0.1 %)
   int min_inliers = 20;           // fewer: not localized
   double min_matched_share = 0.06;  // of the points that should be seen, so many must be found
-  double rival_share = 0.5;       // a second, different pose with more than this share of inliers: ambiguous
+  double min_agreement = 0.1;     // share of the matches that must agree on the pose; chance reaches some percent
+  double rival_share = 0.3;       // another pose that explains more than this share of what the best does: ambiguous
   double max_distance_m = 30;     // from the nearest camera
   double max_sigma_m = 0.35;      // largest position sigma (worst axis) of an answer
   double set_radius_m = 1.0;      // the photos of a set were taken within it of each other
@@ -46,7 +47,8 @@ struct RegistrationOptions {
     visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations beyond it are dropped: chi-square, 2 dof"});
     visit(self.min_inliers, {"min_inliers", "", 6, 10000, "fewer inliers: not localized"});
     visit(self.min_matched_share, {"min_matched_share", "", 0, 1, "share of expected points that must be found"});
-    visit(self.rival_share, {"rival_share", "", 0, 1, "a second pose with more than this share: ambiguous"});
+    visit(self.min_agreement, {"min_agreement", "", 0, 1, "share of the matches that must agree on the pose"});
+    visit(self.rival_share, {"rival_share", "", 0, 1, "another pose with more than this share of the matches: ambiguous"});
     visit(self.max_distance_m, {"max_distance_m", "m", 0.1, 10000, "largest distance from the nearest camera"});
     visit(self.max_sigma_m, {"max_sigma_m", "m", 0.001, 1000, "largest position sigma of an answer, worst axis"});
     visit(self.set_radius_m, {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
@@ -86,9 +88,10 @@ struct Registration {
   std::vector<ViewObservation> inliers;
   std::vector<ViewAnswer> views;
   int view_matches = 0;        // matches before the geometry decided
-  double support = 0;          // points found where the pose predicts them, beyond what chance would find
-  double rival_support = 0;    // of the best other pose
+  int agreeing = 0;            // of view_matches, with the best pose
+  int rival = 0;               // with the best pose elsewhere
   double rival_distance_m = 0;
+  double support = 0;          // points found where the pose predicts them, beyond what chance would find
   double matched_share = 0;    // support as a share of the points that should be seen
   double distance_m = 0;       // to the nearest camera
 };

@@ -173,8 +173,24 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
           two.sigma_rotation_rad = options.sigma_rotation_deg * kDegToRad;
           two.sigma_direction_rad = options.sigma_direction_deg * kDegToRad;
           two.seed = seed + static_cast<uint64_t>(k);
-          const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, options.max_distance);
-          out = Verified(a, b, matches, prior, two);
+          // First along the epipolar curves that odometry predicts: cheap, and blind to far-off repetitions. Where
+          // that finds little, or the images contradict odometry, everything is compared with everything.
+          GuidedOptions guided;
+          guided.epipolar_px = std::max(2 * options.inlier_px, two.sigma_rotation_rad * focal);
+          guided.min_depth_m = options.min_depth_m;
+          guided.ratio = options.ratio;
+          guided.max_distance = options.max_distance;
+          const Camera& camera = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
+          const Matches near = MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays, *b.grid,
+                                           camera, prior, guided);
+          TwoViewOptions trusting = two;
+          trusting.min_prior_inliers = 0;
+          out = Verified(a, b, near, prior, trusting);
+          if (out.matches.size() < 100 || out.matches.size() < 0.6 * static_cast<double>(near.size())) {
+            const PairResult all = Verified(
+                a, b, MatchMutual(a.descriptors, b.descriptors, options.ratio, options.max_distance), prior, two);
+            if (all.matches.size() > out.matches.size()) out = all;
+          }
           if (out.matches.size() < 12) out.b_from_a = prior;
         }
         progress.Advance(1);
