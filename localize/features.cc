@@ -19,7 +19,8 @@ std::vector<int> StableOrder(const std::vector<cv::KeyPoint>& keypoints) {
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int i, int j) {
     const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
-    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) < std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
+    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
+           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
   });
   return order;
 }
@@ -27,8 +28,8 @@ std::vector<int> StableOrder(const std::vector<cv::KeyPoint>& keypoints) {
 }  // namespace
 
 FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const FeatureOptions& options) {
-  const cv::Ptr<cv::SIFT> sift = cv::SIFT::create(options.max_features, 3, options.contrast_threshold,
-                                                  options.edge_threshold, 1.6, CV_8U);
+  const cv::Ptr<cv::SIFT> sift =
+      cv::SIFT::create(options.max_features, 3, options.contrast_threshold, options.edge_threshold, 1.6, CV_8U);
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
   // Together: the scale space is built once.

@@ -30,8 +30,8 @@ struct ReferenceViews {
 
 struct LocalizeInput {
   std::vector<BodyCamera> cameras;
-  std::vector<FrameImage> images;      // ascending time
-  std::vector<int64_t> pose_stamps;    // of each body pose
+  std::vector<FrameImage> images;       // ascending time
+  std::vector<int64_t> pose_stamps;     // of each body pose
   std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
   std::vector<ReferenceViews> references;
   std::function<FeatureSet(int image)> image_features;
@@ -41,6 +41,5 @@ struct LocalizeInput {
   bool levelled = false;
   double scale_sigma = 0.01;
 };
-
 
 }  // namespace trigpoint

@@ -16,10 +16,10 @@ Sim3d Moved(const Sim3d& s, const Vector7d& d) {
 
 // Rows of one observation: position (3), then heading, pitch, roll. Sigma 0 marks a row that is not observed.
 struct Rows {
-  Vector6d r = Vector6d::Zero();      // predicted - said
-  Vector6d sigma = Vector6d::Zero();  // of what is said
-  Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();   // d r / d global
-  Matrix6d jo = Matrix6d::Zero();     // d r / d odom_from_rig
+  Vector6d r = Vector6d::Zero();                                        // predicted - said
+  Vector6d sigma = Vector6d::Zero();                                    // of what is said
+  Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();  // d r / d global
+  Matrix6d jo = Matrix6d::Zero();                                       // d r / d odom_from_rig
 };
 
 Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
@@ -40,9 +40,10 @@ Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
     // Looking straight up or down there is no heading: such a view says nothing here.
     if (std::cos(a.pitch_rad) > 0.05) {
       const Eigen::Matrix3d ja = AttitudeJacobian(world_from_rig);
-      rows.r.tail<3>() << WrapAngle(a.heading_rad - o.attitude.heading_rad), WrapAngle(a.pitch_rad - o.attitude.pitch_rad),
-          WrapAngle(a.roll_rad - o.attitude.roll_rad);
-      rows.sigma.tail<3>() << (o.has_heading ? o.sigma_heading_rad : 0), (o.has_tilt ? o.sigma_tilt_rad : 0), (o.has_tilt ? o.sigma_tilt_rad : 0);
+      rows.r.tail<3>() << WrapAngle(a.heading_rad - o.attitude.heading_rad),
+          WrapAngle(a.pitch_rad - o.attitude.pitch_rad), WrapAngle(a.roll_rad - o.attitude.roll_rad);
+      rows.sigma.tail<3>() << (o.has_heading ? o.sigma_heading_rad : 0), (o.has_tilt ? o.sigma_tilt_rad : 0),
+          (o.has_tilt ? o.sigma_tilt_rad : 0);
       rows.j.bottomLeftCorner<3, 3>() = ja;
       rows.jo.bottomLeftCorner<3, 3>() = ja * rot;
     }

@@ -32,26 +32,26 @@ struct GeoRegistrationOptions {
 
 // A place in the run's frame with what is said about it in the world.
 struct GeoObservation {
-  Rigid3d odom_from_rig;       // rotation is used only with has_attitude parts
-  Eigen::Vector3d position;    // said, world (ENU), m
+  Rigid3d odom_from_rig;     // rotation is used only with has_attitude parts
+  Eigen::Vector3d position;  // said, world (ENU), m
   bool has_position = true;
   bool has_height = true;
   bool has_heading = false;
   bool has_tilt = false;
-  Attitude attitude;           // said, of the rig's optical axis
+  Attitude attitude;  // said, of the rig's optical axis
   double sigma_h_m = 1, sigma_v_m = 1, sigma_heading_rad = 1, sigma_tilt_rad = 1;
 };
 
 struct GeoRegistration {
   bool solved = false;
-  std::string reason;          // when not solved
-  Sim3d world_from_odom;       // scale: true length / length in the run's frame
+  std::string reason;     // when not solved
+  Sim3d world_from_odom;  // scale: true length / length in the run's frame
   // Tangent [rotation (rad, left), translation (m), scale], 7 x 7.
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
   // d estimate / d (errors of the places in the run's frame), 7 x 6n: for covariances of things in the run's frame.
   Eigen::MatrixXd sensitivity;
-  std::vector<double> weights;   // of each observation's position, 0 to 1
-  std::vector<bool> outlier;     // position beyond the gate
+  std::vector<double> weights;             // of each observation's position, 0 to 1
+  std::vector<bool> outlier;               // position beyond the gate
   std::vector<Eigen::Vector3d> residuals;  // said - estimated, world, m
   int iterations = 0;
 };

@@ -33,7 +33,8 @@ struct Joint {
 };
 
 // Adds the localized references to the reconstruction: a pose each, their observations, sorted by point.
-Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswer>& answers, double sigma_px, Reconstruction* r) {
+Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswer>& answers, double sigma_px,
+                    Reconstruction* r) {
   BundleProblem& p = r->problem;
   Joint joint;
   joint.pose_of_reference.assign(answers.size(), -1);
@@ -42,7 +43,8 @@ Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswe
     int image, feature;
   };
   std::vector<Row> rows;
-  for (size_t k = 0; k < p.observations.size(); ++k) rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
+  for (size_t k = 0; k < p.observations.size(); ++k)
+    rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
   for (size_t i = 0; i < answers.size(); ++i) {
     const Registration& g = answers[i].registration;
     if (g.status != AnswerStatus::kLocalized) continue;
@@ -81,7 +83,8 @@ Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswe
 double ReferenceNoiseFactor(const Reconstruction& r) {
   std::vector<double> errors;
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
-    if (r.image_of[k] < 0 && r.problem.observations[k].active) errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
+    if (r.image_of[k] < 0 && r.problem.observations[k].active)
+      errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
   }
   if (errors.size() < 50) return 1;
   const size_t middle = errors.size() / 2;
@@ -91,9 +94,9 @@ double ReferenceNoiseFactor(const Reconstruction& r) {
 
 // odom_from_rig covariance of the references and what the global fit needs of them.
 struct LocalCovariance {
-  std::vector<int> poses;      // pose indices of the references used, in order
-  Eigen::MatrixXd columns;     // covariance of all poses (rows) with these (columns), as rig_from_odom tangents
-  Eigen::MatrixXd places;      // of odom_from_rig, 6n x 6n
+  std::vector<int> poses;          // pose indices of the references used, in order
+  Eigen::MatrixXd columns;         // covariance of all poses (rows) with these (columns), as rig_from_odom tangents
+  Eigen::MatrixXd places;          // of odom_from_rig, 6n x 6n
   std::vector<Matrix6d> diagonal;  // of all poses
 };
 
@@ -106,7 +109,8 @@ Matrix6d InverseJacobian(const Rigid3d& b_from_a) {
   return j;
 }
 
-LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector<int>& poses, int threads, const CancelToken& cancel) {
+LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector<int>& poses, int threads,
+                                       const CancelToken& cancel) {
   LocalCovariance c;
   c.poses = poses;
   const BundleCovariance covariance(p, threads, cancel);
@@ -119,7 +123,8 @@ LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector
     const Matrix6d ja = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(a)])]);
     for (Eigen::Index b = 0; b < n; ++b) {
       const Matrix6d jb = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(b)])]);
-      c.places.block<6, 6>(6 * a, 6 * b) = ja * c.columns.block<6, 6>(6 * poses[static_cast<size_t>(a)], 6 * b) * jb.transpose();
+      c.places.block<6, 6>(6 * a, 6 * b) =
+          ja * c.columns.block<6, 6>(6 * poses[static_cast<size_t>(a)], 6 * b) * jb.transpose();
     }
   }
   c.places = 0.5 * (c.places + c.places.transpose()).eval();
@@ -176,7 +181,8 @@ void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<Referenc
       g.status = AnswerStatus::kRejected;
       g.reason = enough ? "disagrees with the other photos of its set"
                         : "the photos of its set do not agree: " + std::to_string(best.size()) + " of " +
-                              std::to_string(answered.size()) + " answers within " + std::to_string(radius).substr(0, 4) + " m";
+                              std::to_string(answered.size()) + " answers within " +
+                              std::to_string(radius).substr(0, 4) + " m";
     }
   }
 }
@@ -215,7 +221,9 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
   if (use_gps) {
     int64_t last = std::numeric_limits<int64_t>::min();
     for (const GpsPlace& g : gps) {
-      if (last != std::numeric_limits<int64_t>::min() && static_cast<double>(g.stamp_ns - last) * 1e-9 < options.gps_correlation_s) continue;
+      if (last != std::numeric_limits<int64_t>::min() &&
+          static_cast<double>(g.stamp_ns - last) * 1e-9 < options.gps_correlation_s)
+        continue;
       last = g.stamp_ns;
       GeoObservation o;
       o.odom_from_rig = p.poses[static_cast<size_t>(g.pose)].Inverse();
@@ -257,12 +265,13 @@ LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
 
 std::vector<std::string> LocalizeOptions::Check() const {
   std::vector<std::string> problems = CheckRanges(*this);
-  if (mode != "trigpoint" && mode != "paper") problems.push_back("option mode is '" + mode + "', expected trigpoint or paper");
+  if (mode != "trigpoint" && mode != "paper")
+    problems.push_back("option mode is '" + mode + "', expected trigpoint or paper");
   return problems;
 }
 
 Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                        int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
   if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
   const bool paper = options.mode == "paper";
   Localization result;
@@ -322,7 +331,9 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   watch.Lap("joint solution");
 
   // The Earth, and the odometry's scale with it. One more round with the scale applied makes the run's frame metric.
-  const auto covariance_of = [&](const std::vector<int>& poses) { return ComputeLocalCovariance(p, poses, threads, cancel); };
+  const auto covariance_of = [&](const std::vector<int>& poses) {
+    return ComputeLocalCovariance(p, poses, threads, cancel);
+  };
   result.odometry_scale = 1;
   result.odometry_scale_sigma = input.scale_sigma;
   EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
@@ -347,7 +358,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       r.summary = SolveBundle(p, bundle, progress, cancel);
       earth = CollectEarth(input, result, joint, gps, options.geo);
       local = covariance_of(earth.poses);
-      result.geo = RegisterToEarth(earth.observations, local.places, 1.0 / scale, input.scale_sigma, input.levelled, options.geo);
+      result.geo = RegisterToEarth(earth.observations, local.places, 1.0 / scale, input.scale_sigma, input.levelled,
+                                   options.geo);
       result.earth_reason = result.geo.reason;
     }
     if (result.geo.solved) {
@@ -376,7 +388,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     answer.registration.rig_from_odom = p.poses[static_cast<size_t>(pose)];
     answer.registration.covariance = local.diagonal[static_cast<size_t>(pose)];
     if (!result.on_earth) continue;
-    const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
+    const Matrix6d own =
+        InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
     answer.world = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
   }
   if (result.on_earth) {
@@ -390,7 +403,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), threads, cancel, [&](int64_t i) {
       const int pose = static_cast<int>(i);
-      const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
+      const Matrix6d own =
+          InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
       bodies[static_cast<size_t>(i)] = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
     });
     for (const FrameImage& image : input.images) {

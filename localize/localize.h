@@ -51,16 +51,16 @@ struct ReferenceAnswer {
 };
 
 struct Localization {
-  Reconstruction reconstruction;         // poses: body_from_odom of all images first, then references
-  std::vector<Rigid3d> body_from_odom;   // optimised, one a body pose
+  Reconstruction reconstruction;        // poses: body_from_odom of all images first, then references
+  std::vector<Rigid3d> body_from_odom;  // optimised, one a body pose
   std::vector<ReferenceAnswer> references;
   bool on_earth = false;
-  std::string earth_reason;              // why not
-  std::string earth_source;              // "geotags", "gps"
-  GeoRegistration geo;                   // of the final run's frame
-  double odometry_scale = 1;             // applied in the run's frame: true / measured length
+  std::string earth_reason;   // why not
+  std::string earth_source;   // "geotags", "gps"
+  GeoRegistration geo;        // of the final run's frame
+  double odometry_scale = 1;  // applied in the run's frame: true / measured length
   double odometry_scale_sigma = 0;
-  std::vector<PoseEstimate> cameras;     // each image, world_from_cam; empty when not on the Earth
+  std::vector<PoseEstimate> cameras;  // each image, world_from_cam; empty when not on the Earth
   Retrieval retrieval;
   TrackSet tracks;
   std::vector<std::pair<std::string, double>> seconds;  // wall time of each step
@@ -76,6 +76,6 @@ struct GpsPlace {
 };
 
 Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                        int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
+                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
 
 }  // namespace trigpoint

@@ -44,7 +44,8 @@ std::vector<Rigid3d> FivePointPoses(const std::vector<Eigen::Vector3d>& rays_a,
     if (v.determinant() < 0) v.col(2) *= -1;
     Eigen::Matrix3d w;
     w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-    for (const Eigen::Matrix3d& r : {Eigen::Matrix3d(u * w * v.transpose()), Eigen::Matrix3d(u * w.transpose() * v.transpose())}) {
+    for (const Eigen::Matrix3d& r :
+         {Eigen::Matrix3d(u * w * v.transpose()), Eigen::Matrix3d(u * w.transpose() * v.transpose())}) {
       for (double sign : {1.0, -1.0}) {
         const Rigid3d pose(Eigen::Quaterniond(r), sign * u.col(2));
         bool ok = true;

@@ -26,8 +26,10 @@ void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o,
     f.scaled = true;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
     const double length = f.measured.translation.norm();
-    const double rotation = rotation_factor * std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
-    const double translation = translation_factor * std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
+    const double rotation =
+        rotation_factor * std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
+    const double translation =
+        translation_factor * std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
     f.sqrt_info.setZero();
     f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / rotation), Eigen::Vector3d::Constant(1 / translation);
     f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
@@ -63,7 +65,8 @@ void EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToke
     jb.bottomLeftCorner<3, 3>() = -Skew(rtb) * r;
     jb.bottomRightCorner<3, 3>() = -r;
     const Matrix6d cross = ja * with_next[a] * jb.transpose();
-    const Matrix6d posterior = ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
+    const Matrix6d posterior =
+        ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
     const Vector6d e = OdometryResidual(p, f);
     for (int i = 0; i < 6; ++i) {
       const double w = f.sqrt_info(i, i);
@@ -158,7 +161,8 @@ double VarianceFactor(const BundleProblem& p) {
     ++n;
     if (o.point != last) ++points, last = o.point;
   }
-  const double dof = 2.0 * static_cast<double>(n) - 3.0 * static_cast<double>(points) - 6.0 * static_cast<double>(p.poses.size());
+  const double dof =
+      2.0 * static_cast<double>(n) - 3.0 * static_cast<double>(points) - 6.0 * static_cast<double>(p.poses.size());
   return dof > 10 ? sum / dof : 1.0;
 }
 

@@ -12,19 +12,19 @@
 namespace trigpoint {
 
 struct ReconstructOptions {
-  double sigma_px = 0.6;              // first guess of the features' noise, px; estimated afterwards
-  bool estimate_sigma = true;         // from the residuals (variance factor)
-  std::string loss = "dcs";           // robust kernel of observations: none, huber, cauchy, tukey, dcs
-  double loss_chi2 = 5.99;            // its threshold, chi-square with 2 dof
-  double outlier_chi2 = 13.8;         // observations beyond it are dropped (2 dof, 0.1 %)
-  double min_parallax_deg = 0.5;      // points seen under less are kept out of the bundle
-  double max_depth_m = 500;           // points farther away are kept out of the bundle
-  double odometry_rotation_deg = 0.1;     // odometry's noise a step, constant part, 1 sigma per axis
-  double odometry_rotation_deg_m = 0.3;   // and its part per metre travelled
-  double odometry_translation_m = 0.005;  // translation noise a step, constant part, 1 sigma per axis
+  double sigma_px = 0.6;                    // first guess of the features' noise, px; estimated afterwards
+  bool estimate_sigma = true;               // from the residuals (variance factor)
+  std::string loss = "dcs";                 // robust kernel of observations: none, huber, cauchy, tukey, dcs
+  double loss_chi2 = 5.99;                  // its threshold, chi-square with 2 dof
+  double outlier_chi2 = 13.8;               // observations beyond it are dropped (2 dof, 0.1 %)
+  double min_parallax_deg = 0.5;            // points seen under less are kept out of the bundle
+  double max_depth_m = 500;                 // points farther away are kept out of the bundle
+  double odometry_rotation_deg = 0.1;       // odometry's noise a step, constant part, 1 sigma per axis
+  double odometry_rotation_deg_m = 0.3;     // and its part per metre travelled
+  double odometry_translation_m = 0.005;    // translation noise a step, constant part, 1 sigma per axis
   double odometry_translation_part = 0.02;  // and its part of the distance travelled
-  bool estimate_odometry = true;      // both scaled by factors estimated from the data
-  int rounds = 3;                     // outlier removal and re-triangulation rounds
+  bool estimate_odometry = true;            // both scaled by factors estimated from the data
+  int rounds = 3;                           // outlier removal and re-triangulation rounds
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -49,13 +49,13 @@ struct ReconstructOptions {
 
 // The run in its own frame: odom is the first body pose's odometry frame.
 struct Reconstruction {
-  BundleProblem problem;         // poses: body_from_odom; views: cameras first; observations with image indices below
-  std::vector<int> image_of;     // of each observation of `problem`: image index
-  std::vector<int> feature_of;   // and feature index
-  std::vector<double> depth_m;   // smallest depth of each point
+  BundleProblem problem;          // poses: body_from_odom; views: cameras first; observations with image indices below
+  std::vector<int> image_of;      // of each observation of `problem`: image index
+  std::vector<int> feature_of;    // and feature index
+  std::vector<double> depth_m;    // smallest depth of each point
   std::vector<bool> point_valid;  // part of the bundle and believed
-  double sigma_px = 0;           // estimated noise of the features
-  double odometry_rotation_factor = 1;     // estimated factors of the odometry's noise
+  double sigma_px = 0;            // estimated noise of the features
+  double odometry_rotation_factor = 1;  // estimated factors of the odometry's noise
   double odometry_translation_factor = 1;
   BundleSummary summary;
   int dropped_observations = 0;

@@ -68,7 +68,13 @@ class Registrar {
  public:
   Registrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
             const RegistrationOptions& options, bool paper, uint64_t seed, const CancelToken& cancel)
-      : input_(input), r_(reconstruction), retrieval_(retrieval), o_(options), paper_(paper), seed_(seed), cancel_(cancel),
+      : input_(input),
+        r_(reconstruction),
+        retrieval_(retrieval),
+        o_(options),
+        paper_(paper),
+        seed_(seed),
+        cancel_(cancel),
         image_points_(PointsOfImages(input, reconstruction)) {
     for (const FrameImage& image : input.images) {
       const Rigid3d cam_from_odom = input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
@@ -123,7 +129,8 @@ class Registrar {
     std::vector<int> kept;
     const size_t most = static_cast<size_t>(paper_ ? 4 * o_.candidates : o_.candidates);
     for (const auto& [score, image] : scored) {
-      const bool near = std::any_of(kept.begin(), kept.end(), [&](int k) { return std::abs(k - image) < o_.candidate_spacing; });
+      const bool near =
+          std::any_of(kept.begin(), kept.end(), [&](int k) { return std::abs(k - image) < o_.candidate_spacing; });
       if (!near || paper_) kept.push_back(image);
       if (kept.size() >= most) break;
     }
@@ -170,11 +177,15 @@ class Registrar {
       // Refined on what it explains: a rival that ends up where the first pose is, is none.
       std::vector<Correspondence> explained;
       for (int i : rival.inliers) explained.push_back(rest[static_cast<size_t>(i)]);
-      const Rigid3d pose = RefinePose(ref, view_from_rig, explained, rival.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+      const Rigid3d pose =
+          RefinePose(ref, view_from_rig, explained, rival.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
       const double apart = (best.model.TargetOriginInSource() - pose.TargetOriginInSource()).norm();
       if (apart > 1.0 || AngleBetween(best.model.rotation, pose.rotation) > 5 * kDegToRad) {
         out.rival = static_cast<int>(rival.inliers.size());
         out.rival_distance_m = apart;
+        Registration other = out;
+        Grow(ref, views, view_from_rig, pose, &other);
+        out.rival_support = other.support;
       }
     }
     Grow(ref, views, view_from_rig, best.model, &out);
@@ -210,7 +221,8 @@ class Registrar {
         const PreparedView& view = views[static_cast<size_t>(v)];
         for (const auto& [i, j] : MatchMutual(block, view.descriptors, o_.ratio, o_.max_distance)) {
           Correspondence c;
-          c.observation = {v, j, points[static_cast<size_t>(i)].point, image, view.features.points[static_cast<size_t>(j)], false};
+          c.observation = {
+              v, j, points[static_cast<size_t>(i)].point, image, view.features.points[static_cast<size_t>(j)], false};
           if (!seen.insert({v, j, c.observation.point}).second) continue;
           const auto ray = ref.rig.views[static_cast<size_t>(v)].camera.Unproject(c.observation.pixel.cast<double>());
           if (!ray) continue;
@@ -257,8 +269,8 @@ class Registrar {
 
   // Pose alone, points held. Observations: (view, ray, W, point).
   Rigid3d RefinePose(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
-                     const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px, std::string_view loss,
-                     double chi2, Matrix6d* covariance) const {
+                     const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px,
+                     std::string_view loss, double chi2, Matrix6d* covariance) const {
     BundleProblem p;
     p.points_constant = true;
     p.poses = {start};
@@ -269,7 +281,9 @@ class Registrar {
       o.point = static_cast<int>(p.points.size());
       o.view = c.observation.view;
       o.ray = c.ray.cast<float>();
-      o.w = ref.rig.views[static_cast<size_t>(o.view)].camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px).cast<float>();
+      o.w = ref.rig.views[static_cast<size_t>(o.view)]
+                .camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px)
+                .cast<float>();
       p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
       p.observations.push_back(o);
     }
@@ -288,8 +302,8 @@ class Registrar {
   }
 
   // From a first pose: refine, look for every point that should be seen, refine again.
-  void Grow(const ReferenceViews& ref, const std::vector<PreparedView>& views, const std::vector<Rigid3d>& view_from_rig,
-            const Rigid3d& start, Registration* out) const {
+  void Grow(const ReferenceViews& ref, const std::vector<PreparedView>& views,
+            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, Registration* out) const {
     Rigid3d pose = start;
     const double focal = FocalOf(ref.rig);
     std::vector<Correspondence> found, inliers;
@@ -303,7 +317,7 @@ class Registrar {
       radius = o_.guided_px / (round + 1);
       found = SearchPredicted(ref, views, view_from_rig, pose, radius, &expected);
       if (found.size() < 6) break;
-      for (double sigma = std::max(o_.sigma_px, radius / 4); ; sigma = std::max(o_.sigma_px, sigma / 2)) {
+      for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
         pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 2 * o_.outlier_chi2, nullptr);
         if (sigma <= o_.sigma_px) break;
       }
@@ -343,7 +357,8 @@ class Registrar {
     out->inliers.clear();
     out->rig_from_odom = pose;
     if (independent.size() >= 6) {
-      out->rig_from_odom = RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
+      out->rig_from_odom =
+          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
     } else {
       out->covariance = Matrix6d::Identity() * 1e6;
     }
@@ -365,7 +380,8 @@ class Registrar {
     std::vector<int> images;
     for (const auto& [distance, image] : near) {
       if (distance > o_.max_distance_m) break;
-      const bool close = std::any_of(images.begin(), images.end(), [&, i = image](int k) { return std::abs(k - i) < o_.candidate_spacing; });
+      const bool close = std::any_of(images.begin(), images.end(),
+                                     [&, i = image](int k) { return std::abs(k - i) < o_.candidate_spacing; });
       if (!close) images.push_back(image);
       if (static_cast<int>(images.size()) >= o_.guided_images) break;
     }
@@ -373,7 +389,7 @@ class Registrar {
       int distance = std::numeric_limits<int>::max();
       Correspondence c;
     };
-    std::map<std::pair<int, int>, Best> of_point;  // (view, point)
+    std::map<std::pair<int, int>, Best> of_point;                   // (view, point)
     std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
     std::set<int> predicted;
     const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
@@ -381,7 +397,8 @@ class Registrar {
       cancel_.ThrowIfCancelled();
       const FeatureSet features = input_.image_features(image);
       const DescriptorBlock block(features.descriptors);
-      const Camera& camera = input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(image)].camera)].camera;
+      const Camera& camera =
+          input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(image)].camera)].camera;
       for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
         const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(p.point)];
         const Eigen::Vector3d from_pano = y - centre, from_cam = y - centres_[static_cast<size_t>(image)];
@@ -402,7 +419,8 @@ class Registrar {
           view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j) {
             const float s = view.features.scales[static_cast<size_t>(j)];
             if (s > 2.0F * scale || scale > 2.0F * s) return;
-            if ((view.features.points[static_cast<size_t>(j)].cast<double>() - *pixel).squaredNorm() > radius * radius) return;
+            if ((view.features.points[static_cast<size_t>(j)].cast<double>() - *pixel).squaredNorm() > radius * radius)
+              return;
             any = true;
             const int d = block.SquaredDistance(p.feature, view.descriptors, j);
             if (d < best) {
@@ -420,7 +438,8 @@ class Registrar {
           if (!ray) continue;
           slot.distance = best;
           slot.c.ray = *ray;
-          slot.c.observation = {static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
+          slot.c.observation = {
+              static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
         }
       }
     }
@@ -448,7 +467,8 @@ class Registrar {
     const Eigen::Vector3d centre = out->rig_from_odom.TargetOriginInSource();
     out->distance_m = NearestCamera(centre);
     const Matrix6d inverse = InverseCovariance(out->rig_from_odom, out->covariance);
-    const double sigma = std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inverse.bottomRightCorner<3, 3>()).eigenvalues()(2));
+    const double sigma =
+        std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inverse.bottomRightCorner<3, 3>()).eigenvalues()(2));
     char text[200];
     out->status = AnswerStatus::kRejected;
     if (independent < o_.min_inliers) {
@@ -459,11 +479,16 @@ class Registrar {
     } else if (out->rival > o_.rival_share * out->agreeing) {
       std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %d matches against %d",
                     out->rival_distance_m, out->rival, out->agreeing);
+    } else if (out->rival_support > o_.rival_support_share * out->support) {
+      std::snprintf(text, sizeof text,
+                    "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
+                    out->rival_distance_m, out->rival_support, out->support);
     } else if (out->agreeing < o_.min_agreement * out->view_matches) {
       std::snprintf(text, sizeof text, "only %d of %d matches agree on a pose (%.0f %% needed)", out->agreeing,
                     out->view_matches, 100 * o_.min_agreement);
     } else if (out->distance_m > o_.max_distance_m) {
-      std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m, o_.max_distance_m);
+      std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m,
+                    o_.max_distance_m);
     } else if (!(sigma <= o_.max_sigma_m)) {
       std::snprintf(text, sizeof text, "position sigma %.2f m, at most %.2f m", sigma, o_.max_sigma_m);
     } else {
@@ -491,7 +516,8 @@ class Registrar {
         answer.reason = std::to_string(used.size()) + " inliers, 8 needed";
         continue;
       }
-      const Rigid3d rig_from_odom = RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
+      const Rigid3d rig_from_odom =
+          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig_from_odom;
       answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
       const bool near = answer.distance_m <= o_.max_distance_m;
@@ -534,7 +560,8 @@ class Registrar {
           if (it == point_of.end() || !seen.insert({h.view, j, it->second}).second) continue;
           Correspondence c;
           c.observation = {h.view, j, it->second, image, view.features.points[static_cast<size_t>(j)], false};
-          const auto ray = ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(c.observation.pixel.cast<double>());
+          const auto ray =
+              ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(c.observation.pixel.cast<double>());
           if (!ray) continue;
           c.ray = *ray;
           of_view[static_cast<size_t>(h.view)].push_back(c);
@@ -560,16 +587,19 @@ class Registrar {
       const Rigid3d rig = RefinePose(ref, view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig;
       for (const Correspondence& c : of_view[v]) {
-        const double e = AngularError(view_from_rig[v], rig, c.ray, r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        const double e =
+            AngularError(view_from_rig[v], rig, c.ray, r_.problem.points[static_cast<size_t>(c.observation.point)]);
         if (e < threshold) {
           ++answer.inliers;
           out.inliers.push_back(c.observation);
         }
       }
       // "estimated too far with respect to the current pose": the camera that matched best.
-      answer.distance_m = (answer.view_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[v])]).norm();
+      answer.distance_m =
+          (answer.view_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[v])]).norm();
       if (answer.distance_m > o_.max_distance_m) {
-        answer.reason = "estimated " + std::to_string(static_cast<int>(answer.distance_m)) + " m from the current camera";
+        answer.reason =
+            "estimated " + std::to_string(static_cast<int>(answer.distance_m)) + " m from the current camera";
         continue;
       }
       answer.status = AnswerStatus::kLocalized;
@@ -584,7 +614,8 @@ class Registrar {
     const int lead = *std::max_element(answered.begin(), answered.end(), [&](int a, int b) {
       return out.views[static_cast<size_t>(a)].inliers < out.views[static_cast<size_t>(b)].inliers;
     });
-    const Rigid3d start = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * out.views[static_cast<size_t>(lead)].view_from_odom;
+    const Rigid3d start =
+        ref.rig.views[static_cast<size_t>(lead)].rig_from_view * out.views[static_cast<size_t>(lead)].view_from_odom;
     BundleProblem p;
     p.points_constant = true;
     p.loss = MakeLoss("dcs", 1.0);
@@ -596,7 +627,8 @@ class Registrar {
         PoseFactor f;
         f.kind = PoseFactor::Kind::kBetween;
         f.a = pose - 1, f.b = pose;
-        f.measured = view_from_rig[static_cast<size_t>(answered[static_cast<size_t>(pose - 1)])] * ref.rig.views[static_cast<size_t>(v)].rig_from_view;
+        f.measured = view_from_rig[static_cast<size_t>(answered[static_cast<size_t>(pose - 1)])] *
+                     ref.rig.views[static_cast<size_t>(v)].rig_from_view;
         // The paper gives no information matrix; 0.1 deg and 1 cm tie the views firmly without freezing the solver.
         f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.01);
         p.factors.push_back(f);
@@ -606,7 +638,9 @@ class Registrar {
         o.point = static_cast<int>(p.points.size());
         o.pose = pose;
         o.ray = c.ray.cast<float>();
-        o.w = ref.rig.views[static_cast<size_t>(v)].camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), o_.sigma_px).cast<float>();
+        o.w = ref.rig.views[static_cast<size_t>(v)]
+                  .camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), o_.sigma_px)
+                  .cast<float>();
         p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
         p.observations.push_back(o);
       }
@@ -621,11 +655,15 @@ class Registrar {
     }
     out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * p.poses[at];
     try {
-      out.covariance = BundleCovariance(p, 1, cancel_).Columns({static_cast<int>(at)}, false).middleRows<6>(6 * static_cast<Eigen::Index>(at));
+      out.covariance = BundleCovariance(p, 1, cancel_)
+                           .Columns({static_cast<int>(at)}, false)
+                           .middleRows<6>(6 * static_cast<Eigen::Index>(at));
     } catch (const NumericError&) {
       out.covariance = Matrix6d::Identity() * 1e6;
     }
-    out.distance_m = (out.rig_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])]).norm();
+    out.distance_m = (out.rig_from_odom.TargetOriginInSource() -
+                      centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])])
+                         .norm();
     out.status = AnswerStatus::kLocalized;
     if (out.distance_m > o_.max_distance_m) {
       out.status = AnswerStatus::kRejected;

@@ -13,25 +13,26 @@
 namespace trigpoint {
 
 struct RegistrationOptions {
-  int candidates = 12;            // images matched with a reference, the best of the retrieval
-  int candidate_spacing = 2;      // at least so many images apart
-  double ratio = 0.85;            // ratio test between image and view (paper: 0.7)
-  double max_distance = 0.8;      // largest distance of unit descriptors
-  double ransac_px = 8;           // threshold of the first pose, px of a view (trajectory drift included)
+  int candidates = 12;        // images matched with a reference, the best of the retrieval
+  int candidate_spacing = 2;  // at least so many images apart
+  double ratio = 0.85;        // ratio test between image and view (paper: 0.7)
+  double max_distance = 0.8;  // largest distance of unit descriptors
+  double ransac_px = 8;       // threshold of the first pose, px of a view (trajectory drift included)
   int ransac_iterations = 2000;
-  double guided_px = 12;          // search radius about a predicted point, px of a view
-  int guided_images = 24;         // images near the reference whose points are searched for
-  double sigma_px = 1.0;          // noise of a point in a view, 1 sigma
-  double outlier_chi2 = 13.8;     // observations beyond it are dropped (2 dof, 0.1 %)
-  int min_inliers = 20;           // fewer: not localized
-  double min_matched_share = 0.06;  // of the points that should be seen, so many must be found
-  double min_agreement = 0.1;     // share of the matches that must agree on the pose; chance reaches some percent
-  double rival_share = 0.3;       // another pose that explains more than this share of what the best does: ambiguous
-  double max_distance_m = 30;     // from the nearest camera
-  double max_sigma_m = 0.35;      // largest position sigma (worst axis) of an answer
-  double set_radius_m = 1.0;      // the photos of a set were taken within it of each other
-  double homography_px = 4;       // RANSAC threshold of the paper's homography
-  int homography_min_inliers = 12;  // views with fewer matches are not used (paper mode)
+  double guided_px = 12;             // search radius about a predicted point, px of a view
+  int guided_images = 24;            // images near the reference whose points are searched for
+  double sigma_px = 1.0;             // noise of a point in a view, 1 sigma
+  double outlier_chi2 = 13.8;        // observations beyond it are dropped (2 dof, 0.1 %)
+  int min_inliers = 20;              // fewer: not localized
+  double min_matched_share = 0.06;   // of the points that should be seen, so many must be found
+  double min_agreement = 0.1;        // share of the matches that must agree on the pose; chance reaches some percent
+  double rival_share = 0.3;          // another pose that explains more than this share of what the best does: ambiguous
+  double rival_support_share = 0.6;  // the same for the points found where the pose predicts them
+  double max_distance_m = 30;        // from the nearest camera
+  double max_sigma_m = 0.35;         // largest position sigma (worst axis) of an answer
+  double set_radius_m = 1.0;         // the photos of a set were taken within it of each other
+  double homography_px = 4;          // RANSAC threshold of the paper's homography
+  int homography_min_inliers = 12;   // views with fewer matches are not used (paper mode)
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -48,10 +49,14 @@ struct RegistrationOptions {
     visit(self.min_inliers, {"min_inliers", "", 6, 10000, "fewer inliers: not localized"});
     visit(self.min_matched_share, {"min_matched_share", "", 0, 1, "share of expected points that must be found"});
     visit(self.min_agreement, {"min_agreement", "", 0, 1, "share of the matches that must agree on the pose"});
-    visit(self.rival_share, {"rival_share", "", 0, 1, "another pose with more than this share of the matches: ambiguous"});
+    visit(self.rival_share,
+          {"rival_share", "", 0, 1, "another pose with more than this share of the matches: ambiguous"});
+    visit(self.rival_support_share, {"rival_support_share", "", 0, 1,
+                                     "another pose with more than this share of predicted points found: ambiguous"});
     visit(self.max_distance_m, {"max_distance_m", "m", 0.1, 10000, "largest distance from the nearest camera"});
     visit(self.max_sigma_m, {"max_sigma_m", "m", 0.001, 1000, "largest position sigma of an answer, worst axis"});
-    visit(self.set_radius_m, {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
+    visit(self.set_radius_m,
+          {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
     visit(self.homography_px, {"homography_px", "px", 0.5, 100, "threshold of the homography (paper mode)"});
     visit(self.homography_min_inliers, {"homography_min_inliers", "", 4, 10000, "matches a view needs (paper mode)"});
   }
@@ -65,8 +70,8 @@ std::string_view AnswerStatusName(AnswerStatus status);
 struct ViewObservation {
   int view = 0;
   int feature = 0;
-  int point = 0;   // of the reconstruction
-  int image = 0;   // the run's image it was matched with
+  int point = 0;  // of the reconstruction
+  int image = 0;  // the run's image it was matched with
   Eigen::Vector2f pixel;
   bool repeated = false;  // the same point is used in another view of the same centre: no new evidence
 };
@@ -87,13 +92,14 @@ struct Registration {
   Matrix6d covariance = Matrix6d::Zero();  // of rig_from_odom with the points held
   std::vector<ViewObservation> inliers;
   std::vector<ViewAnswer> views;
-  int view_matches = 0;        // matches before the geometry decided
-  int agreeing = 0;            // of view_matches, with the best pose
-  int rival = 0;               // with the best pose elsewhere
+  int view_matches = 0;  // matches before the geometry decided
+  int agreeing = 0;      // of view_matches, with the best pose
+  int rival = 0;         // with the best pose elsewhere
+  double rival_support = 0;
   double rival_distance_m = 0;
-  double support = 0;          // points found where the pose predicts them, beyond what chance would find
-  double matched_share = 0;    // support as a share of the points that should be seen
-  double distance_m = 0;       // to the nearest camera
+  double support = 0;        // points found where the pose predicts them, beyond what chance would find
+  double matched_share = 0;  // support as a share of the points that should be seen
+  double distance_m = 0;     // to the nearest camera
 };
 
 // Top views of every image.

@@ -38,7 +38,9 @@ std::vector<int16_t> KMeans(const DescriptorBlock& data, const std::vector<int>&
   std::vector<int> order = members;
   random.Shuffle(order);
   std::vector<int16_t> centres;
-  for (int c = 0; c < k; ++c) centres.insert(centres.end(), data.row(order[static_cast<size_t>(c)]), data.row(order[static_cast<size_t>(c)]) + kDim);
+  for (int c = 0; c < k; ++c)
+    centres.insert(centres.end(), data.row(order[static_cast<size_t>(c)]),
+                   data.row(order[static_cast<size_t>(c)]) + kDim);
   label->assign(members.size(), 0);
   for (int it = 0; it <= iterations; ++it) {
     bool changed = false;
@@ -88,8 +90,9 @@ Vocabulary::Vocabulary(const DescriptorBlock& training, const RetrievalOptions& 
       const Open& open = level[static_cast<size_t>(i)];
       // A cluster with few members is a word of its own.
       if (static_cast<int>(open.members.size()) < 2 * branch) return;
-      centres[static_cast<size_t>(i)] = KMeans(training, open.members, branch, options.iterations,
-                                               seed * 7919 + static_cast<uint64_t>(open.node), &labels[static_cast<size_t>(i)]);
+      centres[static_cast<size_t>(i)] =
+          KMeans(training, open.members, branch, options.iterations, seed * 7919 + static_cast<uint64_t>(open.node),
+                 &labels[static_cast<size_t>(i)]);
     });
     std::vector<Open> next;
     for (size_t i = 0; i < level.size(); ++i) {
@@ -116,8 +119,9 @@ Vocabulary::Vocabulary(const DescriptorBlock& training, const RetrievalOptions& 
 int Vocabulary::Word(const int16_t* descriptor) const {
   const Node* node = &nodes_[0];
   while (node->children > 0) {
-    const int child = node->first_child +
-                      Nearest(descriptor, centres_.data() + static_cast<std::ptrdiff_t>(node->first_child) * kDim, node->children);
+    const int child =
+        node->first_child +
+        Nearest(descriptor, centres_.data() + static_cast<std::ptrdiff_t>(node->first_child) * kDim, node->children);
     node = &nodes_[static_cast<size_t>(child)];
   }
   return node->word;
@@ -173,7 +177,8 @@ std::vector<RetrievalHit> RetrievalIndex::Query(const DescriptorBlock& descripto
   for (const auto& [word, count] : Histogram(vocabulary_, descriptors)) {
     const float weight = static_cast<float>(count) * idf_[static_cast<size_t>(word)];
     norm += static_cast<double>(weight) * weight;
-    for (const Posting& p : postings_[static_cast<size_t>(word)]) scores[static_cast<size_t>(p.document)] += weight * p.weight;
+    for (const Posting& p : postings_[static_cast<size_t>(word)])
+      scores[static_cast<size_t>(p.document)] += weight * p.weight;
   }
   std::vector<RetrievalHit> hits;
   const float scale = norm > 0 ? static_cast<float>(1 / std::sqrt(norm)) : 0.0F;

@@ -11,16 +11,17 @@
 namespace trigpoint {
 
 struct RetrievalOptions {
-  int words = 8000;              // size of the codebook (hierarchical k-means with three levels)
+  int words = 8000;                  // size of the codebook (hierarchical k-means with three levels)
   int training_descriptors = 60000;  // descriptors sampled to build it
-  int iterations = 8;            // of k-means, each level
-  int top_k = 10;                // views kept an image
-  double radius_m = 0;           // only references within it of a rough position; 0: all
+  int iterations = 8;                // of k-means, each level
+  int top_k = 10;                    // views kept an image
+  double radius_m = 0;               // only references within it of a rough position; 0: all
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.words, {"words", "", 8, 1000000, "visual words in the codebook"});
-    visit(self.training_descriptors, {"training_descriptors", "", 100, 10000000, "descriptors sampled for the codebook"});
+    visit(self.training_descriptors,
+          {"training_descriptors", "", 100, 10000000, "descriptors sampled for the codebook"});
     visit(self.iterations, {"iterations", "", 1, 100, "k-means iterations a level"});
     visit(self.top_k, {"top_k", "", 1, 1000, "views kept an image"});
     visit(self.radius_m, {"radius_m", "m", 0, 1e6, "only references within it of a rough position; 0: all"});
@@ -56,7 +57,8 @@ struct RetrievalHit {
 // An inverted file over documents (views). Memory: 8 bytes a distinct word and document.
 class RetrievalIndex {
  public:
-  RetrievalIndex(const Vocabulary& vocabulary) : vocabulary_(vocabulary), postings_(static_cast<size_t>(vocabulary.size())) {}
+  RetrievalIndex(const Vocabulary& vocabulary)
+      : vocabulary_(vocabulary), postings_(static_cast<size_t>(vocabulary.size())) {}
   // Documents are numbered in the order added.
   void Add(const DescriptorBlock& descriptors);
   // Weights and norms; call once after the last Add.

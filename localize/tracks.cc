@@ -167,7 +167,8 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
         if (paper) {
           out = MatchPaper(a, b, options);
         } else {
-          const double focal = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera.MeanFocal();
+          const double focal =
+              input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera.MeanFocal();
           TwoViewOptions two;
           two.inlier_rad = options.inlier_px / focal;
           two.sigma_rotation_rad = options.sigma_rotation_deg * kDegToRad;
@@ -180,9 +181,10 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
           guided.min_depth_m = options.min_depth_m;
           guided.ratio = options.ratio;
           guided.max_distance = options.max_distance;
-          const Camera& camera = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
-          const Matches near = MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays, *b.grid,
-                                           camera, prior, guided);
+          const Camera& camera =
+              input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
+          const Matches near = MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays,
+                                           *b.grid, camera, prior, guided);
           TwoViewOptions trusting = two;
           trusting.min_prior_inliers = 0;
           out = Verified(a, b, near, prior, trusting);
@@ -233,7 +235,8 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       });
       for (size_t i = 0; i < jobs.size(); ++i) {
         if (wide[i].matches.size() < 8) continue;
-        pairs.push_back({stream[static_cast<size_t>(jobs[i].a)], stream[static_cast<size_t>(jobs[i].b)], std::move(wide[i].matches)});
+        pairs.push_back({stream[static_cast<size_t>(jobs[i].a)], stream[static_cast<size_t>(jobs[i].b)],
+                         std::move(wide[i].matches)});
       }
       for (int k = 0; k < end - std::max(1, options.max_gap); ++k) window[static_cast<size_t>(k)] = nullptr;
     }

@@ -11,17 +11,17 @@
 namespace trigpoint {
 
 struct TrackOptions {
-  std::string mode = "trigpoint";  // trigpoint: guided matching over several gaps; paper: consecutive frames only
-  double ratio = 0.8;              // ratio test between consecutive frames (paper: 0.7)
-  double guided_ratio = 0.85;      // ratio test among the candidates along an epipolar curve
-  double max_distance = 0.75;      // largest distance of unit descriptors
-  double inlier_px = 2.0;          // largest distance from the epipolar line (paper: homography, 3 px)
-  double homography_px = 3.0;      // RANSAC threshold of the homography (paper mode)
-  int max_gap = 8;                 // longest gap bridged, frames; gaps 2, 3, 4, 6, 9, ... are tried
-  int min_length = 3;              // shortest track kept, images
-  double min_depth_m = 1.5;        // nearest point searched for
-  double sigma_rotation_deg = 1.0;    // how far odometry's rotation between two frames may be off, 1 sigma
-  double sigma_direction_deg = 6.0;   // the same for its direction of motion
+  std::string mode = "trigpoint";    // trigpoint: guided matching over several gaps; paper: consecutive frames only
+  double ratio = 0.8;                // ratio test between consecutive frames (paper: 0.7)
+  double guided_ratio = 0.85;        // ratio test among the candidates along an epipolar curve
+  double max_distance = 0.75;        // largest distance of unit descriptors
+  double inlier_px = 2.0;            // largest distance from the epipolar line (paper: homography, 3 px)
+  double homography_px = 3.0;        // RANSAC threshold of the homography (paper mode)
+  int max_gap = 8;                   // longest gap bridged, frames; gaps 2, 3, 4, 6, 9, ... are tried
+  int min_length = 3;                // shortest track kept, images
+  double min_depth_m = 1.5;          // nearest point searched for
+  double sigma_rotation_deg = 1.0;   // how far odometry's rotation between two frames may be off, 1 sigma
+  double sigma_direction_deg = 6.0;  // the same for its direction of motion
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {

@@ -26,8 +26,7 @@ Rigid3d Moved(const Rigid3d& pose, const Eigen::Matrix<double, 5, 1>& delta) {
   const double length = pose.translation.norm();
   if (length > 0) {
     const Eigen::Matrix<double, 2, 3> basis = TangentBasis(pose.translation / length);
-    moved.translation =
-        (pose.translation / length + basis.transpose() * delta.tail<2>()).normalized() * length;
+    moved.translation = (pose.translation / length + basis.transpose() * delta.tail<2>()).normalized() * length;
   }
   return moved;
 }
@@ -42,7 +41,8 @@ Rigid3d Refine(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::V
     Eigen::Matrix<double, 5, 1> g = Eigen::Matrix<double, 5, 1>::Zero();
     constexpr double kEps = 1e-6;
     std::array<Rigid3d, 5> moved;
-    for (int k = 0; k < 5; ++k) moved[static_cast<size_t>(k)] = Moved(pose, kEps * Eigen::Matrix<double, 5, 1>::Unit(k));
+    for (int k = 0; k < 5; ++k)
+      moved[static_cast<size_t>(k)] = Moved(pose, kEps * Eigen::Matrix<double, 5, 1>::Unit(k));
     // Annealed Cauchy: wide first, so that a poor prior is pulled in.
     const double knee = sigma * std::max(1.0, 8.0 * std::pow(0.5, it));
     for (size_t i = 0; i < a.size(); ++i) {

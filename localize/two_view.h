@@ -19,7 +19,7 @@ struct TwoViewOptions {
 };
 
 struct TwoViewResult {
-  Rigid3d b_from_a;         // length of the translation as in the prior
+  Rigid3d b_from_a;          // length of the translation as in the prior
   std::vector<int> inliers;  // indices into the matches
   bool used_ransac = false;
 };

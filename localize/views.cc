@@ -39,7 +39,10 @@ cv::Mat RenderView(const cv::Mat& panorama, const View& view) {
   const double ratio = panorama.cols / (2 * std::numbers::pi) / camera.MeanFocal();
   if (ratio > 1.6) {
     const double f = 1.3 / ratio;
-    cv::resize(panorama, source, cv::Size(static_cast<int>(std::lround(panorama.cols * f)), static_cast<int>(std::lround(panorama.rows * f))), 0, 0, cv::INTER_AREA);
+    cv::resize(
+        panorama, source,
+        cv::Size(static_cast<int>(std::lround(panorama.cols * f)), static_cast<int>(std::lround(panorama.rows * f))), 0,
+        0, cv::INTER_AREA);
   }
   const Eigen::Matrix3d r = view.rig_from_view.rotation.toRotationMatrix();
   cv::Mat map_x(camera.height(), camera.width(), CV_32F), map_y(camera.height(), camera.width(), CV_32F);

@@ -9,17 +9,18 @@
 namespace trigpoint {
 
 struct ViewOptions {
-  int count = 8;          // views around, evenly spaced, the first along the image centre
-  double fov_deg = 90;    // horizontal field of view of each
-  double pitch_deg = 0;   // of all views, up positive
-  int size_px = 0;        // width and height; 0: about the panorama's own resolution, at most 1024
+  int count = 8;         // views around, evenly spaced, the first along the image centre
+  double fov_deg = 90;   // horizontal field of view of each
+  double pitch_deg = 0;  // of all views, up positive
+  int size_px = 0;       // width and height; 0: about the panorama's own resolution, at most 1024
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.count, {"count", "", 1, 36, "views around a panorama"});
     visit(self.fov_deg, {"fov_deg", "deg", 20, 120, "horizontal field of view of a view"});
     visit(self.pitch_deg, {"pitch_deg", "deg", -60, 60, "pitch of all views, up positive"});
-    visit(self.size_px, {"size_px", "px", 0, 4096, "width and height of a view; 0: the panorama's resolution, <= 1024"});
+    visit(self.size_px,
+          {"size_px", "px", 0, 4096, "width and height of a view; 0: the panorama's resolution, <= 1024"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -135,8 +135,9 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
       const cv::Mat picture = panorama ? LoadPanorama(picture_file, true) : LoadPicture(picture_file, true);
       const Camera& first = p.rig.views.front().camera;
       if (!panorama && (picture.cols != first.width() || picture.rows != first.height())) {
-        throw InputError(picture_file.string() + ": is " + std::to_string(picture.cols) + " x " + std::to_string(picture.rows) +
-                         " px, its camera's calibration " + std::to_string(first.width()) + " x " + std::to_string(first.height()));
+        throw InputError(picture_file.string() + ": is " + std::to_string(picture.cols) + " x " +
+                         std::to_string(picture.rows) + " px, its camera's calibration " +
+                         std::to_string(first.width()) + " x " + std::to_string(first.height()));
       }
       ParallelFor(static_cast<int64_t>(features.size()), threads, cancel, [&](int64_t v) {
         const View& view = p.rig.views[static_cast<size_t>(v)];

@@ -47,14 +47,16 @@ struct ExtractionReport {
 
 // Writes a COLMAP database with the features of every readable image. A picture that cannot be used is skipped and
 // named; throws InputError if none can.
-ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const std::filesystem::path& database,
-                                    int threads, ProgressSink& progress, const CancelToken& cancel);
+ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options,
+                                    const std::filesystem::path& database, int threads, ProgressSink& progress,
+                                    const CancelToken& cancel);
 // The same for the references' views, named "<picture>#<view>".
 ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOptions& options,
                                           const std::filesystem::path& database, int threads, ProgressSink& progress,
                                           const CancelToken& cancel);
 
-// The pictures of the references with their rigs, in the order of the site. Panoramas need their size: headers are read.
+// The pictures of the references with their rigs, in the order of the site. Panoramas need their size: headers are
+// read.
 std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOptions& options,
                                                  std::vector<std::string>* warnings);
 

@@ -23,8 +23,9 @@ StageInfo FeaturesStage() {
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.body = [options, name = target.run](StageContext& context) {
-      context.metrics.update(Metrics(ExtractRunFeatures(context.project.run(name), options.images, context.out / "features.db",
-                                                        context.threads, context.progress, context.cancel)));
+      context.metrics.update(
+          Metrics(ExtractRunFeatures(context.project.run(name), options.images, context.out / "features.db",
+                                     context.threads, context.progress, context.cancel)));
     };
     return request;
   };
@@ -44,8 +45,9 @@ StageInfo ReferencesStage() {
     request.options = JsonFromOptions(options);
     request.inputs = ReferenceInputs(project);
     request.body = [options](StageContext& context) {
-      context.metrics.update(Metrics(ExtractReferenceFeatures(context.project.site(), options, context.out / "features.db",
-                                                              context.threads, context.progress, context.cancel)));
+      context.metrics.update(
+          Metrics(ExtractReferenceFeatures(context.project.site(), options, context.out / "features.db",
+                                           context.threads, context.progress, context.cancel)));
     };
     return request;
   };

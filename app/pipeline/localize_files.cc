@@ -60,7 +60,8 @@ std::string FrameComment(const char* table, const Localization& result) {
 }
 
 Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, const FrameImage& image) {
-  return input.cameras[static_cast<size_t>(image.camera)].cam_from_body * result.body_from_odom[static_cast<size_t>(image.pose)];
+  return input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
+         result.body_from_odom[static_cast<size_t>(image.pose)];
 }
 
 void WriteCameras(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
@@ -85,9 +86,28 @@ void WriteCameras(const LocalizeJob& job, const Localization& result, const std:
     }
   }
   if (!result.on_earth) return;
-  CsvWriter csv({"timestamp", "image", "camera", "x", "y", "z", "qx", "qy", "qz", "qw", "latitude_deg", "longitude_deg",
-                 "height_m", "sigma_e_m", "sigma_n_m", "sigma_u_m", "heading_deg", "pitch_deg", "roll_deg",
-                 "sigma_heading_deg", "sigma_pitch_deg", "sigma_roll_deg"},
+  CsvWriter csv({"timestamp",
+                 "image",
+                 "camera",
+                 "x",
+                 "y",
+                 "z",
+                 "qx",
+                 "qy",
+                 "qz",
+                 "qw",
+                 "latitude_deg",
+                 "longitude_deg",
+                 "height_m",
+                 "sigma_e_m",
+                 "sigma_n_m",
+                 "sigma_u_m",
+                 "heading_deg",
+                 "pitch_deg",
+                 "roll_deg",
+                 "sigma_heading_deg",
+                 "sigma_pitch_deg",
+                 "sigma_roll_deg"},
                 {FrameComment("cameras", result)});
   for (size_t i = 0; i < input.images.size(); ++i) {
     const PoseEstimate& e = result.cameras[i];
@@ -109,12 +129,47 @@ struct Line {
   std::vector<size_t> answers;
 };
 
-void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
-  CsvWriter csv({"panorama", "station", "status", "reason", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma_x_m", "sigma_y_m",
-                 "sigma_z_m", "view_matches", "inliers", "views", "odom_x", "odom_y", "odom_z", "odom_qx", "odom_qy", "odom_qz",
-                 "odom_qw", "latitude_deg", "longitude_deg", "height_m", "heading_deg", "pitch_deg", "roll_deg",
-                 "geotag_de_m", "geotag_dn_m", "geotag_du_m", "geotag_status", "odom_sigma_x_m", "odom_sigma_y_m",
-                 "odom_sigma_z_m", "matched_share", "distance_m"},
+void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result,
+                    const std::filesystem::path& dir) {
+  CsvWriter csv({"panorama",
+                 "station",
+                 "status",
+                 "reason",
+                 "x",
+                 "y",
+                 "z",
+                 "qx",
+                 "qy",
+                 "qz",
+                 "qw",
+                 "sigma_x_m",
+                 "sigma_y_m",
+                 "sigma_z_m",
+                 "view_matches",
+                 "inliers",
+                 "views",
+                 "odom_x",
+                 "odom_y",
+                 "odom_z",
+                 "odom_qx",
+                 "odom_qy",
+                 "odom_qz",
+                 "odom_qw",
+                 "latitude_deg",
+                 "longitude_deg",
+                 "height_m",
+                 "heading_deg",
+                 "pitch_deg",
+                 "roll_deg",
+                 "geotag_de_m",
+                 "geotag_dn_m",
+                 "geotag_du_m",
+                 "geotag_status",
+                 "odom_sigma_x_m",
+                 "odom_sigma_y_m",
+                 "odom_sigma_z_m",
+                 "matched_share",
+                 "distance_m"},
                 {FrameComment("panoramas", result)});
   std::map<int, Line> lines;
   for (size_t i = 0; i < job.references.size(); ++i) {
@@ -279,7 +334,8 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   input.levelled = run.config.odometry_levelled;
   input.scale_sigma = run.config.odometry_scale_sigma;
   if (run.odometry.poses.empty()) {
-    throw InputError("run " + run.name + ": has no odometry; localize needs odometry.tum (timestamp tx ty tz qx qy qz qw)");
+    throw InputError("run " + run.name +
+                     ": has no odometry; localize needs odometry.tum (timestamp tx ty tz qx qy qz qw)");
   }
   const int64_t gap = LongestGap(run.odometry);
   const auto store = std::make_shared<FeatureStore>(run_features);
@@ -339,7 +395,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     for (const GpsFix& fix : run.gps) {
       const auto it = std::lower_bound(input.pose_stamps.begin(), input.pose_stamps.end(), fix.stamp_ns);
       size_t at = static_cast<size_t>(it - input.pose_stamps.begin());
-      if (at == input.pose_stamps.size() || (at > 0 && fix.stamp_ns - input.pose_stamps[at - 1] < input.pose_stamps[at] - fix.stamp_ns)) --at;
+      if (at == input.pose_stamps.size() ||
+          (at > 0 && fix.stamp_ns - input.pose_stamps[at - 1] < input.pose_stamps[at] - fix.stamp_ns))
+        --at;
       if (std::llabs(input.pose_stamps[at] - fix.stamp_ns) > 300'000'000) continue;
       GpsPlace g;
       g.pose = static_cast<int>(at);

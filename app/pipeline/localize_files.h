@@ -15,7 +15,7 @@ struct LocalizeJob {
   std::vector<GpsPlace> gps;
   std::vector<PreparedReference> references;  // as input.references
   std::vector<std::string> warnings;
-  int without_odometry = 0;   // images skipped
+  int without_odometry = 0;  // images skipped
   int without_features = 0;
 };
 

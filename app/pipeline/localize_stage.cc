@@ -85,23 +85,32 @@ StageInfo LocalizeStage() {
     request.body = [=, name = target.run](StageContext& context) {
       const Site& site = context.project.site();
       const Run& r = context.project.run(name);
-      LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
+      LocalizeJob job =
+          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-      const Localization result = Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
-      if (!result.on_earth) context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
+      const Localization result =
+          Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
+      if (!result.on_earth)
+        context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
       WriteLocalization(site, r, job, result, options, context.out);
       context.metrics.update(Metrics(job, result));
     };
+    // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
+    if (project.has_frame()) {
+      const Geodetic& o = project.frame().origin();
+      request.values["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
+    }
     return request;
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& m = outcome.manifest.at("metrics");
-    return fmt::format("{} of {} references localized, {} rejected, {} unmatched; {} images; {}\n", m.at("localized").get<int>(),
-                       m.at("references").get<int>(), m.at("rejected").get<int>(), m.at("unmatched").get<int>(),
-                       m.at("images").get<int>(),
+    return fmt::format("{} of {} references localized, {} rejected, {} unmatched; {} images; {}\n",
+                       m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
+                       m.at("unmatched").get<int>(), m.at("images").get<int>(),
                        m.at("on_earth").get<bool>()
-                           ? fmt::format("on the Earth by {}, odometry scale {:.4f} +- {:.4f} (1 sigma)", m.at("earth_source").get<std::string>(),
-                                         m.at("odometry_scale").get<double>(), m.at("odometry_scale_sigma").get<double>())
+                           ? fmt::format("on the Earth by {}, odometry scale {:.4f} +- {:.4f} (1 sigma)",
+                                         m.at("earth_source").get<std::string>(), m.at("odometry_scale").get<double>(),
+                                         m.at("odometry_scale_sigma").get<double>())
                            : "not on the Earth: " + m.at("earth_reason").get<std::string>());
   };
   return info;

@@ -122,10 +122,10 @@ void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* ou
 
 // Ranges of observations of each point, and of points for each chunk.
 struct Layout {
-  std::vector<int> first;        // first[point] .. first[point + 1]
-  std::vector<int> slot;         // pose -> block of the reduced system, -1 constant
-  int blocks = 0;                // free poses
-  int dimension = 0;             // 6 * blocks + (scale free)
+  std::vector<int> first;                  // first[point] .. first[point + 1]
+  std::vector<int> slot;                   // pose -> block of the reduced system, -1 constant
+  int blocks = 0;                          // free poses
+  int dimension = 0;                       // 6 * blocks + (scale free)
   std::vector<std::pair<int, int>> chunk;  // points [begin, end)
 
   explicit Layout(const BundleProblem& p) {
@@ -223,7 +223,8 @@ class Reducer {
   // Builds the reduced system with damping `lambda` on the points' diagonals.
   Reduced Build(double lambda, std::vector<PoseFactor>* factors_out) {
     std::vector<Reduced> parts(kChunks);
-    ParallelFor(kChunks, threads_, cancel_, [&](int64_t c) { BuildChunk(static_cast<size_t>(c), lambda, &parts[static_cast<size_t>(c)]); });
+    ParallelFor(kChunks, threads_, cancel_,
+                [&](int64_t c) { BuildChunk(static_cast<size_t>(c), lambda, &parts[static_cast<size_t>(c)]); });
     Reduced sum = std::move(parts[0]);
     for (size_t c = 1; c < parts.size(); ++c) {
       for (size_t k = 0; k < sum.blocks.size(); ++k) sum.blocks[k] += parts[c].blocks[k];
@@ -498,8 +499,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
       cancel.ThrowIfCancelled();
       const Reduced reduced = reducer.Build(lambda, nullptr);
-      const Eigen::SparseMatrix<double> s =
-          ToSparse(reduced, reducer.pattern(), layout, !p.scale_constant, lambda);
+      const Eigen::SparseMatrix<double> s = ToSparse(reduced, reducer.pattern(), layout, !p.scale_constant, lambda);
       if (!analysed) {
         solver.analyzePattern(s);
         analysed = true;
@@ -587,7 +587,8 @@ int BundleCovariance::Dimension() const { return impl_->layout.dimension; }
 Eigen::MatrixXd BundleCovariance::Columns(const std::vector<int>& poses, bool with_scale) const {
   const Layout& layout = impl_->layout;
   const int n_out = 6 * static_cast<int>(impl_->poses) + 1;
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n_out, 6 * static_cast<Eigen::Index>(poses.size()) + (with_scale ? 1 : 0));
+  Eigen::MatrixXd out =
+      Eigen::MatrixXd::Zero(n_out, 6 * static_cast<Eigen::Index>(poses.size()) + (with_scale ? 1 : 0));
   const auto solve = [&](int reduced_index, Eigen::Index column) {
     Eigen::VectorXd unit = Eigen::VectorXd::Zero(layout.dimension);
     unit(reduced_index) = 1;

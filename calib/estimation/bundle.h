@@ -59,15 +59,15 @@ struct PoseFactor {
 };
 
 struct BundleProblem {
-  std::vector<Rigid3d> poses;                 // rig_from_world
-  std::vector<bool> pose_constant;            // same size; empty: none
-  std::vector<Rigid3d> views;                 // view_from_rig, constant
-  std::vector<Eigen::Vector3d> points;        // world, m
-  bool points_constant = false;               // poses alone move
+  std::vector<Rigid3d> poses;                    // rig_from_world
+  std::vector<bool> pose_constant;               // same size; empty: none
+  std::vector<Rigid3d> views;                    // view_from_rig, constant
+  std::vector<Eigen::Vector3d> points;           // world, m
+  bool points_constant = false;                  // poses alone move
   std::vector<BearingObservation> observations;  // sorted by point
   std::vector<PoseFactor> factors;
   std::shared_ptr<const ceres::LossFunction> loss;  // of bearing observations
-  double scale = 1.0;                         // odometry scale: true length = scale * measured length
+  double scale = 1.0;                               // odometry scale: true length = scale * measured length
   bool scale_constant = true;
   double scale_prior = 1.0, scale_sigma = 0.01;  // used when the scale is free
 };
@@ -106,7 +106,8 @@ class BundleCovariance {
   Eigen::MatrixXd Columns(const std::vector<int>& poses, bool with_scale) const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
   // (next[p] >= 0), computed by selected inversion.
-  void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) const;
+  void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal,
+                  std::vector<Matrix6d>* with_next) const;
   int Dimension() const;
 
  private:

@@ -34,11 +34,10 @@ Camera FromColmap(const ColmapCamera& c) {
     const char* name;
     size_t params;
   };
-  static constexpr Known kKnown[] = {{0, "SIMPLE_PINHOLE", 3},   {1, "PINHOLE", 4},
-                                     {2, "SIMPLE_RADIAL", 4},    {3, "RADIAL", 5},
-                                     {4, "OPENCV", 8},           {5, "OPENCV_FISHEYE", 8},
-                                     {6, "FULL_OPENCV", 12},     {8, "SIMPLE_RADIAL_FISHEYE", 4},
-                                     {9, "RADIAL_FISHEYE", 5}};
+  static constexpr Known kKnown[] = {
+      {0, "SIMPLE_PINHOLE", 3}, {1, "PINHOLE", 4},        {2, "SIMPLE_RADIAL", 4}, {3, "RADIAL", 5},
+      {4, "OPENCV", 8},         {5, "OPENCV_FISHEYE", 8}, {6, "FULL_OPENCV", 12},  {8, "SIMPLE_RADIAL_FISHEYE", 4},
+      {9, "RADIAL_FISHEYE", 5}};
   const Known* known = nullptr;
   for (const Known& k : kKnown) {
     if (k.id == c.model_id) known = &k;
