@@ -1,4 +1,5 @@
-# The packages, each behind one target of ours, so that a library names what it uses and nothing more.
+# The packages, each behind one target, so that a library names what it uses and nothing more. Also installed, for
+# projects that use the libraries: targets made here are IMPORTED, so that they are found anew and not exported.
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(Ceres 2.1 REQUIRED)
@@ -7,6 +8,7 @@ find_package(apriltag REQUIRED)
 find_package(yaml-cpp REQUIRED)
 find_package(nlohmann_json 3.11 REQUIRED)
 find_package(SQLite3 REQUIRED)
+find_package(EXPAT REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
 find_package(fmt REQUIRED)
 find_package(spdlog REQUIRED)
@@ -17,9 +19,9 @@ pkg_check_modules(exiv2 REQUIRED IMPORTED_TARGET exiv2)
 # GeographicLib ships a find module and variables, no target.
 list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)
 find_package(GeographicLib REQUIRED)
-add_library(trigpoint_geographiclib INTERFACE)
+add_library(trigpoint_geographiclib INTERFACE IMPORTED)
 target_link_libraries(trigpoint_geographiclib INTERFACE ${GeographicLib_LIBRARIES})
-target_include_directories(trigpoint_geographiclib SYSTEM INTERFACE ${GeographicLib_INCLUDE_DIRS})
+target_include_directories(trigpoint_geographiclib INTERFACE ${GeographicLib_INCLUDE_DIRS})
 
 # OpenGV has no usable config on Debian 12.
 find_path(OPENGV_INCLUDE_DIR opengv/types.hpp)
