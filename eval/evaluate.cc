@@ -8,6 +8,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "eval/distributions.h"
 
 namespace trigpoint {
 namespace {
@@ -160,8 +161,10 @@ ErrorGroup GroupOf(const ErrorRow& row) {
   return {row.variant, row.method, row.reference, row.kind, row.shares_evidence};
 }
 
-void Summarize(const std::vector<const ErrorRow*>& rows, GroupSummary* summary) {
+void Summarize(const std::vector<const ErrorRow*>& rows, const EvaluateOptions& options, GroupSummary* summary) {
   std::set<std::string> runs, stations;
+  std::map<std::string, int> run_index, station_index;
+  std::vector<ClusteredValue> clustered;
   std::vector<double> e3, eh, ev;
   double nees = 0;
   int dof = 0;
@@ -181,6 +184,9 @@ void Summarize(const std::vector<const ErrorRow*>& rows, GroupSummary* summary) 
     ++summary->answers;
     summary->passed_answers += row->passed;
     e3.push_back(*row->error_3d_m);
+    clustered.push_back({*row->error_3d_m,
+                         station_index.emplace(row->station, static_cast<int>(station_index.size())).first->second,
+                         run_index.emplace(row->run, static_cast<int>(run_index.size())).first->second});
     if (row->error_h_m) eh.push_back(*row->error_h_m);
     if (row->error_v_m) ev.push_back(*row->error_v_m);
     if (row->nees) ++summary->nees_count, nees += *row->nees, dof += row->dof;
@@ -191,7 +197,15 @@ void Summarize(const std::vector<const ErrorRow*>& rows, GroupSummary* summary) 
   summary->error_3d = trigpoint::Summarize(e3, abstentions);
   summary->error_h = trigpoint::Summarize(eh, abstentions);
   summary->error_v = trigpoint::Summarize(ev, abstentions);
-  if (dof > 0) summary->anees_per_dof = nees / dof;
+  if (dof > 0) {
+    summary->anees_per_dof = nees / dof;
+    const double tail = 0.5 * (1 - options.confidence);
+    summary->anees_bounds = Interval{ChiSquareQuantile(tail, dof) / dof, ChiSquareQuantile(1 - tail, dof) / dof};
+  }
+  const BootstrapOptions bootstrap{.samples = options.bootstrap_samples, .confidence = options.confidence};
+  summary->median_interval = ClusteredQuantileInterval(clustered, 0.5, bootstrap);
+  summary->p90_interval = ClusteredQuantileInterval(clustered, 0.9, bootstrap);
+  summary->cumulative = CumulativeHistogram(clustered, abstentions, bootstrap);
 }
 
 void Insert(const std::vector<std::string>& from, std::vector<std::string>* to) {
@@ -374,7 +388,7 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     while (end < result.rows.size() && GroupOf(result.rows[end]) == group) rows.push_back(&result.rows[end++]);
     GroupSummary summary{.group = group};
     std::tie(summary.estimate_rests_on, summary.reference_rests_on) = rests_on[group];
-    Summarize(rows, &summary);
+    Summarize(rows, options, &summary);
     result.groups.push_back(std::move(summary));
   }
   return result;

@@ -21,6 +21,7 @@
 
 #include "calib/base/option.h"
 #include "datasets/io/site.h"
+#include "eval/bootstrap.h"
 #include "eval/results.h"
 #include "eval/statistics.h"
 
@@ -29,12 +30,13 @@ namespace trigpoint {
 struct EvaluateOptions {
   double passed_radius_m = 12;   // a station counts as passed by a run that came at least this near, m
   double confidence = 0.95;      // of intervals
-  int bootstrap_samples = 2000;  // resampled campaigns behind every interval; 0: no intervals
+  int bootstrap_samples = 1000;  // redrawn campaigns behind every interval; 0: no intervals
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.passed_radius_m, {"passed_radius_m", "m", 0.0, 1000.0, "a run passes a station it comes this near to"});
     visit(self.confidence, {"confidence", "", 0.5, 0.999, "confidence of the intervals"});
-    visit(self.bootstrap_samples, {"bootstrap_samples", "", 0, 1000000, "resampled campaigns behind every interval"});
+    visit(self.bootstrap_samples,
+          {"bootstrap_samples", "", 0, 1000000, "redrawn campaigns behind every interval; 0: no intervals"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
@@ -99,10 +101,6 @@ struct ErrorGroup {
   auto operator<=>(const ErrorGroup&) const = default;
 };
 
-struct Interval {
-  double low = 0, high = 0;
-};
-
 struct GroupSummary {
   ErrorGroup group;
   int runs = 0, stations = 0;
@@ -117,6 +115,10 @@ struct GroupSummary {
   std::optional<Interval> median_interval, p90_interval;
   int nees_count = 0;
   std::optional<double> anees_per_dof;  // sum nees / sum dof over the rows that have it
+  // Where it lies with the stated confidence if every sigma is right and rows are independent: chi-square of the summed
+  // degrees of freedom, divided by them (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2).
+  std::optional<Interval> anees_bounds;
+  std::vector<CumulativePoint> cumulative;  // of the 3D error over attempts, with its band
   // What is behind each side, sorted, without repetition.
   std::vector<std::string> estimate_rests_on, reference_rests_on;
 };

@@ -83,6 +83,14 @@ nlohmann::json Json(const std::optional<Interval>& value) {
   return value ? nlohmann::json{value->low, value->high} : nlohmann::json();
 }
 
+nlohmann::json Json(const std::vector<CumulativePoint>& curve) {
+  nlohmann::json points = nlohmann::json::array();
+  for (const CumulativePoint& p : curve) {
+    points.push_back({{"error_m", p.error}, {"share", p.share}, {"low", p.low}, {"high", p.high}});
+  }
+  return points;
+}
+
 // Blank percentiles are null with the reason beside them in `answers` and `attempts`.
 nlohmann::json Json(const ErrorStatistics& s) {
   return {{"answers", s.answers},
@@ -213,8 +221,11 @@ std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& o
     text += FormatShares(g.error_3d);
     text += fmt::format("Stations passed within {:g} m: {} answers of {}\n", evaluation.options.passed_radius_m,
                         g.passed_answers, g.passed);
-    if (g.anees_per_dof)
-      text += fmt::format("ANEES per degree of freedom: {:.2f} (n = {})\n", *g.anees_per_dof, g.nees_count);
+    if (g.anees_per_dof && g.anees_bounds) {
+      const bool inside = *g.anees_per_dof >= g.anees_bounds->low && *g.anees_per_dof <= g.anees_bounds->high;
+      text += fmt::format("ANEES per degree of freedom: {:.2f}, {} {:.2f} to {:.2f} (n = {})\n", *g.anees_per_dof,
+                          inside ? "within" : "outside", g.anees_bounds->low, g.anees_bounds->high, g.nees_count);
+    }
     if (g.unscored > 0) text += fmt::format("Localized but without reference: {}\n", g.unscored);
     for (const auto& [reason, count] : g.reasons) text += fmt::format("- {} x {}\n", count, reason);
     text += fmt::format("{}: estimate from {}; reference from {}\n\n",
@@ -231,26 +242,29 @@ std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& o
 nlohmann::json SummaryJson(const Evaluation& evaluation) {
   nlohmann::json groups = nlohmann::json::array();
   for (const GroupSummary& g : evaluation.groups) {
-    groups.push_back({{"variant", g.group.variant},
-                      {"method", g.group.method},
-                      {"reference", g.group.reference},
-                      {"kind", g.group.kind},
-                      {"shares_evidence", g.group.shares_evidence},
-                      {"estimate_rests_on", g.estimate_rests_on},
-                      {"reference_rests_on", g.reference_rests_on},
-                      {"runs", g.runs},
-                      {"stations", g.stations},
-                      {"attempts", g.attempts},
-                      {"answers", g.answers},
-                      {"without_reference", g.unscored},
-                      {"passed", {{"attempts", g.passed}, {"answers", g.passed_answers}}},
-                      {"reasons", g.reasons},
-                      {"error_3d", Json(g.error_3d)},
-                      {"error_h", Json(g.error_h)},
-                      {"error_v", Json(g.error_v)},
-                      {"median_interval_m", Json(g.median_interval)},
-                      {"p90_interval_m", Json(g.p90_interval)},
-                      {"nees", {{"count", g.nees_count}, {"mean_per_dof", Json(g.anees_per_dof)}}}});
+    groups.push_back(
+        {{"variant", g.group.variant},
+         {"method", g.group.method},
+         {"reference", g.group.reference},
+         {"kind", g.group.kind},
+         {"shares_evidence", g.group.shares_evidence},
+         {"estimate_rests_on", g.estimate_rests_on},
+         {"reference_rests_on", g.reference_rests_on},
+         {"runs", g.runs},
+         {"stations", g.stations},
+         {"attempts", g.attempts},
+         {"answers", g.answers},
+         {"without_reference", g.unscored},
+         {"passed", {{"attempts", g.passed}, {"answers", g.passed_answers}}},
+         {"reasons", g.reasons},
+         {"cumulative", Json(g.cumulative)},
+         {"error_3d", Json(g.error_3d)},
+         {"error_h", Json(g.error_h)},
+         {"error_v", Json(g.error_v)},
+         {"median_interval_m", Json(g.median_interval)},
+         {"p90_interval_m", Json(g.p90_interval)},
+         {"nees",
+          {{"count", g.nees_count}, {"mean_per_dof", Json(g.anees_per_dof)}, {"bounds", Json(g.anees_bounds)}}}});
   }
   return {{"schema", "trigpoint evaluate 1"},
           {"unit", "m"},

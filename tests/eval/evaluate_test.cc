@@ -66,7 +66,8 @@ struct Scene {
                                     .odom_from_pano = kWorldFromOdom.Inverse() * world_from_pano});
   }
   Evaluation Evaluate(std::vector<ReferenceMap> references = {}) const {
-    return trigpoint::Evaluate({.runs = {run}, .stations = stations, .references = std::move(references)});
+    return trigpoint::Evaluate({.runs = {run}, .stations = stations, .references = std::move(references)},
+                               {.bootstrap_samples = 0});
   }
 };
 

@@ -1,0 +1,121 @@
+#include "eval/bootstrap.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <string>
+
+#include "calib/estimation/random.h"
+#include "eval/distributions.h"
+#include "eval/statistics.h"
+
+namespace trigpoint {
+namespace {
+
+// A kind of campaign: shares of the variance that stations and runs have; the rest is the single answer's own.
+struct Design {
+  int runs, stations;
+  double station_share, run_share;
+};
+
+// Errors of one campaign, 15 % of the answers missing. Log-normal (sigma 0.8), or lengths of 3D vectors (Maxwell).
+std::vector<ClusteredValue> Campaign(const Design& d, bool maxwell, Random* random) {
+  using Row = Eigen::RowVector3d;
+  const auto normal = [&] { return Row(random->Normal(), random->Normal(), random->Normal()); };
+  std::vector<Row> station, run;
+  for (int s = 0; s < d.stations; ++s) station.push_back(std::sqrt(d.station_share) * normal());
+  for (int r = 0; r < d.runs; ++r) run.push_back(std::sqrt(d.run_share) * normal());
+  std::vector<ClusteredValue> errors;
+  for (int r = 0; r < d.runs; ++r) {
+    for (int s = 0; s < d.stations; ++s) {
+      const Row v = station[static_cast<size_t>(s)] + run[static_cast<size_t>(r)] +
+                    std::sqrt(1 - d.station_share - d.run_share) * normal();
+      const double error = maxwell ? v.norm() : std::exp(0.8 * v.x());
+      if (random->Uniform() < 0.85) errors.push_back({error, s, r});
+    }
+  }
+  return errors;
+}
+
+double TrueQuantile(bool maxwell, double q) {
+  return maxwell ? std::sqrt(ChiSquareQuantile(q, 3)) : std::exp(0.8 * NormalQuantile(q));
+}
+
+// Of 200 campaigns, how many intervals hold the truth.
+TEST(ClusteredQuantileInterval, CoversTheTruthAsStated) {
+  constexpr int kCampaigns = 200;
+  const BootstrapOptions options{.samples = 300};
+  for (const Design& d : {Design{1, 9, 0.5, 0}, Design{2, 9, 0, 0}, Design{2, 9, 0.5, 0.1}, Design{3, 9, 0.5, 0.2},
+                          Design{5, 9, 0, 0}, Design{5, 9, 0.4, 0.2}, Design{4, 20, 0.5, 0.1}}) {
+    for (const bool maxwell : {false, true}) {
+      for (const double q : {0.5, 0.9}) {
+        Random random(17);
+        int covered = 0;
+        for (int i = 0; i < kCampaigns; ++i) {
+          const auto interval = ClusteredQuantileInterval(Campaign(d, maxwell, &random), q, options);
+          const double truth = TrueQuantile(maxwell, q);
+          covered += interval && interval->low <= truth && truth <= interval->high;
+        }
+        const std::string what = std::to_string(d.runs) + " runs, " + std::to_string(d.stations) +
+                                 " stations, shares " + std::to_string(d.station_share) + " and " +
+                                 std::to_string(d.run_share) + (maxwell ? ", maxwell" : ", log-normal") +
+                                 ", quantile " + std::to_string(q);
+        std::printf("%5.1f %% %s\n", 100.0 * covered / kCampaigns, what.c_str());
+        EXPECT_GE(covered, 180) << what;
+        EXPECT_LE(covered, 198) << what;
+      }
+    }
+  }
+}
+
+TEST(ClusteredQuantileInterval, IsWiderWhereStationsAgreeWithThemselves) {
+  // The same 36 numbers, once each station repeating its error in every run, once spread at random.
+  std::vector<ClusteredValue> clustered, spread;
+  for (int s = 0; s < 9; ++s) {
+    for (int r = 0; r < 4; ++r) {
+      const double error = std::exp(0.3 * (s - 4)) * (1 + 0.01 * r);
+      clustered.push_back({error, s, r});
+      spread.push_back({error, (s * 4 + r) % 9, (s + r) % 4});
+    }
+  }
+  const auto a = ClusteredQuantileInterval(clustered, 0.5), b = ClusteredQuantileInterval(spread, 0.5);
+  ASSERT_TRUE(a && b);
+  EXPECT_GT(std::log(a->high / a->low), 1.4 * std::log(b->high / b->low));
+}
+
+TEST(ClusteredQuantileInterval, RepeatsAndRefusesTooLittle) {
+  Random random(1);
+  const auto errors = Campaign({2, 9, 0.3, 0.1}, false, &random);
+  const auto a = ClusteredQuantileInterval(errors, 0.5), b = ClusteredQuantileInterval(errors, 0.5);
+  ASSERT_TRUE(a && b);
+  EXPECT_EQ(a->low, b->low);
+  EXPECT_EQ(a->high, b->high);
+  EXPECT_FALSE(ClusteredQuantileInterval({{1, 0, 0}, {2, 1, 0}}, 0.5));
+  EXPECT_FALSE(ClusteredQuantileInterval({{1, 0, 0}, {1, 1, 0}, {1, 2, 0}}, 0.5));
+  // Units do not matter.
+  auto millimetres = errors;
+  for (ClusteredValue& e : millimetres) e.value *= 1000;
+  EXPECT_NEAR(ClusteredQuantileInterval(millimetres, 0.5)->high, 1000 * a->high, 1e-6 * a->high);
+}
+
+TEST(CumulativeHistogram, EndsAtTheAnsweredShareWithinItsBand) {
+  Random random(5);
+  const auto errors = Campaign({3, 9, 0.3, 0.1}, false, &random);
+  const int abstentions = 27 - static_cast<int>(errors.size());
+  const auto curve = CumulativeHistogram(errors, abstentions, {.samples = 200});
+  ASSERT_EQ(curve.size(), errors.size());
+  EXPECT_NEAR(curve.back().share, static_cast<double>(errors.size()) / 27, 1e-12);
+  for (size_t i = 0; i < curve.size(); ++i) {
+    EXPECT_LE(curve[i].low, curve[i].share + 1e-12);
+    EXPECT_GE(curve[i].high + 1.0 / 27, curve[i].share);
+    if (i == 0) continue;
+    EXPECT_GT(curve[i].share, curve[i - 1].share);
+  }
+  EXPECT_TRUE(CumulativeHistogram({}, 3).empty());
+}
+
+}  // namespace
+}  // namespace trigpoint

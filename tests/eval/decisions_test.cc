@@ -1,0 +1,164 @@
+// Distributions, paired tests and gates.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/base/error.h"
+#include "calib/estimation/random.h"
+#include "eval/distributions.h"
+#include "eval/gates.h"
+#include "eval/paired.h"
+#include "eval/paper_tables.h"
+
+namespace trigpoint {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(Distributions, AgreeWithTables) {
+  EXPECT_NEAR(NormalQuantile(0.975), 1.959963984540054, 1e-10);
+  EXPECT_NEAR(NormalCdf(-1), 0.15865525393145707, 1e-12);
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 1), 3.841458820694124, 1e-8);
+  EXPECT_NEAR(ChiSquareQuantile(0.95, 3), 7.814727903251179, 1e-8);
+  EXPECT_NEAR(ChiSquareQuantile(0.025, 10), 3.246972780236841, 1e-8);
+  EXPECT_NEAR(ChiSquareQuantile(0.975, 100), 129.56119718583659, 1e-6);
+  EXPECT_NEAR(ChiSquareCdf(2 * std::log(2.0), 2), 0.5, 1e-12);
+  EXPECT_NEAR(BinomialCdf(2, 9, 0.5), 46.0 / 512, 1e-12);
+  EXPECT_THROW(NormalQuantile(1), NumericError);
+  EXPECT_THROW(ChiSquareQuantile(0.5, 0), NumericError);
+}
+
+TEST(PairedTests, AgreeWithHandCounts) {
+  // 9 differences, 2 negative: 2 * (1 + 9 + 36) / 512.
+  EXPECT_NEAR(SignTest({1, 2, 3, 4, 5, 6, 7, -1, -2}), 92.0 / 512, 1e-12);
+  EXPECT_DOUBLE_EQ(SignTest({0, 0}), 1);
+  // Six differences all positive: 2 of 64 patterns are as extreme.
+  EXPECT_NEAR(WilcoxonSignedRankTest({0.1, 0.2, 0.3, 0.4, 0.5, 0.6}), 2.0 / 64, 1e-12);
+  // Smaller rank sum 3 of n = 6: sums 0, 1, 2, 3 (3 = 3 and 1 + 2): five patterns each side.
+  EXPECT_NEAR(WilcoxonSignedRankTest({0.1, 0.2, -0.3, 0.4, 0.5, 0.6}), 10.0 / 64, 1e-12);
+  EXPECT_DOUBLE_EQ(WilcoxonSignedRankTest({}), 1);
+}
+
+TEST(PairedTests, RejectAsOftenAsStated) {
+  Random random(3);
+  int exact = 0, normal = 0;
+  constexpr int kTrials = 2000;
+  for (int t = 0; t < kTrials; ++t) {
+    std::vector<double> small, large;
+    for (int i = 0; i < 15; ++i) small.push_back(random.Normal());
+    for (int i = 0; i < 60; ++i) large.push_back(random.Normal());
+    exact += WilcoxonSignedRankTest(small) < 0.05;
+    normal += WilcoxonSignedRankTest(large) < 0.05;
+  }
+  EXPECT_NEAR(exact, 0.047 * kTrials, 4 * std::sqrt(0.05 * kTrials));
+  EXPECT_NEAR(normal, 0.05 * kTrials, 4 * std::sqrt(0.05 * kTrials));
+}
+
+std::vector<ErrorRow> RowsOf(const PaperTable& table) {
+  std::vector<ErrorRow> rows;
+  for (size_t r = 0; r < table.error_m.size(); ++r) {
+    for (size_t s = 0; s < table.error_m[r].size(); ++s) {
+      rows.push_back({.run = std::to_string(r), .station = std::to_string(s), .error_3d_m = table.error_m[r][s]});
+    }
+  }
+  return rows;
+}
+
+// Connecting the views of a panorama: is it better in the paper's own tables?
+TEST(ComparePaired, OfThePapersTables) {
+  const PairedComparison c = ComparePaired(RowsOf(PaperTables()[0]), RowsOf(PaperTables()[1]), {.samples = 500});
+  EXPECT_EQ(c.pairs, 36);
+  EXPECT_EQ(c.only_a + c.only_b, 0);
+  EXPECT_EQ(c.stations, 9);
+  EXPECT_EQ(c.a_better + c.b_better, 19);  // the other 17 are equal
+  EXPECT_EQ(c.b_better, 12);
+  EXPECT_NEAR(*c.median_difference_m, 0, 1e-12);
+  EXPECT_GT(c.wilcoxon_p, 0.05);
+  EXPECT_THAT(Describe(c, "G1", "G2"), HasSubstr("G2 is better than G1 in 12 of 36 pairs"));
+}
+
+TEST(ComparePaired, CountsAnswersOfOneSide) {
+  const std::vector<ErrorRow> a{{.run = "1", .station = "A", .error_3d_m = 1}, {.run = "1", .station = "B"}};
+  const std::vector<ErrorRow> b{{.run = "1", .station = "B", .error_3d_m = 1},
+                                {.run = "2", .station = "A", .error_3d_m = 2}};
+  const PairedComparison c = ComparePaired(a, b);
+  EXPECT_EQ(c.pairs, 0);
+  EXPECT_EQ(c.only_a, 1);
+  EXPECT_EQ(c.only_b, 2);
+  EXPECT_THAT(Describe(c, "a", "b"), HasSubstr("no answer in common"));
+}
+
+Evaluation WithIntervals(double value, Interval interval) {
+  Evaluation e;
+  GroupSummary g{.group = {"", "single", "survey", "absolute"}};
+  g.stations = 9;
+  g.attempts = 9;
+  g.answers = 9;
+  g.error_3d.median = value;
+  g.median_interval = interval;
+  e.groups.push_back(g);
+  return e;
+}
+
+TEST(Gates, DecideByTheBoundNotThePoint) {
+  const auto verdict = [](double value, Interval interval) {
+    return CheckGates(WithIntervals(value, interval), {.max_median_m = 0.2})[0].verdict;
+  };
+  EXPECT_EQ(verdict(0.1, {0.06, 0.18}), Verdict::kPass);
+  EXPECT_EQ(verdict(0.15, {0.1, 0.25}), Verdict::kUndecided);
+  EXPECT_EQ(verdict(0.25, {0.15, 0.4}), Verdict::kUndecided);
+  EXPECT_EQ(verdict(0.5, {0.3, 0.8}), Verdict::kFail);
+  // The bound must come down from 0.4 to 0.2 for 0.1: half of log 4, so four times the stations.
+  const GateResult r = CheckGates(WithIntervals(0.1, {0.025, 0.4}), {.max_median_m = 0.2})[0];
+  EXPECT_EQ(*r.more_stations, 27);
+  EXPECT_THAT(r.message, HasSubstr("UNDECIDED: median <= 0.2 m (single absolute against survey): 0.1 m"));
+  EXPECT_THAT(r.message, HasSubstr("about 27 more stations"));
+}
+
+TEST(Gates, WithoutAnswersNothingPasses) {
+  Evaluation e = WithIntervals(0.1, {0.05, 0.15});
+  e.groups[0].median_interval.reset();
+  const auto results = CheckGates(e, {.max_median_m = 0.2, .max_p90_m = 1});
+  ASSERT_EQ(results.size(), 2u);
+  EXPECT_EQ(OverallVerdict(results), Verdict::kUndecided);
+  EXPECT_EQ(OverallVerdict({}), Verdict::kPass);
+  EXPECT_THROW(CheckGates(e, {.max_median_m = -1}), OptionError);
+}
+
+TEST(Gates, AnsweredShareCountsStations) {
+  Evaluation e = WithIntervals(0.1, {0.05, 0.15});
+  EXPECT_EQ(CheckGates(e, {.min_answered = 0.6})[0].verdict, Verdict::kPass);
+  EXPECT_EQ(CheckGates(e, {.min_answered = 0.9})[0].verdict, Verdict::kUndecided);
+  e.groups[0].answers = 1;
+  EXPECT_EQ(CheckGates(e, {.min_answered = 0.9})[0].verdict, Verdict::kFail);
+  const Interval wilson = WilsonInterval(0.5, 100, 0.95);
+  EXPECT_NEAR(wilson.low, 0.40383, 1e-5);
+  EXPECT_NEAR(wilson.high, 0.59617, 1e-5);
+}
+
+// A limit exactly at the true median: every PASS is wrong, and rare.
+TEST(Gates, PassIsWrongInAtMostFivePercent) {
+  Random random(8);
+  int wrong = 0;
+  constexpr int kCampaigns = 200;
+  for (int c = 0; c < kCampaigns; ++c) {
+    std::vector<ClusteredValue> errors;
+    std::vector<double> station(9), run(3), values;
+    for (double& v : station) v = 0.5 * random.Normal();
+    for (double& v : run) v = 0.3 * random.Normal();
+    for (int i = 0; i < 27; ++i) {
+      const double y = station[static_cast<size_t>(i % 9)] + run[static_cast<size_t>(i / 9)] + 0.5 * random.Normal();
+      errors.push_back({0.2 * std::exp(y), i % 9, i / 9});
+      values.push_back(errors.back().value);
+    }
+    const auto interval = ClusteredQuantileInterval(errors, 0.5, {.samples = 300});
+    ASSERT_TRUE(interval);
+    const Evaluation e = WithIntervals(Summarize(values, 0).median.value(), *interval);
+    wrong += CheckGates(e, {.max_median_m = 0.2})[0].verdict == Verdict::kPass;
+  }
+  EXPECT_LE(wrong, kCampaigns / 20);
+}
+
+}  // namespace
+}  // namespace trigpoint
