@@ -103,7 +103,7 @@ int Main(int argc, char** argv) {
   for (int k = 0; k < redraws; ++k) {
     const SyntheticSite site = RedrawNoise(first, 1000 + static_cast<uint64_t>(k));
     ProgressSink progress;
-    const LocalizeResult result = Localize(InputOf(site), {}, options, threads, 1, progress, {});
+    const Localization result = Localize(InputOf(site), {}, options, threads, 1, progress, {});
     if (!result.on_earth) {
       ++unsolved;
       std::printf("redraw %d: not on the Earth: %s\n", k, result.earth_reason.c_str());
