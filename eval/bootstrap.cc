@@ -24,6 +24,7 @@ struct CrossedModel {
 std::vector<size_t> Dense(const std::vector<ClusteredValue>& values, int ClusteredValue::*member, size_t* count) {
   std::map<int, size_t> index;
   std::vector<size_t> dense;
+  dense.reserve(values.size());
   for (const ClusteredValue& v : values) dense.push_back(index.emplace(v.*member, index.size()).first->second);
   *count = index.size();
   return dense;
@@ -116,6 +117,7 @@ std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredVal
   Random random(options.seed);
   const double truth = NormalQuantile(q);
   std::vector<double> deviation;
+  deviation.reserve(static_cast<size_t>(options.samples));
   for (int i = 0; i < options.samples; ++i) deviation.push_back(Quantile(Draw(model, &random), q) - truth);
   const double bias = Quantile(deviation, 0.5);
   std::vector<double> width;
@@ -134,6 +136,7 @@ std::vector<CumulativePoint> CumulativeHistogram(const std::vector<ClusteredValu
   std::vector<CumulativePoint> points;
   if (errors.empty()) return points;
   std::vector<double> sorted;
+  sorted.reserve(errors.size());
   for (const ClusteredValue& e : errors) sorted.push_back(e.value);
   std::sort(sorted.begin(), sorted.end());
   const CrossedModel model = FitModel(errors, BootstrapScale::kLog);
@@ -150,6 +153,7 @@ std::vector<CumulativePoint> CumulativeHistogram(const std::vector<ClusteredValu
     CumulativePoint point{.error = sorted[k], .share = answered * static_cast<double>(k + 1) / n};
     const double threshold = NormalQuantile((static_cast<double>(k) + 0.5) / n);
     std::vector<double> shares;
+    shares.reserve(campaigns.size());
     for (const std::vector<double>& c : campaigns) {
       shares.push_back(static_cast<double>(std::upper_bound(c.begin(), c.end(), threshold) - c.begin()) / n);
     }

@@ -165,7 +165,7 @@ std::vector<ErrorTable> ErrorTables(const Evaluation& evaluation) {
       if (names.size() < 2) {
         table.columns.push_back(station);
       } else {
-        for (const std::string& name : names) table.columns.push_back(station + " / " + name);
+        for (const std::string& name : names) table.columns.push_back(fmt::format("{} / {}", station, name));
       }
     }
     for (const auto& [run, cells] : by_run) {
