@@ -52,6 +52,9 @@ Project OpenProject(const Session& session, const std::string& dir) {
   CheckProjectOptions(project);
   Terminal terminal = session.MakeTerminal();
   for (const std::string& warning : project.warnings()) terminal.Log(LogLevel::kWarning, warning);
+  if (!project.gates().empty()) {
+    terminal.Log(LogLevel::kWarning, "the gates of trigpoint.yaml are not checked by this version");
+  }
   for (const Run& run : project.site().runs) {
     for (const std::string& warning : run.warnings) terminal.Log(LogLevel::kWarning, warning);
   }

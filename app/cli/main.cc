@@ -35,6 +35,7 @@ int Launch(int argc, char** argv) {
   app.require_subcommand(1);
   Session session;
   session.cancel = &cancel_token;
+  AddDemoCommand(app, session);
   AddInitCommand(app, session);
   AddStatusCommand(app, session);
   AddRunCommand(app, session);

@@ -1,6 +1,8 @@
 // One command per stage, made from its entry in Stages().
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "app/cli/command.h"
 #include "datasets/project/files.h"
 
@@ -11,12 +13,10 @@ std::string OptionTable(const StageInfo& stage) {
   std::vector<std::vector<std::string>> rows;
   for (const OptionDescription& option : stage.options("")) {
     std::string range;
-    if (std::isfinite(option.min) && std::isfinite(option.max))
-      range = fmt::format("{:g} to {:g}", option.min, option.max);
-    else if (std::isfinite(option.min))
-      range = fmt::format("from {:g}", option.min);
-    else if (std::isfinite(option.max))
-      range = fmt::format("up to {:g}", option.max);
+    if (option.type == "a number" || option.type == "a whole number") {
+      if (std::isfinite(option.min)) range = fmt::format("from {:g} ", option.min);
+      if (std::isfinite(option.max)) range += fmt::format("to {:g}", option.max);
+    }
     rows.push_back({"  " + option.name, " " + DumpJson(option.default_value), option.unit, range, option.help});
   }
   if (rows.empty()) return "";
@@ -61,7 +61,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       JobQuery query;
       std::vector<std::string> settings = arguments->settings;
       for (const auto& [flag, value] : arguments->flags) {
-        if (!value.empty()) settings.push_back(flag + "=" + value);
+        if (!value.empty()) settings.push_back(flag + "=" + DumpJson(value));  // quoted: text
       }
       query.overrides = ParseOverrides(settings, stage.name);
       query.stages = {stage.name};

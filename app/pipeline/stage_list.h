@@ -8,5 +8,7 @@ namespace trigpoint {
 StageInfo FeaturesStage();
 StageInfo ReferencesStage();
 StageInfo LocalizeStage();
+StageInfo DetectStage();
+StageInfo EvaluateStage();
 
 }  // namespace trigpoint

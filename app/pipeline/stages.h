@@ -91,10 +91,18 @@ struct OptionLayer {
 // The variant "paper" needs no entry in trigpoint.yaml: a stage that has an option `mode` gets mode: paper by it.
 std::vector<OptionLayer> OptionLayers(const Project& project, const std::string& stage, const StageTarget& target);
 
-// Defaults, with the target's layers over them. Throws OptionError listing everything that is wrong.
+// The defaults, with the target's layers over them. Options with modes (a static ForMode(name)) begin with the defaults
+// of the mode that the layers name. Throws OptionError listing everything that is wrong.
 template <typename Options>
 Options ResolveOptions(const Project& project, const std::string& stage, const StageTarget& target) {
   Options options;
+  if constexpr (requires { Options::ForMode(std::string()); }) {
+    for (const OptionLayer& layer : OptionLayers(project, stage, target)) {
+      const auto mode = layer.values.find("mode");
+      if (mode != layer.values.end() && mode->is_string())
+        options = Options::ForMode(mode->template get<std::string>());
+    }
+  }
   std::vector<std::string> problems;
   for (const OptionLayer& layer : OptionLayers(project, stage, target)) {
     SetOptions(layer.values, layer.where, options, problems);

@@ -68,6 +68,11 @@ ProjectFile ReadProjectFile(const fs::path& dir) {
     }
     result.origin =
         Geodetic{origin.Number("latitude_deg", 0), origin.Number("longitude_deg", 0), origin.Number("height_m", 0)};
+    try {
+      LocalFrame{*result.origin};
+    } catch (const InputError& e) {
+      map.Fail("origin", e.what());
+    }
   }
   if (map.Has("runs")) {
     const YAML::Node list = map.Node("runs");

@@ -1,0 +1,147 @@
+#include "app/pipeline/jobs.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/datasets/project_folder.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::ElementsAre;
+
+struct ToyOptions {
+  int size = 1;
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.size, {"size", "", 1, 10});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+StageInfo ToyStage(const std::string& name, std::vector<std::string> needs, bool per_run, bool variants) {
+  StageInfo info;
+  info.name = name;
+  info.needs = std::move(needs);
+  info.per_run = per_run;
+  info.variants = variants;
+  UseOptions<ToyOptions>(info);
+  info.make = [](const Project&, const StageTarget&) {
+    StageRequest request;
+    request.body = [](StageContext&) {};
+    return request;
+  };
+  return info;
+}
+
+// first (per run) <- second (per run, variants) <- all (one for all runs, variants)
+class JobsTest : public testing::Test {
+ protected:
+  JobsTest() : project_(Project::Open(folder_.dir())) {
+    for (const char* run : {"run1", "run2"}) jobs_.push_back({&first_, {run, "", {}}});
+    for (const char* run : {"run1", "run2"}) jobs_.push_back({&second_, {run, "", {}}});
+    jobs_.push_back({&all_, {"", "", {}}});
+  }
+  // "first/run1 computed", ...
+  std::vector<std::string> Run() {
+    std::vector<std::string> ends;
+    for (const JobResult& result : RunJobs(project_, jobs_, 1, 1, progress_, cancel_)) {
+      ends.push_back(result.job.Title() + " " + std::string(JobEndName(result.end)));
+    }
+    return ends;
+  }
+  std::vector<std::string> States() {
+    std::vector<std::string> states;
+    for (const JobState& state : StatesOf(project_, jobs_, 1)) {
+      states.push_back(state.job.Title() + " " + std::string(StageStateName(state.state)));
+    }
+    return states;
+  }
+  void FailFor(StageInfo& stage, const std::string& run) {
+    stage.make = [run](const Project&, const StageTarget& target) {
+      StageRequest request;
+      request.version = 2;
+      const bool fails = target.run == run;
+      request.body = [fails](StageContext&) {
+        if (fails) throw InputError("nothing to see");
+      };
+      return request;
+    };
+  }
+
+  ProjectFolder folder_;
+  Project project_;
+  StageInfo first_ = ToyStage("first", {}, true, false);
+  StageInfo second_ = ToyStage("second", {"first"}, true, true);
+  StageInfo all_ = ToyStage("all", {"second"}, false, true);
+  std::vector<Job> jobs_;
+  ProgressSink progress_;
+  CancelToken cancel_;
+};
+
+TEST_F(JobsTest, ComputesInOrderAndOnlyOnce) {
+  EXPECT_THAT(Run(), ElementsAre("first/run1 computed", "first/run2 computed", "second/run1 computed",
+                                 "second/run2 computed", "all computed"));
+  EXPECT_THAT(Run(), ElementsAre("first/run1 up to date", "first/run2 up to date", "second/run1 up to date",
+                                 "second/run2 up to date", "all up to date"));
+  EXPECT_THAT(States(),
+              ElementsAre("first/run1 done", "first/run2 done", "second/run1 done", "second/run2 done", "all done"));
+}
+
+TEST_F(JobsTest, OneRunsFailureStopsOnlyWhatNeedsIt) {
+  FailFor(first_, "run1");
+  EXPECT_THAT(Run(), ElementsAre("first/run1 failed", "first/run2 computed", "second/run1 skipped",
+                                 "second/run2 computed", "all computed"));
+  EXPECT_THAT(States(), ElementsAre("first/run1 failed", "first/run2 done", "second/run1 missing", "second/run2 done",
+                                    "all out of date"));
+}
+
+TEST_F(JobsTest, NothingLeftMeansSkipped) {
+  jobs_.erase(jobs_.begin() + 3);
+  jobs_.erase(jobs_.begin() + 1);
+  FailFor(first_, "run1");
+  EXPECT_THAT(Run(), ElementsAre("first/run1 failed", "second/run1 skipped", "all skipped"));
+}
+
+TEST_F(JobsTest, WhatIsOutOfDateMakesWhatFollowsOutOfDate) {
+  Run();
+  FailFor(first_, "");
+  EXPECT_THAT(States(), ElementsAre("first/run1 out of date", "first/run2 out of date", "second/run1 out of date",
+                                    "second/run2 out of date", "all out of date"));
+}
+
+TEST_F(JobsTest, NotNeededIsNoFailure) {
+  second_.not_needed = [](const Project&, const StageTarget&) { return "no panoramas"; };
+  EXPECT_THAT(Run(), ElementsAre("first/run1 computed", "first/run2 computed", "second/run1 not needed",
+                                 "second/run2 not needed", "all computed"));
+}
+
+TEST_F(JobsTest, VariantsLieBesideAndShareWhatHasNone) {
+  jobs_ = {{&first_, {"run1", "x", {}}}, {&second_, {"run1", "x", {}}}, {&all_, {"", "x", {}}}};
+  EXPECT_THAT(Run(), ElementsAre("first/run1 computed", "second/run1@x computed", "all@x computed"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "results/second/run1@x/manifest.json"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "results/all@x/manifest.json"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "results/first/run1/manifest.json"));
+}
+
+TEST_F(JobsTest, LockedProjectEndsAllAtOnce) {
+  const Project other = Project::Open(folder_.dir());
+  const auto lock = other.Lock();
+  EXPECT_THAT(MessageOf<IoError>([&] { Run(); }), testing::HasSubstr("in use by process"));
+}
+
+TEST_F(JobsTest, CancelledIsNoFailure) {
+  cancel_.Cancel();
+  EXPECT_THROW(Run(), Cancelled);
+}
+
+TEST(PlanJobs, UnknownNamesComeWithTheNearest) {
+  const ProjectFolder folder;
+  const Project project = Project::Open(folder.dir());
+  JobQuery query;
+  query.runs = {"run11"};
+  EXPECT_THAT(MessageOf<InputError>([&] { PlanJobs(project, query); }), testing::HasSubstr("nearest: 'run1'"));
+  EXPECT_THAT(MessageOf<OptionError>([&] { StageNamed("lokalize"); }), testing::HasSubstr("unknown stage 'lokalize'"));
+}
+
+}  // namespace
+}  // namespace trigpoint

@@ -1,0 +1,131 @@
+#include "datasets/project/project.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/datasets/project_folder.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+TEST(Project, InitWritesWhatItFoundAndOpenReadsIt) {
+  const ProjectFolder folder;
+  const InitReport report = Project::Init(folder.dir());
+  EXPECT_TRUE(report.created);
+  EXPECT_THAT(folder.Read("trigpoint.yaml"), HasSubstr("runs: [\"run1\", \"run2\"]"));
+  EXPECT_THAT(folder.Read("trigpoint.yaml"), HasSubstr("crs: EPSG:32632"));
+  EXPECT_THAT(report.found, testing::Contains(HasSubstr("2 control points, 1 of them for checks only")));
+  EXPECT_THAT(report.missing, testing::Contains(HasSubstr("panoramas")));
+
+  const Project project = Project::Open(folder.dir());
+  EXPECT_EQ(project.name(), "site");
+  EXPECT_THAT(project.RunNames(), ElementsAre("run1", "run2"));
+  ASSERT_TRUE(project.has_frame());
+  EXPECT_NEAR(project.frame().origin().latitude_deg, 48.0001, 1e-6);
+  EXPECT_NEAR(project.frame().origin().height_m, 241, 1e-4);
+}
+
+TEST(Project, BareFolderHasTheFrameThatInitWrites) {
+  const ProjectFolder folder;
+  const Geodetic bare = Project::Open(folder.dir()).frame().origin();
+  Project::Init(folder.dir());
+  const Geodetic written = Project::Open(folder.dir()).frame().origin();
+  EXPECT_EQ(bare.latitude_deg, written.latitude_deg);
+  EXPECT_EQ(bare.longitude_deg, written.longitude_deg);
+  EXPECT_EQ(bare.height_m, written.height_m);
+}
+
+TEST(Project, OriginFileGoesBeforeTheMean) {
+  const ProjectFolder folder;
+  folder.Write("origin.json", R"({"lat": 47.5, "lon": 8.5, "alt": 400})");
+  EXPECT_EQ(Project::Open(folder.dir()).frame().origin().latitude_deg, 47.5);
+}
+
+TEST(Project, InitKeepsTheFileAndAddsNewRuns) {
+  const ProjectFolder folder;
+  folder.Write("trigpoint.yaml", "# mine\nname: \"a: b\"\nruns: [run1]\nroles: {run1: survey}\n");
+  const InitReport report = Project::Init(folder.dir());
+  EXPECT_FALSE(report.created);
+  EXPECT_EQ(folder.Read("trigpoint.yaml"),
+            "# mine\nname: \"a: b\"\nruns: [\"run1\", \"run2\"]\nroles: {run1: survey}\n");
+  EXPECT_EQ(Project::Open(folder.dir()).run("run1").config.role, "survey");
+}
+
+TEST(Project, UnlistedRunsTakeNoPartAndAreNamed) {
+  const ProjectFolder folder;
+  folder.Write("trigpoint.yaml", "runs: [run2]\n");
+  const Project project = Project::Open(folder.dir());
+  EXPECT_THAT(project.RunNames(), ElementsAre("run2"));
+  EXPECT_THAT(project.warnings(), testing::Contains(HasSubstr("run1 is not listed")));
+  EXPECT_THAT(MessageOf<InputError>([&] { project.run("run3"); }), HasSubstr("nearest: 'run2'"));
+}
+
+struct BadFile {
+  const char* content;
+  std::vector<const char*> message;
+};
+
+TEST(Project, BadProjectFilesAreNamedWithLineAndRemedy) {
+  const BadFile kFiles[] = {
+      {"schema: 1\nrunz: [run1]\n", {"trigpoint.yaml:2", "runz", "runs"}},
+      {"name: x\nruns: run1\n", {"trigpoint.yaml:2", "list"}},
+      {"runs: [run7]\n", {"run7", "nearest: 'run1'"}},
+      {"runs: [../other]\n", {"trigpoint.yaml:1", "../other", "runs/"}},
+      {"runs: [../../other]\n", {"trigpoint.yaml:1", "../../other", "leaves the project"}},
+      {"runs: [/etc]\n", {"/etc", "leaves the project"}},
+      {"roles: {run1: king}\n", {"trigpoint.yaml:1", "king", "evaluation"}},
+      {"stages:\n\tlocalize: {}\n", {"trigpoint.yaml:2", "tab"}},
+      {"stages:\n  localize: 3\n", {"trigpoint.yaml:2", "localize"}},
+      {"variants: {../x: {}}\n", {"../x"}},
+      {"name: a\nname: b\n", {"trigpoint.yaml:2", "twice"}},
+      {"origin: {latitude_deg: 48}\n", {"longitude_deg"}},
+      {"origin: {latitude_deg: north, longitude_deg: 8}\n", {"latitude_deg", "number", "north"}},
+      {"origin: {latitude_deg: 95, longitude_deg: 8}\n", {"95"}},
+      {"crs: 4326\n", {"EPSG:", "4326"}},
+      {"schema: 2\n", {"schema", "expected 1", "found 2"}},
+      {"a: [\n", {"trigpoint.yaml", "YAML"}},
+  };
+  for (const BadFile& bad : kFiles) {
+    SCOPED_TRACE(bad.content);
+    const ProjectFolder folder;
+    folder.Write("trigpoint.yaml", bad.content);
+    const std::string message = MessageOf<InputError>([&] { Project::Open(folder.dir()); });
+    for (const char* part : bad.message) EXPECT_THAT(message, HasSubstr(part));
+    EXPECT_THAT(message, testing::Not(HasSubstr("\n")));
+  }
+}
+
+TEST(Project, AnythingButAProjectIsRefused) {
+  const ProjectFolder folder;
+  folder.Write("empty/notes.txt", "x");
+  EXPECT_THAT(MessageOf<InputError>([&] { Project::Open(folder / "nowhere"); }), HasSubstr("no such folder"));
+  EXPECT_THAT(MessageOf<InputError>([&] { Project::Open(folder / "control_points.csv"); }), HasSubstr("found a file"));
+  EXPECT_THAT(MessageOf<InputError>([&] { Project::Init(folder / "empty"); }), HasSubstr("expected a folder"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "empty/trigpoint.yaml"));
+}
+
+TEST(Project, NamesOfAnyKindWork) {
+  for (const char* name : {"with space", "Straße \"Nord\"", "it's", "a'b\"c: #d"}) {
+    SCOPED_TRACE(name);
+    const ProjectFolder folder(name);
+    Project::Init(folder.dir());
+    const Project project = Project::Open(folder.dir());
+    EXPECT_EQ(project.name(), name);
+    EXPECT_EQ(project.RunNames().size(), 2u);
+  }
+}
+
+TEST(Project, ResultsOfOneOrAllRunsAndVariants) {
+  const ProjectFolder folder;
+  const Project project = Project::Open(folder.dir());
+  EXPECT_EQ(project.ResultDir("localize", "run1@paper"), project.results() / "localize" / "run1@paper");
+  EXPECT_EQ(project.ResultDir("evaluate", ""), project.results() / "evaluate");
+  EXPECT_EQ(project.ResultDir("evaluate", "@paper"), project.results() / "evaluate@paper");
+  EXPECT_NO_THROW(CheckVariantName("paper-2"));
+  for (const char* bad : {"", ".x", "a/b", "a@b"}) EXPECT_THROW(CheckVariantName(bad), OptionError) << bad;
+}
+
+}  // namespace
+}  // namespace trigpoint

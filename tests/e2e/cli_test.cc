@@ -1,0 +1,300 @@
+#include <gmock/gmock.h>
+#include <sys/mount.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "calib/estimation/random.h"
+#include "datasets/io/text.h"
+#include "datasets/project/project.h"
+#include "tests/datasets/project_folder.h"
+#include "tests/e2e/program.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::Not;
+
+int Lines(const std::string& text) { return static_cast<int>(std::count(text.begin(), text.end(), '\n')); }
+
+// One clear line on standard error, nothing on standard output.
+void ExpectOneLine(const Finished& finished, int exit_code, const std::vector<std::string>& parts) {
+  EXPECT_EQ(finished.exit_code, exit_code) << finished.err;
+  EXPECT_EQ(finished.out, "");
+  EXPECT_EQ(Lines(finished.err), 1) << finished.err;
+  for (const std::string& part : parts) EXPECT_THAT(finished.err, HasSubstr(part));
+}
+
+std::map<std::string, std::string> States(const fs::path& dir) {
+  const Finished status = Trigpoint({"status", dir.string(), "--json"});
+  EXPECT_EQ(status.exit_code, 0) << status.err;
+  std::map<std::string, std::string> states;
+  for (const auto& stage : status.Json()["stages"]) {
+    states[stage["stage"].get<std::string>() + "/" + stage["name"].get<std::string>()] = stage["state"];
+  }
+  return states;
+}
+
+TEST(Cli, HelpNamesWhatIsBuiltAndNothingElse) {
+  const Finished help = Trigpoint({"--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* command : {"demo", "init", "status", "run", "detect"}) {
+    EXPECT_THAT(help.out, HasSubstr(std::string("\n  ") + command + " "));
+    const Finished own = Trigpoint({command, "--help"});
+    EXPECT_EQ(own.exit_code, 0);
+    for (const char* part : {"--quiet", "--log-level", "--threads", "--seed", "--units", "--json", "Example", "130"}) {
+      EXPECT_THAT(own.out, HasSubstr(part)) << command;
+    }
+  }
+  EXPECT_THAT(help.out, Not(HasSubstr("stitch")));
+}
+
+TEST(Cli, UsageErrorsAreOneLineAndExitTwo) {
+  const ProjectFolder folder;
+  const std::string dir = folder.dir().string();
+  ExpectOneLine(Trigpoint({"stauts", dir}), 2, {"stauts", "nearest: 'status'"});
+  ExpectOneLine(Trigpoint({}), 2, {"--help"});
+  ExpectOneLine(Trigpoint({"run"}), 2, {"DIR"});
+  ExpectOneLine(Trigpoint({"run", dir, "--fast"}), 2, {"--fast"});
+  ExpectOneLine(Trigpoint({"run", dir, "--threads", "many"}), 2, {"--threads"});
+  ExpectOneLine(Trigpoint({"run", dir, "--units", "yards"}), 2, {"yards"});
+  ExpectOneLine(Trigpoint({"detect", dir, "--set", "min_margn=3"}), 2, {"min_margn", "'min_margin'"});
+  ExpectOneLine(Trigpoint({"detect", dir, "--set", "min_margin=high"}), 2, {"min_margin", "a number", "high"});
+  ExpectOneLine(Trigpoint({"detect", dir, "--set", "min_margin=-1"}), 2, {"min_margin", "-1"});
+  ExpectOneLine(Trigpoint({"run", dir, "--set", "min_margin=1"}), 2, {"stage.option"});
+}
+
+TEST(Cli, InitRunStatusOnFoldersOfAnyName) {
+  for (const char* name : {"plain", "with space", "Straße \"Süd\"", "it's"}) {
+    SCOPED_TRACE(name);
+    const ProjectFolder folder(name);
+    const Finished init = Trigpoint({"init", folder.dir().string()});
+    EXPECT_EQ(init.exit_code, 0) << init.err;
+    EXPECT_THAT(init.out, HasSubstr("found    run run1"));
+    EXPECT_EQ(States(folder.dir())["detect/run1"], "missing");
+    const Finished run = Trigpoint({"detect", folder.dir().string(), "--json"});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(run.Json()["stages"][0]["status"], "computed");
+    EXPECT_EQ(States(folder.dir())["detect/run1"], "done");
+    EXPECT_TRUE(fs::exists(folder / "results/detect/run2/detections.csv"));
+    EXPECT_EQ(Trigpoint({"detect", folder.dir().string(), "--json"}).Json()["stages"][0]["status"], "up to date");
+    folder.Write("runs/run1/detections.csv", folder.Read("runs/run1/detections.csv") + "# new\n");
+    EXPECT_EQ(States(folder.dir())["detect/run1"], "out of date");
+    EXPECT_EQ(States(folder.dir())["detect/run2"], "done");
+  }
+}
+
+TEST(Cli, QuietSaysNothing) {
+  const ProjectFolder folder;
+  const Finished run = Trigpoint({"detect", folder.dir().string(), "--quiet"});
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_EQ(run.out + run.err, "");
+}
+
+TEST(Cli, BadProjectFilesAreOneLine) {
+  const struct {
+    const char* yaml;
+    int exit_code;
+    std::vector<std::string> parts;
+  } kFiles[] = {
+      {"stages:\n  detct: {}\n", 2, {"trigpoint.yaml", "detct", "'detect'"}},
+      {"stages:\n  detect: {min_margn: 3}\n", 2, {"trigpoint.yaml", "min_margn", "'min_margin'"}},
+      {"stages:\n  detect: {min_margin: high, max_hamming: 1.5}\n", 2, {"min_margin", "max_hamming", "a whole number"}},
+      {"variants: {v: {detect: {min_margin: -3}}}\n", 2, {"variants.v", "min_margin", "-3"}},
+      {"stages:\n\tdetect: {}\n", 1, {"trigpoint.yaml:2", "tab"}},
+      {"nme: x\n", 1, {"trigpoint.yaml:1", "nme", "'name'"}},
+      {"runs: [../../other]\n", 1, {"trigpoint.yaml:1", "../../other", "leaves the project"}},
+  };
+  for (const auto& file : kFiles) {
+    SCOPED_TRACE(file.yaml);
+    const ProjectFolder folder;
+    folder.Write("trigpoint.yaml", file.yaml);
+    for (const char* command : {"status", "run"}) {
+      ExpectOneLine(Trigpoint({command, folder.dir().string()}), file.exit_code, file.parts);
+    }
+    EXPECT_FALSE(fs::exists(folder / "results"));
+  }
+}
+
+TEST(Cli, OneBrokenRunIsNamedAndTheOtherIsDone) {
+  const ProjectFolder folder;
+  folder.Write("runs/run1/detections.csv", "timestamp,tag\n");
+  const Finished run = Trigpoint({"detect", folder.dir().string()});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("detect/run1: failed"));
+  EXPECT_EQ(States(folder.dir())["detect/run1"], "failed");
+  EXPECT_EQ(States(folder.dir())["detect/run2"], "done");
+}
+
+TEST(Cli, SecondWriterIsRefusedReadersWork) {
+  const ProjectFolder folder;
+  const Project project = Project::Open(folder.dir());
+  {
+    const auto lock = project.Lock();
+    ExpectOneLine(Trigpoint({"run", folder.dir().string()}), 1, {"in use by process " + std::to_string(getpid())});
+    EXPECT_THAT(Trigpoint({"status", folder.dir().string()}).out, HasSubstr("in use by process"));
+  }
+  EXPECT_EQ(Trigpoint({"detect", folder.dir().string()}).exit_code, 0);
+}
+
+TEST(Cli, FullAndReadOnlyResultsAreOneLine) {
+  const ProjectFolder folder;
+  const fs::path results = folder / "results";
+  fs::create_directories(results);
+  if (mount("tmpfs", results.c_str(), "tmpfs", 0, "size=64k") != 0) {
+    GTEST_SKIP() << "needs the right to mount a small file system";
+  }
+  std::ofstream(results / "filler") << std::string(1 << 20, 'x');
+  const Finished full = Trigpoint({"detect", folder.dir().string()});
+  EXPECT_EQ(full.exit_code, 1);
+  EXPECT_THAT(full.err, HasSubstr("No space left on device"));
+  EXPECT_EQ(Trigpoint({"status", folder.dir().string()}).exit_code, 0);
+  fs::remove(results / "filler");
+  EXPECT_EQ(Trigpoint({"detect", folder.dir().string()}).exit_code, 0);
+
+  EXPECT_EQ(mount("tmpfs", results.c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, ""), 0);
+  ExpectOneLine(Trigpoint({"detect", folder.dir().string()}), 1, {"Read-only file system"});
+  EXPECT_EQ(States(folder.dir())["detect/run1"], "done");
+  umount(results.c_str());
+}
+
+// The embedded site with its second run only, so that the whole of it takes seconds.
+class SmallSite {
+ public:
+  SmallSite() {
+    fs::remove(folder_ / "control_points.csv");
+    fs::remove_all(folder_ / "runs");
+    fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
+    fs::remove_all(folder_ / "runs/run1");
+  }
+  const fs::path& dir() const { return folder_.dir(); }
+
+  // The end of every finished stage's manifest.
+  std::map<std::string, std::string> Ends() const {
+    std::map<std::string, std::string> ends;
+    if (!fs::exists(dir() / "results")) return ends;
+    for (const auto& entry : fs::recursive_directory_iterator(dir() / "results")) {
+      if (entry.path().filename() != "manifest.json") continue;
+      const std::string stage = entry.path().lexically_relative(dir()).parent_path().string();
+      if (stage.find("/.") != std::string::npos) continue;  // half-made, or the record of a failure
+      ends[stage] = nlohmann::json::parse(ReadTextFile(entry.path())).value("end", "");
+    }
+    return ends;
+  }
+  // Content of every table.
+  std::map<std::string, std::string> Tables() const {
+    std::map<std::string, std::string> tables;
+    for (const auto& entry : fs::recursive_directory_iterator(dir() / "results")) {
+      const std::string end = entry.path().extension().string();
+      if (end != ".csv" && end != ".tum") continue;
+      tables[entry.path().lexically_relative(dir()).string()] = ReadTextFile(entry.path());
+    }
+    return tables;
+  }
+
+ private:
+  ProjectFolder folder_;
+};
+
+std::vector<std::string> Cells(const std::string& table) {
+  std::vector<std::string> cells(1);
+  for (const char c : table) {
+    if (c == ',' || c == ' ' || c == '\n') {
+      cells.emplace_back();
+    } else {
+      cells.back() += c;
+    }
+  }
+  return cells;
+}
+
+void ExpectSameTables(const std::map<std::string, std::string>& a, const std::map<std::string, std::string>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  EXPECT_FALSE(a.empty());
+  for (const auto& [file, table] : a) {
+    SCOPED_TRACE(file);
+    ASSERT_EQ(b.count(file), 1u);
+    const std::vector<std::string> x = Cells(table), y = Cells(b.at(file));
+    ASSERT_EQ(x.size(), y.size());
+    for (size_t i = 0; i < x.size(); ++i) {
+      const auto p = ParseDouble(x[i]), q = ParseDouble(y[i]);
+      if (p && q) {
+        EXPECT_NEAR(*p, *q, 1e-6);
+      } else {
+        EXPECT_EQ(x[i], y[i]);
+      }
+    }
+  }
+}
+
+TEST(Cli, CtrlCLeavesNoHarm) {
+  const SmallSite site;
+  const Program program({"run", site.dir().string()});
+  const auto is_computing = [&] {
+    if (!fs::exists(site.dir() / "results")) return false;
+    for (const auto& entry : fs::recursive_directory_iterator(site.dir() / "results")) {
+      if (entry.path().filename().string().starts_with(".tmp-") && entry.is_directory()) return true;
+    }
+    return false;
+  };
+  for (int i = 0; i < 12000 && !is_computing(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  program.Signal(SIGINT);
+  const Finished finished = program.Wait();
+  EXPECT_EQ(finished.exit_code, 130) << finished.err;
+  EXPECT_THAT(finished.err, HasSubstr("cancelled"));
+  EXPECT_FALSE(is_computing());
+  EXPECT_EQ(Trigpoint({"status", site.dir().string()}).exit_code, 0);
+}
+
+TEST(Cli, KillAtAnyMomentThenRunGivesTheSame) {
+  const SmallSite undisturbed;
+  const auto begin = std::chrono::steady_clock::now();
+  const Finished whole = Trigpoint({"run", undisturbed.dir().string()});
+  ASSERT_EQ(whole.exit_code, 0) << whole.err;
+  const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - begin;
+
+  const SmallSite killed;
+  Random random(1);
+  int kills = 0, runs = 0;
+  std::map<std::string, std::string> finished;
+  const auto expect_kept = [&] {
+    const auto now = killed.Ends();
+    for (const auto& [stage, end] : finished) {
+      ASSERT_EQ(now.count(stage), 1u) << stage;
+      EXPECT_EQ(now.at(stage), end) << stage << " was computed again";
+    }
+    finished = now;
+  };
+  for (; kills < 10 && runs < 60; ++runs) {
+    const Program program({"run", killed.dir().string()});
+    std::this_thread::sleep_for(duration * random.Uniform());
+    program.Signal(SIGKILL);
+    const int exit_code = program.Wait().exit_code;
+    expect_kept();
+    if (exit_code == 128 + SIGKILL) {
+      ++kills;
+    } else {  // it was faster: from the beginning again
+      EXPECT_EQ(exit_code, 0);
+      ExpectSameTables(undisturbed.Tables(), killed.Tables());
+      fs::remove_all(killed.dir() / "results");
+      finished.clear();
+    }
+  }
+  EXPECT_EQ(kills, 10);
+  EXPECT_EQ(Trigpoint({"run", killed.dir().string()}).exit_code, 0);
+  expect_kept();
+  ExpectSameTables(undisturbed.Tables(), killed.Tables());
+  for (const auto& entry : fs::recursive_directory_iterator(killed.dir() / "results")) {
+    EXPECT_THAT(entry.path().filename().string(), Not(testing::StartsWith(".tmp-")));
+  }
+  for (const auto& [stage, state] : States(killed.dir())) {
+    EXPECT_THAT(state, testing::AnyOf("done", "not needed")) << stage;
+  }
+}
+
+}  // namespace
+}  // namespace trigpoint
