@@ -51,7 +51,9 @@ Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
   return rows;
 }
 
-double CauchyWeight(double s, double knee) { return 1 / (1 + s / knee); }
+// Dynamic covariance scaling: evidence within the knee keeps all its weight, so that the covariance of a fit without
+// outliers is that of least squares.
+double RobustWeight(double s, double knee) { return s <= knee ? 1.0 : std::pow(2 * knee / (knee + s), 2); }
 
 }  // namespace
 
@@ -195,8 +197,8 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
         const double e2 = now.r(row) * now.r(row) / (now.sigma(row) * now.sigma(row) + own(k));
         (row < 3 ? sp : sa) += e2;
       }
-      w_position[i] = CauchyWeight(sp, options.loss_chi2);
-      w_attitude[i] = CauchyWeight(sa, options.loss_chi2);
+      w_position[i] = RobustWeight(sp, options.loss_chi2);
+      w_attitude[i] = RobustWeight(sa, options.loss_chi2);
       result.outlier[i] = sp > options.outlier_chi2;
       result.residuals[i] = -now.r.head<3>();
     }

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -15,8 +16,8 @@ namespace trigpoint {
 namespace {
 
 // Adds odometry factors between consecutive body poses, with the noise model of the options times the factors.
-void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o, double rotation_factor,
-                        double translation_factor, BundleProblem* problem) {
+void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o, const Vector6d& noise_factor,
+                        BundleProblem* problem) {
   problem->factors.clear();
   for (size_t k = 0; k + 1 < input.odom_from_body.size(); ++k) {
     PoseFactor f;
@@ -26,12 +27,11 @@ void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o,
     f.scaled = true;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
     const double length = f.measured.translation.norm();
-    const double rotation =
-        rotation_factor * std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
-    const double translation =
-        translation_factor * std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
-    f.sqrt_info.setZero();
-    f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / rotation), Eigen::Vector3d::Constant(1 / translation);
+    const double rotation = std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
+    const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);
+    f.sqrt_info = Matrix6d(sigma.cwiseProduct(noise_factor).cwiseInverse().asDiagonal());
     f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
     problem->factors.push_back(f);
   }
@@ -45,15 +45,15 @@ Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
   return predicted.Minus(measured);
 }
 
-// Expectation-maximisation step for the odometry's noise factors: sigma^2 = mean(r^2 + posterior variance of r).
-void EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel, double* rotation,
-                           double* translation) {
+// Expectation-maximisation step for the odometry's noise: sigma^2 = mean(r^2 + posterior variance of r), a factor on
+// each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways).
+Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel) {
   std::vector<int> next(p.poses.size(), -1);
   for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
   std::vector<Matrix6d> diagonal, with_next;
   BundleCovariance(p, threads, cancel).PoseBlocks(next, &diagonal, &with_next);
   // Squares of all components, normalised; the bulk decides (a slip is an outlier, not noise).
-  std::vector<double> rot, tra;
+  std::array<std::vector<double>, 6> squares;
   for (const PoseFactor& f : p.factors) {
     const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
     const Rigid3d ab = p.poses[a] * p.poses[b].Inverse();
@@ -70,7 +70,7 @@ void EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToke
     const Vector6d e = OdometryResidual(p, f);
     for (int i = 0; i < 6; ++i) {
       const double w = f.sqrt_info(i, i);
-      (i < 3 ? rot : tra).push_back(w * w * (e(i) * e(i) + std::max(0.0, posterior(i, i))));
+      squares[static_cast<size_t>(i)].push_back(w * w * (e(i) * e(i) + std::max(0.0, posterior(i, i))));
     }
   }
   const auto trimmed_mean = [](std::vector<double>& v) {
@@ -82,8 +82,9 @@ void EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToke
     // The mean of the lower 98 % of a chi-square with 1 dof is 0.884 of the whole's.
     return sum / static_cast<double>(keep) / (keep < v.size() ? 0.884 : 1.0);
   };
-  *rotation = std::sqrt(trimmed_mean(rot));
-  *translation = std::sqrt(trimmed_mean(tra));
+  Vector6d factor;
+  for (int i = 0; i < 6; ++i) factor(i) = std::sqrt(trimmed_mean(squares[static_cast<size_t>(i)]));
+  return factor;
 }
 
 void Triangulate(Reconstruction* r, int threads, const CancelToken& cancel) {
@@ -223,8 +224,8 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
   BundleOptions bundle;
   bundle.threads = threads;
 
-  double rotation_factor = 1, translation_factor = 1;
-  SetOdometryFactors(input, options, rotation_factor, translation_factor, &p);
+  Vector6d noise_factor = Vector6d::Ones();
+  SetOdometryFactors(input, options, noise_factor, &p);
   Triangulate(&r, threads, cancel);
   // Poses straight from odometry explain pixels only roughly: wide gates first.
   const int rounds = paper ? 1 : options.rounds;
@@ -258,11 +259,9 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
       }
       if (options.estimate_odometry && p.factors.size() >= 8) {
         Gate(options, gate, &r);
-        double rf = 1, tf = 1;
-        EstimateOdometryNoise(p, threads, cancel, &rf, &tf);
-        rotation_factor *= std::clamp(rf, 0.05, 20.0);
-        translation_factor *= std::clamp(tf, 0.05, 20.0);
-        SetOdometryFactors(input, options, rotation_factor, translation_factor, &p);
+        const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
+        noise_factor = noise_factor.cwiseProduct(factor.cwiseMax(0.05).cwiseMin(20.0));
+        SetOdometryFactors(input, options, noise_factor, &p);
       }
     }
   }
@@ -272,8 +271,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
     r.summary = SolveBundle(p, bundle, progress, cancel);
     Gate(options, options.outlier_chi2, &r);
   }
-  r.odometry_rotation_factor = rotation_factor;
-  r.odometry_translation_factor = translation_factor;
+  r.odometry_noise_factor = noise_factor;
   return r;
 }
 

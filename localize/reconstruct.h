@@ -55,8 +55,8 @@ struct Reconstruction {
   std::vector<double> depth_m;    // smallest depth of each point
   std::vector<bool> point_valid;  // part of the bundle and believed
   double sigma_px = 0;            // estimated noise of the features
-  double odometry_rotation_factor = 1;  // estimated factors of the odometry's noise
-  double odometry_translation_factor = 1;
+  // Estimated factors on the odometry's assumed noise: rotation about the body's x, y, z, translation along them.
+  Vector6d odometry_noise_factor = Vector6d::Ones();
   BundleSummary summary;
   int dropped_observations = 0;
 };

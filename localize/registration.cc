@@ -172,6 +172,7 @@ class Registrar {
       }
     }
     out.agreeing = static_cast<int>(best.inliers.size());
+    Grow(ref, views, view_from_rig, best.model, &out);
     const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
     if (rival.found && rival.inliers.size() >= 8) {
       // Refined on what it explains: a rival that ends up where the first pose is, is none.
@@ -179,16 +180,16 @@ class Registrar {
       for (int i : rival.inliers) explained.push_back(rest[static_cast<size_t>(i)]);
       const Rigid3d pose =
           RefinePose(ref, view_from_rig, explained, rival.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
-      const double apart = (best.model.TargetOriginInSource() - pose.TargetOriginInSource()).norm();
-      if (apart > 1.0 || AngleBetween(best.model.rotation, pose.rotation) > 5 * kDegToRad) {
+      Registration other = out;
+      Grow(ref, views, view_from_rig, pose, &other);
+      const double apart =
+          (out.rig_from_odom.TargetOriginInSource() - other.rig_from_odom.TargetOriginInSource()).norm();
+      if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
         out.rival = static_cast<int>(rival.inliers.size());
         out.rival_distance_m = apart;
-        Registration other = out;
-        Grow(ref, views, view_from_rig, pose, &other);
         out.rival_support = other.support;
       }
     }
-    Grow(ref, views, view_from_rig, best.model, &out);
     Decide(&out);
     AnswerViews(ref, view_from_rig, &out);
     return out;

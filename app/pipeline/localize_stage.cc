@@ -41,8 +41,7 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   m["tracks"] = result.tracks.tracks;
   m["observations"] = result.tracks.observations.size();
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
-  m["odometry_rotation_noise_factor"] = result.reconstruction.odometry_rotation_factor;
-  m["odometry_translation_noise_factor"] = result.reconstruction.odometry_translation_factor;
+  for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
   m["pairs_contradicting_odometry"] = result.tracks.odometry_contradicted;
   m["on_earth"] = result.on_earth;
   m["earth_source"] = result.earth_source;
