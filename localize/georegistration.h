@@ -13,7 +13,7 @@ namespace trigpoint {
 struct GeoRegistrationOptions {
   std::string use_gps = "auto";   // GPS: never, always, or auto (only without geotagged references)
   double outlier_chi2 = 11.3;     // a geotag beyond it (3 dof, 1 %) is marked as an outlier
-  double loss_chi2 = 7.8;         // knee of the robust kernel, chi-square with 3 dof (95 %)
+  double loss_chi2 = 4.1;         // knee of the robust kernel, chi-square with 3 dof (75 %)
   double tilt_sigma_deg = 10;     // how level an undeclared odometry frame is, 1 sigma
   double gps_correlation_s = 30;  // GPS errors wander: fixes closer than this count once
   int iterations = 50;

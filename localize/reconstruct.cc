@@ -167,6 +167,37 @@ double VarianceFactor(const BundleProblem& p) {
   return dof > 10 ? sum / dof : 1.0;
 }
 
+// How much wider the features' noise acts than it looks. A track's errors are correlated in time (the same texture, seen
+// a little differently), so that n observations know less than n independent ones. From the lag-one autocorrelation of
+// the residuals along tracks, corrected for the degrees of freedom that each point takes: sqrt((1 + rho) / (1 - rho)),
+// the inflation of a mean's standard deviation under first-order autoregressive noise.
+double CorrelationInflation(const BundleProblem& p) {
+  double product = 0, square = 0, expected = 0;
+  std::vector<Eigen::Vector2d> residuals;
+  size_t k = 0;
+  while (k < p.observations.size()) {
+    const int point = p.observations[k].point;
+    residuals.clear();
+    for (; k < p.observations.size() && p.observations[k].point == point; ++k) {
+      const BearingObservation& o = p.observations[k];
+      if (!o.active) continue;
+      const Rigid3d view_from_world = p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)];
+      residuals.push_back(o.w.cast<double>() * (view_from_world * p.points[static_cast<size_t>(point)]).normalized());
+    }
+    const double n = static_cast<double>(residuals.size());
+    if (n < 6) continue;
+    for (size_t i = 0; i + 1 < residuals.size(); ++i) {
+      product += residuals[i].dot(residuals[i + 1]);
+      square += 0.5 * (residuals[i].squaredNorm() + residuals[i + 1].squaredNorm());
+      // Independent noise leaves this correlation behind: a point fits about 1.5 of n values a component.
+      expected -= 0.5 * (residuals[i].squaredNorm() + residuals[i + 1].squaredNorm()) * 1.5 / n;
+    }
+  }
+  if (!(square > 0)) return 1;
+  const double rho = std::clamp((product - expected) / square, 0.0, 0.9);
+  return std::sqrt((1 + rho) / (1 - rho));
+}
+
 void ScaleObservationNoise(double factor, BundleProblem* p) {
   for (BearingObservation& o : p->observations) o.w /= static_cast<float>(factor);
 }
@@ -253,9 +284,12 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
       gate = std::max(options.outlier_chi2, gate / 30);
       if (options.estimate_sigma) {
         Gate(options, options.outlier_chi2 * (round == 0 ? 9 : 1), &r);
+        // sigma_px is of a single observation; the weights count its inflation by correlation, too.
         const double factor = std::clamp(std::sqrt(VarianceFactor(p)), 0.1, 10.0);
-        ScaleObservationNoise(factor, &p);
-        r.sigma_px *= factor;
+        const double inflation = CorrelationInflation(p);
+        ScaleObservationNoise(factor * inflation, &p);
+        r.sigma_px *= factor * r.correlation_inflation;
+        r.correlation_inflation = inflation;
       }
       if (options.estimate_odometry && p.factors.size() >= 8) {
         Gate(options, gate, &r);

@@ -81,6 +81,8 @@ class Registrar {
                                     r_.problem.poses[static_cast<size_t>(image.pose)];
       cam_from_odom_.push_back(cam_from_odom);
       centres_.push_back(cam_from_odom.TargetOriginInSource());
+      const size_t n = centres_.size();
+      travelled_.push_back(n < 2 ? 0 : travelled_.back() + (centres_[n - 1] - centres_[n - 2]).norm());
     }
   }
 
@@ -126,6 +128,24 @@ class Registrar {
       if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
     }
     std::sort(scored.begin(), scored.end());
+    if (!paper_) {
+      // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at
+      // once fits neither. The stretch of path with the most votes is taken.
+      double best_sum = 0, begin = 0;
+      for (const auto& [score, image] : scored) {
+        const double from = travelled_[static_cast<size_t>(image)];
+        double sum = 0;
+        for (const auto& [other_score, other] : scored) {
+          const double at = travelled_[static_cast<size_t>(other)];
+          if (at >= from && at <= from + o_.passage_m) sum -= other_score;
+        }
+        if (sum > best_sum) best_sum = sum, begin = from;
+      }
+      std::erase_if(scored, [&](const auto& s) {
+        const double at = travelled_[static_cast<size_t>(s.second)];
+        return at < begin || at > begin + o_.passage_m;
+      });
+    }
     std::vector<int> kept;
     const size_t most = static_cast<size_t>(paper_ ? 4 * o_.candidates : o_.candidates);
     for (const auto& [score, image] : scored) {
@@ -149,6 +169,8 @@ class Registrar {
 
   Registration RunJoint(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
                         const std::vector<int>& candidates, Registration out) const {
+    double middle = 0;
+    for (int image : candidates) middle += travelled_[static_cast<size_t>(image)] / static_cast<double>(candidates.size());
     std::vector<Correspondence> all = MatchCandidates(ref, reference, views, candidates);
     out.view_matches = static_cast<int>(all.size());
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
@@ -172,16 +194,17 @@ class Registrar {
       }
     }
     out.agreeing = static_cast<int>(best.inliers.size());
-    Grow(ref, views, view_from_rig, best.model, &out);
+    const auto refined = [&](const std::vector<Correspondence>& matches, const RansacResult<Rigid3d>& found) {
+      std::vector<Correspondence> explained;
+      for (int i : found.inliers) explained.push_back(matches[static_cast<size_t>(i)]);
+      return RefinePose(ref, view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+    };
+    Grow(ref, views, view_from_rig, refined(all, best), middle, &out);
     const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
     if (rival.found && rival.inliers.size() >= 8) {
-      // Refined on what it explains: a rival that ends up where the first pose is, is none.
-      std::vector<Correspondence> explained;
-      for (int i : rival.inliers) explained.push_back(rest[static_cast<size_t>(i)]);
-      const Rigid3d pose =
-          RefinePose(ref, view_from_rig, explained, rival.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+      // A rival that ends up where the first pose is, is none.
       Registration other = out;
-      Grow(ref, views, view_from_rig, pose, &other);
+      Grow(ref, views, view_from_rig, refined(rest, rival), middle, &other);
       const double apart =
           (out.rig_from_odom.TargetOriginInSource() - other.rig_from_odom.TargetOriginInSource()).norm();
       if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
@@ -304,7 +327,7 @@ class Registrar {
 
   // From a first pose: refine, look for every point that should be seen, refine again.
   void Grow(const ReferenceViews& ref, const std::vector<PreparedView>& views,
-            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, Registration* out) const {
+            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle, Registration* out) const {
     Rigid3d pose = start;
     const double focal = FocalOf(ref.rig);
     std::vector<Correspondence> found, inliers;
@@ -316,7 +339,7 @@ class Registrar {
     };
     for (int round = 0; round < 2; ++round) {
       radius = o_.guided_px / (round + 1);
-      found = SearchPredicted(ref, views, view_from_rig, pose, radius, &expected);
+      found = SearchPredicted(ref, views, view_from_rig, pose, middle, radius, &expected);
       if (found.size() < 6) break;
       for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
         pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 2 * o_.outlier_chi2, nullptr);
@@ -370,12 +393,13 @@ class Registrar {
   // Points that the pose predicts to be seen, found by descriptor near their predicted place.
   std::vector<Correspondence> SearchPredicted(const ReferenceViews& ref, const std::vector<PreparedView>& views,
                                               const std::vector<Rigid3d>& view_from_rig, const Rigid3d& rig_from_odom,
-                                              double radius, int* expected) const {
+                                              double middle, double radius, int* expected) const {
     const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
     // The nearest images, spaced, in both directions of travel.
     std::vector<std::pair<double, int>> near;
     for (size_t i = 0; i < centres_.size(); ++i) {
-      if (!image_points_[i].empty()) near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
+      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > o_.passage_m) continue;
+      near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
     }
     std::sort(near.begin(), near.end());
     std::vector<int> images;
@@ -683,6 +707,7 @@ class Registrar {
   ImagePoints image_points_;
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;
+  std::vector<double> travelled_;  // path length up to each image, m
 };
 
 }  // namespace
