@@ -115,6 +115,8 @@ void Triangulate(Reconstruction* r, int threads, const CancelToken& cancel) {
 
 // Which points are fit for the bundle, and their depths. Deactivates bad observations.
 void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
+  // Whether one observation belongs is judged by its own noise; the inflation is for what many of them know together.
+  chi2 /= r->correlation_inflation * r->correlation_inflation;
   BundleProblem& p = r->problem;
   r->point_valid.assign(p.points.size(), false);
   r->depth_m.assign(p.points.size(), 0);
@@ -167,10 +169,10 @@ double VarianceFactor(const BundleProblem& p) {
   return dof > 10 ? sum / dof : 1.0;
 }
 
-// How much wider the features' noise acts than it looks. A track's errors are correlated in time (the same texture, seen
-// a little differently), so that n observations know less than n independent ones. From the lag-one autocorrelation of
-// the residuals along tracks, corrected for the degrees of freedom that each point takes: sqrt((1 + rho) / (1 - rho)),
-// the inflation of a mean's standard deviation under first-order autoregressive noise.
+// How much wider the features' noise acts than it looks. A track's errors are correlated in time (the same texture,
+// seen a little differently), so that n observations know less than n independent ones. From the lag-one
+// autocorrelation of the residuals along tracks, corrected for the degrees of freedom that each point takes: sqrt((1 +
+// rho) / (1 - rho)), the inflation of a mean's standard deviation under first-order autoregressive noise.
 double CorrelationInflation(const BundleProblem& p) {
   double product = 0, square = 0, expected = 0;
   std::vector<Eigen::Vector2d> residuals;
@@ -290,6 +292,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
         ScaleObservationNoise(factor * inflation, &p);
         r.sigma_px *= factor * r.correlation_inflation;
         r.correlation_inflation = inflation;
+        p.loss = MakeLoss(options.loss, options.loss_chi2 / (inflation * inflation));
       }
       if (options.estimate_odometry && p.factors.size() >= 8) {
         Gate(options, gate, &r);

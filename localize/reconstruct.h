@@ -54,7 +54,7 @@ struct Reconstruction {
   std::vector<int> feature_of;    // and feature index
   std::vector<double> depth_m;    // smallest depth of each point
   std::vector<bool> point_valid;  // part of the bundle and believed
-  double sigma_px = 0;               // estimated noise of a feature
+  double sigma_px = 0;            // estimated noise of a feature
   double correlation_inflation = 1;  // of it in the weights: errors along a track are correlated
   // Estimated factors on the odometry's assumed noise: rotation about the body's x, y, z, translation along them.
   Vector6d odometry_noise_factor = Vector6d::Ones();

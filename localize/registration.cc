@@ -170,7 +170,8 @@ class Registrar {
   Registration RunJoint(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
                         const std::vector<int>& candidates, Registration out) const {
     double middle = 0;
-    for (int image : candidates) middle += travelled_[static_cast<size_t>(image)] / static_cast<double>(candidates.size());
+    for (int image : candidates)
+      middle += travelled_[static_cast<size_t>(image)] / static_cast<double>(candidates.size());
     std::vector<Correspondence> all = MatchCandidates(ref, reference, views, candidates);
     out.view_matches = static_cast<int>(all.size());
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);

@@ -14,7 +14,7 @@ namespace trigpoint {
 
 struct RegistrationOptions {
   int candidates = 12;        // images matched with a reference, the best of the retrieval
-  double passage_m = 30;          // images of one passage: longest path between them
+  double passage_m = 30;      // images of one passage: longest path between them
   int candidate_spacing = 2;  // at least so many images apart
   double ratio = 0.85;        // ratio test between image and view (paper: 0.7)
   double max_distance = 0.8;  // largest distance of unit descriptors
