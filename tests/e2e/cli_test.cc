@@ -33,7 +33,8 @@ std::map<std::string, std::string> States(const fs::path& dir) {
   const Finished status = Trigpoint({"status", dir.string(), "--json"});
   EXPECT_EQ(status.exit_code, 0) << status.err;
   std::map<std::string, std::string> states;
-  for (const auto& stage : status.Json()["stages"]) {
+  const auto summary = status.Json();
+  for (const auto& stage : summary.at("stages")) {
     states[stage["stage"].get<std::string>() + "/" + stage["name"].get<std::string>()] = stage["state"];
   }
   return states;
