@@ -3,7 +3,8 @@
 #
 #   ./setup.sh            installs the packages that are missing and builds Release
 #   ./setup.sh demo [DIR] the same, then runs the example site (default ./trigpoint-demo) to its tables
-#   ./setup.sh test       the same with the tests, then ctest, clang-format and clang-tidy
+#   ./setup.sh test       the same with the tests, then ctest and clang-format
+#   ./setup.sh lint       the same, then clang-tidy over the product's sources (minutes)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
@@ -63,8 +64,13 @@ case $command in
   test)
     install_packages
     build
-    ctest --preset release -j "$(nproc)" "$@"
+    ctest --preset release -j "$(nproc)" -LE lint "$@"
     ;;
-  -h | --help) sed -n '2,6s/^# \{0,1\}//p' "$0" ;;
-  *) fail "unknown command '$command': expected nothing, demo or test (see --help)" ;;
+  lint)
+    install_packages
+    build
+    ctest --preset release -L lint "$@"
+    ;;
+  -h | --help) sed -n '2,7s/^# \{0,1\}//p' "$0" ;;
+  *) fail "unknown command '$command': expected nothing, demo, test or lint (see --help)" ;;
 esac
