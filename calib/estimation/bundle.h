@@ -8,8 +8,8 @@
 // Eigen's LDLT, so cost and memory grow linearly with the length of a run without loops. The work is cut into a fixed
 // number of chunks that are summed in order: results do not depend on the number of threads.
 //
-// Gauge: whatever is left undetermined by constant poses and priors makes Solve throw NumericError; covariances are
-// relative to what was held constant or given as prior.
+// Gauge: the caller fixes it by constant poses or priors; covariances are relative to those. What is left undetermined
+// makes the factorisation fail (NumericError) or, within rounding, a covariance that is huge.
 #pragma once
 
 #include <ceres/loss_function.h>
