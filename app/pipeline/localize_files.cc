@@ -22,13 +22,11 @@ int64_t LongestGap(const Trajectory& odometry) {
   return std::max<int64_t>(1'000'000'000, 3 * steps[steps.size() / 2]);
 }
 
-struct CsvPose {
-  static void Put(CsvWriter& csv, const Rigid3d& world_from_x) {
-    for (int k = 0; k < 3; ++k) csv.Number(world_from_x.translation(k), 6);
-    const Eigen::Quaterniond& q = world_from_x.rotation;
-    csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9);
-  }
-};
+void PutPose(CsvWriter& csv, const Rigid3d& target_from_x) {
+  for (int k = 0; k < 3; ++k) csv.Number(target_from_x.translation(k), 6);
+  const Eigen::Quaterniond& q = target_from_x.rotation;
+  csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9);
+}
 
 void PutGeodetic(CsvWriter& csv, const LocalFrame& frame, const Eigen::Vector3d& enu) {
   const Geodetic g = frame.GeodeticFromEnu(enu);
@@ -113,7 +111,7 @@ void WriteCameras(const LocalizeJob& job, const Localization& result, const std:
     const PoseEstimate& e = result.cameras[i];
     csv.Stamp(input.images[i].stamp_ns).Text(input.images[i].name);
     csv.Text(input.cameras[static_cast<size_t>(input.images[i].camera)].name);
-    CsvPose::Put(csv, e.world_from_x);
+    PutPose(csv, e.world_from_x);
     PutGeodetic(csv, input.frame, e.world_from_x.translation);
     for (double s : PositionSigmas(e)) csv.Number(s, 5);
     PutAttitude(csv, e.world_from_x.rotation);
@@ -209,14 +207,14 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       world.world_from_x.translation = sum;
     }
     if (answered && result.on_earth) {
-      CsvPose::Put(csv, world.world_from_x);
+      PutPose(csv, world.world_from_x);
       for (double s : PositionSigmas(world)) csv.Number(s, 5);
     } else {
       csv.Empty(10);
     }
     csv.Integer(matches).Integer(inliers).Integer(views);
     if (answered) {
-      CsvPose::Put(csv, odom_from_pano);
+      PutPose(csv, odom_from_pano);
     } else {
       csv.Empty(7);
     }
@@ -261,7 +259,7 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       rows.Text(reference.kind == ReferenceKind::kPhotoSet ? prepared.name : prepared.rig.views[v].name);
       rows.Text(AnswerStatusName(a.status)).Text(a.reason);
       if (a.status == AnswerStatus::kLocalized) {
-        CsvPose::Put(rows, a.view_from_odom.Inverse());
+        PutPose(rows, a.view_from_odom.Inverse());
       } else {
         rows.Empty(7);
       }
@@ -411,8 +409,8 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   return job;
 }
 
-void WriteLocalization(const Site& site, const Run&, const LocalizeJob& job, const Localization& result,
-                       const LocalizeOptions&, const std::filesystem::path& dir) {
+void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
+                       const std::filesystem::path& dir) {
   WriteCameras(job, result, dir);
   WritePanoramas(site, job, result, dir);
   WriteSparse(job, result, dir);

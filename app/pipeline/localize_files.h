@@ -25,7 +25,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
                             const ViewOptions& views);
 
 // cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, sparse/.
-void WriteLocalization(const Site& site, const Run& run, const LocalizeJob& job, const Localization& result,
-                       const LocalizeOptions& options, const std::filesystem::path& dir);
+void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
+                       const std::filesystem::path& dir);
 
 }  // namespace trigpoint

@@ -6,24 +6,6 @@
 namespace trigpoint {
 namespace {
 
-// The mode decides the defaults, so it is looked at before the other options are laid over them.
-LocalizeOptions ResolveLocalizeOptions(const Project& project, const StageTarget& target) {
-  std::string mode = "trigpoint";
-  for (const OptionLayer& layer : OptionLayers(project, "localize", target)) {
-    if (const auto it = layer.values.find("mode"); it != layer.values.end() && it->is_string()) mode = *it;
-  }
-  LocalizeOptions options = LocalizeOptions::ForMode(mode);
-  std::vector<std::string> problems;
-  for (const OptionLayer& layer : OptionLayers(project, "localize", target)) {
-    SetOptions(layer.values, layer.where, options, problems);
-  }
-  if (problems.empty()) {
-    for (const std::string& problem : options.Check()) problems.push_back("stage localize: " + problem);
-  }
-  ThrowIfAny(problems);
-  return options;
-}
-
 nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   nlohmann::json m;
   int localized = 0, rejected = 0, unmatched = 0;
@@ -66,7 +48,7 @@ StageInfo LocalizeStage() {
   info.flags = {"mode"};
   UseOptions<LocalizeOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    const LocalizeOptions options = ResolveLocalizeOptions(project, target);
+    const LocalizeOptions options = ResolveOptions<LocalizeOptions>(project, "localize", target);
     StageRequest request;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
@@ -91,7 +73,7 @@ StageInfo LocalizeStage() {
           Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
       if (!result.on_earth)
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
-      WriteLocalization(site, r, job, result, options, context.out);
+      WriteLocalization(site, job, result, context.out);
       context.metrics.update(Metrics(job, result));
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
