@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
+#include "datasets/io/text.h"
 #include "eval/markdown.h"
 #include "eval/statistics.h"
 
@@ -179,9 +180,11 @@ std::optional<ShiftedFit> FitShifted(const Trajectory& reference, const Trajecto
 }
 
 nlohmann::json Json(const SampleStatistics& s) {
-  return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std},
-          {"min", s.min},     {"max", s.max},   {"sse", s.sse},   {"p90", s.p90},       {"p95", s.p95}};
+  return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"min", s.min},
+          {"max", s.max},     {"sse", s.sse},   {"p75", s.p75},   {"p90", s.p90},       {"p95", s.p95}, {"p99", s.p99}};
 }
+
+nlohmann::json Json(const std::optional<SampleStatistics>& s) { return s ? Json(*s) : nlohmann::json(); }
 
 const char* Name(DeltaUnit unit) {
   switch (unit) {
@@ -190,6 +193,29 @@ const char* Name(DeltaUnit unit) {
     case DeltaUnit::kSeconds: return "s";
   }
   return "";
+}
+
+[[noreturn]] void ThrowNoPairs(const PoseSequence& reference, const PoseSequence& estimate, double apart_s) {
+  throw InputError(
+      fmt::format("no two poses are within {:g} s of each other: the reference covers {}, the estimate {}; check the "
+                  "clocks, or give a time offset",
+                  apart_s, CoveredTime(reference.stamps_ns), CoveredTime(estimate.stamps_ns)));
+}
+
+std::vector<PosePair> Interpolated(const PoseSequence& reference, const PoseSequence& estimate,
+                                   bool reference_is_longer, const AssociationOptions& options) {
+  const PoseSequence& stamps = reference_is_longer ? estimate : reference;
+  const Trajectory dense = ToTrajectory(reference_is_longer ? reference : estimate);
+  const auto max_gap = static_cast<int64_t>(options.max_gap_s * kNsPerS);
+  std::vector<PosePair> pairs;
+  for (size_t i = 0; i < stamps.poses.size(); ++i) {
+    const auto at = dense.At(stamps.stamps_ns[i], max_gap);
+    if (!at) continue;
+    pairs.push_back(reference_is_longer ? PosePair{stamps.stamps_ns[i], *at, stamps.poses[i]}
+                                        : PosePair{stamps.stamps_ns[i], stamps.poses[i], *at});
+  }
+  if (pairs.empty()) ThrowNoPairs(reference, estimate, options.max_gap_s);
+  return pairs;
 }
 
 }  // namespace
@@ -223,6 +249,7 @@ std::vector<PosePair> Associate(const PoseSequence& reference, const PoseSequenc
     return pairs;
   }
   const bool reference_is_longer = reference.poses.size() >= estimate.poses.size();
+  if (options.interpolate) return Interpolated(reference, estimate, reference_is_longer, options);
   const PoseSequence& longer = reference_is_longer ? reference : estimate;
   const PoseSequence& shorter = reference_is_longer ? estimate : reference;
   for (size_t i = 0; i < shorter.poses.size(); ++i) {
@@ -231,12 +258,7 @@ std::vector<PosePair> Associate(const PoseSequence& reference, const PoseSequenc
     const size_t r = reference_is_longer ? j : i, e = reference_is_longer ? i : j;
     pairs.push_back({reference.stamps_ns[r], reference.poses[r], estimate.poses[e]});
   }
-  if (pairs.empty()) {
-    throw InputError(
-        fmt::format("no two poses are within {:g} s of each other: the reference covers {}, the estimate "
-                    "{}; check the clocks, or give a time offset",
-                    options.max_difference_s, CoveredTime(reference.stamps_ns), CoveredTime(estimate.stamps_ns)));
-  }
+  if (pairs.empty()) ThrowNoPairs(reference, estimate, options.max_difference_s);
   return pairs;
 }
 
@@ -297,8 +319,10 @@ SampleStatistics StatisticsOf(const std::vector<double>& sample) {
   s.min = *std::min_element(sample.begin(), sample.end());
   s.max = *std::max_element(sample.begin(), sample.end());
   s.median = Quantile(sample, 0.5);
+  s.p75 = Quantile(sample, 0.75);
   s.p90 = Quantile(sample, 0.9);
   s.p95 = Quantile(sample, 0.95);
+  s.p99 = Quantile(sample, 0.99);
   return s;
 }
 
@@ -312,10 +336,32 @@ TrajectoryErrors AbsoluteErrors(const std::vector<PosePair>& pairs) {
   return errors;
 }
 
-TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options) {
+RelativeOptions ParseRelative(const std::string& text) {
+  RelativeOptions options;
+  const std::string unit = text.empty() ? "" : text.substr(text.size() - 1);
+  const auto delta = ParseDouble(std::string_view(text).substr(0, text.empty() ? 0 : text.size() - 1));
+  if (!delta || !(*delta > 0) || !std::isfinite(*delta) || (unit != "f" && unit != "m" && unit != "s")) {
+    throw OptionError("RPE over '" + text + "': expected a length with its unit: 1f (frames), 10m (metres), 0.5s");
+  }
+  options.delta = *delta;
+  options.unit = unit == "f" ? DeltaUnit::kFrames : unit == "m" ? DeltaUnit::kMetres : DeltaUnit::kSeconds;
+  return options;
+}
+
+TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options,
+                                bool positions_only) {
   if (!(options.delta > 0)) throw OptionError(fmt::format("delta is {:g}, expected more than 0", options.delta));
   const std::vector<double> progress = Progress(pairs, options.unit, options.lengths_from_reference);
-  return ErrorsOf(pairs, options.all_pairs ? AllPieces(progress, options) : ConsecutivePieces(progress, options), 1);
+  const Pieces pieces = options.all_pairs ? AllPieces(progress, options) : ConsecutivePieces(progress, options);
+  if (!positions_only) return ErrorsOf(pairs, pieces, 1);
+  TrajectoryErrors errors;
+  for (const auto& [i, j] : pieces) {
+    const double reference = (pairs[j].reference.translation - pairs[i].reference.translation).norm();
+    const double estimate = (pairs[j].estimate.translation - pairs[i].estimate.translation).norm();
+    errors.stamps_ns.push_back(pairs[i].stamp_ns);
+    errors.translation_m.push_back(std::abs(reference - estimate));
+  }
+  return errors;
 }
 
 TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, double length_m, double scale) {
@@ -382,19 +428,36 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
   TrajectoryReport report{.name = name};
   report.reference_poses = static_cast<int>(reference.poses.size());
   report.estimate_poses = static_cast<int>(estimate.poses.size());
-  std::vector<PosePair> pairs = Associate(reference, estimate, options.association);
+  AssociationOptions association = options.association;
+  report.time_offset = EstimateTimeOffset(reference, Prepared(estimate, association));
+  if (options.find_offset && report.time_offset) association.offset_s += report.time_offset->offset_s;
+  report.applied_offset_s = association.offset_s;
+  std::vector<PosePair> pairs = Associate(reference, estimate, association);
   report.pairs = static_cast<int>(pairs.size());
   report.path_length_m = PathLength(pairs);
   report.reference_from_estimate = Align(&pairs, options.alignment);
   const TrajectoryErrors absolute = AbsoluteErrors(pairs);
   report.ate_m = StatisticsOf(absolute.translation_m);
-  report.ate_deg = StatisticsOf(absolute.rotation_deg);
-  const TrajectoryErrors relative = RelativeErrors(pairs, options.relative);
-  if (!relative.translation_m.empty()) {
-    report.rpe_m = StatisticsOf(relative.translation_m);
-    report.rpe_deg = StatisticsOf(relative.rotation_deg);
+  if (reference.positions_only) {
+    std::vector<double> h, v;
+    for (const PosePair& pair : pairs) {
+      const Eigen::Vector3d e = pair.estimate.translation - pair.reference.translation;
+      h.push_back(e.head<2>().norm());
+      v.push_back(std::abs(e.z()));
+    }
+    report.ate_h_m = StatisticsOf(h);
+    report.ate_v_m = StatisticsOf(v);
+    report.reference_sigma_h_m = reference.sigma_h_m;
+    report.reference_sigma_v_m = reference.sigma_v_m;
+  } else {
+    report.ate_deg = StatisticsOf(absolute.rotation_deg);
   }
-  report.time_offset = EstimateTimeOffset(reference, Prepared(estimate, options.association));
+  for (const RelativeOptions& relative : options.relative) {
+    const TrajectoryErrors errors = RelativeErrors(pairs, relative, reference.positions_only);
+    RelativeReport& rpe = report.rpe.emplace_back(RelativeReport{.options = relative});
+    if (!errors.translation_m.empty()) rpe.m = StatisticsOf(errors.translation_m);
+    if (!errors.rotation_deg.empty()) rpe.deg = StatisticsOf(errors.rotation_deg);
+  }
   report.warnings = reference.warnings;
   report.warnings.insert(report.warnings.end(), estimate.warnings.begin(), estimate.warnings.end());
   return report;
@@ -403,27 +466,61 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
 std::string FormatTrajectoryReports(const std::vector<TrajectoryReport>& reports,
                                     const TrajectoryReportOptions& options, const std::string& unit,
                                     double metres_per_unit) {
-  std::vector<std::vector<std::string>> lines{{"estimate", "pairs", "ATE rmse", "mean", "median", "P90", "max", "std",
-                                               "rot. deg rmse", "RPE rmse", "RPE median", "RPE deg rmse", "scale"}};
   const auto length = [&](double metres) { return fmt::format("{:.4f}", metres / metres_per_unit); };
   const auto degrees = [](double deg) { return fmt::format("{:.3f}", deg); };
+  const auto row = [](std::string name, const SampleStatistics& s, const auto& text) {
+    return std::vector<std::string>{std::move(name), std::to_string(s.count),
+                                    text(s.rmse),    text(s.mean),
+                                    text(s.median),  text(s.p90),
+                                    text(s.p95),     text(s.max),
+                                    text(s.std)};
+  };
+  std::vector<std::vector<std::string>> lines{
+      {"estimate", "error", "n", "rmse", "mean", "median", "P90", "P95", "max", "std"}};
+  const auto add = [&](const TrajectoryReport& r, const std::string& what, const SampleStatistics& s,
+                       const auto& text) {
+    std::vector<std::string> cells = row(r.name, s, text);
+    cells.insert(cells.begin() + 1, what);
+    lines.push_back(std::move(cells));
+  };
   for (const TrajectoryReport& r : reports) {
-    lines.push_back({r.name, std::to_string(r.pairs), length(r.ate_m.rmse), length(r.ate_m.mean),
-                     length(r.ate_m.median), length(r.ate_m.p90), length(r.ate_m.max), length(r.ate_m.std),
-                     degrees(r.ate_deg.rmse), r.rpe_m ? length(r.rpe_m->rmse) : "-",
-                     r.rpe_m ? length(r.rpe_m->median) : "-", r.rpe_deg ? degrees(r.rpe_deg->rmse) : "-",
-                     fmt::format("{:.5f}", r.reference_from_estimate.scale)});
+    add(r, "ATE " + unit, r.ate_m, length);
+    if (r.ate_h_m) add(r, "ATE horizontal " + unit, *r.ate_h_m, length);
+    if (r.ate_v_m) add(r, "ATE vertical " + unit, *r.ate_v_m, length);
+    if (r.ate_deg) add(r, "ATE deg", *r.ate_deg, degrees);
+    for (const RelativeReport& rpe : r.rpe) {
+      const std::string over =
+          fmt::format("RPE {:g} {}{} ", rpe.options.delta, Name(rpe.options.unit), rpe.options.all_pairs ? " all" : "");
+      if (rpe.m) add(r, over + unit, *rpe.m, length);
+      if (rpe.deg) add(r, over + "deg", *rpe.deg, degrees);
+    }
   }
   std::string text =
-      fmt::format("Lengths in {}; alignment {}; RPE over {:g} {}{}\n\n{}", unit, ToString(options.alignment),
-                  options.relative.delta, Name(options.relative.unit),
-                  options.relative.all_pairs ? ", from every pose" : ", consecutive", AlignMarkdown(lines));
+      fmt::format("Lengths in {}; alignment {}\n\n{}", unit, ToString(options.alignment), AlignMarkdown(lines));
   for (const TrajectoryReport& r : reports) {
+    text += fmt::format("{}: {} pairs of {} reference and {} estimated poses, path {} {}", r.name, r.pairs,
+                        r.reference_poses, r.estimate_poses, length(r.path_length_m), unit);
+    if (options.alignment == TrajectoryAlignment::kSim3) {
+      text += fmt::format(", scale {:.6f}", r.reference_from_estimate.scale);
+    }
+    if (r.applied_offset_s != 0) text += fmt::format(", clock moved by {:+.4f} s", r.applied_offset_s);
+    if (r.ate_h_m) {
+      text += fmt::format("; the track states 1 sigma {} horizontal, {} vertical {} per axis, part of every error here",
+                          length(r.reference_sigma_h_m), length(r.reference_sigma_v_m), unit);
+    }
+    text += "\n";
+    for (const RelativeReport& rpe : r.rpe) {
+      if (!rpe.m) {
+        text += fmt::format("Note: {} is too short for one piece of {:g} {}\n", r.name, rpe.options.delta,
+                            Name(rpe.options.unit));
+      }
+    }
     for (const std::string& warning : r.warnings) text += "Note: " + warning + "\n";
-    if (!r.time_offset || !r.time_offset->significant) continue;
+    if (!r.time_offset || !r.time_offset->significant || options.find_offset) continue;
     text += fmt::format(
-        "Note: {} fits better with its clock moved by {:+.3f} s (sigma {:.3f} s): ATE {} instead of {} "
-        "{} after a rigid fit\n",
+        "Note: {} fits better with its clock moved by {:+.3f} s (sigma {:.3f} s): ATE {} instead of {} {} after a "
+        "rigid "
+        "fit; --offset auto applies it\n",
         r.name, r.time_offset->offset_s, r.time_offset->sigma_s, length(r.time_offset->rmse_after_m),
         length(r.time_offset->rmse_before_m), unit);
   }
@@ -435,19 +532,34 @@ nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& report
   nlohmann::json estimates = nlohmann::json::array();
   for (const TrajectoryReport& r : reports) {
     const Sim3d& s = r.reference_from_estimate;
+    nlohmann::json rpe = nlohmann::json::array();
+    for (const RelativeReport& piece : r.rpe) {
+      rpe.push_back({{"delta", piece.options.delta},
+                     {"unit", Name(piece.options.unit)},
+                     {"all_pairs", piece.options.all_pairs},
+                     {"m", Json(piece.m)},
+                     {"deg", Json(piece.deg)}});
+    }
     nlohmann::json j{{"name", r.name},
                      {"reference_poses", r.reference_poses},
                      {"estimate_poses", r.estimate_poses},
                      {"pairs", r.pairs},
                      {"path_length_m", r.path_length_m},
+                     {"applied_offset_s", r.applied_offset_s},
                      {"reference_from_estimate",
                       {{"scale", s.scale},
                        {"rotation_xyzw", {s.rotation.x(), s.rotation.y(), s.rotation.z(), s.rotation.w()}},
                        {"translation_m", {s.translation.x(), s.translation.y(), s.translation.z()}}}},
                      {"ate_m", Json(r.ate_m)},
                      {"ate_deg", Json(r.ate_deg)},
-                     {"rpe_m", r.rpe_m ? Json(*r.rpe_m) : nlohmann::json()},
-                     {"rpe_deg", r.rpe_deg ? Json(*r.rpe_deg) : nlohmann::json()}};
+                     {"rpe", rpe},
+                     {"warnings", r.warnings}};
+    if (r.ate_h_m) {
+      j["ate_h_m"] = Json(r.ate_h_m);
+      j["ate_v_m"] = Json(r.ate_v_m);
+      j["reference_sigma_h_m"] = r.reference_sigma_h_m;
+      j["reference_sigma_v_m"] = r.reference_sigma_v_m;
+    }
     if (r.time_offset) {
       j["time_offset"] = {{"offset_s", r.time_offset->offset_s},
                           {"sigma_s", r.time_offset->sigma_s},
@@ -458,11 +570,7 @@ nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& report
   return {{"schema", "trigpoint trajectory 1"},
           {"alignment", ToString(options.alignment)},
           {"max_difference_s", options.association.max_difference_s},
-          {"offset_s", options.association.offset_s},
-          {"relative",
-           {{"delta", options.relative.delta},
-            {"unit", Name(options.relative.unit)},
-            {"all_pairs", options.relative.all_pairs}}},
+          {"interpolated", options.association.interpolate},
           {"estimates", estimates}};
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/geometry/rigid3.h"
+#include "datasets/io/site.h"
 #include "datasets/io/trajectory.h"
 
 namespace trigpoint {
@@ -36,6 +37,9 @@ struct PoseSequence {
   std::vector<int64_t> stamps_ns;  // empty: no times; poses correspond by their number (KITTI)
   std::vector<MatrixPose> poses;
   std::vector<std::string> warnings;
+  // A GPS track: nothing is known of how the body is turned, `poses` have no rotation, and +z is up.
+  bool positions_only = false;
+  double sigma_h_m = 0, sigma_v_m = 0;  // of a GPS track: median 1 sigma per axis as stated; 0: not stated
 
   PoseSequence() = default;
   PoseSequence(const Trajectory& trajectory);  // NOLINT(google-explicit-constructor)
@@ -45,6 +49,9 @@ struct PoseSequence {
 // TUM (`timestamp tx ty tz qx qy qz qw`), EuRoC CSV (`timestamp_ns,x,y,z,qw,qx,qy,qz,...`) or KITTI (12 numbers: a
 // 3 x 4 matrix row by row); '#' comments. Throws InputError naming file and line for anything else.
 PoseSequence ReadPoseSequence(const std::filesystem::path& file);
+
+// A GPS track as positions in the east-north-up frame. Throws InputError for no fix.
+PoseSequence PoseSequenceFromGps(const std::vector<GpsFix>& fixes, const LocalFrame& frame);
 
 // Two poses of the same body at (nearly) the same time.
 struct PosePair {
@@ -58,6 +65,10 @@ struct AssociationOptions {
   double offset_s = 0;  // added to the estimate's stamps
   // The estimate's body is another than the reference's: estimate_body_from_reference_body (lever arm, mounting).
   Rigid3d estimate_body_from_reference_body;
+  // Instead of evo's rule: the estimate is interpolated at every stamp of the reference (or the reference at the
+  // estimate's where it has more poses), never across a gap longer than max_gap_s.
+  bool interpolate = false;
+  double max_gap_s = 1;
 };
 
 // evo's rule: each pose of the shorter trajectory takes the nearest in time of the longer one (the earlier of two
@@ -81,7 +92,7 @@ Sim3d Align(std::vector<PosePair>* pairs, TrajectoryAlignment alignment);
 struct SampleStatistics {
   int count = 0;
   double rmse = 0, mean = 0, median = 0, std = 0, min = 0, max = 0, sse = 0;  // std: of the population, as in evo
-  double p90 = 0, p95 = 0;                                                    // linear interpolation
+  double p75 = 0, p90 = 0, p95 = 0, p99 = 0;                                  // linear interpolation
 };
 // Throws InputError for an empty sample.
 SampleStatistics StatisticsOf(const std::vector<double>& sample);
@@ -89,7 +100,7 @@ SampleStatistics StatisticsOf(const std::vector<double>& sample);
 struct TrajectoryErrors {
   std::vector<int64_t> stamps_ns;     // of the (first) pose
   std::vector<double> translation_m;  // |reference position - estimated position|, or its relative form
-  std::vector<double> rotation_deg;   // angle of reference^-1 * estimate
+  std::vector<double> rotation_deg;   // angle of reference^-1 * estimate; empty where the reference has none
 };
 
 TrajectoryErrors AbsoluteErrors(const std::vector<PosePair>& pairs);
@@ -105,10 +116,14 @@ struct RelativeOptions {
   double relative_tolerance = 0.1;
   bool lengths_from_reference = false;  // evo's default measures the path of the estimate
 };
+// "1f", "10m", "0.5s": frames, metres, seconds. Throws OptionError saying what is expected.
+RelativeOptions ParseRelative(const std::string& text);
 
 // Errors of relative poses: (ref_i^-1 ref_j)^-1 (est_i^-1 est_j) over pieces of the given length. Empty if the
-// trajectory is too short. Throws OptionError for delta <= 0.
-TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options);
+// trajectory is too short. Throws OptionError for delta <= 0. `positions_only`: | |p_ref_j - p_ref_i| - |p_est_j -
+// p_est_i| | (evo's "point_distance"), since a position alone has no frame to express a step in.
+TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options,
+                                bool positions_only = false);
 
 // Another usual form: from every pose to the first one at least `length_m` further along the reference's path, the
 // estimate's translation multiplied by `scale`, in the first body's axes.
@@ -131,17 +146,26 @@ std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference, cons
 // What `trigpoint trajectory` prints for one estimate.
 struct TrajectoryReportOptions {
   AssociationOptions association;
+  bool find_offset = false;  // the time offset that fits best is used (on top of association.offset_s)
   TrajectoryAlignment alignment = TrajectoryAlignment::kNone;
-  RelativeOptions relative;
+  std::vector<RelativeOptions> relative = {RelativeOptions{}};
+};
+struct RelativeReport {
+  RelativeOptions options;
+  std::optional<SampleStatistics> m, deg;  // unset when the trajectory is too short for one piece
 };
 struct TrajectoryReport {
   std::string name;
   int reference_poses = 0, estimate_poses = 0, pairs = 0;
   double path_length_m = 0;
   Sim3d reference_from_estimate;
-  SampleStatistics ate_m, ate_deg;
-  std::optional<SampleStatistics> rpe_m, rpe_deg;  // unset when the trajectory is too short for one piece
+  SampleStatistics ate_m;
+  std::optional<SampleStatistics> ate_deg;                  // unset against positions
+  std::optional<SampleStatistics> ate_h_m, ate_v_m;         // against a GPS track, whose +z is up
+  double reference_sigma_h_m = 0, reference_sigma_v_m = 0;  // of a GPS track
+  std::vector<RelativeReport> rpe;                          // as options.relative
   std::optional<TimeOffset> time_offset;
+  double applied_offset_s = 0;
   std::vector<std::string> warnings;
 };
 TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence& reference,

@@ -7,6 +7,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
+#include "eval/statistics.h"
 #include "eval/trajectory.h"
 
 namespace trigpoint {
@@ -114,6 +115,22 @@ PoseSequence ReadPoseSequence(const std::filesystem::path& file) {
   }
   if (sequence.poses.empty()) throw InputError(file.string() + ": expected a trajectory, found no pose");
   if (sequence.HasTimes()) SortByTime(file.string(), &sequence);
+  return sequence;
+}
+
+PoseSequence PoseSequenceFromGps(const std::vector<GpsFix>& fixes, const LocalFrame& frame) {
+  if (fixes.empty()) throw InputError("the GPS track has no fix");
+  PoseSequence sequence;
+  sequence.positions_only = true;
+  std::vector<double> h, v;
+  for (const GpsFix& fix : fixes) {
+    sequence.stamps_ns.push_back(fix.stamp_ns);
+    sequence.poses.emplace_back(Rigid3d(Eigen::Quaterniond::Identity(), frame.EnuFromGeodetic(fix.position)));
+    h.push_back(fix.sigma_h_m);
+    v.push_back(fix.sigma_v_m);
+  }
+  sequence.sigma_h_m = Quantile(h, 0.5);
+  sequence.sigma_v_m = Quantile(v, 0.5);
   return sequence;
 }
 

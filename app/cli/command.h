@@ -52,6 +52,7 @@ void AddInitCommand(CLI::App& app, Session& session);
 void AddStatusCommand(CLI::App& app, Session& session);
 void AddRunCommand(CLI::App& app, Session& session);
 void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage);
+void AddTrajectoryCommand(CLI::App& app, Session& session);
 void AddDemoCommand(CLI::App& app, Session& session);
 
 }  // namespace trigpoint

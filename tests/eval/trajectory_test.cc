@@ -144,12 +144,13 @@ TEST(EvaluateTrajectory, ReportsAndFormats) {
   Trajectory estimate = PathOf(50, 0.2);
   for (TimedPose& pose : estimate.poses) pose.target_from_body.translation.x() += 0.3048;
   TrajectoryReportOptions options;
-  options.relative = {.delta = 1e9, .unit = DeltaUnit::kMetres};
+  options.relative = {{.delta = 1e9, .unit = DeltaUnit::kMetres}};
   const TrajectoryReport report = EvaluateTrajectory("ours", reference, estimate, options);
   EXPECT_EQ(report.pairs, 50);
   EXPECT_NEAR(report.ate_m.rmse, 0.3048, 1e-12);
-  EXPECT_FALSE(report.rpe_m);
-  EXPECT_THAT(FormatTrajectoryReports({report}, options, "ft", 0.3048), HasSubstr("| ours     |    50 |   1.0000 |"));
+  EXPECT_FALSE(report.rpe.at(0).m);
+  EXPECT_THAT(FormatTrajectoryReports({report}, options, "ft", 0.3048),
+              HasSubstr("| ours     |  ATE ft |  50 | 1.0000 |"));
   EXPECT_EQ(TrajectoryReportsJson({report}, options).at("schema"), "trigpoint trajectory 1");
 }
 

@@ -1,0 +1,159 @@
+// trajectory: ATE and RPE of any trajectories.
+#include <algorithm>
+
+#include "app/cli/command.h"
+#include "datasets/io/gps.h"
+#include "datasets/io/text.h"
+#include "eval/trajectory.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::string reference;
+  std::vector<std::string> estimates;
+  std::string align = "none";
+  std::string offset = "0";
+  double max_difference_s = 0.01;
+  bool interpolate = false;
+  bool all_pairs = false;
+  std::vector<std::string> relative;
+  std::vector<double> lever_arm, origin;
+  std::string time_zero, out;
+};
+
+bool IsGps(const fs::path& file) {
+  const std::string extension = file.extension().string();
+  if (extension == ".nmea" || extension == ".gpx") return true;
+  return extension == ".csv" && ReadTextFile(file).find("latitude_deg") != std::string::npos;
+}
+
+// A GPS track in site ENU. One in a project's runs/<run>/ takes clock, lever arm and origin from there.
+PoseSequence ReadGps(const fs::path& file, const Arguments& arguments, AssociationOptions* association) {
+  const fs::path run_dir = fs::absolute(file).lexically_normal().parent_path();
+  RunClock clock;
+  std::optional<LocalFrame> frame;
+  if (run_dir.parent_path().filename() == "runs") {
+    const Project project = Project::Open(run_dir.parent_path().parent_path());
+    const RunConfig& config = project.run(run_dir.filename().string()).config;
+    clock = {config.time_zero_utc_ns, config.date};
+    if (project.has_frame()) frame = project.frame();
+    if (arguments.lever_arm.empty()) {
+      association->estimate_body_from_reference_body.translation = config.gps_lever_arm_m;
+    }
+  }
+  if (!arguments.time_zero.empty()) {
+    clock.time_zero_utc_ns = ParseUtcToNs(arguments.time_zero);
+    if (!clock.time_zero_utc_ns) {
+      throw OptionError("--time-zero " + arguments.time_zero + ": expected a UTC time like 2026-05-12T09:43:20Z");
+    }
+    clock.date = arguments.time_zero.substr(0, 10);
+  }
+  const std::string extension = file.extension().string();
+  const GpsTrack track = extension == ".nmea"  ? ReadNmea(file, clock)
+                         : extension == ".gpx" ? ReadGpx(file, clock)
+                                               : ReadGpsCsv(file);
+  if (track.fixes.empty()) throw InputError(file.string() + ": expected a GPS track, found no fix");
+  if (arguments.origin.size() == 3) {
+    frame = LocalFrame(Geodetic{arguments.origin[0], arguments.origin[1], arguments.origin[2]});
+  }
+  PoseSequence sequence = PoseSequenceFromGps(track.fixes, frame ? *frame : LocalFrame(track.fixes.front().position));
+  sequence.warnings = track.warnings;
+  if (!frame)
+    sequence.warnings.push_back("east-north-up begins at the track's first fix; --origin names another place");
+  return sequence;
+}
+
+int Score(const Session& session, const Arguments& arguments) {
+  TrajectoryReportOptions options;
+  options.alignment = ParseTrajectoryAlignment(arguments.align);
+  options.association.max_difference_s = arguments.max_difference_s;
+  options.association.interpolate = arguments.interpolate;
+  options.find_offset = arguments.offset == "auto";
+  if (!options.find_offset) {
+    const auto offset = ParseDouble(arguments.offset);
+    if (!offset || !std::isfinite(*offset)) {
+      throw OptionError("--offset " + arguments.offset + ": expected seconds, or auto");
+    }
+    options.association.offset_s = *offset;
+  }
+  if (arguments.lever_arm.size() == 3) {
+    options.association.estimate_body_from_reference_body.translation =
+        Eigen::Vector3d::Map(arguments.lever_arm.data());
+  }
+  if (!arguments.relative.empty()) options.relative.clear();
+  for (const std::string& text : arguments.relative) options.relative.push_back(ParseRelative(text));
+  for (RelativeOptions& relative : options.relative) relative.all_pairs = arguments.all_pairs;
+
+  const PoseSequence reference = IsGps(arguments.reference)
+                                     ? ReadGps(arguments.reference, arguments, &options.association)
+                                     : ReadPoseSequence(arguments.reference);
+  std::vector<TrajectoryReport> reports;
+  std::vector<std::pair<std::string, std::string>> failed;
+  const Terminal terminal = session.MakeTerminal();
+  int exit_code = 0;
+  for (const std::string& file : arguments.estimates) {
+    session.cancel->ThrowIfCancelled();
+    try {
+      reports.push_back(EvaluateTrajectory(file, reference, ReadPoseSequence(file), options));
+    } catch (const Error& e) {  // the others go on
+      const std::string what = e.what();
+      failed.emplace_back(file, what.find(file) == std::string::npos ? file + ": " + what : what);
+      exit_code = e.ExitCode();
+    }
+  }
+  if (reports.empty() && failed.size() == 1) throw InputError(failed.front().second);
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  if (!reports.empty()) session.Print(FormatTrajectoryReports(reports, options, unit.name, unit.metres));
+  nlohmann::json summary = TrajectoryReportsJson(reports, options);
+  summary["failed"] = nlohmann::json::array();
+  for (const auto& [file, why] : failed) {
+    session.MakeTerminal().Log(LogLevel::kError, why);
+    summary["failed"].push_back({{"name", file}, {"error", why}});
+  }
+  if (!arguments.out.empty()) WriteFileAtomically(arguments.out, summary.dump(2) + "\n");
+  summary["command"] = "trajectory";
+  summary["ok"] = failed.empty();
+  session.PrintJson(summary);
+  return exit_code;
+}
+
+}  // namespace
+
+void AddTrajectoryCommand(CLI::App& app, Session& session) {
+  CLI::App& command = AddCommand(
+      app, session, "trajectory", "absolute and relative errors of trajectories against a reference",
+      "Files are TUM, KITTI or EuRoC; REFERENCE may be a GPS track (CSV, NMEA, GPX). ATE and RPE are defined as in "
+      "the\n"
+      "program evo. Nothing is aligned unless asked for: numbers are compared as they stand.\n\n"
+      "Examples:\n"
+      "  trigpoint trajectory truth.tum slam.tum --align se3\n"
+      "  trigpoint trajectory truth.tum a.tum b.tum --align sim3 --rpe 1m --rpe 10s --offset auto\n"
+      "  trigpoint trajectory my_site/runs/run1/gps.csv my_site/results/localize/run1/cameras.tum --interpolate");
+  const auto a = std::make_shared<Arguments>();
+  command.add_option("REFERENCE", a->reference, "the trajectory to compare with, or a GPS track")->required();
+  command.add_option("ESTIMATE", a->estimates, "one or more trajectories")->required();
+  command.add_option("--align", a->align, "none, origin, yaw, se3 or sim3")->capture_default_str();
+  command.add_option("--offset", a->offset, "seconds added to the estimates' stamps, or auto: what fits best")
+      ->capture_default_str();
+  command.add_option("--max-difference", a->max_difference_s, "poses further apart in time are no pair, s")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_flag("--interpolate", a->interpolate, "interpolate the denser one instead of taking the nearest pose");
+  command.add_option("--rpe", a->relative, "relative errors over 1f, 10m or 5s (may be given several times; 1f)")
+      ->allow_extra_args(false);
+  command.add_flag("--all-pairs", a->all_pairs, "a piece from every pose, not one after the other");
+  command
+      .add_option("--lever-arm", a->lever_arm,
+                  "X Y Z, m: where the reference's point lies in the estimate's body (the antenna, another camera)")
+      ->expected(3);
+  command.add_option("--origin", a->origin, "LAT LON HEIGHT (deg, deg, m) of the frame that a GPS track is put into")
+      ->expected(3);
+  command.add_option("--time-zero", a->time_zero, "UTC of the estimates' time 0, for NMEA and GPX");
+  command.add_option("--out", a->out, "write the JSON summary to this file too");
+  command.callback([&session, a] { session.action = [a](Session& s) { return Score(s, *a); }; });
+}
+
+}  // namespace trigpoint

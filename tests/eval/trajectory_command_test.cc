@@ -1,0 +1,177 @@
+// `trigpoint trajectory` as a user calls it.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "calib/geo/geodetic.h"
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+#include "tests/e2e/program.h"
+#include "tests/eval/shared_data.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class TrajectoryCommand : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    dir_ = fs::temp_directory_path() / ("trigpoint_trajectory_command_" + std::to_string(getpid()));
+    fs::create_directories(dir_);
+  }
+  void TearDown() override { fs::remove_all(dir_); }
+  std::string Write(const std::string& name, const std::string& text) const {
+    WriteFileAtomically(dir_ / name, text);
+    return (dir_ / name).string();
+  }
+  // A winding path at 10 Hz, moved in time, space and shifted in its body.
+  std::string Path(const std::string& name, double clock_s, const Eigen::Vector3d& shift, double scale = 1,
+                   const Eigen::Vector3d& lever = Eigen::Vector3d::Zero()) const {
+    std::vector<TimedPose> poses;
+    for (int i = 0; i < 300; ++i) {
+      const double t = 0.1 * i;
+      const double s = t + 0;
+      const Rigid3d pose(Eigen::Quaterniond(Eigen::AngleAxisd(0.2 * s, Eigen::Vector3d::UnitZ())),
+                         Eigen::Vector3d(10 * std::cos(0.2 * s), 8 * std::sin(0.3 * s), 0.1 * s));
+      poses.push_back(
+          {static_cast<int64_t>(std::llround((t + clock_s) * 1e9)), {pose.rotation, scale * (pose * lever) + shift}});
+    }
+    WriteTum(dir_ / name, poses, {});
+    return (dir_ / name).string();
+  }
+  static json Estimate(const std::vector<std::string>& arguments) {
+    std::vector<std::string> all = arguments;
+    all.insert(all.begin(), "trajectory");
+    all.push_back("--json");
+    const Finished run = Trigpoint(all);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return run.Json().at("estimates").at(0);
+  }
+  fs::path dir_;
+};
+
+TEST_F(TrajectoryCommand, AlignsOnlyWhenAsked) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  const std::string moved = Path("moved.tum", 0, {3, 4, 0}, 1.1);
+  EXPECT_GT(Estimate({truth, moved})["ate_m"]["rmse"], 4.0);
+  EXPECT_NEAR(Estimate({truth, moved, "--align", "sim3"})["ate_m"]["rmse"], 0, 1e-8);
+  const double rigid = Estimate({truth, moved, "--align", "se3"})["ate_m"]["rmse"];
+  EXPECT_GT(rigid, 0.3);
+  EXPECT_LE(rigid, Estimate({truth, moved, "--align", "yaw"})["ate_m"]["rmse"].get<double>() + 1e-12);
+  EXPECT_GT(Estimate({truth, moved, "--align", "origin"})["ate_m"]["rmse"], rigid);
+}
+
+TEST_F(TrajectoryCommand, FindsAndAppliesAClockThatIsOff) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  const std::string late = Path("late.tum", 0.1, {0, 0, 0});
+  const Finished told = Trigpoint({"trajectory", truth, late, "--interpolate"});
+  EXPECT_THAT(told.out, HasSubstr("fits better with its clock moved by -0.1"));
+  const json fixed = Estimate({truth, late, "--interpolate", "--offset", "auto"});
+  EXPECT_NEAR(fixed["applied_offset_s"], -0.1, 0.002);
+  EXPECT_LT(fixed["ate_m"]["rmse"], 0.01);
+  EXPECT_NEAR(Estimate({truth, late, "--offset", "-0.1"})["ate_m"]["rmse"], 0, 1e-8);
+}
+
+TEST_F(TrajectoryCommand, RelativeErrorsByFramesMetresAndSeconds) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  const std::string scaled = Path("scaled.tum", 0, {0, 0, 0}, 1.01);
+  const json rpe = Estimate({truth, scaled, "--rpe", "1f", "--rpe", "10m", "--rpe", "5s", "--all-pairs"})["rpe"];
+  ASSERT_EQ(rpe.size(), 3u);
+  EXPECT_EQ(rpe[0]["m"]["count"], 299);
+  EXPECT_EQ(rpe[2]["m"]["count"], 255);  // the last ones within a tenth of the length
+  EXPECT_GT(rpe[1]["m"]["median"], rpe[0]["m"]["median"]);
+  EXPECT_NEAR(rpe[1]["deg"]["max"], 0, 1e-5);
+}
+
+TEST_F(TrajectoryCommand, AGpsTrackIsAReference) {
+  const LocalFrame frame({48, 8, 200});
+  const Eigen::Vector3d antenna(0.3, 0, 1.5);
+  const std::string body = Path("body.tum", 0, {0, 0, 0});
+  std::string gps = "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_h_m,sigma_v_m\n";
+  for (const TimedPose& pose : ReadTrajectory(body).poses) {
+    const Geodetic g = frame.GeodeticFromEnu(pose.target_from_body * antenna + Eigen::Vector3d(0.3, 0.4, 2));
+    char line[200];
+    snprintf(line, sizeof line, "%.1f,%.11f,%.11f,%.4f,2,4\n", 1e-9 * static_cast<double>(pose.stamp_ns),
+             g.latitude_deg, g.longitude_deg, g.height_m);
+    gps += line;
+  }
+  const std::string track = Write("gps.csv", gps);
+  const json e = Estimate({track, body, "--origin", "48", "8", "200", "--lever-arm", "0.3", "0", "1.5"});
+  EXPECT_NEAR(e["ate_h_m"]["mean"], 0.5, 1e-3);
+  EXPECT_NEAR(e["ate_v_m"]["mean"], 2, 1e-3);
+  EXPECT_EQ(e["reference_sigma_h_m"], 2.0);
+  EXPECT_TRUE(e["ate_deg"].is_null());
+}
+
+TEST_F(TrajectoryCommand, BadInputIsOneLineAndTheOthersGoOn) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0}), good = Path("good.tum", 0, {0, 0, 0});
+  const std::string broken = Write("broken.tum", "0 1 2 nan 0 0 0 1\n");
+  const std::string other_clock = Path("other.tum", 1e6, {0, 0, 0});
+  const auto one_line = [](const Finished& f, int exit_code, const std::string& part) {
+    EXPECT_EQ(f.exit_code, exit_code) << f.err;
+    EXPECT_EQ(std::count(f.err.begin(), f.err.end(), '\n'), 1) << f.err;
+    EXPECT_THAT(f.err, HasSubstr(part));
+  };
+  one_line(Trigpoint({"trajectory", truth, broken}), 1, "broken.tum:1");
+  one_line(Trigpoint({"trajectory", truth, other_clock}), 1, "check the clocks");
+  one_line(Trigpoint({"trajectory", truth, "/nowhere.tum"}), 1, "/nowhere.tum");
+  one_line(Trigpoint({"trajectory", truth, good, "--align", "affine"}), 2, "none, origin, yaw, se3 or sim3");
+  one_line(Trigpoint({"trajectory", truth, good, "--rpe", "10"}), 2, "10m");
+  one_line(Trigpoint({"trajectory", truth, good, "--offset", "soon"}), 2, "auto");
+  const Finished mixed = Trigpoint({"trajectory", truth, broken, good});
+  EXPECT_EQ(mixed.exit_code, 1);
+  EXPECT_THAT(mixed.out, HasSubstr("good.tum"));
+}
+
+// evo's own numbers, through the command.
+TEST(TrajectoryCommandEvo, AgreesToOneMillionth) {
+  const auto dir = SharedData("trajectories");
+  if (!dir) GTEST_SKIP() << "no trajectories at hand";
+  const json expected = json::parse(ReadTextFile(*dir / "expected_evo.json"));
+  const std::map<std::string, std::string> references = {{"freiburg1", "freiburg1_xyz-groundtruth.txt"},
+                                                         {"fr2_desk", "fr2_desk_groundtruth.txt"},
+                                                         {"KITTI_00", "KITTI_00_gt.txt"},
+                                                         {"V102", "V102_groundtruth.csv"}};
+  int compared = 0;
+  for (const auto& [key, numbers] : expected.items()) {
+    const std::string name = key.substr(0, key.find(' '));
+    std::string reference;
+    for (const auto& [prefix, file] : references) {
+      if (name.starts_with(prefix)) reference = file;
+    }
+    ASSERT_FALSE(reference.empty()) << key;
+    const auto has = [&](const char* text) { return key.find(text) != std::string::npos; };
+    std::vector<std::string> arguments = {"trajectory",
+                                          (*dir / reference).string(),
+                                          (*dir / name).string(),
+                                          "--json",
+                                          "--align",
+                                          has("Sim3")  ? "sim3"
+                                          : has("SE3") ? "se3"
+                                                       : "none"};
+    if (has("delta 1 frame")) arguments.insert(arguments.end(), {"--rpe", "1f"});
+    if (has("delta 1 m ")) arguments.insert(arguments.end(), {"--rpe", "1m"});
+    if (has("delta 10 m")) arguments.insert(arguments.end(), {"--rpe", "10m"});
+    if (has("delta 100 m")) arguments.insert(arguments.end(), {"--rpe", "100m"});
+    if (has("all_pairs")) arguments.push_back("--all-pairs");
+    const Finished run = Trigpoint(arguments);
+    ASSERT_EQ(run.exit_code, 0) << key << run.err;
+    const json found = run.Json()["estimates"][0];
+    const bool relative = has("RPE");
+    const json m = relative ? found["rpe"][0]["m"] : found["ate_m"];
+    const json deg = relative ? found["rpe"][0]["deg"] : found["ate_deg"];
+    const std::string kind = relative ? "RPE" : "APE";
+    for (const char* statistic : {"rmse", "mean", "median", "std", "min", "max"}) {
+      EXPECT_NEAR(m[statistic], numbers[kind + "_translation_part"][statistic], 1e-6) << key << ' ' << statistic;
+      EXPECT_NEAR(deg[statistic], numbers[kind + "_rotation_angle_deg"][statistic], 1e-6) << key << ' ' << statistic;
+      compared += 2;
+    }
+  }
+  EXPECT_EQ(compared, 12 * static_cast<int>(expected.size()));
+}
+
+}  // namespace
+}  // namespace trigpoint
