@@ -28,22 +28,48 @@ ColmapCamera ToColmap(const Camera& camera) {
   return c;
 }
 
-Camera FromColmap(const ColmapCamera& c) {
-  struct Known {
-    int id;
-    const char* name;
-    size_t params;
-  };
-  static constexpr Known kKnown[] = {
-      {0, "SIMPLE_PINHOLE", 3}, {1, "PINHOLE", 4},        {2, "SIMPLE_RADIAL", 4}, {3, "RADIAL", 5},
-      {4, "OPENCV", 8},         {5, "OPENCV_FISHEYE", 8}, {6, "FULL_OPENCV", 12},  {8, "SIMPLE_RADIAL_FISHEYE", 4},
-      {9, "RADIAL_FISHEYE", 5}};
-  const Known* known = nullptr;
-  for (const Known& k : kKnown) {
-    if (k.id == c.model_id) known = &k;
+namespace {
+
+// All of COLMAP 3.x and 4.x: the number of parameters says where the next camera begins.
+constexpr ColmapModelInfo kModels[] = {{0, "SIMPLE_PINHOLE", 3, true},
+                                       {1, "PINHOLE", 4, true},
+                                       {2, "SIMPLE_RADIAL", 4, true},
+                                       {3, "RADIAL", 5, true},
+                                       {4, "OPENCV", 8, true},
+                                       {5, "OPENCV_FISHEYE", 8, true},
+                                       {6, "FULL_OPENCV", 12, true},
+                                       {7, "FOV", 5, false},
+                                       {8, "SIMPLE_RADIAL_FISHEYE", 4, true},
+                                       {9, "RADIAL_FISHEYE", 5, true},
+                                       {10, "THIN_PRISM_FISHEYE", 12, false},
+                                       {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false},
+                                       {12, "SIMPLE_DIVISION", 4, false},
+                                       {13, "DIVISION", 5, false},
+                                       {14, "SIMPLE_FISHEYE", 3, true},
+                                       {15, "FISHEYE", 4, true},
+                                       {16, "EUCM", 6, false}};
+
+}  // namespace
+
+const ColmapModelInfo* FindColmapModel(int id) {
+  for (const ColmapModelInfo& info : kModels) {
+    if (info.id == id) return &info;
   }
-  if (known == nullptr) {
-    throw InputError("COLMAP camera model " + c.model_name + " (id " + std::to_string(c.model_id) +
+  return nullptr;
+}
+
+const ColmapModelInfo* FindColmapModel(std::string_view name) {
+  for (const ColmapModelInfo& info : kModels) {
+    if (name == info.name) return &info;
+  }
+  return nullptr;
+}
+
+Camera FromColmap(const ColmapCamera& c) {
+  const ColmapModelInfo* known = FindColmapModel(c.model_id);
+  if (known == nullptr || !known->supported) {
+    throw InputError("COLMAP camera model " + (known != nullptr ? std::string(known->name) : c.model_name) + " (id " +
+                     std::to_string(c.model_id) +
                      ") is not supported; undistort the images or convert it to OPENCV or OPENCV_FISHEYE");
   }
   const std::vector<double>& p = c.params;
@@ -63,6 +89,8 @@ Camera FromColmap(const ColmapCamera& c) {
     case 4: return make(CameraModel::kRadtan, p);
     case 5: return make(CameraModel::kKannalaBrandt, p);
     case 6: return make(CameraModel::kRational, p);
+    case 14: return make(CameraModel::kKannalaBrandt, {p[0], p[0], p[1], p[2], 0, 0, 0, 0});
+    case 15: return make(CameraModel::kKannalaBrandt, {p[0], p[1], p[2], p[3], 0, 0, 0, 0});
     case 8: return make(CameraModel::kKannalaBrandt, {p[0], p[0], p[1], p[2], p[3], 0, 0, 0});
     default: return make(CameraModel::kKannalaBrandt, {p[0], p[0], p[1], p[2], p[3], p[4], 0, 0});
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/camera/camera.h"
@@ -15,10 +16,21 @@ struct ColmapCamera {
   std::vector<double> params;  // principal point in COLMAP's pixels
 };
 
+// A camera model of COLMAP 3.x or 4.x; `supported`: one of ours can represent it.
+struct ColmapModelInfo {
+  int id;
+  const char* name;
+  size_t params;
+  bool supported;
+};
+// Null for an unknown one.
+const ColmapModelInfo* FindColmapModel(int id);
+const ColmapModelInfo* FindColmapModel(std::string_view name);
+
 // Throws InputError for a model that COLMAP does not have (equirectangular).
 ColmapCamera ToColmap(const Camera& camera);
 // SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, SIMPLE_RADIAL_FISHEYE,
-// RADIAL_FISHEYE; throws InputError naming any other model.
+// RADIAL_FISHEYE, SIMPLE_FISHEYE, FISHEYE; throws InputError naming any other model.
 Camera FromColmap(const ColmapCamera& camera);
 
 }  // namespace trigpoint
