@@ -15,6 +15,12 @@ find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(exiv2 REQUIRED IMPORTED_TARGET exiv2)
+pkg_check_modules(pangocairo REQUIRED IMPORTED_TARGET pangocairo)
+find_package(GDAL REQUIRED)
+find_package(OpenGL REQUIRED COMPONENTS EGL)
+find_package(GLEW REQUIRED)
+find_package(VTK 9.1 REQUIRED COMPONENTS CommonCore CommonDataModel CommonMath FiltersSources RenderingAnnotation
+             RenderingCore RenderingFreeType RenderingOpenGL2)
 
 # GeographicLib ships a find module and variables, no target.
 list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)

@@ -1,0 +1,237 @@
+// Paths, points, cameras, panoramas and tags.
+#include <vtkBillboardTextActor3D.h>
+#include <vtkCellData.h>
+#include <vtkFloatArray.h>
+#include <vtkNew.h>
+#include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
+#include <vtkProperty2D.h>
+#include <vtkScalarBarActor.h>
+#include <vtkTextProperty.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "eval/scene/scene_parts.h"
+#include "eval/statistics.h"
+
+namespace trigpoint {
+namespace {
+
+Colour ColourOf(ScenePath::Kind kind) {
+  switch (kind) {
+    case ScenePath::Kind::kOdometry: return kOrange;
+    case ScenePath::Kind::kOptimised: return kBlue;
+    case ScenePath::Kind::kTruth: return kBlack;
+    case ScenePath::Kind::kEstimate: return kPurple;
+  }
+  return kBlack;
+}
+
+// Directions of an equirectangular picture, row by row: a pixel stands in the direction in which it was taken.
+std::vector<Eigen::Vector3d> Sphere(const Rigid3d& world_from_pano, double radius, int columns, int rows) {
+  std::vector<Eigen::Vector3d> vertices;
+  for (int r = 0; r < rows; ++r) {
+    const double latitude = std::numbers::pi * (0.5 - static_cast<double>(r) / (rows - 1));
+    for (int c = 0; c < columns; ++c) {
+      const double longitude = 2 * std::numbers::pi * (static_cast<double>(c) / (columns - 1) - 0.5);
+      const Eigen::Vector3d d(std::sin(longitude) * std::cos(latitude), -std::sin(latitude),
+                              std::cos(longitude) * std::cos(latitude));
+      vertices.push_back(world_from_pano * (radius * d));
+    }
+  }
+  return vertices;
+}
+
+// Viridis, which stays readable in grey and to colour-blind eyes.
+vtkSmartPointer<vtkLookupTable> Viridis(double low, double high) {
+  static constexpr double kAnchors[][3] = {{0.267, 0.005, 0.329}, {0.275, 0.195, 0.496}, {0.213, 0.359, 0.552},
+                                           {0.153, 0.497, 0.558}, {0.122, 0.632, 0.531}, {0.290, 0.758, 0.428},
+                                           {0.622, 0.854, 0.226}, {0.993, 0.906, 0.144}};
+  auto table = vtkSmartPointer<vtkLookupTable>::New();
+  table->SetNumberOfTableValues(256);
+  for (int i = 0; i < 256; ++i) {
+    const double at = i / 255.0 * 7;
+    const int k = std::min(6, static_cast<int>(at));
+    double c[3];
+    for (int j = 0; j < 3; ++j) c[j] = kAnchors[k][j] + (at - k) * (kAnchors[k + 1][j] - kAnchors[k][j]);
+    table->SetTableValue(i, c[0], c[1], c[2], 1);
+  }
+  table->SetRange(low, high);
+  table->SetNanColor(0.6, 0.6, 0.6, 1);
+  return table;
+}
+
+}  // namespace
+
+const char* LayerOf(ScenePath::Kind kind) {
+  switch (kind) {
+    case ScenePath::Kind::kOdometry: return "odometry";
+    case ScenePath::Kind::kOptimised: return "optimised";
+    case ScenePath::Kind::kTruth: return "truth";
+    case ScenePath::Kind::kEstimate: return "estimates";
+  }
+  return "";
+}
+
+void SceneView::Parts::BuildPaths() {
+  for (const ScenePath& path : model.paths) {
+    std::vector<Eigen::Vector3d> line;
+    for (const TimedPose& pose : path.poses) line.push_back(pose.target_from_body.translation);
+    if (line.size() < 2) continue;
+    const double width = path.kind == ScenePath::Kind::kOptimised ? 4 : 3;
+    Add(LayerOf(path.kind), FlatActor(Lines({line}), ColourOf(path.kind), width));
+  }
+}
+
+void SceneView::Parts::BuildPoints() {
+  if (model.points.empty()) return;
+  std::vector<Eigen::Vector3d> positions;
+  for (const ScenePoint& point : model.points) positions.push_back(point.position);
+  points = FlatActor(Dots(positions), kBlack, 2);
+  Add("points", points);
+  vtkNew<vtkScalarBarActor> bar;
+  bar->SetOrientationToVertical();
+  bar->SetNumberOfLabels(5);
+  bar->SetPosition(0.93, 0.04);
+  bar->SetWidth(0.055);
+  bar->SetHeight(0.36);
+  bar->UnconstrainedFontSizeOn();
+  bar->SetLabelFormat("%.3g");
+  bar->DrawBackgroundOn();
+  bar->GetBackgroundProperty()->SetColor(1, 1, 1);
+  bar->GetBackgroundProperty()->SetOpacity(0.75);
+  for (vtkTextProperty* text : {bar->GetLabelTextProperty(), bar->GetTitleTextProperty()}) {
+    text->SetFontFamilyToArial();
+    text->ItalicOff();
+    text->BoldOff();
+    text->ShadowOff();
+    text->SetColor(0.1, 0.1, 0.1);
+    text->SetFontSize(static_cast<int>(0.8 * style.text_px));
+  }
+  points_bar = bar.Get();
+  Add("points", bar);
+  ColourPoints(style.points);
+}
+
+void SceneView::Parts::ColourPoints(PointColour colour) {
+  if (!points) return;
+  vtkNew<vtkFloatArray> values;
+  std::vector<double> sample;
+  for (const ScenePoint& p : model.points) {
+    const double value = colour == PointColour::kHeight        ? p.position.z()
+                         : colour == PointColour::kTrackLength ? p.track_length
+                                                               : p.sigma_m;
+    values->InsertNextValue(static_cast<float>(value));
+    if (std::isfinite(value)) sample.push_back(value);
+  }
+  double low = 0, high = 1;
+  if (!sample.empty()) low = Quantile(sample, 0.02), high = Quantile(sample, 0.95);
+  if (high <= low) high = low + 1;
+  auto* mapper = static_cast<vtkPolyDataMapper*>(points->GetMapper());
+  mapper->GetInput()->GetCellData()->SetScalars(values);
+  mapper->SetScalarModeToUseCellData();
+  mapper->SetLookupTable(Viridis(low, high));
+  mapper->SetScalarRange(low, high);
+  mapper->ScalarVisibilityOn();
+  auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
+  bar->SetLookupTable(mapper->GetLookupTable());
+  bar->SetTitle(colour == PointColour::kHeight        ? "height (m)"
+                : colour == PointColour::kTrackLength ? "images"
+                                                      : "sigma (m)");
+}
+
+void SceneView::Parts::BuildCameras() {
+  std::vector<std::vector<Eigen::Vector3d>> lines;
+  for (const SceneCamera& camera : model.cameras) {
+    std::vector<Eigen::Vector3d> corners;
+    for (const Eigen::Vector3d& ray : camera.corner_rays) {
+      corners.push_back(camera.world_from_cam * (style.frustum_depth_m * ray));
+    }
+    const Eigen::Vector3d& centre = camera.world_from_cam.translation;
+    lines.push_back({corners[0], corners[1], corners[2], corners[3], corners[0], centre, corners[1]});
+    lines.push_back({corners[2], centre, corners[3]});
+  }
+  if (!lines.empty()) Add("cameras", FlatActor(Lines(lines), {0.35, 0.55, 0.75}, 1));
+}
+
+void SceneView::Parts::BuildPanoramas() {
+  std::vector<Eigen::Vector3d> dots, geotags;
+  std::vector<std::vector<Eigen::Vector3d>> to_geotag;
+  std::set<std::string> spheres, stations, tagged;
+  for (const ScenePanorama& panorama : model.panoramas) {
+    const Rigid3d& pose = panorama.world_from_pano;
+    if (panorama.geotag && tagged.insert(panorama.panorama).second) {
+      geotags.push_back(*panorama.geotag);
+      to_geotag.push_back({*panorama.geotag, pose.translation});
+    }
+    const bool picture = !panorama.texture.empty() && static_cast<int>(spheres.size()) < style.max_spheres &&
+                         spheres.insert(panorama.panorama).second;
+    if (!picture) {
+      dots.push_back(pose.translation);
+    } else if (panorama.kind == ReferenceKind::kPanorama) {
+      Add("panoramas",
+          TexturedActor(TexturedGrid(Sphere(pose, style.sphere_radius_m, 49, 25), 49, 25), panorama.texture, false));
+    } else {  // a photo stands upright before its centre, as large as it would be seen
+      const double h = style.sphere_radius_m * panorama.texture.rows / std::max(1, panorama.texture.cols);
+      const double w = style.sphere_radius_m;
+      std::vector<Eigen::Vector3d> corners;
+      for (const Eigen::Vector3d& c : {Eigen::Vector3d(-w, -h, w), Eigen::Vector3d(w, -h, w), Eigen::Vector3d(-w, h, w),
+                                       Eigen::Vector3d(w, h, w)}) {
+        corners.push_back(pose * c);
+      }
+      Add("panoramas", TexturedActor(TexturedGrid(corners, 2, 2), panorama.texture, false));
+    }
+    stations.insert(panorama.station);
+  }
+  if (!dots.empty()) {
+    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(dots), kBlue, 9);
+    actor->GetProperty()->SetRenderPointsAsSpheres(true);
+    Add("panoramas", actor);
+  }
+  if (!geotags.empty()) {
+    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(geotags), kSky, 10);
+    actor->GetProperty()->SetRenderPointsAsSpheres(true);
+    Add("geotags", actor);
+    Add("geotags", FlatActor(Lines(to_geotag), kSky, 2));
+  }
+  if (static_cast<int>(stations.size()) > style.max_labels) return;
+  std::vector<Eigen::Vector3d> labelled;
+  for (const ScenePanorama& panorama : model.panoramas) {
+    const Eigen::Vector3d at = panorama.world_from_pano.translation + Eigen::Vector3d(0, 0, style.sphere_radius_m);
+    const bool taken = std::any_of(labelled.begin(), labelled.end(), [&](const Eigen::Vector3d& other) {
+      return (other - at).norm() < 3 * style.sphere_radius_m;
+    });
+    if (stations.erase(panorama.station) == 0 || taken) continue;
+    labelled.push_back(at);
+    Add("labels", Label(panorama.station, at, style.text_px));
+  }
+}
+
+void SceneView::Parts::BuildTags() {
+  for (const SceneTag& tag : model.tags) {
+    const double h = 0.5 * tag.pattern_size_m;
+    std::vector<Eigen::Vector3d> corners;
+    for (const Eigen::Vector3d& c :
+         {Eigen::Vector3d(-h, -h, 0), Eigen::Vector3d(h, -h, 0), Eigen::Vector3d(-h, h, 0), Eigen::Vector3d(h, h, 0)}) {
+      corners.push_back(tag.world_from_tag * c);
+    }
+    if (tag.pattern.empty()) {
+      std::swap(corners[2], corners[3]);
+      Add("tags", FlatActor(Polygon(corners), kGreen, 1));
+    } else {
+      Add("tags", TexturedActor(TexturedGrid(corners, 2, 2), tag.pattern, true));
+    }
+    if (static_cast<int>(model.tags.size()) <= style.max_labels) {
+      auto label =
+          Label(std::to_string(tag.id), tag.world_from_tag.translation - Eigen::Vector3d(0, 0, h), 0.8 * style.text_px);
+      label->GetTextProperty()->SetVerticalJustificationToTop();
+      label->SetDisplayOffset(0, static_cast<int>(-0.5 * style.text_px));
+      Add("labels", label);
+    }
+  }
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,442 @@
+#include "eval/scene/scene_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "calib/geometry/alignment.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/image.h"
+#include "eval/evaluate.h"
+#include "eval/results.h"
+#include "eval/scene/scene_points.h"
+#include "survey/tags/tag_family.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kSameTimeNs = 50'000'000;  // poses of two systems this near in time are of the same moment
+constexpr double kCameraHeightM = 1.5;       // above the ground, where no point tells
+
+// The similarity that takes a run's optimised frame into the scene's: rotation and place from the cameras' poses in
+// both, scale from their paths.
+Sim3d SceneFromOdom(const std::vector<TimedPose>& odom, const std::vector<TimedPose>& world) {
+  const std::optional<Rigid3d> rigid = WorldFromOdom(odom, world);
+  if (!rigid) return {};
+  std::map<int64_t, Eigen::Vector3d> by_stamp;
+  for (const TimedPose& pose : odom) by_stamp[pose.stamp_ns] = pose.target_from_body.translation;
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> pairs;
+  Eigen::Vector3d mean_odom = Eigen::Vector3d::Zero(), mean_world = Eigen::Vector3d::Zero();
+  for (const TimedPose& pose : world) {
+    const auto it = by_stamp.find(pose.stamp_ns);
+    if (it == by_stamp.end()) continue;
+    pairs.emplace_back(rigid->rotation * it->second, pose.target_from_body.translation);
+    mean_odom += pairs.back().first;
+    mean_world += pairs.back().second;
+  }
+  mean_odom /= static_cast<double>(pairs.size());
+  mean_world /= static_cast<double>(pairs.size());
+  double along = 0, square = 0;
+  for (const auto& [a, b] : pairs) {
+    along += (a - mean_odom).dot(b - mean_world);
+    square += (a - mean_odom).squaredNorm();
+  }
+  Sim3d result;
+  result.scale = square > 1e-6 && along > 0 ? along / square : 1;
+  result.rotation = rigid->rotation;
+  result.translation = mean_world - result.scale * mean_odom;
+  return result;
+}
+
+// A panorama's picture at about `width`, decoded small where the format allows it. Empty: cannot be read.
+cv::Mat SmallPicture(const fs::path& file, int width) {
+  cv::Mat picture;
+  for (const int mode :
+       {cv::IMREAD_REDUCED_COLOR_8, cv::IMREAD_REDUCED_COLOR_4, cv::IMREAD_REDUCED_COLOR_2, cv::IMREAD_COLOR}) {
+    try {
+      picture = cv::imread(file.string(), mode);
+    } catch (const cv::Exception&) {
+      return {};
+    }
+    if (picture.empty() || picture.cols >= width) break;
+  }
+  if (!picture.empty() && picture.cols > width) {
+    const int height = std::max(1, picture.rows * width / picture.cols);
+    cv::resize(picture, picture, {width, height}, 0, 0, cv::INTER_AREA);
+  }
+  return picture;
+}
+
+class Loader {
+ public:
+  Loader(const Project& project, const SceneOptions& options, const CancelToken& cancel)
+      : project_(project), options_(options), cancel_(cancel) {}
+
+  SceneModel Load() {
+    model_.site = project_.name();
+    for (const Run& run : project_.site().runs) {
+      if (!Wanted(run.name)) continue;
+      Guard("run " + run.name, [&] { Collect(run); });
+    }
+    model_.on_earth = std::any_of(runs_.begin(), runs_.end(), [](const RunPart& r) { return r.on_earth; });
+    if (!model_.on_earth && runs_.size() > 1) {
+      model_.notes.push_back("No run has a place on the Earth: only " + runs_.front().run->name +
+                             " is shown, in its own frame.");
+      runs_.resize(1);
+    }
+    model_.frame = model_.on_earth ? "site ENU"
+                   : runs_.empty() ? "none: there is no result"
+                                   : "the optimised frame of " + runs_.front().run->name;
+    for (const RunPart& part : runs_) {
+      if (model_.on_earth && !part.on_earth) {
+        model_.notes.push_back("Run " + part.run->name + " has no place on the Earth and is not shown.");
+        continue;
+      }
+      cancel_.ThrowIfCancelled();
+      model_.runs.push_back(part.run->name);
+      AddPaths(part);
+      Guard("cameras of " + part.run->name, [&] { AddCameras(part); });
+      Guard("panoramas of " + part.run->name, [&] { AddPanoramas(part); });
+      Guard("points of " + part.run->name, [&] { AddPoints(part); });
+    }
+    AddTags();
+    Guard("errors", [&] { AddErrors(); });
+    Thin(model_.points, options_.max_points);
+    Thin(model_.cameras, options_.max_cameras);
+    model_.ground_z = GroundHeight();
+    const fs::path& aerial = project_.site().aerial;
+    if (!aerial.empty() && model_.on_earth && options_.aerial_px > 0) {
+      Guard("aerial image",
+            [&] { model_.aerial = ReadAerial(aerial, project_.frame(), model_.ground_z, options_.aerial_px); });
+    }
+    return std::move(model_);
+  }
+
+ private:
+  struct RunPart {
+    const Run* run = nullptr;
+    fs::path dir;
+    LocalizeResult result;
+    bool on_earth = false;
+    Sim3d scene_from_odom;
+  };
+
+  bool Wanted(const std::string& run) const {
+    return options_.runs.empty() || std::find(options_.runs.begin(), options_.runs.end(), run) != options_.runs.end();
+  }
+
+  // What is broken is named and left out.
+  template <typename Fn>
+  void Guard(const std::string& what, Fn&& fn) {
+    try {
+      fn();
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const std::exception& e) {
+      model_.notes.push_back(what + ": " + e.what());
+    }
+  }
+
+  template <typename T>
+  static void Thin(std::vector<T>& items, int most) {
+    const size_t limit = static_cast<size_t>(std::max(0, most));
+    if (items.size() <= limit) return;
+    std::vector<T> kept;
+    kept.reserve(limit);
+    for (size_t i = 0; i < limit; ++i) kept.push_back(std::move(items[i * items.size() / limit]));
+    items = std::move(kept);
+  }
+
+  fs::path ResultOf(const std::string& stage, const std::string& run) const {
+    return project_.ResultDir(stage, options_.variant.empty() ? run : run + "@" + options_.variant);
+  }
+
+  void Collect(const Run& run) {
+    RunPart part;
+    part.run = &run;
+    part.dir = ResultOf("localize", run.name);
+    if (!fs::exists(part.dir / "panoramas.csv")) {
+      model_.notes.push_back("Run " + run.name + " is not localized.");
+      return;
+    }
+    part.result = ReadLocalizeResult(part.dir);
+    part.on_earth = !part.result.cameras.empty();
+    if (part.on_earth) part.scene_from_odom = SceneFromOdom(part.result.cameras_odom, part.result.cameras);
+    runs_.push_back(std::move(part));
+  }
+
+  void AddPaths(const RunPart& part) {
+    const std::vector<TimedPose>& optimised = part.on_earth ? part.result.cameras : part.result.cameras_odom;
+    if (optimised.empty()) return;
+    const Run& run = *part.run;
+    model_.paths.push_back({ScenePath::Kind::kOptimised, run.name, "localize", optimised});
+    const int64_t first = optimised.front().stamp_ns, last = optimised.back().stamp_ns;
+    const std::optional<Rigid3d> start =
+        run.cameras.empty() ? std::nullopt : run.odometry.At(first, std::numeric_limits<int64_t>::max());
+    if (start) {
+      const Rigid3d scene_from_raw =
+          optimised.front().target_from_body * run.cameras.front().cam_from_body * start->Inverse();
+      ScenePath path{ScenePath::Kind::kOdometry, run.name, "odometry", {}};
+      for (const TimedPose& pose : run.odometry.poses) {
+        if (pose.stamp_ns < first || pose.stamp_ns > last) continue;
+        path.poses.push_back({pose.stamp_ns, scene_from_raw * pose.target_from_body});
+      }
+      if (path.poses.size() > 1) model_.paths.push_back(std::move(path));
+    }
+    if (!part.on_earth) return;
+    for (const fs::path& truth : {project_.dir() / "truth" / "runs" / (run.name + "_cameras.tum"),
+                                  project_.ResultDir("reference", run.name) / "cameras.tum"}) {
+      if (!fs::exists(truth)) continue;
+      Guard("truth of " + run.name, [&] {
+        model_.paths.push_back({ScenePath::Kind::kTruth, run.name, "truth", ReadTrajectory(truth).poses});
+      });
+      break;
+    }
+    AddEstimates(run, optimised);
+  }
+
+  // Anybody's trajectories, laid onto the optimised one by a rigid fit: they come in frames of their own.
+  void AddEstimates(const Run& run, const std::vector<TimedPose>& optimised) {
+    std::error_code ignored;
+    std::set<fs::path> systems;
+    for (fs::directory_iterator it(project_.dir() / "estimates", ignored), end; it != end; it.increment(ignored)) {
+      systems.insert(it->path());
+    }
+    for (const fs::path& system : systems) {
+      const fs::path file = system / (run.name + ".tum");
+      if (!fs::exists(file)) continue;
+      const std::string name = system.filename().string();
+      Guard("estimate of " + name + " for " + run.name, [&] {
+        const Trajectory theirs = ReadTrajectory(file);
+        std::vector<Eigen::Vector3d> source, target;
+        for (const TimedPose& pose : optimised) {
+          if (const auto at = theirs.At(pose.stamp_ns, 20 * kSameTimeNs)) {
+            source.push_back(at->translation);
+            target.push_back(pose.target_from_body.translation);
+          }
+        }
+        const Sim3d fit = AlignPoints(source, target, AlignmentKind::kSE3);
+        ScenePath path{ScenePath::Kind::kEstimate, run.name, name, {}};
+        for (const TimedPose& pose : theirs.poses) {
+          path.poses.push_back({pose.stamp_ns, fit.TransformPose(pose.target_from_body)});
+        }
+        model_.paths.push_back(std::move(path));
+      });
+    }
+  }
+
+  void AddCameras(const RunPart& part) {
+    const Run& run = *part.run;
+    std::map<std::string, const ImageEntry*> entries;
+    std::map<int64_t, const ImageEntry*> first_camera;
+    for (const ImageEntry& image : run.images) {
+      entries[image.file] = &image;
+      if (image.camera == 0) first_camera[image.stamp_ns] = &image;
+    }
+    const auto add = [&](const ImageEntry* entry, const Rigid3d& pose, const std::optional<Eigen::Vector3d>& sigma) {
+      if (!entry || entry->camera >= static_cast<int>(run.cameras.size()) || !pose.IsFinite()) return;
+      const Camera& camera = run.cameras[static_cast<size_t>(entry->camera)].camera;
+      SceneCamera c{run.name, entry->file, entry->path, pose, {}, sigma};
+      const double right = camera.width() - 0.5, bottom = camera.height() - 0.5;
+      for (const Eigen::Vector2d& corner : {Eigen::Vector2d(-0.5, bottom), Eigen::Vector2d(right, bottom),
+                                            Eigen::Vector2d(right, -0.5), Eigen::Vector2d(-0.5, -0.5)}) {
+        const auto ray = camera.Unproject(corner);
+        if (!ray || ray->z() < 0.1) break;
+        c.corner_rays.push_back(*ray / ray->z());
+      }
+      if (c.corner_rays.size() < 4) {  // a lens that sees beyond its corners: a plain pyramid stands for it
+        c.corner_rays = {{-0.8, 0.6, 1}, {0.8, 0.6, 1}, {0.8, -0.6, 1}, {-0.8, -0.6, 1}};
+      }
+      model_.cameras.push_back(std::move(c));
+    };
+    if (part.on_earth && fs::exists(part.dir / "cameras.csv")) {
+      for (const CameraResult& row : ReadCameraResults(part.dir / "cameras.csv")) {
+        const auto entry = entries.find(row.image);
+        if (entry != entries.end() && row.world_from_cam) add(entry->second, *row.world_from_cam, row.sigma_m);
+      }
+      return;
+    }
+    for (const TimedPose& pose : part.on_earth ? part.result.cameras : part.result.cameras_odom) {
+      const auto entry = first_camera.find(pose.stamp_ns);
+      if (entry != first_camera.end()) add(entry->second, pose.target_from_body, std::nullopt);
+    }
+  }
+
+  void AddPanoramas(const RunPart& part) {
+    std::map<std::string, const Reference*> references;
+    for (const Reference& reference : project_.site().references) references[reference.name] = &reference;
+    for (const PanoramaResult& row : part.result.panoramas) {
+      const std::optional<Rigid3d>& pose = part.on_earth ? row.world_from_pano : row.odom_from_pano;
+      if (row.status != "localized" || !pose || !pose->IsFinite()) continue;
+      ScenePanorama panorama{part.run->name, options_.variant, row.panorama, row.station};
+      panorama.world_from_pano = *pose;
+      panorama.sigma_m = part.on_earth ? row.sigma_m : row.odom_sigma_m;
+      if (const auto it = references.find(row.panorama); it != references.end()) {
+        const Reference& reference = *it->second;
+        panorama.kind = reference.kind;
+        if (!reference.files.empty()) panorama.file = reference.files.front();
+        if (part.on_earth && reference.geotag.has_position) {
+          Eigen::Vector3d said = project_.frame().EnuFromGeodetic(reference.geotag.position);
+          if (!reference.geotag.has_height) said.z() = pose->translation.z();
+          panorama.geotag = said;
+        }
+        panorama.texture = TextureOf(panorama.file);
+      }
+      model_.panoramas.push_back(std::move(panorama));
+    }
+  }
+
+  cv::Mat TextureOf(const fs::path& file) {
+    if (options_.panorama_width_px <= 0 || file.empty()) return {};
+    const auto [it, fresh] = textures_.try_emplace(file);
+    if (fresh) {
+      cancel_.ThrowIfCancelled();
+      it->second = SmallPicture(file, options_.panorama_width_px);
+      if (it->second.empty()) model_.notes.push_back(file.filename().string() + " cannot be read as a picture.");
+    }
+    return it->second;
+  }
+
+  void AddPoints(const RunPart& part) {
+    if (!fs::exists(part.dir / "sparse" / "points3D.bin")) {
+      model_.notes.push_back("Run " + part.run->name + " has no sparse model.");
+      return;
+    }
+    std::vector<ScenePoint> points = ReadScenePoints(part.dir / "sparse", static_cast<int>(model_.runs.size()) - 1);
+    Thin(points, options_.max_points);
+    for (ScenePoint& p : points) {
+      p.position =
+          part.scene_from_odom.scale * (part.scene_from_odom.rotation * p.position) + part.scene_from_odom.translation;
+      p.sigma_m *= part.scene_from_odom.scale;
+    }
+    model_.points.insert(model_.points.end(), points.begin(), points.end());
+  }
+
+  // One square an id: the survey's map first, then what the runs' own cameras say.
+  void AddTags() {
+    std::set<int> shown;
+    const auto add = [&](const fs::path& file, const std::string& source, const Sim3d& scene_from_map) {
+      if (!fs::exists(file)) return;
+      Guard("tags of " + source, [&] {
+        for (const TagResult& row : ReadTagResults(file)) {
+          if (!row.map_from_tag || !row.map_from_tag->IsFinite() || !(row.size_m > 0)) continue;
+          if ((row.status != "ok" && !row.status.empty()) || !shown.insert(row.tag_id).second) continue;
+          SceneTag tag{row.tag_id, row.family, row.role, source, row.size_m};
+          tag.world_from_tag = scene_from_map.TransformPose(*row.map_from_tag);
+          tag.sigma_m = row.sigma_m;
+          DrawPattern(&tag);
+          model_.tags.push_back(std::move(tag));
+        }
+      });
+    };
+    const std::string suffix = options_.variant.empty() ? "" : "@" + options_.variant;
+    if (model_.on_earth) {
+      for (const std::string& name : {suffix, std::string()}) {
+        add(project_.ResultDir("survey", name) / "tags.csv", "survey", {});
+      }
+    }
+    for (const RunPart& part : runs_) {
+      if (model_.on_earth && !part.on_earth) continue;
+      add(project_.ResultDir("evaluate", suffix) / ("tags_" + part.run->name + ".csv"), part.run->name,
+          part.scene_from_odom);
+    }
+  }
+
+  void DrawPattern(SceneTag* tag) {
+    try {
+      auto& family = families_[tag->family];
+      if (!family) family = std::make_unique<TagFamily>(tag->family);
+      const TagPattern pattern = family->Pattern(tag->id);
+      tag->pattern.create(pattern.total, pattern.total, CV_8U);
+      for (int r = 0; r < pattern.total; ++r) {
+        for (int c = 0; c < pattern.total; ++c) tag->pattern.at<uchar>(r, c) = pattern.At(r, c) ? 255 : 0;
+      }
+      tag->pattern_size_m = tag->size_m * pattern.total / pattern.width;
+    } catch (const Error&) {
+      tag->pattern_size_m = tag->size_m;  // a plain square
+    }
+  }
+
+  // The differences of one group a run: absolute ones against a map, else those in the run's own frame.
+  void AddErrors() {
+    const std::string suffix = options_.variant.empty() ? "" : "@" + options_.variant;
+    const fs::path file = project_.ResultDir("evaluate", suffix) / "errors.csv";
+    if (!fs::exists(file)) return;
+    const CsvTable table = CsvTable::Read(
+        file, {"run", "method", "station", "panorama", "reference", "kind", "status", "de_m", "dn_m", "du_m"});
+    std::map<std::pair<std::string, std::string>, std::pair<int, SceneError>> best;
+    for (const CsvRow& row : table.rows()) {
+      if (row.Text("status") != "localized" || row.Text("method") == "g1") continue;
+      if (!row.Has("de_m") || !row.Has("dn_m") || !row.Has("du_m")) continue;
+      SceneError error;
+      error.run = row.Text("run"), error.variant = options_.variant, error.method = row.Text("method");
+      error.station = row.Text("station"), error.panorama = row.Text("panorama");
+      error.reference = row.Text("reference");
+      error.difference = {row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")};
+      if (table.HasColumn("sigma_u_m") && row.Has("sigma_e_m") && row.Has("sigma_n_m") && row.Has("sigma_u_m")) {
+        error.sigma_m = {row.Number("sigma_e_m"), row.Number("sigma_n_m"), row.Number("sigma_u_m")};
+      }
+      const int rank = row.Text("kind") == "absolute" ? (error.reference == "survey" ? 3 : 2) : 1;
+      const auto key = std::make_pair(error.run, error.panorama);
+      const auto it = best.find(key);
+      if (it == best.end() || it->second.first < rank) best.insert_or_assign(key, std::make_pair(rank, error));
+    }
+    for (const ScenePanorama& panorama : model_.panoramas) {
+      const auto it = best.find({panorama.run, panorama.panorama});
+      if (it == best.end()) continue;
+      SceneError error = it->second.second;
+      error.reference_position = panorama.world_from_pano.translation - error.difference;
+      model_.errors.push_back(std::move(error));
+    }
+  }
+
+  double GroundHeight() const {
+    std::vector<double> cameras, below;
+    for (const SceneCamera& c : model_.cameras) cameras.push_back(c.world_from_cam.translation.z());
+    if (cameras.empty()) return 0;
+    const double height = Quantile(cameras, 0.5);
+    const auto [low, high] = model_.Bounds();
+    for (const ScenePoint& p : model_.points) {
+      const bool near = p.position.x() > low.x() && p.position.x() < high.x() && p.position.y() > low.y() &&
+                        p.position.y() < high.y();
+      if (near && p.position.z() < height - 0.3 && p.position.z() > height - 6) below.push_back(p.position.z());
+    }
+    return below.size() < 50 ? height - kCameraHeightM : Quantile(below, 0.1);
+  }
+
+  const Project& project_;
+  const SceneOptions& options_;
+  const CancelToken& cancel_;
+  SceneModel model_;
+  std::vector<RunPart> runs_;
+  std::map<fs::path, cv::Mat> textures_;
+  std::map<std::string, std::unique_ptr<TagFamily>> families_;
+};
+
+}  // namespace
+
+std::pair<Eigen::Vector3d, Eigen::Vector3d> SceneModel::Bounds() const {
+  Eigen::AlignedBox3d box;
+  for (const ScenePath& path : paths) {
+    for (const TimedPose& pose : path.poses) box.extend(pose.target_from_body.translation);
+  }
+  for (const ScenePanorama& panorama : panoramas) box.extend(panorama.world_from_pano.translation);
+  for (const SceneTag& tag : tags) box.extend(tag.world_from_tag.translation);
+  if (box.isEmpty()) {
+    for (const ScenePoint& point : points) box.extend(point.position);
+  }
+  if (box.isEmpty()) return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  return {box.min(), box.max()};
+}
+
+SceneModel LoadScene(const Project& project, const SceneOptions& options, const CancelToken& cancel) {
+  return Loader(project, options, cancel).Load();
+}
+
+}  // namespace trigpoint

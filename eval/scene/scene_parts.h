@@ -1,0 +1,50 @@
+// SceneView's inside, shared by its translation units. VTK only.
+#pragma once
+
+#include <vtkActor.h>
+#include <vtkLookupTable.h>
+#include <vtkProp.h>
+#include <vtkSmartPointer.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "eval/scene/props.h"
+#include "eval/scene/scene_view.h"
+
+namespace trigpoint {
+
+struct SceneView::Parts {
+  const SceneModel& model;
+  SceneStyle style;
+  double error_scale = 1;
+  double extent_m = 10;  // longest side of the scene's box
+  std::map<std::string, std::vector<vtkSmartPointer<vtkProp>>> layers;
+  std::map<std::string, bool> visible;
+  vtkSmartPointer<vtkActor> points;
+  vtkSmartPointer<vtkProp> points_bar;
+
+  Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
+  void Add(const std::string& layer, vtkProp* prop);
+
+  // Each fills the layers it is named after.
+  void BuildPaths();
+  void BuildPoints();
+  void BuildCameras();
+  void BuildPanoramas();
+  void BuildTags();
+  void BuildErrors();
+  void BuildGround();  // aerial, axes, north arrow, scale bar
+  void BuildLegend();
+  void ColourPoints(PointColour colour);
+};
+
+// The layer a path belongs to.
+const char* LayerOf(ScenePath::Kind kind);
+// 1, 2 or 5 times a power of ten, the nearest at or below.
+double RoundNumber(double value);
+// "0.2", "50": as short as it can be said.
+std::string ShortNumber(double value);
+
+}  // namespace trigpoint

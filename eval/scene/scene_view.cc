@@ -1,0 +1,294 @@
+#include "eval/scene/scene_view.h"
+
+#include <fmt/format.h>
+#include <vtkCamera.h>
+#include <vtkMatrix4x4.h>
+#include <vtkRenderer.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/error.h"
+#include "datasets/io/text.h"
+#include "eval/scene/scene_parts.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kPickRadiusPx = 5;
+
+std::string SigmaText(const std::optional<Eigen::Vector3d>& sigma) {
+  return sigma ? fmt::format("; 1 sigma {:.3f} {:.3f} {:.3f} m (x, y, z)", sigma->x(), sigma->y(), sigma->z()) : "";
+}
+
+std::string PlaceText(const Eigen::Vector3d& p) { return fmt::format("{:.3f} {:.3f} {:.3f} m", p.x(), p.y(), p.z()); }
+
+// Fills in names and the line of text of a pick in one of the model's vectors.
+void Describe(const SceneModel& model, ScenePick* pick) {
+  const auto i = static_cast<size_t>(pick->index);
+  const std::string& layer = pick->layer;
+  if (layer == "points") {
+    const ScenePoint& p = model.points[i];
+    pick->run = model.runs[static_cast<size_t>(p.run)];
+    pick->text = fmt::format("point of {} at {}, seen by {} images, sigma {:.3f} m (largest axis, cameras held)",
+                             pick->run, PlaceText(p.position), p.track_length, p.sigma_m);
+  } else if (layer == "cameras") {
+    const SceneCamera& c = model.cameras[i];
+    pick->run = c.run, pick->name = c.image;
+    pick->text = c.run + " " + c.image + " at " + PlaceText(c.world_from_cam.translation) + SigmaText(c.sigma_m);
+  } else if (layer == "panoramas" || layer == "geotags") {
+    const ScenePanorama& p = model.panoramas[i];
+    pick->run = p.run, pick->name = p.panorama;
+    pick->text = layer == "geotags" ? "geotag of " + p.panorama + " at " + PlaceText(*p.geotag)
+                                    : p.panorama + " by " + p.run + " at " + PlaceText(p.world_from_pano.translation) +
+                                          SigmaText(p.sigma_m);
+  } else if (layer == "tags") {
+    const SceneTag& t = model.tags[i];
+    pick->name = std::to_string(t.id);
+    pick->text = fmt::format("tag {} ({} m, {}) from {} at ", t.id, t.size_m, t.family, t.source) +
+                 PlaceText(t.world_from_tag.translation) + SigmaText(t.sigma_m);
+  } else if (layer == "errors" || layer == "ellipsoids") {
+    const SceneError& e = model.errors[i];
+    pick->run = e.run, pick->name = e.panorama;
+    pick->text = fmt::format("{} by {} ({}) against {}: {:.3f} m", e.panorama, e.run, e.method, e.reference,
+                             e.difference.norm()) +
+                 SigmaText(e.sigma_m);
+  } else {
+    const ScenePath& path = model.paths[i];
+    pick->run = path.run, pick->name = path.source;
+    pick->text = path.source + " of " + path.run;
+  }
+}
+
+// Where things are drawn, by the renderer's camera alone: no picture is needed, so that it works everywhere.
+class Projector {
+ public:
+  explicit Projector(vtkRenderer* renderer) {
+    const int* size = renderer->GetSize();
+    const int* origin = renderer->GetOrigin();
+    half_ = {0.5 * size[0], 0.5 * size[1]};
+    middle_ = Eigen::Vector2d(origin[0], origin[1]) + half_;
+    const vtkMatrix4x4* m =
+        renderer->GetActiveCamera()->GetCompositeProjectionTransformMatrix(renderer->GetTiledAspectRatio(), -1, 1);
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) matrix_(r, c) = m->GetElement(r, c);
+    }
+  }
+  // Display x, y and depth; nothing for what lies outside the picture's depth.
+  std::optional<Eigen::Vector3d> operator()(const Eigen::Vector3d& p) const {
+    const Eigen::Vector4d clip = matrix_ * p.homogeneous();
+    if (!(clip.w() > 0) || std::abs(clip.z()) > clip.w()) return std::nullopt;
+    const Eigen::Vector3d d = clip.hnormalized();
+    return Eigen::Vector3d(middle_.x() + half_.x() * d.x(), middle_.y() + half_.y() * d.y(), d.z());
+  }
+  // Pixels a metre at p, across the line of sight.
+  double PixelsPerMetre(const Eigen::Vector3d& p) const {
+    const auto at = (*this)(p);
+    double most = 0;
+    for (int k = 0; at && k < 3; ++k) {
+      if (const auto beside = (*this)(p + Eigen::Vector3d::Unit(k)))
+        most = std::max(most, (*beside - *at).head<2>().norm());
+    }
+    return most;
+  }
+
+ private:
+  Eigen::Matrix4d matrix_;
+  Eigen::Vector2d half_, middle_;
+};
+
+}  // namespace
+
+double RoundNumber(double value) {
+  if (!(value > 0) || !std::isfinite(value)) return 1;
+  const double decade = std::pow(10.0, std::floor(std::log10(value)));
+  const double lead = value / decade;
+  return decade * (lead >= 5 ? 5 : lead >= 2 ? 2 : 1);
+}
+
+std::string ShortNumber(double value) { return fmt::format("{:g}", value); }
+
+void SceneView::Parts::Add(const std::string& layer, vtkProp* prop) { layers[layer].emplace_back(prop); }
+
+SceneView::SceneView(const SceneModel& model, const SceneStyle& style) : parts_(std::make_unique<Parts>(model, style)) {
+  const auto [low, high] = model.Bounds();
+  parts_->extent_m = std::max(2.0, (high - low).head<2>().maxCoeff());
+  for (const std::string& layer : Layers()) parts_->visible[layer] = true;
+  parts_->BuildGround();
+  parts_->BuildPaths();
+  parts_->BuildPoints();
+  parts_->BuildCameras();
+  parts_->BuildPanoramas();
+  parts_->BuildTags();
+  parts_->BuildErrors();
+  parts_->BuildLegend();
+}
+
+SceneView::~SceneView() = default;
+
+const std::vector<std::string>& SceneView::Layers() {
+  static const std::vector<std::string> kLayers = {"aerial", "odometry",   "optimised", "truth",   "estimates",
+                                                   "points", "cameras",    "panoramas", "geotags", "tags",
+                                                   "errors", "ellipsoids", "labels",    "axes",    "legend"};
+  return kLayers;
+}
+
+bool SceneView::HasContent(const std::string& layer) const {
+  const auto it = parts_->layers.find(layer);
+  return it != parts_->layers.end() && !it->second.empty();
+}
+
+void SceneView::SetVisible(const std::string& layer, bool visible) {
+  const auto it = parts_->visible.find(layer);
+  if (it == parts_->visible.end()) {
+    throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
+  }
+  it->second = visible;
+  for (const auto& prop : parts_->layers[layer]) prop->SetVisibility(visible);
+}
+
+bool SceneView::Visible(const std::string& layer) const {
+  const auto it = parts_->visible.find(layer);
+  return it != parts_->visible.end() && it->second;
+}
+
+void SceneView::AddTo(vtkRenderer* renderer) {
+  for (const auto& [layer, props] : parts_->layers) {
+    for (const auto& prop : props) renderer->AddViewProp(prop);
+  }
+  renderer->SetBackground(1, 1, 1);
+}
+
+void SceneView::RemoveFrom(vtkRenderer* renderer) {
+  for (const auto& [layer, props] : parts_->layers) {
+    for (const auto& prop : props) {
+      prop->ReleaseGraphicsResources(renderer->GetVTKWindow());
+      renderer->RemoveViewProp(prop);
+    }
+  }
+}
+
+void SceneView::ColourPointsBy(PointColour colour) { parts_->ColourPoints(colour); }
+
+double SceneView::ErrorScale() const { return parts_->error_scale; }
+
+void SceneView::LookDown(vtkRenderer* renderer) const {
+  auto [low, high] = parts_->model.Bounds();
+  const Eigen::Vector3d middle = 0.5 * (low + high);
+  const double margin = 0.08 * parts_->extent_m + 1;
+  const int* size = renderer->GetSize();
+  const double aspect = size[1] > 0 ? static_cast<double>(size[0]) / size[1] : 1.5;
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOn();
+  camera->SetFocalPoint(middle.x(), middle.y(), middle.z());
+  camera->SetPosition(middle.x(), middle.y(), middle.z() + 500);
+  camera->SetViewUp(0, 1, 0);
+  camera->SetParallelScale(
+      std::max(0.5 * (high.y() - low.y()) + margin, (0.5 * (high.x() - low.x()) + margin) / aspect));
+  renderer->ResetCameraClippingRange();
+}
+
+void SceneView::LookOblique(vtkRenderer* renderer) const {
+  auto [low, high] = parts_->model.Bounds();
+  const Eigen::Vector3d middle = 0.5 * (low + high);
+  // So far away that a ball about the box fits into the picture's lower side.
+  const double radius = std::max(2.0, 0.5 * (high - low).norm());
+  const double angle_deg = 35;
+  const Eigen::Vector3d from = middle + radius / std::sin(0.5 * angle_deg * 3.14159265 / 180) *
+                                            Eigen::Vector3d(-0.42, -0.72, 0.55).normalized() * 0.8;
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOff();
+  camera->SetViewAngle(angle_deg);
+  camera->SetFocalPoint(middle.x(), middle.y(), middle.z());
+  camera->SetPosition(from.x(), from.y(), from.z());
+  camera->SetViewUp(0, 0, 1);
+  renderer->ResetCameraClippingRange();
+}
+
+void SceneView::LookAtStation(vtkRenderer* renderer, const std::string& station) const {
+  std::vector<std::string> names;
+  for (const ScenePanorama& panorama : parts_->model.panoramas) {
+    names.push_back(panorama.station);
+    if (panorama.station != station) continue;
+    const Eigen::Vector3d at = panorama.world_from_pano.translation;
+    // From the side on which the nearest camera of the run is.
+    Eigen::Vector3d side(-1, -1, 0);
+    double nearest = std::numeric_limits<double>::max();
+    for (const SceneCamera& camera : parts_->model.cameras) {
+      const Eigen::Vector3d d = camera.world_from_cam.translation - at;
+      if (camera.run != panorama.run || d.norm() >= nearest || d.head<2>().norm() < 0.1) continue;
+      nearest = d.norm();
+      side = d;
+    }
+    side.z() = 0;
+    const Eigen::Vector3d from = at + 9 * side.normalized() + Eigen::Vector3d(0, 0, 4);
+    vtkCamera* camera = renderer->GetActiveCamera();
+    camera->ParallelProjectionOff();
+    camera->SetViewAngle(40);
+    camera->SetFocalPoint(at.x(), at.y(), at.z() - 0.5);
+    camera->SetPosition(from.x(), from.y(), from.z());
+    camera->SetViewUp(0, 0, 1);
+    renderer->ResetCameraClippingRange();
+    return;
+  }
+  throw InputError("no answer for station '" + station + "' is in the scene" +
+                   (names.empty() ? "" : "; nearest: '" + NearestName(station, names) + "'"));
+}
+
+std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double y) const {
+  const SceneModel& model = parts_->model;
+  const Projector project(renderer);
+  const Eigen::Vector2d pixel(x, y);
+  std::optional<ScenePick> best;
+  double best_depth = 0;
+  // A hit: within the object's drawn size or a few pixels of it. The nearest to the eye wins within a layer.
+  const auto offer = [&](const char* layer, size_t index, const Eigen::Vector3d& p, double radius_m) {
+    const auto d = project(p);
+    if (!d || (d->head<2>() - pixel).norm() > 400) return;
+    const double radius_px = std::max(kPickRadiusPx, radius_m > 0 ? radius_m * project.PixelsPerMetre(p) : 0);
+    if ((d->head<2>() - pixel).norm() > radius_px || (best && d->z() >= best_depth)) return;
+    best = ScenePick{layer, static_cast<int>(index)};
+    best->position = p;
+    best_depth = d->z();
+  };
+  // Small things first: a tag behind a veil of points is what was meant.
+  if (Visible("tags")) {
+    for (size_t i = 0; i < model.tags.size(); ++i) {
+      offer("tags", i, model.tags[i].world_from_tag.translation, 0.5 * model.tags[i].pattern_size_m);
+    }
+  }
+  if (!best && Visible("panoramas")) {
+    for (size_t i = 0; i < model.panoramas.size(); ++i) {
+      const bool sphere = !model.panoramas[i].texture.empty();
+      offer("panoramas", i, model.panoramas[i].world_from_pano.translation, sphere ? parts_->style.sphere_radius_m : 0);
+    }
+  }
+  if (!best && Visible("geotags")) {
+    for (size_t i = 0; i < model.panoramas.size(); ++i) {
+      if (model.panoramas[i].geotag) offer("geotags", i, *model.panoramas[i].geotag, 0);
+    }
+  }
+  if (!best && Visible("errors")) {
+    for (size_t i = 0; i < model.errors.size(); ++i) {
+      const SceneError& e = model.errors[i];
+      offer("errors", i, e.reference_position + parts_->error_scale * e.difference, 0);
+    }
+  }
+  if (!best && Visible("cameras")) {
+    for (size_t i = 0; i < model.cameras.size(); ++i) {
+      offer("cameras", i, model.cameras[i].world_from_cam.translation, 0);
+    }
+  }
+  for (size_t i = 0; !best && i < model.paths.size(); ++i) {
+    const char* layer = LayerOf(model.paths[i].kind);
+    if (!Visible(layer)) continue;
+    for (const TimedPose& pose : model.paths[i].poses) offer(layer, i, pose.target_from_body.translation, 0);
+  }
+  if (!best && Visible("points")) {
+    for (size_t i = 0; i < model.points.size(); ++i) offer("points", i, model.points[i].position, 0);
+  }
+  if (best) Describe(model, &*best);
+  return best;
+}
+
+}  // namespace trigpoint

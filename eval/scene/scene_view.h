@@ -1,0 +1,83 @@
+// A SceneModel as layers of a VTK renderer: the same for the report (offscreen) and the desktop (a widget).
+//
+//   SceneView view(model);
+//   view.AddTo(renderer);
+//   view.LookDown(renderer);
+//   view.SetVisible("points", false);
+//   if (const auto pick = view.Pick(renderer, x, y)) ...  // pick->layer, pick->index into the model's vector
+//
+// Not thread safe; build, change and destroy it in the thread that renders. The model must outlive it.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/scene/scene_model.h"
+
+class vtkRenderer;
+
+namespace trigpoint {
+
+enum class PointColour { kHeight, kTrackLength, kUncertainty };
+
+struct SceneStyle {
+  PointColour points = PointColour::kHeight;
+  double sphere_radius_m = 0.5;  // of panoramas
+  double frustum_depth_m = 0.5;  // of cameras
+  // Error vectors and ellipsoids are this much longer than life; 0: a round number that makes them visible.
+  double error_scale = 0;
+  double confidence = 0.95;  // of ellipsoids
+  double text_px = 18;       // height of labels
+  int max_spheres = 300;     // textured ones; further answers are dots
+  int max_labels = 80;       // station and tag labels of each kind; with more, none are drawn
+};
+
+// What lies under a pixel.
+struct ScenePick {
+  std::string layer;  // one of SceneView::Layers()
+  int index = -1;     // into the model's vector of that layer: paths, points, cameras, panoramas, tags, errors
+  std::string run;    // empty where it is of no run
+  std::string name;   // image, panorama, tag id, or the path's source
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the object, scene frame; of a path its nearest pose
+  std::string text;                                    // one line for a person, with units and sigmas
+};
+
+class SceneView {
+ public:
+  explicit SceneView(const SceneModel& model, const SceneStyle& style = {});
+  ~SceneView();
+  SceneView(const SceneView&) = delete;
+  SceneView& operator=(const SceneView&) = delete;
+
+  // "aerial", "odometry", "optimised", "truth", "estimates", "points", "cameras", "panoramas", "geotags", "tags",
+  // "errors", "ellipsoids", "labels", "axes", "legend": always all, those without content too.
+  static const std::vector<std::string>& Layers();
+  bool HasContent(const std::string& layer) const;
+  void SetVisible(const std::string& layer, bool visible);  // throws OptionError for an unknown layer
+  bool Visible(const std::string& layer) const;
+
+  // Adds every layer; a view belongs to one renderer at a time. Sets a plain background.
+  void AddTo(vtkRenderer* renderer);
+  void RemoveFrom(vtkRenderer* renderer);
+
+  void ColourPointsBy(PointColour colour);
+  // Written beside every picture: "error vectors and ellipsoids x 20".
+  double ErrorScale() const;
+
+  // Cameras: straight down with north up (parallel), from the south-west above, and one station with its surroundings.
+  void LookDown(vtkRenderer* renderer) const;
+  void LookOblique(vtkRenderer* renderer) const;
+  void LookAtStation(vtkRenderer* renderer, const std::string& station) const;  // throws InputError if unknown
+
+  // Display coordinates of the renderer's window, origin at the bottom left. Only visible layers are picked.
+  std::optional<ScenePick> Pick(vtkRenderer* renderer, double x, double y) const;
+
+  struct Parts;  // VTK's side
+
+ private:
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace trigpoint

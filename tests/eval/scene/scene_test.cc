@@ -1,0 +1,175 @@
+#include <gtest/gtest.h>
+#include <vtkRenderer.h>
+
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/base/error.h"
+#include "eval/scene/offscreen.h"
+#include "eval/scene/scene_view.h"
+
+namespace trigpoint {
+namespace {
+
+// A ring of cameras about four stations with tags below, made without any file.
+SceneModel Ring() {
+  SceneModel model;
+  model.site = "ring", model.frame = "site ENU", model.on_earth = true;
+  model.runs = {"run1"};
+  ScenePath optimised{ScenePath::Kind::kOptimised, "run1", "localize", {}};
+  ScenePath odometry{ScenePath::Kind::kOdometry, "run1", "odometry", {}};
+  for (int i = 0; i < 60; ++i) {
+    const double a = 2 * 3.14159265358979 * i / 60;
+    const Rigid3d pose(Eigen::Quaterniond(Eigen::AngleAxisd(a, Eigen::Vector3d::UnitZ()) *
+                                          Eigen::AngleAxisd(-1.5707963, Eigen::Vector3d::UnitX())),
+                       {12 * std::cos(a), 8 * std::sin(a), 1.5});
+    optimised.poses.push_back({i, pose});
+    odometry.poses.push_back({i, Rigid3d(pose.rotation, pose.translation * (1 + 0.002 * i))});
+    if (i % 5 == 0) {
+      model.cameras.push_back({"run1",
+                               "im" + std::to_string(i),
+                               {},
+                               pose,
+                               {{-0.8, 0.6, 1}, {0.8, 0.6, 1}, {0.8, -0.6, 1}, {-0.8, -0.6, 1}},
+                               {}});
+    }
+    model.points.push_back({0, {15 * std::cos(a), 11 * std::sin(a), 0.1 * i}, 2 + i % 7, 0.01 * (1 + i)});
+  }
+  model.paths = {optimised, odometry};
+  for (int k = 0; k < 4; ++k) {
+    const Eigen::Vector3d at(k < 2 ? -5 : 5, k % 2 == 0 ? -3 : 3, 1.8);
+    ScenePanorama panorama{"run1", "", "pano" + std::to_string(k), "S" + std::to_string(k)};
+    panorama.world_from_pano = Rigid3d(Eigen::Quaterniond(Eigen::AngleAxisd(-1.5707963, Eigen::Vector3d::UnitX())), at);
+    panorama.texture = cv::Mat(64, 128, CV_8UC3, cv::Scalar(200, 120 + 30 * k, 60));
+    panorama.geotag = at + Eigen::Vector3d(0.8, -0.5, 0);
+    model.panoramas.push_back(panorama);
+    SceneTag tag{k, "tag36h11", "free", "survey", 0.5};
+    tag.world_from_tag = Rigid3d(panorama.world_from_pano.rotation, at - Eigen::Vector3d(0, 0, 1));
+    tag.pattern = (cv::Mat_<uchar>(2, 2) << 0, 255, 255, 0);
+    tag.pattern_size_m = 0.6;
+    model.tags.push_back(tag);
+    SceneError error{"run1", "", "single", panorama.station, panorama.panorama, "control", at, {0.05, 0.02, -0.03}};
+    error.sigma_m = Eigen::Vector3d(0.03, 0.03, 0.05);
+    model.errors.push_back(error);
+  }
+  return model;
+}
+
+class SceneTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string reason;
+    window_ = OffscreenWindow::Create(&reason);
+    if (!window_) GTEST_SKIP() << "no OpenGL here: " << reason;
+  }
+  cv::Mat Draw() {
+    cv::Mat small;
+    cv::resize(window_->Render(960, 640), small, {}, 0.5, 0.5, cv::INTER_AREA);
+    return small;
+  }
+  Eigen::Vector2d Pixel(const Eigen::Vector3d& p) {
+    window_->renderer()->SetWorldPoint(p.x(), p.y(), p.z(), 1);
+    window_->renderer()->WorldToDisplay();
+    const double* d = window_->renderer()->GetDisplayPoint();
+    return {d[0], d[1]};
+  }
+  std::unique_ptr<OffscreenWindow> window_;
+};
+
+constexpr double kThreshold = 1.5;  // grey values; drivers and fonts differ by fractions of one
+
+// Mean over the picture of the channel that differs most.
+double Difference(const cv::Mat& a, const cv::Mat& b) {
+  cv::Mat difference;
+  cv::absdiff(a, b, difference);
+  const cv::Scalar mean = cv::mean(difference);
+  return std::max({mean[0], mean[1], mean[2]});
+}
+
+// TRIGPOINT_WRITE_BASELINES=1 writes them anew: look at them before they are kept.
+void ExpectLikeBaseline(const cv::Mat& picture, const std::string& name) {
+  const std::string file = "tests/eval/testdata/scene/" + name + ".png";
+  if (std::getenv("TRIGPOINT_WRITE_BASELINES") != nullptr) {
+    ASSERT_TRUE(cv::imwrite(file, picture));
+    return;
+  }
+  const cv::Mat baseline = cv::imread(file);
+  ASSERT_EQ(baseline.size(), picture.size()) << file;
+  const double difference = Difference(picture, baseline);
+  const std::string seen = ::testing::TempDir() + "trigpoint_scene_" + name + ".png";
+  EXPECT_LT(difference, kThreshold) << file << ": what was drawn is in " << seen;
+  if (difference >= kThreshold) cv::imwrite(seen, picture);
+}
+
+TEST_F(SceneTest, LooksLikeItsBaselines) {
+  const SceneModel model = Ring();
+  SceneView view(model);
+  view.AddTo(window_->renderer());
+  window_->Render(960, 640);
+  view.LookDown(window_->renderer());
+  const cv::Mat plan = Draw();
+  ExpectLikeBaseline(plan, "plan");
+  view.LookOblique(window_->renderer());
+  ExpectLikeBaseline(Draw(), "oblique");
+  view.LookAtStation(window_->renderer(), "S2");
+  ExpectLikeBaseline(Draw(), "station");
+  view.LookDown(window_->renderer());
+  EXPECT_EQ(Difference(Draw(), plan), 0) << "the same scene gives the same picture";
+  view.SetVisible("ellipsoids", false);
+  view.SetVisible("panoramas", false);
+  EXPECT_GT(Difference(Draw(), plan), kThreshold) << "the threshold sees layers that are gone";
+  view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
+  const SceneModel model = Ring();
+  SceneView view(model);
+  vtkRenderer* renderer = window_->renderer();
+  view.AddTo(renderer);
+  window_->Render(960, 640);
+  view.LookDown(renderer);
+  const Eigen::Vector2d tag = Pixel(model.tags[2].world_from_tag.translation);
+  auto pick = view.Pick(renderer, tag.x(), tag.y());
+  ASSERT_TRUE(pick);
+  EXPECT_EQ(pick->layer, "tags");
+  EXPECT_EQ(pick->index, 2);
+  view.SetVisible("tags", false);
+  pick = view.Pick(renderer, tag.x(), tag.y());
+  ASSERT_TRUE(pick);
+  EXPECT_EQ(pick->layer, "panoramas");
+  EXPECT_EQ(pick->name, "pano2");
+  const Eigen::Vector2d camera = Pixel(model.cameras[7].world_from_cam.translation);
+  pick = view.Pick(renderer, camera.x(), camera.y());
+  ASSERT_TRUE(pick);
+  EXPECT_EQ(pick->name, "im35");
+  EXPECT_EQ(pick->position, model.cameras[7].world_from_cam.translation);
+  const Eigen::Vector2d empty = Pixel({0, 0, 1.8});
+  EXPECT_FALSE(view.Pick(renderer, empty.x(), empty.y()));
+  EXPECT_THROW(view.SetVisible("panorama", false), OptionError);
+  EXPECT_THROW(view.LookAtStation(renderer, "S9"), InputError);
+  view.RemoveFrom(renderer);
+}
+
+TEST_F(SceneTest, AnEmptySceneAndMissingSigmasAreDrawn) {
+  SceneModel empty;
+  SceneView nothing(empty);
+  nothing.AddTo(window_->renderer());
+  nothing.LookDown(window_->renderer());
+  EXPECT_FALSE(window_->Render(200, 100).empty());
+  nothing.RemoveFrom(window_->renderer());
+  SceneModel model = Ring();
+  model.errors[0].sigma_m.reset();
+  model.errors[1].sigma_m = Eigen::Vector3d::Constant(std::nan(""));
+  for (ScenePoint& p : model.points) p.sigma_m = std::nan("");
+  SceneStyle style;
+  style.points = PointColour::kUncertainty;
+  SceneView view(model, style);
+  view.AddTo(window_->renderer());
+  view.LookDown(window_->renderer());
+  EXPECT_FALSE(window_->Render(200, 100).empty());
+  view.RemoveFrom(window_->renderer());
+}
+
+}  // namespace
+}  // namespace trigpoint
