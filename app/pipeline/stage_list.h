@@ -9,6 +9,7 @@ StageInfo FeaturesStage();
 StageInfo ReferencesStage();
 StageInfo LocalizeStage();
 StageInfo DetectStage();
+StageInfo SurveyStage();
 StageInfo EvaluateStage();
 
 }  // namespace trigpoint

@@ -116,6 +116,7 @@ struct ControlPoint {
   int corner = -1;                         // -1: the tag's centre
   std::string point;                       // name of a marked point
   bool control = false;                    // role: control (may be used) or check (must not)
+  bool has_role = true;                    // false: the table doesn't say; control until somebody decides
   std::optional<Geodetic> geodetic;        // or
   std::optional<Eigen::Vector3d> local_m;  // x_m, y_m, z_m in site ENU
   double sigma_h_m = 0.01, sigma_v_m = 0.01;

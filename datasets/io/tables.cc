@@ -66,8 +66,8 @@ std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector
 std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<ControlPoint> points;
   const CsvTable table =
-      CsvTable::Read(file, {"role"},
-                     {"tag_id", "corner", "point", "latitude_deg", "longitude_deg", "height_m", "crs", "easting_m",
+      CsvTable::Read(file, {},
+                     {"role", "tag_id", "corner", "point", "latitude_deg", "longitude_deg", "height_m", "crs", "easting_m",
                       "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch"});
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   bool geoid_named = false;
@@ -79,8 +79,11 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
     point.corner = static_cast<int>(row.Integer("corner", -1));
     if (point.corner < -1 || point.corner > 3) row.Fail("column corner: expected 0 to 3 or nothing");
     const std::string& role = row.Text("role");
-    if (role != "control" && role != "check") row.Fail("column role: expected control or check, found '" + role + "'");
-    point.control = role == "control";
+    if (!role.empty() && role != "control" && role != "check") {
+      row.Fail("column role: expected control or check, found '" + role + "'");
+    }
+    point.has_role = !role.empty();
+    point.control = role != "check";
     const bool local = row.Has("x_m"), projected = row.Has("easting_m"), angles = row.Has("latitude_deg");
     if (local + projected + angles != 1) {
       row.Fail(

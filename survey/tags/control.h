@@ -1,0 +1,20 @@
+// Which known points make the map and which only judge it.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "survey/tags/tag_map.h"
+
+namespace trigpoint {
+
+// At least three points whose triangle is no splinter: their second principal extent is at least 0.15 of the first,
+// so that tilt about the line through them is not left to chance.
+bool AreWellSpread(const std::vector<Eigen::Vector3d>& points);
+
+// Points that came without a role: every third becomes a check point, but only while at least three well-spread
+// control points remain. Returns how many were withheld; the others are control.
+int WithholdChecks(std::vector<SurveyPoint>* points);
+
+}  // namespace trigpoint
