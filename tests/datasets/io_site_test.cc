@@ -437,7 +437,7 @@ TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   const Site site = Read();
   EXPECT_TRUE(site.stations.empty() && site.control_points.empty());
   EXPECT_THAT(Joined(site.warnings), HasSubstr("stations.csv:2: column tag_id: expected a whole number, found 'x'"));
-  EXPECT_THAT(Joined(site.warnings), HasSubstr("control_points.csv:1: column 'role' is missing"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("control_points.csv:2: expected either a tag_id or a point"));
 }
 
 }  // namespace
