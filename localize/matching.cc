@@ -5,16 +5,27 @@
 #include <limits>
 #include <opencv2/flann.hpp>
 
+#include "calib/base/wide.h"
 #include "localize/features.h"
 
 namespace trigpoint {
 namespace {
 
-// Plain loops that compilers turn into multiply-add instructions of any x86-64 or ARM64.
-inline int Dot(const int16_t* __restrict a, const int16_t* __restrict b) {
+// A plain loop that compilers turn into multiply-add instructions.
+[[gnu::always_inline]] inline int Dot(const int16_t* __restrict a, const int16_t* __restrict b) {
   int sum = 0;
   for (int c = 0; c < DescriptorBlock::kDim; ++c) sum += static_cast<int>(a[c]) * static_cast<int>(b[c]);
   return sum;
+}
+
+// Of one row with each of `count` rows that follow each other, and with each of those at `rows`.
+TRIGPOINT_WIDE
+void DotsInOrder(const int16_t* a, const int16_t* b, int count, int* out) {
+  for (int k = 0; k < count; ++k) out[k] = Dot(a, b + static_cast<std::ptrdiff_t>(k) * DescriptorBlock::kDim);
+}
+TRIGPOINT_WIDE
+void DotsAt(const int16_t* a, const int16_t* b, const int* rows, int count, int* out) {
+  for (int k = 0; k < count; ++k) out[k] = Dot(a, b + static_cast<std::ptrdiff_t>(rows[k]) * DescriptorBlock::kDim);
 }
 
 struct BestTwo {
@@ -47,8 +58,11 @@ DescriptorBlock::DescriptorBlock(const cv::Mat& sift) {
   }
 }
 
-int DescriptorBlock::SquaredDistance(int i, const DescriptorBlock& other, int j) const {
-  return norms_[static_cast<size_t>(i)] + other.norms_[static_cast<size_t>(j)] - 2 * Dot(row(i), other.row(j));
+void DescriptorBlock::SquaredDistances(int i, const DescriptorBlock& other, const std::vector<int>& rows,
+                                       std::vector<int>* out) const {
+  out->resize(rows.size());
+  DotsAt(row(i), other.values_.data(), rows.data(), static_cast<int>(rows.size()), out->data());
+  for (size_t k = 0; k < rows.size(); ++k) (*out)[k] = SquaredNorm(i) + other.SquaredNorm(rows[k]) - 2 * (*out)[k];
 }
 
 void DescriptorBlock::Append(const DescriptorBlock& other, int j) {
@@ -59,17 +73,17 @@ void DescriptorBlock::Append(const DescriptorBlock& other, int j) {
 Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance) {
   std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
   // Tiles of rows of a that stay in the cache while b streams by.
-  constexpr int kTile = 8;
+  constexpr int kTile = 16;
   for (int begin = 0; begin < a.size(); begin += kTile) {
-    const int end = std::min(a.size(), begin + kTile);
+    const int count = std::min(kTile, a.size() - begin);
     for (int j = 0; j < b.size(); ++j) {
       int dot[kTile];
-      for (int i = begin; i < end; ++i) dot[i - begin] = Dot(a.row(i), b.row(j));
+      DotsInOrder(b.row(j), a.row(begin), count, dot);
       BestTwo& back = of_b[static_cast<size_t>(j)];
-      for (int i = begin; i < end; ++i) {
-        const int d = a.SquaredNorm(i) + b.SquaredNorm(j) - 2 * dot[i - begin];
-        of_a[static_cast<size_t>(i)].Offer(d, j);
-        back.Offer(d, i);
+      for (int i = 0; i < count; ++i) {
+        const int d = a.SquaredNorm(begin + i) + b.SquaredNorm(j) - 2 * dot[i];
+        of_a[static_cast<size_t>(begin + i)].Offer(d, j);
+        back.Offer(d, begin + i);
       }
     }
   }
@@ -111,7 +125,7 @@ Matches MatchFlann(const cv::Mat& sift_a, const cv::Mat& sift_b, double ratio) {
 }
 
 FeatureGrid::FeatureGrid(const std::vector<Eigen::Vector2f>& points, int width, int height, float cell_px)
-    : cell_(cell_px),
+    : inverse_cell_(1.0 / static_cast<double>(cell_px)),
       columns_(std::max(1, static_cast<int>(std::ceil(static_cast<float>(width) / cell_px)))),
       rows_(std::max(1, static_cast<int>(std::ceil(static_cast<float>(height) / cell_px)))) {
   std::vector<int> cell(points.size());
@@ -121,15 +135,11 @@ FeatureGrid::FeatureGrid(const std::vector<Eigen::Vector2f>& points, int width, 
     ++start_[static_cast<size_t>(cell[i]) + 1];
   }
   for (size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
-  order_.resize(points.size());
+  entries_.resize(points.size());
   std::vector<int> next(start_.begin(), start_.end() - 1);
   for (size_t i = 0; i < points.size(); ++i) {
-    order_[static_cast<size_t>(next[static_cast<size_t>(cell[i])]++)] = static_cast<int>(i);
+    entries_[static_cast<size_t>(next[static_cast<size_t>(cell[i])]++)] = {static_cast<int>(i), points[i]};
   }
-}
-
-int FeatureGrid::Cell(double v, int count) const {
-  return static_cast<int>(std::clamp(std::floor(v / cell_), 0.0, static_cast<double>(count - 1)));
 }
 
 Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, const std::vector<Eigen::Vector3d>& rays_a,
@@ -137,7 +147,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
                     const FeatureGrid& grid_b, const Camera& camera_b, const Rigid3d& b_from_a,
                     const GuidedOptions& options) {
   std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
-  std::vector<int> stamp(static_cast<size_t>(b.size()), -1);
+  std::vector<int> stamp(static_cast<size_t>(b.size()), -1), near, distances;
   const Eigen::Matrix3d rotation = b_from_a.rotation.toRotationMatrix();
   const Eigen::Vector3d t = b_from_a.translation;
   const double band = options.epipolar_px / camera_b.MeanFocal();
@@ -155,23 +165,26 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
     const Eigen::Vector3d normal = t.cross(far);
     const double normal_length = normal.norm();
     const float scale_a = features_a.scales[static_cast<size_t>(i)];
+    near.clear();
     for (int s = 0; s < samples; ++s) {
       const double inverse_depth = s / (nearest * (samples - 1));
       const std::optional<Eigen::Vector2d> p = camera_b.Project(far + t * inverse_depth);
       if (!p || !camera_b.Contains(*p)) continue;
-      grid_b.Visit(p->x(), p->y(), 0.5 * kStep + options.epipolar_px, [&](int j) {
-        if (stamp[static_cast<size_t>(j)] == i) return;
-        const Eigen::Vector2d delta = features_b.points[static_cast<size_t>(j)].cast<double>() - *p;
-        if (delta.squaredNorm() > 400) return;
+      const Eigen::Vector2f at = p->cast<float>();
+      grid_b.Visit(p->x(), p->y(), 0.5 * kStep + options.epipolar_px, [&](int j, const Eigen::Vector2f& pixel) {
+        if ((pixel - at).squaredNorm() > 400 || stamp[static_cast<size_t>(j)] == i) return;
         const Eigen::Vector3d& ray = rays_b[static_cast<size_t>(j)];
         if (normal_length > 1e-6 && std::abs(ray.dot(normal)) > band * normal_length) return;
         const float scale_b = features_b.scales[static_cast<size_t>(j)];
         if (scale_b > 2.5F * scale_a || scale_a > 2.5F * scale_b) return;
         stamp[static_cast<size_t>(j)] = i;
-        const int d = a.SquaredDistance(i, b, j);
-        of_a[static_cast<size_t>(i)].Offer(d, j);
-        of_b[static_cast<size_t>(j)].Offer(d, i);
+        near.push_back(j);
       });
+    }
+    a.SquaredDistances(i, b, near, &distances);
+    for (size_t k = 0; k < near.size(); ++k) {
+      of_a[static_cast<size_t>(i)].Offer(distances[k], near[k]);
+      of_b[static_cast<size_t>(near[k])].Offer(distances[k], i);
     }
   }
   Matches matches;

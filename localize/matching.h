@@ -1,6 +1,7 @@
 // Matching of SIFT descriptors.
 #pragma once
 
+#include <algorithm>
 #include <opencv2/core/mat.hpp>
 #include <utility>
 #include <vector>
@@ -21,8 +22,8 @@ class DescriptorBlock {
   int size() const { return static_cast<int>(norms_.size()); }
   const int16_t* row(int i) const { return values_.data() + static_cast<size_t>(i) * kDim; }
   int SquaredNorm(int i) const { return norms_[static_cast<size_t>(i)]; }
-  // Squared distance between row i and row j of another block; unit descriptors have length 255.
-  int SquaredDistance(int i, const DescriptorBlock& other, int j) const;
+  // Squared distances between row i and some rows of another block; unit descriptors have length 255.
+  void SquaredDistances(int i, const DescriptorBlock& other, const std::vector<int>& rows, std::vector<int>* out) const;
   void Append(const DescriptorBlock& other, int j);
 
  private:
@@ -44,7 +45,8 @@ Matches MatchFlann(const cv::Mat& sift_a, const cv::Mat& sift_b, double ratio);
 class FeatureGrid {
  public:
   FeatureGrid(const std::vector<Eigen::Vector2f>& points, int width, int height, float cell_px);
-  // Calls fn(feature index) for every feature in the cells that touch the square of half size `radius` round (x, y).
+  // Calls fn(feature index, its pixel) for every feature in the cells that touch the square of half size `radius` round
+  // (x, y).
   template <typename Fn>
   void Visit(double x, double y, double radius, Fn&& fn) const {
     const int x0 = Cell(x - radius, columns_), x1 = Cell(x + radius, columns_);
@@ -52,16 +54,24 @@ class FeatureGrid {
     for (int cy = y0; cy <= y1; ++cy) {
       for (int cx = x0; cx <= x1; ++cx) {
         const size_t c = static_cast<size_t>(cy) * static_cast<size_t>(columns_) + static_cast<size_t>(cx);
-        for (int k = start_[c]; k < start_[c + 1]; ++k) fn(order_[static_cast<size_t>(k)]);
+        for (int k = start_[c]; k < start_[c + 1]; ++k) {
+          const Entry& e = entries_[static_cast<size_t>(k)];
+          fn(e.feature, e.pixel);
+        }
       }
     }
   }
 
  private:
-  int Cell(double v, int count) const;
-  float cell_;
+  struct Entry {
+    int feature;
+    Eigen::Vector2f pixel;
+  };
+  int Cell(double v, int count) const { return std::clamp(static_cast<int>(v * inverse_cell_), 0, count - 1); }
+  double inverse_cell_;
   int columns_, rows_;
-  std::vector<int> start_, order_;
+  std::vector<int> start_;
+  std::vector<Entry> entries_;  // by cell, so that a query reads memory in order
 };
 
 struct GuidedOptions {

@@ -418,6 +418,7 @@ class Registrar {
     std::map<std::pair<int, int>, Best> of_point;                   // (view, point)
     std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
     std::set<int> predicted;
+    std::vector<int> nearby, distances;
     const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
     for (int image : images) {
       cancel_.ThrowIfCancelled();
@@ -439,24 +440,25 @@ class Registrar {
           if (!pixel || !view_camera.Contains(*pixel)) continue;
           const float scale = features.scales[static_cast<size_t>(p.feature)] *
                               static_cast<float>(view_camera.MeanFocal() / camera.MeanFocal() * d_cam / d_pano);
-          int best = most, second = std::numeric_limits<int>::max(), index = -1;
-          bool any = false;
+          nearby.clear();
           const PreparedView& view = views[v];
-          view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j) {
+          view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j, const Eigen::Vector2f& at) {
             const float s = view.features.scales[static_cast<size_t>(j)];
             if (s > 2.0F * scale || scale > 2.0F * s) return;
-            if ((view.features.points[static_cast<size_t>(j)].cast<double>() - *pixel).squaredNorm() > radius * radius)
-              return;
-            any = true;
-            const int d = block.SquaredDistance(p.feature, view.descriptors, j);
-            if (d < best) {
-              second = best, best = d, index = j;
-            } else if (d < second) {
-              second = d;
-            }
+            if ((at.cast<double>() - *pixel).squaredNorm() > radius * radius) return;
+            nearby.push_back(j);
           });
           // A point counts as expected where the view has texture of its scale.
-          if (any) predicted.insert(p.point);
+          if (!nearby.empty()) predicted.insert(p.point);
+          block.SquaredDistances(p.feature, view.descriptors, nearby, &distances);
+          int best = most, second = std::numeric_limits<int>::max(), index = -1;
+          for (size_t k = 0; k < nearby.size(); ++k) {
+            if (distances[k] < best) {
+              second = best, best = distances[k], index = nearby[k];
+            } else if (distances[k] < second) {
+              second = distances[k];
+            }
+          }
           if (index < 0 || best > 0.9 * 0.9 * second) continue;
           Best& slot = of_point[{static_cast<int>(v), p.point}];
           if (best >= slot.distance) continue;

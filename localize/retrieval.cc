@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "calib/base/parallel.h"
+#include "calib/base/wide.h"
 #include "calib/estimation/random.h"
 
 namespace trigpoint {
@@ -13,7 +14,7 @@ namespace {
 
 constexpr int kDim = DescriptorBlock::kDim;
 
-int SquaredDistance(const int16_t* a, const int16_t* b) {
+[[gnu::always_inline]] inline int SquaredDistance(const int16_t* a, const int16_t* b) {
   int sum = 0;
   for (int c = 0; c < kDim; ++c) {
     const int d = static_cast<int>(a[c]) - static_cast<int>(b[c]);
@@ -22,6 +23,7 @@ int SquaredDistance(const int16_t* a, const int16_t* b) {
   return sum;
 }
 
+TRIGPOINT_WIDE
 int Nearest(const int16_t* descriptor, const int16_t* centres, int count) {
   int best = 0, distance = std::numeric_limits<int>::max();
   for (int k = 0; k < count; ++k) {

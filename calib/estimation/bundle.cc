@@ -2,51 +2,18 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
 
 #include "calib/base/parallel.h"
+#include "calib/estimation/block_cholesky.h"
+#include "calib/estimation/bundle_terms.h"
 
 namespace trigpoint {
 namespace {
 
-using Matrix26 = Eigen::Matrix<double, 2, 6>;
-using Matrix23 = Eigen::Matrix<double, 2, 3>;
-using SparseLdlt = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::AMDOrdering<int>>;
-
 constexpr int kChunks = 8;  // fixed, so that sums do not depend on the number of threads
-
-struct ObservationTerms {
-  Eigen::Vector2d r;
-  Matrix26 jp;
-  Matrix23 jy;
-};
-
-// Residual and Jacobians of one observation. Returns false behind the view.
-template <bool kJacobians>
-bool Evaluate(const BundleProblem& p, const BearingObservation& o, const Eigen::Vector3d& y, ObservationTerms* out) {
-  const Rigid3d& pose = p.poses[static_cast<size_t>(o.pose)];
-  const Rigid3d& view = p.views[static_cast<size_t>(o.view)];
-  const Eigen::Vector3d in_rig_rotated = pose.rotation * y;
-  const Eigen::Vector3d q = view * (in_rig_rotated + pose.translation);
-  const double n = q.norm();
-  if (!(n > 1e-9)) return false;
-  const Eigen::Vector3d u = q / n;
-  if (u.dot(o.ray.cast<double>()) <= 0) return false;
-  const Matrix23 w = o.w.cast<double>();
-  out->r = w * u;
-  if constexpr (kJacobians) {
-    const Matrix23 dq = (w - out->r * u.transpose()) / n;  // W (I - u u^T) / n
-    const Matrix23 drig = dq * view.rotation.toRotationMatrix();
-    out->jp.leftCols<3>() = -drig * Skew(in_rig_rotated);
-    out->jp.rightCols<3>() = drig;
-    out->jy = drig * pose.rotation.toRotationMatrix();
-  }
-  return true;
-}
 
 double Rho(const ceres::LossFunction* loss, double s, double* weight) {
   if (loss == nullptr) {
@@ -57,67 +24,6 @@ double Rho(const ceres::LossFunction* loss, double s, double* weight) {
   loss->Evaluate(s, rho);
   *weight = rho[1];
   return rho[0];
-}
-
-struct FactorTerms {
-  Vector6d r;
-  Matrix6d ja, jb;
-  Vector6d js;
-};
-
-void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* out) {
-  const Rigid3d& a = p.poses[static_cast<size_t>(f.a)];
-  out->ja.setZero();
-  out->jb.setZero();
-  out->js.setZero();
-  Vector6d e = Vector6d::Zero();
-  switch (f.kind) {
-    case PoseFactor::Kind::kBetween: {
-      const Rigid3d& b = p.poses[static_cast<size_t>(f.b)];
-      const Eigen::Quaterniond q = a.rotation * b.rotation.conjugate();
-      const Eigen::Matrix3d rp = q.toRotationMatrix();
-      const Eigen::Vector3d rtb = rp * b.translation;
-      const double s = f.scaled ? p.scale : 1.0;
-      e.head<3>() = LogSO3(q * f.measured.rotation.conjugate());
-      e.tail<3>() = a.translation - rtb - s * f.measured.translation;
-      const Eigen::Matrix3d jl = LeftJacobianInverseSO3(e.head<3>());
-      out->ja.topLeftCorner<3, 3>() = jl;
-      out->ja.bottomLeftCorner<3, 3>() = Skew(rtb);
-      out->ja.bottomRightCorner<3, 3>().setIdentity();
-      out->jb.topLeftCorner<3, 3>() = -jl * rp;
-      out->jb.bottomLeftCorner<3, 3>() = -Skew(rtb) * rp;
-      out->jb.bottomRightCorner<3, 3>() = -rp;
-      if (f.scaled) out->js.tail<3>() = -f.measured.translation;
-      break;
-    }
-    case PoseFactor::Kind::kPrior: {
-      e = a.Minus(f.measured);
-      out->ja.topLeftCorner<3, 3>() = LeftJacobianInverseSO3(e.head<3>());
-      out->ja.bottomRightCorner<3, 3>().setIdentity();
-      break;
-    }
-    case PoseFactor::Kind::kGeotag: {
-      const Rigid3d inverse = a.Inverse();
-      e = inverse.Minus(f.measured);
-      const Eigen::Matrix3d rt = inverse.rotation.toRotationMatrix();
-      out->ja.topLeftCorner<3, 3>() = -LeftJacobianInverseSO3(e.head<3>()) * rt;
-      out->ja.bottomLeftCorner<3, 3>() = -rt * Skew(a.translation);
-      out->ja.bottomRightCorner<3, 3>() = -rt;
-      break;
-    }
-    case PoseFactor::Kind::kPosition: {
-      const Eigen::Matrix3d rt = a.rotation.conjugate().toRotationMatrix();
-      const Eigen::Vector3d d = f.arm - a.translation;
-      e.tail<3>() = rt * d - f.measured.translation;
-      out->ja.bottomLeftCorner<3, 3>() = rt * Skew(d);
-      out->ja.bottomRightCorner<3, 3>() = -rt;
-      break;
-    }
-  }
-  out->r = f.sqrt_info * e;
-  out->ja = f.sqrt_info * out->ja;
-  out->jb = f.sqrt_info * out->jb;
-  out->js = f.sqrt_info * out->js;
 }
 
 // Ranges of observations of each point, and of points for each chunk.
@@ -150,29 +56,30 @@ struct Layout {
   }
 };
 
-// The pattern of the reduced system: lower block triangle, blocks of 6 x 6 keyed by (row, col), row >= col.
+// The pattern of the reduced system: lower block triangle, blocks of 6 x 6, (row, col) with row >= col. Poses see the
+// points of their neighbours, so that a row's columns lie close together: a table of the stretch of each row is small.
 class BlockMatrix {
  public:
-  int Find(int row, int col) const { return index_.at(Key(row, col)); }
+  explicit BlockMatrix(int rows) : index_(static_cast<size_t>(rows)) {}
+  int Find(int row, int col) const { return index_[static_cast<size_t>(row)][static_cast<size_t>(row - col)]; }
   void Add(int row, int col) {
-    const auto [it, fresh] = index_.try_emplace(Key(row, col), static_cast<int>(rows_.size()));
-    if (fresh) {
-      rows_.push_back(row);
-      cols_.push_back(col);
-    }
+    std::vector<int>& of_row = index_[static_cast<size_t>(row)];
+    const size_t back = static_cast<size_t>(row - col);
+    if (of_row.size() <= back) of_row.resize(back + 1, -1);
+    if (of_row[back] >= 0) return;
+    of_row[back] = size();
+    blocks_.emplace_back(row, col);
   }
-  int size() const { return static_cast<int>(rows_.size()); }
-  int row(int k) const { return rows_[static_cast<size_t>(k)]; }
-  int col(int k) const { return cols_[static_cast<size_t>(k)]; }
+  int size() const { return static_cast<int>(blocks_.size()); }
+  const std::vector<std::pair<int, int>>& blocks() const { return blocks_; }
 
  private:
-  static int64_t Key(int row, int col) { return (static_cast<int64_t>(row) << 32) | static_cast<uint32_t>(col); }
-  std::unordered_map<int64_t, int> index_;
-  std::vector<int> rows_, cols_;
+  std::vector<std::vector<int>> index_;  // [row][row - col]
+  std::vector<std::pair<int, int>> blocks_;
 };
 
 BlockMatrix MakePattern(const BundleProblem& p, const Layout& layout) {
-  BlockMatrix pattern;
+  BlockMatrix pattern(layout.blocks);
   for (int b = 0; b < layout.blocks; ++b) pattern.Add(b, b);
   std::vector<int> slots;
   for (size_t j = 0; j + 1 < layout.first.size() && !p.points_constant; ++j) {
@@ -320,7 +227,7 @@ class Reducer {
           continue;
         }
         out->cost += 0.5 * Rho(p_.loss.get(), t.r.squaredNorm(), &weight);
-        const Matrix23 wjy = weight * t.jy;
+        const Eigen::Matrix<double, 2, 3> wjy = weight * t.jy;
         system.h += t.jy.transpose() * wjy;
         system.g += wjy.transpose() * t.r;
         const int slot = layout_.slot[static_cast<size_t>(o.pose)];
@@ -393,33 +300,48 @@ class Reducer {
   std::vector<PointSystem> points_;
 };
 
-// The scalar sparse matrix (lower triangle) of a reduced system, with relative damping of the diagonal.
-Eigen::SparseMatrix<double> ToSparse(const Reduced& r, const BlockMatrix& pattern, const Layout& layout,
-                                     bool with_scale, double lambda) {
-  std::vector<Eigen::Triplet<double>> triplets;
-  triplets.reserve(static_cast<size_t>(pattern.size()) * 36 + static_cast<size_t>(layout.dimension));
-  for (int k = 0; k < pattern.size(); ++k) {
-    const int row = 6 * pattern.row(k), col = 6 * pattern.col(k);
-    const Matrix6d& m = r.blocks[static_cast<size_t>(k)];
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) {
-        if (row == col && j > i) continue;
-        double v = m(i, j);
-        if (row == col && i == j) v += lambda * std::abs(v);
-        triplets.emplace_back(row + i, col + j, v);
-      }
+// The reduced system, factored: blocks of poses, bordered by the scale when that is free.
+class ReducedSolver {
+ public:
+  ReducedSolver(const BlockMatrix& pattern, const Layout& layout)
+      : poses_(6 * layout.blocks), with_scale_(layout.dimension > poses_), cholesky_(layout.blocks, pattern.blocks()) {}
+
+  // With relative damping of the diagonal. False if the system is not positive definite.
+  bool Factorize(const Reduced& r, double lambda) {
+    if (!cholesky_.Factorize(r.blocks, lambda)) return false;
+    if (!with_scale_) return true;
+    border_ = r.scale_column;
+    cholesky_.Solve(border_);
+    pivot_ = r.scale_diagonal * (1 + lambda) - border_.dot(r.scale_column);
+    return pivot_ > 0;
+  }
+
+  Eigen::VectorXd Solve(const Eigen::VectorXd& right_hand_side) const {
+    Eigen::VectorXd x = right_hand_side;
+    cholesky_.Solve(x.head(poses_));
+    if (with_scale_) {
+      // border_ = A^-1 b, so b^T A^-1 y = border_^T y for the right hand side y of the poses.
+      const double scale = (x(poses_) - border_.dot(right_hand_side.head(poses_))) / pivot_;
+      x.head(poses_) -= border_ * scale;
+      x(poses_) = scale;
     }
+    return x;
   }
-  if (with_scale) {
-    const int s = 6 * layout.blocks;
-    // Kept dense, zeros included: selected inversion then yields every covariance with the scale.
-    for (int i = 0; i < s; ++i) triplets.emplace_back(s, i, r.scale_column(i));
-    triplets.emplace_back(s, s, r.scale_diagonal * (1 + lambda));
+
+  // Blocks of the inverse: of the poses' matrix, and what the border adds to them.
+  BlockCholesky::Inverse SelectedInverse() const { return cholesky_.SelectedInverse(); }
+  Matrix6d BorderBlock(int a, int b) const {
+    if (!with_scale_) return Matrix6d::Zero();
+    return border_.segment<6>(6 * a) * border_.segment<6>(6 * b).transpose() / pivot_;
   }
-  Eigen::SparseMatrix<double> m(layout.dimension, layout.dimension);
-  m.setFromTriplets(triplets.begin(), triplets.end());
-  return m;
-}
+
+ private:
+  Eigen::Index poses_;
+  bool with_scale_;
+  BlockCholesky cholesky_;
+  Eigen::VectorXd border_;
+  double pivot_ = 0;
+};
 
 }  // namespace
 
@@ -486,8 +408,8 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
   Reducer reducer(p, options.threads, cancel);
   const Layout& layout = reducer.layout();
   if (layout.dimension == 0) return summary;
-  SparseLdlt solver;
-  bool analysed = false;
+  ReducedSolver solver(reducer.pattern(), layout);
+  bool singular = false;
   double lambda = 1e-5;
   summary.initial_cost = summary.final_cost = reducer.Cost(p);
   progress.Begin("bundle adjustment", options.max_iterations);
@@ -499,17 +421,12 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
       cancel.ThrowIfCancelled();
       const Reduced reduced = reducer.Build(lambda, nullptr);
-      const Eigen::SparseMatrix<double> s = ToSparse(reduced, reducer.pattern(), layout, !p.scale_constant, lambda);
-      if (!analysed) {
-        solver.analyzePattern(s);
-        analysed = true;
-      }
-      solver.factorize(s);
-      if (solver.info() != Eigen::Success) {
+      singular = !solver.Factorize(reduced, lambda);
+      if (singular) {
         lambda = std::max(lambda, 1e-8) * 10;
         continue;
       }
-      const Eigen::VectorXd step = -solver.solve(reduced.gradient);
+      const Eigen::VectorXd step = -solver.Solve(reduced.gradient);
       if (!step.allFinite()) {
         lambda = std::max(lambda, 1e-8) * 10;
         continue;
@@ -540,7 +457,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
     }
     progress.Advance(1);
     if (!accepted) {
-      if (it == 0 && solver.info() != Eigen::Success) {
+      if (it == 0 && singular) {
         throw NumericError("bundle adjustment: the system is singular; something is not fixed by the data");
       }
       summary.converged = true;
@@ -564,18 +481,20 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
 
 struct BundleCovariance::Impl {
   Layout layout;
-  SparseLdlt solver;
   bool with_scale = false;
   size_t poses = 0;
-  explicit Impl(const BundleProblem& p) : layout(p), with_scale(!p.scale_constant), poses(p.poses.size()) {}
+  ReducedSolver solver;
+  Impl(const BundleProblem& p, const Reducer& reducer)
+      : layout(reducer.layout()),
+        with_scale(!p.scale_constant),
+        poses(p.poses.size()),
+        solver(reducer.pattern(), layout) {}
 };
 
-BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel)
-    : impl_(std::make_unique<Impl>(problem)) {
+BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel) {
   Reducer reducer(problem, threads, cancel);
-  const Reduced reduced = reducer.Build(0, nullptr);
-  impl_->solver.compute(ToSparse(reduced, reducer.pattern(), reducer.layout(), impl_->with_scale, 0));
-  if (impl_->solver.info() != Eigen::Success || !(impl_->solver.vectorD().minCoeff() > 0)) {
+  impl_ = std::make_unique<Impl>(problem, reducer);
+  if (!impl_->solver.Factorize(reducer.Build(0, nullptr), 0)) {
     throw NumericError("covariance: the system is singular; something is not fixed by the data");
   }
 }
@@ -592,7 +511,7 @@ Eigen::MatrixXd BundleCovariance::Columns(const std::vector<int>& poses, bool wi
   const auto solve = [&](int reduced_index, Eigen::Index column) {
     Eigen::VectorXd unit = Eigen::VectorXd::Zero(layout.dimension);
     unit(reduced_index) = 1;
-    const Eigen::VectorXd x = impl_->solver.solve(unit);
+    const Eigen::VectorXd x = impl_->solver.Solve(unit);
     for (size_t p = 0; p < impl_->poses; ++p) {
       if (layout.slot[p] >= 0) {
         out.block<6, 1>(6 * static_cast<Eigen::Index>(p), column) = x.segment<6>(6 * layout.slot[p]);
@@ -611,72 +530,9 @@ Eigen::MatrixXd BundleCovariance::Columns(const std::vector<int>& poses, bool wi
 
 void BundleCovariance::PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal,
                                   std::vector<Matrix6d>* with_next) const {
-  // Selected inversion (Takahashi et al. 1973): the entries of the inverse inside the pattern of L, backwards
-  // column by column, at a cost that is linear for banded systems.
   const Layout& layout = impl_->layout;
-  const Eigen::SparseMatrix<double> l = impl_->solver.matrixL();
-  const Eigen::VectorXd d = impl_->solver.vectorD();
-  const Eigen::Index n = l.cols();
-  // Strictly lower pattern of each column, ascending.
-  std::vector<int> start(static_cast<size_t>(n) + 1, 0), rows;
-  std::vector<double> values, inverse;
-  for (Eigen::Index j = 0; j < n; ++j) {
-    for (Eigen::SparseMatrix<double>::InnerIterator it(l, j); it; ++it) {
-      if (it.row() > j) {
-        rows.push_back(static_cast<int>(it.row()));
-        values.push_back(it.value());
-      }
-    }
-    start[static_cast<size_t>(j) + 1] = static_cast<int>(rows.size());
-  }
-  inverse.assign(rows.size(), 0.0);
-  std::vector<double> diag(static_cast<size_t>(n), 0.0);
-  const auto lookup = [&](int row, int col) -> double {
-    if (row == col) return diag[static_cast<size_t>(row)];
-    const int c = std::min(row, col), r = std::max(row, col);
-    const auto begin = rows.begin() + start[static_cast<size_t>(c)];
-    const auto end = rows.begin() + start[static_cast<size_t>(c) + 1];
-    const auto it = std::lower_bound(begin, end, r);
-    return it != end && *it == r ? inverse[static_cast<size_t>(it - rows.begin())] : 0.0;
-  };
-  std::vector<double> work(static_cast<size_t>(n), 0.0);
-  for (int j = static_cast<int>(n) - 1; j >= 0; --j) {
-    const int begin = start[static_cast<size_t>(j)], end = start[static_cast<size_t>(j) + 1];
-    // z(i, j) = - sum_k z(i, k) l(k, j) for i in the column's pattern; the pattern is closed under this sum.
-    for (int a = begin; a < end; ++a) work[static_cast<size_t>(rows[static_cast<size_t>(a)])] = 0;
-    for (int k = begin; k < end; ++k) {
-      const int col = rows[static_cast<size_t>(k)];
-      const double lkj = values[static_cast<size_t>(k)];
-      work[static_cast<size_t>(col)] -= diag[static_cast<size_t>(col)] * lkj;
-      // Entries of column `col` below the diagonal, merged with this column's pattern.
-      int a = k + 1;
-      for (int m = start[static_cast<size_t>(col)]; m < start[static_cast<size_t>(col) + 1] && a < end; ++m) {
-        const int row = rows[static_cast<size_t>(m)];
-        while (a < end && rows[static_cast<size_t>(a)] < row) ++a;
-        if (a < end && rows[static_cast<size_t>(a)] == row) {
-          const double z = inverse[static_cast<size_t>(m)];
-          work[static_cast<size_t>(row)] -= z * lkj;
-          work[static_cast<size_t>(col)] -= z * values[static_cast<size_t>(a)];
-        }
-      }
-    }
-    double sum = 0;
-    for (int a = begin; a < end; ++a) {
-      const double z = work[static_cast<size_t>(rows[static_cast<size_t>(a)])];
-      inverse[static_cast<size_t>(a)] = z;
-      sum += z * values[static_cast<size_t>(a)];
-    }
-    diag[static_cast<size_t>(j)] = 1.0 / d(j) - sum;
-  }
-  const auto& permutation = impl_->solver.permutationP().indices();
-  const auto entry = [&](int r, int c) { return lookup(permutation(r), permutation(c)); };
-  const auto block = [&](int a, int b) {
-    Matrix6d m;
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) m(i, j) = entry(6 * a + i, 6 * b + j);
-    }
-    return m;
-  };
+  const BlockCholesky::Inverse inverse = impl_->solver.SelectedInverse();
+  const auto block = [&](int a, int b) -> Matrix6d { return inverse.Block(a, b) + impl_->solver.BorderBlock(a, b); };
   diagonal->assign(impl_->poses, Matrix6d::Zero());
   with_next->assign(impl_->poses, Matrix6d::Zero());
   for (size_t p = 0; p < impl_->poses; ++p) {

@@ -4,9 +4,9 @@
 // where u_ij is the unit ray of point j in view i (predicted), W_ij the whitened tangent plane of the observed ray
 // (Camera::BearingSqrtInfo), and e_k pose factors: odometry, priors, geotags, GPS. No singularity on the optical axis.
 //
-// The points are eliminated (Schur complement, Triggs et al. 2000); the reduced system is sparse and factored by
-// Eigen's LDLT, so cost and memory grow linearly with the length of a run without loops. The work is cut into a fixed
-// number of chunks that are summed in order: results do not depend on the number of threads.
+// The points are eliminated (Schur complement, Triggs et al. 2000); the reduced system is sparse and factored by blocks
+// (block_cholesky.h), so cost and memory grow linearly with the length of a run without loops. The work is cut into a
+// fixed number of chunks that are summed in order: results do not depend on the number of threads.
 //
 // Gauge: the caller fixes it by constant poses or priors; covariances are relative to those. What is left undetermined
 // makes the factorisation fail (NumericError) or, within rounding, a covariance that is huge.
@@ -15,7 +15,6 @@
 #include <ceres/loss_function.h>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 #include <memory>
 #include <vector>
 
