@@ -38,13 +38,7 @@ Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswe
   BundleProblem& p = r->problem;
   Joint joint;
   joint.pose_of_reference.assign(answers.size(), -1);
-  struct Row {
-    BearingObservation o;
-    int image, feature;
-  };
-  std::vector<Row> rows;
-  for (size_t k = 0; k < p.observations.size(); ++k)
-    rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
+  std::vector<ImageObservation> rows;
   for (size_t i = 0; i < answers.size(); ++i) {
     const Registration& g = answers[i].registration;
     if (g.status != AnswerStatus::kLocalized) continue;
@@ -67,15 +61,7 @@ Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswe
     p.poses.push_back(g.rig_from_odom);
     p.pose_constant.push_back(false);
   }
-  std::stable_sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.o.point < b.o.point; });
-  p.observations.clear();
-  r->image_of.clear();
-  r->feature_of.clear();
-  for (const Row& row : rows) {
-    p.observations.push_back(row.o);
-    r->image_of.push_back(row.image);
-    r->feature_of.push_back(row.feature);
-  }
+  AddObservations(rows, r);
   return joint;
 }
 
@@ -99,15 +85,6 @@ struct LocalCovariance {
   Eigen::MatrixXd places;          // of odom_from_rig, 6n x 6n
   std::vector<Matrix6d> diagonal;  // of all poses
 };
-
-Matrix6d InverseJacobian(const Rigid3d& b_from_a) {
-  const Eigen::Matrix3d rt = b_from_a.rotation.conjugate().toRotationMatrix();
-  Matrix6d j = Matrix6d::Zero();
-  j.topLeftCorner<3, 3>() = -rt;
-  j.bottomLeftCorner<3, 3>() = -rt * Skew(b_from_a.translation);
-  j.bottomRightCorner<3, 3>() = -rt;
-  return j;
-}
 
 LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector<int>& poses, int threads,
                                        const CancelToken& cancel) {
@@ -280,6 +257,11 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   watch.Lap("tracks");
   result.reconstruction = Reconstruct(input, result.tracks, options.reconstruct, paper, threads, progress, cancel);
   watch.Lap("reconstruct");
+  if (!paper) {
+    result.loops = CloseLoops(input, options.loops, options.registration, options.reconstruct, &result.reconstruction,
+                              threads, seed, progress, cancel);
+    watch.Lap("loops");
+  }
   Reconstruction& r = result.reconstruction;
   BundleProblem& p = r.problem;
   const size_t body_poses = p.poses.size();

@@ -6,6 +6,7 @@
 
 #include "localize/frames.h"
 #include "localize/georegistration.h"
+#include "localize/loops.h"
 #include "localize/reconstruct.h"
 #include "localize/registration.h"
 #include "localize/retrieval.h"
@@ -17,6 +18,7 @@ struct LocalizeOptions {
   std::string mode = "trigpoint";  // trigpoint, or paper: as published
   TrackOptions tracks;
   ReconstructOptions reconstruct;
+  LoopOptions loops;
   RetrievalOptions retrieval;
   RegistrationOptions registration;
   GeoRegistrationOptions geo;
@@ -29,6 +31,7 @@ struct LocalizeOptions {
     visit(self.mode, {"mode", "", 0, 0, "trigpoint, or paper: as published"});
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
+    visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
     visit(self.retrieval, {"retrieval", "", 0, 0, "candidate references of an image"});
     visit(self.registration, {"registration", "", 0, 0, "poses of references"});
     visit(self.geo, {"geo", "", 0, 0, "the run's frame on the Earth"});
@@ -61,6 +64,7 @@ struct Localization {
   double odometry_scale = 1;  // applied in the run's frame: true / measured length
   double odometry_scale_sigma = 0;
   std::vector<PoseEstimate> cameras;  // each image, world_from_cam; empty when not on the Earth
+  LoopSummary loops;
   Retrieval retrieval;
   TrackSet tracks;
   std::vector<std::pair<std::string, double>> seconds;  // wall time of each step

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/flann.hpp>
+#include <utility>
 
 #include "calib/base/wide.h"
 #include "localize/features.h"
@@ -147,7 +148,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
                     const FeatureGrid& grid_b, const Camera& camera_b, const Rigid3d& b_from_a,
                     const GuidedOptions& options) {
   std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
-  std::vector<int> stamp(static_cast<size_t>(b.size()), -1), near, distances;
+  std::vector<int> visited(grid_b.cells(), -1), near, distances;
   const Eigen::Matrix3d rotation = b_from_a.rotation.toRotationMatrix();
   const Eigen::Vector3d t = b_from_a.translation;
   const double band = options.epipolar_px / camera_b.MeanFocal();
@@ -156,30 +157,40 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
   const double nearest = std::max(options.min_depth_m, 1.2 * t.norm());
   for (int i = 0; i < a.size(); ++i) {
     const Eigen::Vector3d far = rotation * rays_a[static_cast<size_t>(i)];
-    // Depth from infinity (inverse depth 0) to the nearest: where the curve leaves the image it simply ends.
-    const std::optional<Eigen::Vector2d> p_far = camera_b.Project(far);
-    const std::optional<Eigen::Vector2d> p_near = camera_b.Project(far + t / nearest);
-    double length = 200;
-    if (p_far && p_near) length = (*p_far - *p_near).norm();
-    const int samples = std::clamp(static_cast<int>(length / kStep) + 2, 2, 64);
     const Eigen::Vector3d normal = t.cross(far);
     const double normal_length = normal.norm();
     const float scale_a = features_a.scales[static_cast<size_t>(i)];
     near.clear();
-    for (int s = 0; s < samples; ++s) {
-      const double inverse_depth = s / (nearest * (samples - 1));
-      const std::optional<Eigen::Vector2d> p = camera_b.Project(far + t * inverse_depth);
-      if (!p || !camera_b.Contains(*p)) continue;
-      const Eigen::Vector2f at = p->cast<float>();
-      grid_b.Visit(p->x(), p->y(), 0.5 * kStep + options.epipolar_px, [&](int j, const Eigen::Vector2f& pixel) {
-        if ((pixel - at).squaredNorm() > 400 || stamp[static_cast<size_t>(j)] == i) return;
+    const auto look = [&](const Eigen::Vector2d& p) {
+      if (!camera_b.Contains(p)) return;
+      const auto fresh = [&](size_t cell) { return std::exchange(visited[cell], i) != i; };
+      grid_b.Visit(p.x(), p.y(), 0.5 * kStep + options.epipolar_px, fresh, [&](int j, const Eigen::Vector2f&) {
         const Eigen::Vector3d& ray = rays_b[static_cast<size_t>(j)];
         if (normal_length > 1e-6 && std::abs(ray.dot(normal)) > band * normal_length) return;
         const float scale_b = features_b.scales[static_cast<size_t>(j)];
         if (scale_b > 2.5F * scale_a || scale_a > 2.5F * scale_b) return;
-        stamp[static_cast<size_t>(j)] = i;
         near.push_back(j);
       });
+    };
+    // Depth from infinity (inverse depth 0) to the nearest: where the curve leaves the image it simply ends.
+    const std::optional<Eigen::Vector2d> p_far = camera_b.Project(far);
+    const std::optional<Eigen::Vector2d> p_mid = camera_b.Project(far + t * (0.5 / nearest));
+    const std::optional<Eigen::Vector2d> p_near = camera_b.Project(far + t / nearest);
+    double length = 200;
+    if (p_far && p_near) length = (*p_far - *p_near).norm();
+    const int samples = std::clamp(static_cast<int>(length / kStep) + 2, 2, 64);
+    // Nearly always the curve is a straight line as far as the search cares; strong distortion bends it.
+    const Eigen::Vector2d along = p_far && p_near ? Eigen::Vector2d(*p_near - *p_far) : Eigen::Vector2d::Zero();
+    const bool straight =
+        p_far && p_mid && p_near && length < 63 * kStep &&
+        std::abs(along.x() * (p_mid->y() - p_far->y()) - along.y() * (p_mid->x() - p_far->x())) < std::max(length, 1.0);
+    for (int s = 0; s < samples; ++s) {
+      const double part = static_cast<double>(s) / (samples - 1);
+      if (straight) {
+        look(*p_far + part * along);
+      } else if (const auto p = camera_b.Project(far + t * (part / nearest))) {
+        look(*p);
+      }
     }
     a.SquaredDistances(i, b, near, &distances);
     for (size_t k = 0; k < near.size(); ++k) {

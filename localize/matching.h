@@ -46,14 +46,15 @@ class FeatureGrid {
  public:
   FeatureGrid(const std::vector<Eigen::Vector2f>& points, int width, int height, float cell_px);
   // Calls fn(feature index, its pixel) for every feature in the cells that touch the square of half size `radius` round
-  // (x, y).
-  template <typename Fn>
-  void Visit(double x, double y, double radius, Fn&& fn) const {
+  // (x, y); cells for which fresh(cell) is false are left out.
+  template <typename Fresh, typename Fn>
+  void Visit(double x, double y, double radius, Fresh&& fresh, Fn&& fn) const {
     const int x0 = Cell(x - radius, columns_), x1 = Cell(x + radius, columns_);
     const int y0 = Cell(y - radius, rows_), y1 = Cell(y + radius, rows_);
     for (int cy = y0; cy <= y1; ++cy) {
       for (int cx = x0; cx <= x1; ++cx) {
         const size_t c = static_cast<size_t>(cy) * static_cast<size_t>(columns_) + static_cast<size_t>(cx);
+        if (!fresh(c)) continue;
         for (int k = start_[c]; k < start_[c + 1]; ++k) {
           const Entry& e = entries_[static_cast<size_t>(k)];
           fn(e.feature, e.pixel);
@@ -61,6 +62,13 @@ class FeatureGrid {
       }
     }
   }
+
+  template <typename Fn>
+  void Visit(double x, double y, double radius, Fn&& fn) const {
+    Visit(
+        x, y, radius, [](size_t) { return true; }, std::forward<Fn>(fn));
+  }
+  size_t cells() const { return start_.size() - 1; }
 
  private:
   struct Entry {

@@ -56,14 +56,8 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
   std::array<std::vector<double>, 6> squares;
   for (const PoseFactor& f : p.factors) {
     const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
-    const Rigid3d ab = p.poses[a] * p.poses[b].Inverse();
-    const Eigen::Matrix3d r = ab.rotation.toRotationMatrix();
-    const Eigen::Vector3d rtb = r * p.poses[b].translation;
-    Matrix6d ja = Matrix6d::Identity(), jb = Matrix6d::Zero();
-    ja.bottomLeftCorner<3, 3>() = Skew(rtb);
-    jb.topLeftCorner<3, 3>() = -r;
-    jb.bottomLeftCorner<3, 3>() = -Skew(rtb) * r;
-    jb.bottomRightCorner<3, 3>() = -r;
+    Matrix6d ja, jb;
+    RelativeJacobians(p.poses[a], p.poses[b], &ja, &jb);
     const Matrix6d cross = ja * with_next[a] * jb.transpose();
     const Matrix6d posterior =
         ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
@@ -310,6 +304,36 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
   }
   r.odometry_noise_factor = noise_factor;
   return r;
+}
+
+void AddObservations(const std::vector<ImageObservation>& added, Reconstruction* r) {
+  BundleProblem& p = r->problem;
+  std::vector<ImageObservation> rows;
+  rows.reserve(p.observations.size() + added.size());
+  for (size_t k = 0; k < p.observations.size(); ++k)
+    rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
+  rows.insert(rows.end(), added.begin(), added.end());
+  std::stable_sort(rows.begin(), rows.end(),
+                   [](const ImageObservation& a, const ImageObservation& b) { return a.o.point < b.o.point; });
+  p.observations.clear();
+  r->image_of.clear();
+  r->feature_of.clear();
+  for (const ImageObservation& row : rows) {
+    p.observations.push_back(row.o);
+    r->image_of.push_back(row.image);
+    r->feature_of.push_back(row.feature);
+  }
+}
+
+void Settle(const ReconstructOptions& options, double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
+  BundleProblem& p = r->problem;
+  const std::vector<Eigen::Vector3d> before = p.points;
+  Triangulate(r, threads, cancel);
+  for (size_t j = 0; j < p.points.size(); ++j) {
+    if (r->point_valid[j]) p.points[j] = before[j];
+  }
+  OptimizePoints(p, 5, threads, cancel);
+  Gate(options, chi2, r);
 }
 
 }  // namespace trigpoint

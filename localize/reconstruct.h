@@ -66,6 +66,18 @@ struct Reconstruction {
 Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, const ReconstructOptions& options,
                            bool paper, int threads, ProgressSink& progress, const CancelToken& cancel);
 
+// Observations that are new, put in their places: all stay sorted by point.
+struct ImageObservation {
+  BearingObservation o;
+  int image = 0, feature = 0;
+};
+void AddObservations(const std::vector<ImageObservation>& added, Reconstruction* reconstruction);
+
+// Points anew with the poses as they are; observations beyond the threshold (chi-square, 2 dof) and points that are
+// not fit for the bundle are set aside.
+void Settle(const ReconstructOptions& options, double chi2, Reconstruction* reconstruction, int threads,
+            const CancelToken& cancel);
+
 // Point of several rays by linear least squares on the rays' normal planes. Nothing if the system is singular.
 // view_from_world poses, unit rays in the view.
 bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,

@@ -87,28 +87,68 @@ class Registrar {
   }
 
   Registration Run(int reference) const {
-    const ReferenceViews& ref = input_.references[static_cast<size_t>(reference)];
+    Job job{
+        input_.references[static_cast<size_t>(reference)], reference, {}, {}, std::numeric_limits<double>::infinity(),
+        seed_ + static_cast<uint64_t>(reference)};
+    const int n_views = static_cast<int>(job.ref.rig.views.size());
+    for (int image : Candidates(reference)) {
+      // The views that the retrieval named, and their neighbours.
+      std::set<int> chosen;
+      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+        if (h.reference != reference) continue;
+        for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
+      }
+      job.candidates.push_back({image, {chosen.begin(), chosen.end()}});
+    }
     Registration out;
-    out.views.resize(ref.rig.views.size());
-    const std::vector<int> candidates = Candidates(reference);
-    if (candidates.empty()) {
+    out.views.resize(job.ref.rig.views.size());
+    if (job.candidates.empty()) {
       out.reason = "no image of the run looks like it";
       return Unmatched(out);
     }
-    std::vector<PreparedView> views;
-    for (size_t v = 0; v < ref.rig.views.size(); ++v) {
-      PreparedView view;
-      view.features = input_.view_features(reference, static_cast<int>(v));
-      if (!paper_) view.descriptors = DescriptorBlock(view.features.descriptors);
-      const Camera& c = ref.rig.views[v].camera;
-      view.grid = std::make_unique<FeatureGrid>(view.features.points, c.width(), c.height(), 16.0F);
-      views.push_back(std::move(view));
-    }
-    return paper_ ? RunPaper(ref, reference, views, candidates, std::move(out))
-                  : RunJoint(ref, reference, views, candidates, std::move(out));
+    for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
+    return paper_ ? RunPaper(job, std::move(out)) : RunJoint(job, std::move(out));
+  }
+
+  // An image of the run itself against the points of an earlier passage.
+  Registration Run(const LoopQuery& query) const {
+    const BodyCamera& camera =
+        input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(query.image)].camera)];
+    ReferenceViews ref;
+    ref.rig.views.resize(1);
+    ref.rig.views[0].camera = camera.camera;
+    Job job{ref, -1, {}, {}, query.latest_m, seed_ + 100003 * static_cast<uint64_t>(query.image + 1)};
+    for (int image : query.candidates) job.candidates.push_back({image, {0}});
+    Registration out;
+    out.views.resize(1);
+    Prepare(input_.image_features(query.image), 0, &job);
+    return RunJoint(job, std::move(out));
   }
 
  private:
+  // What is to be placed, and the images it may be seen from.
+  struct Candidate {
+    int image;
+    std::vector<int> views;  // matched with it
+  };
+  struct Job {
+    const ReferenceViews& ref;
+    int reference;  // -1: none of the input's
+    std::vector<PreparedView> views;
+    std::vector<Candidate> candidates;
+    double latest_m;  // points of images after this length of path are not used
+    uint64_t seed;
+  };
+
+  void Prepare(FeatureSet features, int v, Job* job) const {
+    PreparedView view;
+    view.features = std::move(features);
+    if (!paper_) view.descriptors = DescriptorBlock(view.features.descriptors);
+    const Camera& c = job->ref.rig.views[static_cast<size_t>(v)].camera;
+    view.grid = std::make_unique<FeatureGrid>(view.features.points, c.width(), c.height(), 16.0F);
+    job->views.push_back(std::move(view));
+  }
+
   static Registration Unmatched(Registration out) {
     out.status = AnswerStatus::kUnmatched;
     for (ViewAnswer& v : out.views) {
@@ -167,12 +207,12 @@ class Registrar {
 
   // --- ours ---------------------------------------------------------------------------------------------------
 
-  Registration RunJoint(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
-                        const std::vector<int>& candidates, Registration out) const {
+  Registration RunJoint(const Job& job, Registration out) const {
+    const ReferenceViews& ref = job.ref;
     double middle = 0;
-    for (int image : candidates)
-      middle += travelled_[static_cast<size_t>(image)] / static_cast<double>(candidates.size());
-    std::vector<Correspondence> all = MatchCandidates(ref, reference, views, candidates);
+    for (const Candidate& c : job.candidates)
+      middle += travelled_[static_cast<size_t>(c.image)] / static_cast<double>(job.candidates.size());
+    std::vector<Correspondence> all = MatchCandidates(job);
     out.view_matches = static_cast<int>(all.size());
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
     if (static_cast<int>(all.size()) < o_.min_inliers / 2) {
@@ -180,7 +220,7 @@ class Registrar {
       return Unmatched(out);
     }
     const double threshold = o_.ransac_px / FocalOf(ref.rig);
-    const auto best = FindPose(ref, all, view_from_rig, threshold, seed_ + static_cast<uint64_t>(reference));
+    const auto best = FindPose(ref, all, view_from_rig, threshold, job.seed);
     if (!best.found || best.inliers.size() < 8) {
       out.reason = "no pose explains the matches (" + std::to_string(best.inliers.size()) + " of " +
                    std::to_string(all.size()) + " agree)";
@@ -200,12 +240,12 @@ class Registrar {
       for (int i : found.inliers) explained.push_back(matches[static_cast<size_t>(i)]);
       return RefinePose(ref, view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
     };
-    Grow(ref, views, view_from_rig, refined(all, best), middle, &out);
-    const auto rival = FindPose(ref, rest, view_from_rig, threshold, seed_ + 7777 + static_cast<uint64_t>(reference));
+    Grow(job, view_from_rig, refined(all, best), middle, &out);
+    const auto rival = FindPose(ref, rest, view_from_rig, threshold, job.seed + 7777);
     if (rival.found && rival.inliers.size() >= 8) {
       // A rival that ends up where the first pose is, is none.
       Registration other = out;
-      Grow(ref, views, view_from_rig, refined(rest, rival), middle, &other);
+      Grow(job, view_from_rig, refined(rest, rival), middle, &other);
       const double apart =
           (out.rig_from_odom.TargetOriginInSource() - other.rig_from_odom.TargetOriginInSource()).norm();
       if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
@@ -219,21 +259,12 @@ class Registrar {
     return out;
   }
 
-  std::vector<Correspondence> MatchCandidates(const ReferenceViews& ref, int reference,
-                                              const std::vector<PreparedView>& views,
-                                              const std::vector<int>& candidates) const {
+  std::vector<Correspondence> MatchCandidates(const Job& job) const {
     std::vector<Correspondence> all;
     std::set<std::tuple<int, int, int>> seen;
     std::map<int, int> times;  // a point is matched from at most two images: more say the same again
-    const int n_views = static_cast<int>(views.size());
-    for (int image : candidates) {
+    for (const auto& [image, chosen] : job.candidates) {
       cancel_.ThrowIfCancelled();
-      // The views that the retrieval named, and their neighbours.
-      std::set<int> chosen;
-      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
-        if (h.reference != reference) continue;
-        for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
-      }
       const FeatureSet features = input_.image_features(image);
       const DescriptorBlock full(features.descriptors);
       DescriptorBlock block;
@@ -243,13 +274,14 @@ class Registrar {
       }
       for (const ImagePoint& p : points) block.Append(full, p.feature);
       for (int v : chosen) {
-        const PreparedView& view = views[static_cast<size_t>(v)];
+        const PreparedView& view = job.views[static_cast<size_t>(v)];
         for (const auto& [i, j] : MatchMutual(block, view.descriptors, o_.ratio, o_.max_distance)) {
           Correspondence c;
           c.observation = {
               v, j, points[static_cast<size_t>(i)].point, image, view.features.points[static_cast<size_t>(j)], false};
           if (!seen.insert({v, j, c.observation.point}).second) continue;
-          const auto ray = ref.rig.views[static_cast<size_t>(v)].camera.Unproject(c.observation.pixel.cast<double>());
+          const auto ray =
+              job.ref.rig.views[static_cast<size_t>(v)].camera.Unproject(c.observation.pixel.cast<double>());
           if (!ray) continue;
           c.ray = *ray;
           all.push_back(c);
@@ -327,8 +359,9 @@ class Registrar {
   }
 
   // From a first pose: refine, look for every point that should be seen, refine again.
-  void Grow(const ReferenceViews& ref, const std::vector<PreparedView>& views,
-            const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle, Registration* out) const {
+  void Grow(const Job& job, const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle,
+            Registration* out) const {
+    const ReferenceViews& ref = job.ref;
     Rigid3d pose = start;
     const double focal = FocalOf(ref.rig);
     std::vector<Correspondence> found, inliers;
@@ -340,7 +373,7 @@ class Registrar {
     };
     for (int round = 0; round < 2; ++round) {
       radius = o_.guided_px / (round + 1);
-      found = SearchPredicted(ref, views, view_from_rig, pose, middle, radius, &expected);
+      found = SearchPredicted(job, view_from_rig, pose, middle, radius, &expected);
       if (found.size() < 6) break;
       for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
         pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 2 * o_.outlier_chi2, nullptr);
@@ -392,14 +425,17 @@ class Registrar {
   }
 
   // Points that the pose predicts to be seen, found by descriptor near their predicted place.
-  std::vector<Correspondence> SearchPredicted(const ReferenceViews& ref, const std::vector<PreparedView>& views,
-                                              const std::vector<Rigid3d>& view_from_rig, const Rigid3d& rig_from_odom,
-                                              double middle, double radius, int* expected) const {
+  std::vector<Correspondence> SearchPredicted(const Job& job, const std::vector<Rigid3d>& view_from_rig,
+                                              const Rigid3d& rig_from_odom, double middle, double radius,
+                                              int* expected) const {
+    const std::vector<PreparedView>& views = job.views;
+    const ReferenceViews& ref = job.ref;
     const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
     // The nearest images, spaced, in both directions of travel.
     std::vector<std::pair<double, int>> near;
     for (size_t i = 0; i < centres_.size(); ++i) {
-      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > o_.passage_m) continue;
+      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > o_.passage_m || travelled_[i] > job.latest_m)
+        continue;
       near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
     }
     std::sort(near.begin(), near.end());
@@ -556,19 +592,21 @@ class Registrar {
 
   // --- as published -------------------------------------------------------------------------------------------
 
-  Registration RunPaper(const ReferenceViews& ref, int reference, const std::vector<PreparedView>& views,
-                        const std::vector<int>& candidates, Registration out) const {
+  Registration RunPaper(const Job& job, Registration out) const {
+    const ReferenceViews& ref = job.ref;
+    const std::vector<PreparedView>& views = job.views;
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
     std::vector<std::vector<Correspondence>> of_view(views.size());
     std::vector<int> best_image(views.size(), -1), best_count(views.size(), 0);
     std::set<std::tuple<int, int, int>> seen;
-    for (int image : candidates) {
+    for (const Candidate& candidate : job.candidates) {
       cancel_.ThrowIfCancelled();
+      const int image = candidate.image;
       const FeatureSet features = input_.image_features(image);
       std::map<int, int> point_of;
       for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) point_of[p.feature] = p.point;
       for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
-        if (h.reference != reference) continue;
+        if (h.reference != job.reference) continue;
         const PreparedView& view = views[static_cast<size_t>(h.view)];
         const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
         std::vector<Eigen::Vector2f> pa, pb;
@@ -777,6 +815,21 @@ std::vector<Registration> RegisterReferences(const LocalizeInput& input, const R
   progress.Begin("references", static_cast<int64_t>(result.size()));
   ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
     result[static_cast<size_t>(i)] = registrar.Run(static_cast<int>(i));
+    progress.Advance(1);
+  });
+  return result;
+}
+
+std::vector<Registration> RegisterImages(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                         const std::vector<LoopQuery>& queries, const RegistrationOptions& options,
+                                         int threads, uint64_t seed, ProgressSink& progress,
+                                         const CancelToken& cancel) {
+  const Retrieval none;
+  const Registrar registrar(input, reconstruction, none, options, false, seed, cancel);
+  std::vector<Registration> result(queries.size());
+  progress.Begin("loops", static_cast<int64_t>(result.size()));
+  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
+    result[static_cast<size_t>(i)] = registrar.Run(queries[static_cast<size_t>(i)]);
     progress.Advance(1);
   });
   return result;

@@ -123,4 +123,15 @@ std::vector<Registration> RegisterReferences(const LocalizeInput& input, const R
                                              int threads, uint64_t seed, ProgressSink& progress,
                                              const CancelToken& cancel);
 
+// An image of the run that may show what an earlier passage has seen.
+struct LoopQuery {
+  int image = 0;
+  std::vector<int> candidates;  // images of the earlier passage
+  double latest_m = 0;          // length of path at which the earlier passage ends for this image
+};
+// cam_from_odom (as rig_from_odom) of the images in the frame of the earlier passage's points, by the same rules.
+std::vector<Registration> RegisterImages(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                         const std::vector<LoopQuery>& queries, const RegistrationOptions& options,
+                                         int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
+
 }  // namespace trigpoint

@@ -25,6 +25,12 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
   for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
   m["pairs_contradicting_odometry"] = result.tracks.odometry_contradicted;
+  m["loops"] = {{"tried", result.loops.tried},
+                {"found", result.loops.found},
+                {"contradicting", result.loops.contradicting},
+                {"closed", result.loops.closed},
+                {"merged_points", result.loops.merged_points},
+                {"correction_m", result.loops.correction_m}};
   m["on_earth"] = result.on_earth;
   m["earth_source"] = result.earth_source;
   m["earth_reason"] = result.earth_reason;

@@ -245,8 +245,9 @@ class Reducer {
         out->gradient.segment<6>(6 * t.slot) -= t.hpy * hg;
       }
       for (size_t a = 0; a < terms.size(); ++a) {
+        const int row = terms[a].slot;
         for (size_t b = 0; b < terms.size(); ++b) {
-          const int row = terms[a].slot, col = terms[b].slot;
+          const int col = terms[b].slot;
           if (row < col) continue;
           const int k = row == col ? row : pattern_.Find(row, col);
           out->blocks[static_cast<size_t>(k)].noalias() -= terms[a].reduced * terms[b].hpy.transpose();

@@ -46,15 +46,34 @@ inline Rigid3d operator*(const Rigid3d& c_from_b, const Rigid3d& b_from_a) {
   return {c_from_b.rotation * b_from_a.rotation, c_from_b.rotation * b_from_a.translation + c_from_b.translation};
 }
 
-// Covariance of the inverse transform, tangent as above.
-inline Matrix6d InverseCovariance(const Rigid3d& b_from_a, const Matrix6d& covariance) {
+// d Inverse / d pose, both in left tangents: the tangent of a_from_b that belongs to a small one of b_from_a.
+inline Matrix6d InverseJacobian(const Rigid3d& b_from_a) {
   const Eigen::Matrix3d rt = b_from_a.rotation.conjugate().toRotationMatrix();
   Matrix6d j = Matrix6d::Zero();
   j.topLeftCorner<3, 3>() = -rt;
   // t_inv = -(Exp(w) R)^T (t + d) = -R^T (I - [w]x)(t + d)  =>  d t_inv = -R^T d - R^T [t]x w
   j.bottomLeftCorner<3, 3>() = -rt * Skew(b_from_a.translation);
   j.bottomRightCorner<3, 3>() = -rt;
+  return j;
+}
+
+// Covariance of the inverse transform, tangent as above.
+inline Matrix6d InverseCovariance(const Rigid3d& b_from_a, const Matrix6d& covariance) {
+  const Matrix6d j = InverseJacobian(b_from_a);
   return j * covariance * j.transpose();
+}
+
+// Derivatives of a_from_b = a_from_world * b_from_world^-1 by both poses, all in left tangents.
+inline void RelativeJacobians(const Rigid3d& a_from_world, const Rigid3d& b_from_world, Matrix6d* by_a,
+                              Matrix6d* by_b) {
+  const Eigen::Matrix3d r = (a_from_world.rotation * b_from_world.rotation.conjugate()).toRotationMatrix();
+  const Eigen::Vector3d rtb = r * b_from_world.translation;
+  by_a->setIdentity();
+  by_a->bottomLeftCorner<3, 3>() = Skew(rtb);
+  by_b->setZero();
+  by_b->topLeftCorner<3, 3>() = -r;
+  by_b->bottomLeftCorner<3, 3>() = -Skew(rtb) * r;
+  by_b->bottomRightCorner<3, 3>() = -r;
 }
 
 // Slerp and linear interpolation between two poses, s in [0, 1] (extrapolates outside).
