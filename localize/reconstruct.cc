@@ -46,7 +46,9 @@ Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
 }
 
 // Expectation-maximisation step for the odometry's noise: sigma^2 = mean(r^2 + posterior variance of r), a factor on
-// each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways).
+// each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways). r^2 is
+// taken from the differences of successive residuals: what they have in common over a stretch is the slow drift of
+// scale and direction that images alone accumulate, and would be blamed on the odometry.
 Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel) {
   std::vector<int> next(p.poses.size(), -1);
   for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
@@ -54,6 +56,7 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
   BundleCovariance(p, threads, cancel).PoseBlocks(next, &diagonal, &with_next);
   // Squares of all components, normalised; the bulk decides (a slip is an outlier, not noise).
   std::array<std::vector<double>, 6> squares;
+  Vector6d last = Vector6d::Zero();
   for (const PoseFactor& f : p.factors) {
     const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
     Matrix6d ja, jb;
@@ -62,10 +65,13 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
     const Matrix6d posterior =
         ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
     const Vector6d e = OdometryResidual(p, f);
-    for (int i = 0; i < 6; ++i) {
+    const Vector6d normalised = f.sqrt_info.diagonal().cwiseProduct(e);
+    for (int i = 0; i < 6 && &f != &p.factors.front(); ++i) {
       const double w = f.sqrt_info(i, i);
-      squares[static_cast<size_t>(i)].push_back(w * w * (e(i) * e(i) + std::max(0.0, posterior(i, i))));
+      squares[static_cast<size_t>(i)].push_back(0.5 * std::pow(normalised(i) - last(i), 2) +
+                                                w * w * std::max(0.0, posterior(i, i)));
     }
+    last = normalised;
   }
   const auto trimmed_mean = [](std::vector<double>& v) {
     if (v.empty()) return 1.0;

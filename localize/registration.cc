@@ -251,7 +251,10 @@ class Registrar {
       if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
         out.rival = static_cast<int>(rival.inliers.size());
         out.rival_distance_m = apart;
-        out.rival_support = other.support;
+        // A rival that finds many points must also find a good share of what it predicts: a facade that stands twice
+        // brings the first to a wrong pose, not the second.
+        const double share = out.matched_share > 0 ? std::min(1.0, other.matched_share / out.matched_share) : 1.0;
+        out.rival_support = std::min(other.support, share * out.support);
       }
     }
     Decide(&out);

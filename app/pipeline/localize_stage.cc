@@ -56,6 +56,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeOptions options = ResolveOptions<LocalizeOptions>(project, "localize", target);
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
