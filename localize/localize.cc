@@ -224,15 +224,12 @@ LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
   if (mode == "paper") {
     o.tracks.mode = "paper";
     o.tracks.ratio = 0.7;
-    o.tracks.min_length = 2;
     o.tracks.max_gap = 1;
     o.reconstruct.sigma_px = 1;
     o.reconstruct.estimate_sigma = false;
     o.reconstruct.estimate_odometry = false;
     o.reconstruct.loss = "dcs";
     o.reconstruct.loss_chi2 = 1;
-    o.reconstruct.min_parallax_deg = 0;
-    o.reconstruct.max_depth_m = 1e6;
     o.registration.ratio = 0.7;
   } else if (mode != "trigpoint") {
     throw OptionError("mode is '" + mode + "', expected trigpoint or paper");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "calib/base/parallel.h"
@@ -600,15 +601,17 @@ class Registrar {
     const std::vector<PreparedView>& views = job.views;
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
     std::vector<std::vector<Correspondence>> of_view(views.size());
-    std::vector<int> best_image(views.size(), -1), best_count(views.size(), 0);
-    std::set<std::tuple<int, int, int>> seen;
+    struct Seen {
+      int image;
+      std::vector<Correspondence> matches;  // all that the homography explains
+    };
+    std::vector<std::vector<Seen>> seen_by(views.size());
     for (const Candidate& candidate : job.candidates) {
       cancel_.ThrowIfCancelled();
-      const int image = candidate.image;
-      const FeatureSet features = input_.image_features(image);
+      const FeatureSet features = input_.image_features(candidate.image);
       std::map<int, int> point_of;
-      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) point_of[p.feature] = p.point;
-      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(candidate.image)]) point_of[p.feature] = p.point;
+      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(candidate.image)]) {
         if (h.reference != job.reference) continue;
         const PreparedView& view = views[static_cast<size_t>(h.view)];
         const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
@@ -619,21 +622,28 @@ class Registrar {
         }
         const std::vector<int> inliers = VerifyHomography(pa, pb, o_.homography_px);
         if (static_cast<int>(inliers.size()) < o_.homography_min_inliers) continue;
-        if (static_cast<int>(inliers.size()) > best_count[static_cast<size_t>(h.view)]) {
-          best_count[static_cast<size_t>(h.view)] = static_cast<int>(inliers.size());
-          best_image[static_cast<size_t>(h.view)] = image;
-        }
+        Seen seen{candidate.image, {}};
         for (int k : inliers) {
           const auto [i, j] = matches[static_cast<size_t>(k)];
           const auto it = point_of.find(i);
-          if (it == point_of.end() || !seen.insert({h.view, j, it->second}).second) continue;
-          Correspondence c;
-          c.observation = {h.view, j, it->second, image, view.features.points[static_cast<size_t>(j)], false};
-          const auto ray =
-              ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(c.observation.pixel.cast<double>());
-          if (!ray) continue;
-          c.ray = *ray;
-          of_view[static_cast<size_t>(h.view)].push_back(c);
+          const Eigen::Vector2f pixel = view.features.points[static_cast<size_t>(j)];
+          const auto ray = ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(pixel.cast<double>());
+          if (it == point_of.end() || !ray) continue;
+          seen.matches.push_back({{h.view, j, it->second, candidate.image, pixel, false}, *ray});
+        }
+        seen_by[static_cast<size_t>(h.view)].push_back(std::move(seen));
+      }
+    }
+    // "To select the matching images from K" (the paper does not say how many): those with the most matches.
+    std::vector<int> best_image(views.size(), -1);
+    for (size_t v = 0; v < views.size(); ++v) {
+      std::stable_sort(seen_by[v].begin(), seen_by[v].end(),
+                       [](const Seen& x, const Seen& y) { return x.matches.size() > y.matches.size(); });
+      if (!seen_by[v].empty()) best_image[v] = seen_by[v].front().image;
+      std::set<std::pair<int, int>> known;  // (feature of the view, point)
+      for (size_t k = 0; k < std::min(seen_by[v].size(), static_cast<size_t>(o_.homography_images)); ++k) {
+        for (const Correspondence& c : seen_by[v][k].matches) {
+          if (known.insert({c.observation.feature, c.observation.point}).second) of_view[v].push_back(c);
         }
       }
     }
@@ -679,12 +689,45 @@ class Registrar {
       out.reason = out.view_matches > 0 ? "no view by itself has an answer" : "no view matches";
       return out;
     }
-    // G2: the views' poses tied together (same position, known relative yaw), started from the best view.
-    const int lead = *std::max_element(answered.begin(), answered.end(), [&](int a, int b) {
-      return out.views[static_cast<size_t>(a)].inliers < out.views[static_cast<size_t>(b)].inliers;
-    });
-    const Rigid3d start =
-        ref.rig.views[static_cast<size_t>(lead)].rig_from_view * out.views[static_cast<size_t>(lead)].view_from_odom;
+    // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every
+    // view's own answer: a view that has settled on a repeated facade is a bad place to start from.
+    std::optional<Connected> best;
+    int lead = answered.front();
+    for (int v : answered) {
+      const Rigid3d start =
+          ref.rig.views[static_cast<size_t>(v)].rig_from_view * out.views[static_cast<size_t>(v)].view_from_odom;
+      Connected connected = Connect(ref, view_from_rig, of_view, answered, start);
+      if (best && connected.cost >= best->cost) continue;
+      best = std::move(connected);
+      lead = v;
+    }
+    const size_t at = static_cast<size_t>(std::find(answered.begin(), answered.end(), lead) - answered.begin());
+    out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * best->problem.poses[at];
+    try {
+      out.covariance = BundleCovariance(best->problem, 1, cancel_)
+                           .Columns({static_cast<int>(at)}, false)
+                           .middleRows<6>(6 * static_cast<Eigen::Index>(at));
+    } catch (const NumericError&) {
+      out.covariance = Matrix6d::Identity() * 1e6;
+    }
+    out.distance_m = (out.rig_from_odom.TargetOriginInSource() -
+                      centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])])
+                         .norm();
+    out.status = AnswerStatus::kLocalized;
+    if (out.distance_m > o_.max_distance_m) {
+      out.status = AnswerStatus::kRejected;
+      out.reason = "estimated " + std::to_string(static_cast<int>(out.distance_m)) + " m from the current camera";
+    }
+    return out;
+  }
+
+  struct Connected {
+    BundleProblem problem;  // a pose for each answered view, view_from_odom
+    double cost = 0;
+  };
+  Connected Connect(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
+                    const std::vector<std::vector<Correspondence>>& of_view, const std::vector<int>& answered,
+                    const Rigid3d& start) const {
     BundleProblem p;
     p.points_constant = true;
     p.loss = MakeLoss("dcs", 1.0);
@@ -717,28 +760,8 @@ class Registrar {
     BundleOptions bundle;
     bundle.threads = 1;
     ProgressSink silent;
-    SolveBundle(p, bundle, silent, cancel_);
-    size_t at = 0;
-    for (size_t k = 0; k < answered.size(); ++k) {
-      if (answered[k] == lead) at = k;
-    }
-    out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * p.poses[at];
-    try {
-      out.covariance = BundleCovariance(p, 1, cancel_)
-                           .Columns({static_cast<int>(at)}, false)
-                           .middleRows<6>(6 * static_cast<Eigen::Index>(at));
-    } catch (const NumericError&) {
-      out.covariance = Matrix6d::Identity() * 1e6;
-    }
-    out.distance_m = (out.rig_from_odom.TargetOriginInSource() -
-                      centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])])
-                         .norm();
-    out.status = AnswerStatus::kLocalized;
-    if (out.distance_m > o_.max_distance_m) {
-      out.status = AnswerStatus::kRejected;
-      out.reason = "estimated " + std::to_string(static_cast<int>(out.distance_m)) + " m from the current camera";
-    }
-    return out;
+    const double cost = SolveBundle(p, bundle, silent, cancel_).final_cost;
+    return {std::move(p), cost};
   }
 
   const LocalizeInput& input_;

@@ -33,6 +33,7 @@ struct RegistrationOptions {
   double max_sigma_m = 0.35;         // largest position sigma (worst axis) of an answer
   double set_radius_m = 1.0;         // the photos of a set were taken within it of each other
   double homography_px = 4;          // RANSAC threshold of the paper's homography
+  int homography_images = 5;         // images that speak for a view, those with the most matches (paper mode)
   int homography_min_inliers = 12;   // views with fewer matches are not used (paper mode)
 
   template <typename Self, typename Visitor>
@@ -60,6 +61,8 @@ struct RegistrationOptions {
     visit(self.set_radius_m,
           {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
     visit(self.homography_px, {"homography_px", "px", 0.5, 100, "threshold of the homography (paper mode)"});
+    visit(self.homography_images,
+          {"homography_images", "images", 1, 1000, "images that speak for a view (paper mode)"});
     visit(self.homography_min_inliers, {"homography_min_inliers", "", 4, 10000, "matches a view needs (paper mode)"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
