@@ -30,7 +30,7 @@ LocalizeInput InputOf(const SyntheticSite& site) {
   }
   for (const SyntheticPanorama& panorama : site.panoramas) {
     input.references.push_back(
-        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, false});
+        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, -1});
   }
   input.image_features = [&site](int i) { return SyntheticImageFeatures(site, i); };
   input.view_features = [&site](int p, int v) { return SyntheticViewFeatures(site, p, v); };
@@ -103,9 +103,14 @@ int Main(int argc, char** argv) {
   for (int k = 0; k < redraws; ++k) {
     const SyntheticSite site = RedrawNoise(first, 1000 + static_cast<uint64_t>(k));
     ProgressSink progress;
-    const Localization result = Localize(InputOf(site), {}, options, threads, 1, progress, {});
+    const LocalizeInput input = InputOf(site);
+    const Localization result = Localize(input, {}, options, threads, 1, progress, {});
     if (!result.on_earth) {
       ++unsolved;
+      for (size_t i = 0; verbose && i < result.references.size(); ++i) {
+        std::printf("redraw %2d: %s: %s\n", k, input.references[i].name.c_str(),
+                    result.references[i].registration.reason.c_str());
+      }
       std::printf("redraw %d: not on the Earth: %s\n", k, result.earth_reason.c_str());
       continue;
     }
@@ -121,7 +126,11 @@ int Main(int argc, char** argv) {
     add("odometry scale", 1, std::pow(fit[6], 2) / result.geo.covariance(6, 6));
     for (size_t i = 0; i < result.references.size(); ++i) {
       const ReferenceAnswer& answer = result.references[i];
-      if (answer.registration.status != AnswerStatus::kLocalized) continue;
+      if (answer.registration.status != AnswerStatus::kLocalized) {
+        if (verbose)
+          std::printf("redraw %2d: %s: %s\n", k, input.references[i].name.c_str(), answer.registration.reason.c_str());
+        continue;
+      }
       ++answers;
       const Vector6d e = answer.world.world_from_x.Minus(site.truth.world_from_pano[i]);
       wrong += e.tail<3>().norm() > 2;

@@ -1,0 +1,109 @@
+// The run's frame on the Earth: recovers what it was made from, with an uncertainty that redraws confirm.
+#include "localize/georegistration.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+
+#include "calib/estimation/random.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kScale = 1.012;
+
+struct Site {
+  Sim3d world_from_odom;
+  std::vector<GeoObservation> observations;
+  Eigen::MatrixXd odom_covariance;
+};
+
+// Eight panoramas round a lot; geotags of 0.3 m, 0.5 m, 1 deg, 0.3 deg; places known to 3 cm and 0.1 deg each.
+Site MakeSite(uint64_t seed, double outlier_m) {
+  Site site;
+  Random random(seed);
+  site.world_from_odom = {kScale, ExpSO3({0.01, -0.02, 1.1}), Eigen::Vector3d(4, -7, 1.5)};
+  const auto normal3 = [&](double s) {
+    return Eigen::Vector3d(s * random.Normal(), s * random.Normal(), s * random.Normal());
+  };
+  const Sim3d odom_from_world = site.world_from_odom.Inverse();
+  const double place_m = 0.03, place_rad = 0.1 * kDegToRad;
+  for (int i = 0; i < 8; ++i) {
+    const double a = 0.25 * EIGEN_PI * i;
+    const Attitude true_attitude{a, 0.02, -0.01};
+    const Rigid3d world_from_rig(WorldFromCamRotation(true_attitude),
+                                 Eigen::Vector3d(15 * std::cos(a), 10 * std::sin(a), 0.2 * i));
+    GeoObservation o;
+    o.odom_from_rig = odom_from_world.TransformPose(world_from_rig);
+    o.odom_from_rig.rotation = ExpSO3(normal3(place_rad)) * o.odom_from_rig.rotation;
+    o.odom_from_rig.translation += normal3(place_m);
+    o.position = world_from_rig.translation +
+                 Eigen::Vector3d(0.3 * random.Normal(), 0.3 * random.Normal(), 0.5 * random.Normal());
+    if (i == 3) o.position.x() += outlier_m;
+    o.has_heading = o.has_tilt = true;
+    o.attitude = {true_attitude.heading_rad + kDegToRad * random.Normal(),
+                  true_attitude.pitch_rad + 0.3 * kDegToRad * random.Normal(),
+                  true_attitude.roll_rad + 0.3 * kDegToRad * random.Normal()};
+    o.sigma_h_m = 0.3, o.sigma_v_m = 0.5, o.sigma_heading_rad = kDegToRad, o.sigma_tilt_rad = 0.3 * kDegToRad;
+    site.observations.push_back(o);
+  }
+  Eigen::VectorXd diagonal(48);
+  for (int i = 0; i < 8; ++i) {
+    diagonal.segment<3>(6 * i).setConstant(place_rad * place_rad);
+    diagonal.segment<3>(6 * i + 3).setConstant(place_m * place_m);
+  }
+  site.odom_covariance = diagonal.asDiagonal();
+  return site;
+}
+
+Eigen::Matrix<double, 7, 1> ErrorOf(const GeoRegistration& geo, const Sim3d& truth) {
+  Eigen::Matrix<double, 7, 1> e;
+  e << LogSO3(geo.world_from_odom.rotation * truth.rotation.conjugate()),
+      geo.world_from_odom.translation - truth.translation, geo.world_from_odom.scale - truth.scale;
+  return e;
+}
+
+TEST(GeoRegistration, NamesTheGeotagThatIsOff) {
+  const Site site = MakeSite(1, 7);
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  for (size_t i = 0; i < 8; ++i) EXPECT_EQ(geo.outlier[i], i == 3) << i;
+  EXPECT_NEAR(geo.residuals[3].x(), 7, 1.2);
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
+}
+
+TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
+  // With a kernel that lets all normal errors pass, so that the estimate is the linear one.
+  GeoRegistrationOptions options;
+  options.loss_chi2 = 1e4;
+  double sum = 0;
+  constexpr int kRedraws = 300;
+  for (int k = 0; k < kRedraws; ++k) {
+    const Site site = MakeSite(static_cast<uint64_t>(k) + 50, 0);
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, kScale, 0.01, false, options);
+    ASSERT_TRUE(geo.solved) << geo.reason;
+    const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+    sum += e.dot(geo.covariance.ldlt().solve(e));
+  }
+  // 99 % band of the mean of 300 chi-squares with 7 degrees of freedom; the exact scale prior takes up to one of them.
+  const double mean = sum / kRedraws;
+  EXPECT_GT(mean, 6 - 2.6 * std::sqrt(2 * 7.0 / kRedraws));
+  EXPECT_LT(mean, 7 + 2.6 * std::sqrt(2 * 7.0 / kRedraws));
+}
+
+TEST(GeoRegistration, SaysWhyNot) {
+  const GeoRegistration none = RegisterToEarth({}, Eigen::MatrixXd(), 1, 0.01, false, {});
+  EXPECT_FALSE(none.solved);
+  EXPECT_FALSE(none.reason.empty());
+  // One position without an attitude: nothing tells where north is.
+  Site site = MakeSite(2, 0);
+  GeoObservation o = site.observations[0];
+  o.has_heading = o.has_tilt = false;
+  const GeoRegistration one = RegisterToEarth({o}, site.odom_covariance.topLeftCorner(6, 6), 1, 0.01, false, {});
+  EXPECT_FALSE(one.solved);
+  EXPECT_FALSE(one.reason.empty());
+}
+
+}  // namespace
+}  // namespace trigpoint

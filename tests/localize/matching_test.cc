@@ -1,0 +1,154 @@
+// Matching and two-view verification on features whose partners are known.
+#include "localize/matching.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <map>
+#include <opencv2/core.hpp>
+
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/bearing.h"
+#include "localize/features.h"
+#include "localize/two_view.h"
+#include "tests/localize/test_scene.h"
+
+namespace trigpoint {
+namespace {
+
+// Two views of 400 points, 0.6 m and 4 deg apart.
+struct Pair {
+  Camera camera = Camera::FromFieldOfView(960, 600, 1.5);
+  Rigid3d b_from_a;
+  test::SeenFeatures a, b;
+};
+
+Pair MakePair(double sigma_px, uint64_t copies_every = 0) {
+  Pair pair;
+  pair.b_from_a = {ExpSO3({0.01, 0.07, -0.02}), Eigen::Vector3d(-0.6, 0.02, -0.1)};
+  std::vector<Eigen::Vector3d> points;
+  std::vector<uint64_t> spots;
+  Random random(4);
+  for (uint64_t j = 0; j < 400; ++j) {
+    points.emplace_back(random.Uniform(-8, 8), random.Uniform(-4, 4), random.Uniform(5, 20));
+    spots.push_back(copies_every > 0 ? j % copies_every : j);
+  }
+  pair.a = test::See(pair.camera, Rigid3d(), points, spots, 1e3, sigma_px, 1);
+  pair.b = test::See(pair.camera, pair.b_from_a, points, spots, 1e3, sigma_px, 2);
+  return pair;
+}
+
+// Share of matches that show the same point, and how many of the points that both see are found.
+std::pair<double, double> Quality(const Pair& pair, const Matches& matches) {
+  int right = 0;
+  for (const auto& [i, j] : matches)
+    right += pair.a.points[static_cast<size_t>(i)] == pair.b.points[static_cast<size_t>(j)];
+  int both = 0;
+  for (int p : pair.a.points) both += std::find(pair.b.points.begin(), pair.b.points.end(), p) != pair.b.points.end();
+  return {static_cast<double>(right) / std::max<double>(1, static_cast<double>(matches.size())),
+          static_cast<double>(right) / both};
+}
+
+TEST(Matching, DistancesAreThoseOfRootSift) {
+  const Pair pair = MakePair(0);
+  const DescriptorBlock a(pair.a.features.descriptors), b(pair.b.features.descriptors);
+  const cv::Mat ra = RootSift(pair.a.features.descriptors), rb = RootSift(pair.b.features.descriptors);
+  std::vector<int> distances;
+  a.SquaredDistances(3, b, {0, 7, 7, 20}, &distances);
+  ASSERT_EQ(distances.size(), 4U);
+  const std::vector<int> rows{0, 7, 7, 20};
+  for (size_t k = 0; k < rows.size(); ++k) {
+    EXPECT_EQ(distances[k], static_cast<int>(cv::norm(ra.row(3), rb.row(rows[k]), cv::NORM_L2SQR)));
+  }
+}
+
+TEST(Matching, MutualIsTheBruteForceAnswer) {
+  const Pair pair = MakePair(0.5);
+  const DescriptorBlock a(pair.a.features.descriptors), b(pair.b.features.descriptors);
+  const Matches matches = MatchMutual(a, b, 0.85, 0.8);
+  // Nearest both ways, by plain loops.
+  std::vector<int> all(static_cast<size_t>(b.size())), distances;
+  for (size_t j = 0; j < all.size(); ++j) all[j] = static_cast<int>(j);
+  std::map<int, int> nearest;
+  for (int i = 0; i < a.size(); ++i) {
+    a.SquaredDistances(i, b, all, &distances);
+    nearest[i] = static_cast<int>(std::min_element(distances.begin(), distances.end()) - distances.begin());
+  }
+  for (const auto& [i, j] : matches) EXPECT_EQ(nearest[i], j);
+  const auto [precision, recall] = Quality(pair, matches);
+  EXPECT_EQ(precision, 1);
+  EXPECT_GT(recall, 0.95);
+}
+
+TEST(Matching, NothingMatchesNothing) {
+  const Pair pair = MakePair(0.5);
+  const DescriptorBlock a(pair.a.features.descriptors), none;
+  EXPECT_TRUE(MatchMutual(a, none, 0.85, 0.8).empty());
+  EXPECT_TRUE(MatchMutual(none, a, 0.85, 0.8).empty());
+  EXPECT_TRUE(MatchFlann(pair.a.features.descriptors, cv::Mat(), 0.7).empty());
+}
+
+TEST(Matching, FlannFindsThem) {
+  const Pair pair = MakePair(0.5);
+  const auto [precision, recall] =
+      Quality(pair, MatchFlann(pair.a.features.descriptors, pair.b.features.descriptors, 0.7));
+  EXPECT_GT(precision, 0.99);
+  EXPECT_GT(recall, 0.9);
+}
+
+// Every spot is there ten times: descriptors alone are helpless, epipolar curves are not.
+TEST(Matching, GuidedTellsCopiesApart) {
+  const Pair pair = MakePair(0.3, 40);
+  const DescriptorBlock a(pair.a.features.descriptors), b(pair.b.features.descriptors);
+  const FeatureGrid grid(pair.b.features.points, 960, 600, 12.0F);
+  GuidedOptions options;
+  options.epipolar_px = 2;
+  const Matches guided =
+      MatchGuided(pair.a.features, a, test::Rays(pair.camera, pair.a.features), pair.b.features, b,
+                  test::Rays(pair.camera, pair.b.features), grid, pair.camera, pair.b_from_a, options);
+  const auto [precision, recall] = Quality(pair, guided);
+  const auto [blind_precision, blind_recall] = Quality(pair, MatchMutual(a, b, 0.85, 0.8));
+  EXPECT_GT(precision, 0.9);
+  EXPECT_GT(recall, 0.5);
+  EXPECT_LT(blind_recall, 0.2);
+}
+
+TEST(TwoView, RefinesAPriorAndLeavesOutliersOut) {
+  const Pair pair = MakePair(0.3);
+  const DescriptorBlock a(pair.a.features.descriptors), b(pair.b.features.descriptors);
+  Matches matches = MatchMutual(a, b, 0.85, 0.8);
+  const size_t right = matches.size();
+  Random random(9);
+  for (int k = 0; k < 60; ++k)
+    matches.emplace_back(static_cast<int>(random.Below(static_cast<uint64_t>(a.size()))),
+                         static_cast<int>(random.Below(static_cast<uint64_t>(b.size()))));
+  std::vector<Eigen::Vector3d> ra, rb;
+  const auto rays_a = test::Rays(pair.camera, pair.a.features), rays_b = test::Rays(pair.camera, pair.b.features);
+  for (const auto& [i, j] : matches) {
+    ra.push_back(rays_a[static_cast<size_t>(i)]);
+    rb.push_back(rays_b[static_cast<size_t>(j)]);
+  }
+  TwoViewOptions options;
+  options.inlier_rad = 2 / pair.camera.MeanFocal();
+  Rigid3d prior = pair.b_from_a;
+  prior.rotation = ExpSO3({0.01, -0.01, 0.005}) * prior.rotation;
+  const TwoViewResult near = VerifyTwoView(ra, rb, prior, options);
+  EXPECT_FALSE(near.used_ransac);
+  EXPECT_LT(AngleBetween(near.b_from_a.rotation, pair.b_from_a.rotation), 0.05 * kDegToRad);
+  EXPECT_NEAR(near.b_from_a.translation.norm(), prior.translation.norm(), 1e-9);
+  int kept = 0;
+  for (int k : near.inliers) kept += static_cast<size_t>(k) < right;
+  EXPECT_GT(kept, static_cast<int>(0.95 * static_cast<double>(right)));
+  EXPECT_LT(near.inliers.size() - static_cast<size_t>(kept), 15U);
+
+  // A prior that is 40 deg off: the images have their say.
+  prior.rotation = ExpSO3({0, 0.7, 0}) * pair.b_from_a.rotation;
+  prior.translation = Eigen::Vector3d(0, 0, 0.6);
+  const TwoViewResult far = VerifyTwoView(ra, rb, prior, options);
+  EXPECT_TRUE(far.used_ransac);
+  EXPECT_LT(AngleBetween(far.b_from_a.rotation, pair.b_from_a.rotation), 0.2 * kDegToRad);
+  EXPECT_LT(AngleBetween(far.b_from_a.translation, pair.b_from_a.translation), 2 * kDegToRad);
+}
+
+}  // namespace
+}  // namespace trigpoint
