@@ -409,6 +409,15 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   return job;
 }
 
+Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result) {
+  Trajectory trajectory;
+  for (const FrameImage& image : job.input.images) {
+    if (image.camera == 0)
+      trajectory.poses.push_back({image.stamp_ns, CamFromOdom(job.input, result, image).Inverse()});
+  }
+  return trajectory;
+}
+
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir) {
   WriteCameras(job, result, dir);

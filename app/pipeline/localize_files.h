@@ -24,6 +24,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
                             const ViewOptions& views);
 
+// odom_from_cam of the run's first camera, in image time.
+Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);
+
 // cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, sparse/.
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir);

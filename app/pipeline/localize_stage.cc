@@ -2,6 +2,7 @@
 
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
+#include "datasets/io/time_check.h"
 
 namespace trigpoint {
 namespace {
@@ -82,6 +83,13 @@ StageInfo LocalizeStage() {
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
       WriteLocalization(site, job, result, context.out);
       context.metrics.update(Metrics(job, result));
+      const std::pair<const char*, TimeOffset> clocks[] = {
+          {"gps", CheckGpsTime(r)}, {"odometry", CheckOdometryTime(r, FirstCameraTrajectory(job, result))}};
+      for (const auto& [sensor, offset] : clocks) {
+        if (!offset.observable) continue;
+        context.metrics["time_offsets"][sensor] = {{"offset_s", offset.offset_s}, {"sigma_s", offset.sigma_s}};
+        if (offset.warning) context.progress.Log(LogLevel::kWarning, *offset.warning);
+      }
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
     if (project.has_frame()) {
