@@ -65,10 +65,10 @@ std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector
 
 std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<ControlPoint> points;
-  const CsvTable table =
-      CsvTable::Read(file, {},
-                     {"role", "tag_id", "corner", "point", "latitude_deg", "longitude_deg", "height_m", "crs", "easting_m",
-                      "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch"});
+  const CsvTable table = CsvTable::Read(
+      file, {},
+      {"role", "tag_id", "corner", "point", "latitude_deg", "longitude_deg", "height_m", "crs", "easting_m",
+       "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch"});
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   bool geoid_named = false;
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
