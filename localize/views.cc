@@ -44,6 +44,9 @@ cv::Mat RenderView(const cv::Mat& panorama, const View& view) {
         cv::Size(static_cast<int>(std::lround(panorama.cols * f)), static_cast<int>(std::lround(panorama.rows * f))), 0,
         0, cv::INTER_AREA);
   }
+  // The left and right edges meet; top and bottom are the poles and meet nothing.
+  cv::Mat closed;
+  cv::copyMakeBorder(source, closed, 0, 0, 1, 1, cv::BORDER_WRAP);
   const Eigen::Matrix3d r = view.rig_from_view.rotation.toRotationMatrix();
   cv::Mat map_x(camera.height(), camera.width(), CV_32F), map_y(camera.height(), camera.width(), CV_32F);
   const double f = camera.params()[0], cx = camera.params()[2], cy = camera.params()[3];
@@ -53,12 +56,12 @@ cv::Mat RenderView(const cv::Mat& panorama, const View& view) {
     for (int u = 0; u < camera.width(); ++u) {
       const Eigen::Vector3d d = r * Eigen::Vector3d((u - cx) / f, (v - cy) / f, 1);
       const double lon = std::atan2(d.x(), d.z()), lat = std::atan2(-d.y(), std::hypot(d.x(), d.z()));
-      x[u] = static_cast<float>((lon / (2 * std::numbers::pi) + 0.5) * source.cols - 0.5);
+      x[u] = static_cast<float>((lon / (2 * std::numbers::pi) + 0.5) * source.cols + 0.5);
       y[u] = static_cast<float>((0.5 - lat / std::numbers::pi) * source.rows - 0.5);
     }
   }
   cv::Mat out;
-  cv::remap(source, out, map_x, map_y, cv::INTER_LINEAR, cv::BORDER_WRAP);
+  cv::remap(closed, out, map_x, map_y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   return out;
 }
 
