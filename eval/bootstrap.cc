@@ -131,6 +131,12 @@ std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredVal
   return Interval{std::exp(centre - half), std::exp(centre + half)};
 }
 
+VarianceShares ClusterShares(const std::vector<ClusteredValue>& values) {
+  if (values.size() < 3) return {};
+  const CrossedModel model = FitModel(values, BootstrapScale::kLog);
+  return {model.station_share, model.run_share};
+}
+
 std::vector<CumulativePoint> CumulativeHistogram(const std::vector<ClusteredValue>& errors, int abstentions,
                                                  const BootstrapOptions& options) {
   std::vector<CumulativePoint> points;

@@ -42,6 +42,13 @@ std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredVal
                                                   const BootstrapOptions& options = {},
                                                   BootstrapScale scale = BootstrapScale::kLog);
 
+// Shares of the errors' variance (of their logarithms) that stations and runs have in common; 0 with one run or
+// station.
+struct VarianceShares {
+  double station = 0, run = 0;
+};
+VarianceShares ClusterShares(const std::vector<ClusteredValue>& values);
+
 // Cumulative histogram of errors with a pointwise confidence band. Abstentions count as worse than any number, so that
 // the curve ends at answers / attempts.
 struct CumulativePoint {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <tuple>
 
@@ -34,8 +35,6 @@ ErrorStatistics StatisticsOfRows(const std::vector<ErrorRow>& rows) {
   return Summarize(errors, abstentions);
 }
 
-std::string Cell(const std::optional<double>& value) { return value ? fmt::format("{:.3f}", *value) : "-"; }
-
 nlohmann::json Json(const std::string& method, const ErrorStatistics& s) {
   return {{"method", method},
           {"answers", s.answers},
@@ -66,20 +65,57 @@ std::vector<ComparedGroup> CompareErrors(const std::vector<ErrorRow>& a, const s
   return compared;
 }
 
-std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b) {
+std::vector<NamedComparison> CompareWithin(const Evaluation& evaluation) {
+  std::vector<std::string> variants;
+  std::map<std::string, std::vector<ErrorRow>> own, views;
+  for (const ErrorRow& row : evaluation.rows) {
+    if (std::find(variants.begin(), variants.end(), row.variant) == variants.end()) variants.push_back(row.variant);
+    (row.method == "g1" ? views : own)[row.variant].push_back(row);
+  }
+  const BootstrapOptions options{.samples = evaluation.options.bootstrap_samples,
+                                 .confidence = evaluation.options.confidence};
+  const auto name = [](const std::string& variant) { return variant.empty() ? std::string("default") : variant; };
+  std::vector<NamedComparison> all;
+  const auto add = [&](const std::string& a, const std::string& b, const std::vector<ErrorRow>& rows_a,
+                       const std::vector<ErrorRow>& rows_b) {
+    for (ComparedGroup& group : CompareErrors(rows_a, rows_b, options)) all.push_back({a, b, std::move(group)});
+  };
+  for (size_t i = 1; i < variants.size(); ++i) {
+    for (const auto* rows : {&own, &views}) {
+      if (rows->count(variants[0]) == 0 || rows->count(variants[i]) == 0) continue;
+      add(name(variants[0]), name(variants[i]), rows->at(variants[0]), rows->at(variants[i]));
+    }
+  }
+  for (const std::string& variant : variants) {
+    if (views.count(variant) == 0 || own.count(variant) == 0) continue;
+    std::vector<ErrorRow> as_panoramas = views.at(variant);
+    const std::string method = own.at(variant).front().method;
+    for (ErrorRow& row : as_panoramas) row.method = method;
+    const size_t first = all.size();
+    add(name(variant) + " g1", name(variant) + " " + method, as_panoramas, own.at(variant));
+    for (size_t i = first; i < all.size(); ++i) all[i].group.method_a = "g1";
+  }
+  return all;
+}
+
+std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b,
+                             const std::string& unit, double metres_per_unit) {
   if (groups.empty()) return fmt::format("{} and {} have no group of errors in common\n", a, b);
   std::vector<std::vector<std::string>> lines{
-      {"errors [m]", "who", "method", "answers", "attempts", "median", "P90", "max"}};
+      {"errors [" + unit + "]", "who", "method", "answers", "attempts", "median", "P90", "max"}};
   std::string sentences;
+  const auto cell = [&](const std::optional<double>& metres) {
+    return metres ? fmt::format("{:.3f}", *metres / metres_per_unit) : "-";
+  };
   for (const ComparedGroup& g : groups) {
     const std::string name = fmt::format("{}, {}, {}", g.answer, g.kind, g.reference);
     const auto line = [&](const std::string& who, const std::string& method, const ErrorStatistics& s) {
-      lines.push_back({name, who, method, std::to_string(s.answers), std::to_string(s.attempts), Cell(s.median),
-                       Cell(s.p90), Cell(s.max)});
+      lines.push_back({name, who, method, std::to_string(s.answers), std::to_string(s.attempts), cell(s.median),
+                       cell(s.p90), cell(s.max)});
     };
     line(a, g.method_a, g.a);
     line(b, g.method_b, g.b);
-    sentences += fmt::format("- {}: {}\n", name, Describe(g.paired, a, b));
+    sentences += fmt::format("- {}: {}\n", name, Describe(g.paired, a, b, unit, metres_per_unit));
   }
   return AlignMarkdown(lines) + "\n" + sentences;
 }

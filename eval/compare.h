@@ -22,8 +22,17 @@ struct ComparedGroup {
 std::vector<ComparedGroup> CompareErrors(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b,
                                          const BootstrapOptions& options = {});
 
-// A Markdown table (metres) and a sentence a group; the same as JSON with a schema.
-std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b);
+// Inside one evaluation: every variant against the first one, and in each variant the views alone (G1) against the
+// panoramas.
+struct NamedComparison {
+  std::string a, b;
+  ComparedGroup group;
+};
+std::vector<NamedComparison> CompareWithin(const Evaluation& evaluation);
+
+// A Markdown table and a sentence a group; the same as JSON (metres) with a schema.
+std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b,
+                             const std::string& unit = "m", double metres_per_unit = 1);
 nlohmann::json ComparisonJson(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b);
 
 }  // namespace trigpoint

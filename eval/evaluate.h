@@ -22,6 +22,8 @@
 #include "calib/base/option.h"
 #include "datasets/io/site.h"
 #include "eval/bootstrap.h"
+#include "eval/consistency.h"
+#include "eval/depth.h"
 #include "eval/results.h"
 #include "eval/statistics.h"
 
@@ -31,12 +33,22 @@ struct EvaluateOptions {
   double passed_radius_m = 12;   // a station counts as passed by a run that came at least this near, m
   double confidence = 0.95;      // of intervals
   int bootstrap_samples = 1000;  // redrawn campaigns behind every interval; 0: no intervals
+  // Structure further away than this says nothing about a panorama, m.
+  double structure_radius_m = 30;
+  double ray_sigma_mrad = 1;  // 1 sigma of a ray to a feature: about half a pixel of a 1000 px wide image
+  // 'Do not trust': where the structure's depth is worse than this, m. On the rendered lot answers beyond it were more
+  // than twice as bad as the others.
+  double trust_depth_sigma_m = 0.25;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.passed_radius_m, {"passed_radius_m", "m", 0.0, 1000.0, "a run passes a station it comes this near to"});
     visit(self.confidence, {"confidence", "", 0.5, 0.999, "confidence of the intervals"});
     visit(self.bootstrap_samples,
           {"bootstrap_samples", "", 0, 1000000, "redrawn campaigns behind every interval; 0: no intervals"});
+    visit(self.structure_radius_m, {"structure_radius_m", "m", 1.0, 1e4, "structure further away is not looked at"});
+    visit(self.ray_sigma_mrad, {"ray_sigma_mrad", "mrad", 1e-3, 100.0, "1 sigma of a ray to a feature"});
+    visit(self.trust_depth_sigma_m,
+          {"trust_depth_sigma_m", "m", 1e-4, 1e4, "do not trust an answer where the structure's depth is worse"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
@@ -52,14 +64,19 @@ struct EvaluatedRun {
   std::vector<TagResult> self_tags;
   // What the global fit rests on, one name each ("geotag:S57", "gps:run1"); decides what is shared with a map.
   std::vector<std::string> evidence;
+  std::vector<CameraResult> cameras;      // cameras.csv: what errors of the global fit have in common; may be empty
+  std::vector<StructurePoint> structure;  // of the run's sparse model, odom frame; may be empty
+  std::map<std::string, double> stitch_sigma;  // panorama -> 1 sigma per axis of its stitched centre, m
 };
 
 // A tag map in site ENU that results are held against.
 struct ReferenceMap {
-  std::string name;                   // as errors.csv shows it: "survey", a variant or a release
-  std::vector<TagResult> tags;        // world_from_tag
-  std::vector<std::string> runs;      // the runs whose images went into it
-  std::vector<std::string> evidence;  // control points, geotags behind it, one name each ("control:57")
+  std::string name;                     // as errors.csv shows it: "survey", a variant or a release
+  std::vector<TagResult> tags;          // world_from_tag
+  std::vector<std::string> runs;        // the runs whose images went into it
+  std::vector<std::string> evidence;    // control points, geotags behind it, one name each ("control:57")
+  TagCovariances cross;                 // between different tags, where they are given
+  std::map<int, std::string> unusable;  // tag -> why it is no reference
 };
 
 struct EvaluateInput {
@@ -88,6 +105,17 @@ struct ErrorRow {
   std::optional<Eigen::Matrix3d> covariance_m2;
   std::optional<double> nees;  // e' C^-1 e
   int dof = 0;
+  std::optional<double> nees_h, nees_v;  // of its horizontal (2) and vertical (1) part
+  // The error budget: 1 sigma in space (root of the trace) of each part of the difference; unset where not given.
+  std::optional<double> sigma_tag_map_m, sigma_station_offset_m, sigma_stitch_m, sigma_localization_m;
+  std::string dominant;  // the largest of them: tag map, station offset, stitch centre, localization
+  std::optional<DepthSupport> depth;
+  std::optional<bool> trusted;  // unset without structure
+  // For joint covariances: the estimate's place in world, and the reference's part of the covariance with how it
+  // follows from the tag's.
+  std::optional<Eigen::Vector3d> place_enu_m;
+  std::optional<Eigen::Matrix3d> reference_covariance_m2;
+  Eigen::Matrix<double, 3, 6> centre_from_tag = Eigen::Matrix<double, 3, 6>::Zero();
   bool passed = false;  // the run came within passed_radius_m of the reference position
   // Both sides rest on the same data (the run's own tags, a map the run went into, a geotag in both): the difference
   // is an agreement, not an accuracy.
@@ -99,6 +127,12 @@ struct ErrorGroup {
   std::string variant, method, reference, kind;
   bool shares_evidence = false;  // kept apart: never in one percentile with independent numbers
   auto operator<=>(const ErrorGroup&) const = default;
+};
+
+// Confidence intervals of the percentiles of one component, clustered by station and run; unset with too little data.
+struct PercentileIntervals {
+  std::optional<Interval> median, p90;                    // over answers
+  std::optional<Interval> median_attempts, p90_attempts;  // over attempts, given which were answered
 };
 
 struct GroupSummary {
@@ -113,6 +147,20 @@ struct GroupSummary {
   ErrorStatistics error_3d, error_h, error_v;
   // Bootstrap intervals of the 3D error over answers, clustered by station and run; unset with too little data.
   std::optional<Interval> median_interval, p90_interval;
+  PercentileIntervals intervals_3d, intervals_h, intervals_v;
+  double station_share = 0, run_share = 0;  // of the variance of log errors
+  // Normalised errors: horizontal, vertical, and in space by run and by station; rows taken as independent.
+  NeesSummary nees_h, nees_v;
+  std::map<std::string, NeesSummary> nees_by_run, nees_by_station;
+  // With the covariance between errors that share a cause: a station's reference, tags of one map, a run's global fit.
+  std::optional<NeesSummary> nees_joint;
+  // The error budget, root mean square of the rows' sigmas, and its largest part.
+  std::map<std::string, double> budget_m;
+  std::string dominant;
+  // Answers that the depth rule does not trust, and the 3D errors of both sides.
+  int untrusted = 0;
+  ErrorStatistics error_trusted, error_untrusted;
+  std::vector<RiskPoint> coverage_risk;  // ordered by DepthSupport::depth_sigma_m
   int nees_count = 0;
   std::optional<double> anees_per_dof;  // sum nees / sum dof over the rows that have it
   // Where it lies with the stated confidence if every sigma is right and rows are independent: chi-square of the summed
@@ -147,5 +195,9 @@ std::optional<Eigen::Vector3d> StationCentre(const Station& station, const Rigid
 // Rigid world_from_odom of a run from its two camera trajectories (same stamps): mean rotation (chordal), then mean
 // translation. Unset with fewer than one common stamp.
 std::optional<Rigid3d> WorldFromOdom(const std::vector<TimedPose>& cameras_odom, const std::vector<TimedPose>& cameras);
+
+// The station a panorama's or photo set's name means: itself, or the only one with the same number ("station_099" is
+// S99). Empty if there is none.
+std::string StationNamed(const std::string& name, const std::vector<Station>& stations);
 
 }  // namespace trigpoint

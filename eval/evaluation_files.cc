@@ -118,8 +118,18 @@ const std::vector<std::string>& ErrorColumns() {
   return columns;
 }
 
+// Beyond what every version has had.
+const std::vector<std::string>& FurtherColumns() {
+  static const std::vector<std::string> columns{
+      "nees_h",   "nees_v",       "sigma_tag_map_m", "sigma_offset_m", "sigma_stitch_m", "sigma_localization_m",
+      "dominant", "parallax_deg", "structure_m",     "depth_sigma_m",  "trusted",        "shares_evidence"};
+  return columns;
+}
+
 void WriteErrors(const Evaluation& evaluation, const std::filesystem::path& file) {
-  CsvWriter csv(ErrorColumns(), {"trigpoint errors 1; unit=m; axes=enu; sigma=1"});
+  std::vector<std::string> columns = ErrorColumns();
+  columns.insert(columns.end(), FurtherColumns().begin(), FurtherColumns().end());
+  CsvWriter csv(columns, {"trigpoint errors 1; unit=m; axes=enu; sigma=1"});
   const auto number = [&](const std::optional<double>& v) { v ? csv.Number(*v, kDecimals) : csv.Empty(); };
   for (const ErrorRow& row : evaluation.rows) {
     csv.Text(row.run).Text(row.variant).Text(row.method).Text(row.station).Text(row.panorama);
@@ -135,9 +145,176 @@ void WriteErrors(const Evaluation& evaluation, const std::filesystem::path& file
     }
     number(row.nees);
     row.nees ? csv.Integer(row.dof) : csv.Empty();
+    number(row.nees_h);
+    number(row.nees_v);
+    number(row.sigma_tag_map_m);
+    number(row.sigma_station_offset_m);
+    number(row.sigma_stitch_m);
+    number(row.sigma_localization_m);
+    csv.Text(row.dominant);
+    row.depth
+        ? csv.Number(row.depth->parallax_deg, 4).Number(row.depth->structure_m, 4).Number(row.depth->depth_sigma_m, 6)
+        : csv.Empty(3);
+    row.trusted ? csv.Text(*row.trusted ? "yes" : "no") : csv.Empty();
+    csv.Text(row.shares_evidence ? "yes" : "no");
     csv.EndRow();
   }
   csv.Save(file);
+}
+
+void PutGroup(const ErrorGroup& g, CsvWriter* csv) {
+  csv->Text(g.variant).Text(g.method).Text(g.reference).Text(g.kind).Text(g.shares_evidence ? "yes" : "no");
+}
+
+void WriteCurves(const Evaluation& evaluation, const std::filesystem::path& folder) {
+  CsvWriter histogram({"variant", "method", "reference", "kind", "shares_evidence", "error_m", "share", "low", "high"},
+                      {fmt::format("trigpoint histogram 1; share of attempts with at most this 3D error; pointwise "
+                                   "{:.0f} % band by station and run",
+                                   100 * evaluation.options.confidence)});
+  CsvWriter risk({"variant", "method", "reference", "kind", "shares_evidence", "coverage", "depth_sigma_m", "median_m",
+                  "p90_m", "max_m"},
+                 {"trigpoint coverage_risk 1; 3D errors of the share of answers with the best supported depth"});
+  for (const GroupSummary& g : evaluation.groups) {
+    for (const CumulativePoint& p : g.cumulative) {
+      PutGroup(g.group, &histogram);
+      histogram.Number(p.error, kDecimals).Number(p.share, 6).Number(p.low, 6).Number(p.high, 6).EndRow();
+    }
+    for (const RiskPoint& p : g.coverage_risk) {
+      PutGroup(g.group, &risk);
+      risk.Number(p.coverage, 6).Number(p.threshold, 6).Number(p.median_m, kDecimals).Number(p.p90_m, kDecimals);
+      risk.Number(p.max_m, kDecimals).EndRow();
+    }
+  }
+  histogram.Save(folder / "histogram.csv");
+  risk.Save(folder / "coverage_risk.csv");
+}
+
+std::string FormatIntervals(const std::string& what, const PercentileIntervals& i, double confidence,
+                            const TableOptions& o) {
+  std::string text;
+  const auto add = [&](const char* name, const std::optional<Interval>& interval) {
+    if (!interval) return;
+    text += fmt::format("{}{} {} to {}", text.empty() ? "" : ", ", name, InUnit(interval->low, o),
+                        InUnit(interval->high, o));
+  };
+  add("median", i.median);
+  add("P90", i.p90);
+  add("median over attempts", i.median_attempts);
+  add("P90 over attempts", i.p90_attempts);
+  if (text.empty()) return "";
+  return fmt::format("{} {:.0f} % interval by station and run: {} {}\n", what, 100 * confidence, text, o.unit.name);
+}
+
+std::string FormatNees(const std::string& what, const NeesSummary& n, double confidence) {
+  if (n.dof < 1) return "";
+  const Interval bounds = n.Bounds(confidence);
+  return fmt::format("{}: {:.2f}, {} {:.2f} to {:.2f} (n = {})\n", what, n.PerDof(),
+                     n.Inside(confidence) ? "within" : "outside", bounds.low, bounds.high, n.rows);
+}
+
+std::string FormatConsistency(const GroupSummary& g, double confidence, const TableOptions& o) {
+  std::string text;
+  text += FormatNees("ANEES per degree of freedom, horizontal", g.nees_h, confidence);
+  text += FormatNees("ANEES per degree of freedom, vertical", g.nees_v, confidence);
+  if (g.nees_joint) text += FormatNees("NEES per degree of freedom with joint covariance", *g.nees_joint, confidence);
+  for (const auto* groups : {&g.nees_by_run, &g.nees_by_station}) {
+    for (const auto& [name, n] : *groups) {
+      if (!n.Inside(confidence)) text += "- " + FormatNees(name + " ANEES", n, confidence);
+    }
+  }
+  if (!g.budget_m.empty()) {
+    std::string parts;
+    for (const auto& [name, sigma] : g.budget_m) {
+      parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", name, InUnit(sigma, o));
+    }
+    text += fmt::format("Error budget, 1 sigma in space, {}: {}; {} dominates\n", o.unit.name, parts, g.dominant);
+  }
+  if (!g.coverage_risk.empty()) {
+    text += fmt::format("Depth rule: {} of {} answers not to be trusted", g.untrusted, g.coverage_risk.size());
+    if (g.error_untrusted.median && g.error_trusted.median) {
+      text += fmt::format(", their median {} against {} {} of the others", InUnit(g.error_untrusted.median, o),
+                          InUnit(g.error_trusted.median, o), o.unit.name);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string FormatExtras(const EvaluationExtras& extras, const TableOptions& options) {
+  std::string text;
+  if (!extras.comparisons.empty()) {
+    text += "### Paired comparisons\n\n";
+    for (const NamedComparison& c : extras.comparisons) {
+      text += fmt::format("- {}, {} against {}: {}\n", c.group.answer, c.group.kind, c.group.reference,
+                          Describe(c.group.paired, c.a, c.b, options.unit.name, options.unit.metres));
+    }
+    text += "\n";
+  }
+  if (!extras.gates.empty()) {
+    text += "### Gates: " + ToString(OverallVerdict(extras.gates)) + "\n\n";
+    for (const GateResult& gate : extras.gates) text += "- " + gate.message + "\n";
+    text += "\n";
+  }
+  for (const std::string& note : extras.notes) text += note + "\n";
+  return text;
+}
+
+nlohmann::json Json(const NeesSummary& n, double confidence) {
+  const Interval bounds = n.Bounds(confidence);
+  return {{"count", n.rows},
+          {"dof", n.dof},
+          {"mean_per_dof", n.PerDof()},
+          {"bounds", {bounds.low, bounds.high}},
+          {"inside", n.Inside(confidence)}};
+}
+
+nlohmann::json Json(const std::map<std::string, NeesSummary>& groups, double confidence) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const auto& [name, n] : groups) json[name] = Json(n, confidence);
+  return json;
+}
+
+nlohmann::json Json(const PercentileIntervals& i) {
+  return {{"over_answers", {{"median_m", Json(i.median)}, {"p90_m", Json(i.p90)}}},
+          {"over_attempts", {{"median_m", Json(i.median_attempts)}, {"p90_m", Json(i.p90_attempts)}}}};
+}
+
+nlohmann::json Json(const EvaluationExtras& extras) {
+  nlohmann::json gates = nlohmann::json::array(), comparisons = nlohmann::json::array();
+  for (const GateResult& g : extras.gates) {
+    gates.push_back({{"gate", g.gate},
+                     {"verdict", ToString(g.verdict)},
+                     {"message", g.message},
+                     {"method", g.group.method},
+                     {"reference", g.group.reference},
+                     {"value", Json(g.value)},
+                     {"interval", Json(g.interval)},
+                     {"more_stations", g.more_stations ? nlohmann::json(*g.more_stations) : nlohmann::json()},
+                     {"more_runs", g.more_runs ? nlohmann::json(*g.more_runs) : nlohmann::json()}});
+  }
+  for (const NamedComparison& c : extras.comparisons) {
+    const PairedComparison& p = c.group.paired;
+    comparisons.push_back({{"a", c.a},
+                           {"b", c.b},
+                           {"answer", c.group.answer},
+                           {"reference", c.group.reference},
+                           {"kind", c.group.kind},
+                           {"pairs", p.pairs},
+                           {"stations", p.stations},
+                           {"a_better", p.a_better},
+                           {"b_better", p.b_better},
+                           {"only_a", p.only_a},
+                           {"only_b", p.only_b},
+                           {"median_difference_m", Json(p.median_difference_m)},
+                           {"difference_interval_m", Json(p.difference_interval_m)},
+                           {"sign_p", p.sign_p},
+                           {"wilcoxon_p", p.wilcoxon_p}});
+  }
+  nlohmann::json json = {{"comparisons", comparisons}};
+  if (!extras.gates.empty()) {
+    json["gates"] = {{"verdict", ToString(OverallVerdict(extras.gates))}, {"results", gates}};
+  }
+  return json;
 }
 
 }  // namespace
@@ -203,21 +380,20 @@ std::string FormatCsv(const ErrorTable& table) {
   return csv.text();
 }
 
-std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& options) {
+std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& options,
+                             const EvaluationExtras& extras) {
   std::string text;
   const std::vector<ErrorTable> tables = ErrorTables(evaluation);
   for (size_t i = 0; i < tables.size(); ++i) {
     const GroupSummary& g = evaluation.groups[i];
     text += FormatMarkdown(tables[i], options) + "\n";
     text += FormatStatistics("3D", g.error_3d, options);
-    if (g.median_interval && g.p90_interval) {
-      text += fmt::format("{:.0f} % interval by station and run: median {} to {}, P90 {} to {} {}\n",
-                          100 * evaluation.options.confidence, InUnit(g.median_interval->low, options),
-                          InUnit(g.median_interval->high, options), InUnit(g.p90_interval->low, options),
-                          InUnit(g.p90_interval->high, options), options.unit.name);
-    }
+    const double confidence = evaluation.options.confidence;
+    text += FormatIntervals("3D", g.intervals_3d, confidence, options);
     if (g.error_h.answers > 0) text += FormatStatistics("Horizontal", g.error_h, options);
+    text += FormatIntervals("Horizontal", g.intervals_h, confidence, options);
     if (g.error_v.answers > 0) text += FormatStatistics("Vertical", g.error_v, options);
+    text += FormatIntervals("Vertical", g.intervals_v, confidence, options);
     text += FormatShares(g.error_3d);
     text += fmt::format("Stations passed within {:g} m: {} answers of {}\n", evaluation.options.passed_radius_m,
                         g.passed_answers, g.passed);
@@ -226,20 +402,24 @@ std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& o
       text += fmt::format("ANEES per degree of freedom: {:.2f}, {} {:.2f} to {:.2f} (n = {})\n", *g.anees_per_dof,
                           inside ? "within" : "outside", g.anees_bounds->low, g.anees_bounds->high, g.nees_count);
     }
+    text += FormatConsistency(g, confidence, options);
     if (g.unscored > 0) text += fmt::format("Localized but without reference: {}\n", g.unscored);
     for (const auto& [reason, count] : g.reasons) text += fmt::format("- {} x {}\n", count, reason);
-    text += fmt::format("{}: estimate from {}; reference from {}\n\n",
-                        g.group.shares_evidence ? "Agreement (both sides share evidence)" : "Rests on",
-                        Join(g.estimate_rests_on), Join(g.reference_rests_on));
+    text +=
+        fmt::format("{}: estimate from {}; reference from {}\n\n",
+                    g.group.shares_evidence ? "Agreement (both sides share evidence)" : "Accuracy (no evidence shared)",
+                    Join(g.estimate_rests_on), Join(g.reference_rests_on));
   }
   if (options.paper_tables) {
     for (const PaperTable& paper : PaperTables()) text += FormatPaperTable(paper, options) + "\n";
   }
+  text += FormatExtras(extras, options);
   for (const std::string& warning : evaluation.warnings) text += "Note: " + warning + "\n";
   return text;
 }
 
-nlohmann::json SummaryJson(const Evaluation& evaluation) {
+nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras& extras) {
+  const double confidence = evaluation.options.confidence;
   nlohmann::json groups = nlohmann::json::array();
   for (const GroupSummary& g : evaluation.groups) {
     groups.push_back(
@@ -263,22 +443,44 @@ nlohmann::json SummaryJson(const Evaluation& evaluation) {
          {"error_v", Json(g.error_v)},
          {"median_interval_m", Json(g.median_interval)},
          {"p90_interval_m", Json(g.p90_interval)},
+         {"intervals", {{"3d", Json(g.intervals_3d)}, {"h", Json(g.intervals_h)}, {"v", Json(g.intervals_v)}}},
+         {"variance_shares", {{"station", g.station_share}, {"run", g.run_share}}},
+         {"error_budget_sigma_m", g.budget_m},
+         {"dominant", g.dominant},
+         {"depth_rule",
+          {{"limit_m", evaluation.options.trust_depth_sigma_m},
+           {"answers", g.coverage_risk.size()},
+           {"untrusted", g.untrusted},
+           {"median_trusted_m", Json(g.error_trusted.median)},
+           {"median_untrusted_m", Json(g.error_untrusted.median)}}},
          {"nees",
-          {{"count", g.nees_count}, {"mean_per_dof", Json(g.anees_per_dof)}, {"bounds", Json(g.anees_bounds)}}}});
+          {{"count", g.nees_count},
+           {"mean_per_dof", Json(g.anees_per_dof)},
+           {"bounds", Json(g.anees_bounds)},
+           {"horizontal", Json(g.nees_h, confidence)},
+           {"vertical", Json(g.nees_v, confidence)},
+           {"joint", g.nees_joint ? Json(*g.nees_joint, confidence) : nlohmann::json()},
+           {"by_run", Json(g.nees_by_run, confidence)},
+           {"by_station", Json(g.nees_by_station, confidence)}}}});
   }
-  return {{"schema", "trigpoint evaluate 1"},
-          {"unit", "m"},
-          {"passed_radius_m", evaluation.options.passed_radius_m},
-          {"confidence", evaluation.options.confidence},
-          {"stations", evaluation.stations},
-          {"groups", groups},
-          {"warnings", evaluation.warnings}};
+  nlohmann::json beside = Json(extras);
+  nlohmann::json summary = {{"schema", "trigpoint evaluate 1"},
+                            {"unit", "m"},
+                            {"passed_radius_m", evaluation.options.passed_radius_m},
+                            {"confidence", confidence},
+                            {"stations", evaluation.stations},
+                            {"groups", groups},
+                            {"warnings", evaluation.warnings}};
+  summary.update(beside);
+  return summary;
 }
 
-void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder, const TableOptions& options) {
+void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder, const TableOptions& options,
+                     const EvaluationExtras& extras) {
   WriteErrors(evaluation, folder / "errors.csv");
-  WriteFileAtomically(folder / "summary.json", SummaryJson(evaluation).dump(2) + "\n");
-  WriteFileAtomically(folder / "tables.md", FormatEvaluation(evaluation, options));
+  WriteCurves(evaluation, folder);
+  WriteFileAtomically(folder / "summary.json", SummaryJson(evaluation, extras).dump(2) + "\n");
+  WriteFileAtomically(folder / "tables.md", FormatEvaluation(evaluation, options, extras));
   const std::vector<ErrorTable> tables = ErrorTables(evaluation);
   for (size_t i = 0; i < tables.size(); ++i) {
     WriteFileAtomically(folder / (FileStem(evaluation.groups[i].group) + ".csv"), FormatCsv(tables[i]));
@@ -308,7 +510,8 @@ std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
                  .error_rot_deg = number(cells, "error_rot_deg"),
                  .nees = number(cells, "nees"),
                  .dof = static_cast<int>(cells.Integer("dof", 0))};
-    row.shares_evidence = row.reference == "self";
+    row.shares_evidence =
+        cells.Has("shares_evidence") ? cells.Text("shares_evidence") == "yes" : row.reference == "self";
     if (cells.Has("de_m") && cells.Has("dn_m") && cells.Has("du_m")) {
       row.error_enu_m = {cells.Number("de_m"), cells.Number("dn_m"), cells.Number("du_m")};
     }

@@ -6,15 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "eval/compare.h"
+#include "eval/display_unit.h"
 #include "eval/evaluate.h"
+#include "eval/gates.h"
 
 namespace trigpoint {
-
-// What lengths are printed in; files stay in metres.
-struct DisplayUnit {
-  std::string name = "m";
-  double metres = 1;
-};
 
 struct TableOptions {
   DisplayUnit unit;
@@ -39,16 +36,24 @@ std::vector<ErrorTable> ErrorTables(const Evaluation& evaluation);
 std::string FormatMarkdown(const ErrorTable& table, const TableOptions& options = {});
 std::string FormatCsv(const ErrorTable& table);  // metres, empty cells where nothing was reported
 
+// What stands beside the tables. `notes` are paragraphs of Markdown that end the text.
+struct EvaluationExtras {
+  std::vector<NamedComparison> comparisons;
+  std::vector<GateResult> gates;
+  std::vector<std::string> notes;
+};
+
 // All tables with their medians, percentiles, counts and reasons: what `evaluate` prints and tables.md holds.
-std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& options = {});
+std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& options = {},
+                             const EvaluationExtras& extras = {});
 
 // summary.json.
-nlohmann::json SummaryJson(const Evaluation& evaluation);
+nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras& extras = {});
 
-// Writes errors.csv, summary.json, tables.md and table_<method>_<reference>_<kind>[@variant].csv into an existing
-// folder. Throws IoError naming the file.
+// Writes errors.csv, histogram.csv, coverage_risk.csv, summary.json, tables.md and
+// table_<method>_<reference>_<kind>[@variant].csv into an existing folder. Throws IoError naming the file.
 void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder,
-                     const TableOptions& options = {});
+                     const TableOptions& options = {}, const EvaluationExtras& extras = {});
 
 // Reads errors.csv back (for comparisons and gates). Throws InputError naming file and line.
 std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv);

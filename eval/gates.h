@@ -37,12 +37,16 @@ struct GateResult {
   // About how many stations (each visited as often as those there) would decide it, if the value stays as it is; unset
   // unless undecided, or where no number of them would.
   std::optional<int> more_stations;
-  std::string message;  // one sentence
+  std::optional<int> more_runs;  // the same for further runs past the same stations
+  std::string message;           // one sentence
 };
 
 // PASS: the whole interval is within the limit; FAIL: the whole interval is beyond it; else UNDECIDED, also without
 // answers. The interval's confidence is the evaluation's, two-sided.
-std::vector<GateResult> CheckGates(const Evaluation& evaluation, const GateOptions& gates);
+// Judged are the answers of `variant` (not single views, G1): against the references the runs had no part in; only
+// where there is none, against those that share evidence with them. One UNDECIDED result where there is nothing at all.
+std::vector<GateResult> CheckGates(const Evaluation& evaluation, const GateOptions& gates,
+                                   const std::string& variant = "");
 // PASS if all pass, FAIL if any fails, else UNDECIDED. PASS for an empty list.
 Verdict OverallVerdict(const std::vector<GateResult>& results);
 

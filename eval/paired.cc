@@ -106,15 +106,17 @@ PairedComparison ComparePaired(const std::vector<ErrorRow>& a, const std::vector
   return c;
 }
 
-std::string Describe(const PairedComparison& c, const std::string& a, const std::string& b) {
+std::string Describe(const PairedComparison& c, const std::string& a, const std::string& b, const std::string& unit,
+                     double metres_per_unit) {
   std::string text;
   if (c.pairs == 0) {
     text = fmt::format("{} and {} have no answer in common", a, b);
   } else {
-    text = fmt::format("{} is better than {} in {} of {} pairs, median difference {:.3f} m", b, a, c.b_better, c.pairs,
-                       *c.median_difference_m);
+    text = fmt::format("{} is better than {} in {} of {} pairs, median difference {:.3f} {}", b, a, c.b_better, c.pairs,
+                       *c.median_difference_m / metres_per_unit, unit);
     if (c.difference_interval_m) {
-      text += fmt::format(" ({:.3f} to {:.3f})", c.difference_interval_m->low, c.difference_interval_m->high);
+      text += fmt::format(" ({:.3f} to {:.3f})", c.difference_interval_m->low / metres_per_unit,
+                          c.difference_interval_m->high / metres_per_unit);
     }
     text +=
         fmt::format(", p = {:.3g} (Wilcoxon) and {:.3g} (sign) over {} stations", c.wilcoxon_p, c.sign_p, c.stations);

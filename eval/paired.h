@@ -34,6 +34,7 @@ PairedComparison ComparePaired(const std::vector<ErrorRow>& a, const std::vector
                                const BootstrapOptions& options = {});
 // One sentence: "b is better in 7 of 9 pairs, median difference 0.12 m (0.03 to 0.25), p = 0.04 (Wilcoxon, 9
 // stations)".
-std::string Describe(const PairedComparison& comparison, const std::string& a, const std::string& b);
+std::string Describe(const PairedComparison& comparison, const std::string& a, const std::string& b,
+                     const std::string& unit = "m", double metres_per_unit = 1);
 
 }  // namespace trigpoint

@@ -45,6 +45,19 @@ std::optional<Rigid3d> GivenPose(const CsvRow& row, const std::string& prefix) {
   return Rigid3d(q, *t);
 }
 
+// c00..c55; unset unless complete.
+std::optional<Matrix6d> GivenCovariance(const CsvRow& row) {
+  Matrix6d c;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      const auto value = Given(row, fmt::format("c{}{}", i, j));
+      if (!value) return std::nullopt;
+      c(i, j) = *value;
+    }
+  }
+  return c;
+}
+
 int Count(const CsvRow& row, const char* column) { return static_cast<int>(Given(row, column).value_or(0)); }
 
 std::vector<TimedPose> ReadPosesIfThere(const std::filesystem::path& file, std::vector<std::string>* warnings) {
@@ -119,16 +132,20 @@ std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
     if (row.Integer("tag_a") != row.Integer("tag_b")) continue;
     const auto it = index.find(static_cast<int>(row.Integer("tag_a")));
     if (it == index.end()) continue;
-    Matrix6d c;
-    bool complete = true;
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) {
-        const auto value = Given(row, fmt::format("c{}{}", i, j));
-        complete = complete && value;
-        c(i, j) = value.value_or(0);
-      }
-    }
-    if (complete) results[it->second].covariance = 0.5 * (c + c.transpose());
+    if (const auto c = GivenCovariance(row)) results[it->second].covariance = 0.5 * (*c + c->transpose());
+  }
+  return results;
+}
+
+TagCovariances ReadTagCovariances(const std::filesystem::path& tags_cov_csv) {
+  TagCovariances results;
+  if (tags_cov_csv.empty() || !std::filesystem::exists(tags_cov_csv)) return results;
+  const CsvTable table = CsvTable::Read(tags_cov_csv, {"tag_a", "tag_b", "c00", "c55"});
+  for (const CsvRow& row : table.rows()) {
+    const int a = static_cast<int>(row.Integer("tag_a")), b = static_cast<int>(row.Integer("tag_b"));
+    if (a == b) continue;
+    const auto c = GivenCovariance(row);
+    if (c) results[{std::min(a, b), std::max(a, b)}] = a < b ? *c : Matrix6d(c->transpose());
   }
   return results;
 }

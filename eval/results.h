@@ -5,8 +5,10 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/geometry/rigid3.h"
@@ -57,6 +59,9 @@ struct TagResult {
   std::string status;
 };
 
+// Covariances between different tags (tags_cov.csv, a < b): rows of tag a.
+using TagCovariances = std::map<std::pair<int, int>, Matrix6d>;
+
 // A row of cameras.csv.
 struct CameraResult {
   int64_t stamp_ns = 0;
@@ -82,6 +87,7 @@ std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv);
 // `tags_cov_csv` may be empty or missing: then `covariance` stays unset.
 std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
                                       const std::filesystem::path& tags_cov_csv = {});
+TagCovariances ReadTagCovariances(const std::filesystem::path& tags_cov_csv);
 std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras_csv);
 // Reads panoramas.csv (needed), views.csv, cameras_odom.tum and cameras.tum (each may be missing) of a folder.
 LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir);

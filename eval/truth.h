@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -54,5 +55,9 @@ struct TruthEvaluation {
 // without truth throws InputError. O(n log n).
 TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const std::vector<CameraResult>& camera_rows,
                                      const Truth& truth, const TruthOptions& options = {});
+
+// One sentence, metres; and the same as JSON, every answer with its errors.
+std::string Describe(const TruthEvaluation& evaluation);
+nlohmann::json TruthJson(const TruthEvaluation& evaluation);
 
 }  // namespace trigpoint

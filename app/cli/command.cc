@@ -52,9 +52,6 @@ Project OpenProject(const Session& session, const std::string& dir) {
   CheckProjectOptions(project);
   Terminal terminal = session.MakeTerminal();
   for (const std::string& warning : project.warnings()) terminal.Log(LogLevel::kWarning, warning);
-  if (!project.gates().empty()) {
-    terminal.Log(LogLevel::kWarning, "the gates of trigpoint.yaml are not checked by this version");
-  }
   for (const Run& run : project.site().runs) {
     for (const std::string& warning : run.warnings) terminal.Log(LogLevel::kWarning, warning);
   }
@@ -115,6 +112,7 @@ int RunAndReport(Session& session, const std::string& command, const Project& pr
   terminal.ClearProgress();
 
   int exit_code = 0;
+  bool gates_passed = true;
   nlohmann::json stages = nlohmann::json::array();
   for (const JobResult& result : results) {
     const bool there = result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate;
@@ -127,10 +125,15 @@ int RunAndReport(Session& session, const std::string& command, const Project& pr
                       {"warnings", there ? result.outcome.manifest["warnings"] : nlohmann::json::array()}});
     if (result.end == JobEnd::kFailed)
       exit_code = exit_code == 0 || exit_code == result.exit_code ? result.exit_code : 1;
+    if (there && result.outcome.manifest["metrics"].value("verdict", "PASS") != "PASS") gates_passed = false;
     if (there && result.job.stage->summary) session.Print(result.job.stage->summary(result.outcome, unit));
   }
-  session.PrintJson(
-      {{"command", command}, {"project", project.dir().string()}, {"ok", exit_code == 0}, {"stages", stages}});
+  if (exit_code == 0 && !gates_passed) exit_code = kGateExitCode;
+  session.PrintJson({{"command", command},
+                     {"project", project.dir().string()},
+                     {"ok", exit_code == 0},
+                     {"exit_code", exit_code},
+                     {"stages", stages}});
   return exit_code;
 }
 

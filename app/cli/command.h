@@ -34,6 +34,9 @@ struct Session {
   void PrintJson(nlohmann::json summary) const;  // if --json; adds the schema
 };
 
+// The exit code when everything was done but a quality gate is not passed.
+constexpr int kGateExitCode = 3;
+
 // A command with the common options, and examples at the end of its help.
 CLI::App& AddCommand(CLI::App& app, Session& session, const std::string& name, const std::string& help,
                      const std::string& footer);
@@ -53,6 +56,9 @@ void AddStatusCommand(CLI::App& app, Session& session);
 void AddRunCommand(CLI::App& app, Session& session);
 void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage);
 void AddTrajectoryCommand(CLI::App& app, Session& session);
+void AddPublishCommand(CLI::App& app, Session& session);
+void AddCompareCommand(CLI::App& app, Session& session);
+void AddBatchCommand(CLI::App& app, Session& session);
 void AddDemoCommand(CLI::App& app, Session& session);
 
 }  // namespace trigpoint

@@ -40,7 +40,10 @@ int Launch(int argc, char** argv) {
   AddStatusCommand(app, session);
   AddRunCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
+  AddPublishCommand(app, session);
+  AddCompareCommand(app, session);
   AddTrajectoryCommand(app, session);
+  AddBatchCommand(app, session);
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());

@@ -37,8 +37,13 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
   struct Arguments {
     std::string dir, variant;
     std::vector<std::string> runs, settings;
-    std::map<std::string, std::string> flags;
+    struct Flag {
+      std::string value;
+      bool is_text = true;
+    };
+    std::map<std::string, Flag> flags;  // by option
   };
+  using Flag = Arguments::Flag;
   CLI::App& command = AddCommand(app, session, stage.name, stage.help, OptionTable(stage) + Examples(stage));
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("DIR", arguments->dir, "the project")->required();
@@ -49,9 +54,14 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
         "a second set of results beside the first, results/" + stage.name + (stage.per_run ? "/<run>@V" : "@V"));
   }
   const std::vector<OptionDescription> options = stage.options("");
-  for (const std::string& flag : stage.flags) {
+  for (const std::string& entry : stage.flags) {
+    const std::string flag = entry.substr(0, entry.find('='));
+    const std::string name = entry.substr(entry.find('=') + 1);  // the whole of it without '='
     for (const OptionDescription& option : options) {
-      if (option.name == flag) command.add_option("--" + flag, arguments->flags[flag], option.help);
+      if (option.name != name) continue;
+      Flag& value = arguments->flags[name];
+      value.is_text = option.type == "text";
+      command.add_option("--" + flag, value.value, option.help + (option.unit.empty() ? "" : ", " + option.unit));
     }
   }
   command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
@@ -60,8 +70,9 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
     session.action = [&stage, arguments](Session& s) {
       JobQuery query;
       std::vector<std::string> settings = arguments->settings;
-      for (const auto& [flag, value] : arguments->flags) {
-        if (!value.empty()) settings.push_back(flag + "=" + DumpJson(value));  // quoted: text
+      for (const auto& [name, flag] : arguments->flags) {
+        if (flag.value.empty()) continue;
+        settings.push_back(name + "=" + (flag.is_text ? DumpJson(flag.value) : flag.value));  // quoted: text
       }
       query.overrides = ParseOverrides(settings, stage.name);
       query.stages = {stage.name};
@@ -69,7 +80,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       query.variants = {arguments->variant};
       // As published, beside our own: a mode other than the default is a variant of its name unless one is named.
       const auto mode = arguments->flags.find("mode");
-      if (arguments->variant.empty() && mode != arguments->flags.end() && mode->second == "paper") {
+      if (arguments->variant.empty() && mode != arguments->flags.end() && mode->second.value == "paper") {
         query.variants = {"paper"};
       }
       if (!query.variants.front().empty()) CheckVariantName(query.variants.front());

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "eval/evaluation_files.h"
+#include "eval/display_unit.h"
 
 namespace trigpoint {
 

@@ -1,11 +1,18 @@
 // evaluate: the localized panoramas of all runs against tags and control points.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <map>
 
+#include "app/pipeline/jobs.h"
+#include "app/pipeline/reference_maps.h"
+#include "app/pipeline/score_estimates.h"
 #include "app/pipeline/stage_list.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "eval/evaluation_files.h"
+#include "eval/truth.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -16,21 +23,50 @@ namespace fs = std::filesystem;
 struct EvaluateStageOptions {
   EvaluateOptions errors;
   TagPosesOptions tags;
-  std::string reference;      // empty: all there are
+  GateOptions gates;
+  EstimateScoreOptions estimates;
+  std::string reference;      // empty: self, control, survey
+  std::string truth;          // a folder of true poses
   bool paper_tables = false;  // the paper's own two tables beside ours
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     EvaluateOptions::Visit(self.errors, visit);
     visit(self.tags, {"tags", "", 0, 0, "tag poses from the run's own cameras"});
-    visit(self.reference, {"reference", "", 0, 0, "only against this: self, control; empty: all there are"});
+    GateOptions::Visit(self.gates, visit);
+    visit(self.estimates, {"estimates", "", 0, 0, "trajectories of other systems against the reference poses"});
+    visit(self.reference, {"reference", "", 0, 0,
+                           "only against this: self, control, survey, survey@V or a release; empty: the first three"});
+    visit(self.truth,
+          {"truth", "", 0, 0, "a folder of true poses (runs/<run>_cameras.tum, panoramas.tum) to score against"});
     visit(self.paper_tables, {"paper_tables", "", 0, 1, "print the published tables of the paper too"});
   }
   std::vector<std::string> Check() const {
     std::vector<std::string> problems = errors.Check();
     for (const std::string& problem : tags.Check()) problems.push_back("tags: " + problem);
+    for (const std::string& problem : gates.Check()) problems.push_back(problem);
     return problems;
   }
 };
+
+// The gates of trigpoint.yaml (`max_median: 0.2`, with or without the unit in the name), under those of the options.
+void AddProjectGates(const Project& project, GateOptions* gates) {
+  const std::string file = (project.dir() / "trigpoint.yaml").string();
+  GateOptions own;
+  std::vector<std::string> problems;
+  nlohmann::json values = nlohmann::json::object();
+  for (const auto& [key, limit] : project.gates().items()) {
+    std::string name = key;
+    std::replace(name.begin(), name.end(), '-', '_');
+    if (name == "max_median" || name == "max_p90") name += "_m";
+    values[name] = limit;
+  }
+  SetOptions(values, file + ": gates", own, problems);
+  for (const std::string& problem : own.Check()) problems.push_back(file + ": gates: " + problem);
+  ThrowIfAny(problems);
+  if (gates->max_median_m <= 0) gates->max_median_m = own.max_median_m;
+  if (gates->max_p90_m <= 0) gates->max_p90_m = own.max_p90_m;
+  if (gates->min_answered <= 0) gates->min_answered = own.min_answered;
+}
 
 // Runs whose results are held against something.
 std::vector<const Run*> EvaluatedRuns(const Project& project) {
@@ -90,30 +126,6 @@ TagResult ToTagResult(const TagEstimate& tag) {
   return result;
 }
 
-// Surveyed tags as a map. A point says nothing about how its tag is turned, so that only stations whose offset is east,
-// north, up can be held against it.
-ReferenceMap ControlMap(const Project& project) {
-  ReferenceMap map;
-  map.name = "control";
-  for (const ControlPoint& point : project.site().control_points) {
-    if (point.tag_id < 0 || point.corner >= 0 || !(point.local_m || (point.geodetic && project.has_frame()))) continue;
-    bool turned = false;
-    for (const Station& station : project.site().stations)
-      turned |= station.tag_id == point.tag_id && station.in_tag_frame;
-    if (turned) continue;
-    TagResult tag;
-    tag.tag_id = point.tag_id;
-    tag.map_from_tag = Rigid3d{Eigen::Quaterniond::Identity(),
-                               point.local_m ? *point.local_m : project.frame().EnuFromGeodetic(*point.geodetic)};
-    tag.sigma_m = Eigen::Vector3d(point.sigma_h_m, point.sigma_h_m, point.sigma_v_m);
-    tag.role = point.control ? "control" : "check";
-    tag.status = "ok";
-    map.evidence.push_back("control:" + std::to_string(point.tag_id));
-    map.tags.push_back(std::move(tag));
-  }
-  return map;
-}
-
 // What the global fit of a result rests on, one name each.
 std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const nlohmann::json& manifest) {
   const std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
@@ -125,75 +137,207 @@ std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result
   return evidence;
 }
 
-void EvaluateProject(const EvaluateStageOptions& options, const std::string& variant, StageContext& context) {
+// The variants whose results stand side by side: the one asked for; for the first set, all that there are.
+std::vector<std::string> EvaluatedVariants(const Project& project, const std::string& variant) {
+  if (!variant.empty()) return {variant};
+  std::vector<std::string> variants = {""};
+  for (const std::string& other : KnownVariants(project)) {
+    if (other.empty()) continue;
+    for (const Run* run : EvaluatedRuns(project)) {
+      if (!fs::exists(ManifestOf(project, "localize", TargetOf(run->name, other)))) continue;
+      variants.push_back(other);
+      break;
+    }
+  }
+  return variants;
+}
+
+// The maps to hold results against. One that cannot be read is named and left out, unless it was asked for.
+std::vector<ReferenceMap> ReferencesFor(const Project& project, const std::string& asked, ProgressSink& progress) {
+  std::vector<ReferenceMap> maps;
+  if (asked == "self") return maps;
+  if (!asked.empty() && asked != "control") {
+    const std::vector<std::string> names = ReferenceNames(project);
+    if (std::find(names.begin(), names.end(), asked) == names.end()) {
+      throw InputError("there is no reference '" + asked + "'; nearest: '" + NearestName(asked, names) + "'");
+    }
+    maps.push_back(ReadReferenceMap(project, ReferenceMapFolder(project, asked), asked));
+    return maps;
+  }
+  if (ReferenceMap control = ControlMap(project); !control.tags.empty()) maps.push_back(std::move(control));
+  if (asked == "control" && maps.empty()) throw InputError("there is no reference 'control': no control_points.csv");
+  if (asked.empty() && fs::exists(ReferenceMapFolder(project, "survey") / "tags.csv")) {
+    try {
+      maps.push_back(ReadReferenceMap(project, ReferenceMapFolder(project, "survey"), "survey"));
+    } catch (const InputError& e) {
+      progress.Log(LogLevel::kWarning, std::string("the survey is no reference: ") + e.what());
+    }
+  }
+  return maps;
+}
+
+// 1 sigma of a stitched rig's centre per axis: its photos' centres scatter about it.
+double StitchSigma(const fs::path& rig_csv) {
+  const CsvTable table = CsvTable::Read(rig_csv, {"photo", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m"});
+  double sum = 0;
+  for (const CsvRow& row : table.rows()) {
+    for (const char* column : {"sigma_tx_m", "sigma_ty_m", "sigma_tz_m"}) sum += std::pow(row.Number(column, 0), 2);
+  }
+  const double n = static_cast<double>(table.rows().size());
+  return n > 0 ? std::sqrt(sum / 3) / n : 0;
+}
+
+// A run's localize result with everything the evaluation wants to know of it. Throws InputError for a broken one.
+EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& run, const StageTarget& target,
+                              const nlohmann::json& manifest, StageContext& context) {
   const Project& project = context.project;
-  EvaluateInput input;
-  input.stations = project.site().stations;
-  const ReferenceMap control = ControlMap(project);
-  if (!control.tags.empty()) input.references.push_back(control);
+  EvaluatedRun evaluated;
+  evaluated.run = run.name;
+  evaluated.variant = target.variant;
+  const std::string mode = manifest.value("options", nlohmann::json::object()).value("mode", "trigpoint");
+  evaluated.method = mode == "paper" ? "g2" : "single";
+  evaluated.odometry_levelled = run.config.odometry_levelled;
+  const fs::path dir = ResultOf(project, "localize", target);
+  evaluated.result = ReadLocalizeResult(dir);
+  evaluated.evidence = EvidenceOf(run, evaluated.result, manifest);
+  if (fs::exists(dir / "cameras.csv")) evaluated.cameras = ReadCameraResults(dir / "cameras.csv");
+  evaluated.structure = ReadStructure(dir / "sparse");
+  for (const PanoramaResult& row : evaluated.result.panoramas) {
+    const fs::path rig = project.ResultDir("stitch", fs::path(row.panorama).filename().string()) / "rig.csv";
+    if (!row.panorama.empty() && fs::exists(rig)) evaluated.stitch_sigma[row.panorama] = StitchSigma(rig);
+  }
+  const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
   const bool self = options.reference.empty() || options.reference == "self";
-  if (!options.reference.empty()) {
-    std::vector<std::string> names = {"self"};
-    for (const ReferenceMap& map : input.references) names.push_back(map.name);
-    if (std::find(names.begin(), names.end(), options.reference) == names.end()) {
-      throw InputError("there is no reference '" + options.reference + "'; nearest: '" +
-                       NearestName(options.reference, names) + "'");
-    }
-    std::erase_if(input.references, [&](const ReferenceMap& map) { return map.name != options.reference; });
+  if (self && fs::exists(detections)) {
+    std::vector<std::string> warnings;
+    const std::vector<TagView> views =
+        TagViews(run, evaluated.result, ReadDetections(detections, options.tags.extra_sigma_px, &warnings));
+    const std::vector<TagEstimate> tags =
+        EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
+    WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
+              "cameras of " + run.name);
+    for (const TagEstimate& tag : tags) evaluated.self_tags.push_back(ToTagResult(tag));
   }
-  for (const Run* run : EvaluatedRuns(project)) {
-    const StageTarget target = TargetOf(run->name, variant);
-    const auto manifest = ReadManifest(project, "localize", ResultName(StageNamed("localize"), target));
-    if (!manifest) {
-      context.progress.Log(LogLevel::kWarning, "run " + run->name + " is not localized and takes no part");
-      continue;
+  return evaluated;
+}
+
+// All localized runs of all variants side by side; one that cannot be read is named, and the others go on.
+std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options, const std::string& variant,
+                                            StageContext& context) {
+  std::vector<EvaluatedRun> runs;
+  for (const std::string& each : EvaluatedVariants(context.project, variant)) {
+    for (const Run* run : EvaluatedRuns(context.project)) {
+      const StageTarget target = TargetOf(run->name, each);
+      const std::string name = ResultName(StageNamed("localize"), target);
+      const auto manifest = ReadManifest(context.project, "localize", name);
+      if (!manifest) {
+        context.progress.Log(LogLevel::kWarning, "run " + name + " is not localized and takes no part");
+        continue;
+      }
+      try {
+        runs.push_back(ReadEvaluatedRun(options, *run, target, *manifest, context));
+      } catch (const InputError& e) {
+        context.progress.Log(LogLevel::kWarning, "run " + name + " takes no part: " + e.what());
+      }
     }
-    EvaluatedRun evaluated;
-    evaluated.run = run->name;
-    evaluated.variant = variant;
-    const std::string mode = manifest->value("options", nlohmann::json::object()).value("mode", "trigpoint");
-    evaluated.method = mode == "paper" ? "g2" : "single";
-    evaluated.odometry_levelled = run->config.odometry_levelled;
-    evaluated.result = ReadLocalizeResult(ResultOf(project, "localize", target));
-    for (const std::string& warning : evaluated.result.warnings) context.progress.Log(LogLevel::kWarning, warning);
-    evaluated.evidence = EvidenceOf(*run, evaluated.result, *manifest);
-    const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
-    if (self && fs::exists(detections)) {
-      std::vector<std::string> warnings;
-      const std::vector<TagView> views =
-          TagViews(*run, evaluated.result, ReadDetections(detections, options.tags.extra_sigma_px, &warnings));
-      const std::vector<TagEstimate> tags =
-          EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
-      WriteTags(context.out / ("tags_" + run->name + ".csv"), tags, "odom", "cameras of " + run->name);
-      for (const TagEstimate& tag : tags) evaluated.self_tags.push_back(ToTagResult(tag));
+  }
+  return runs;
+}
+
+// Scores against true poses: truth.json, and a paragraph for people.
+void ScoreTruth(const EvaluateStageOptions& options, const std::vector<EvaluatedRun>& runs, StageContext& context,
+                std::vector<std::string>* notes) {
+  const fs::path given = options.truth;
+  const fs::path dir = given.is_absolute() ? given : context.project.dir() / given;
+  nlohmann::json all = nlohmann::json::array();
+  for (const EvaluatedRun& run : runs) {
+    const std::string name = run.variant.empty() ? run.run : run.run + "@" + run.variant;
+    try {
+      const TruthEvaluation truth = EvaluateAgainstTruth(run.result, run.cameras, ReadTruth(dir, run.run));
+      all.push_back(TruthJson(truth));
+      all.back()["run"] = run.run;
+      all.back()["variant"] = run.variant;
+      notes->push_back("Against true poses, " + name + ": " + Describe(truth));
+    } catch (const InputError& e) {
+      context.progress.Log(LogLevel::kWarning, "run " + name + " is not scored against true poses: " + e.what());
     }
-    input.runs.push_back(std::move(evaluated));
   }
-  if (input.runs.empty()) throw InputError("no run is localized; expected at least one result of `trigpoint localize`");
-  context.progress.Begin("errors and their intervals", 0);
-  const Evaluation evaluation = Evaluate(input, options.errors);
-  for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
-  TableOptions tables;
-  tables.paper_tables = options.paper_tables;
-  WriteEvaluation(evaluation, context.out, tables);
-  // The same tables for people who read other units; every other file stays in metres.
-  for (const char* unit : {"ft", "us-ft"}) {
-    tables.unit = DisplayUnitNamed(unit);
-    WriteFileAtomically(context.out / fmt::format("tables_{}.md", unit), FormatEvaluation(evaluation, tables));
-  }
+  WriteFileAtomically(context.out / "truth.json",
+                      nlohmann::json{{"schema", "trigpoint truth 1"}, {"unit", "m"}, {"runs", all}}.dump(2) + "\n");
+}
+
+void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gates, const std::string& variant,
+                nlohmann::json* metrics) {
   nlohmann::json groups = nlohmann::json::array();
   for (const GroupSummary& group : evaluation.groups) {
-    nlohmann::json entry = {{"method", group.group.method}, {"reference", group.group.reference},
-                            {"kind", group.group.kind},     {"attempts", group.attempts},
-                            {"answers", group.answers},     {"median_m", nullptr}};
+    nlohmann::json entry = {{"variant", group.group.variant},
+                            {"method", group.group.method},
+                            {"reference", group.group.reference},
+                            {"kind", group.group.kind},
+                            {"attempts", group.attempts},
+                            {"answers", group.answers},
+                            {"median_m", nullptr}};
     if (group.error_3d.median) entry["median_m"] = *group.error_3d.median;
     // The number a user looks for first: our own answers against the run's own tags, else the first there is.
-    if (group.error_3d.median && (!context.metrics.contains("median_m") || group.group.reference == "self")) {
-      if (group.group.method != "g1") context.metrics["median_m"] = *group.error_3d.median;
+    if (group.error_3d.median && group.group.variant == variant && group.group.method != "g1" &&
+        (!metrics->contains("median_m") || group.group.reference == "self")) {
+      (*metrics)["median_m"] = *group.error_3d.median;
     }
     groups.push_back(std::move(entry));
   }
-  context.metrics["groups"] = groups;
+  (*metrics)["groups"] = groups;
+  if (gates.empty()) return;
+  (*metrics)["verdict"] = ToString(OverallVerdict(gates));
+  for (const GateResult& gate : gates) (*metrics)["gates"].push_back(gate.message);
+}
+
+void EvaluateProject(const EvaluateStageOptions& options, const std::string& variant, StageContext& context) {
+  EvaluateInput input;
+  input.stations = context.project.site().stations;
+  input.references = ReferencesFor(context.project, options.reference, context.progress);
+  input.runs = ReadEvaluatedRuns(options, variant, context);
+  const std::vector<EstimateReport> estimates = ScoreEstimates(context.project, options.estimates, context.progress);
+  if (input.runs.empty() && estimates.empty()) {
+    throw InputError("no run is localized; expected at least one result of `trigpoint localize`");
+  }
+  context.progress.Begin("errors and their intervals", 0);
+  Evaluation evaluation;
+  evaluation.options = options.errors;
+  if (!input.runs.empty()) evaluation = Evaluate(input, options.errors);
+  for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
+  EvaluationExtras extras;
+  extras.comparisons = CompareWithin(evaluation);
+  extras.gates = CheckGates(evaluation, options.gates, variant);
+  if (!options.truth.empty()) ScoreTruth(options, input.runs, context, &extras.notes);
+  if (!estimates.empty()) {
+    WriteEstimates(estimates, context.out / "estimates.csv");
+    const nlohmann::json json = {
+        {"schema", "trigpoint estimates 1"}, {"unit", "m"}, {"estimates", EstimatesJson(estimates)}};
+    WriteFileAtomically(context.out / "estimates.json", json.dump(2) + "\n");
+    for (const EstimateReport& report : estimates) {
+      context.metrics["estimates"].push_back(
+          {{"system", report.system}, {"run", report.run}, {"rmse_m", *report.rmse_m}});
+      for (const std::string& note : report.notes) {
+        context.progress.Log(LogLevel::kWarning, report.system + " on " + report.run + ": " + note);
+      }
+    }
+  }
+  const std::vector<std::string> notes = extras.notes;
+  const auto in_unit = [&](const DisplayUnit& unit) {
+    extras.notes = notes;
+    if (!estimates.empty()) extras.notes.push_back(FormatEstimates(estimates, unit.name, unit.metres));
+  };
+  TableOptions tables;
+  tables.paper_tables = options.paper_tables;
+  in_unit(tables.unit);
+  WriteEvaluation(evaluation, context.out, tables, extras);
+  // The same tables for people who read other units; every other file stays in metres.
+  for (const char* unit : {"ft", "us-ft"}) {
+    tables.unit = DisplayUnitNamed(unit);
+    in_unit(tables.unit);
+    WriteFileAtomically(context.out / fmt::format("tables_{}.md", unit), FormatEvaluation(evaluation, tables, extras));
+  }
+  SetMetrics(evaluation, extras.gates, variant, &context.metrics);
   context.metrics["runs"] = input.runs.size();
 }
 
@@ -205,24 +349,40 @@ StageInfo EvaluateStage() {
   info.help = "compare localized panoramas with tags and control points: tables of errors";
   info.per_run = false;
   info.variants = true;
-  info.needs = {"localize", "detect"};
+  info.needs = {"localize", "detect", "survey", "reference"};
   info.metric = "median_m";
-  info.flags = {"reference"};
+  info.flags = {"reference",
+                "truth",
+                "max-median=max_median_m",
+                "max-p90=max_p90_m",
+                "min-answered=min_answered",
+                "paper-tables=paper_tables"};
   UseOptions<EvaluateStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
+    auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
+    AddProjectGates(project, &options.gates);
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);
     }
     for (const Run* run : EvaluatedRuns(project)) {
-      const StageTarget its = TargetOf(run->name, target.variant);
-      request.inputs.push_back(ManifestOf(project, "localize", its));
-      request.inputs.push_back(ManifestOf(project, "detect", its));
+      for (const std::string& variant : EvaluatedVariants(project, target.variant)) {
+        request.inputs.push_back(ManifestOf(project, "localize", TargetOf(run->name, variant)));
+      }
+      request.inputs.push_back(ManifestOf(project, "detect", TargetOf(run->name, target.variant)));
       request.values["runs"].push_back(run->name);
       request.values["levelled"].push_back(run->config.odometry_levelled);
     }
+    if (options.reference.empty() || options.reference.starts_with("survey")) {
+      request.inputs.push_back(ReferenceMapFolder(project, options.reference.empty() ? "survey" : options.reference) /
+                               "manifest.json");
+    } else if (options.reference != "self" && options.reference != "control") {
+      request.inputs.push_back(ReleaseFolder(project, options.reference) / "release.json");
+    }
+    if (!options.truth.empty()) request.inputs.push_back(options.truth);
+    for (const fs::path& input : EstimateInputs(project)) request.inputs.push_back(input);
     if (project.has_frame()) {
       const Geodetic& origin = project.frame().origin();
       request.values["origin"] = {origin.latitude_deg, origin.longitude_deg, origin.height_m};
@@ -233,7 +393,7 @@ StageInfo EvaluateStage() {
     return request;
   };
   info.not_needed = [](const Project& project, const StageTarget&) -> std::string {
-    if (project.site().stations.empty()) return "no stations.csv";
+    if (project.site().stations.empty() && EstimateInputs(project).empty()) return "no stations.csv";
     if (EvaluatedRuns(project).empty()) return "no run whose role is evaluation or both";
     return "";
   };

@@ -29,6 +29,12 @@ StageInfo FeaturesStage() {
     };
     return request;
   };
+  info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
+    for (const Run& run : project.site().runs) {
+      if (run.name == target.run && run.images.empty()) return "run " + run.name + " has no images";
+    }
+    return "";
+  };
   return info;
 }
 

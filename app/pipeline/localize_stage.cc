@@ -98,6 +98,12 @@ StageInfo LocalizeStage() {
     }
     return request;
   };
+  info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
+    for (const Run& r : project.site().runs) {
+      if (r.name == target.run && r.images.empty()) return "run " + r.name + " has no images";
+    }
+    return "";
+  };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& m = outcome.manifest.at("metrics");
     return fmt::format("{} of {} references localized, {} rejected, {} unmatched; {} images; {}\n",

@@ -10,6 +10,7 @@ StageInfo ReferencesStage();
 StageInfo LocalizeStage();
 StageInfo DetectStage();
 StageInfo SurveyStage();
+StageInfo ReferenceStage();
 StageInfo EvaluateStage();
 
 }  // namespace trigpoint

@@ -1,0 +1,196 @@
+#include "app/cli/batch_list.h"
+
+#include <fmt/format.h>
+#include <glob.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "app/cli/terminal.h"
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/markdown.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+bool IsPattern(const std::string& text) { return text.find_first_of("*?[") != std::string::npos; }
+
+// Folders that match, in order.
+std::vector<fs::path> Matching(const std::string& pattern) {
+  glob_t found{};
+  std::vector<fs::path> folders;
+  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    for (size_t i = 0; i < found.gl_pathc; ++i) {
+      if (fs::is_directory(found.gl_pathv[i])) folders.emplace_back(found.gl_pathv[i]);
+    }
+  }
+  globfree(&found);
+  return folders;
+}
+
+// Words of a line; "..." keeps spaces together.
+std::vector<std::string> Words(const std::string& line, const std::string& where) {
+  std::vector<std::string> words;
+  std::string word;
+  bool quoted = false, any = false;
+  for (const char c : line) {
+    if (c == '"') {
+      quoted = !quoted;
+      any = true;
+    } else if (!quoted && c == '#' && !any) {
+      break;
+    } else if (!quoted && (c == ' ' || c == '\t' || c == '\r')) {
+      if (any) words.push_back(word);
+      word.clear();
+      any = false;
+    } else {
+      word += c;
+      any = true;
+    }
+  }
+  if (quoted) throw InputError(where + ": a quote is not closed");
+  if (any) words.push_back(word);
+  return words;
+}
+
+void Add(const fs::path& dir, const std::vector<std::string>& arguments, std::vector<BatchEntry>* entries,
+         std::set<std::string>* names) {
+  BatchEntry entry;
+  entry.dir = dir;
+  entry.arguments = arguments;
+  entry.name = dir.string();
+  for (const std::string& argument : arguments) entry.name += " " + argument;
+  if (names->insert(entry.name).second) entries->push_back(std::move(entry));
+}
+
+double MedianOf(const BatchResult& r, const char* key) {
+  for (const json& stage : r.stages) {
+    if (stage.value("stage", "") != "evaluate") continue;
+    const json metrics = stage.value("metrics", json::object());
+    if (metrics.contains(key) && metrics[key].is_number()) return metrics[key];
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string VerdictOf(const BatchResult& r) {
+  for (const json& stage : r.stages) {
+    const json metrics = stage.value("metrics", json::object());
+    if (metrics.contains("verdict")) return metrics["verdict"];
+  }
+  return "";
+}
+
+int Count(const std::vector<BatchResult>& results, const std::string& status) {
+  return static_cast<int>(
+      std::count_if(results.begin(), results.end(), [&](const BatchResult& r) { return r.status == status; }));
+}
+
+std::string Counts(const std::vector<BatchResult>& results) {
+  std::string text = fmt::format("{} of {} done", Count(results, "done") + Count(results, "gate"), results.size());
+  for (const char* status : {"gate", "failed", "cancelled", "waiting"}) {
+    if (const int n = Count(results, status); n > 0) {
+      text += fmt::format(", {} {}", n, std::string(status) == "gate" ? "with a gate that is not passed" : status);
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+std::vector<BatchEntry> ReadBatchList(const std::string& list) {
+  std::vector<BatchEntry> entries;
+  std::set<std::string> names;
+  if (IsPattern(list) && !fs::exists(list)) {
+    for (const fs::path& dir : Matching(list)) Add(dir, {}, &entries, &names);
+    if (entries.empty()) throw InputError(list + ": no folder matches");
+    return entries;
+  }
+  if (fs::is_directory(list)) {
+    throw InputError(list + ": expected a list file or a pattern of folders (in quotes: \"" + list +
+                     "/*\"), found a folder");
+  }
+  const std::string text = ReadTextFile(list);
+  const fs::path base = fs::absolute(list).parent_path();
+  int number = 0;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string where = FileLine(list, ++number);
+    std::vector<std::string> words = Words(text.substr(at, end - at), where);
+    at = end + 1;
+    if (words.empty()) continue;
+    if (words.front().starts_with("-"))
+      throw InputError(where + ": expected a project's folder, found " + words.front());
+    const fs::path written = words.front();
+    const fs::path dir = (written.is_absolute() ? written : base / written).lexically_normal();
+    words.erase(words.begin());
+    if (!IsPattern(dir.string()) || fs::exists(dir)) {
+      Add(dir, words, &entries, &names);
+      continue;
+    }
+    const std::vector<fs::path> matching = Matching(dir.string());
+    if (matching.empty()) throw InputError(where + ": no folder matches " + dir.string());
+    for (const fs::path& match : matching) Add(match, words, &entries, &names);
+  }
+  if (entries.empty()) throw InputError(list + ": expected one project's folder a line, found none");
+  return entries;
+}
+
+std::string FormatBatch(const std::vector<BatchResult>& results) {
+  std::vector<std::vector<std::string>> lines{
+      {"project", "status", "exit", "median m", "gate", "time", "memory MiB", "error"}};
+  for (const BatchResult& r : results) {
+    const double median = MedianOf(r, "median_m");
+    std::string error = r.error;
+    std::replace(error.begin(), error.end(), '|', '/');
+    lines.push_back({r.entry.name, r.status, std::to_string(r.exit_code),
+                     std::isfinite(median) ? fmt::format("{:.3f}", median) : "-", VerdictOf(r), DurationText(r.seconds),
+                     fmt::format("{:.0f}", static_cast<double>(r.peak_memory_bytes) / (1 << 20)), error});
+  }
+  return AlignMarkdown(lines) + "\n" + Counts(results) + "\n";
+}
+
+json BatchJson(const std::vector<BatchResult>& results) {
+  json entries = json::array();
+  for (const BatchResult& r : results) {
+    entries.push_back({{"name", r.entry.name},
+                       {"dir", r.entry.dir.string()},
+                       {"arguments", r.entry.arguments},
+                       {"status", r.status},
+                       {"exit_code", r.exit_code},
+                       {"error", r.error},
+                       {"attempts", r.attempts},
+                       {"seconds", r.seconds},
+                       {"peak_memory_bytes", r.peak_memory_bytes},
+                       {"stages", r.stages}});
+  }
+  return {{"schema", "trigpoint batch 1"},
+          {"done", Count(results, "done") + Count(results, "gate")},
+          {"gate", Count(results, "gate")},
+          {"failed", Count(results, "failed")},
+          {"entries", entries}};
+}
+
+void WriteBatchSummary(const std::vector<BatchResult>& results, const fs::path& folder) {
+  WriteFileAtomically(folder / "summary.json", DumpJson(BatchJson(results), 2) + "\n");
+  WriteFileAtomically(folder / "summary.md", FormatBatch(results));
+  CsvWriter csv({"name", "dir", "status", "exit_code", "median_m", "verdict", "seconds", "peak_memory_bytes",
+                 "attempts", "error"},
+                {"trigpoint batch 1; median_m: of the 3D errors `evaluate` shows first"});
+  for (const BatchResult& r : results) {
+    csv.Text(r.entry.name).Text(r.entry.dir.string()).Text(r.status).Integer(r.exit_code);
+    csv.Number(MedianOf(r, "median_m"), 6).Text(VerdictOf(r)).Number(r.seconds, 1).Integer(r.peak_memory_bytes);
+    csv.Integer(r.attempts).Text(r.error).EndRow();
+  }
+  csv.Save(folder / "summary.csv");
+}
+
+}  // namespace trigpoint

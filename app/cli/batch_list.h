@@ -1,0 +1,38 @@
+// What a batch is made of, and what became of it.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace trigpoint {
+
+struct BatchEntry {
+  std::string name;  // unique: the folder as written, with its options
+  std::filesystem::path dir;
+  std::vector<std::string> arguments;  // of `trigpoint run`, behind the folder
+};
+
+// A list file (one project a line, options of `run` behind it, '#' comments, "..." around names with spaces; folders
+// relative to the file; * and ? match), or a pattern of folders. Throws InputError naming file and line.
+std::vector<BatchEntry> ReadBatchList(const std::string& list);
+
+// status: done, gate (done, but a gate is not passed), failed, cancelled, waiting.
+struct BatchResult {
+  BatchEntry entry;
+  std::string status = "waiting";
+  std::string error;  // one line
+  int exit_code = 0;
+  int attempts = 0;  // more than one where memory ran out
+  double seconds = 0;
+  int64_t peak_memory_bytes = 0;
+  nlohmann::json stages = nlohmann::json::array();  // as `run --json` gives them
+};
+
+// summary.json, summary.csv, summary.md in `folder`.
+void WriteBatchSummary(const std::vector<BatchResult>& results, const std::filesystem::path& folder);
+std::string FormatBatch(const std::vector<BatchResult>& results);
+nlohmann::json BatchJson(const std::vector<BatchResult>& results);
+
+}  // namespace trigpoint

@@ -1,0 +1,186 @@
+#include "app/pipeline/reference_maps.h"
+
+#include <algorithm>
+#include <set>
+
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "datasets/project/hash.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+json ReadJson(const fs::path& file) {
+  json value = json::parse(ReadTextFile(file), nullptr, false);
+  if (!value.is_object()) throw InputError(file.string() + ": expected a JSON object; make the result again");
+  return value;
+}
+
+// "frame=enu; datum=control" of a table's first comment.
+std::string CommentValue(const std::vector<std::string>& comments, const std::string& key) {
+  for (const std::string& comment : comments) {
+    const size_t at = comment.find(key + "=");
+    if (at == std::string::npos) continue;
+    const size_t begin = at + key.size() + 1;
+    return std::string(Trim(std::string_view(comment).substr(begin, comment.find(';', begin) - begin)));
+  }
+  return "";
+}
+
+// What fixes a map to the world, one name each.
+std::vector<std::string> DatumEvidence(const Project& project, const ReferenceMap& map, const std::string& datum) {
+  std::set<std::string> evidence;
+  if (datum.find("control") != std::string::npos) {
+    for (const TagResult& tag : map.tags) {
+      if (tag.role == "control") evidence.insert("control:" + std::to_string(tag.tag_id));
+    }
+  }
+  if (datum.find("geotag") != std::string::npos) {
+    for (const Reference& reference : project.site().references) {
+      const std::string station = StationNamed(reference.station, project.site().stations);
+      if (reference.geotag.has_position && !station.empty()) evidence.insert("geotag:" + reference.name);
+    }
+  }
+  if (datum.find("gps") != std::string::npos) {
+    for (const std::string& run : map.runs) evidence.insert("gps:" + run);
+  }
+  return {evidence.begin(), evidence.end()};
+}
+
+// Runs whose detections went into a survey, from its manifest.
+std::vector<std::string> RunsOf(const json& manifest) {
+  std::set<std::string> runs;
+  for (const json& run : manifest.value("values", json::object()).value("runs", json::array())) {
+    if (run.is_string()) runs.insert(run.get<std::string>());
+  }
+  for (const auto& [input, hash] : manifest.value("inputs", json::object()).items()) {
+    for (const std::string prefix : {"results/detect/", "runs/"}) {
+      if (!input.starts_with(prefix)) continue;
+      const size_t end = input.find('/', prefix.size());
+      if (end != std::string::npos) runs.insert(input.substr(prefix.size(), end - prefix.size()));
+    }
+  }
+  return {runs.begin(), runs.end()};
+}
+
+}  // namespace
+
+ReferenceMap ControlMap(const Project& project) {
+  ReferenceMap map;
+  map.name = "control";
+  for (const ControlPoint& point : project.site().control_points) {
+    if (point.tag_id < 0 || point.corner >= 0 || !(point.local_m || (point.geodetic && project.has_frame()))) continue;
+    bool turned = false;
+    for (const Station& station : project.site().stations)
+      turned |= station.tag_id == point.tag_id && station.in_tag_frame;
+    if (turned) {
+      map.unusable[point.tag_id] = "the station's offset is in the tag's frame, and a point has none";
+      continue;
+    }
+    TagResult tag;
+    tag.tag_id = point.tag_id;
+    tag.map_from_tag = Rigid3d{Eigen::Quaterniond::Identity(),
+                               point.local_m ? *point.local_m : project.frame().EnuFromGeodetic(*point.geodetic)};
+    tag.sigma_m = Eigen::Vector3d(point.sigma_h_m, point.sigma_h_m, point.sigma_v_m);
+    tag.role = point.control ? "control" : "check";
+    tag.status = "ok";
+    map.evidence.push_back((point.control ? "control:" : "check:") + std::to_string(point.tag_id));
+    map.tags.push_back(std::move(tag));
+  }
+  return map;
+}
+
+ReferenceMap ReadReferenceMap(const Project& project, const fs::path& folder, const std::string& name) {
+  ReferenceMap map;
+  map.name = name;
+  const fs::path tags = folder / "tags.csv";
+  if (!fs::exists(tags)) {
+    throw InputError("reference " + name + ": " + tags.string() + " is not there" +
+                     (name.starts_with("survey") ? "; run `trigpoint survey` first" : ""));
+  }
+  const bool released = fs::exists(folder.parent_path() / "release.json");
+  if (released) CheckRelease(folder.parent_path());
+  const std::vector<std::string> comments = CsvTable::Read(tags, {"tag_id"}).comments();
+  const std::string frame = CommentValue(comments, "frame");
+  if (!frame.empty() && frame != "enu") {
+    throw InputError(tags.string() + ": its frame is '" + frame +
+                     "', expected the site's (enu); give the survey control points or geotags");
+  }
+  map.tags = ReadTagResults(tags, folder / "tags_cov.csv");
+  map.cross = ReadTagCovariances(folder / "tags_cov.csv");
+  for (TagResult& tag : map.tags) {
+    static const std::set<std::string> kUncertain = {"moved", "duplicate", "ambiguous", "unsolved", "rejected"};
+    if (kUncertain.count(tag.status) == 0) continue;
+    map.unusable[tag.tag_id] = "its status there is " + tag.status;
+    tag.map_from_tag.reset();
+  }
+  if (released) {
+    const json release = ReadJson(folder.parent_path() / "release.json");
+    for (const json& run : release.at("map").at("runs")) map.runs.push_back(run);
+    for (const json& item : release.at("map").at("evidence")) map.evidence.push_back(item);
+    const json origin = release.value("origin", json());
+    if (origin.is_array() && project.has_frame()) {
+      const Geodetic there{origin.at(0), origin.at(1), origin.at(2)};
+      const double apart = (EcefFromGeodetic(there) - EcefFromGeodetic(project.frame().origin())).norm();
+      if (apart > 1e-3) {
+        throw InputError("release " + name + " has its origin " + std::to_string(apart) +
+                         " m from this project's; give both the same `origin` in trigpoint.yaml");
+      }
+    }
+    return map;
+  }
+  if (fs::exists(folder / "manifest.json")) map.runs = RunsOf(ReadJson(folder / "manifest.json"));
+  map.evidence = DatumEvidence(project, map, CommentValue(comments, "datum"));
+  return map;
+}
+
+std::string TagMapFrame(const fs::path& tags_csv) {
+  return CommentValue(CsvTable::Read(tags_csv, {"tag_id"}).comments(), "frame");
+}
+
+fs::path ReferenceMapFolder(const Project& project, const std::string& name) {
+  if (name == "survey") return project.ResultDir("survey", "");
+  if (name.starts_with("survey@")) return project.ResultDir("survey", name.substr(6));
+  return ReleaseFolder(project, name) / "map";
+}
+
+std::vector<std::string> ReferenceNames(const Project& project) {
+  std::vector<std::string> names = {"self", "control"};
+  std::error_code ignored;
+  for (fs::directory_iterator it(project.results(), ignored), end; it != end; it.increment(ignored)) {
+    const std::string name = it->path().filename().string();
+    if (name == "survey" || name.starts_with("survey@")) names.push_back(name);
+  }
+  std::sort(names.begin() + 2, names.end());
+  for (const std::string& name : ReleaseNames(project)) names.push_back(name);
+  return names;
+}
+
+fs::path ReleaseFolder(const Project& project, const std::string& name) { return project.dir() / "releases" / name; }
+
+std::vector<std::string> ReleaseNames(const Project& project) {
+  std::vector<std::string> names;
+  std::error_code ignored;
+  for (fs::directory_iterator it(project.dir() / "releases", ignored), end; it != end; it.increment(ignored)) {
+    if (fs::exists(it->path() / "release.json", ignored)) names.push_back(it->path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+void CheckRelease(const fs::path& release) {
+  const json record = ReadJson(release / "release.json");
+  for (const auto& [file, hash] : record.at("files").items()) {
+    const fs::path path = release / file;
+    if (!fs::exists(path)) throw InputError(path.string() + ": is missing from the release; restore it from a copy");
+    if (Sha256OfFile(path) != hash.get<std::string>()) {
+      throw InputError(path.string() + ": was changed after it was published; restore it from a copy");
+    }
+  }
+}
+
+}  // namespace trigpoint

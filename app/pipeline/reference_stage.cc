@@ -1,0 +1,188 @@
+// reference: the true pose of every image of a run, from a tag map.
+#include <fmt/format.h>
+
+#include "app/pipeline/reference_maps.h"
+#include "app/pipeline/stage_list.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/estimates.h"
+#include "survey/tags/tag_files.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ReferenceStageOptions {
+  ReferencePoseOptions poses;
+  std::string map = "survey";       // survey, survey@V or a release
+  std::string motion = "odometry";  // what bridges images without tags
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    ReferencePoseOptions::Visit(self.poses, visit);
+    visit(self.map, {"map", "", 0, 0, "the tag map: survey, survey@V or a release"});
+    visit(self.motion, {"motion", "", 0, 0,
+                        "what bridges images without tags: odometry, or tracks (localize's own: no longer "
+                        "independent of it)"});
+  }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = poses.Check();
+    if (motion != "odometry" && motion != "tracks") {
+      problems.push_back("option motion is '" + motion + "', expected odometry or tracks");
+    }
+    return problems;
+  }
+};
+
+// The run's motion as the images' bodies: odometry, or what localize made of odometry and tracks.
+Trajectory MotionOf(const Run& run, const ReferenceStageOptions& options, const fs::path& localized) {
+  if (options.motion == "odometry") return run.odometry;
+  Trajectory motion = ReadTrajectory(localized / "cameras_odom.tum");
+  for (TimedPose& pose : motion.poses) {
+    pose.target_from_body = pose.target_from_body * run.cameras.front().cam_from_body;
+  }
+  return motion;
+}
+
+std::string Describe(const ReferencePoses& result, const std::vector<std::string>& evidence, const DisplayUnit& unit) {
+  int tags = 0, bridged = 0, none = 0;
+  std::vector<double> sigmas;
+  for (const ReferencePose& pose : result.poses) {
+    tags += pose.status == "tags";
+    bridged += pose.status == "bridged";
+    none += pose.status == "none";
+    if (pose.world_from_cam) sigmas.push_back(std::sqrt(pose.covariance.bottomRightCorner<3, 3>().trace()));
+  }
+  std::string text = fmt::format("{} images: {} see tags, {} bridged by the run's motion, {} without a pose\n",
+                                 result.poses.size(), tags, bridged, none);
+  if (!sigmas.empty()) {
+    text += fmt::format(
+        "1 sigma in space (east, north, up; the map's datum included): median {:.4f}, P90 {:.4f}, max "
+        "{:.4f} {}\n",
+        Quantile(sigmas, 0.5) / unit.metres, Quantile(sigmas, 0.9) / unit.metres, Quantile(sigmas, 1) / unit.metres,
+        unit.name);
+  }
+  text += fmt::format(
+      "{} pictures of {} tags, {} left out; corners {:.3f} px rms; motion's scale {:.5f} +- {:.5f} (1 "
+      "sigma), its noise {:.2f} (rotation) and {:.2f} (position) times the stated\n",
+      result.sights, result.tags_used.size(), result.rejected, result.rms_px, result.scale, result.scale_sigma,
+      result.motion_rot_factor, result.motion_m_factor);
+  text += "Rests on:";
+  for (const std::string& item : evidence) text += " " + item;
+  return text + "\n";
+}
+
+void MakeReference(const ReferenceStageOptions& options, const StageTarget& target, StageContext& context) {
+  const Project& project = context.project;
+  const Run& run = project.run(target.run);
+  if (run.cameras.empty()) throw InputError("run " + run.name + " has no calibrated camera; expected camchain.yaml");
+  const fs::path folder = ReferenceMapFolder(project, options.map);
+  const ReferenceMap map = ReadReferenceMap(project, folder, options.map);
+  ReferencePoseInput input;
+  input.cameras = run.cameras;
+  input.images = run.images;
+  std::vector<std::string> warnings;
+  input.detections = ReadDetections(ResultOf(project, "detect", target) / "detections.csv", 0.5, &warnings);
+  if (input.images.empty()) {  // only detections were brought
+    for (const ImageDetections& image : input.detections) {
+      ImageEntry entry;
+      entry.stamp_ns = image.stamp_ns;
+      entry.file = image.image;
+      for (size_t c = 0; c < run.cameras.size(); ++c) {
+        if (run.cameras[c].name == image.camera) entry.camera = static_cast<int>(c);
+      }
+      input.images.push_back(std::move(entry));
+    }
+  }
+  input.motion = MotionOf(run, options, ResultOf(project, "localize", target));
+  if (input.motion.poses.empty()) {
+    context.progress.Log(LogLevel::kWarning,
+                         "run " + run.name + " has no odometry: only images that see a tag get a pose");
+  }
+  input.scale_sigma = run.config.odometry_scale_sigma;
+  input.tags = map.tags;
+  input.cross = map.cross;
+  input.sizes = project.site().tags;
+  const ReferencePoses result = EstimateReferencePoses(input, options.poses, context.progress, context.cancel);
+  for (const std::string& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning);
+
+  std::vector<std::string> evidence = map.evidence;
+  for (const std::string& name : map.runs) evidence.push_back("tags:" + name);
+  for (const int id : result.tags_used) evidence.push_back("tag:" + std::to_string(id));
+  evidence.push_back("images:" + run.name);
+  if (options.motion == "tracks") evidence.push_back("localize:" + run.name);
+  WriteReferencePoses(result.poses, options.map, context.out / "poses.csv");
+  std::vector<TimedPose> cameras;
+  for (const ReferencePose& pose : result.poses) {
+    if (pose.world_from_cam && pose.camera == run.cameras.front().name) {
+      cameras.push_back({pose.stamp_ns, *pose.world_from_cam});
+    }
+  }
+  WriteTum(context.out / "cameras.tum", cameras,
+           {"trigpoint cameras 1; frame=enu; datum=" + options.map + "; world_from_cam from the tag map"});
+  for (const char* unit : {"m", "ft", "us-ft"}) {
+    WriteFileAtomically(context.out / fmt::format("report_{}.md", unit),
+                        Describe(result, evidence, DisplayUnitNamed(unit)));
+  }
+  const auto count = [&](const char* status) {
+    return std::count_if(result.poses.begin(), result.poses.end(),
+                         [&](const ReferencePose& pose) { return pose.status == status; });
+  };
+  context.metrics = {{"images", result.poses.size()},
+                     {"tags", count("tags")},
+                     {"bridged", count("bridged")},
+                     {"none", count("none")},
+                     {"rms_px", result.rms_px},
+                     {"scale", result.scale},
+                     {"scale_sigma", result.scale_sigma},
+                     {"rejected", result.rejected},
+                     {"evidence", evidence}};
+}
+
+}  // namespace
+
+StageInfo ReferenceStage() {
+  StageInfo info;
+  info.name = "reference";
+  info.help = "the true pose of every image of a run, with covariance, from the tag map";
+  info.metric = "tags";
+  info.needs = {"detect", "survey"};
+  info.flags = {"map", "motion"};
+  UseOptions<ReferenceStageOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const auto options = ResolveOptions<ReferenceStageOptions>(project, "reference", target);
+    StageRequest request;
+    request.options = JsonFromOptions(options);
+    const Run& run = project.run(target.run);
+    for (const char* file : {"images.txt", "camchain.yaml", "odometry.tum", "run.yaml"}) {
+      request.inputs.push_back(run.dir / file);
+    }
+    request.inputs.push_back(project.dir() / "tags.yaml");
+    request.inputs.push_back(ManifestOf(project, "detect", target));
+    if (options.map.starts_with("survey")) {
+      // Map and covariance themselves: a map that came out the same changes nothing.
+      request.inputs.push_back(ReferenceMapFolder(project, options.map) / "tags.csv");
+      request.inputs.push_back(ReferenceMapFolder(project, options.map) / "tags_cov.csv");
+    } else {
+      request.inputs.push_back(ReleaseFolder(project, options.map) / "release.json");
+    }
+    if (options.motion == "tracks") request.inputs.push_back(ManifestOf(project, "localize", target));
+    request.body = [options, target](StageContext& context) { MakeReference(options, target, context); };
+    return request;
+  };
+  info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
+    const auto options = ResolveOptions<ReferenceStageOptions>(project, "reference", target);
+    if (!options.map.starts_with("survey")) return "";
+    const fs::path tags = ReferenceMapFolder(project, options.map) / "tags.csv";
+    if (!fs::exists(tags)) return "no tag map (" + RelativeTo(project.dir(), tags) + ")";
+    const std::string frame = TagMapFrame(tags);
+    return frame.empty() || frame == "enu" ? "" : "the tag map is in its own frame, not in the site's";
+  };
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {
+    return ReadTextFile(outcome.dir / ("report_" + unit.name + ".md")) +
+           "Poses: " + (outcome.dir / "poses.csv").string() + "\n";
+  };
+  return info;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,318 @@
+// evaluate, its gates, publish and compare as a user calls them, on a made site of nine stations and two runs.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <memory>
+
+#include "calib/estimation/random.h"
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+#include "tests/e2e/program.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+// Results of `localize` with errors of known size; the runs bring detections in place of images, so that nothing but
+// the evaluation is computed.
+class Site {
+ public:
+  Site() {
+    static int count = 0;
+    dir_ =
+        fs::temp_directory_path() / ("trigpoint_evaluate_" + std::to_string(getpid()) + "_" + std::to_string(count++));
+    std::string stations = "station,tag_id,east_m,north_m,up_m,sigma_m\n";
+    std::string control = "tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n";
+    for (int i = 0; i < 9; ++i) {
+      stations += "S" + std::to_string(i) + "," + std::to_string(i) + ",0,0,1,0.01\n";
+      control +=
+          std::to_string(i) + (i % 3 == 0 ? ",control," : ",check,") + std::to_string(5 * i) + ",0,1,0.005,0.005\n";
+    }
+    Write("stations.csv", stations);
+    Write("control_points.csv", control);
+    Write("tags.yaml", "size_m: 0.5\n");
+    Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 200.0}");
+    for (const char* run : {"run1", "run2"}) {
+      const std::string folder = std::string("runs/") + run + "/";
+      Write(folder + "odometry.tum", "0.0 0 0 0 0 0 0 1\n41.0 41 0 0 0 0 0 1\n");
+      Write(folder + "run.yaml", "role: evaluation\n");
+      Write(folder + "detections.csv", "timestamp,tag_id,u0,v0,u1,v1,u2,v2,u3,v3\n1.0,77,10,20,20,20,20,10,10,10\n");
+      Write(folder + "camchain.yaml",
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [100, 100, 49.5, 49.5]\n  distortion_model: radtan\n"
+            "  distortion_coeffs: [0, 0, 0, 0]\n  resolution: [100, 100]\n"
+            "  T_cam_imu:\n  - [0, -1, 0, 0]\n  - [0, 0, -1, 0]\n  - [1, 0, 0, 0]\n  - [0, 0, 0, 1]\n");
+      Localize(run, 0.1, run == std::string("run1") ? 1 : 2);
+    }
+  }
+  ~Site() { fs::remove_all(dir_); }
+
+  // A result whose errors per axis have this sigma.
+  void Localize(const std::string& result, double sigma, uint64_t seed, const std::string& mode = "trigpoint") const {
+    Random random(seed);
+    const std::string run = result.substr(0, result.find('@')), folder = "results/localize/" + result + "/";
+    std::string rows =
+        "# trigpoint panoramas 1; frame=enu; datum=geotags; sigma=1\n"
+        "panorama,station,status,reason,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,odom_x,odom_y,odom_z,odom_qx,"
+        "odom_qy,odom_qz,odom_qw,inliers,views\n";
+    for (int i = 0; i < 9; ++i) {
+      char line[300];
+      const double e = sigma * random.Normal(), n = sigma * random.Normal(), u = sigma * random.Normal();
+      snprintf(line, sizeof line,
+               "pano%d,S%d,localized,,%.6f,%.6f,%.6f,0,0,0,1,%g,%g,%g,%.6f,%.6f,%.6f,0,0,0,1,100,8\n", i, i, 5 * i + e,
+               n, 2 + u, sigma, sigma, sigma, 5 * i + e, n, 2 + u);
+      rows += line;
+    }
+    Write(folder + "panoramas.csv", rows);
+    std::vector<TimedPose> cameras;
+    for (int i = 0; i <= 40; ++i)
+      cameras.push_back({int64_t{i} * 1'000'000'000, Rigid3d({1, 0, 0, 0}, {1.0 * i, 3, 1})});
+    WriteTum(dir_ / folder / "cameras.tum", cameras, {});
+    WriteTum(dir_ / folder / "cameras_odom.tum", cameras, {});
+    const json manifest = {{"schema", 1},
+                           {"stage", "localize"},
+                           {"name", result},
+                           {"version", 1},
+                           {"options", {{"mode", mode}}},
+                           {"metrics", {{"earth_source", "geotags"}}},
+                           {"files", {{"panoramas.csv", std::to_string(std::hash<std::string>{}(rows))}}},
+                           {"status", "done"}};
+    Write(folder + "manifest.json", manifest.dump());
+  }
+  // The survey's map as INTERFACE has it: the control points' places, moved by `shift` for one tag.
+  void Map(const std::string& folder, double shift) const {
+    std::string tags =
+        "# trigpoint tags 1; frame=enu; datum=control; sigma=1\n"
+        "tag_id,family,size_m,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,sigma_rx_deg,sigma_ry_deg,sigma_rz_deg,"
+        "images,runs,rms_px,role,status\n";
+    for (int i = 0; i < 9; ++i) {
+      tags += std::to_string(i) + ",tag36h11,0.5," + std::to_string(5 * i + (i == 4 ? shift : 0)) +
+              ",0,1,0,0,0,1,0.004,0.004,0.006,0.1,0.1,0.1,20,1,0.2," + (i % 3 == 0 ? "control" : "free") + ",ok\n";
+    }
+    Write(folder + "/tags.csv", tags);
+  }
+  void Write(const std::string& file, const std::string& text) const { WriteFileAtomically(dir_ / file, text); }
+  std::string Read(const std::string& file) const { return ReadTextFile(dir_ / file); }
+  json Summary(const std::string& folder = "results/evaluate") const {
+    return json::parse(Read(folder + "/summary.json"));
+  }
+  std::string dir() const { return dir_.string(); }
+
+ private:
+  fs::path dir_;
+};
+
+json GroupOf(const json& summary, const std::string& method, const std::string& variant = "") {
+  for (const json& g : summary["groups"]) {
+    if (g["method"] == method && g["variant"] == variant && g["reference"] == "control") return g;
+  }
+  return {};
+}
+
+TEST(EvaluateCommand, GatesAnswerByTheBoundAndExitThree) {
+  const Site site;
+  const Finished pass = Trigpoint({"evaluate", site.dir(), "--max-median", "1"});
+  EXPECT_EQ(pass.exit_code, 0) << pass.err;
+  EXPECT_THAT(pass.out, HasSubstr("PASS: median <= 1 m"));
+  const Finished fail = Trigpoint({"evaluate", site.dir(), "--max-median", "0.02", "--json"});
+  EXPECT_EQ(fail.exit_code, 3);
+  EXPECT_EQ(fail.Json()["exit_code"], 3);
+  EXPECT_EQ(site.Summary()["gates"]["verdict"], "FAIL");
+  const double median = GroupOf(site.Summary(), "single")["error_3d"]["over_answers"]["median_m"];
+  const Finished open = Trigpoint({"evaluate", site.dir(), "--max-median", std::to_string(1.05 * median)});
+  EXPECT_EQ(open.exit_code, 3);
+  EXPECT_THAT(open.out, HasSubstr("UNDECIDED"));
+  EXPECT_THAT(open.out, HasSubstr("would decide"));
+
+  // The project's own gates, with and without the unit in the name; the command line goes before them.
+  site.Write("trigpoint.yaml", "schema: 1\ngates: {max_median: 0.02}\n");
+  EXPECT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 3);
+  EXPECT_EQ(Trigpoint({"evaluate", site.dir(), "--max-median", "1"}).exit_code, 0);
+  site.Write("trigpoint.yaml", "schema: 1\ngates: {max_p90_m: 1, min_answered: 0.5}\n");
+  EXPECT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  EXPECT_EQ(site.Summary()["gates"]["results"].size(), 2u);
+  site.Write("trigpoint.yaml", "schema: 1\ngates: {max_medain: 1}\n");
+  const Finished typo = Trigpoint({"evaluate", site.dir()});
+  EXPECT_NE(typo.exit_code, 0);
+  EXPECT_THAT(typo.err, HasSubstr("max_median"));
+}
+
+TEST(EvaluateCommand, ShowsVariantsSideBySideInTheUnitAskedFor) {
+  const Site site;
+  site.Localize("run1@paper", 0.5, 3, "paper");
+  site.Localize("run2@paper", 0.5, 4, "paper");
+  const Finished metres = Trigpoint({"evaluate", site.dir(), "--paper-tables", "true"});
+  ASSERT_EQ(metres.exit_code, 0) << metres.err;
+  EXPECT_THAT(metres.out, HasSubstr("variant paper [m]"));
+  EXPECT_THAT(metres.out, HasSubstr("paper is better than default in"));
+  EXPECT_THAT(metres.out, HasSubstr("Agarwal, Burgard, Spinello (2015), table I"));
+  const json summary = site.Summary();
+  EXPECT_EQ(GroupOf(summary, "g2", "paper")["attempts"], 18);
+  EXPECT_LT(GroupOf(summary, "single")["error_3d"]["over_answers"]["median_m"],
+            GroupOf(summary, "g2", "paper")["error_3d"]["over_answers"]["median_m"]);
+  EXPECT_EQ(summary["comparisons"][0]["pairs"], 18);
+  // The same result, shown in feet.
+  const Finished feet = Trigpoint({"evaluate", site.dir(), "--paper-tables", "true", "--units", "ft"});
+  EXPECT_THAT(feet.err, HasSubstr("up to date"));
+  EXPECT_THAT(feet.out, HasSubstr("variant paper [ft]"));
+  EXPECT_THAT(feet.out, Not(HasSubstr("[m]")));
+}
+
+TEST(EvaluateCommand, SaysWhatEachNumberRestsOnAndWhetherItIsConsistent) {
+  const Site site;
+  ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  const json group = GroupOf(site.Summary(), "single");
+  EXPECT_FALSE(group["shares_evidence"]);
+  EXPECT_THAT(group["reference_rests_on"].dump(), HasSubstr("control:0"));
+  EXPECT_THAT(group["reference_rests_on"].dump(), HasSubstr("check:1"));
+  EXPECT_THAT(group["estimate_rests_on"].dump(), HasSubstr("geotag:pano3"));
+  EXPECT_EQ(group["nees"]["count"], 18);
+  EXPECT_TRUE(group["nees"]["horizontal"]["inside"]) << group["nees"].dump();
+  EXPECT_TRUE(group["nees"]["vertical"]["inside"]) << group["nees"].dump();
+  EXPECT_EQ(group["nees"]["by_station"].size(), 9u);
+  EXPECT_EQ(group["dominant"], "localization");
+  EXPECT_NEAR(group["error_budget_sigma_m"]["localization"], std::sqrt(3.0) * 0.1, 1e-9);
+  EXPECT_NEAR(group["error_budget_sigma_m"]["tag map"], std::sqrt(3.0) * 0.005, 1e-9);
+  EXPECT_TRUE(group["intervals"]["h"]["over_answers"]["median_m"].is_array());
+}
+
+TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
+  const Site site;
+  // A run whose result is of another kind, NaN sigmas, no answer at all.
+  site.Write("results/localize/run2/panoramas.csv", "panorama,answer\nx,1\n");
+  const Finished broken = Trigpoint({"evaluate", site.dir()});
+  EXPECT_EQ(broken.exit_code, 0) << broken.err;
+  EXPECT_THAT(broken.err, HasSubstr("run run2 takes no part: "));
+  EXPECT_EQ(GroupOf(site.Summary(), "single")["attempts"], 9);
+  site.Write("results/localize/run2/panoramas.csv",
+             "panorama,station,status,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,odom_x,odom_y,odom_z\n"
+             "pano1,S1,localized,5,0,2,0,0,0,1,nan,nan,nan,,,\npano2,S2,rejected,,,,,,,,,,,,,\n");
+  site.Write("results/localize/run2/manifest.json",
+             R"({"schema":1,"stage":"localize","name":"run2","version":1,"files":{"x":"1"},"status":"done"})");
+  const Finished nan = Trigpoint({"evaluate", site.dir(), "--min-answered", "0.1"});
+  EXPECT_EQ(nan.exit_code, 0) << nan.err;
+  EXPECT_EQ(GroupOf(site.Summary(), "single")["attempts"], 18);
+  const Finished unknown = Trigpoint({"evaluate", site.dir(), "--reference", "contrl"});
+  EXPECT_EQ(unknown.exit_code, 1);
+  EXPECT_THAT(unknown.err, HasSubstr("nearest: 'control'"));
+  // An estimate without reference poses.
+  site.Write("estimates/slam/run1.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n");
+  site.Write("estimates/slam/run9.tum", "0 0 0 0 0 0 0 1\n");
+  const Finished estimate = Trigpoint({"evaluate", site.dir()});
+  EXPECT_EQ(estimate.exit_code, 0) << estimate.err;
+  EXPECT_THAT(estimate.err, HasSubstr("there are no reference poses of run1"));
+  EXPECT_THAT(estimate.err, HasSubstr("there is no run 'run9'"));
+}
+
+TEST(PublishCommand, FreezesAMapThatLaterRunsAreHeldAgainst) {
+  const Site site;
+  site.Map("results/survey", 0);
+  site.Write(
+      "results/survey/manifest.json",
+      R"({"schema":1,"stage":"survey","name":"","version":1,"values":{"runs":["old"]},"files":{"t":"1"},"status":"done"})");
+  const Finished first = Trigpoint({"evaluate", site.dir()});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const Finished may = Trigpoint({"publish", site.dir(), "--name", "may", "--json"});
+  ASSERT_EQ(may.exit_code, 0) << may.err;
+  EXPECT_EQ(may.Json()["tags"], 9);
+  const Finished again = Trigpoint({"publish", site.dir(), "--name", "may"});
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_THAT(again.err, HasSubstr("never overwritten"));
+
+  // The survey changes; the release does not.
+  site.Map("results/survey", 0.1);
+  const Finished stale = Trigpoint({"publish", site.dir(), "--name", "june"});
+  EXPECT_EQ(stale.exit_code, 1);
+  EXPECT_THAT(stale.err, HasSubstr("out of date"));
+  ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  ASSERT_EQ(Trigpoint({"publish", site.dir(), "--name", "june"}).exit_code, 0);
+  const Finished held = Trigpoint({"evaluate", site.dir(), "--reference", "may"});
+  ASSERT_EQ(held.exit_code, 0) << held.err;
+  EXPECT_EQ(site.Summary()["groups"][0]["reference"], "may");
+  EXPECT_FALSE(site.Summary()["groups"][0]["shares_evidence"]);
+  EXPECT_THAT(site.Summary()["groups"][0]["reference_rests_on"].dump(), HasSubstr("tags:old"));
+  EXPECT_THAT(held.out, HasSubstr("Accuracy (no evidence shared)"));
+
+  const Finished compared = Trigpoint({"compare", site.dir() + "/releases/may", site.dir() + "/releases/june"});
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  EXPECT_THAT(compared.out, HasSubstr("Moved or turned: tags 4 "));
+  const json parsed =
+      Trigpoint({"compare", site.dir() + "/releases/may", site.dir() + "/releases/june", "--json"}).Json();
+  EXPECT_EQ(parsed["comparisons"][0]["map"]["moved"], json::array({4}));
+
+  // What was published must be what is there.
+  fs::permissions(site.dir() + "/releases/may/map/tags.csv", fs::perms::owner_write, fs::perm_options::add);
+  site.Map("releases/may/map", 0.3);
+  const Finished forged = Trigpoint({"evaluate", site.dir(), "--reference", "may"});
+  EXPECT_EQ(forged.exit_code, 1);
+  EXPECT_THAT(forged.err, HasSubstr("was changed after it was published"));
+}
+
+TEST(CompareCommand, PairsVariantsAndSaysWhatChanged) {
+  const Site site;
+  site.Localize("run1@paper", 0.5, 3, "paper");
+  site.Localize("run2@paper", 0.5, 4, "paper");
+  ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  const Finished compared = Trigpoint({"compare", site.dir(), site.dir() + "@paper"});
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  EXPECT_THAT(compared.out, HasSubstr("localize/run1: option mode \"trigpoint\" -> \"paper\""));
+  EXPECT_THAT(compared.out, HasSubstr("of 18 pairs"));
+  const Finished alone = Trigpoint({"compare", site.dir()});
+  EXPECT_EQ(alone.exit_code, 2);
+  EXPECT_EQ(Trigpoint({"compare", site.dir(), "/nowhere"}).exit_code, 1);
+}
+
+// Many sites at once: one is broken, one is ended by a signal on the way.
+TEST(BatchCommand, KeepsFailuresApartAndGoesOn) {
+  std::vector<std::unique_ptr<Site>> sites;
+  std::string list = "# sites\n";
+  for (int i = 0; i < 4; ++i) {
+    sites.push_back(std::make_unique<Site>());
+    list += sites.back()->dir() + "\n";
+  }
+  sites[1]->Write("trigpoint.yaml", "schema: 1\nruns: [run7]\n");
+  sites[2]->Write("trigpoint.yaml", "schema: 1\ngates: {max_median: 0.001}\n");
+  sites[0]->Write("list.txt", list);
+  const std::string file = sites[0]->dir() + "/list.txt", out = sites[0]->dir() + "/out";
+  const Finished batch = Trigpoint({"batch", file, "--jobs", "2", "--out", out, "--json"});
+  EXPECT_EQ(batch.exit_code, 1) << batch.err;
+  const json summary = json::parse(ReadTextFile(out + "/summary.json"));
+  EXPECT_EQ(summary["done"], 3);
+  EXPECT_EQ(summary["gate"], 1);
+  EXPECT_EQ(summary["failed"], 1);
+  EXPECT_EQ(summary["entries"][1]["status"], "failed");
+  EXPECT_THAT(summary["entries"][1]["error"].get<std::string>(), HasSubstr("run7"));
+  EXPECT_EQ(summary["entries"][2]["exit_code"], 3);
+  EXPECT_THAT(ReadTextFile(out + "/summary.md"), HasSubstr("3 of 4 done"));
+  EXPECT_TRUE(fs::exists(out + "/summary.csv"));
+
+  // The same again: nothing is computed twice.
+  sites[1]->Write("trigpoint.yaml", "schema: 1\n");
+  const Finished resumed = Trigpoint({"batch", file, "--jobs", "2", "--out", out, "--json"});
+  EXPECT_EQ(resumed.exit_code, 3) << resumed.err;
+  for (const json& stage : resumed.Json()["entries"][0]["stages"])
+    EXPECT_NE(stage["status"], "computed") << stage.dump();
+
+  const auto one_line = [](const Finished& f, int exit_code, const std::string& part) {
+    EXPECT_EQ(f.exit_code, exit_code);
+    EXPECT_EQ(std::count(f.err.begin(), f.err.end(), '\n'), 1) << f.err;
+    EXPECT_THAT(f.err, HasSubstr(part));
+  };
+  one_line(Trigpoint({"batch", "/nowhere"}), 1, "/nowhere");
+  one_line(Trigpoint({"batch", file, "--memory", "much"}), 2, "4G");
+  one_line(Trigpoint({"batch", sites[0]->dir() + "/none*"}), 1, "no folder matches");
+}
+
+TEST(BatchCommand, StopsWhatNeedsTooMuchMemory) {
+  const Site site;
+  site.Write("list.txt", site.dir() + "\n");
+  const Finished batch = Trigpoint({"batch", site.dir() + "/list.txt", "--memory", "1M", "--out", site.dir() + "/out"});
+  EXPECT_EQ(batch.exit_code, 1);
+  EXPECT_THAT(batch.out, HasSubstr("needs more than the memory limit"));
+}
+
+}  // namespace
+}  // namespace trigpoint
