@@ -305,7 +305,7 @@ std::optional<NeesSummary> JointNeesOf(const std::vector<const ErrorRow*>& all, 
   return summary;
 }
 
-void Summarize(const std::vector<const ErrorRow*>& rows, const EvaluateOptions& options, GroupSummary* summary) {
+void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const EvaluateOptions& options, GroupSummary* summary) {
   std::set<std::string> runs, stations;
   std::map<std::string, int> run_index, station_index;
   std::vector<ClusteredValue> clustered;
@@ -601,7 +601,7 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     while (end < result.rows.size() && GroupOf(result.rows[end]) == group) rows.push_back(&result.rows[end++]);
     GroupSummary summary{.group = group};
     std::tie(summary.estimate_rests_on, summary.reference_rests_on) = rests_on[group];
-    Summarize(rows, options, &summary);
+    SummarizeGroup(rows, options, &summary);
     summary.nees_joint = JointNeesOf(rows, group_map[group], common[group.variant]);
     result.groups.push_back(std::move(summary));
   }

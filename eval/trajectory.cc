@@ -419,7 +419,7 @@ std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference_seque
   // in time, so that a tenth of them counts.
   result.sigma_s = std::sqrt(10 * after->rmse * after->rmse / 3 / after->squared_speed_sum);
   result.significant =
-      std::abs(result.offset_s) > 3 * result.sigma_s && std::abs(result.offset_s) > 0.5 * interval / kNsPerS;
+      std::abs(result.offset_s) > 3 * result.sigma_s && std::abs(result.offset_s) > 0.02 * interval / kNsPerS;
   return result;
 }
 

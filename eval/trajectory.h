@@ -136,7 +136,7 @@ struct TimeOffset {
   double sigma_s = 0;        // 1 sigma, residuals taken as independent at a tenth of their number
   double rmse_before_m = 0;  // ATE (SE3) without the offset
   double rmse_after_m = 0;
-  bool significant = false;  // more than three sigma and more than half a reference interval away from zero
+  bool significant = false;  // more than three sigma and two percent of a reference interval away from zero
 };
 // The time offset that fits the estimate best to the reference (interpolated), within +-max_offset_s. Unset when they
 // share too little time, have none, or the motion is too small to tell.

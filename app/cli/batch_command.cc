@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-struct Arguments {
+struct BatchArguments {
   std::string list, out, memory;
   int jobs = 0;
 };
@@ -70,7 +70,7 @@ std::map<pid_t, int64_t> MemoryByGroup() {
 
 class Batch {
  public:
-  Batch(const Session& session, std::vector<BatchEntry> entries, const Arguments& arguments)
+  Batch(const Session& session, std::vector<BatchEntry> entries, const BatchArguments& arguments)
       : session_(session), terminal_(session.MakeTerminal()) {
     out_ = arguments.out;
     const int cores = ResolveThreads(session.options.threads);
@@ -285,7 +285,7 @@ class Batch {
   std::set<size_t> started_, alone_;
 };
 
-int RunBatch(const Session& session, Arguments arguments) {
+int RunBatch(const Session& session, BatchArguments arguments) {
   std::vector<BatchEntry> entries = ReadBatchList(arguments.list);
   if (arguments.out.empty()) {
     const fs::path list = arguments.list;
@@ -319,7 +319,7 @@ void AddBatchCommand(CLI::App& app, Session& session) {
       "  trigpoint batch \"/data/sites/*\"\n"
       "A line of sites.txt:\n"
       "  street_a --run monday --variant trial --set localize.max_distance_m=20");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<BatchArguments>();
   command.add_option("LIST", a->list, "a list file, or a pattern of folders in quotes")->required();
   command.add_option("--jobs", a->jobs, "projects at a time; 0: one a core")
       ->check(CLI::Range(0, 1024))

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct TrajectoryArguments {
   std::string reference;
   std::vector<std::string> estimates;
   std::string align = "none";
@@ -31,7 +31,7 @@ bool IsGps(const fs::path& file) {
 }
 
 // A GPS track in site ENU. One in a project's runs/<run>/ takes clock, lever arm and origin from there.
-PoseSequence ReadGps(const fs::path& file, const Arguments& arguments, AssociationOptions* association) {
+PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments, AssociationOptions* association) {
   const fs::path run_dir = fs::absolute(file).lexically_normal().parent_path();
   RunClock clock;
   std::optional<LocalFrame> frame;
@@ -66,7 +66,7 @@ PoseSequence ReadGps(const fs::path& file, const Arguments& arguments, Associati
   return sequence;
 }
 
-int Score(const Session& session, const Arguments& arguments) {
+int Score(const Session& session, const TrajectoryArguments& arguments) {
   TrajectoryReportOptions options;
   options.alignment = ParseTrajectoryAlignment(arguments.align);
   options.association.max_difference_s = arguments.max_difference_s;
@@ -132,7 +132,7 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
       "  trigpoint trajectory truth.tum slam.tum --align se3\n"
       "  trigpoint trajectory truth.tum a.tum b.tum --align sim3 --rpe 1m --rpe 10s --offset auto\n"
       "  trigpoint trajectory my_site/runs/run1/gps.csv my_site/results/localize/run1/cameras.tum --interpolate");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<TrajectoryArguments>();
   command.add_option("REFERENCE", a->reference, "the trajectory to compare with, or a GPS track")->required();
   command.add_option("ESTIMATE", a->estimates, "one or more trajectories")->required();
   command.add_option("--align", a->align, "none, origin, yaw, se3 or sim3")->capture_default_str();

@@ -86,7 +86,8 @@ Compared OpenCompared(const std::string& written) {
     CheckRelease(dir);
     const json release = ReadJsonOrNothing(dir / "release.json");
     ReadRows(dir / "evaluate" / "errors.csv", variant.empty() ? release.value("variant", "") : variant, &compared);
-    for (const auto& [name, record] : release.value("stages", json::object()).items()) compared.stages[name] = record;
+    const json stages = release.value("stages", json::object());
+    for (const auto& [name, record] : stages.items()) compared.stages[name] = record;
     ReadTags(dir / "map", &compared);
     return compared;
   }

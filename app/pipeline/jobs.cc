@@ -69,11 +69,20 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
   }
   if (runs.empty()) runs = there;
   const std::set<std::string> wanted = WithNeeds(query.stages);
+  // What is for all runs (the survey) and only needed on the way wants all of them, whichever run was asked for.
+  const auto for_all_runs = [&](const StageInfo& stage) {
+    return std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& other) {
+      const bool asked = std::find(query.stages.begin(), query.stages.end(), other.name) != query.stages.end();
+      return !other.per_run && !asked && !query.stages.empty() && wanted.count(other.name) > 0 &&
+             std::find(other.needs.begin(), other.needs.end(), stage.name) != other.needs.end();
+    });
+  };
   std::vector<Job> jobs;
   for (const StageInfo& stage : Stages()) {
     if (wanted.count(stage.name) == 0) continue;
     const std::vector<std::string> variants = stage.variants ? query.variants : std::vector<std::string>{""};
-    const std::vector<std::string> names = stage.per_run ? runs : std::vector<std::string>{""};
+    const std::vector<std::string>& its_runs = for_all_runs(stage) ? there : runs;
+    const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
       for (const std::string& run : names) jobs.push_back({&stage, {run, variant, query.overrides}});
     }

@@ -57,7 +57,8 @@ std::vector<std::string> RunsOf(const json& manifest) {
   for (const json& run : manifest.value("values", json::object()).value("runs", json::array())) {
     if (run.is_string()) runs.insert(run.get<std::string>());
   }
-  for (const auto& [input, hash] : manifest.value("inputs", json::object()).items()) {
+  const json inputs = manifest.value("inputs", json::object());
+  for (const auto& [input, hash] : inputs.items()) {
     for (const std::string prefix : {"results/detect/", "runs/"}) {
       if (!input.starts_with(prefix)) continue;
       const size_t end = input.find('/', prefix.size());
@@ -120,11 +121,11 @@ ReferenceMap ReadReferenceMap(const Project& project, const fs::path& folder, co
   }
   if (released) {
     const json release = ReadJson(folder.parent_path() / "release.json");
-    for (const json& run : release.at("map").at("runs")) map.runs.push_back(run);
-    for (const json& item : release.at("map").at("evidence")) map.evidence.push_back(item);
+    for (const json& run : release.at("map").at("runs")) map.runs.push_back(run.get<std::string>());
+    for (const json& item : release.at("map").at("evidence")) map.evidence.push_back(item.get<std::string>());
     const json origin = release.value("origin", json());
     if (origin.is_array() && project.has_frame()) {
-      const Geodetic there{origin.at(0), origin.at(1), origin.at(2)};
+      const Geodetic there{origin.at(0).get<double>(), origin.at(1).get<double>(), origin.at(2).get<double>()};
       const double apart = (EcefFromGeodetic(there) - EcefFromGeodetic(project.frame().origin())).norm();
       if (apart > 1e-3) {
         throw InputError("release " + name + " has its origin " + std::to_string(apart) +

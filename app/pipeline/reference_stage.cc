@@ -1,6 +1,9 @@
 // reference: the true pose of every image of a run, from a tag map.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
 
 #include "calib/estimation/random.h"
