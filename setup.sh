@@ -13,6 +13,7 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev libopengv-dev libapriltag-dev libgeographiclib-dev libexiv2-dev libexpat1-dev
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev
   libvtk9-dev libgdal-dev libglew-dev libegl-dev libgl1-mesa-dri libpango1.0-dev fonts-dejavu-core
+  libproj-dev libheif-dev
   libgtest-dev libgmock-dev
 )
 # The Debian release these packages were chosen from.

@@ -10,11 +10,13 @@ find_package(nlohmann_json 3.11 REQUIRED)
 find_package(SQLite3 REQUIRED)
 find_package(EXPAT REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
+find_package(PROJ 9 QUIET CONFIG)  # optional: coordinate systems beyond WGS 84 and UTM
 find_package(fmt REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(exiv2 REQUIRED IMPORTED_TARGET exiv2)
+pkg_check_modules(libheif IMPORTED_TARGET libheif)  # optional: HEIC photos
 pkg_check_modules(pangocairo REQUIRED IMPORTED_TARGET pangocairo)
 find_package(GDAL REQUIRED)
 find_package(OpenGL REQUIRED COMPONENTS EGL)

@@ -39,9 +39,12 @@ int Launch(int argc, char** argv) {
   AddInitCommand(app, session);
   AddStatusCommand(app, session);
   AddRunCommand(app, session);
+  AddExportCommand(app, session);
+  AddImportCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
   AddPublishCommand(app, session);
   AddCompareCommand(app, session);
+  AddManualCommand(app, session, TRIGPOINT_VERSION);
   AddTrajectoryCommand(app, session);
   AddBatchCommand(app, session);
   std::vector<std::string> names;

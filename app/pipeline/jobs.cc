@@ -27,7 +27,9 @@ std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
     for (const std::string& need : StageNamed(name).needs) add(need);
   };
   if (stages.empty()) {
-    for (const StageInfo& stage : Stages()) all.insert(stage.name);
+    for (const StageInfo& stage : Stages()) {
+      if (!stage.on_request) all.insert(stage.name);
+    }
   }
   for (const std::string& stage : stages) add(stage);
   return all;

@@ -12,5 +12,6 @@ StageInfo DetectStage();
 StageInfo SurveyStage();
 StageInfo ReferenceStage();
 StageInfo EvaluateStage();
+StageInfo CrosscheckStage();
 
 }  // namespace trigpoint

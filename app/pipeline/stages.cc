@@ -12,8 +12,7 @@ using nlohmann::json;
 
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
-  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(), DetectStage(),
-                                                 SurveyStage(),   ReferenceStage(),  EvaluateStage()};
+  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(), DetectStage(), SurveyStage(), ReferenceStage(), EvaluateStage(), CrosscheckStage()};
   return kStages;
 }
 

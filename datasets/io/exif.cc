@@ -4,6 +4,7 @@
 #include <cmath>
 #include <exiv2/exiv2.hpp>
 #include <mutex>
+#include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
@@ -128,6 +129,41 @@ std::optional<GPano> ReadGPano(const Exiv2::XmpData& xmp) {
   return found ? std::optional<GPano>(pano) : std::nullopt;
 }
 
+// Mapillary's tools put what the phone knew into the description, as JSON.
+void ReadMapillary(const std::string& description, PhotoMetadata* metadata) {
+  if (description.find("MAPLatitude") == std::string::npos) return;
+  const nlohmann::json map = nlohmann::json::parse(description, nullptr, false);
+  if (!map.is_object()) return;
+  const auto number = [](const nlohmann::json& object, const char* key) -> std::optional<double> {
+    const auto it = object.find(key);
+    return it != object.end() && it->is_number() ? std::optional<double>(it->get<double>()) : std::nullopt;
+  };
+  const auto latitude = number(map, "MAPLatitude"), longitude = number(map, "MAPLongitude");
+  if (latitude && longitude && std::abs(*latitude) <= 90 && std::abs(*longitude) <= 180) {
+    const auto altitude = number(map, "MAPAltitude");
+    metadata->position = Geodetic{*latitude, *longitude, altitude.value_or(0)};
+    metadata->has_height = altitude.has_value();
+    metadata->height_above_sea = altitude.has_value();
+    if (const auto accuracy = number(map, "MAPGPSAccuracyMeters"); accuracy && *accuracy > 0)
+      metadata->sigma_h_m = accuracy;
+  }
+  const auto compass = map.find("MAPCompassHeading");
+  if (compass != map.end() && compass->is_object()) {
+    if (const auto heading = number(*compass, "TrueHeading")) metadata->heading_deg = heading;
+  }
+  // 2016_08_05_14_31_17_512, UTC.
+  const std::string time = map.contains("MAPCaptureTime") && map["MAPCaptureTime"].is_string()
+                               ? map["MAPCaptureTime"].get<std::string>()
+                               : "";
+  if (time.size() >= 19 && !metadata->taken_utc_ns) {
+    std::string utc = time.substr(0, 4) + "-" + time.substr(5, 2) + "-" + time.substr(8, 2) + "T" + time.substr(11, 2) +
+                      ":" + time.substr(14, 2) + ":" + time.substr(17, 2);
+    if (time.size() > 20) utc += "." + time.substr(20);
+    metadata->taken_utc_ns = ParseUtcToNs(utc + "Z");
+    metadata->taken_zone_known = metadata->taken_utc_ns.has_value();
+  }
+}
+
 std::string LowerExtension(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -187,6 +223,7 @@ PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
     ReadFocal(tags, &metadata);
     ReadGps(tags, &metadata);
     ReadTime(tags, &metadata);
+    ReadMapillary(tags.Text("Exif.Image.ImageDescription"), &metadata);
     metadata.gpano = ReadGPano(image->xmpData());
   } catch (const Exiv2::AnyError& e) {
     throw InputError(file.string() + ": its headers cannot be read as a picture's: " + e.what());

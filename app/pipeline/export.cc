@@ -1,0 +1,232 @@
+#include "app/pipeline/export.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "app/pipeline/stages.h"
+#include "datasets/export/crs.h"
+#include "datasets/export/layer_files.h"
+#include "datasets/export/scene_files.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/results.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<std::string> kLayers = {"tags",         "stations", "panoramas", "cameras",
+                                          "trajectories", "ellipses", "residuals"};
+
+bool IsMap(const std::string& format) {
+  return format == "gpkg" || format == "geojson" || format == "kml" || format == "gpx" || format == "csv";
+}
+
+const ExportFormat& FormatNamed(const std::string& name) {
+  std::vector<std::string> names;
+  for (const ExportFormat& format : ExportFormats()) {
+    if (format.name == name) return format;
+    for (const std::string& alias : format.aliases) {
+      if (alias == name) return format;
+    }
+    names.push_back(format.name);
+  }
+  throw OptionError("--to " + name + ": unknown format, nearest known one: '" + NearestName(name, names) + "'");
+}
+
+// Runs to write: those asked for, else those that are localized; the others are named.
+std::vector<std::string> LocalizedRuns(const Project& project, const ExportRequest& request, ExportReport* report) {
+  std::vector<std::string> runs;
+  for (const std::string& run : request.runs.empty() ? project.RunNames() : request.runs) {
+    if (request.runs.empty() && project.site().broken_runs.count(run) > 0) continue;
+    project.run(run);  // throws naming the nearest one
+    const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+    if (fs::exists(dir / "cameras_odom.tum")) {
+      runs.push_back(run);
+    } else {
+      report->warnings.push_back("run " + run + " is left out: not localized yet (trigpoint localize)");
+    }
+  }
+  if (runs.empty()) {
+    std::string why;
+    for (const std::string& warning : report->warnings) why += "; " + warning;
+    throw InputError(project.dir().string() + ": nothing to export" + why);
+  }
+  return runs;
+}
+
+// A trajectory of a run as localized.
+struct Path {
+  std::string name;  // cameras, cameras_odom, panoramas
+  std::string frame;
+  std::vector<TimedPose> poses;
+};
+
+std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, const std::string& run) {
+  const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+  const bool wants_odom = request.frame == "odom", wants_world = request.frame == "world";
+  std::vector<Path> paths;
+  for (const BodyCamera& camera : project.run(run).cameras) {
+    const std::string suffix = camera.name == project.run(run).cameras.front().name ? "" : "_" + camera.name;
+    const fs::path world = dir / ("cameras" + suffix + ".tum"), odom = dir / ("cameras_odom" + suffix + ".tum");
+    if (!wants_odom && fs::exists(world)) {
+      paths.push_back({"cameras" + suffix, "world", ReadTrajectory(world).poses});
+    } else if (wants_world) {
+      throw InputError("run " + run + ": is not on the Earth (see its log.txt); ask for --frame odom");
+    }
+    if (!wants_world && fs::exists(odom))
+      paths.push_back({"cameras_odom" + suffix, "odom", ReadTrajectory(odom).poses});
+  }
+  Path panoramas{"panoramas", wants_odom ? "odom" : "world", {}};
+  int64_t number = 0;
+  for (const PanoramaResult& p : ReadPanoramaResults(dir / "panoramas.csv")) {
+    const auto& pose = wants_odom ? p.odom_from_pano : p.world_from_pano;
+    if (pose) panoramas.poses.push_back({number * 1'000'000'000, *pose});
+    ++number;
+  }
+  if (!panoramas.poses.empty()) paths.push_back(std::move(panoramas));
+  return paths;
+}
+
+void ExportTrajectories(const Project& project, const ExportRequest& request, const std::string& run,
+                        const fs::path& out, ExportReport* report) {
+  for (const Path& path : PathsOf(project, request, run)) {
+    const std::string kind = path.name.substr(0, path.name.find('_'));
+    if (!request.what.empty() && std::find(request.what.begin(), request.what.end(), kind) == request.what.end())
+      continue;
+    if (request.to == "tum") {
+      const std::string times =
+          kind == "panoramas" ? "timestamp: row of panoramas.csv, from 0" : "timestamp: s, run's clock";
+      report->files.push_back(out / (path.name + ".tum"));
+      WriteTum(report->files.back(), path.poses,
+               {"trigpoint trajectory 1; frame=" + path.frame + "; pose=" + path.frame + "_from_" +
+                    (kind == "cameras" ? "cam" : "pano"),
+                times, "timestamp tx ty tz qx qy qz qw"});
+    } else {
+      std::vector<Rigid3d> poses;
+      std::string times;
+      for (const TimedPose& pose : path.poses) {
+        poses.push_back(pose.target_from_body);
+        times += FormatNsAsSeconds(pose.stamp_ns) + "\n";
+      }
+      report->files.push_back(out / (path.name + ".txt"));
+      WriteKitti(report->files.back(), poses);
+      report->files.push_back(out / (path.name + "_times.txt"));
+      WriteFileAtomically(report->files.back(), times);
+    }
+    report->lines.push_back(fmt::format("{}/{}: {} poses, frame {}", run, path.name, path.poses.size(), path.frame));
+  }
+}
+
+void ExportMap(const Project& project, const ExportRequest& request, ExportReport* report) {
+  const std::vector<Layer> layers = MapLayers(project, request, &report->warnings);
+  const Crs crs =
+      Crs::Named(request.crs.empty() && !IsMap(request.to) ? project.crs() : request.crs, project.frame().origin());
+  const HeightSystem heights = HeightSystem::Named(request.heights);
+  LayerFrame frame{crs, heights, ""};
+  const Geodetic& o = project.frame().origin();
+  frame.about =
+      fmt::format("{}{}: written by trigpoint on {}; ENU origin {:.9f}, {:.9f}, {:.4f} m (WGS 84, ellipsoidal)",
+                  project.name(), request.variant.empty() ? "" : " (variant " + request.variant + ")", UtcTimeText(),
+                  o.latitude_deg, o.longitude_deg, o.height_m);
+  if (crs.accuracy_m()) {
+    report->warnings.push_back(
+        fmt::format("EPSG:{} ({}): the transformation from WGS 84 is good to {:g} m; all of it "
+                    "shifts together, beyond the sigmas in the file",
+                    crs.epsg(), crs.name(), *crs.accuracy_m()));
+  }
+  if (request.to == "csv") {
+    report->files = WriteLayerTables(request.out, layers, frame);
+  } else {
+    request.to == "gpkg"      ? WriteGeoPackage(request.out, layers, frame)
+    : request.to == "geojson" ? WriteGeoJson(request.out, layers, frame)
+    : request.to == "kml"     ? WriteKml(request.out, layers, frame)
+                              : WriteGpx(request.out, layers, frame);
+    report->files.push_back(request.out);
+  }
+  for (const Layer& layer : layers) {
+    report->lines.push_back(fmt::format("{}: {} features", layer.name, layer.features.size()));
+  }
+  report->lines.push_back(fmt::format("EPSG:{} ({}), heights {}", crs.epsg(), crs.name(), heights.name()));
+}
+
+}  // namespace
+
+const std::vector<ExportFormat>& ExportFormats() {
+  static const std::vector<ExportFormat> kFormats = {
+      {"gpkg", {"geopackage"}, "GeoPackage with styles for QGIS", kLayers},
+      {"geojson", {"json"}, "GeoJSON (RFC 7946)", kLayers},
+      {"kml", {}, "KML 2.2", kLayers},
+      {"gpx", {}, "GPX 1.1: waypoints and tracks", kLayers},
+      {"csv", {}, "a table per layer", kLayers},
+      {"colmap", {}, "COLMAP model (binary and text) and database", {}},
+      {"tum", {}, "timestamp tx ty tz qx qy qz qw", {"cameras", "panoramas"}},
+      {"kitti", {}, "3 x 4 matrices, one a line, with times beside them", {"cameras", "panoramas"}},
+      {"ply", {}, "points with their covariances", {}},
+      {"g2o", {}, "pose graph and bundle", {}},
+      {"kalibr", {}, "camchain.yaml of the cameras as used", {}}};
+  return kFormats;
+}
+
+ExportReport ExportResults(const Project& project, const ExportRequest& asked, ProgressSink& progress,
+                           const CancelToken& cancel) {
+  ExportRequest request = asked;
+  const ExportFormat& format = FormatNamed(asked.to);
+  request.to = format.name;
+  for (const std::string& what : request.what) {
+    if (std::find(format.what.begin(), format.what.end(), what) != format.what.end()) continue;
+    throw OptionError(format.what.empty() ? "--what " + what + ": " + format.name + " has no parts to choose from"
+                                          : "--what " + what + ": unknown for " + format.name + ", nearest: '" +
+                                                NearestName(what, format.what) + "'");
+  }
+  if (!IsMap(request.to) && (!request.crs.empty() || !request.heights.empty())) {
+    throw OptionError("--crs and --heights are for gpkg, geojson, kml, gpx and csv; " + request.to +
+                      " has the site's frame or the run's own (--frame)");
+  }
+  if (!request.frame.empty() && request.frame != "world" && request.frame != "odom") {
+    throw OptionError("--frame " + request.frame + ": expected world or odom");
+  }
+  if (!request.variant.empty()) CheckVariantName(request.variant);
+  const std::string suffix = request.variant.empty() ? "" : "@" + request.variant;
+  const bool default_place = request.out.empty();
+  if (default_place) {
+    request.out = project.results() / "export";
+    request.out /= IsMap(request.to) && request.to != "csv" ? "site" + suffix + "." + request.to : request.to + suffix;
+  }
+  ExportReport report;
+  if (IsMap(request.to)) {
+    ExportMap(project, request, &report);
+    return report;
+  }
+  std::vector<std::string> runs;
+  if (request.to == "kalibr") {
+    runs = request.runs.empty() ? project.RunNames() : request.runs;
+  } else {
+    runs = LocalizedRuns(project, request, &report);
+  }
+  progress.Begin("export to " + request.to, static_cast<int64_t>(runs.size()));
+  for (const std::string& run : runs) {
+    cancel.ThrowIfCancelled();
+    const fs::path out = runs.size() == 1 && !default_place ? request.out : request.out / run;
+    if (request.to == "tum" || request.to == "kitti") {
+      ExportTrajectories(project, request, run, out, &report);
+    } else if (request.to == "kalibr") {
+      report.files.push_back(out / "camchain.yaml");
+      std::error_code ignored;
+      fs::create_directories(out, ignored);
+      WriteCamchain(report.files.back(), project.run(run).cameras,
+                    {"cameras of run " + run + ", written by trigpoint"});
+      report.lines.push_back(fmt::format("{}: {} cameras", run, project.run(run).cameras.size()));
+    } else {
+      ExportScene(project, request, run, out, &report, cancel);
+    }
+    progress.Advance(1);
+  }
+  return report;
+}
+
+}  // namespace trigpoint

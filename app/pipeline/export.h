@@ -1,0 +1,83 @@
+// From a project's results to files of other programs: what `trigpoint export` does.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "datasets/colmap/model.h"
+#include "datasets/export/layers.h"
+#include "datasets/export/scene_files.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+struct ExportRequest {
+  std::string to;                 // a name of ExportFormats()
+  std::vector<std::string> what;  // layers or parts; empty: all that the format takes
+  std::vector<std::string> runs;  // empty: all that have results
+  std::string variant;
+  std::string crs;            // "", "EPSG:N", "utm"
+  std::string heights;        // "", "ellipsoidal", a geoid
+  std::string frame;          // "", "world", "odom": of scenes and trajectories; "": world where there is one
+  double confidence = 0.95;   // of ellipses
+  double ellipse_scale = 1;   // ellipses are drawn so many times larger
+  std::filesystem::path out;  // file or folder; empty: results/export/...
+};
+
+struct ExportReport {
+  std::vector<std::filesystem::path> files;
+  std::vector<std::string> lines;     // what is in them, for people
+  std::vector<std::string> warnings;  // what is missing and why
+};
+
+struct ExportFormat {
+  std::string name;                  // "gpkg"
+  std::vector<std::string> aliases;  // "geopackage"
+  std::string help;
+  std::vector<std::string> what;  // what it takes, in order
+};
+const std::vector<ExportFormat>& ExportFormats();
+
+// Writes the files. Throws OptionError for what cannot be asked for, InputError when the results it needs are missing
+// (naming the command that makes them).
+ExportReport ExportResults(const Project& project, const ExportRequest& request, ProgressSink& progress,
+                           const CancelToken& cancel);
+
+// --- The parts, for crosscheck and tests.
+
+// The layers of maps, in site ENU brought to the Earth. Missing results are named in `warnings`.
+std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings);
+
+// A run as localized: its sparse model with all its features as pixels, in world or in the run's own frame.
+struct RunScene {
+  std::string run;
+  bool world = false;  // frame: site ENU, else the run's own
+  SparseModel model;
+  double sigma_px = 1;             // estimated noise of a feature
+  std::filesystem::path features;  // the store they come from
+};
+RunScene ReadRunScene(const Project& project, const std::string& run, const std::string& variant,
+                      const std::string& frame);
+// Its features and the matches that its tracks stand for, as a COLMAP database; images and cameras get the ids 1, 2,
+// ... in the model's order. Returns, by image id of the model, the feature of each of its pixels, -1: none at its
+// place.
+std::map<uint32_t, std::vector<int>> WriteSceneDatabase(const RunScene& scene, const std::filesystem::path& file,
+                                                        const CancelToken& cancel);
+
+// Covariance of a point given its cameras (what triangulation alone leaves), model frame, m^2; none with less than two
+// rays or no parallax.
+std::optional<Eigen::Matrix3d> PointCovariance(const SparseModel& model, const ModelPoint& point, double sigma_px);
+
+// Cameras chained by odometry with the noise that localize found, panoramas as points seen from their nearest camera;
+// in the scene's frame. Ids of cameras are those of the model.
+PoseGraph MakePoseGraph(const Project& project, const std::string& variant, const RunScene& scene);
+
+// Writes plain scenes: colmap, ply, g2o, g2o-bundle.
+void ExportScene(const Project& project, const ExportRequest& request, const std::string& run,
+                 const std::filesystem::path& out, ExportReport* report, const CancelToken& cancel);
+
+}  // namespace trigpoint

@@ -1,0 +1,342 @@
+// Results as layers of a map.
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <map>
+
+#include "app/pipeline/export.h"
+#include "app/pipeline/stages.h"
+#include "datasets/io/csv.h"
+#include "eval/evaluate.h"
+#include "eval/evaluation_files.h"
+#include "eval/results.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// An ellipse to be drawn: 2 x 2 covariance of east and north at a place.
+struct Spread {
+  std::string layer, run, name;
+  Eigen::Vector3d at;
+  Eigen::Matrix2d covariance;
+  bool correlation_known;
+};
+
+struct Sources {
+  const Project& project;
+  const ExportRequest& request;
+  std::vector<Spread> spreads;
+  Layer tags, stations, panoramas, cameras, trajectories, ellipses, residuals;
+};
+
+LayerField Real(const char* name, int decimals = 4) { return {name, FieldType::kReal, decimals}; }
+LayerField Text(const char* name) { return {name, FieldType::kText, 0}; }
+LayerField Whole(const char* name) { return {name, FieldType::kInteger, 0}; }
+
+// Cells of a table's row in the order of the fields; empty ones are not known.
+void AppendCells(const CsvRow& row, const std::vector<LayerField>& fields, size_t first, std::vector<LayerValue>* out) {
+  for (size_t i = first; i < fields.size(); ++i) {
+    const LayerField& field = fields[i];
+    if (!row.Has(field.name)) {
+      out->emplace_back();
+    } else if (field.type == FieldType::kText) {
+      out->emplace_back(row.Text(field.name));
+    } else if (field.type == FieldType::kInteger) {
+      out->emplace_back(row.Integer(field.name));
+    } else {
+      out->emplace_back(row.Number(field.name));
+    }
+  }
+}
+
+Geodetic OnEarth(const Sources& s, const Eigen::Vector3d& enu) { return s.project.frame().GeodeticFromEnu(enu); }
+
+void AddResidual(Sources* s, const std::string& run, const std::string& name, const std::string& kind,
+                 const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d d = to - from;
+  s->residuals.features.push_back(
+      {name, {OnEarth(*s, from), OnEarth(*s, to)}, {run, kind, d.x(), d.y(), d.z(), d.head<2>().norm(), d.norm()}, {}});
+}
+
+void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
+  const auto columns = [](const CsvRow& row) {
+    return Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z"));
+  };
+  const CsvTable panoramas = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
+  for (const CsvRow& row : panoramas.rows()) {
+    LayerFeature feature;
+    feature.name = row.Text("panorama");
+    feature.values = {run};
+    AppendCells(row, s->panoramas.fields, 1, &feature.values);
+    if (row.Has("x") && row.Has("latitude_deg")) {
+      const Eigen::Vector3d at = columns(row);
+      feature.geometry = {OnEarth(*s, at)};
+      if (row.Has("sigma_x_m") && row.Has("sigma_y_m")) {
+        const Eigen::Vector2d sigma(row.Number("sigma_x_m"), row.Number("sigma_y_m"));
+        s->spreads.push_back({"panoramas", run, feature.name, at, sigma.cwiseAbs2().asDiagonal(), false});
+      }
+      if (row.Has("geotag_de_m") && row.Has("geotag_dn_m")) {
+        AddResidual(
+            s, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
+            at + Eigen::Vector3d(row.Number("geotag_de_m"), row.Number("geotag_dn_m"), row.Number("geotag_du_m", 0)));
+      }
+    }
+    s->panoramas.features.push_back(std::move(feature));
+  }
+  const RunConfig& config = s->project.run(run).config;
+  std::map<std::string, LayerFeature> tracks;
+  const CsvTable cameras = CsvTable::Read(dir / "cameras.csv", {"timestamp", "image", "camera", "x", "y", "z"});
+  for (const CsvRow& row : cameras.rows()) {
+    LayerFeature feature;
+    feature.name = row.Text("image");
+    feature.values = {run};
+    AppendCells(row, s->cameras.fields, 1, &feature.values);
+    const Eigen::Vector3d at = columns(row);
+    feature.geometry = {OnEarth(*s, at)};
+    LayerFeature& track = tracks[row.Text("camera")];
+    track.geometry.push_back(feature.geometry.front());
+    if (config.time_zero_utc_ns) {
+      feature.times_ns = {row.StampNs("timestamp") + *config.time_zero_utc_ns};
+      track.times_ns.push_back(feature.times_ns.front());
+    }
+    if (row.Has("sigma_e_m") && row.Has("sigma_n_m")) {
+      const Eigen::Vector2d sigma(row.Number("sigma_e_m"), row.Number("sigma_n_m"));
+      s->spreads.push_back({"cameras", run, feature.name, at, sigma.cwiseAbs2().asDiagonal(), false});
+    }
+    s->cameras.features.push_back(std::move(feature));
+  }
+  for (auto& [camera, track] : tracks) {
+    if (track.geometry.size() < 2) continue;
+    double length = 0;
+    for (size_t i = 1; i < track.geometry.size(); ++i) {
+      length += (EcefFromGeodetic(track.geometry[i]) - EcefFromGeodetic(track.geometry[i - 1])).norm();
+    }
+    track.name = run + "/" + camera;
+    track.values = {run, camera, static_cast<int64_t>(track.geometry.size()), length};
+    s->trajectories.features.push_back(std::move(track));
+  }
+}
+
+// Position of a control point in site ENU.
+std::optional<Eigen::Vector3d> ControlPosition(const Sources& s, const ControlPoint& point) {
+  if (point.local_m) return point.local_m;
+  if (point.geodetic) return s.project.frame().EnuFromGeodetic(*point.geodetic);
+  return std::nullopt;
+}
+
+void AddTags(Sources* s, const fs::path& dir) {
+  std::map<int, Rigid3d> world_from_tag;
+  for (const TagResult& tag : ReadTagResults(dir / "tags.csv", dir / "tags_cov.csv")) {
+    LayerFeature feature;
+    feature.name = std::to_string(tag.tag_id);
+    const auto known = [](const std::optional<Eigen::Vector3d>& v, int i, double factor = 1) {
+      return v ? LayerValue((*v)[i] * factor) : LayerValue();
+    };
+    feature.values = {int64_t{tag.tag_id}, tag.family, tag.size_m, tag.role, tag.status};
+    std::optional<Eigen::Vector3d> at;
+    if (tag.map_from_tag) at = tag.map_from_tag->translation;
+    for (int i = 0; i < 3; ++i) feature.values.push_back(known(at, i));
+    for (int i = 0; i < 3; ++i) feature.values.push_back(known(tag.sigma_m, i));
+    for (int i = 0; i < 3; ++i) feature.values.push_back(known(tag.sigma_rot_rad, i, kRadToDeg));
+    feature.values.insert(feature.values.end(), {int64_t{tag.images}, int64_t{tag.runs}, tag.rms_px});
+    if (at) {
+      feature.geometry = {OnEarth(*s, *at)};
+      const Geodetic& g = feature.geometry.front();
+      feature.values.insert(feature.values.end(), {g.latitude_deg, g.longitude_deg, g.height_m});
+      world_from_tag[tag.tag_id] = *tag.map_from_tag;
+      if (tag.covariance) {
+        s->spreads.push_back({"tags", "", feature.name, *at, tag.covariance->block<2, 2>(3, 3), true});
+      } else if (tag.sigma_m) {
+        s->spreads.push_back({"tags", "", feature.name, *at, tag.sigma_m->head<2>().cwiseAbs2().asDiagonal(), false});
+      }
+    } else {
+      feature.values.resize(s->tags.fields.size());
+    }
+    s->tags.features.push_back(std::move(feature));
+  }
+  for (const Station& station : s->project.site().stations) {
+    LayerFeature feature;
+    feature.name = station.name;
+    feature.values = {int64_t{station.tag_id}, station.sigma_m};
+    const auto tag = world_from_tag.find(station.tag_id);
+    std::string reason = fmt::format("tag {} is not in the map", station.tag_id);
+    std::optional<Eigen::Vector3d> centre;
+    if (tag != world_from_tag.end()) {
+      centre = StationCentre(station, tag->second, Eigen::Matrix3d::Identity(), Eigen::Vector3d::UnitZ(), &reason);
+    }
+    if (centre) feature.geometry = {OnEarth(*s, *centre)};
+    feature.values.push_back(centre ? LayerValue() : LayerValue(reason));
+    s->stations.features.push_back(std::move(feature));
+  }
+  for (const ControlPoint& point : s->project.site().control_points) {
+    const auto tag = world_from_tag.find(point.tag_id);
+    if (tag == world_from_tag.end() || point.corner >= 0) continue;
+    const auto surveyed = ControlPosition(*s, point);
+    if (!surveyed) continue;
+    AddResidual(s, "", std::to_string(point.tag_id),
+                point.control ? "map minus control point: a residual, not an accuracy" : "map minus check point",
+                *surveyed, tag->second.translation);
+  }
+}
+
+void AddErrors(Sources* s, const fs::path& errors_csv) {
+  std::map<std::pair<std::string, std::string>, Geodetic> places;
+  for (const LayerFeature& f : s->panoramas.features) {
+    if (!f.geometry.empty()) places[{std::get<std::string>(f.values[0]), f.name}] = f.geometry.front();
+  }
+  const CsvTable table =
+      CsvTable::Read(errors_csv, {"run", "method", "panorama", "reference", "kind", "de_m", "dn_m", "du_m"});
+  for (const CsvRow& row : table.rows()) {
+    const auto place = places.find({row.Text("run"), row.Text("panorama")});
+    if (row.Text("kind") != "absolute" || row.Text("method") == "g1" || !row.Has("de_m") || place == places.end())
+      continue;
+    if (row.Has("variant") && row.Text("variant") != s->request.variant) continue;
+    const Eigen::Vector3d at = s->project.frame().EnuFromGeodetic(place->second);
+    AddResidual(s, row.Text("run"), row.Text("panorama"), "estimate minus tag of " + row.Text("reference"),
+                at - Eigen::Vector3d(row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")), at);
+  }
+}
+
+void AddEllipses(Sources* s) {
+  const double chi2 = -2 * std::log(1 - s->request.confidence);  // two degrees of freedom
+  constexpr int kVertices = 48;
+  for (const Spread& spread : s->spreads) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(spread.covariance);
+    const Eigen::Vector2d half = (chi2 * solver.eigenvalues().cwiseMax(0)).cwiseSqrt();  // minor, major
+    const Eigen::Vector2d major = solver.eigenvectors().col(1);
+    double azimuth = std::atan2(major.x(), major.y()) * kRadToDeg;
+    if (azimuth < 0) azimuth += 180;
+    LayerFeature feature;
+    feature.name = spread.name;
+    for (int i = 0; i < kVertices; ++i) {
+      const double angle = 2 * 3.14159265358979323846 * i / kVertices;
+      const Eigen::Vector2d d = s->request.ellipse_scale * solver.eigenvectors() *
+                                Eigen::Vector2d(half.x() * std::cos(angle), half.y() * std::sin(angle));
+      feature.geometry.push_back(OnEarth(*s, spread.at + Eigen::Vector3d(d.x(), d.y(), 0)));
+    }
+    feature.values = {spread.layer,
+                      spread.run,
+                      s->request.confidence,
+                      half.y(),
+                      half.x(),
+                      azimuth,
+                      std::string(spread.correlation_known ? "full" : "axes only"),
+                      s->request.ellipse_scale};
+    s->ellipses.features.push_back(std::move(feature));
+  }
+}
+
+}  // namespace
+
+std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings) {
+  if (!project.has_frame()) {
+    throw InputError(
+        project.dir().string() +
+        ": nothing ties it to the Earth; add origin.json, or panoramas, control points or GPS with positions");
+  }
+  Sources s{project, request, {}, {}, {}, {}, {}, {}, {}, {}};
+  s.tags = {"tags",
+            "tags of the map, their centres",
+            LayerGeometry::kPoint,
+            "#1f77b4",
+            {Whole("tag_id"),
+             Text("family"),
+             Real("size_m"),
+             Text("role"),
+             Text("status"),
+             Real("x_m"),
+             Real("y_m"),
+             Real("z_m"),
+             Real("sigma_e_m", 5),
+             Real("sigma_n_m", 5),
+             Real("sigma_u_m", 5),
+             Real("sigma_rx_deg"),
+             Real("sigma_ry_deg"),
+             Real("sigma_rz_deg"),
+             Whole("images"),
+             Whole("runs"),
+             Real("rms_px"),
+             Real("latitude_deg", 9),
+             Real("longitude_deg", 9),
+             Real("height_m")},
+            {}};
+  s.stations = {"stations", "panorama stations as measured from their tags",    LayerGeometry::kPoint,
+                "#9467bd",  {Whole("tag_id"), Real("sigma_m"), Text("reason")}, {}};
+  s.panoramas = {"panoramas",
+                 "panoramas as the cameras see them (1 sigma)",
+                 LayerGeometry::kPoint,
+                 "#d62728",
+                 {Text("run"), Text("station"), Text("status"), Text("reason"), Real("sigma_x_m", 5),
+                  Real("sigma_y_m", 5), Real("sigma_z_m", 5), Real("latitude_deg", 9), Real("longitude_deg", 9),
+                  Real("height_m"), Real("heading_deg"), Real("pitch_deg"), Real("roll_deg"), Whole("inliers"),
+                  Whole("views"), Real("geotag_de_m"), Real("geotag_dn_m"), Real("geotag_du_m"), Text("geotag_status")},
+                 {}};
+  s.cameras = {
+      "cameras",
+      "images of the runs (1 sigma)",
+      LayerGeometry::kPoint,
+      "#2ca02c",
+      {Text("run"), Text("camera"), Text("timestamp"), Real("sigma_e_m", 5), Real("sigma_n_m", 5), Real("sigma_u_m", 5),
+       Real("latitude_deg", 9), Real("longitude_deg", 9), Real("height_m"), Real("heading_deg"), Real("pitch_deg"),
+       Real("roll_deg"), Real("sigma_heading_deg", 5), Real("sigma_pitch_deg", 5), Real("sigma_roll_deg", 5)},
+      {}};
+  s.trajectories = {"trajectories",
+                    "paths of the cameras",
+                    LayerGeometry::kLine,
+                    "#2ca02c",
+                    {Text("run"), Text("camera"), Whole("images"), Real("length_m", 3)},
+                    {}};
+  s.ellipses = {"ellipses",
+                fmt::format("{:g} % error ellipses, horizontal", 100 * request.confidence),
+                LayerGeometry::kPolygon,
+                "#ff7f0e",
+                {Text("layer"), Text("run"), Real("confidence"), Real("semi_major_m", 5), Real("semi_minor_m", 5),
+                 Real("azimuth_deg", 2), Text("correlation"), Real("drawn_scale", 1)},
+                {}};
+  s.residuals = {
+      "residuals",
+      "differences as vectors, in the direction said in `kind`",
+      LayerGeometry::kLine,
+      "#e377c2",
+      {Text("run"), Text("kind"), Real("de_m"), Real("dn_m"), Real("du_m"), Real("horizontal_m"), Real("length_m")},
+      {}};
+  const std::vector<std::string> runs = request.runs.empty() ? project.RunNames() : request.runs;
+  for (const std::string& run : runs) {
+    if (project.site().broken_runs.count(run) == 0) project.run(run);  // throws naming the nearest one
+    const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+    if (!fs::exists(dir / "panoramas.csv")) {
+      warnings->push_back("run " + run + " is left out: not localized yet (trigpoint localize)");
+    } else if (!fs::exists(dir / "cameras.csv")) {
+      warnings->push_back("run " + run + " is left out: its localization is not on the Earth (see its log.txt)");
+    } else {
+      AddRun(&s, run, dir);
+    }
+  }
+  const fs::path survey = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
+  if (fs::exists(survey / "tags.csv")) {
+    AddTags(&s, survey);
+  } else if (!project.site().stations.empty() || !project.site().control_points.empty()) {
+    warnings->push_back("no tags and stations: there is no tag map yet (trigpoint survey)");
+  }
+  const fs::path errors =
+      project.ResultDir("evaluate", request.variant.empty() ? "" : "@" + request.variant) / "errors.csv";
+  if (fs::exists(errors)) AddErrors(&s, errors);
+  AddEllipses(&s);
+  std::vector<Layer> layers;
+  for (Layer* layer : {&s.tags, &s.stations, &s.panoramas, &s.cameras, &s.trajectories, &s.ellipses, &s.residuals}) {
+    const bool wanted =
+        request.what.empty() || std::find(request.what.begin(), request.what.end(), layer->name) != request.what.end();
+    if (wanted && !layer->features.empty()) layers.push_back(std::move(*layer));
+  }
+  if (layers.empty()) {
+    std::string why;
+    for (const std::string& warning : *warnings) why += "; " + warning;
+    throw InputError(project.dir().string() + ": nothing to export" + why);
+  }
+  return layers;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,183 @@
+#include "datasets/export/crs.h"
+
+#include <fmt/format.h>
+
+#include <GeographicLib/Geoid.hpp>
+#include <cmath>
+#include <filesystem>
+
+#include "calib/base/error.h"
+#include "datasets/io/text.h"
+
+#ifdef TRIGPOINT_HAVE_PROJ
+#include <proj.h>
+#endif
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kWgs84Wkt =
+    R"(GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],)"
+    R"(AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],UNIT["degree",0.0174532925199433,)"
+    R"(AUTHORITY["EPSG","9122"]],AXIS["Latitude",NORTH],AXIS["Longitude",EAST],AUTHORITY["EPSG","4326"]])";
+
+std::string UtmWkt(int zone, bool north) {
+  return fmt::format(
+      R"(PROJCS["WGS 84 / UTM zone {}{}",{},PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],)"
+      R"(PARAMETER["central_meridian",{}],PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],)"
+      R"(PARAMETER["false_northing",{}],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Easting",EAST],)"
+      R"(AXIS["Northing",NORTH],AUTHORITY["EPSG","{}"]])",
+      zone, north ? 'N' : 'S', kWgs84Wkt, 6 * zone - 183, north ? 0 : 10000000, (north ? 32600 : 32700) + zone);
+}
+
+}  // namespace
+
+struct Crs::Proj {
+#ifdef TRIGPOINT_HAVE_PROJ
+  ~Proj() {
+    proj_destroy(transform);
+    proj_context_destroy(context);
+  }
+  PJ_CONTEXT* context = nullptr;
+  PJ* transform = nullptr;
+#endif
+};
+
+Crs::Crs() = default;
+Crs::~Crs() = default;
+Crs::Crs(Crs&&) noexcept = default;
+
+Crs Crs::Named(const std::string& code, const Geodetic& near) {
+  Crs crs;
+  if (code == "utm") {
+    crs.epsg_ = UtmFromGeodetic(near).EpsgCode();
+  } else if (!code.empty()) {
+    const std::string_view digits = std::string_view(code).substr(code.find(':') + 1);
+    const auto number = ParseInt(digits);
+    const std::string authority = code.substr(0, code.size() - digits.size());
+    if (!number || *number < 1 || *number > 1'000'000 || (authority != "EPSG:" && authority != "epsg:")) {
+      throw OptionError("--crs " + code + ": expected EPSG:N, e.g. EPSG:4326 or EPSG:32632, or utm");
+    }
+    crs.epsg_ = static_cast<int>(*number);
+  }
+  if (crs.epsg_ == 4326) {
+    crs.name_ = "WGS 84";
+    crs.wkt_ = kWgs84Wkt;
+    return crs;
+  }
+  crs.geographic_ = false;
+  const int zone = crs.epsg_ % 100;
+  if ((crs.epsg_ / 100 == 326 || crs.epsg_ / 100 == 327) && zone >= 1 && zone <= 60) {
+    const bool north = crs.epsg_ / 100 == 326;
+    crs.utm_zone_ = north ? zone : -zone;
+    crs.name_ = fmt::format("WGS 84 / UTM zone {}{}", zone, north ? 'N' : 'S');
+    crs.wkt_ = UtmWkt(zone, north);
+    return crs;
+  }
+#ifdef TRIGPOINT_HAVE_PROJ
+  const std::string name = fmt::format("EPSG:{}", crs.epsg_);
+  crs.proj_ = std::make_unique<Proj>();
+  PJ_CONTEXT* context = crs.proj_->context = proj_context_create();
+  proj_log_level(context, PJ_LOG_NONE);
+  PJ* target = proj_create(context, name.c_str());
+  const PJ_TYPE type = target == nullptr ? PJ_TYPE_UNKNOWN : proj_get_type(target);
+  if (type != PJ_TYPE_PROJECTED_CRS && type != PJ_TYPE_GEOGRAPHIC_2D_CRS) {
+    proj_destroy(target);
+    throw OptionError("--crs " + code +
+                      (type == PJ_TYPE_UNKNOWN ? ": PROJ knows no such system"
+                                               : ": expected a projected or geographic system of two axes; heights are "
+                                                 "chosen by --heights"));
+  }
+  crs.geographic_ = type == PJ_TYPE_GEOGRAPHIC_2D_CRS;
+  crs.name_ = proj_get_name(target);
+  const char* wkt = proj_as_wkt(context, target, PJ_WKT1_GDAL, nullptr);
+  crs.wkt_ = wkt == nullptr ? "undefined" : wkt;
+  proj_destroy(target);
+  PJ_AREA* area = proj_area_create();
+  proj_area_set_bbox(area, near.longitude_deg - 0.01, near.latitude_deg - 0.01, near.longitude_deg + 0.01,
+                     near.latitude_deg + 0.01);
+  PJ* raw = proj_create_crs_to_crs(context, "EPSG:4326", name.c_str(), area);
+  proj_area_destroy(area);
+  if (raw != nullptr) {
+    crs.proj_->transform = proj_normalize_for_visualization(context, raw);
+    proj_destroy(raw);
+  }
+  if (crs.proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ has no way to it from WGS 84");
+  crs.FromGeodetic(near);  // chooses the operation that holds here
+  if (PJ* used = proj_trans_get_last_used_operation(crs.proj_->transform)) {
+    const double accuracy = proj_coordoperation_get_accuracy(context, used);
+    if (accuracy > 0) crs.accuracy_m_ = accuracy;
+    proj_destroy(used);
+  }
+  return crs;
+#else
+  throw OptionError("--crs " + code +
+                    ": this build knows WGS 84 (EPSG:4326) and UTM on it (EPSG:326zz, 327zz) only; install libproj-dev "
+                    "and build again for the others");
+#endif
+}
+
+Eigen::Vector2d Crs::FromGeodetic(const Geodetic& g) const {
+  if (epsg_ == 4326) return {g.longitude_deg, g.latitude_deg};
+  if (utm_zone_ != 0) {
+    const Utm utm = UtmFromGeodetic(g, std::abs(utm_zone_));
+    const double other = utm.north == (utm_zone_ > 0) ? 0 : utm.north ? 1e7 : -1e7;  // across the equator
+    return {utm.easting_m, utm.northing_m + other};
+  }
+#ifdef TRIGPOINT_HAVE_PROJ
+  proj_errno_reset(proj_->transform);
+  const PJ_COORD out = proj_trans(proj_->transform, PJ_FWD, proj_coord(g.longitude_deg, g.latitude_deg, 0, HUGE_VAL));
+  if (std::isfinite(out.xy.x) && std::isfinite(out.xy.y)) return {out.xy.x, out.xy.y};
+#endif
+  throw InputError(fmt::format("latitude {:.6f}, longitude {:.6f} has no coordinates in EPSG:{} ({})", g.latitude_deg,
+                               g.longitude_deg, epsg_, name_));
+}
+
+struct HeightSystem::Geoid {
+  explicit Geoid(const std::string& name) : geoid(name) {}
+  GeographicLib::Geoid geoid;
+};
+
+HeightSystem::HeightSystem() = default;
+HeightSystem::~HeightSystem() = default;
+HeightSystem::HeightSystem(HeightSystem&&) noexcept = default;
+
+HeightSystem HeightSystem::Named(const std::string& name) {
+  HeightSystem system;
+  if (name.empty() || name == "ellipsoidal") return system;
+  static const std::vector<std::string> kGrids = {"egm2008-1", "egm2008-2_5", "egm2008-5", "egm96-5",
+                                                  "egm96-15",  "egm84-15",    "egm84-30"};
+  std::vector<std::string> fitting;
+  for (const std::string& grid : kGrids) {
+    if (grid == name || grid.starts_with(name + "-")) fitting.push_back(grid);
+  }
+  if (fitting.empty()) {
+    throw OptionError("--heights " + name +
+                      ": unknown; expected ellipsoidal, egm84, egm96, egm2008 or one of their grids, e.g. egm2008-1");
+  }
+  const std::string folder = GeographicLib::Geoid::DefaultGeoidPath();
+  for (const std::string& grid : fitting) {
+    if (!fs::exists(fs::path(folder) / (grid + ".pgm"))) continue;
+    try {
+      system.geoid_ = std::make_unique<Geoid>(grid);
+    } catch (const std::exception& e) {
+      throw OptionError("--heights " + name + ": " + e.what() + "; fetch the grid again: geographiclib-get-geoids " +
+                        grid);
+    }
+    system.name_ = grid;
+    return system;
+  }
+  throw OptionError("--heights " + name + ": its grid is not installed in " + folder +
+                    "; get it by: apt install geographiclib-tools && geographiclib-get-geoids " + fitting.front() +
+                    " (or set GEOGRAPHICLIB_GEOID_PATH to the folder that holds it)");
+}
+
+double HeightSystem::Undulation(const Geodetic& g) const {
+  return geoid_ == nullptr ? 0 : geoid_->geoid(g.latitude_deg, g.longitude_deg);
+}
+
+double HeightSystem::FromEllipsoidal(const Geodetic& g) const { return g.height_m - Undulation(g); }
+
+}  // namespace trigpoint

@@ -1,0 +1,69 @@
+// Coordinate reference systems by EPSG code, and heights above a geoid.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "calib/geo/geodetic.h"
+
+namespace trigpoint {
+
+// A horizontal system that positions are written in. WGS 84 (EPSG:4326) and UTM on WGS 84 (EPSG:326zz, 327zz) are
+// built in; every other code needs PROJ (built with it where it was installed). Axis order is always x, y: longitude,
+// latitude or easting, northing.
+class Crs {
+ public:
+  // "EPSG:25832"; "" or "EPSG:4326" is WGS 84; "utm" the zone of `near`. Throws OptionError for what is unknown, has
+  // three axes, or needs PROJ when it isn't there.
+  static Crs Named(const std::string& code, const Geodetic& near);
+  ~Crs();
+  Crs(Crs&&) noexcept;
+  Crs(const Crs&) = delete;
+
+  // x, y: degrees if geographic, else the system's unit (metres but for a few). Throws InputError where the position
+  // has none.
+  Eigen::Vector2d FromGeodetic(const Geodetic& g) const;
+
+  int epsg() const { return epsg_; }
+  const std::string& name() const { return name_; }  // "WGS 84 / UTM zone 32N"
+  bool geographic() const { return geographic_; }
+  const std::string& wkt() const { return wkt_; }  // OGC WKT 1
+  // What the best known transformation from WGS 84 is good to at `near`, m; unset: exact, or not known.
+  std::optional<double> accuracy_m() const { return accuracy_m_; }
+
+ private:
+  struct Proj;
+  Crs();
+  int epsg_ = 4326;
+  int utm_zone_ = 0;  // negative: south; 0: not a built-in UTM
+  std::string name_, wkt_;
+  bool geographic_ = true;
+  std::optional<double> accuracy_m_;
+  std::unique_ptr<Proj> proj_;
+};
+
+// Ellipsoidal heights, or heights above a geoid ("egm84-30", "egm96-5", "egm2008-2_5", ...; "egm96" and "egm2008" take
+// the finest grid there is).
+class HeightSystem {
+ public:
+  // "" or "ellipsoidal", or a geoid. Throws OptionError that says how to get the grid when it isn't installed.
+  static HeightSystem Named(const std::string& name);
+  ~HeightSystem();
+  HeightSystem(HeightSystem&&) noexcept;
+  HeightSystem(const HeightSystem&) = delete;
+
+  bool ellipsoidal() const { return geoid_ == nullptr; }
+  const std::string& name() const { return name_; }  // "ellipsoidal" or the grid's
+  double FromEllipsoidal(const Geodetic& g) const;   // m
+  double Undulation(const Geodetic& g) const;        // geoid above the ellipsoid, m; 0 if ellipsoidal
+
+ private:
+  struct Geoid;
+  HeightSystem();
+  std::string name_ = "ellipsoidal";
+  std::unique_ptr<Geoid> geoid_;
+};
+
+}  // namespace trigpoint

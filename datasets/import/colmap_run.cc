@@ -1,0 +1,256 @@
+#include "datasets/import/colmap_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "calib/base/error.h"
+#include "calib/geometry/alignment.h"
+#include "datasets/colmap/database.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A camera looks along the body's x axis: without a rig the body is the camera itself, turned so.
+Rigid3d CamFromBody() {
+  Eigen::Matrix3d r;
+  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
+}
+
+fs::path NewRun(const fs::path& site, const ColmapRunOptions& options) {
+  if (options.run.empty() || options.run.find_first_of("/\\@") != std::string::npos || options.run.front() == '.') {
+    throw OptionError("--run '" + options.run + "': expected a name for the new run, without / and @");
+  }
+  if (options.images.empty())
+    throw OptionError("--images is missing: the folder that the model's image names begin in");
+  const fs::path dir = site / "runs" / options.run;
+  if (fs::exists(dir)) throw InputError(dir.string() + ": is there already; choose another --run, or remove it");
+  return dir;
+}
+
+// Throws unless every image is there; names the first that is not.
+void CheckImages(const std::vector<std::string>& names, const fs::path& images) {
+  size_t missing = 0;
+  std::string first;
+  for (const std::string& name : names) {
+    std::error_code error;
+    if (fs::path(name).is_absolute() || !fs::is_regular_file(images / name, error)) {
+      if (missing++ == 0) first = name;
+    }
+  }
+  if (missing > 0) {
+    throw InputError(fmt::format("{} of {} images are not in {}, the first: {}; name the folder by --images", missing,
+                                 names.size(), images.string(), first));
+  }
+}
+
+// images.txt, and the link to the pictures.
+void WriteImages(const fs::path& dir, const fs::path& images,
+                 const std::vector<std::tuple<int64_t, std::string, std::string>>& rows, ImportReport* report) {
+  std::error_code error;
+  fs::create_directories(dir, error);
+  if (!error) fs::create_directory_symlink(fs::canonical(images), dir / "images", error);
+  if (error) throw IoError((dir / "images").string() + ": cannot be written: " + error.message());
+  std::string text = "# timestamp file camera; numbered one a second by name\n";
+  for (const auto& [stamp, file, camera] : rows) {
+    text += FormatNsAsSeconds(stamp, 1) + " \"images/" + file + "\" " + camera + "\n";
+  }
+  WriteFileAtomically(dir / "images.txt", text);
+  report->files.insert(report->files.end(), {dir / "images.txt", dir / "images"});
+}
+
+struct Scale {
+  double metres = 1;
+  double sigma = 0.5;  // as a part of itself
+  std::string source;
+};
+
+// From the positions that the pictures carry, where they are spread far beyond their noise.
+std::optional<Scale> ScaleFromExif(const SparseModel& model, const fs::path& images) {
+  std::vector<Eigen::Vector3d> centres, places;
+  std::optional<LocalFrame> frame;
+  double noise = 3;
+  for (const ModelImage& image : model.images) {
+    PhotoMetadata metadata;
+    try {
+      metadata = ReadPhotoMetadata(images / image.name);
+    } catch (const InputError&) {
+      continue;
+    }
+    if (!metadata.position) continue;
+    Geodetic g = *metadata.position;
+    g.height_m = metadata.has_height ? g.height_m : 0;
+    if (!frame) frame = LocalFrame(g);
+    if (metadata.sigma_h_m) noise = *metadata.sigma_h_m;
+    centres.push_back(image.cam_from_world.TargetOriginInSource());
+    places.push_back(frame->EnuFromGeodetic(g));
+  }
+  if (places.size() < 3) return std::nullopt;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : places) mean += p / static_cast<double>(places.size());
+  double spread = 0;
+  for (const Eigen::Vector3d& p : places) spread += (p - mean).squaredNorm();
+  try {
+    const Sim3d fit = AlignPoints(centres, places, AlignmentKind::kSim3);
+    double residual = 0;
+    for (size_t i = 0; i < places.size(); ++i) residual += (fit * centres[i] - places[i]).squaredNorm();
+    // 1 sigma of the scale: noise over the root of the summed squared distances from the middle.
+    const double degrees = std::max(1.0, 3.0 * static_cast<double>(places.size()) - 7);
+    const double sigma = std::max(std::sqrt(residual / degrees), 0.3 * noise) / std::sqrt(spread);
+    if (!(sigma < 0.2) || !(fit.scale > 0)) return std::nullopt;
+    return Scale{fit.scale, sigma, fmt::format("EXIF positions of {} images", places.size())};
+  } catch (const NumericError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, const ColmapRunOptions& options) {
+  ImportReport report;
+  const fs::path dir = NewRun(site, options);
+  SparseModel model = ReadColmapModel(model_dir);
+  if (model.images.empty()) throw InputError(model_dir.string() + ": the model has no image");
+  std::sort(model.images.begin(), model.images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  std::vector<std::string> names;
+  for (const ModelImage& image : model.images) names.push_back(image.name);
+  CheckImages(names, options.images);
+
+  Scale scale;
+  if (options.scale) {
+    if (!(*options.scale > 0)) throw OptionError("--scale: expected metres per unit of the model, more than 0");
+    scale = {*options.scale, 0.01, "--scale"};
+  } else if (const auto found = ScaleFromExif(model, options.images)) {
+    scale = *found;
+  } else {
+    scale.source = "nothing";
+    report.warnings.push_back(
+        "the model's unit is not known: it is taken as 1 m; name it by --scale METRES, or it must come from "
+        "panoramas, tags or GPS (run.yaml: odometry.scale_sigma)");
+  }
+
+  // Bodies: rigs where the model has them, else each camera is one of its own.
+  std::map<uint32_t, const ModelFrame*> frame_of;
+  for (const ModelFrame& frame : model.frames) {
+    for (uint32_t id : frame.images) frame_of[id] = &frame;
+  }
+  const bool rigs = model.rigs.size() == 1 && model.rigs.front().cameras.size() > 1 &&
+                    std::all_of(model.images.begin(), model.images.end(),
+                                [&](const ModelImage& image) { return frame_of.count(image.id) > 0; });
+  if (!rigs && model.rigs.size() > 1 &&
+      std::any_of(model.rigs.begin(), model.rigs.end(), [](const ModelRig& r) { return r.cameras.size() > 1; })) {
+    report.warnings.push_back("the model has several rigs; a run has one body, so every camera is taken by itself");
+  }
+  std::vector<BodyCamera> cameras;
+  std::map<uint32_t, std::string> name_of;
+  const Rigid3d cam_from_body = CamFromBody();
+  for (const auto& [id, camera] : model.cameras) {
+    BodyCamera c;
+    c.name = fmt::format("cam{}", cameras.size());
+    c.camera = camera;
+    c.cam_from_body = cam_from_body;
+    c.has_extrinsics = true;
+    if (rigs) {
+      bool there = false;
+      for (const auto& [member, cam_from_rig] : model.rigs.front().cameras) {
+        if (member != id) continue;
+        there = true;
+        Rigid3d scaled = cam_from_rig;
+        scaled.translation *= scale.metres;
+        c.cam_from_body = scaled * cam_from_body;
+      }
+      if (!there) continue;
+    }
+    name_of[id] = c.name;
+    cameras.push_back(std::move(c));
+  }
+  std::vector<std::tuple<int64_t, std::string, std::string>> rows;
+  std::vector<TimedPose> odometry;
+  std::map<uint32_t, int64_t> stamp_of_frame;
+  for (const ModelImage& image : model.images) {
+    int64_t stamp = static_cast<int64_t>(odometry.size()) * 1'000'000'000;
+    bool fresh = true;
+    Rigid3d world_from_body = image.cam_from_world.Inverse() * cam_from_body;
+    if (rigs) {
+      const ModelFrame& frame = *frame_of.at(image.id);
+      std::tie(std::ignore, fresh) = stamp_of_frame.emplace(frame.id, stamp);
+      stamp = stamp_of_frame.at(frame.id);
+      world_from_body = frame.rig_from_world.Inverse() * cam_from_body;
+    }
+    world_from_body.translation *= scale.metres;
+    if (fresh) odometry.push_back({stamp, world_from_body});
+    rows.emplace_back(stamp, image.name, name_of.at(image.camera_id));
+  }
+  std::stable_sort(rows.begin(), rows.end(),
+                   [](const auto& a, const auto& b) { return std::get<0>(a) < std::get<0>(b); });
+  WriteImages(dir, options.images, rows, &report);
+  WriteCamchain(dir / "camchain.yaml", cameras, {"cameras of the COLMAP model " + model_dir.string()});
+  WriteTum(dir / "odometry.tum", odometry,
+           {"poses of a COLMAP model, scaled by " + fmt::format("{:.9g}", scale.metres)});
+  WriteFileAtomically(
+      dir / "run.yaml",
+      fmt::format("# Made of a COLMAP model; metres per unit {:.9g}, from {}.\nodometry:\n  levelled: false\n  "
+                  "scale_sigma: {:.3g}\n",
+                  scale.metres, scale.source, scale.sigma));
+  report.files.insert(report.files.end(), {dir / "camchain.yaml", dir / "odometry.tum", dir / "run.yaml"});
+  const fs::path kept = site / "models" / options.run;
+  std::error_code ignored;
+  if (!fs::exists(kept, ignored)) {
+    WriteColmapModel(model, kept);
+    report.files.push_back(kept);
+  }
+  report.lines.push_back(fmt::format(
+      "run {}: {} images, {} cameras, {} points; {:.6g} m per unit (from {}, +- {:.1f} %, 1 sigma)", options.run,
+      model.images.size(), cameras.size(), model.points.size(), scale.metres, scale.source, 100 * scale.sigma));
+  return report;
+}
+
+ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, const ColmapRunOptions& options) {
+  ImportReport report;
+  const fs::path dir = NewRun(site, options);
+  const ColmapDatabase database = ColmapDatabase::OpenRead(file);
+  std::vector<DatabaseImage> images = database.Images();
+  if (images.empty()) throw InputError(file.string() + ": the database has no image");
+  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  std::vector<std::string> names;
+  for (const DatabaseImage& image : images) names.push_back(image.name);
+  CheckImages(names, options.images);
+  std::vector<BodyCamera> cameras;
+  std::map<uint32_t, std::string> name_of;
+  for (const auto& [id, camera] : database.Cameras()) {
+    BodyCamera c;
+    c.name = fmt::format("cam{}", cameras.size());
+    c.camera = camera;
+    c.cam_from_body = CamFromBody();
+    c.has_extrinsics = true;
+    name_of[id] = c.name;
+    cameras.push_back(std::move(c));
+  }
+  std::vector<std::tuple<int64_t, std::string, std::string>> rows;
+  for (const DatabaseImage& image : images) {
+    const auto camera = name_of.find(image.camera_id);
+    if (camera == name_of.end()) {
+      throw InputError(fmt::format("{}: image {}: its camera {} is not in the database", file.string(), image.name,
+                                   image.camera_id));
+    }
+    rows.emplace_back(static_cast<int64_t>(rows.size()) * 1'000'000'000, image.name, camera->second);
+  }
+  WriteImages(dir, options.images, rows, &report);
+  WriteCamchain(dir / "camchain.yaml", cameras, {"cameras of the COLMAP database " + file.string()});
+  report.files.push_back(dir / "camchain.yaml");
+  report.lines.push_back(fmt::format("run {}: {} images, {} cameras", options.run, images.size(), cameras.size()));
+  report.warnings.push_back(
+      "a database has no poses: tags can be detected, but localize needs odometry.tum, or import the model");
+  return report;
+}
+
+}  // namespace trigpoint
