@@ -4,6 +4,7 @@
 #   ./setup.sh            installs the packages that are missing and builds Release
 #   ./setup.sh demo [DIR] the same, then runs the example site (default ./trigpoint-demo) to its tables
 #   ./setup.sh test       the same with the tests, then ctest and clang-format
+#   ./setup.sh package    the same, then Debian packages in build/release
 #   ./setup.sh lint       the same, then clang-tidy over the product's sources (minutes)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
@@ -13,7 +14,7 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev libopengv-dev libapriltag-dev libgeographiclib-dev libexiv2-dev libexpat1-dev
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev
   libvtk9-dev libgdal-dev libglew-dev libegl-dev libgl1-mesa-dri libpango1.0-dev fonts-dejavu-core
-  libproj-dev libheif-dev
+  libproj-dev libheif-dev file
   libgtest-dev libgmock-dev
 )
 # The Debian release these packages were chosen from.
@@ -73,6 +74,11 @@ case $command in
     build
     ctest --preset release -L lint "$@"
     ;;
-  -h | --help) sed -n '2,7s/^# \{0,1\}//p' "$0" ;;
-  *) fail "unknown command '$command': expected nothing, demo, test or lint (see --help)" ;;
+  package)
+    install_packages
+    build
+    (cd build/release && cpack)
+    ;;
+  -h | --help) sed -n '2,8s/^# \{0,1\}//p' "$0" ;;
+  *) fail "unknown command '$command': expected nothing, demo, test, package or lint (see --help)" ;;
 esac

@@ -12,7 +12,7 @@ function(trigpoint_library name)
   set_target_properties(trigpoint_${name} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(trigpoint_${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include/trigpoint>)
   target_link_libraries(trigpoint_${name} PUBLIC ${ARG_DEPS} PRIVATE $<BUILD_INTERFACE:trigpoint_warnings> ${ARG_PRIVATE_DEPS})
-  install(TARGETS trigpoint_${name} EXPORT trigpoint)
+  install(TARGETS trigpoint_${name} EXPORT trigpoint COMPONENT dev)
 endfunction()
 
 # trigpoint_test(NAME SOURCES ... DEPS ... [LABEL unit|slow|e2e|gui] [TIMEOUT s]): one GoogleTest program = one ctest entry.

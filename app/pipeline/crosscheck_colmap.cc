@@ -131,7 +131,6 @@ bool ColmapRun::PickModel(ColmapSolution* solution, const fs::path& dir) {
       SparseModel model = ReadColmapModel(entry.path());
       if (model.images.size() <= solution->model.images.size()) continue;
       solution->model = std::move(model);
-      fs::remove_all(dir / "best");
       fs::copy(entry.path(), work_ / ("best_" + solution->depth),
                fs::copy_options::recursive | fs::copy_options::overwrite_existing);
     } catch (const InputError& e) {
@@ -285,6 +284,10 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
     if (reference.kind != ReferenceKind::kPanorama) continue;
     const auto at = answers.find(reference.name);
     if (at == answers.end()) continue;
+    if (!cameras.empty() && cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
+      solution.reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
+      continue;
+    }
     std::vector<std::pair<double, std::string>> nearest;
     for (const ModelImage& image : scene_.model.images) {
       const auto name = colmap_name.find(image.name);
@@ -302,7 +305,6 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
         throw IoError((pictures / name).string() + ": cannot be written; is the disk full?");
       }
       names[v].push_back(name);
-      // Panoramas of another size have another focal length: their views are cut to the first one's.
       cameras.emplace(v, p.rig.views[v].camera);
       rig_from_view.emplace(v, p.rig.views[v].rig_from_view);
       (*views)[name] = {reference.name, v};

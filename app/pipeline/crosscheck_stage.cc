@@ -1,6 +1,8 @@
 // crosscheck: COLMAP on the same run, and anybody's models and trajectories of it, held against ours.
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -78,7 +80,9 @@ void AddCovariance(const Project& project, const std::string& variant, int threa
   problem.scale_sigma = run.config.odometry_scale_sigma;
 
   std::vector<int> poses;
-  const size_t n = model.images.size(), count = std::min(n, kMostCameras);
+  const size_t n = model.images.size();
+  // The columns hold all poses: half a gigabyte at most.
+  const size_t count = std::min({n, kMostCameras, std::max<size_t>(10, 1'700'000 / n)});
   for (size_t k = 0; k < count; ++k) {
     const size_t i = count == 1 ? 0 : k * (n - 1) / (count - 1);
     poses.push_back(static_cast<int>(i));
@@ -366,8 +370,9 @@ void WriteTables(const fs::path& dir, const std::vector<Other>& others, const st
       {"system", "what", "alignment", "name", "dx_m", "dy_m", "dz_m", "length_m", "rotation_deg", "normalised"},
       {"trigpoint crosscheck_differences 1; frame=odom; theirs minus ours"});
   for (const Other& other : others) {
-    for (const auto& [what, comparisons] :
-         {std::pair{"cameras", &other.comparisons}, {"panoramas", &other.panorama_comparisons}}) {
+    const std::pair<const char*, const std::vector<CrossComparison>*> kinds[] = {
+        {"cameras", &other.comparisons}, {"panoramas", &other.panorama_comparisons}};
+    for (const auto& [what, comparisons] : kinds) {
       for (const CrossComparison& c : *comparisons) {
         for (const CrossDifference& d : c.differences) {
           differences.Text(other.system).Text(what).Text(CrossAlignmentName(c.alignment)).Text(d.name);

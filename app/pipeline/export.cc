@@ -3,13 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <set>
 
 #include "app/pipeline/stages.h"
 #include "datasets/export/crs.h"
+#include "datasets/export/gpano.h"
 #include "datasets/export/layer_files.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/results.h"
@@ -122,6 +126,33 @@ void ExportTrajectories(const Project& project, const ExportRequest& request, co
   }
 }
 
+// The localized panoramas of a run, each with its pose in its headers.
+void ExportGPano(const Project& project, const ExportRequest& request, const std::string& run, const fs::path& out,
+                 ExportReport* report, const CancelToken& cancel) {
+  std::map<std::string, fs::path> pictures;
+  for (const Reference& reference : project.site().references) {
+    if (reference.kind == ReferenceKind::kPanorama) pictures[reference.name] = reference.files.front();
+  }
+  const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+  const CsvTable table = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
+  int written = 0;
+  for (const CsvRow& row : table.rows()) {
+    cancel.ThrowIfCancelled();
+    const auto picture = pictures.find(row.Text("panorama"));
+    if (picture == pictures.end() || !row.Has("latitude_deg") || !row.Has("heading_deg")) continue;
+    PanoramaPose pose;
+    pose.position = {row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m")};
+    pose.attitude = {row.Number("heading_deg") * kDegToRad, row.Number("pitch_deg") * kDegToRad,
+                     row.Number("roll_deg") * kDegToRad};
+    pose.sigma_h_m = std::hypot(row.Number("sigma_x_m", 0), row.Number("sigma_y_m", 0));
+    report->files.push_back(out / picture->second.filename());
+    WritePanoramaWithPose(picture->second, report->files.back(), pose);
+    ++written;
+  }
+  if (written == 0) throw InputError("run " + run + ": no panorama has a position on the Earth");
+  report->lines.push_back(fmt::format("{}: {} panoramas", run, written));
+}
+
 void ExportMap(const Project& project, const ExportRequest& request, ExportReport* report) {
   const std::vector<Layer> layers = MapLayers(project, request, &report->warnings);
   const Crs crs =
@@ -168,6 +199,7 @@ const std::vector<ExportFormat>& ExportFormats() {
       {"kitti", {}, "3 x 4 matrices, one a line, with times beside them", {"cameras", "panoramas"}},
       {"ply", {}, "points with their covariances", {}},
       {"g2o", {}, "pose graph and bundle", {}},
+      {"gpano", {}, "the localized panoramas, their poses in GPano XMP and EXIF", {}},
       {"kalibr", {}, "camchain.yaml of the cameras as used", {}}};
   return kFormats;
 }
@@ -214,6 +246,8 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
     const fs::path out = runs.size() == 1 && !default_place ? request.out : request.out / run;
     if (request.to == "tum" || request.to == "kitti") {
       ExportTrajectories(project, request, run, out, &report);
+    } else if (request.to == "gpano") {
+      ExportGPano(project, request, run, out, &report, cancel);
     } else if (request.to == "kalibr") {
       report.files.push_back(out / "camchain.yaml");
       std::error_code ignored;

@@ -1,0 +1,29 @@
+# Debian packages: `cpack` in the build folder (or ./setup.sh package) makes trigpoint and trigpoint-dev.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME trigpoint)
+set(CPACK_PACKAGE_VENDOR "The Trigpoint authors")
+set(CPACK_PACKAGE_CONTACT "The Trigpoint authors <trigpoint@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "From a folder of images to localized panoramas")
+set(CPACK_PACKAGE_DESCRIPTION "Finds out where pictures were taken, to centimetres, from geotagged panoramas, and how sure it is.")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL runtime dev)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME trigpoint)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
+# What the program is linked with, as dpkg-shlibdeps finds it.
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "colmap, geographiclib-tools")
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME trigpoint-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+string(JOIN ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})" libeigen3-dev libceres-dev libopencv-dev
+       libopengv-dev libapriltag-dev libgeographiclib-dev libexiv2-dev libexpat1-dev libyaml-cpp-dev nlohmann-json3-dev
+       libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev libproj-dev libheif-dev libvtk9-dev libgdal-dev
+       libglew-dev libegl-dev libpango1.0-dev)
+include(CPack)
+
+# Licence and the notices of what the program is linked with.
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/trigpoint RENAME copyright)
+install(FILES ${PROJECT_SOURCE_DIR}/NOTICE ${PROJECT_SOURCE_DIR}/README.md DESTINATION share/doc/trigpoint)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/ DESTINATION share/doc/trigpoint/docs)

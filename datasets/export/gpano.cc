@@ -1,0 +1,70 @@
+#include "datasets/export/gpano.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <exiv2/exiv2.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+// Degrees, minutes and 1e-6 seconds (0.03 mm).
+std::string Sexagesimal(double angle_deg) {
+  const auto micro = static_cast<int64_t>(std::llround(std::abs(angle_deg) * 3600e6));
+  return fmt::format("{}/1 {}/1 {}/1000000", micro / 3'600'000'000, micro / 60'000'000 % 60, micro % 60'000'000);
+}
+
+std::string Thousandths(double value) { return fmt::format("{}/1000", std::llround(std::abs(value) * 1000)); }
+
+}  // namespace
+
+void WritePanoramaWithPose(const std::filesystem::path& picture, const std::filesystem::path& out,
+                           const PanoramaPose& pose) {
+  std::error_code error;
+  std::filesystem::create_directories(out.parent_path(), error);
+  std::filesystem::copy_file(picture, out, std::filesystem::copy_options::overwrite_existing, error);
+  if (error) throw IoErrorFor(out, "written", error.value());
+  std::filesystem::permissions(out, std::filesystem::perms::owner_write, std::filesystem::perm_options::add, error);
+  try {
+    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(out.string());
+    image->readMetadata();
+    Exiv2::XmpData& xmp = image->xmpData();
+    const int width = image->pixelWidth(), height = image->pixelHeight();
+    const auto if_missing = [&](const char* key, const std::string& value) {
+      if (xmp.findKey(Exiv2::XmpKey(key)) == xmp.end()) xmp[key] = value;
+    };
+    xmp["Xmp.GPano.ProjectionType"] = "equirectangular";
+    if_missing("Xmp.GPano.UsePanoramaViewer", "True");
+    if_missing("Xmp.GPano.FullPanoWidthPixels", std::to_string(width));
+    if_missing("Xmp.GPano.FullPanoHeightPixels", std::to_string(height));
+    if_missing("Xmp.GPano.CroppedAreaImageWidthPixels", std::to_string(width));
+    if_missing("Xmp.GPano.CroppedAreaImageHeightPixels", std::to_string(height));
+    if_missing("Xmp.GPano.CroppedAreaLeftPixels", "0");
+    if_missing("Xmp.GPano.CroppedAreaTopPixels", "0");
+    const double heading_deg = pose.attitude.heading_rad * kRadToDeg;
+    xmp["Xmp.GPano.PoseHeadingDegrees"] = fmt::format("{:.4f}", heading_deg);
+    xmp["Xmp.GPano.PosePitchDegrees"] = fmt::format("{:.4f}", pose.attitude.pitch_rad * kRadToDeg);
+    xmp["Xmp.GPano.PoseRollDegrees"] = fmt::format("{:.4f}", pose.attitude.roll_rad * kRadToDeg);
+    Exiv2::ExifData& exif = image->exifData();
+    exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
+    exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
+    exif["Exif.GPSInfo.GPSLatitudeRef"] = pose.position.latitude_deg < 0 ? "S" : "N";
+    exif["Exif.GPSInfo.GPSLatitude"] = Sexagesimal(pose.position.latitude_deg);
+    exif["Exif.GPSInfo.GPSLongitudeRef"] = pose.position.longitude_deg < 0 ? "W" : "E";
+    exif["Exif.GPSInfo.GPSLongitude"] = Sexagesimal(pose.position.longitude_deg);
+    exif["Exif.GPSInfo.GPSAltitudeRef"] = pose.position.height_m < 0 ? "3" : "2";  // EXIF 3: of the ellipsoid
+    exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(pose.position.height_m);
+    exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
+    exif["Exif.GPSInfo.GPSImgDirection"] = Thousandths(heading_deg);
+    if (pose.sigma_h_m > 0) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(pose.sigma_h_m);
+    image->writeMetadata();
+  } catch (const Exiv2::AnyError& e) {
+    std::filesystem::remove(out, error);
+    throw IoError(out.string() + ": its headers cannot be written: " + e.what());
+  }
+}
+
+}  // namespace trigpoint

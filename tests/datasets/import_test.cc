@@ -1,0 +1,192 @@
+#include <gmock/gmock.h>
+
+#include <cstdlib>
+#include <exiv2/exiv2.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "datasets/import/panorama_provider.h"
+#include "datasets/import/phone_files.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/text.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+cv::Mat Gradient(int width) {
+  cv::Mat picture(width / 2, width, CV_8UC3);
+  for (int v = 0; v < picture.rows; ++v) {
+    for (int u = 0; u < width; ++u) {
+      picture.at<cv::Vec3b>(v, u) = {cv::saturate_cast<uchar>(255.0 * u / width),
+                                     cv::saturate_cast<uchar>(510.0 * v / width), 60};
+    }
+  }
+  return picture;
+}
+
+double MeanDifference(const cv::Mat& a, const cv::Mat& b) {
+  cv::Mat difference;
+  cv::absdiff(a, b, difference);
+  const cv::Scalar mean = cv::mean(difference);
+  return (mean[0] + mean[1] + mean[2]) / 3;
+}
+
+TEST(ImportPanoramas, WholeTilesAndFacesBecomeOneTable) {
+  const TempDir dir;
+  const fs::path from = dir / "street", site = dir / "site";
+  fs::create_directories(from / "tiled");
+  fs::create_directories(from / "cube");
+  const cv::Mat whole = Gradient(512);
+  cv::imwrite((from / "whole.png").string(), whole);
+  cv::Mat padded = cv::Mat::zeros(300, 600, CV_8UC3);
+  whole.copyTo(padded(cv::Rect(0, 0, 512, 256)));
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 4; ++x) {
+      cv::imwrite((from / "tiled" / (std::to_string(x) + "_" + std::to_string(y) + ".png")).string(),
+                  padded(cv::Rect(150 * x, 150 * y, 150, 150)));
+    }
+  }
+  int grey = 20;
+  for (const char* face : {"front", "right", "back", "left", "up", "down"}) {
+    cv::imwrite((from / "cube" / (std::string(face) + ".png")).string(),
+                cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(grey)));
+    grey += 40;
+  }
+  dir.Write("street/whole.json",
+            R"({"pano_id": "whole", "location": {"lat": 48.01, "lng": 7.83}, "heading": 123.5, "date": "2024-06"})");
+  dir.Write("street/more.json", R"([{"id": "tiled", "latitude": "48.0101", "longitude": 7.8301, "tilt": 91.5},
+    {"id": "cube", "latitude": 48.0102, "longitude": 7.8302}, {"id": "far", "latitude": 49, "longitude": 8},
+    {"id": "missing", "latitude": 48.0102, "longitude": 7.8302}, {"id": "nowhere"}, {"id": "../x", "latitude": 48, "longitude": 7}])");
+  PanoramaImportOptions options;
+  options.near = Geodetic{48.01, 7.83, 0};
+  options.radius_m = 500;
+  ProgressSink progress;
+  const ImportReport report = ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken());
+  const std::string warnings = Joined(report.warnings);
+  EXPECT_THAT(warnings, HasSubstr("nowhere has no latitude"));
+  EXPECT_THAT(warnings, HasSubstr("../x"));
+  EXPECT_THAT(warnings, HasSubstr("no picture of panorama missing"));
+  const std::string table = ReadTextFile(site / "panoramas.csv");
+  EXPECT_THAT(table, HasSubstr("panoramas/whole.jpg,whole,48.010000000,7.830000000,,123.5000,,,"));
+  EXPECT_THAT(table, HasSubstr("panoramas/tiled.jpg,tiled,48.010100000,7.830100000,,,1.5000,,"));
+  EXPECT_THAT(table, testing::Not(HasSubstr("far")));
+  EXPECT_LT(MeanDifference(cv::imread((site / "panoramas/whole.jpg").string()), whole), 3);
+  const cv::Mat tiled = cv::imread((site / "panoramas/tiled.jpg").string());
+  ASSERT_EQ(tiled.cols, 600);
+  EXPECT_LT(MeanDifference(tiled(cv::Rect(0, 0, 500, 250)), whole(cv::Rect(0, 0, 500, 250))), 3);
+  const cv::Mat cube = cv::imread((site / "panoramas/cube.jpg").string());
+  ASSERT_EQ(cube.cols, 256);
+  const auto at = [&](int v, int u) { return static_cast<int>(cube.at<cv::Vec3b>(v, u)[0]); };
+  EXPECT_NEAR(at(64, 128), 20, 4);    // straight ahead: the image's centre
+  EXPECT_NEAR(at(64, 192), 60, 4);    // to the right
+  EXPECT_NEAR(at(64, 2), 100, 4);     // behind
+  EXPECT_NEAR(at(64, 64), 140, 4);    // to the left
+  EXPECT_NEAR(at(2, 100), 180, 4);    // up
+  EXPECT_NEAR(at(125, 100), 220, 4);  // down
+  EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
+}
+
+// A picture cut into faces by rays and put together again is the picture.
+TEST(ImportPanoramas, FacesGoBackToTheirPlaces) {
+  std::vector<cv::Mat> faces;
+  const auto colour = [](const Eigen::Vector3d& d) {
+    return cv::Vec3b(cv::saturate_cast<uchar>(128 + 100 * d.x()), cv::saturate_cast<uchar>(128 + 100 * d.y()),
+                     cv::saturate_cast<uchar>(128 + 100 * d.z()));
+  };
+  const Eigen::Vector3d forward[] = {{0, 0, 1}, {1, 0, 0}, {0, 0, -1}, {-1, 0, 0}, {0, -1, 0}, {0, 1, 0}};
+  const Eigen::Vector3d right[] = {{1, 0, 0}, {0, 0, -1}, {-1, 0, 0}, {0, 0, 1}, {1, 0, 0}, {1, 0, 0}};
+  const int n = 200;
+  for (int f = 0; f < 6; ++f) {
+    cv::Mat face(n, n, CV_8UC3);
+    const Eigen::Vector3d down = forward[f].cross(right[f]);
+    for (int v = 0; v < n; ++v) {
+      for (int u = 0; u < n; ++u) {
+        const Eigen::Vector3d ray = forward[f] + (2 * (u + 0.5) / n - 1) * right[f] + (2 * (v + 0.5) / n - 1) * down;
+        face.at<cv::Vec3b>(v, u) = colour(ray.normalized());
+      }
+    }
+    faces.push_back(face);
+  }
+  const cv::Mat panorama = AssembleFaces(faces, 800);
+  const Camera camera = Camera::Equirectangular(800, 400);
+  double worst = 0;
+  for (int v = 0; v < 400; v += 7) {
+    for (int u = 0; u < 800; u += 7) {
+      const cv::Vec3b expected = colour(*camera.Unproject({double(u), double(v)}));
+      for (int k = 0; k < 3; ++k)
+        worst = std::max(worst, std::abs(double(expected[k]) - panorama.at<cv::Vec3b>(v, u)[k]));
+    }
+  }
+  EXPECT_LE(worst, 4);
+}
+
+TEST(ImportPhotos, HeicBecomesJpegWithItsExif) {
+  if (std::system("command -v heif-enc >/dev/null 2>&1") != 0) GTEST_SKIP() << "heif-enc is not installed";
+  const TempDir dir;
+  fs::create_directories(dir / "phone");
+  const cv::Mat picture = Gradient(256);
+  cv::imwrite((dir / "p.jpg").string(), picture, {cv::IMWRITE_JPEG_QUALITY, 98});
+  {
+    const auto image = Exiv2::ImageFactory::open((dir / "p.jpg").string());
+    image->readMetadata();
+    Exiv2::ExifData& exif = image->exifData();
+    exif["Exif.Photo.FocalLengthIn35mmFilm"] = uint16_t{26};
+    exif["Exif.GPSInfo.GPSLatitudeRef"] = "N";
+    exif["Exif.GPSInfo.GPSLatitude"] = "48/1 0/1 36/1";
+    exif["Exif.GPSInfo.GPSLongitudeRef"] = "E";
+    exif["Exif.GPSInfo.GPSLongitude"] = "7/1 30/1 0/1";
+    image->writeMetadata();
+  }
+  for (const char* name : {"IMG_1.HEIC", "IMG_2.heic"}) {
+    const std::string command = "heif-enc -q 95 '" + (dir / "p.jpg").string() + "' -o '" +
+                                (dir / "phone" / name).string() + "' >/dev/null 2>&1";
+    if (std::system(command.c_str()) != 0) GTEST_SKIP() << "no HEVC encoder";
+  }
+  dir.Write("phone/IMG_3.HEIC", "no picture at all");
+  ProgressSink progress;
+  const ImportReport report = ImportPhotos(dir / "site", dir / "phone", "corner", progress, CancelToken());
+  EXPECT_EQ(report.files.size(), 2U);
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("IMG_3"));
+  const fs::path jpeg = dir / "site/photos/corner/IMG_1.jpg";
+  EXPECT_LT(MeanDifference(cv::imread(jpeg.string()), picture), 4);
+  const PhotoMetadata metadata = ReadPhotoMetadata(jpeg);
+  ASSERT_TRUE(metadata.position.has_value());
+  EXPECT_NEAR(metadata.position->latitude_deg, 48.01, 1e-9);
+  ASSERT_TRUE(metadata.focal_px.has_value());
+  EXPECT_NEAR(*metadata.focal_px, 26.0 / 36 * 256, 0.5);
+}
+
+TEST(ImportMapillary, TheDescriptionIsRead) {
+  const TempDir dir;
+  cv::imwrite((dir / "m.jpg").string(), Gradient(64));
+  const auto image = Exiv2::ImageFactory::open((dir / "m.jpg").string());
+  image->readMetadata();
+  image->exifData()["Exif.Image.ImageDescription"] =
+      R"({"MAPLatitude": 48.0125, "MAPLongitude": 7.8322, "MAPAltitude": 240.5, "MAPCompassHeading": {"TrueHeading": 271.5, "MagneticHeading": 269}, "MAPCaptureTime": "2024_05_12_09_43_20_500", "MAPGPSAccuracyMeters": 4})";
+  image->writeMetadata();
+  const PhotoMetadata metadata = ReadPhotoMetadata(dir / "m.jpg");
+  ASSERT_TRUE(metadata.position.has_value());
+  EXPECT_DOUBLE_EQ(metadata.position->longitude_deg, 7.8322);
+  EXPECT_DOUBLE_EQ(metadata.heading_deg.value_or(0), 271.5);
+  EXPECT_DOUBLE_EQ(metadata.sigma_h_m.value_or(0), 4);
+  EXPECT_EQ(metadata.taken_utc_ns.value_or(0), *ParseUtcToNs("2024-05-12T09:43:20.5Z"));
+}
+
+TEST(ImportOpenSfmGcp, BerlinHasItsPoints) {
+  const char* set = std::getenv("TRIGPOINT_SHARED_DATA");
+  const fs::path berlin = fs::path(set != nullptr ? set : "../shared/data") / "berlin_gcp";
+  if (!fs::exists(berlin)) GTEST_SKIP() << "no shared data";
+  const TempDir dir;
+  const ImportReport report = ImportOpenSfmGcp(dir.path(), berlin / "ground_control_points.json", berlin / "images");
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("no complete position"));
+  EXPECT_THAT(ReadTextFile(dir / "control_points.csv"), HasSubstr("0,control,52.5192683440,13.4007036311,14.9461"));
+  // -0.015689 * 3264 + 1631.5, -0.0625362 * 3264 + 1223.5.
+  EXPECT_THAT(ReadTextFile(dir / "control_observations.csv"), HasSubstr("0,02.jpg,1580.291,1019.382"));
+}
+
+}  // namespace
+}  // namespace trigpoint

@@ -1,0 +1,389 @@
+#!/usr/bin/env python3
+"""What `trigpoint export` and `import` write, read by the programs it is for: COLMAP, GDAL, sqlite, and arithmetic.
+
+    interchange_test.py PROGRAM
+
+A small made-up result is written by hand, so that every number is known. Tests of a program that isn't installed are
+skipped.
+"""
+import json
+import math
+import os
+import re
+import shutil
+import sqlite3
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+PROGRAM = ""
+ORIGIN = (48.0125518, 7.8322567, 240.0)
+YAW = math.radians(30)
+SHIFT = np.array([5.0, -3.0, 1.2])  # world_from_odom
+COUNT = 6
+
+
+def trigpoint(*arguments, expect=0):
+    done = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+def tool(*command):
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
+    assert done.returncode == 0, f"{command}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def rot_z(a):
+    return np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
+
+
+def quaternion(r):
+    w = math.sqrt(max(0, 1 + r[0, 0] + r[1, 1] + r[2, 2])) / 2
+    if w > 1e-3:
+        return np.array([(r[2, 1] - r[1, 2]) / (4 * w), (r[0, 2] - r[2, 0]) / (4 * w), (r[1, 0] - r[0, 1]) / (4 * w), w])
+    x = math.sqrt(max(0, 1 + r[0, 0] - r[1, 1] - r[2, 2])) / 2
+    return np.array([x, (r[0, 1] + r[1, 0]) / (4 * x), (r[0, 2] + r[2, 0]) / (4 * x), (r[2, 1] - r[1, 2]) / (4 * x)])
+
+
+def ecef(lat, lon, h):
+    a, f = 6378137.0, 1 / 298.257223563
+    e2 = f * (2 - f)
+    lat, lon = math.radians(lat), math.radians(lon)
+    n = a / math.sqrt(1 - e2 * math.sin(lat) ** 2)
+    return np.array([(n + h) * math.cos(lat) * math.cos(lon), (n + h) * math.cos(lat) * math.sin(lon), (n * (1 - e2) + h) * math.sin(lat)])
+
+
+def enu(lat, lon, h):
+    la, lo = math.radians(ORIGIN[0]), math.radians(ORIGIN[1])
+    r = np.array([[-math.sin(lo), math.cos(lo), 0],
+                  [-math.sin(la) * math.cos(lo), -math.sin(la) * math.sin(lo), math.cos(la)],
+                  [math.cos(la) * math.cos(lo), math.cos(la) * math.sin(lo), math.sin(la)]])
+    return r @ (ecef(lat, lon, h) - ecef(*ORIGIN))
+
+
+# A camera that looks along +y of odom: columns are the camera's axes.
+ODOM_FROM_CAM = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+CENTRES = [np.array([0.8 * i, 0.1 * i * i, 0.02 * i]) for i in range(COUNT)]
+POINTS = [np.array([0.7 * k - 2, 8 + 0.3 * k, 0.5 * k - 2]) for k in range(12)]
+FOCAL, CX, CY = 500.0, 319.5, 239.5
+
+
+def pixel(i, p):
+    c = ODOM_FROM_CAM.T @ (p - CENTRES[i])
+    return FOCAL * c[0] / c[2] + CX, FOCAL * c[1] / c[2] + CY
+
+
+def write(path, text):
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "w", encoding="utf-8") as out:
+        out.write(text)
+
+
+def make_project(folder):
+    write(f"{folder}/origin.json", json.dumps({"lat": ORIGIN[0], "lon": ORIGIN[1], "alt": ORIGIN[2]}))
+    run = f"{folder}/runs/run1"
+    stamps = [1000.0 + 0.5 * i for i in range(COUNT)]
+    write(f"{run}/images.txt", "".join(f"{stamps[i]:.6f} images/{i:03d}.jpg\n" for i in range(COUNT)))
+    for i in range(COUNT):
+        write(f"{run}/images/{i:03d}.jpg", "picture")
+    write(f"{run}/camchain.yaml", f"cam0:\n  camera_model: pinhole\n  intrinsics: [{FOCAL}, {FOCAL}, {CX}, {CY}]\n"
+          "  distortion_model: none\n  distortion_coeffs: []\n  resolution: [640, 480]\n  T_cam_imu:\n  - [1, 0, 0, 0]\n"
+          "  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n")
+    q = quaternion(ODOM_FROM_CAM)
+    tum = "".join(f"{stamps[i]:.6f} {' '.join(f'{v:.12f}' for v in [*CENTRES[i], *q])}\n" for i in range(COUNT))
+    write(f"{run}/odometry.tum", tum)
+    write(f"{run}/run.yaml", "time_zero_utc: 2026-05-12T09:43:20Z\n")
+    result = f"{folder}/results/localize/run1"
+    write(f"{result}/cameras_odom.tum", tum)
+    turn = rot_z(YAW)
+    world = [turn @ c + SHIFT for c in CENTRES]
+    qw = quaternion(turn @ ODOM_FROM_CAM)
+    write(f"{result}/cameras.tum", "".join(f"{stamps[i]:.6f} {' '.join(f'{v:.12f}' for v in [*world[i], *qw])}\n" for i in range(COUNT)))
+    rows = ["timestamp,image,camera,x,y,z,qx,qy,qz,qw,latitude_deg,longitude_deg,height_m,sigma_e_m,sigma_n_m,sigma_u_m,heading_deg,"
+            "pitch_deg,roll_deg,sigma_heading_deg,sigma_pitch_deg,sigma_roll_deg"]
+    for i in range(COUNT):
+        rows.append(f"{stamps[i]:.6f},images/{i:03d}.jpg,cam0,{','.join(f'{v:.9f}' for v in [*world[i], *qw])},48,7.8,240,0.1,0.2,0.3,330,0,0,0.1,0.1,0.1")
+    write(f"{result}/cameras.csv", "\n".join(rows) + "\n")
+    pano = np.array([2.0, 3.0, 1.0])
+    pano_odom = turn.T @ (pano - SHIFT)
+    write(f"{result}/panoramas.csv",
+          "panorama,station,status,reason,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,view_matches,inliers,views,odom_x,odom_y,odom_z,"
+          "odom_qx,odom_qy,odom_qz,odom_qw,latitude_deg,longitude_deg,height_m,heading_deg,pitch_deg,roll_deg,geotag_de_m,geotag_dn_m,"
+          "geotag_du_m,geotag_status,odom_sigma_x_m,odom_sigma_y_m,odom_sigma_z_m\n"
+          f"panoramas/a & <b>.jpg,S1,localized,,{','.join(f'{v:.9f}' for v in [*pano, *qw])},0.03,0.04,0.05,100,80,5,"
+          f"{','.join(f'{v:.9f}' for v in [*pano_odom, *q])},48,7.8,240,330,0,0,0.3,-0.4,0.1,ok,0.01,0.02,0.03\n"
+          "panoramas/lost.jpg,S2,unmatched,no image looks like it,,,,,,,,,,,0,0,0,,,,,,,,,,,,,,,,,,,,\n")
+    write(f"{result}/manifest.json", json.dumps({"schema": 1, "metrics": {"feature_sigma_px": 0.5}, "options": {}}))
+    # The sparse model (COLMAP's text, pixels + 0.5) and its features.
+    write(f"{result}/sparse/cameras.txt", f"1 PINHOLE 640 480 {FOCAL} {FOCAL} {CX + 0.5} {CY + 0.5}\n")
+    qc = quaternion(ODOM_FROM_CAM.T)
+    text = ""
+    for i in range(COUNT):
+        t = -ODOM_FROM_CAM.T @ CENTRES[i]
+        text += f"{i + 1} {qc[3]:.15f} {qc[0]:.15f} {qc[1]:.15f} {qc[2]:.15f} {' '.join(f'{v:.15f}' for v in t)} 1 images/{i:03d}.jpg\n"
+        text += " ".join(f"{pixel(i, p)[0] + 0.5:.9f} {pixel(i, p)[1] + 0.5:.9f} {k + 1}" for k, p in enumerate(POINTS)) + "\n"
+    write(f"{result}/sparse/images.txt", text)
+    write(f"{result}/sparse/points3D.txt", "".join(
+        f"{k + 1} {' '.join(f'{v:.15f}' for v in p)} 10 20 30 0.25 {' '.join(f'{i + 1} {k}' for i in range(COUNT))}\n" for k, p in enumerate(POINTS)))
+    os.makedirs(f"{folder}/results/features/run1")
+    db = sqlite3.connect(f"{folder}/results/features/run1/features.db")
+    db.executescript("CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height INTEGER, params BLOB, prior_focal_length INTEGER);"
+                     "CREATE TABLE images (image_id INTEGER PRIMARY KEY, name TEXT UNIQUE, camera_id INTEGER);"
+                     "CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
+                     "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);")
+    db.execute("INSERT INTO cameras VALUES (1, 1, 640, 480, ?, 1)", (struct.pack("4d", FOCAL, FOCAL, CX + 0.5, CY + 0.5),))
+    for i in range(COUNT):
+        db.execute("INSERT INTO images VALUES (?, ?, 1)", (i + 1, f"images/{i:03d}.jpg"))
+        # Features of points stand in reverse, after one of nothing.
+        keys = [(5.0, 5.0)] + [pixel(i, p) for p in reversed(POINTS)]
+        db.execute("INSERT INTO keypoints VALUES (?, ?, 4, ?)", (i + 1, len(keys), b"".join(struct.pack("4f", u + 0.5, v + 0.5, 2, 0) for u, v in keys)))
+        db.execute("INSERT INTO descriptors VALUES (?, ?, 128, ?)", (i + 1, len(keys), bytes(128 * len(keys))))
+    db.commit()
+    return world, pano
+
+
+class Interchange(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.mkdtemp(prefix="trigpoint interchange ")
+        cls.site = os.path.join(cls.temporary, "site")
+        cls.world, cls.pano = make_project(cls.site)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.temporary)
+
+    def out(self, name):
+        return os.path.join(self.temporary, name)
+
+    def export(self, fmt, name, *more):
+        trigpoint("export", self.site, "--to", fmt, "--out", self.out(name), *more)
+        return self.out(name)
+
+    def test_geojson_is_rfc_7946_and_right(self):
+        with open(self.export("geojson", "site.geojson"), encoding="utf-8") as text:
+            document = json.load(text)
+        self.assertEqual(document["type"], "FeatureCollection")
+        self.assertNotIn("crs", document)
+        layers = {}
+        for feature in document["features"]:
+            layers.setdefault(feature["properties"]["layer"], []).append(feature)
+        self.assertEqual(len(layers["cameras"]), COUNT)
+        self.assertEqual(len(layers["panoramas"]), 2)
+        self.assertIsNone(layers["panoramas"][1]["geometry"])
+        for i, feature in enumerate(layers["cameras"]):
+            lon, lat, h = feature["geometry"]["coordinates"]
+            self.assertLess(np.linalg.norm(enu(lat, lon, h) - self.world[i]), 2e-4)
+            self.assertEqual(feature["properties"]["sigma_n_m"], 0.2)
+        lon, lat, h = layers["panoramas"][0]["geometry"]["coordinates"]
+        self.assertLess(np.linalg.norm(enu(lat, lon, h) - self.pano), 2e-4)
+        residual = layers["residuals"][0]["geometry"]["coordinates"]
+        difference = enu(residual[1][1], residual[1][0], residual[1][2]) - enu(residual[0][1], residual[0][0], residual[0][2])
+        self.assertLess(np.linalg.norm(difference - [0.3, -0.4, 0.1]), 4e-4)
+        # The panorama's ellipse: 95 % of 0.03 and 0.04 m, counter-clockwise, closed.
+        ellipse = [f for f in layers["ellipses"] if f["properties"]["layer"] == "ellipses" and "a & <b>" in f["properties"]["name"]][0]
+        self.assertAlmostEqual(ellipse["properties"]["semi_major_m"], 0.04 * math.sqrt(5.991465), 4)
+        ring = [enu(p[1], p[0], p[2]) for p in ellipse["geometry"]["coordinates"][0]]
+        self.assertEqual(ellipse["geometry"]["coordinates"][0][0], ellipse["geometry"]["coordinates"][0][-1])
+        area = 0.5 * sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(ring, ring[1:]))
+        self.assertAlmostEqual(area / (math.pi * 5.991465 * 0.03 * 0.04), 1, 1)
+        refused = trigpoint("export", self.site, "--to", "geojson", "--crs", "EPSG:32632", expect=2)
+        self.assertIn("RFC 7946", refused.stderr)
+
+    @unittest.skipUnless(shutil.which("ogrinfo"), "gdal-bin is not installed")
+    def test_gdal_reads_the_maps(self):
+        for fmt, more in (("gpkg", []), ("gpkg", ["--crs", "EPSG:32632"]), ("gpkg", ["--crs", "EPSG:25832"]), ("geojson", []), ("kml", []), ("gpx", [])):
+            file = self.export(fmt, "by_gdal." + fmt, *more)
+            summary = tool("ogrinfo", "-ro", "-so", "-al", file)
+            self.assertNotIn("ERROR", summary)
+            if fmt == "gpkg":
+                for layer, count in (("cameras", COUNT), ("panoramas", 2), ("trajectories", 1), ("ellipses", COUNT + 1), ("residuals", 1)):
+                    block = summary.split(f"Layer name: {layer}\n")[1].split("Layer name:")[0]
+                    self.assertIn(f"Feature Count: {count}\n", block)
+                    self.assertIn(f'ID["EPSG",{more[1][5:] if more else 4326}]', block)
+                    self.assertIn("3D", block)
+            os.remove(file)
+
+    @unittest.skipUnless(shutil.which("ogr2ogr") and shutil.which("cs2cs"), "gdal-bin, proj-bin are not installed")
+    def test_projected_coordinates_are_those_of_proj(self):
+        for code in (32632, 25832, 3857, 2056):
+            file = self.export("csv", f"tables{code}", "--crs", f"EPSG:{code}", "--what", "cameras")
+            with open(os.path.join(file, "cameras.csv"), encoding="utf-8") as text:
+                rows = [line.split(",") for line in text.read().splitlines() if not line.startswith("#")]
+            with open(self.export("geojson", "c.geojson", "--what", "cameras"), encoding="utf-8") as text:
+                points = [f["geometry"]["coordinates"] for f in json.load(text)["features"]]
+            asked = "\n".join(f"{lat} {lon}" for lon, lat, _ in points)
+            got = subprocess.run(["cs2cs", "-f", "%.5f", "EPSG:4326", f"EPSG:{code}"], input=asked, capture_output=True, text=True, check=True).stdout
+            for row, line in zip(rows[1:], got.splitlines()):
+                self.assertAlmostEqual(float(row[1]), float(line.split()[0]), 2)
+                self.assertAlmostEqual(float(row[2]), float(line.split()[1]), 2)
+
+    def test_geopackage_is_what_the_standard_asks_for(self):
+        db = sqlite3.connect(self.export("gpkg", "std.gpkg"))
+        self.assertEqual(db.execute("PRAGMA application_id").fetchone()[0], 0x47504B47)
+        self.assertEqual(db.execute("PRAGMA integrity_check").fetchone()[0], "ok")
+        self.assertEqual(db.execute("PRAGMA foreign_key_check").fetchall(), [])
+        self.assertEqual({r[0] for r in db.execute("SELECT srs_id FROM gpkg_spatial_ref_sys")}, {-1, 0, 4326})
+        tables = {r[0] for r in db.execute("SELECT table_name FROM gpkg_contents WHERE data_type = 'features'")}
+        self.assertEqual(tables, {r[0] for r in db.execute("SELECT f_table_name FROM layer_styles WHERE useAsDefault = 1")})
+        blob, sigma = db.execute("SELECT geom, sigma_e_m FROM cameras ORDER BY fid").fetchone()
+        self.assertEqual(blob[:4], b"GP\0\x03")
+        x, y, z = struct.unpack("<3d", blob[-24:])
+        self.assertLess(np.linalg.norm(enu(y, x, z) - self.world[0]), 1e-6)
+        self.assertEqual(sigma, 0.1)
+
+    def test_trajectories(self):
+        tum = np.loadtxt(os.path.join(self.export("tum", "tum"), "cameras.tum"))
+        self.assertLess(np.abs(tum[:, 1:4] - self.world).max(), 1e-8)
+        kitti = np.loadtxt(os.path.join(self.export("kitti", "kitti", "--frame", "odom"), "cameras_odom.txt")).reshape(-1, 3, 4)
+        self.assertLess(np.abs(kitti[:, :, 3] - CENTRES).max(), 1e-8)
+        self.assertLess(np.abs(kitti[0, :, :3] - ODOM_FROM_CAM).max(), 1e-8)
+
+    def test_ply_has_points_and_covariances(self):
+        with open(os.path.join(self.export("ply", "ply", "--frame", "odom"), "points.ply"), "rb") as file:
+            head, body = file.read().split(b"end_header\n", 1)
+        names = re.findall(r"property (\w+) (\w+)", head.decode())
+        record = np.dtype([(name, {"double": "<f8", "float": "<f4", "int": "<i4", "uchar": "u1"}[kind]) for kind, name in names])
+        points = np.frombuffer(body, record)
+        self.assertEqual(len(points), len(POINTS))
+        # The first point's covariance by hand, given the cameras.
+        information = np.zeros((3, 3))
+        for c in CENTRES:
+            p = ODOM_FROM_CAM.T @ (POINTS[0] - c)
+            j = FOCAL / p[2] * np.array([[1, 0, -p[0] / p[2]], [0, 1, -p[1] / p[2]]]) @ ODOM_FROM_CAM.T
+            information += j.T @ j / 0.25
+        expected = np.linalg.inv(information)
+        self.assertAlmostEqual(points["cov_yy"][0] / expected[1, 1], 1, 4)
+        self.assertAlmostEqual(points["sigma_max"][0] / math.sqrt(np.linalg.eigvalsh(expected)[-1]), 1, 4)
+        self.assertLess(abs(points["x"][0] - POINTS[0][0]), 1e-9)
+
+    def test_g2o(self):
+        folder = self.export("g2o", "g2o", "--frame", "odom")
+        with open(os.path.join(folder, "pose_graph.g2o"), encoding="utf-8") as text:
+            lines = [line.split() for line in text if not line.startswith("#")]
+        poses = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_SE3:QUAT"}
+        edges = [f for f in lines if f[0] == "EDGE_SE3:QUAT"]
+        self.assertEqual((len(poses), len(edges)), (COUNT, COUNT - 1))
+        for f in edges:
+            self.assertEqual(len(f), 3 + 7 + 21)
+            a, b = int(f[1]), int(f[2])
+            expected = ODOM_FROM_CAM.T @ (poses[b][:3] - poses[a][:3])
+            self.assertLess(np.abs(np.array(f[3:6], float) - expected).max(), 1e-6)
+        with open(os.path.join(folder, "bundle.g2o"), encoding="utf-8") as text:
+            lines = [line.split() for line in text if not line.startswith("#")]
+        points = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_XYZ"}
+        poses = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_SE3:EXPMAP"}
+        focal, cx, cy = [float(v) for v in next(f for f in lines if f[0] == "PARAMS_CAMERAPARAMETERS")[2:5]]
+        observations = [f for f in lines if f[0] == "EDGE_PROJECT_XYZ2UV:EXPMAP"]
+        self.assertEqual(len(observations), COUNT * len(POINTS))
+        for f in observations:
+            p = ODOM_FROM_CAM.T @ (points[int(f[1])] - poses[int(f[2])][:3])
+            self.assertAlmostEqual(focal * p[0] / p[2] + cx, float(f[4]), 4)
+            self.assertAlmostEqual(focal * p[1] / p[2] + cy, float(f[5]), 4)
+            self.assertAlmostEqual(float(f[6]), 4, 3)  # 1 / 0.5^2
+
+    def test_database_has_the_features_and_the_tracks_as_matches(self):
+        db = sqlite3.connect(os.path.join(self.export("colmap", "db"), "database.db"))
+        rows, data = db.execute("SELECT rows, data FROM matches ORDER BY pair_id").fetchone()
+        self.assertEqual(rows, len(POINTS))
+        pairs = np.frombuffer(data, np.uint32).reshape(-1, 2)
+        self.assertEqual(sorted(pairs[:, 0]), list(range(1, len(POINTS) + 1)))
+        self.assertTrue((pairs[:, 0] == pairs[:, 1]).all())
+        self.assertEqual(db.execute("SELECT count(*) FROM two_view_geometries").fetchone()[0], COUNT * (COUNT - 1) // 2)
+
+    @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
+    def test_colmap_reads_model_and_database(self):
+        model = self.export("colmap", "model")
+        for path in (model, os.path.join(model, "text")):
+            log = tool("colmap", "model_analyzer", "--path", path)
+            self.assertRegex(log, rf"Images: {COUNT}\b")
+            self.assertRegex(log, rf"Points: {len(POINTS)}\b")
+            self.assertRegex(log, rf"Observations: {COUNT * len(POINTS)}\b")
+        # Both formats hold the same numbers: COLMAP's own comparison finds no difference.
+        os.makedirs(self.out("compared"))
+        tool("colmap", "model_comparer", "--input_path1", model, "--input_path2", os.path.join(model, "text"), "--output_path", self.out("compared"))
+        with open(os.path.join(self.out("compared"), "errors.csv"), encoding="utf-8") as text:
+            errors = np.array([line.split(",") for line in text.read().splitlines() if line and not line.startswith("#")], float)
+        self.assertLess(np.abs(errors).max(), 1e-5)
+        merged = self.out("merged.db")
+        os.makedirs(self.out("other"))
+        shutil.copy(os.path.join(model, "database.db"), os.path.join(self.out("other"), "database.db"))
+        other = sqlite3.connect(os.path.join(self.out("other"), "database.db"))
+        other.execute("UPDATE images SET name = 'other/' || name")
+        other.commit()
+        other.close()
+        tool("colmap", "database_merger", "--database_path1", os.path.join(model, "database.db"), "--database_path2",
+             os.path.join(self.out("other"), "database.db"), "--merged_database_path", merged)
+        db = sqlite3.connect(merged)
+        self.assertEqual(db.execute("SELECT count(*) FROM images").fetchone()[0], 2 * COUNT)
+        self.assertEqual(db.execute("SELECT sum(rows) FROM matches").fetchone()[0], COUNT * (COUNT - 1) * len(POINTS))
+
+    @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
+    def test_a_model_becomes_a_run_with_its_poses(self):
+        model = self.export("colmap", "to_import", "--frame", "odom")
+        site = self.out("imported")
+        trigpoint("import", site, "--from", model, "--images", f"{self.site}/runs/run1", "--name", "again", "--scale", "2")
+        poses = np.loadtxt(os.path.join(site, "runs/again/odometry.tum"))
+        self.assertLess(np.abs(poses[:, 1:4] - 2 * np.array(CENTRES)).max(), 1e-8)
+        trigpoint("init", site)
+        refused = trigpoint("import", site, "--from", model, "--images", f"{self.site}/runs/run1", "--name", "again", expect=1)
+        self.assertIn("is there already", refused.stderr)
+        refused = trigpoint("import", site, "--from", model, "--images", self.temporary, "--name", "third", expect=1)
+        self.assertIn("6 of 6 images", refused.stderr)
+
+    @unittest.skipUnless(shutil.which("exiftool"), "libimage-exiftool-perl is not installed")
+    def test_exiftool_reads_the_poses_of_panoramas(self):
+        picture = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../datasets/parking_lot/panoramas")
+        site = self.out("gpano site")
+        shutil.copytree(self.site, site)
+        os.makedirs(f"{site}/panoramas")
+        first = sorted(name for name in os.listdir(picture) if name.endswith(".jpg"))[0]
+        shutil.copy(os.path.join(picture, first), f"{site}/panoramas/a & <b>.jpg")
+        write(f"{site}/panoramas.csv", "file,station\n\"panoramas/a & <b>.jpg\",S1\n")
+        trigpoint("export", site, "--to", "gpano", "--out", self.out("gpano"))
+        tags = json.loads(tool("exiftool", "-json", "-n", "-PoseHeadingDegrees", "-GPSLatitude", "-GPSLongitude", "-GPSAltitude", "-GPSHPositioningError",
+                               "-ProjectionType", os.path.join(self.out("gpano"), "a & <b>.jpg")))[0]
+        self.assertAlmostEqual(tags["PoseHeadingDegrees"], 330, 3)
+        self.assertAlmostEqual(tags["GPSLatitude"], 48, 8)
+        self.assertAlmostEqual(tags["GPSLongitude"], 7.8, 8)
+        self.assertAlmostEqual(tags["GPSAltitude"], 240, 3)
+        self.assertAlmostEqual(tags["GPSHPositioningError"], 0.05, 3)
+        self.assertEqual(tags["ProjectionType"], "equirectangular")
+
+    def test_control_points_of_opensfm(self):
+        site = self.out("gcp site")
+        write(f"{self.temporary}/gcp_list.txt", "WGS84\n7.83 48.01 240.5 100.5 200.5 a.jpg p1\n7.83 48.01 240.5 11 12 b.jpg p1\n7.84 48.02 nan 1 2 a.jpg p2\n")
+        trigpoint("import", site, "--from", f"{self.temporary}/gcp_list.txt")
+        with open(f"{site}/control_points.csv", encoding="utf-8") as text:
+            self.assertIn("p1,control,48.0100000000,7.8300000000,240.5000", text.read())
+        with open(f"{site}/control_observations.csv", encoding="utf-8") as text:
+            self.assertIn("p1,a.jpg,100.000,200.000", text.read())
+        write(f"{self.temporary}/bad.txt", "MARS\n1 2 3 4 5 a.jpg\n")
+        self.assertIn("MARS", trigpoint("import", self.out("x"), "--from", f"{self.temporary}/bad.txt", expect=1).stderr)
+
+    def test_what_cannot_be_is_said_in_one_line(self):
+        for arguments, code, part in ((["--to", "shapefile"], 2, "nearest"), (["--to", "gpkg", "--crs", "EPSG:999999"], 2, "EPSG"),
+                                      (["--to", "gpkg", "--crs", "utm32"], 2, "EPSG:N"), (["--to", "gpkg", "--crs", "EPSG:4979"], 2, "two axes"),
+                                      (["--to", "gpkg", "--heights", "egm2009"], 2, "egm2008"), (["--to", "tum", "--run", "run7"], 1, "run1"),
+                                      (["--to", "gpkg", "--what", "tgs"], 2, "tags"), (["--to", "colmap", "--crs", "EPSG:4326"], 2, "--frame"),
+                                      (["--to", "tum", "--variant", "none"], 1, "localize")):
+            done = trigpoint("export", self.site, *arguments, expect=code)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+            self.assertIn(part, done.stderr)
+
+    def test_geoid_heights_or_how_to_get_them(self):
+        environment = {**os.environ, "GEOGRAPHICLIB_GEOID_PATH": self.out("no geoids")}
+        done = subprocess.run([PROGRAM, "export", self.site, "--to", "kml", "--heights", "egm96"], capture_output=True, text=True, check=False, env=environment)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("geographiclib-get-geoids egm96-5", done.stderr)
+
+
+if __name__ == "__main__":
+    PROGRAM = os.path.abspath(sys.argv.pop(1))
+    unittest.main()
