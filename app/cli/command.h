@@ -60,8 +60,5 @@ void AddPublishCommand(CLI::App& app, Session& session);
 void AddCompareCommand(CLI::App& app, Session& session);
 void AddBatchCommand(CLI::App& app, Session& session);
 void AddDemoCommand(CLI::App& app, Session& session);
-void AddExportCommand(CLI::App& app, Session& session);
-void AddImportCommand(CLI::App& app, Session& session);
-void AddManualCommand(CLI::App& app, Session& session, const std::string& version);
 
 }  // namespace trigpoint

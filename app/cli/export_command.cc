@@ -1,5 +1,5 @@
 // export: results as files of other programs.
-#include "app/cli/command.h"
+#include "app/cli/interchange_commands.h"
 #include "app/pipeline/export.h"
 
 namespace trigpoint {

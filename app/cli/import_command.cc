@@ -1,7 +1,7 @@
 // import: other people's data into a site's folder, as files that every command reads.
 #include <fmt/format.h>
 
-#include "app/cli/command.h"
+#include "app/cli/interchange_commands.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/io/text.h"
@@ -52,7 +52,7 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
   return ImportOpenSfmGcp(a.dir, a.from, images);
 }
 
-int Run(Session& session, const Arguments& a) {
+int TakeIn(Session& session, const Arguments& a) {
   fs::create_directories(a.dir);
   const std::string as = a.as.empty() ? Guess(a.from) : a.as;
   Terminal terminal = session.MakeTerminal();
@@ -108,7 +108,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option("--radius", a->radius_m, "panoramas: within so many metres of --near")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.callback([&session, a] { session.action = [a](Session& s) { return Run(s, *a); }; });
+  command.callback([&session, a] { session.action = [a](Session& s) { return TakeIn(s, *a); }; });
 }
 
 }  // namespace trigpoint

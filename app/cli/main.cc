@@ -6,6 +6,7 @@
 #include <new>
 
 #include "app/cli/command.h"
+#include "app/cli/interchange_commands.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {

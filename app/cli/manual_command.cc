@@ -1,7 +1,7 @@
 // manual: man pages and shell completion, made from the same definitions as --help.
 #include <fmt/format.h>
 
-#include "app/cli/command.h"
+#include "app/cli/interchange_commands.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {

@@ -1,4 +1,6 @@
 // crosscheck: COLMAP on the same run, and anybody's models and trajectories of it, held against ours.
+#include "app/pipeline/crosscheck_stage.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
@@ -10,7 +12,6 @@
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
 #include "app/pipeline/feature_store.h"
-#include "app/pipeline/stage_list.h"
 #include "calib/estimation/bundle.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
@@ -523,7 +524,6 @@ StageInfo CrosscheckStage() {
   info.name = "crosscheck";
   info.help = "hold a run against COLMAP, and against models/ and estimates/";
   info.variants = true;
-  info.on_request = true;
   info.needs = {"localize"};
   info.metric = "compared";
   UseOptions<CrosscheckOptions>(info);

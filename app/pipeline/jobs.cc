@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/crosscheck_stage.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
@@ -28,7 +29,7 @@ std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
   };
   if (stages.empty()) {
     for (const StageInfo& stage : Stages()) {
-      if (!stage.on_request) all.insert(stage.name);
+      if (!OnlyOnRequest(stage)) all.insert(stage.name);
     }
   }
   for (const std::string& stage : stages) add(stage);

@@ -12,6 +12,5 @@ StageInfo DetectStage();
 StageInfo SurveyStage();
 StageInfo ReferenceStage();
 StageInfo EvaluateStage();
-StageInfo CrosscheckStage();
 
 }  // namespace trigpoint

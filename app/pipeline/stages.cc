@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 

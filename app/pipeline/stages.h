@@ -45,7 +45,6 @@ struct StageInfo {
   std::string help;                // one line, begins in lower case
   bool per_run = true;             // one result per run, else one for all
   bool variants = false;           // can have a set of results per variant
-  bool on_request = false;         // only by its own command, never by `run`
   std::vector<std::string> needs;  // stages whose results it reads
   std::string metric;              // the metric `status` shows, a key of the manifest's metrics
   // Options with a flag of their own on the command line: "mode" is --mode, "max-median=max_median_m" is --max-median.

@@ -184,32 +184,6 @@ std::vector<DatabaseImage> ColmapDatabase::Images() const {
   return images;
 }
 
-std::vector<std::pair<uint32_t, Camera>> ColmapDatabase::Cameras() const {
-  std::vector<std::pair<uint32_t, Camera>> cameras;
-  Statement s(db_, "SELECT camera_id, model, width, height, params FROM cameras ORDER BY camera_id", file_);
-  while (s.Step()) {
-    const int64_t id = s.ColumnInt(0), width = s.ColumnInt(2), height = s.ColumnInt(3);
-    const auto fail = [&](const std::string& what) {
-      return InputError("database " + file_ + ": camera " + std::to_string(id) + ": " + what);
-    };
-    ColmapCamera c;
-    c.model_id = static_cast<int>(s.ColumnInt(1));
-    c.model_name = std::to_string(c.model_id);
-    if (width < 1 || height < 1 || width > 1'000'000 || height > 1'000'000) {
-      throw fail("its size is " + std::to_string(width) + " x " + std::to_string(height) + " px");
-    }
-    c.width = static_cast<int>(width), c.height = static_cast<int>(height);
-    c.params.resize(s.ColumnBytes(4) / sizeof(double));
-    if (!c.params.empty()) std::memcpy(c.params.data(), s.ColumnBlob(4), c.params.size() * sizeof(double));
-    try {
-      cameras.emplace_back(static_cast<uint32_t>(id), FromColmap(c));
-    } catch (const Error& e) {
-      throw fail(e.what());
-    }
-  }
-  return cameras;
-}
-
 FeatureSet ColmapDatabase::ReadFeatures(uint32_t image_id) const {
   FeatureSet features;
   Statement k(db_, "SELECT rows, cols, data FROM keypoints WHERE image_id = ?", file_);

@@ -50,8 +50,6 @@ class ColmapDatabase {
   void WriteVerifiedMatches(uint32_t image_a, uint32_t image_b, const std::vector<std::pair<int, int>>& matches);
 
   std::vector<DatabaseImage> Images() const;
-  // By id, ascending. Throws InputError for one we cannot represent, naming it.
-  std::vector<std::pair<uint32_t, Camera>> Cameras() const;
   FeatureSet ReadFeatures(uint32_t image_id) const;
 
  private:

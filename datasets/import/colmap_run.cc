@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
 #include "datasets/colmap/database.h"
+#include "datasets/colmap/database_cameras.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/text.h"
@@ -226,7 +227,7 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
   CheckImages(names, options.images);
   std::vector<BodyCamera> cameras;
   std::map<uint32_t, std::string> name_of;
-  for (const auto& [id, camera] : database.Cameras()) {
+  for (const auto& [id, camera] : ReadDatabaseCameras(file)) {
     BodyCamera c;
     c.name = fmt::format("cam{}", cameras.size());
     c.camera = camera;

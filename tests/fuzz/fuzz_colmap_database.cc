@@ -1,5 +1,6 @@
 // Input: an SQLite file.
 #include "datasets/colmap/database.h"
+#include "datasets/colmap/database_cameras.h"
 #include "tests/fuzz/fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -7,7 +8,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {
     const auto database = trigpoint::ColmapDatabase::OpenRead(file);
     try {
-      database.Cameras();
+      trigpoint::ReadDatabaseCameras(file);
     } catch (const trigpoint::Error& e) {
       trigpoint::ExpectOneSentence(e);
     }
