@@ -24,7 +24,10 @@ namespace fs = std::filesystem;
 
 std::string Params(const ColmapCamera& camera) {
   std::string text;
-  for (double p : camera.params) text += (text.empty() ? "" : ",") + fmt::format("{:.17g}", p);
+  for (double p : camera.params) {
+    if (!text.empty()) text += ',';
+    text += fmt::format("{:.17g}", p);
+  }
   return text;
 }
 
@@ -104,8 +107,7 @@ bool ColmapRun::Step(ColmapSolution* solution, const std::string& name, const st
 
 // "SiftExtraction.use_gpu" under the name that this version has for it.
 std::string ColmapRun::Option(const std::string& sift) const {
-  if (!new_option_names_) return "--" + sift;
-  return "--Feature" + sift.substr(4);
+  return new_option_names_ ? fmt::format("--Feature{}", sift.substr(4)) : fmt::format("--{}", sift);
 }
 
 bool ColmapRun::ExtractFeatures(ColmapSolution* solution, const std::string& name, const fs::path& database,

@@ -155,8 +155,8 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
 
 void ExportMap(const Project& project, const ExportRequest& request, ExportReport* report) {
   const std::vector<Layer> layers = MapLayers(project, request, &report->warnings);
-  const Crs crs =
-      Crs::Named(request.crs.empty() && !IsMap(request.to) ? project.crs() : request.crs, project.frame().origin());
+  const bool any_system = request.to == "gpkg" || request.to == "csv";  // the others are WGS 84 by definition
+  const Crs crs = Crs::Named(request.crs.empty() && any_system ? project.crs() : request.crs, project.frame().origin());
   const HeightSystem heights = HeightSystem::Named(request.heights);
   LayerFrame frame{crs, heights, ""};
   const Geodetic& o = project.frame().origin();
