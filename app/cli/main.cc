@@ -7,6 +7,7 @@
 
 #include "app/cli/command.h"
 #include "app/cli/interchange_commands.h"
+#include "app/cli/stitch_command.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -46,6 +47,7 @@ int Launch(int argc, char** argv) {
   AddPublishCommand(app, session);
   AddCompareCommand(app, session);
   AddManualCommand(app, session, TRIGPOINT_VERSION);
+  AddStitchCommand(app, session);
   AddTrajectoryCommand(app, session);
   AddBatchCommand(app, session);
   std::vector<std::string> names;

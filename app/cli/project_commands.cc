@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "app/cli/command.h"
+#include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -54,7 +55,10 @@ int Status(const Session& session, const std::string& dir) {
   std::vector<std::vector<std::string>> rows;
   nlohmann::json stages = nlohmann::json::array();
   std::string reasons;
-  for (const JobState& state : StatesOf(project, PlanJobs(project, query), session.options.seed)) {
+  // Photo sets first: localize reads their rigs.
+  std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
+  for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
+  for (const JobState& state : StatesOf(project, jobs, session.options.seed)) {
     const StageInfo& stage = *state.job.stage;
     const bool there = state.manifest.is_object();
     const std::string name = ResultName(stage, state.job.target);
@@ -138,7 +142,10 @@ void AddRunCommand(CLI::App& app, Session& session) {
         query.variants = arguments->variants;
         for (const std::string& variant : query.variants) CheckVariantName(variant);
       }
-      return RunAndReport(s, "run", project, PlanJobs(project, query));
+      // Photo sets first: localize reads their rigs.
+      std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
+      for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
+      return RunAndReport(s, "run", project, jobs);
     };
   });
 }

@@ -93,7 +93,14 @@ std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOpt
           p.rig = PanoramaViews(p.name, width, options);
         } else {
           std::optional<Camera> camera = reference.camera;
-          if (!camera) camera = CameraFromMetadata(ReadPhotoMetadata(file));
+          const PhotoMetadata metadata = ReadPhotoMetadata(file);
+          if (!camera) camera = CameraFromMetadata(metadata);
+          if (!camera && reference.kind == ReferenceKind::kPhotoSet) {
+            // Of use once the set is stitched; localize leaves it out before.
+            const bool turned = metadata.SwapsSides();
+            camera = Camera::FromFieldOfView(turned ? metadata.height : metadata.width,
+                                             turned ? metadata.width : metadata.height, 65 * kDegToRad);
+          }
           if (!camera) {
             throw InputError(file.string() +
                              ": its focal length is unknown; name a camera in photos.csv or use photos with EXIF");

@@ -7,6 +7,8 @@
 #include "calib/base/error.h"
 #include "datasets/colmap/model.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/exif.h"
+#include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
 namespace {
@@ -256,7 +258,8 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
     for (size_t v = 0; v < prepared.rig.views.size(); ++v) {
       const ViewAnswer& a = result.references[i].registration.views[v];
       rows.Text(reference.name);
-      rows.Text(reference.kind == ReferenceKind::kPhotoSet ? prepared.name : prepared.rig.views[v].name);
+      const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
+      rows.Text(lone_photo ? prepared.name : prepared.rig.views[v].name);
       rows.Text(AnswerStatusName(a.status)).Text(a.reason);
       if (a.status == AnswerStatus::kLocalized) {
         PutPose(rows, a.view_from_odom.Inverse());
@@ -319,11 +322,56 @@ void WriteSparse(const LocalizeJob& job, const Localization& result, const std::
   WriteColmapModel(model, dir / "sparse");
 }
 
+// Photo sets that are stitched become one reference each, with the photos as views; they leave `prepared`.
+void AddStitchedSets(const Site& site, const std::map<std::string, std::filesystem::path>& rigs,
+                     const FeatureStore& store, std::vector<PreparedReference>* prepared,
+                     std::vector<std::vector<std::string>>* names_of, LocalizeJob* job) {
+  for (size_t k = 0; k < site.references.size(); ++k) {
+    const Reference& reference = site.references[k];
+    const auto found = rigs.find(reference.name);
+    if (reference.kind != ReferenceKind::kPhotoSet || found == rigs.end()) continue;
+    if (!std::filesystem::exists(found->second / "rig.csv")) continue;
+    RigFile file;
+    try {
+      file = ReadRigFiles(found->second);
+    } catch (const InputError& e) {
+      job->warnings.push_back(std::string(e.what()) + "; the photos of " + reference.name + " are used one by one");
+      continue;
+    }
+    ReferenceViews r;
+    r.name = r.rig.name = reference.name;
+    r.station = reference.station;
+    r.kind = reference.kind;
+    r.geotag = reference.geotag;
+    std::vector<std::string> names;
+    bool complete = true;
+    for (const View& view : file.rig.views) {
+      const auto photo = std::find_if(prepared->begin(), prepared->end(), [&](const PreparedReference& p) {
+        return p.reference == static_cast<int>(k) && std::filesystem::path(p.name).filename() == view.name;
+      });
+      complete = complete && photo != prepared->end() && store.Has(photo->name + "#" + photo->rig.views.front().name);
+      if (!complete) break;
+      names.push_back(photo->name + "#" + photo->rig.views.front().name);
+      r.rig.views.push_back(view);
+    }
+    if (!complete) {
+      job->warnings.push_back("the rig of " + reference.name +
+                              " names photos without features; its photos are used one by one");
+      continue;
+    }
+    std::erase_if(*prepared, [&](const PreparedReference& p) { return p.reference == static_cast<int>(k); });
+    job->shapes[static_cast<int>(job->references.size())] = {file.shape_covariance, file.radius_log_sigma};
+    job->references.push_back({static_cast<int>(k), reference.name, r.rig});
+    names_of->push_back(std::move(names));
+    job->input.references.push_back(std::move(r));
+  }
+}
+
 }  // namespace
 
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views) {
+                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
   LocalizeJob job;
   LocalizeInput& input = job.input;
   input.cameras = run.cameras;
@@ -371,9 +419,19 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };
 
   const auto reference_store = std::make_shared<FeatureStore>(reference_features);
-  for (PreparedReference& p : PrepareReferences(site, views, &job.warnings)) {
+  std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
+  std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
+  AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
+  for (PreparedReference& p : prepared) {
     if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
     const Reference& reference = site.references[static_cast<size_t>(p.reference)];
+    const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && !reference.camera;
+    if (lone_photo && !CameraFromMetadata(ReadPhotoMetadata(site.dir / p.name))) {
+      job.warnings.push_back(p.name + ": its focal length is unknown; `trigpoint stitch` estimates it from the whole set");
+      continue;
+    }
+    names_of.emplace_back();
+    for (const View& v : p.rig.views) names_of.back().push_back(p.name + "#" + v.name);
     ReferenceViews r;
     r.name = p.name;
     r.station = reference.station;
@@ -384,9 +442,8 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
   }
-  input.view_features = [reference_store, refs = job.references](int reference, int view) {
-    const PreparedReference& p = refs[static_cast<size_t>(reference)];
-    return reference_store->Read(p.name + "#" + p.rig.views[static_cast<size_t>(view)].name);
+  input.view_features = [reference_store, names_of](int reference, int view) {
+    return reference_store->Read(names_of[static_cast<size_t>(reference)][static_cast<size_t>(view)]);
   };
 
   if (has_frame) {

@@ -1,28 +1,41 @@
 // From a site's files to the localization's input, and from its result to the files of docs/file_formats.md.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "app/pipeline/feature_store.h"
 #include "localize/localize.h"
 
 namespace trigpoint {
 
+// What stitching knows of a photo set's rig beyond its views.
+struct StitchedShape {
+  Eigen::MatrixXd covariance;   // of all views' [turn (rad), centre (m)] if the rig's size were known
+  double log_scale_sigma = 0;   // 1 sigma of ln(size)
+};
+
 // Input of one run with its GPS; holds the feature stores open.
 struct LocalizeJob {
   LocalizeInput input;
   std::vector<GpsPlace> gps;
   std::vector<PreparedReference> references;  // as input.references
+  std::map<int, StitchedShape> shapes;        // of those that are a whole photo set: index into references
   std::vector<std::string> warnings;
   int without_odometry = 0;  // images skipped
   int without_features = 0;
 };
 
-// Throws InputError if nothing can be localized (no odometry, no image with it).
+// `rigs`: folders of stitched rigs by the name of their photo set; a set with one is one reference of many views, else
+// every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views);
+                            const ViewOptions& views,
+                            const std::map<std::string, std::filesystem::path>& rigs = {});
 
 // odom_from_cam of the run's first camera, in image time.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);

@@ -1,11 +1,39 @@
 #include <fmt/format.h>
 
+#include <set>
+
 #include "app/pipeline/localize_files.h"
+#include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/time_check.h"
 
 namespace trigpoint {
 namespace {
+
+struct LocalizeStageOptions : LocalizeOptions {
+  std::string rig = "auto";  // of a stitched photo set
+
+  LocalizeStageOptions() = default;
+  explicit LocalizeStageOptions(const LocalizeOptions& options) : LocalizeOptions(options) {}
+  static LocalizeStageOptions ForMode(const std::string& mode) {
+    return LocalizeStageOptions(LocalizeOptions::ForMode(mode));
+  }
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    LocalizeOptions::Visit(self, visit);
+    visit(self.rig, {"rig", "", 0, 0,
+                     "of a stitched photo set: fixed as stitched; scaled; prior: its photos move as far as stitching "
+                     "leaves open; free; auto: by hold-out error"});
+  }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = LocalizeOptions::Check();
+    static const std::set<std::string> kRigs = {"auto", "fixed", "scaled", "prior", "free"};
+    if (kRigs.count(rig) == 0) {
+      problems.push_back("option rig is '" + rig + "', expected auto, fixed, scaled, prior or free");
+    }
+    return problems;
+  }
+};
 
 nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   nlohmann::json m;
@@ -53,9 +81,9 @@ StageInfo LocalizeStage() {
   info.needs = {"features", "references"};
   info.metric = "localized";
   info.flags = {"mode"};
-  UseOptions<LocalizeOptions>(info);
+  UseOptions<LocalizeStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    const LocalizeOptions options = ResolveOptions<LocalizeOptions>(project, "localize", target);
+    const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
     request.version = 2;
     request.options = JsonFromOptions(options);
@@ -71,17 +99,24 @@ StageInfo LocalizeStage() {
     const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
     const std::filesystem::path references = ResultOf(project, "references", plain) / "features.db";
     const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;
+    // As published, a reference's views share one centre: photos stand alone there.
+    std::map<std::string, std::filesystem::path> rigs;
+    if (options.mode != "paper") rigs = StitchedRigs(project);
+    for (const auto& [set, dir] : rigs) request.inputs.push_back(dir / "manifest.json");
     request.body = [=, name = target.run](StageContext& context) {
       const Site& site = context.project.site();
       const Run& r = context.project.run(name);
       LocalizeJob job =
-          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
+          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views, rigs);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-      const Localization result =
+      Localization result =
           Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
+      const std::vector<SetRefinement> sets = RefineSets(job, options, options.rig, context.threads, context.seed,
+                                                         context.progress, context.cancel, &result);
       if (!result.on_earth)
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
       WriteLocalization(site, job, result, context.out);
+      WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, result));
       const std::pair<const char*, TimeOffset> clocks[] = {
           {"gps", CheckGpsTime(r)}, {"odometry", CheckOdometryTime(r, FirstCameraTrajectory(job, result))}};
@@ -89,6 +124,13 @@ StageInfo LocalizeStage() {
         if (!offset.observable) continue;
         context.metrics["time_offsets"][sensor] = {{"offset_s", offset.offset_s}, {"sigma_s", offset.sigma_s}};
         if (offset.warning) context.progress.Log(LogLevel::kWarning, *offset.warning);
+      }
+      for (const SetRefinement& set : sets) {
+        context.metrics["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},
+                                             {"scale", set.rig.scale},
+                                             {"scale_sigma", set.rig.scale_sigma},
+                                             {"rms_px", set.rig.rms_px},
+                                             {"hold_out_px_fixed_scaled_prior_free", set.hold_out}};
       }
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.

@@ -4,6 +4,7 @@
 
 #include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/stage_list.h"
+#include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -18,7 +19,10 @@ const std::vector<StageInfo>& Stages() {
 }
 
 const StageInfo& StageNamed(const std::string& name) {
-  std::vector<std::string> names;
+  // Has one result per photo set, so that it is no part of the plan for runs.
+  static const StageInfo kStitch = StitchStage();
+  if (name == kStitch.name) return kStitch;
+  std::vector<std::string> names = {kStitch.name};
   for (const StageInfo& stage : Stages()) {
     if (stage.name == name) return stage;
     names.push_back(stage.name);

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "datasets/io/photo_sets.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "datasets/project/files.h"
@@ -112,7 +113,8 @@ ProjectFile ReadProjectFile(const fs::path& dir) {
 }
 
 bool KnowsAnything(const Site& site) {
-  return !site.runs.empty() || !site.broken_runs.empty() || !site.references.empty() || !site.control_points.empty();
+  return !site.runs.empty() || !site.broken_runs.empty() || !site.references.empty() || !site.control_points.empty() ||
+         !PhotoSetFolders(site.dir).empty();
 }
 
 // As they end up in trigpoint.yaml, so that a folder opened bare has the same frame as after `init`.

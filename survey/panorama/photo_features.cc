@@ -1,0 +1,150 @@
+#include "survey/panorama/photo_features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <tuple>
+
+#include "calib/camera/pixel_convention.h"
+
+namespace trigpoint {
+namespace {
+
+// Unit descriptors farther apart than 0.75 are no matches.
+constexpr int kFarthest = static_cast<int>(0.75 * 0.75 * 255 * 255);
+
+// By the product: sums of 16-bit products are what the processor does best.
+int SquaredDistance(const PhotoFeatures& a, int i, const PhotoFeatures& b, int j) {
+  const int16_t *x = a.row(i), *y = b.row(j);
+  int product = 0;
+  for (int k = 0; k < PhotoFeatures::kDim; ++k) product += x[k] * y[k];
+  return a.squared_norms[static_cast<size_t>(i)] + b.squared_norms[static_cast<size_t>(j)] - 2 * product;
+}
+
+struct Best {
+  int distance = std::numeric_limits<int>::max();
+  int second = std::numeric_limits<int>::max();
+  int index = -1;
+  void Offer(int d, int i) {
+    if (d < distance) {
+      second = distance, distance = d, index = i;
+    } else if (d < second) {
+      second = d;
+    }
+  }
+  bool Distinct(double ratio) const {
+    return index >= 0 && distance < kFarthest && distance < ratio * ratio * static_cast<double>(second);
+  }
+};
+
+}  // namespace
+
+PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side) {
+  const double factor = std::min(1.0, static_cast<double>(long_side) / std::max(grey.cols, grey.rows));
+  cv::Mat small = grey;
+  if (factor < 1) cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
+  const double sx = static_cast<double>(grey.cols) / small.cols, sy = static_cast<double>(grey.rows) / small.rows;
+  std::vector<cv::KeyPoint> keypoints;
+  cv::Mat sift;
+  // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
+  cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(small, cv::noArray(), keypoints, sift);
+  std::vector<int> order(keypoints.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
+    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
+           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
+  });
+  PhotoFeatures features;
+  for (int i : order) {
+    const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
+    const Eigen::Vector2d p = FromOpenCvSiftPixel({k.pt.x, k.pt.y});
+    // The picture's edges stay its edges when it is resized.
+    features.points.emplace_back(static_cast<float>((p.x() + 0.5) * sx - 0.5),
+                                 static_cast<float>((p.y() + 0.5) * sy - 0.5));
+    features.scales.push_back(static_cast<float>(0.5 * k.size * sx));
+    const uint8_t* row = sift.ptr<uint8_t>(i);
+    const int sum = std::accumulate(row, row + PhotoFeatures::kDim, 0);
+    int squared = 0;
+    for (int c = 0; c < PhotoFeatures::kDim; ++c) {
+      const long v = std::lround(255.0 * std::sqrt(sum > 0 ? static_cast<double>(row[c]) / sum : 0));
+      features.descriptors.push_back(static_cast<int16_t>(v));
+      squared += static_cast<int>(v * v);
+    }
+    features.squared_norms.push_back(squared);
+  }
+  return features;
+}
+
+PhotoMatches MatchStrongest(const PhotoFeatures& a, const PhotoFeatures& b, int most, double ratio) {
+  const int n = std::min(a.size(), most), m = std::min(b.size(), most);
+  std::vector<Best> of_a(static_cast<size_t>(n)), of_b(static_cast<size_t>(m));
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < m; ++j) {
+      const int d = SquaredDistance(a, i, b, j);
+      of_a[static_cast<size_t>(i)].Offer(d, j);
+      of_b[static_cast<size_t>(j)].Offer(d, i);
+    }
+  }
+  PhotoMatches matches;
+  for (int i = 0; i < n; ++i) {
+    const Best& best = of_a[static_cast<size_t>(i)];
+    if (best.Distinct(ratio) && of_b[static_cast<size_t>(best.index)].index == i) matches.emplace_back(i, best.index);
+  }
+  return matches;
+}
+
+PhotoMatches MatchPredicted(const PhotoFeatures& a, const PhotoFeatures& b,
+                            const std::function<bool(const Eigen::Vector2f&, Eigen::Vector2d*)>& predict, double radius,
+                            double ratio, double scale_ratio) {
+  // b's features in cells of the radius' size.
+  const auto cell = [&](double v) { return static_cast<int>(std::floor(v / radius)); };
+  std::map<std::pair<int, int>, std::vector<int>> cells;
+  for (int j = 0; j < b.size(); ++j) {
+    const Eigen::Vector2f& p = b.points[static_cast<size_t>(j)];
+    cells[{cell(p.x()), cell(p.y())}].push_back(j);
+  }
+  std::vector<Best> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
+  for (int i = 0; i < a.size(); ++i) {
+    Eigen::Vector2d at;
+    if (!predict(a.points[static_cast<size_t>(i)], &at)) continue;
+    const double scale = a.scales[static_cast<size_t>(i)] * scale_ratio;
+    for (int cy = cell(at.y() - radius); cy <= cell(at.y() + radius); ++cy) {
+      for (int cx = cell(at.x() - radius); cx <= cell(at.x() + radius); ++cx) {
+        const auto it = cells.find({cx, cy});
+        if (it == cells.end()) continue;
+        for (int j : it->second) {
+          const double s = b.scales[static_cast<size_t>(j)];
+          if (s > 1.6 * scale || scale > 1.6 * s) continue;
+          if ((b.points[static_cast<size_t>(j)].cast<double>() - at).squaredNorm() > radius * radius) continue;
+          const int d = SquaredDistance(a, i, b, j);
+          of_a[static_cast<size_t>(i)].Offer(d, j);
+          of_b[static_cast<size_t>(j)].Offer(d, i);
+        }
+      }
+    }
+  }
+  PhotoMatches matches;
+  for (int i = 0; i < a.size(); ++i) {
+    const Best& best = of_a[static_cast<size_t>(i)];
+    if (best.Distinct(ratio) && of_b[static_cast<size_t>(best.index)].index == i) matches.emplace_back(i, best.index);
+  }
+  return matches;
+}
+
+double ShareOfEqualFeatures(const PhotoFeatures& a, const PhotoFeatures& b) {
+  if (a.size() == 0 || b.size() == 0) return 0;
+  std::set<std::pair<float, float>> places;
+  for (const Eigen::Vector2f& p : a.points) places.emplace(p.x(), p.y());
+  int equal = 0;
+  for (const Eigen::Vector2f& p : b.points) equal += places.count({p.x(), p.y()}) > 0 ? 1 : 0;
+  return static_cast<double>(equal) / std::min(a.size(), b.size());
+}
+
+}  // namespace trigpoint

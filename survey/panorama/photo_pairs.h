@@ -1,0 +1,77 @@
+// Which photos overlap, and how they are turned against each other: rotation-only RANSAC, one focal length for all.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "survey/panorama/photo_features.h"
+
+namespace trigpoint {
+
+// A photo's lens: focal length (px), radial distortion k1, k2 of normalised coordinates (Brown-Conrady), principal point
+// at the picture's centre.
+struct Lens {
+  double focal_px = 0;
+  double k1 = 0, k2 = 0;
+};
+
+// What pairs are made from.
+struct PairView {
+  int width = 0, height = 0;
+  const PhotoFeatures* features = nullptr;
+};
+
+// Unit ray of a pixel; inverts the distortion. Camera frame: x right, y down, z forward.
+Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::Vector2d& pixel);
+// Pixel of a direction; false behind the photo or where the distortion folds.
+bool PixelOfRay(const PairView& view, const Lens& lens, const Eigen::Vector3d& ray, Eigen::Vector2d* pixel);
+
+struct PhotoPair {
+  int a = 0, b = 0;
+  Eigen::Quaterniond b_from_a = Eigen::Quaterniond::Identity();
+  PhotoMatches matches;  // those that agree with the rotation
+  int candidates = 0;    // matches where the photos overlap, before the rotation decided
+  double score = 0;      // of the RANSAC
+};
+
+struct PairOptions {
+  double ratio = 0.8;          // ratio test of descriptors
+  int coarse_features = 900;   // strongest features that decide whether two photos overlap
+  double coarse_px = 8;        // RANSAC threshold at 1600 px of picture width (parallax included)
+  int all_pairs_up_to = 60;    // photos; above: neighbours in order and retrieval
+  int neighbours = 4;          // in order, above that
+  int retrieved = 8;           // most similar others, above that
+  uint64_t seed = 1;
+};
+
+// Pairs to be tried: all, or by order and retrieval (tf-idf over a small codebook).
+std::vector<std::pair<int, int>> CandidatePairs(const std::vector<PairView>& views, const PairOptions& options,
+                                                int threads, const CancelToken& cancel);
+
+// Coarse matches of each candidate pair, in order.
+std::vector<PhotoPair> MatchPairs(const std::vector<PairView>& views, const std::vector<std::pair<int, int>>& candidates,
+                                  const PairOptions& options, int threads, ProgressSink& progress,
+                                  const CancelToken& cancel);
+
+// The rotation that most of a pair's matches agree with; `accepted` false: chance could have done it.
+struct PairRotation {
+  bool accepted = false;
+  Eigen::Quaterniond b_from_a = Eigen::Quaterniond::Identity();
+  std::vector<int> inliers;
+  int candidates = 0;
+  double score = 0;
+};
+PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& pair, const Lens& lens_a,
+                          const Lens& lens_b, double threshold_px, int iterations, uint64_t seed);
+
+// Focal lengths (px, as shares of the long side) at which rotations explain nearly the most matches of all pairs, the best
+// first, in steps of 6 %; none if no pair is explained at any. Coarse: the bundle refines it.
+struct FocalScore {
+  double share = 0, score = 0;
+};
+std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const std::vector<PhotoPair>& pairs,
+                                  const PairOptions& options, int threads, const CancelToken& cancel);
+
+}  // namespace trigpoint

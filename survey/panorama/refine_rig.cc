@@ -1,0 +1,315 @@
+#include "survey/panorama/refine_rig.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "calib/base/error.h"
+#include "calib/estimation/loss.h"
+#include "calib/estimation/manifold.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+namespace {
+
+// Blocks: rig_from_world (7), [w; e] of the photo (6), ln s (1). Analytic: the camera gives its own Jacobian.
+class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
+ public:
+  KnownPointCost(const View& view, const KnownPoint& point, double sigma)
+      : view_(view), point_(point), inverse_sigma_(1 / sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    const Rigid3d rig_from_world = Rigid3FromBlock(parameters[0]);
+    const Eigen::Map<const Eigen::Vector3d> w(parameters[1]), e(parameters[1] + 3);
+    const double s = std::exp(parameters[2][0]);
+    const Eigen::Quaterniond nominal = view_.rig_from_view.rotation.conjugate();
+    const Eigen::Quaterniond cam_from_rig = ExpSO3(w) * nominal;
+    const Eigen::Vector3d centre = s * (view_.rig_from_view.translation + e);
+    const Eigen::Vector3d in_rig = rig_from_world * point_.point;
+    const Eigen::Vector3d in_cam = cam_from_rig * (in_rig - centre);
+    Eigen::Matrix<double, 2, 3> j;
+    const auto pixel = view_.camera.Project(in_cam, &j);
+    if (!pixel) {
+      // Behind the photo: an outlier whatever happens.
+      residuals[0] = residuals[1] = 1000;
+      if (jacobians != nullptr) {
+        if (jacobians[0] != nullptr) std::fill(jacobians[0], jacobians[0] + 14, 0.0);
+        if (jacobians[1] != nullptr) std::fill(jacobians[1], jacobians[1] + 12, 0.0);
+        if (jacobians[2] != nullptr) std::fill(jacobians[2], jacobians[2] + 2, 0.0);
+      }
+      return true;
+    }
+    Eigen::Map<Eigen::Vector2d> out(residuals);
+    out = (*pixel - point_.pixel) * inverse_sigma_;
+    if (jacobians == nullptr) return true;
+    j *= inverse_sigma_;
+    const Eigen::Matrix3d r = cam_from_rig.toRotationMatrix();
+    if (jacobians[0] != nullptr) {
+      // Through the manifold: d/d ambient = (d/d tangent) * (d tangent / d ambient), of which Ceres undoes the second.
+      Eigen::Matrix<double, 2, 6> tangent;
+      tangent.leftCols<3>() = -j * r * Skew(rig_from_world.rotation * point_.point);
+      tangent.rightCols<3>() = j * r;
+      Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
+      Rigid3Manifold().MinusJacobian(parameters[0], minus.data());
+      Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>> m(jacobians[0]);
+      m = tangent * minus;
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 2, 6, Eigen::RowMajor>> m(jacobians[1]);
+      // Exp(w + d) = Exp(J_l d) Exp(w)
+      m.leftCols<3>() = -j * Skew(in_cam) * LeftJacobianSO3(w);
+      m.rightCols<3>() = -s * j * r;
+    }
+    if (jacobians[2] != nullptr) {
+      Eigen::Map<Eigen::Vector2d> m(jacobians[2]);
+      m = -j * r * centre;
+    }
+    return true;
+  }
+
+ private:
+  const View& view_;
+  KnownPoint point_;
+  double inverse_sigma_;
+};
+
+// L * x for the stacked [w; e] of all photos: L^T L is the information.
+class ShapeCost final : public ceres::CostFunction {
+ public:
+  ShapeCost(Eigen::MatrixXd sqrt_info, int views) : l_(std::move(sqrt_info)) {
+    set_num_residuals(static_cast<int>(l_.rows()));
+    for (int v = 0; v < views; ++v) mutable_parameter_block_sizes()->push_back(6);
+  }
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    const Eigen::Index views = l_.cols() / 6;
+    Eigen::Map<Eigen::VectorXd> r(residuals, l_.rows());
+    r.setZero();
+    for (Eigen::Index v = 0; v < views; ++v) {
+      r += l_.middleCols<6>(6 * v) * Eigen::Map<const Eigen::Matrix<double, 6, 1>>(parameters[v]);
+      if (jacobians != nullptr && jacobians[v] != nullptr) {
+        Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> m(jacobians[v], l_.rows(), 6);
+        m = l_.middleCols<6>(6 * v);
+      }
+    }
+    return true;
+  }
+
+ private:
+  Eigen::MatrixXd l_;
+};
+
+struct LogScalePrior {
+  double inverse_sigma;
+  template <typename T>
+  bool operator()(const T* log_scale, T* residual) const {
+    residual[0] = log_scale[0] * inverse_sigma;
+    return true;
+  }
+};
+
+Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
+  const Eigen::Index n = 6 * static_cast<Eigen::Index>(input.rig.views.size());
+  Eigen::MatrixXd c = Eigen::MatrixXd::Zero(n, n);
+  if (input.shape_covariance.rows() == n) c = input.shape_covariance;
+  if (freedom == RigFreedom::kFree) {
+    // Turns as stitched; centres know nothing of one another.
+    for (Eigen::Index v = 0; v < n / 6; ++v) {
+      c.middleRows<3>(6 * v + 3).setZero();
+      c.middleCols<3>(6 * v + 3).setZero();
+      c.block<3, 3>(6 * v + 3, 6 * v + 3) = Eigen::Matrix3d::Identity() * input.free_sigma_m * input.free_sigma_m;
+    }
+  }
+  // What the stitching holds by its gauge, and what its model leaves out: 0.01 deg, 1 mm.
+  for (Eigen::Index v = 0; v < n / 6; ++v) {
+    c.diagonal().segment<3>(6 * v).array() += 1.7e-4 * 1.7e-4;
+    c.diagonal().segment<3>(6 * v + 3).array() += 1e-3 * 1e-3;
+  }
+  const Eigen::LLT<Eigen::MatrixXd> llt(c);
+  if (llt.info() != Eigen::Success) throw NumericError("the rig's covariance is not positive definite");
+  // c = L L^T: the whitening is L^-1.
+  return llt.matrixL().solve(Eigen::MatrixXd::Identity(n, n));
+}
+
+struct Solution {
+  RefinedRig rig;
+  std::vector<std::array<double, 6>> deltas;
+  double log_scale = 0;
+};
+
+Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
+               const std::vector<KnownPoint>& points, bool with_covariance) {
+  Solution out;
+  std::array<double, 7> pose{};
+  Rigid3ToBlock(input.rig_from_world, pose.data());
+  out.deltas.assign(input.rig.views.size(), {0, 0, 0, 0, 0, 0});
+  ceres::Problem::Options own;
+  own.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(own);
+  CauchyChi2Loss loss(4.0);
+  for (const KnownPoint& p : points) {
+    problem.AddResidualBlock(
+        new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px), &loss, pose.data(),
+        out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
+  }
+  problem.SetManifold(pose.data(), new Rigid3Manifold);
+  const bool shape = freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree;
+  if (shape) {
+    std::vector<double*> blocks;
+    for (auto& d : out.deltas) blocks.push_back(d.data());
+    problem.AddResidualBlock(new ShapeCost(prior, static_cast<int>(blocks.size())), nullptr, blocks);
+  } else {
+    for (auto& d : out.deltas) {
+      if (problem.HasParameterBlock(d.data())) problem.SetParameterBlockConstant(d.data());
+    }
+  }
+  // Free centres hold the size in themselves.
+  const bool scale = freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior;
+  if (scale) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<LogScalePrior, 1, 1>(new LogScalePrior{1 / std::max(1e-6, input.log_scale_sigma)}),
+        nullptr, &out.log_scale);
+    problem.SetParameterLowerBound(&out.log_scale, 0, -4);
+    problem.SetParameterUpperBound(&out.log_scale, 0, 4);
+  } else {
+    problem.SetParameterBlockConstant(&out.log_scale);
+  }
+  ceres::Solver::Options solve;
+  solve.linear_solver_type = ceres::DENSE_QR;
+  if (points.size() > 300 || shape) solve.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  solve.max_num_iterations = 40;
+  solve.function_tolerance = 1e-8;
+  solve.logging_type = ceres::SILENT;
+  solve.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solve, &problem, &summary);
+  if (!summary.IsSolutionUsable()) throw NumericError("the rig cannot be refined: " + summary.message);
+  out.rig.rig_from_world = Rigid3FromBlock(pose.data());
+  out.rig.scale = std::exp(out.log_scale);
+  if (with_covariance) {
+    ceres::Covariance::Options options;
+    options.algorithm_type = ceres::DENSE_SVD;
+    options.null_space_rank = -1;
+    ceres::Covariance covariance(options);
+    std::vector<std::pair<const double*, const double*>> blocks = {{pose.data(), pose.data()}};
+    if (scale) blocks.emplace_back(&out.log_scale, &out.log_scale);
+    if (shape) {
+      for (auto& d : out.deltas) {
+        blocks.emplace_back(pose.data(), d.data());
+        blocks.emplace_back(d.data(), d.data());
+      }
+    }
+    if (covariance.Compute(blocks, &problem)) {
+      covariance.GetCovarianceBlockInTangentSpace(pose.data(), pose.data(), out.rig.covariance.data());
+      if (scale) {
+        double variance = 0;
+        covariance.GetCovarianceBlock(&out.log_scale, &out.log_scale, &variance);
+        out.rig.scale_sigma = out.rig.scale * std::sqrt(std::max(0.0, variance));
+      }
+      if (shape) {
+        for (size_t v = 0; v < out.deltas.size(); ++v) {
+          Eigen::Matrix<double, 6, 6, Eigen::RowMajor> c;
+          covariance.GetCovarianceBlock(out.deltas[v].data(), out.deltas[v].data(), c.data());
+          out.rig.rig.views.push_back(input.rig.views[v]);
+          Matrix6d j = Matrix6d::Identity();
+          j.topLeftCorner<3, 3>() = -input.rig.views[v].rig_from_view.rotation.toRotationMatrix();
+          j.bottomRightCorner<3, 3>() *= out.rig.scale;
+          out.rig.rig.views.back().covariance = j * c * j.transpose();
+        }
+      }
+    } else {
+      out.rig.covariance = Matrix6d::Identity() * 1e6;
+    }
+  }
+  return out;
+}
+
+double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint& p) {
+  const View& view = input.rig.views[static_cast<size_t>(p.view)];
+  const auto& d = s.deltas[static_cast<size_t>(p.view)];
+  const Eigen::Quaterniond cam_from_rig =
+      ExpSO3(Eigen::Vector3d(d[0], d[1], d[2])) * view.rig_from_view.rotation.conjugate();
+  const Eigen::Vector3d centre = s.rig.scale * (view.rig_from_view.translation + Eigen::Vector3d(d[3], d[4], d[5]));
+  const auto pixel = view.camera.Project(cam_from_rig * (s.rig.rig_from_world * p.point - centre));
+  return pixel ? (*pixel - p.pixel).norm() : 1e3;
+}
+
+}  // namespace
+
+std::string RigFreedomName(RigFreedom freedom) {
+  switch (freedom) {
+    case RigFreedom::kFixed: return "fixed";
+    case RigFreedom::kScaled: return "scaled";
+    case RigFreedom::kPrior: return "prior";
+    case RigFreedom::kFree: return "free";
+  }
+  return "";
+}
+
+RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
+  if (input.points.size() < 6) throw NumericError("a rig needs at least 6 known points to be refined");
+  Solution s = Solve(input, freedom, ShapePrior(input, freedom), input.points, true);
+  RefinedRig out = s.rig;
+  double sum = 0;
+  for (const KnownPoint& p : input.points) {
+    const double e = ErrorPx(input, s, p);
+    if (e > 4 * input.sigma_px) continue;
+    sum += e * e;
+    ++out.used;
+  }
+  out.rms_px = out.used > 0 ? std::sqrt(sum / (2 * out.used)) : 0;
+  const bool shape = !out.rig.views.empty();
+  if (!shape) out.rig = input.rig;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (size_t v = 0; v < out.rig.views.size(); ++v) {
+    const auto& d = s.deltas[v];
+    Rigid3d& pose = out.rig.views[v].rig_from_view;
+    pose.rotation = (ExpSO3(Eigen::Vector3d(d[0], d[1], d[2])) * pose.rotation.conjugate()).conjugate();
+    pose.translation = out.scale * (pose.translation + Eigen::Vector3d(d[3], d[4], d[5]));
+    mean += pose.translation / static_cast<double>(out.rig.views.size());
+  }
+  for (View& view : out.rig.views) view.rig_from_view.translation -= mean;
+  out.rig_from_world.translation -= mean;
+  return out;
+}
+
+double HoldOutError(const RefineRigInput& input, RigFreedom freedom) {
+  constexpr size_t kFolds = 5;
+  // Folds of whole points: a point seen by two photos is in one of them.
+  std::map<std::array<double, 3>, size_t> fold_of;
+  for (const KnownPoint& p : input.points) {
+    fold_of.try_emplace({p.point.x(), p.point.y(), p.point.z()}, fold_of.size() % kFolds);
+  }
+  const Eigen::MatrixXd prior = ShapePrior(input, freedom);
+  std::vector<double> errors;
+  for (size_t fold = 0; fold < kFolds; ++fold) {
+    std::vector<KnownPoint> used;
+    for (const KnownPoint& p : input.points) {
+      if (fold_of.at({p.point.x(), p.point.y(), p.point.z()}) != fold) used.push_back(p);
+    }
+    if (used.size() < 6) return 1e9;
+    const Solution s = Solve(input, freedom, prior, used, false);
+    for (const KnownPoint& p : input.points) {
+      if (fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold) errors.push_back(ErrorPx(input, s, p));
+    }
+  }
+  if (errors.empty()) return 1e9;
+  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+  return errors[errors.size() / 2];
+}
+
+RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors) {
+  RigFreedom best = RigFreedom::kFixed;
+  double least = HoldOutError(input, best);
+  if (errors != nullptr) *errors = {least};
+  for (const RigFreedom freedom : {RigFreedom::kScaled, RigFreedom::kPrior, RigFreedom::kFree}) {
+    const double error = HoldOutError(input, freedom);
+    if (errors != nullptr) errors->push_back(error);
+    if (error < 0.98 * least) least = error, best = freedom;
+  }
+  return best;
+}
+
+}  // namespace trigpoint

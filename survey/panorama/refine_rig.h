@@ -1,0 +1,59 @@
+// A photo set's rig against points whose place is known: from a localized run, in metres. What the photos alone leave
+// open - how large the rig is - the distances show.
+//
+// Minimises, over the rig's pose, its scale s, and each photo's turn w_i and shift e_i (before scaling),
+//   sum rho(|predicted px - observed px|^2 / sigma^2) + |[w; e]|^2 in the metric of the stitched rig's covariance
+//   + (ln s / sigma_ln_s)^2
+// with  cam_i_from_rig: R_i' = Exp(w_i) R_i,  centre c_i' = s (c_i + e_i).
+//   fixed: w = e = 0, s = 1.  scaled: w = e = 0.  prior: as above.  free: each photo's centre by itself, within `free_sigma_m`.
+// Points are held. Gauge: none is free, the points give all six.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "calib/camera/rig.h"
+
+namespace trigpoint {
+
+// A point seen by a photo.
+struct KnownPoint {
+  int view = 0;
+  Eigen::Vector2d pixel;
+  Eigen::Vector3d point;  // world (the run's frame), m
+};
+
+enum class RigFreedom { kFixed, kScaled, kPrior, kFree };
+std::string RigFreedomName(RigFreedom freedom);
+
+struct RefineRigInput {
+  ViewRig rig;                       // rig_from_view as stitched
+  Eigen::MatrixXd shape_covariance;  // of all views' [turn of cam_from_rig (left, rad), centre (m)] at the rig's size
+  double log_scale_sigma = 0.7;
+  Rigid3d rig_from_world;            // start
+  std::vector<KnownPoint> points;
+  double sigma_px = 1;
+  double free_sigma_m = 0.5;
+};
+
+struct RefinedRig {
+  Rigid3d rig_from_world;
+  ViewRig rig;           // origin: the mean of the centres again; covariances relative to the origin
+  double scale = 1;      // against the input
+  double scale_sigma = 0;
+  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world, points held
+  double rms_px = 0;     // of the observations that count
+  int used = 0;
+};
+
+RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom);
+
+// Median reprojection error (px) of points that took no part: five folds, whole points. Lower is better.
+double HoldOutError(const RefineRigInput& input, RigFreedom freedom);
+
+// The freedom with the smallest hold-out error; a freer one must gain 2 % on a stricter one.
+RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors);
+
+}  // namespace trigpoint

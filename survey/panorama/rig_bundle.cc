@@ -1,0 +1,433 @@
+#include "survey/panorama/rig_bundle.h"
+
+#include <ceres/ceres.h>
+#include <ceres/rotation.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/estimation/loss.h"
+#include "calib/geometry/bearing.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+namespace {
+
+// Residual of one observation: (predicted - observed) px / sigma. Blocks: w (rotation, Exp(w) R0), centre (m), lens
+// (f, k1, k2), point (two tangent components of the direction, inverse distance).
+struct ObservationCost {
+  Eigen::Vector2d pixel, principal;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d direction;
+  Eigen::Matrix<double, 2, 3> basis;
+  double inverse_sigma;
+
+  template <typename T>
+  bool operator()(const T* w, const T* centre, const T* lens, const T* point, T* residual) const {
+    T in_rig[3], turned[3], in_cam[3];
+    for (int k = 0; k < 3; ++k) {
+      in_rig[k] = direction(k) + point[0] * basis(0, k) + point[1] * basis(1, k) - point[2] * centre[k];
+    }
+    for (int k = 0; k < 3; ++k) {
+      turned[k] = rotation(k, 0) * in_rig[0] + rotation(k, 1) * in_rig[1] + rotation(k, 2) * in_rig[2];
+    }
+    ceres::AngleAxisRotatePoint(w, turned, in_cam);
+    if (in_cam[2] < T(0.02)) return false;
+    const T x = in_cam[0] / in_cam[2], y = in_cam[1] / in_cam[2];
+    const T r2 = x * x + y * y;
+    const T scale = lens[0] * (1.0 + r2 * (lens[1] + r2 * lens[2]));
+    residual[0] = (scale * x + principal.x() - pixel.x()) * inverse_sigma;
+    residual[1] = (scale * y + principal.y() - pixel.y()) * inverse_sigma;
+    return true;
+  }
+};
+
+// ((c / r) - a) / kappa; parameters: centre (m), ln r.
+struct CircleCost {
+  Eigen::Vector3d look;
+  double inverse_share;
+  template <typename T>
+  bool operator()(const T* centre, const T* log_radius, T* residual) const {
+    using std::exp;
+    const T inverse = exp(-log_radius[0]);
+    for (int k = 0; k < 3; ++k) residual[k] = (centre[k] * inverse - look(k)) * inverse_share;
+    return true;
+  }
+};
+
+struct ScalarPrior {
+  int index;
+  double value, inverse_sigma;
+  template <typename T>
+  bool operator()(const T* block, T* residual) const {
+    residual[0] = (block[index] - value) * inverse_sigma;
+    return true;
+  }
+};
+
+struct Blocks {
+  std::vector<std::array<double, 3>> rotations, centres, lenses, points;
+  double log_radius = 0;
+};
+
+// The reduced normal matrix of photos, lenses and radius: points are eliminated one by one (Schur complement).
+Eigen::MatrixXd ReducedCovariance(ceres::Problem* problem, const std::vector<double*>& cameras,
+                                  const std::vector<double*>& points, int camera_columns) {
+  ceres::Problem::EvaluateOptions evaluate;
+  evaluate.parameter_blocks = cameras;
+  evaluate.parameter_blocks.insert(evaluate.parameter_blocks.end(), points.begin(), points.end());
+  ceres::CRSMatrix j;
+  problem->Evaluate(evaluate, nullptr, nullptr, nullptr, &j);
+  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(camera_columns, camera_columns);
+  struct Point {
+    Eigen::Matrix3d v = Eigen::Matrix3d::Identity() * 1e-12;
+    std::map<int, Eigen::Vector3d> w;  // camera column -> coupling
+  };
+  std::vector<Point> of_point(points.size());
+  for (int r = 0; r < j.num_rows; ++r) {
+    const int begin = j.rows[static_cast<size_t>(r)], end = j.rows[static_cast<size_t>(r) + 1];
+    Point* point = nullptr;
+    Eigen::Vector3d jp = Eigen::Vector3d::Zero();
+    for (int k = begin; k < end; ++k) {
+      const int c = j.cols[static_cast<size_t>(k)] - camera_columns;
+      if (c < 0) continue;
+      point = &of_point[static_cast<size_t>(c / 3)];
+      jp(c % 3) = j.values[static_cast<size_t>(k)];
+    }
+    if (point != nullptr) point->v += jp * jp.transpose();
+    for (int k = begin; k < end; ++k) {
+      const int c = j.cols[static_cast<size_t>(k)];
+      if (c >= camera_columns) continue;
+      const double value = j.values[static_cast<size_t>(k)];
+      for (int l = begin; l < end; ++l) {
+        const int d = j.cols[static_cast<size_t>(l)];
+        if (d < camera_columns) h(c, d) += value * j.values[static_cast<size_t>(l)];
+      }
+      if (point != nullptr) {
+        const auto it = point->w.try_emplace(c, Eigen::Vector3d::Zero()).first;
+        it->second += value * jp;
+      }
+    }
+  }
+  for (const Point& p : of_point) {
+    const Eigen::Matrix3d inverse = p.v.inverse();
+    for (const auto& [c, wc] : p.w) {
+      const Eigen::Vector3d t = inverse * wc;
+      for (const auto& [d, wd] : p.w) h(c, d) -= t.dot(wd);
+    }
+  }
+  // What is held has no columns' worth of information: an empty row stays out of the inverse.
+  for (int c = 0; c < camera_columns; ++c) {
+    if (h(c, c) <= 1e-12) h(c, c) = 1e30;
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(h);
+  return ldlt.solve(Eigen::MatrixXd::Identity(camera_columns, camera_columns));
+}
+
+}  // namespace
+
+bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, const RigPoint& point, int photo,
+                     Eigen::Vector2d* pixel) {
+  const RigPhoto& p = state.photos[static_cast<size_t>(photo)];
+  const Eigen::Vector3d ray = p.cam_from_rig * (point.direction - point.inverse_distance * p.centre);
+  return PixelOfRay(views[static_cast<size_t>(photo)], state.lenses[static_cast<size_t>(p.lens)], ray.normalized(),
+                    pixel);
+}
+
+RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOptions& options, bool with_covariance,
+                         int threads, const CancelToken& cancel, RigState* state) {
+  cancel.ThrowIfCancelled();
+  Blocks b;
+  b.rotations.resize(state->photos.size(), {0, 0, 0});
+  for (const RigPhoto& p : state->photos) b.centres.push_back({p.centre.x(), p.centre.y(), p.centre.z()});
+  for (const Lens& l : state->lenses) b.lenses.push_back({l.focal_px, l.k1, l.k2});
+  b.points.resize(state->points.size());
+  for (size_t j = 0; j < state->points.size(); ++j) b.points[j] = {0, 0, state->points[j].inverse_distance};
+  b.log_radius = std::log(state->radius_m > 0 ? state->radius_m : options.radius_m);
+
+  ceres::Problem::Options ownership;
+  ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(ownership);
+  const double knee = options.huber_px / options.sigma_px;
+  HuberChi2Loss loss(knee * knee);
+  std::vector<bool> seen(state->photos.size(), false), lens_seen(state->lenses.size(), false);
+  for (size_t j = 0; j < state->points.size(); ++j) {
+    const RigPoint& point = state->points[j];
+    for (const RigObservation& o : point.observations) {
+      const size_t i = static_cast<size_t>(o.photo);
+      const RigPhoto& photo = state->photos[i];
+      const PairView& view = views[i];
+      auto* cost = new ObservationCost{o.pixel,
+                                       {0.5 * (view.width - 1), 0.5 * (view.height - 1)},
+                                       photo.cam_from_rig.toRotationMatrix(),
+                                       point.direction,
+                                       TangentBasis(point.direction),
+                                       1 / options.sigma_px};
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ObservationCost, 2, 3, 3, 3, 3>(cost), &loss,
+                               b.rotations[i].data(), b.centres[i].data(),
+                               b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
+      seen[i] = true;
+      lens_seen[static_cast<size_t>(photo.lens)] = true;
+    }
+  }
+  if (problem.NumResidualBlocks() == 0) throw NumericError("no matches between the photos are left to adjust");
+  std::vector<double*> cameras, points;
+  std::vector<int> held_distance = {2};
+  const bool free_centres = options.centres;
+  for (size_t j = 0; j < state->points.size(); ++j) {
+    if (state->points[j].observations.empty()) continue;
+    points.push_back(b.points[j].data());
+    if (!free_centres) {
+      problem.SetManifold(b.points[j].data(), new ceres::SubsetManifold(3, held_distance));
+    } else {
+      // Holds a point without parallax; no other has enough of it to notice.
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 0.2}), nullptr,
+                               b.points[j].data());
+    }
+  }
+  bool first = true;
+  std::vector<int> column_of_photo(state->photos.size(), -1);
+  for (size_t i = 0; i < state->photos.size(); ++i) {
+    if (!seen[i]) continue;
+    column_of_photo[i] = static_cast<int>(3 * cameras.size());
+    cameras.push_back(b.rotations[i].data());
+    cameras.push_back(b.centres[i].data());
+    if (first) problem.SetParameterBlockConstant(b.rotations[i].data());
+    first = false;
+    if (!free_centres) {
+      problem.SetParameterBlockConstant(b.centres[i].data());
+      continue;
+    }
+    Eigen::Vector3d look = state->photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    look -= options.up * options.up.dot(look);
+    const bool circle = options.circle_share > 0 && look.norm() > 0.2;
+    // Straight up or down there is no direction on the circle: somewhere within it, like everything without a circle.
+    look = circle ? look.normalized() : Eigen::Vector3d::Zero();
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<CircleCost, 3, 3, 1>(
+            new CircleCost{look, circle ? 1 / options.circle_share : 1.0}),
+        nullptr, b.centres[i].data(), &b.log_radius);
+  }
+  if (free_centres) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 1>(
+            new ScalarPrior{0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
+        nullptr, &b.log_radius);
+  }
+  std::vector<int> column_of_lens(state->lenses.size(), -1);
+  for (size_t l = 0; l < state->lenses.size(); ++l) {
+    if (!lens_seen[l]) continue;
+    column_of_lens[l] = static_cast<int>(3 * cameras.size());
+    cameras.push_back(b.lenses[l].data());
+    double* lens = b.lenses[l].data();
+    if (!options.distortion) problem.SetManifold(lens, new ceres::SubsetManifold(3, {1, 2}));
+    const LensPrior& prior = state->lens_priors[l];
+    if (prior.focal_px > 0) {
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{
+                                   0, prior.focal_px, 1 / (prior.sigma_share * prior.focal_px)}),
+                               nullptr, lens);
+    }
+    // What lenses of phones and cameras have; holds the terms where few photos see the corners.
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{1, 0.0, 1 / 0.2}),
+                             nullptr, lens);
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 1 / 0.2}),
+                             nullptr, lens);
+    problem.SetParameterLowerBound(lens, 0, 20);
+  }
+  ceres::Solver::Options solve;
+  solve.linear_solver_type = ceres::DENSE_SCHUR;
+  auto* ordering = new ceres::ParameterBlockOrdering;
+  for (double* p : points) ordering->AddElementToGroup(p, 0);
+  for (double* c : cameras) ordering->AddElementToGroup(c, 1);
+  if (free_centres) ordering->AddElementToGroup(&b.log_radius, 1);
+  solve.linear_solver_ordering.reset(ordering);
+  solve.max_num_iterations = options.max_iterations;
+  solve.function_tolerance = 1e-7;
+  solve.num_threads = ResolveThreads(threads);
+  solve.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solve, &problem, &summary);
+  cancel.ThrowIfCancelled();
+  if (!summary.IsSolutionUsable()) throw NumericError("the photos' bundle adjustment failed: " + summary.message);
+
+  RigBundleResult result;
+  result.cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size());
+  // Back into the state; the covariance is taken where the tangents are zero.
+  for (size_t i = 0; i < state->photos.size(); ++i) {
+    if (!seen[i]) continue;
+    RigPhoto& p = state->photos[i];
+    p.cam_from_rig =
+        (ExpSO3(Eigen::Vector3d(b.rotations[i][0], b.rotations[i][1], b.rotations[i][2])) * p.cam_from_rig).normalized();
+    p.centre = Eigen::Vector3d(b.centres[i][0], b.centres[i][1], b.centres[i][2]);
+  }
+  for (size_t l = 0; l < state->lenses.size(); ++l) state->lenses[l] = {b.lenses[l][0], b.lenses[l][1], b.lenses[l][2]};
+  for (size_t j = 0; j < state->points.size(); ++j) {
+    RigPoint& p = state->points[j];
+    const Eigen::Vector3d d = p.direction + TangentBasis(p.direction).transpose() * Eigen::Vector2d(b.points[j][0], b.points[j][1]);
+    p.inverse_distance = b.points[j][2] / d.norm();
+    p.direction = d.normalized();
+  }
+  state->radius_m = std::exp(b.log_radius);
+  double sum = 0;
+  int count = 0;
+  for (const RigPoint& p : state->points) {
+    for (const RigObservation& o : p.observations) {
+      Eigen::Vector2d pixel;
+      if (!ProjectRigPoint(views, *state, p, o.photo, &pixel)) continue;
+      sum += (pixel - o.pixel).squaredNorm();
+      ++count;
+    }
+  }
+  result.rms_px = count > 0 ? std::sqrt(sum / (2 * count)) : 0;
+
+  if (with_covariance) {
+    if (free_centres) cameras.push_back(&b.log_radius);
+    // Held and reduced blocks still own their columns here: only their Jacobians are zero or absent.
+    int columns = 0;
+    std::map<const double*, int> column;
+    std::vector<double*> free_blocks;
+    for (double* c : cameras) {
+      if (problem.IsParameterBlockConstant(c)) continue;
+      column[c] = columns;
+      columns += problem.ParameterBlockTangentSize(c);
+      free_blocks.push_back(c);
+    }
+    std::vector<double*> free_points = points;
+    if (!free_centres) {
+      for (double* p : free_points) problem.SetManifold(p, nullptr);
+    }
+    const Eigen::MatrixXd reduced = ReducedCovariance(&problem, free_blocks, free_points, columns);
+    if (free_centres) result.radius_log_sigma = std::sqrt(std::max(0.0, reduced(columns - 1, columns - 1)));
+    std::vector<int> source;  // of each row of the answer, -1: held
+    for (size_t i = 0; i < state->photos.size(); ++i) {
+      if (!state->photos[i].placed) continue;
+      for (const double* block : {b.rotations[i].data(), b.centres[i].data()}) {
+        const auto it = column.find(block);
+        for (int k = 0; k < 3; ++k) source.push_back(it == column.end() ? -1 : it->second + k);
+      }
+    }
+    for (size_t l = 0; l < state->lenses.size(); ++l) {
+      const auto it = column.find(b.lenses[l].data());
+      for (int k = 0; k < 3; ++k) {
+        source.push_back(it == column.end() || (!options.distortion && k > 0) ? -1 : it->second + k);
+      }
+    }
+    const Eigen::Index n = static_cast<Eigen::Index>(source.size());
+    result.covariance = Eigen::MatrixXd::Zero(n, n);
+    for (Eigen::Index r = 0; r < n; ++r) {
+      for (Eigen::Index c = 0; c < n; ++c) {
+        const int sr = source[static_cast<size_t>(r)], sc = source[static_cast<size_t>(c)];
+        if (sr >= 0 && sc >= 0) result.covariance(r, c) = reduced(sr, sc);
+      }
+    }
+    const Eigen::Index photos = n - 3 * static_cast<Eigen::Index>(state->lenses.size());
+    result.shape_covariance = result.covariance.topLeftCorner(photos, photos);
+    if (free_centres) {
+      Eigen::VectorXd with_radius = Eigen::VectorXd::Zero(photos);
+      for (Eigen::Index r = 0; r < photos; ++r) {
+        const int sr = source[static_cast<size_t>(r)];
+        if (sr >= 0) with_radius(r) = reduced(sr, columns - 1);
+      }
+      result.shape_covariance -= with_radius * with_radius.transpose() / reduced(columns - 1, columns - 1);
+    }
+  }
+  return result;
+}
+
+std::vector<RigPoint> BuildRigPoints(const std::vector<PairView>& views, const RigState& state,
+                                     const std::vector<PhotoPair>& pairs) {
+  // Union-find over (photo, feature).
+  std::vector<int> offset(views.size() + 1, 0);
+  for (size_t v = 0; v < views.size(); ++v) offset[v + 1] = offset[v] + views[v].features->size();
+  std::vector<int> parent(static_cast<size_t>(offset.back()));
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&](int x) {
+    while (parent[static_cast<size_t>(x)] != x) {
+      parent[static_cast<size_t>(x)] = parent[static_cast<size_t>(parent[static_cast<size_t>(x)])];
+      x = parent[static_cast<size_t>(x)];
+    }
+    return x;
+  };
+  for (const PhotoPair& pair : pairs) {
+    for (const auto& [i, j] : pair.matches) {
+      const int a = root(offset[static_cast<size_t>(pair.a)] + i), b = root(offset[static_cast<size_t>(pair.b)] + j);
+      if (a != b) parent[static_cast<size_t>(std::max(a, b))] = std::min(a, b);
+    }
+  }
+  std::map<int, std::vector<std::pair<int, int>>> members;
+  for (const PhotoPair& pair : pairs) {
+    for (const auto& [i, j] : pair.matches) {
+      members[root(offset[static_cast<size_t>(pair.a)] + i)].emplace_back(pair.a, i);
+      members[root(offset[static_cast<size_t>(pair.b)] + j)].emplace_back(pair.b, j);
+    }
+  }
+  std::vector<RigPoint> points;
+  for (auto& [key, list] : members) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+    RigPoint point;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    bool twice = false;
+    for (size_t k = 0; k < list.size(); ++k) {
+      const auto [photo, feature] = list[k];
+      twice = twice || (k > 0 && list[k - 1].first == photo);
+      const PairView& view = views[static_cast<size_t>(photo)];
+      const RigPhoto& p = state.photos[static_cast<size_t>(photo)];
+      if (!p.placed) continue;
+      RigObservation o{photo, feature, view.features->points[static_cast<size_t>(feature)].cast<double>()};
+      sum += p.cam_from_rig.conjugate() * RayOfPixel(view, state.lenses[static_cast<size_t>(p.lens)], o.pixel);
+      point.observations.push_back(o);
+    }
+    // Two features of one photo cannot be the same point: one of the links is wrong, and nothing says which.
+    if (twice || point.observations.size() < 2) continue;
+    point.direction = sum.normalized();
+    points.push_back(std::move(point));
+  }
+  return points;
+}
+
+Eigen::Vector3d UpFromPhotos(const RigState& state) {
+  Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const RigPhoto& p : state.photos) {
+    if (!p.placed) continue;
+    const Eigen::Vector3d right = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitX();
+    m += right * right.transpose();
+    up -= p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitY();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(m);
+  if (up.norm() < 1e-9) return eigen.eigenvectors().col(0);
+  // Photos that look one way have right sides that are all alike: then the mean of their tops is all there is.
+  if (eigen.eigenvalues()(1) < 0.02 * m.trace()) {
+    const Eigen::Vector3d right = eigen.eigenvectors().col(2);
+    return (up - right * right.dot(up)).normalized();
+  }
+  const Eigen::Vector3d axis = eigen.eigenvectors().col(0);
+  return axis.dot(up) < 0 ? Eigen::Vector3d(-axis) : axis;
+}
+
+void TurnRig(const Eigen::Quaterniond& new_from_old, RigState* state) {
+  for (RigPhoto& p : state->photos) {
+    p.cam_from_rig = (p.cam_from_rig * new_from_old.conjugate()).normalized();
+    p.centre = new_from_old * p.centre;
+  }
+  for (RigPoint& p : state->points) p.direction = new_from_old * p.direction;
+}
+
+void MoveRigOrigin(const Eigen::Vector3d& centre, RigState* state) {
+  for (RigPhoto& p : state->photos) p.centre -= centre;
+  for (RigPoint& p : state->points) {
+    const Eigen::Vector3d d = p.direction - p.inverse_distance * centre;
+    p.inverse_distance /= d.norm();
+    p.direction = d.normalized();
+  }
+}
+
+}  // namespace trigpoint

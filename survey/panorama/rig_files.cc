@@ -1,0 +1,247 @@
+#include "survey/panorama/rig_files.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "calib/base/error.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "survey/panorama/distance_field.h"
+
+namespace trigpoint {
+namespace {
+
+using nlohmann::json;
+
+json Numbers(const Eigen::MatrixXd& m) {
+  json rows = json::array();
+  for (Eigen::Index r = 0; r < m.rows(); ++r) {
+    json row = json::array();
+    for (Eigen::Index c = 0; c < m.cols(); ++c) row.push_back(m(r, c));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+json Vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+// Covariance of rig_from_cam [rotation, translation = centre] from that of [cam_from_rig's left tangent, centre].
+Matrix6d RigFromCamCovariance(const RigPhoto& p, const Matrix6d& c) {
+  Matrix6d j = Matrix6d::Identity();
+  // (Exp(w) R)^-1 = R^T Exp(-w) = Exp(-R^T w) R^T
+  j.topLeftCorner<3, 3>() = -p.cam_from_rig.conjugate().toRotationMatrix();
+  return j * c * j.transpose();
+}
+
+}  // namespace
+
+void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir) {
+  CsvWriter csv({"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "focal_px"},
+                {"trigpoint rig 1; frame=rig: x right, y down, z forward at the panorama's centre; origin=mean of the "
+                 "photos' centres; sigma=1, relative to the origin; pose=rig_from_cam"});
+  json photos = json::array();
+  const Eigen::MatrixXd& covariance = rig.bundle.covariance;
+  int at = 0;
+  for (size_t i = 0; i < rig.photos.size(); ++i) {
+    const RigPhoto& p = rig.state.photos[i];
+    json entry = {{"photo", rig.photos[i].name}, {"placed", p.placed}, {"width_px", rig.photos[i].width},
+                  {"height_px", rig.photos[i].height}};
+    if (!p.placed) {
+      entry["reason"] = rig.reason[i];
+      photos.push_back(std::move(entry));
+      continue;
+    }
+    Matrix6d c = Matrix6d::Zero();
+    if (covariance.rows() >= 6 * (at + 1)) c = RigFromCamCovariance(p, covariance.block<6, 6>(6 * at, 6 * at));
+    ++at;
+    const Rigid3d pose = RigFromCam(p);
+    const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
+    csv.Text(rig.photos[i].name);
+    for (int k = 0; k < 3; ++k) csv.Number(pose.translation(k), 6);
+    csv.Number(pose.rotation.x(), 9).Number(pose.rotation.y(), 9).Number(pose.rotation.z(), 9).Number(pose.rotation.w(), 9);
+    for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, c(k, k))), 5);
+    csv.Number(lens.focal_px, 4);
+    csv.EndRow();
+    entry["lens"] = p.lens;
+    entry["translation_m"] = Vector(pose.translation);
+    entry["quaternion_xyzw"] = {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()};
+    entry["covariance_rotation_rad_translation_m"] = Numbers(c);
+    if (composite != nullptr) {
+      const Eigen::Vector3d& g = composite->gains[i];
+      entry["gain_rgb"] = {g(2), g(1), g(0)};
+      entry["share_of_panorama"] = composite->share[i];
+    }
+    photos.push_back(std::move(entry));
+  }
+  for (const LeftOutPhoto& p : rig.left_out) {
+    photos.push_back({{"photo", p.name}, {"placed", false}, {"reason", p.reason}});
+  }
+  csv.Save(dir / "rig.csv");
+
+  json lenses = json::array();
+  for (size_t l = 0; l < rig.state.lenses.size(); ++l) {
+    const Lens& lens = rig.state.lenses[l];
+    const Eigen::Index k = 6 * at + 3 * static_cast<Eigen::Index>(l);
+    Eigen::Vector3d sigma = Eigen::Vector3d::Zero();
+    if (covariance.rows() >= k + 3) sigma = covariance.diagonal().segment<3>(k).cwiseMax(0).cwiseSqrt();
+    const double exif = rig.state.lens_priors[l].focal_px;
+    lenses.push_back({{"model", "radtan"},
+                      {"focal_px", lens.focal_px},
+                      {"k1", lens.k1},
+                      {"k2", lens.k2},
+                      {"sigma_focal_px", sigma(0)},
+                      {"sigma_k1", sigma(1)},
+                      {"sigma_k2", sigma(2)},
+                      {"exif_focal_px", exif > 0 ? json(exif) : json(nullptr)}});
+  }
+  // Of the photos in the order of rig.csv; by the lower triangle.
+  json shape = json::array();
+  const Eigen::MatrixXd& of_shape = rig.bundle.shape_covariance;
+  for (Eigen::Index r = 0; r < of_shape.rows(); ++r) {
+    for (Eigen::Index k = 0; k <= r; ++k) shape.push_back(static_cast<float>(of_shape(r, k)));
+  }
+  const ParallaxBudget& b = rig.parallax;
+  const Closure& c = rig.closure;
+  json sidecar = {
+      {"schema", "trigpoint rig 1"},
+      {"frame", "rig: x right, y down, z forward at the panorama's centre; metres; sigmas and covariances at 1 sigma, "
+                "relative to the first placed photo's rotation and to the origin"},
+      {"photos", photos},
+      {"lenses", lenses},
+      {"centre",
+       {{"definition", "mean of the photos' centres"},
+        {"why",
+         "it is where the pictures were taken; the point nearest to all optical axes is pulled along the axes by photos "
+         "that look up or down"},
+        {"axes_centre_m", Vector(b.axes_centre)}}},
+      {"shape_covariance", shape},
+      {"circle", {{"radius_m", rig.state.radius_m}, {"log_sigma", rig.bundle.radius_log_sigma}}},
+      {"parallax",
+       {{"median_px", b.median_px},
+        {"p95_px", b.p95_px},
+        {"max_px", b.max_px},
+        {"rms_one_centre_px", b.rms_central_px},
+        {"rms_own_centres_px", b.rms_rig_px},
+        {"centres_rms_m", b.spread_m},
+        {"centres_largest_m", b.largest_m},
+        {"median_distance_m", b.median_distance_m},
+        {"points_with_distance", b.points_with_distance}}},
+      {"closure",
+       {{"full_turn", c.full_turn},
+        {"photos", c.photos},
+        {"sum_deg", c.sum_deg},
+        {"error_deg", c.error_deg},
+        {"largest_gap_deg", c.largest_gap_deg}}},
+      {"level", {{"source", rig.level_source}, {"sigma_deg", rig.level_sigma_deg}}}};
+  if (rig.heading_rad) {
+    sidecar["heading"] = {{"source", rig.heading_source},
+                          {"heading_deg", *rig.heading_rad * kRadToDeg},
+                          {"sigma_deg", rig.heading_sigma_rad * kRadToDeg}};
+  }
+  if (composite != nullptr) {
+    sidecar["panorama"] = {
+        {"width_px", composite->width}, {"height_px", composite->height}, {"covered_share", composite->covered}};
+  }
+  WriteFileAtomically(dir / "rig.json", sidecar.dump(1) + "\n");
+}
+
+void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
+  const DistanceField field(rig.state);
+  CsvWriter csv({"photo_a", "photo_b", "u_a", "v_a", "u_b", "v_b", "rig_u_b", "rig_v_b", "turn_u_b", "turn_v_b"},
+                {"trigpoint held_out 1; px; rig: predicted from (u_a, v_a) with the photos' own centres and the distance "
+                 "of the points nearby; turn: with the rotations alone"});
+  for (const HeldOutMatch& m : rig.held_out) {
+    const auto photo = [&](int i) -> const RigPhoto& { return rig.state.photos[static_cast<size_t>(i)]; };
+    if (!photo(m.a).placed || !photo(m.b).placed) continue;
+    const auto lens = [&](int i) -> const Lens& { return rig.state.lenses[static_cast<size_t>(photo(i).lens)]; };
+    const Eigen::Vector3d ray = photo(m.a).cam_from_rig.conjugate() *
+                                RayOfPixel(rig.views[static_cast<size_t>(m.a)], lens(m.a), m.pixel_a);
+    // Inverse distance from the points nearby in direction, the nearest most.
+    double sum = 0, weights = 0;
+    for (const RigPoint& p : rig.state.points) {
+      if (!(p.sigma > 0) || p.sigma > 0.5) continue;
+      const double angle2 = (p.direction - ray).squaredNorm();
+      if (angle2 > 0.03 * 0.03) continue;
+      const double w = 1 / ((angle2 + 1e-6) * (p.sigma * p.sigma + 1e-4));
+      sum += w * p.inverse_distance, weights += w;
+    }
+    const double azimuth = std::atan2(ray.x(), ray.z()), elevation = std::asin(std::clamp(-ray.y(), -1.0, 1.0));
+    const double inverse = weights > 0 ? sum / weights : field.InverseDistance(azimuth, elevation);
+    csv.Text(rig.photos[static_cast<size_t>(m.a)].name).Text(rig.photos[static_cast<size_t>(m.b)].name);
+    csv.Number(m.pixel_a.x(), 4).Number(m.pixel_a.y(), 4).Number(m.pixel_b.x(), 4).Number(m.pixel_b.y(), 4);
+    // Seen from a's centre, not the rig's: the ray begins there.
+    for (const double rho : {inverse, 0.0}) {
+      const Eigen::Vector3d d = ray + rho * (photo(m.a).centre - photo(m.b).centre);
+      Eigen::Vector2d pixel;
+      if (PixelOfRay(rig.views[static_cast<size_t>(m.b)], lens(m.b), photo(m.b).cam_from_rig * d.normalized(), &pixel)) {
+        csv.Number(pixel.x(), 4).Number(pixel.y(), 4);
+      } else {
+        csv.Empty(2);
+      }
+    }
+    csv.EndRow();
+  }
+  csv.Save(dir / "held_out.csv");
+}
+
+RigFile ReadRigFiles(const std::filesystem::path& dir) {
+  RigFile file;
+  const std::filesystem::path sidecar = dir / "rig.json";
+  std::map<std::string, json> photos;
+  json document;
+  try {
+    document = json::parse(ReadTextFile(sidecar));
+    for (const json& p : document.at("photos")) photos[p.at("photo").get<std::string>()] = p;
+    file.radius_m = document.at("circle").at("radius_m").get<double>();
+    file.radius_log_sigma = document.at("circle").at("log_sigma").get<double>();
+  } catch (const json::exception& e) {
+    throw InputError(sidecar.string() + ": expected the sidecar of rig.csv, found something else (" + e.what() +
+                     "); run `trigpoint stitch` again");
+  }
+  const CsvTable table = CsvTable::Read(dir / "rig.csv", {"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "focal_px"},
+                                        {"sigma_tx_m", "sigma_ty_m", "sigma_tz_m"});
+  for (const CsvRow& row : table.rows()) {
+    View view;
+    view.name = row.Text("photo");
+    const Eigen::Quaterniond q(row.Number("qw"), row.Number("qx"), row.Number("qy"), row.Number("qz"));
+    if (std::abs(q.norm() - 1) > 1e-3) row.Fail("expected a unit quaternion, found one of length " + std::to_string(q.norm()));
+    view.rig_from_view = {q, {row.Number("tx"), row.Number("ty"), row.Number("tz")}};
+    const auto it = photos.find(view.name);
+    if (it == photos.end()) row.Fail("photo '" + view.name + "' is not in rig.json beside it");
+    try {
+      const json& p = it->second;
+      const json& lens = document.at("lenses").at(p.at("lens").get<size_t>());
+      const int w = p.at("width_px").get<int>(), h = p.at("height_px").get<int>();
+      const double f = row.Number("focal_px");
+      view.camera = Camera(CameraModel::kRadtan, w, h,
+                           {f, f, 0.5 * (w - 1), 0.5 * (h - 1), lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
+      const json& c = p.at("covariance_rotation_rad_translation_m");
+      for (size_t r = 0; r < 6; ++r) {
+        for (size_t k = 0; k < 6; ++k) {
+          view.covariance(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k)) = c.at(r).at(k).get<double>();
+        }
+      }
+    } catch (const json::exception& e) {
+      throw InputError(sidecar.string() + ": photo '" + view.name + "': " + e.what());
+    }
+    file.rig.views.push_back(std::move(view));
+  }
+  const Eigen::Index n = 6 * static_cast<Eigen::Index>(file.rig.views.size());
+  const json shape = document.value("shape_covariance", json::array());
+  if (static_cast<Eigen::Index>(shape.size()) == n * (n + 1) / 2) {
+    file.shape_covariance.resize(n, n);
+    size_t at = 0;
+    for (Eigen::Index r = 0; r < n; ++r) {
+      for (Eigen::Index k = 0; k <= r; ++k, ++at) {
+        file.shape_covariance(r, k) = file.shape_covariance(k, r) = shape[at].is_number() ? shape[at].get<double>() : 0.0;
+      }
+    }
+  }
+  if (file.rig.views.size() < 2) throw InputError((dir / "rig.csv").string() + ": expected at least two photos");
+  return file;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,592 @@
+#include "survey/panorama/stitch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/estimation/random.h"
+#include "calib/geo/geodetic.h"
+#include "survey/panorama/levelling.h"
+#include "survey/panorama/photo_graph.h"
+#include "survey/panorama/rig_report.h"
+
+namespace trigpoint {
+namespace {
+
+// How far a pair may be off the others while the focal length is only guessed: 3 % of it opens a ring by 11 deg.
+constexpr double kRingSlack = 14 * kDegToRad;
+
+int LongSide(const PairView& v) { return std::max(v.width, v.height); }
+
+std::string Degrees(double rad) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f deg", rad * kRadToDeg);
+  return text;
+}
+
+// Work in progress: the steps fill it one after the other.
+class Stitcher {
+ public:
+  Stitcher(const PhotoSet& set, const StitchOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+           const CancelToken& cancel)
+      : o_(options), threads_(threads), seed_(seed), progress_(progress), cancel_(cancel) {
+    out_.photos = set.photos;
+    out_.left_out = set.left_out;
+    pair_options_.ratio = options.ratio;
+    pair_options_.all_pairs_up_to = options.all_pairs_up_to;
+    pair_options_.seed = seed;
+  }
+
+  void FindFeatures(const std::function<cv::Mat(const Photo&)>& load_grey) {
+    std::vector<PhotoFeatures> features(out_.photos.size());
+    std::vector<std::string> problem(out_.photos.size());
+    progress_.Begin("features", static_cast<int64_t>(out_.photos.size()));
+    ParallelFor(static_cast<int64_t>(out_.photos.size()), threads_, cancel_, [&](int64_t i) {
+      const size_t k = static_cast<size_t>(i);
+      try {
+        features[k] = FindPhotoFeatures(load_grey(out_.photos[k]), o_.max_features, o_.feature_size_px);
+      } catch (const InputError& e) {
+        problem[k] = e.what();
+      }
+      progress_.Advance(1);
+    });
+    // Copies say nothing new, and would be overlaid on themselves.
+    for (size_t b = 0; b < features.size(); ++b) {
+      for (size_t a = 0; a < b && problem[b].empty(); ++a) {
+        if (!problem[a].empty() || out_.photos[a].width != out_.photos[b].width ||
+            out_.photos[a].height != out_.photos[b].height)
+          continue;
+        if (std::abs(features[a].size() - features[b].size()) > 0.02 * features[a].size()) continue;
+        if (ShareOfEqualFeatures(features[a], features[b]) > 0.9) problem[b] = "is a copy of " + out_.photos[a].name;
+      }
+    }
+    std::vector<Photo> photos;
+    for (size_t i = 0; i < features.size(); ++i) {
+      if (problem[i].empty()) {
+        photos.push_back(out_.photos[i]);
+        out_.features.push_back(std::move(features[i]));
+      } else {
+        out_.left_out.push_back({out_.photos[i].name, problem[i]});
+      }
+    }
+    out_.photos = std::move(photos);
+    RequireTwo("a panorama needs at least two photos that can be used");
+    for (size_t i = 0; i < out_.photos.size(); ++i) {
+      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i]});
+    }
+    out_.reason.resize(out_.photos.size());
+    out_.state.photos.resize(out_.photos.size());
+  }
+
+  // Photos of one size and one EXIF focal length share a lens.
+  void MakeLenses() {
+    std::map<std::tuple<int, int, int>, int> lens_of;
+    for (size_t i = 0; i < out_.photos.size(); ++i) {
+      const Photo& p = out_.photos[i];
+      const int bucket = p.focal_px ? static_cast<int>(std::lround(std::log(*p.focal_px) / 0.01)) : -1;
+      const auto key = std::make_tuple(std::max(p.width, p.height), std::min(p.width, p.height), bucket);
+      const auto [it, fresh] = lens_of.try_emplace(key, static_cast<int>(out_.state.lenses.size()));
+      if (fresh) {
+        out_.state.lenses.push_back({p.focal_px.value_or(0), 0, 0});
+        out_.state.lens_priors.push_back({p.focal_px.value_or(0), o_.focal_sigma});
+      }
+      out_.state.photos[i].lens = it->second;
+    }
+  }
+
+  void Pair() {
+    const std::vector<std::pair<int, int>> candidates = CandidatePairs(out_.views, pair_options_, threads_, cancel_);
+    out_.pairs_tried = static_cast<int>(candidates.size());
+    tried_ = MatchPairs(out_.views, candidates, pair_options_, threads_, progress_, cancel_);
+    const auto with_focal = [&](bool missing_only, double share) {
+      for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
+        if (missing_only && out_.state.lenses[l].focal_px > 0) continue;
+        int side = 0;
+        for (size_t i = 0; i < out_.photos.size(); ++i) {
+          if (out_.state.photos[i].lens == static_cast<int>(l)) side = std::max(side, LongSide(out_.views[i]));
+        }
+        out_.state.lenses[l] = {share * side, 0, 0};
+        out_.state.lens_priors[l].focal_px = 0;
+      }
+    };
+    const bool any_missing = std::any_of(out_.state.lenses.begin(), out_.state.lenses.end(),
+                                         [](const Lens& l) { return l.focal_px <= 0; });
+    out_.focal_from_exif = !any_missing;
+    std::optional<double> share;
+    if (any_missing) {
+      // Narrow photos fit many focal lengths pair by pair; a ring, or photos that meet three at a time, only one.
+      double most = -1;
+      for (const FocalScore& candidate : SearchFocal(out_.views, tried_, pair_options_, threads_, cancel_)) {
+        cancel_.ThrowIfCancelled();
+        for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
+          if (out_.state.lens_priors[l].focal_px <= 0) out_.state.lenses[l].focal_px = 0;
+        }
+        with_focal(true, candidate.share);
+        Verify();
+        const PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, kRingSlack);
+        double score = 0;
+        for (const PhotoPair& p : graph.pairs) score += p.score;
+        for (const PhotoPair& p : graph.contradicting) score -= p.score;
+        if (score > most) most = score, share = candidate.share;
+      }
+      for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
+        if (out_.state.lens_priors[l].focal_px <= 0) out_.state.lenses[l].focal_px = 0;
+      }
+      with_focal(true, share.value_or(0.9));
+    }
+    Verify();
+    if (!any_missing) {
+      // EXIF may lie (a cropped or re-scaled copy): if rotations explain much more with another focal length, it does.
+      const double by_exif = TotalScore();
+      const std::vector<FocalScore> found = SearchFocal(out_.views, tried_, pair_options_, threads_, cancel_);
+      if (!found.empty()) {
+        share = found.front().share;
+        const std::vector<Lens> lenses = out_.state.lenses;
+        const std::vector<LensPrior> priors = out_.state.lens_priors;
+        const std::vector<PhotoPair> accepted = accepted_;
+        const double exif_share = lenses.front().focal_px / LongSide(out_.views.front());
+        if (std::abs(std::log(*share / exif_share)) > 0.25 && lenses.size() == 1) {
+          with_focal(false, *share);
+          Verify();
+          if (TotalScore() > 1.5 * by_exif) {
+            out_.focal_from_exif = false;
+            out_.warnings.push_back("the focal length of EXIF (" + std::to_string(std::lround(lenses.front().focal_px)) +
+                                    " px) does not explain the photos; it is estimated instead");
+          } else {
+            out_.state.lenses = lenses, out_.state.lens_priors = priors, accepted_ = accepted;
+          }
+        }
+      }
+    }
+    out_.focal_start_px = out_.state.lenses.front().focal_px;
+  }
+
+  void Orient() {
+    PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, out_.focal_from_exif ? 3 * kDegToRad : kRingSlack);
+    if (std::none_of(graph.placed.begin(), graph.placed.end(), [](bool p) { return p; })) {
+      throw InputError("no two of the " + std::to_string(Count()) +
+                       " photos overlap in a way that a turn of the camera explains; neighbours should share a third of "
+                       "their picture, be sharp, and be taken from one place");
+    }
+    for (int i = 0; i < Count(); ++i) {
+      RigPhoto& p = out_.state.photos[static_cast<size_t>(i)];
+      p.placed = graph.placed[static_cast<size_t>(i)];
+      p.cam_from_rig = graph.cam_from_rig[static_cast<size_t>(i)];
+    }
+    for (const PhotoPair& p : graph.contradicting) {
+      out_.warnings.push_back("the match of " + Name(p.a) + " with " + Name(p.b) +
+                              " contradicts the others and is dropped (repeated texture?)");
+    }
+    if (graph.parts > 1) {
+      out_.warnings.push_back("the photos fall into " + std::to_string(graph.parts) +
+                              " parts that do not overlap; only the largest is stitched");
+    }
+    out_.pairs = std::move(graph.pairs);
+    SolveCentral({200, 40, 10, 5}, out_.pairs);
+    RecheckPairs();
+    Rescue();
+  }
+
+  // With the focal length adjusted, what still contradicts does so for good.
+  void RecheckPairs() {
+    std::vector<PhotoPair> kept;
+    for (PhotoPair& p : out_.pairs) {
+      const Eigen::Quaterniond said = out_.state.photos[static_cast<size_t>(p.b)].cam_from_rig *
+                                      out_.state.photos[static_cast<size_t>(p.a)].cam_from_rig.conjugate();
+      if (said.angularDistance(p.b_from_a) < 6 * kDegToRad) {
+        kept.push_back(std::move(p));
+      } else {
+        out_.warnings.push_back("the match of " + Name(p.a) + " with " + Name(p.b) +
+                                " contradicts the others and is dropped (repeated texture?)");
+      }
+    }
+    if (kept.size() == out_.pairs.size() || kept.empty()) {
+      out_.pairs = std::move(kept);
+      return;
+    }
+    out_.pairs = std::move(kept);
+    SolveCentral({10, 5}, out_.pairs);
+  }
+
+  // Photos that no pair accepted may have been taken at another zoom: each tries focal lengths of its own against those
+  // that are placed.
+  void Rescue() {
+    bool again = true;
+    while (again) {
+      again = false;
+      for (int i = 0; i < Count(); ++i) {
+        RigPhoto& photo = out_.state.photos[static_cast<size_t>(i)];
+        if (photo.placed) continue;
+        PhotoPair best_pair;
+        double best_focal = 0;
+        const double guess = LensOf(i).focal_px;
+        for (const PhotoPair& tried : tried_) {
+          if (tried.a != i && tried.b != i) continue;
+          const int other = tried.a == i ? tried.b : tried.a;
+          if (!out_.state.photos[static_cast<size_t>(other)].placed || tried.matches.size() < 15) continue;
+          for (double factor = 0.4; factor < 3; factor *= 1.04) {
+            const Lens own{guess * factor, 0, 0};
+            const PairRotation r =
+                FindRotation(out_.views, tried, tried.a == i ? own : LensOf(other), tried.a == i ? LensOf(other) : own,
+                             Threshold(tried.b), 200, seed_);
+            if (!r.accepted || r.score <= best_pair.score || r.inliers.size() < 20) continue;
+            best_pair = Accepted(tried, r);
+            best_focal = own.focal_px;
+          }
+        }
+        if (best_pair.score <= 0) continue;
+        const bool is_a = best_pair.a == i;
+        const RigPhoto& other = out_.state.photos[static_cast<size_t>(is_a ? best_pair.b : best_pair.a)];
+        photo.cam_from_rig = (is_a ? best_pair.b_from_a.conjugate() : best_pair.b_from_a) * other.cam_from_rig;
+        photo.placed = true;
+        if (std::abs(best_focal / guess - 1) > 0.06) {
+          photo.lens = static_cast<int>(out_.state.lenses.size());
+          out_.state.lenses.push_back({best_focal, 0, 0});
+          out_.state.lens_priors.push_back({0, o_.focal_sigma});
+          out_.warnings.push_back(Name(i) + " was taken at another zoom: it gets a focal length of its own");
+        }
+        out_.pairs.push_back(best_pair);
+        again = true;
+      }
+      if (again) SolveCentral({30, 8}, out_.pairs);
+    }
+  }
+
+  // With the rotations known every overlap is searched for more matches, near where a turn of the camera predicts them.
+  void MatchGuided() {
+    std::vector<std::pair<int, int>> overlaps;
+    for (int a = 0; a < Count(); ++a) {
+      for (int b = a + 1; b < Count(); ++b) {
+        if (!out_.state.photos[static_cast<size_t>(a)].placed || !out_.state.photos[static_cast<size_t>(b)].placed) continue;
+        const Eigen::Vector3d za = Look(a), zb = Look(b);
+        if (AngleBetween(za, zb) < 0.45 * (Diagonal(a) + Diagonal(b))) overlaps.emplace_back(a, b);
+      }
+    }
+    std::vector<PhotoPair> pairs(overlaps.size());
+    progress_.Begin("match overlaps", static_cast<int64_t>(overlaps.size()));
+    ParallelFor(static_cast<int64_t>(overlaps.size()), threads_, cancel_, [&](int64_t k) {
+      PhotoPair& pair = pairs[static_cast<size_t>(k)];
+      std::tie(pair.a, pair.b) = overlaps[static_cast<size_t>(k)];
+      const size_t a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
+      pair.b_from_a = out_.state.photos[b].cam_from_rig * out_.state.photos[a].cam_from_rig.conjugate();
+      const Lens &la = LensOf(pair.a), &lb = LensOf(pair.b);
+      const auto predict = [&](const Eigen::Vector2f& p, Eigen::Vector2d* at) {
+        return PixelOfRay(out_.views[b], lb, pair.b_from_a * RayOfPixel(out_.views[a], la, p.cast<double>()), at);
+      };
+      pair.matches = MatchPredicted(*out_.views[a].features, *out_.views[b].features, predict,
+                                    o_.guided_share * LongSide(out_.views[b]), o_.ratio, lb.focal_px / la.focal_px);
+      pair.candidates = static_cast<int>(pair.matches.size());
+      progress_.Advance(1);
+    });
+    std::erase_if(pairs, [](const PhotoPair& p) { return p.matches.size() < 10; });
+    out_.pairs = std::move(pairs);
+  }
+
+  // Matches that agree with their neighbours: parallax varies smoothly over most of a picture, a wrong match sticks out.
+  void DropLonelyMatches() {
+    for (PhotoPair& pair : out_.pairs) {
+      const size_t n = pair.matches.size();
+      std::vector<Eigen::Vector2d> at(n), shift(n);
+      const size_t a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
+      const Eigen::Quaterniond b_from_a =
+          out_.state.photos[b].cam_from_rig * out_.state.photos[a].cam_from_rig.conjugate();
+      for (size_t k = 0; k < n; ++k) {
+        const auto [i, j] = pair.matches[k];
+        at[k] = out_.features[a].points[static_cast<size_t>(i)].cast<double>();
+        Eigen::Vector2d predicted;
+        if (!PixelOfRay(out_.views[b], LensOf(pair.b), b_from_a * RayOfPixel(out_.views[a], LensOf(pair.a), at[k]),
+                        &predicted))
+          predicted.setConstant(1e9);
+        shift[k] = out_.features[b].points[static_cast<size_t>(j)].cast<double>() - predicted;
+      }
+      const double reach = 0.12 * LongSide(out_.views[a]), close = 0.0035 * LongSide(out_.views[b]);
+      PhotoMatches kept;
+      for (size_t k = 0; k < n; ++k) {
+        int near = 0, agree = 0;
+        for (size_t l = 0; l < n; ++l) {
+          if (l == k || (at[l] - at[k]).squaredNorm() > reach * reach) continue;
+          ++near;
+          agree += (shift[l] - shift[k]).norm() < close ? 1 : 0;
+        }
+        // A match without neighbours must be where a turn alone predicts it.
+        if (near >= 3 ? agree >= 2 && agree >= 0.15 * near : shift[k].norm() < close) kept.push_back(pair.matches[k]);
+      }
+      pair.matches = std::move(kept);
+    }
+    std::erase_if(out_.pairs, [](const PhotoPair& p) { return p.matches.size() < 8; });
+  }
+
+  // A share of the matches is kept apart: whole tracks, so that nothing of them is used.
+  std::vector<RigPoint> SplitHoldOut(std::vector<RigPoint> points) {
+    if (o_.hold_out <= 0) return points;
+    Random random(seed_ + 99);
+    std::vector<RigPoint> used;
+    for (RigPoint& p : points) {
+      if (random.Uniform() >= o_.hold_out) {
+        used.push_back(std::move(p));
+        continue;
+      }
+      for (size_t k = 1; k < p.observations.size(); ++k) {
+        const RigObservation &a = p.observations[k - 1], &b = p.observations[k];
+        out_.held_out.push_back({a.photo, b.photo, a.pixel, b.pixel});
+      }
+    }
+    return used;
+  }
+
+  void RequireSupport() {
+    std::vector<int> seen(out_.photos.size(), 0);
+    for (const RigPoint& p : out_.state.points) {
+      for (const RigObservation& o : p.observations) ++seen[static_cast<size_t>(o.photo)];
+    }
+    for (size_t i = 0; i < seen.size(); ++i) {
+      if (out_.state.photos[i].placed && seen[i] < 8) out_.state.photos[i].placed = false;
+    }
+    for (RigPoint& p : out_.state.points) {
+      std::erase_if(p.observations,
+                    [&](const RigObservation& o) { return !out_.state.photos[static_cast<size_t>(o.photo)].placed; });
+    }
+    std::erase_if(out_.state.points, [](const RigPoint& p) { return p.observations.size() < 2; });
+  }
+
+  void SolveRigOfSet() {
+    RigState& s = out_.state;
+    s.points = SplitHoldOut(BuildRigPoints(out_.views, s, out_.pairs));
+    RequireSupport();
+    RigBundleOptions b = BundleOptionsOfSet();
+    b.huber_px = 4;
+    progress_.Begin("rotations", 0);
+    RigBundleResult central = SolveRig(out_.views, b, false, threads_, cancel_, &s);
+    out_.parallax.rms_central_px = central.rms_px;
+    DropOutliers(o_.guided_share * 1600);
+    progress_.Begin("rig", 0);
+    b.centres = true;
+    s.radius_m = o_.radius_m;
+    for (double huber : {4.0, 2.0, 2.0}) {
+      b.huber_px = huber;
+      b.up = UpFromPhotos(s);
+      if (s.photos.empty()) break;
+      if (huber == 4.0) StartOnCircle(b.up);
+      SolveRig(out_.views, b, false, threads_, cancel_, &s);
+      DropOutliers(2.5 * huber);
+    }
+    RequireSupport();
+  }
+
+  void Finish(const std::function<cv::Mat(const Photo&)>& load_grey) {
+    RigState& s = out_.state;
+    int placed = 0;
+    for (const RigPhoto& p : s.photos) placed += p.placed ? 1 : 0;
+    if (placed < 2) throw InputError("only " + std::to_string(placed) + " photo is left after the adjustment; two are needed");
+    out_.placed = placed;
+    LevelRig(load_grey, o_.level, threads_, cancel_, &out_);
+    RigBundleOptions b = BundleOptionsOfSet();
+    b.centres = true;
+    b.huber_px = 2;
+    b.up = -Eigen::Vector3d::UnitY();
+    b.sigma_px = NoisePx();
+    out_.bundle = SolveRig(out_.views, b, true, threads_, cancel_, &s);
+    out_.parallax.rms_rig_px = out_.bundle.rms_px;
+    CentreRig(&out_);
+    DescribeParallax(&out_);
+    DescribeClosure(&out_);
+    for (int i = 0; i < Count(); ++i) {
+      if (s.photos[static_cast<size_t>(i)].placed) continue;
+      out_.reason[static_cast<size_t>(i)] = WhyNotPlaced(i);
+      out_.warnings.push_back(Name(i) + " is not placed: " + out_.reason[static_cast<size_t>(i)]);
+    }
+    for (const LeftOutPhoto& p : out_.left_out) out_.warnings.push_back(p.name + " is left out: " + p.reason);
+    if (!out_.closure.full_turn) {
+      out_.warnings.push_back("the photos do not go all the way round: " + Degrees(out_.closure.largest_gap_deg * kDegToRad) +
+                              " of the horizon are not seen in one piece");
+    }
+  }
+
+  StitchedRig Take() { return std::move(out_); }
+
+ private:
+  int Count() const { return static_cast<int>(out_.photos.size()); }
+  const std::string& Name(int i) const { return out_.photos[static_cast<size_t>(i)].name; }
+  const Lens& LensOf(int i) const {
+    return out_.state.lenses[static_cast<size_t>(out_.state.photos[static_cast<size_t>(i)].lens)];
+  }
+  Eigen::Vector3d Look(int i) const {
+    return out_.state.photos[static_cast<size_t>(i)].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+  }
+  double Diagonal(int i) const {
+    const PairView& v = out_.views[static_cast<size_t>(i)];
+    return 2 * std::atan(0.5 * std::hypot(v.width, v.height) / LensOf(i).focal_px);
+  }
+  double Threshold(int photo) const {
+    return pair_options_.coarse_px * LongSide(out_.views[static_cast<size_t>(photo)]) / 1600;
+  }
+  static double AngleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    return std::atan2(a.cross(b).norm(), a.dot(b));
+  }
+
+  void RequireTwo(const std::string& what) const {
+    if (out_.photos.size() >= 2) return;
+    std::string text = what + ", found " + std::to_string(out_.photos.size());
+    for (const LeftOutPhoto& p : out_.left_out) text += "; " + p.name + ": " + p.reason;
+    throw InputError(text);
+  }
+
+  PhotoPair Accepted(const PhotoPair& tried, const PairRotation& r) const {
+    PhotoPair pair = tried;
+    pair.b_from_a = r.b_from_a;
+    pair.candidates = r.candidates;
+    pair.score = r.score;
+    pair.matches.clear();
+    for (int k : r.inliers) pair.matches.push_back(tried.matches[static_cast<size_t>(k)]);
+    return pair;
+  }
+
+  void Verify() {
+    std::vector<PairRotation> rotations(tried_.size());
+    ParallelFor(static_cast<int64_t>(tried_.size()), threads_, cancel_, [&](int64_t k) {
+      const PhotoPair& p = tried_[static_cast<size_t>(k)];
+      rotations[static_cast<size_t>(k)] = FindRotation(out_.views, p, LensOf(p.a), LensOf(p.b), Threshold(p.b), 1000,
+                                                       seed_ + static_cast<uint64_t>(k));
+    });
+    accepted_.clear();
+    for (size_t k = 0; k < tried_.size(); ++k) {
+      if (rotations[k].accepted) accepted_.push_back(Accepted(tried_[k], rotations[k]));
+    }
+  }
+  double TotalScore() const {
+    double sum = 0;
+    for (const PhotoPair& p : accepted_) sum += p.score;
+    return sum;
+  }
+
+  RigBundleOptions BundleOptionsOfSet() const {
+    RigBundleOptions b;
+    b.distortion = o_.distortion;
+    b.radius_m = o_.radius_m;
+    b.radius_factor = o_.radius_factor;
+    b.circle_share = o_.circle_share;
+    return b;
+  }
+
+  // One centre for all, from rough to fine.
+  void SolveCentral(const std::vector<double>& knees, const std::vector<PhotoPair>& pairs) {
+    RigState& s = out_.state;
+    s.points = BuildRigPoints(out_.views, s, pairs);
+    RigBundleOptions b = BundleOptionsOfSet();
+    b.distortion = false;
+    b.max_iterations = 20;
+    for (double knee : knees) {
+      b.huber_px = knee;
+      SolveRig(out_.views, b, false, threads_, cancel_, &s);
+      s.points = BuildRigPoints(out_.views, s, pairs);
+    }
+  }
+
+  void StartOnCircle(const Eigen::Vector3d& up) {
+    for (RigPhoto& p : out_.state.photos) {
+      Eigen::Vector3d look = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+      look -= up * up.dot(look);
+      p.centre = look.norm() > 0.2 ? Eigen::Vector3d(o_.radius_m * look.normalized()) : Eigen::Vector3d::Zero();
+    }
+  }
+
+  // Observations beyond `limit_px`, points nearer than believed or behind, points left with one observation.
+  void DropOutliers(double limit_px) {
+    RigState& s = out_.state;
+    for (RigPoint& p : s.points) {
+      std::erase_if(p.observations, [&](const RigObservation& o) {
+        Eigen::Vector2d pixel;
+        const double limit = limit_px * std::max(0.5, LongSide(out_.views[static_cast<size_t>(o.photo)]) / 1600.0);
+        return !ProjectRigPoint(out_.views, s, p, o.photo, &pixel) || (pixel - o.pixel).norm() > limit;
+      });
+    }
+    std::erase_if(s.points, [&](const RigPoint& p) {
+      return p.observations.size() < 2 || p.inverse_distance > 1 / o_.min_distance_m;
+    });
+  }
+
+  // Noise of a feature, from the residuals: median of |r|, over those that a third observation makes more than a fit.
+  double NoisePx() const {
+    std::vector<double> r2;
+    double dof = 0;
+    for (const RigPoint& p : out_.state.points) {
+      if (p.observations.size() < 2) continue;
+      dof += 2.0 * static_cast<double>(p.observations.size()) - 3;
+      for (const RigObservation& o : p.observations) {
+        Eigen::Vector2d pixel;
+        if (ProjectRigPoint(out_.views, out_.state, p, o.photo, &pixel)) r2.push_back((pixel - o.pixel).squaredNorm());
+      }
+    }
+    if (r2.size() < 20 || dof <= 0) return 1;
+    const double share = dof / (2.0 * static_cast<double>(r2.size()));  // of the noise that fitting leaves visible
+    std::nth_element(r2.begin(), r2.begin() + static_cast<std::ptrdiff_t>(r2.size() / 2), r2.end());
+    return std::clamp(std::sqrt(r2[r2.size() / 2] / 1.386 / std::max(0.2, share)), 0.1, 5.0);
+  }
+
+  std::string WhyNotPlaced(int i) const {
+    int best = 0, with = -1;
+    for (const PhotoPair& p : tried_) {
+      if (p.a != i && p.b != i) continue;
+      if (static_cast<int>(p.matches.size()) > best) best = static_cast<int>(p.matches.size()), with = p.a == i ? p.b : p.a;
+    }
+    if (out_.features[static_cast<size_t>(i)].size() < 30) {
+      return "only " + std::to_string(out_.features[static_cast<size_t>(i)].size()) +
+             " features (blurred, dark, or of a plain wall)";
+    }
+    if (with < 0) return "nothing in it is found in another photo";
+    return "does not belong: at most " + std::to_string(best) + " features are found again (in " + Name(with) +
+           "), and no turn of the camera explains them";
+  }
+
+  const StitchOptions& o_;
+  int threads_;
+  uint64_t seed_;
+  ProgressSink& progress_;
+  const CancelToken& cancel_;
+  PairOptions pair_options_;
+  std::vector<PhotoPair> tried_, accepted_;
+  StitchedRig out_;
+};
+
+}  // namespace
+
+std::vector<std::string> StitchOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  static const std::set<std::string> kLevels = {"auto", "tags", "lines", "horizon", "none"};
+  if (kLevels.count(level) == 0) {
+    problems.push_back("option level is '" + level + "', expected auto, tags, lines, horizon or none");
+  }
+  return problems;
+}
+
+StitchedRig StitchPhotos(const PhotoSet& set, const std::function<cv::Mat(const Photo&)>& load_grey,
+                         const StitchOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                         const CancelToken& cancel) {
+  Stitcher s(set, options, threads, seed, progress, cancel);
+  s.FindFeatures(load_grey);
+  s.MakeLenses();
+  s.Pair();
+  s.Orient();
+  s.MatchGuided();
+  s.DropLonelyMatches();
+  s.SolveRigOfSet();
+  s.Finish(load_grey);
+  return s.Take();
+}
+
+Rigid3d RigFromCam(const RigPhoto& photo) { return {photo.cam_from_rig.conjugate(), photo.centre}; }
+
+Camera CameraOf(const StitchedRig& rig, int photo) {
+  const PairView& v = rig.views[static_cast<size_t>(photo)];
+  const Lens& l = rig.state.lenses[static_cast<size_t>(rig.state.photos[static_cast<size_t>(photo)].lens)];
+  return {CameraModel::kRadtan,
+          v.width,
+          v.height,
+          {l.focal_px, l.focal_px, 0.5 * (v.width - 1), 0.5 * (v.height - 1), l.k1, l.k2, 0, 0}};
+}
+
+}  // namespace trigpoint

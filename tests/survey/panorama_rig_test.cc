@@ -1,0 +1,317 @@
+// The rig itself: bundle adjustment against truth, refinement against known points, files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/image.h"
+#include "datasets/io/panorama_writer.h"
+#include "survey/panorama/refine_rig.h"
+#include "survey/panorama/rig_files.h"
+#include "survey/panorama/rig_report.h"
+#include "tests/survey/panorama_scene.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kWidth = 1600, kHeight = 1200;
+constexpr double kFocal = 1300;
+
+// 16 photos on a circle of `radius`, off it by a quarter; points on the ground 1.5 m below and on walls.
+struct World {
+  std::vector<Eigen::Quaterniond> cam_from_world;
+  std::vector<Eigen::Vector3d> centres;
+  std::vector<Eigen::Vector3d> points;
+};
+
+World MakeWorld(uint64_t seed, double radius, int points) {
+  World w;
+  Random random(seed);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 16; ++i) {
+    const double h = 22.5 * i + random.Uniform(-2, 2);
+    w.cam_from_world.push_back(CamFromWorld(h, random.Uniform(-2, 2) - 5, random.Uniform(-1.5, 1.5)));
+    const Eigen::Vector3d out(std::sin(h * kDegToRad), 0, std::cos(h * kDegToRad));
+    w.centres.push_back(radius * (out + 0.2 * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal())));
+    mean += w.centres.back() / 16;
+  }
+  for (Eigen::Vector3d& c : w.centres) c -= mean;
+  while (static_cast<int>(w.points.size()) < points) {
+    const double a = random.Uniform(-std::numbers::pi, std::numbers::pi), r = random.Uniform(3, 25);
+    const bool ground = random.Uniform() < 0.3;
+    w.points.emplace_back(r * std::sin(a), ground ? 1.5 : random.Uniform(-6, 1.4), r * std::cos(a));
+  }
+  return w;
+}
+
+bool See(const World& w, int photo, const Eigen::Vector3d& point, Eigen::Vector2d* pixel) {
+  const size_t i = static_cast<size_t>(photo);
+  const Eigen::Vector3d p = w.cam_from_world[i] * (point - w.centres[i]);
+  if (p.z() < 0.3) return false;
+  *pixel = kFocal * p.head<2>() / p.z() + Eigen::Vector2d(0.5 * (kWidth - 1), 0.5 * (kHeight - 1));
+  return pixel->x() > 0 && pixel->y() > 0 && pixel->x() < kWidth - 1 && pixel->y() < kHeight - 1;
+}
+
+// Observations as a stitched rig has them, everything else at its start.
+StitchedRig Observed(const World& w, double noise_px, uint64_t seed) {
+  StitchedRig rig;
+  Random random(seed);
+  rig.features.resize(16);
+  for (int i = 0; i < 16; ++i) {
+    Photo photo;
+    photo.name = "p" + std::to_string(i) + ".jpg";
+    photo.width = kWidth, photo.height = kHeight;
+    rig.photos.push_back(photo);
+    rig.reason.emplace_back();
+    rig.views.push_back({kWidth, kHeight, nullptr});
+    RigPhoto p;
+    p.placed = true;
+    const Eigen::Vector3d off(random.Normal(), random.Normal(), random.Normal());
+    p.cam_from_rig = ExpSO3(0.01 * off) * w.cam_from_world[static_cast<size_t>(i)];
+    rig.state.photos.push_back(p);
+  }
+  rig.placed = 16;
+  rig.state.lenses = {{1.03 * kFocal, 0, 0}};
+  rig.state.lens_priors = {{0, 0.1}};
+  for (const Eigen::Vector3d& at : w.points) {
+    RigPoint point;
+    point.direction = at.normalized();
+    for (int i = 0; i < 16; ++i) {
+      Eigen::Vector2d pixel;
+      if (!See(w, i, at, &pixel)) continue;
+      point.observations.push_back({i, 0, pixel + noise_px * Eigen::Vector2d(random.Normal(), random.Normal())});
+    }
+    if (point.observations.size() >= 2) rig.state.points.push_back(point);
+  }
+  return rig;
+}
+
+TEST(RigBundle, RecoversTurnsFocalLengthAndTheShapeOfTheRig) {
+  const World w = MakeWorld(1, 0.12, 1500);
+  StitchedRig rig = Observed(w, 0.4, 2);
+  CancelToken cancel;
+  RigBundleOptions o;
+  o.sigma_px = 0.4;
+  o.radius_m = 0.12;
+  o.up = -Eigen::Vector3d::UnitY();
+  SolveRig(rig.views, o, false, 2, cancel, &rig.state);
+  const double central = SolveRig(rig.views, o, false, 2, cancel, &rig.state).rms_px;
+  o.centres = true;
+  for (RigPhoto& p : rig.state.photos) {
+    const Eigen::Vector3d look = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    p.centre = 0.12 * Eigen::Vector3d(look.x(), 0, look.z()).normalized();
+  }
+  rig.bundle = SolveRig(rig.views, o, true, 2, cancel, &rig.state);
+  CentreRig(&rig);
+  EXPECT_LT(rig.bundle.rms_px, 0.45);
+  EXPECT_GT(central, 2);  // one centre for all does not explain the photos
+  EXPECT_NEAR(rig.state.lenses[0].focal_px / kFocal, 1, 0.001);
+  double scale_up = 0, scale_down = 0;
+  const Eigen::Quaterniond align = w.cam_from_world[0].conjugate() * rig.state.photos[0].cam_from_rig;
+  for (size_t i = 0; i < 16; ++i) {
+    const Eigen::Quaterniond found = rig.state.photos[i].cam_from_rig * rig.state.photos[0].cam_from_rig.conjugate();
+    const Eigen::Quaterniond right = w.cam_from_world[i] * w.cam_from_world[0].conjugate();
+    EXPECT_LT(found.angularDistance(right) * kRadToDeg, 0.05);
+    scale_up += w.centres[i].dot(align * rig.state.photos[i].centre);
+    scale_down += rig.state.photos[i].centre.squaredNorm();
+  }
+  const double scale = scale_up / scale_down;
+  for (size_t i = 0; i < 16; ++i) {
+    EXPECT_LT((scale * (align * rig.state.photos[i].centre) - w.centres[i]).norm(), 0.01) << i;
+  }
+  // Photos alone do not tell the size: what is said about it must be the prior's.
+  EXPECT_GT(rig.bundle.radius_log_sigma, 0.3);
+  EXPECT_EQ(rig.bundle.shape_covariance.rows(), 96);
+  const double shape = std::sqrt(rig.bundle.shape_covariance(9, 9)), whole = std::sqrt(rig.bundle.covariance(9, 9));
+  EXPECT_LT(shape, 0.5 * whole);
+}
+
+TEST(RigBundle, MovingTheOriginChangesNoPixel) {
+  const World w = MakeWorld(3, 0.2, 50);
+  StitchedRig rig = Observed(w, 0, 2);
+  for (size_t i = 0; i < 16; ++i) rig.state.photos[i].centre = w.centres[i];
+  for (RigPoint& p : rig.state.points) p.inverse_distance = 0.2;
+  Eigen::Vector2d before, after;
+  ASSERT_TRUE(ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &before));
+  MoveRigOrigin({0.1, -0.05, 0.07}, &rig.state);
+  TurnRig(CamFromWorld(30, 10, 5), &rig.state);
+  ASSERT_TRUE(ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &after));
+  EXPECT_LT((before - after).norm(), 1e-9);
+}
+
+// A rig of half the right size, seeing known points on one side only, as beside a run: what a central treatment makes of
+// it, and what refinement does.
+TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
+  double central2 = 0, refined2 = 0, places2 = 0;
+  for (uint64_t redraw = 0; redraw < 10; ++redraw) {
+    const World w = MakeWorld(100 + redraw, 0.12, 600);
+    Random random(redraw);
+    RefineRigInput in;
+    in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
+    for (int i = 0; i < 16; ++i) {
+      View v;
+      v.name = std::to_string(i);
+      v.camera = Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
+      const Eigen::Vector3d off(random.Normal(), random.Normal(), random.Normal());
+      v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(),
+                         0.5 * w.centres[static_cast<size_t>(i)] + 0.004 * off};
+      in.rig.views.push_back(v);
+      in.shape_covariance.block<3, 3>(6 * i + 3, 6 * i + 3) = Eigen::Matrix3d::Identity() * 0.004 * 0.004;
+      in.shape_covariance.block<3, 3>(6 * i, 6 * i) = Eigen::Matrix3d::Identity() * 3e-4 * 3e-4;
+    }
+    const Rigid3d rig_from_world({Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY())}, {3, 1, -2});
+    for (const Eigen::Vector3d& at : w.points) {
+      if (at.z() < 0) continue;
+      for (int i = 0; i < 16; ++i) {
+        Eigen::Vector2d pixel;
+        if (!See(w, i, at, &pixel)) continue;
+        const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
+        in.points.push_back({i, pixel + 0.7 * Eigen::Vector2d(random.Normal(), random.Normal()),
+                             rig_from_world.Inverse() * (at + 0.02 * noise)});
+      }
+    }
+    in.rig_from_world = rig_from_world.Plus(0.02 * Vector6d::Ones());
+    RefineRigInput one_centre = in;
+    for (View& v : one_centre.rig.views) v.rig_from_view.translation.setZero();
+    const Eigen::Vector3d truth = rig_from_world.TargetOriginInSource();
+    const RefinedRig central = RefineRig(one_centre, RigFreedom::kFixed);
+    const RefinedRig refined = RefineRig(in, RigFreedom::kPrior);
+    central2 += (central.rig_from_world.TargetOriginInSource() - truth).squaredNorm();
+    refined2 += (refined.rig_from_world.TargetOriginInSource() - truth).squaredNorm();
+    EXPECT_NEAR(refined.scale, 2, 0.15);
+    for (size_t i = 0; i < 16; ++i) {
+      places2 += (refined.rig.views[i].rig_from_view.translation - w.centres[i]).squaredNorm() / 16;
+    }
+    if (redraw == 0) {
+      std::vector<double> errors;
+      EXPECT_NE(ChooseFreedom(in, &errors), RigFreedom::kFixed);
+      ASSERT_EQ(errors.size(), 4U);
+      EXPECT_LT(errors[2], errors[0]);
+    }
+  }
+  EXPECT_LT(std::sqrt(refined2), 0.5 * std::sqrt(central2));
+  EXPECT_LT(std::sqrt(places2 / 10), 0.03);
+}
+
+TEST(RefineRig, TooFewPointsAreRefused) {
+  RefineRigInput in;
+  in.rig.views.resize(2);
+  EXPECT_THROW(RefineRig(in, RigFreedom::kPrior), NumericError);
+}
+
+class Folder : public testing::Test {
+ protected:
+  void SetUp() override {
+    dir_ = std::filesystem::temp_directory_path() /
+           ("panorama_rig_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) +
+            std::to_string(::getpid()));
+    std::filesystem::create_directories(dir_);
+  }
+  void TearDown() override { std::filesystem::remove_all(dir_); }
+  std::filesystem::path dir_;
+};
+
+using RigFilesTest = Folder;
+using PanoramaFileTest = Folder;
+using PhotoSetTest = Folder;
+
+TEST_F(RigFilesTest, WhatIsWrittenIsRead) {
+  const World w = MakeWorld(1, 0.12, 300);
+  StitchedRig rig = Observed(w, 0.4, 2);
+  CancelToken cancel;
+  RigBundleOptions o;
+  o.centres = true;
+  rig.bundle = SolveRig(rig.views, o, true, 2, cancel, &rig.state);
+  CentreRig(&rig);
+  rig.state.photos[5].placed = false;
+  rig.reason[5] = "does not belong";
+  // One photo less has one block less.
+  WriteRigFiles(rig, nullptr, dir_);
+  const RigFile file = ReadRigFiles(dir_);
+  ASSERT_EQ(file.rig.views.size(), 15U);
+  EXPECT_EQ(file.rig.views[5].name, "p6.jpg");
+  const Rigid3d right = RigFromCam(rig.state.photos[6]);
+  EXPECT_LT((file.rig.views[5].rig_from_view.translation - right.translation).norm(), 1e-6);
+  EXPECT_LT(file.rig.views[5].rig_from_view.rotation.angularDistance(right.rotation), 1e-7);
+  EXPECT_NEAR(file.rig.views[5].camera.MeanFocal(), rig.state.lenses[0].focal_px, 1e-3);
+  EXPECT_NEAR(file.radius_log_sigma, rig.bundle.radius_log_sigma, 1e-9);
+}
+
+TEST_F(RigFilesTest, DamageIsNamed) {
+  EXPECT_THROW(ReadRigFiles(dir_), InputError);
+  std::ofstream(dir_ / "rig.json") << "{\"photos\": 3";
+  try {
+    ReadRigFiles(dir_);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("rig.json"));
+  }
+}
+
+TEST_F(PanoramaFileTest, JpegAndTiffCarryWhatViewersNeed) {
+  for (const char* name : {"panorama.jpg", "panorama.tif"}) {
+    const std::filesystem::path file = dir_ / name;
+    cv::Mat rows(128, 512, CV_8UC4, cv::Scalar(10, 120, 230, 255));
+    rows(cv::Rect(0, 0, 512, 20)).setTo(cv::Scalar(9, 9, 9, 0));
+    PanoramaWriter writer(file, 512, 256, 95);
+    writer.Write(rows);
+    writer.Write(rows);
+    writer.Finish();
+    PanoramaMetadata m;
+    m.width = 512, m.height = 256;
+    m.heading_deg = 123.25;
+    m.photos = 24;
+    m.position = Geodetic{-33.8567844, 151.2152967, 41.25};
+    m.has_height = true;
+    m.sigma_h_m = 2.5;
+    m.first_utc_ns = 1'700'000'000'000'000'000;
+    WritePanoramaMetadata(file, m);
+    const PhotoMetadata read = ReadPhotoMetadata(file);
+    ASSERT_TRUE(read.gpano) << name;
+    EXPECT_EQ(read.gpano->projection, "equirectangular");
+    EXPECT_EQ(read.gpano->full_width, 512);
+    EXPECT_EQ(read.gpano->crop_height, 256);
+    EXPECT_NEAR(*read.gpano->heading_deg, 123.25, 1e-4);
+    ASSERT_TRUE(read.position);
+    EXPECT_NEAR(read.position->latitude_deg, -33.8567844, 1e-7);
+    EXPECT_NEAR(read.position->longitude_deg, 151.2152967, 1e-7);
+    EXPECT_NEAR(read.position->height_m, 41.25, 1e-3);
+    EXPECT_FALSE(read.height_above_sea);
+    EXPECT_NEAR(*read.sigma_h_m, 2.5, 1e-3);
+    const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
+    ASSERT_EQ(picture.cols, 512);
+    ASSERT_EQ(picture.rows, 256);
+    if (picture.channels() == 4) {
+      EXPECT_EQ(picture.at<cv::Vec4b>(5, 5)[3], 0);
+      EXPECT_EQ(picture.at<cv::Vec4b>(100, 5), cv::Vec4b(10, 120, 230, 255));
+    } else {
+      EXPECT_NEAR(picture.at<cv::Vec3b>(100, 5)[2], 230, 4);
+      EXPECT_LT(picture.at<cv::Vec3b>(4, 5)[2], 10);
+    }
+    EXPECT_EQ(LoadPanorama(file, true).cols, 512);
+  }
+  EXPECT_THROW(PanoramaWriter(dir_ / "panorama.png", 8, 4, 90), InputError);
+  EXPECT_THROW(PanoramaWriter(dir_ / "none" / "panorama.jpg", 8, 4, 90), IoError);
+}
+
+TEST_F(PhotoSetTest, NamesWhatCannotBeUsed) {
+  cv::imwrite((dir_ / "a.jpg").string(), cv::Mat(300, 400, CV_8UC3, cv::Scalar(1, 2, 3)));
+  cv::imwrite((dir_ / "wide.jpg").string(), cv::Mat(100, 800, CV_8UC3, cv::Scalar(1, 2, 3)));
+  std::ofstream(dir_ / "damaged.jpg") << "no picture";
+  std::ofstream(dir_ / "empty.jpg").flush();
+  const PhotoSet set = ReadPhotoSet(dir_, "x");
+  ASSERT_EQ(set.photos.size(), 1U);
+  ASSERT_EQ(set.left_out.size(), 3U);
+  EXPECT_THAT(set.left_out[0].reason, testing::HasSubstr("damaged.jpg"));
+  EXPECT_THAT(set.left_out[1].reason, testing::HasSubstr("empty"));
+  EXPECT_THAT(set.left_out[2].reason, testing::HasSubstr("is a panorama itself"));
+  std::filesystem::create_directories(dir_ / "none");
+  EXPECT_THROW(ReadPhotoSet(dir_ / "none", "none"), InputError);
+}
+
+}  // namespace
+}  // namespace trigpoint
