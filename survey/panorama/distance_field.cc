@@ -14,40 +14,36 @@ constexpr double kPi = std::numbers::pi;
 }  // namespace
 
 DistanceField::DistanceField(const RigState& state) {
-  // Weighted sums over the sphere, from coarse to fine: where the fine one has nothing, the coarse one speaks.
+  // Weighted sums in cells of a degree, blurred from coarse to fine: where the fine one has nothing, the coarse speaks.
+  cv::Mat sums = cv::Mat::zeros(kHeight, kWidth, CV_64F), weights = cv::Mat::zeros(kHeight, kWidth, CV_64F);
+  for (const RigPoint& p : state.points) {
+    if (!(p.sigma > 0) || p.sigma > 1) continue;
+    const double azimuth = std::atan2(p.direction.x(), p.direction.z());
+    const double elevation = std::asin(std::clamp(-p.direction.y(), -1.0, 1.0));
+    const int x = static_cast<int>((azimuth / (2 * kPi) + 0.5) * kWidth) % kWidth;
+    const int y = std::min(kHeight - 1, static_cast<int>((0.5 - elevation / kPi) * kHeight));
+    const double weight = 1 / (p.sigma * p.sigma + 1e-4);
+    sums.at<double>(y, x) += weight * p.inverse_distance;
+    weights.at<double>(y, x) += weight;
+  }
   cv::Mat field = cv::Mat::zeros(kHeight, kWidth, CV_32F);
   for (const double sigma_deg : {30.0, 12.0, 5.0, 2.0}) {
-    cv::Mat sum = cv::Mat::zeros(kHeight, kWidth, CV_64F), weights = cv::Mat::zeros(kHeight, kWidth, CV_64F);
-    const double limit = 3 * sigma_deg;
-    for (const RigPoint& p : state.points) {
-      if (!(p.sigma > 0) || p.sigma > 1) continue;
-      const double azimuth = std::atan2(p.direction.x(), p.direction.z()) * 180 / kPi;
-      const double elevation = std::asin(std::clamp(-p.direction.y(), -1.0, 1.0)) * 180 / kPi;
-      const double weight = 1 / (p.sigma * p.sigma + 1e-4);
-      const int y0 = std::max(0, static_cast<int>(90 - elevation - limit)),
-                y1 = std::min(kHeight - 1, static_cast<int>(90 - elevation + limit));
-      for (int y = y0; y <= y1; ++y) {
-        const double e = 90 - (y + 0.5);
-        const double c = std::max(0.05, std::cos(e * kPi / 180));
-        const int reach = std::min(kWidth / 2, static_cast<int>(limit / c) + 1);
-        for (int dx = -reach; dx < reach; ++dx) {
-          const int x = static_cast<int>(std::floor(azimuth + 180)) + dx;
-          const double da = (x + 0.5 - 180 - azimuth) * c, de = e - elevation;
-          const double d2 = (da * da + de * de) / (sigma_deg * sigma_deg);
-          if (d2 > 9) continue;
-          const double w = weight * std::exp(-0.5 * d2);
-          const int at = ((x % kWidth) + kWidth) % kWidth;
-          sum.at<double>(y, at) += w * p.inverse_distance;
-          weights.at<double>(y, at) += w;
-        }
-      }
-    }
+    // Round the ends: padded by three sigmas of what lies on the other side.
+    const int pad = std::min(kWidth / 2, static_cast<int>(3 * sigma_deg));
+    const auto blurred = [&](const cv::Mat& grid) {
+      cv::Mat wide;
+      cv::copyMakeBorder(grid, wide, 0, 0, pad, pad, cv::BORDER_WRAP);
+      cv::GaussianBlur(wide, wide, cv::Size(), sigma_deg, sigma_deg, cv::BORDER_REFLECT);
+      // Sums of points, not means: times the area under the bell.
+      return cv::Mat(2 * kPi * sigma_deg * sigma_deg * wide(cv::Rect(pad, 0, kWidth, kHeight)));
+    };
+    const cv::Mat s = blurred(sums), w = blurred(weights);
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
         // The coarse value counts as one point of middling quality.
         const double prior = 1 / (0.1 * 0.1);
         float& f = field.at<float>(y, x);
-        f = static_cast<float>((sum.at<double>(y, x) + prior * f) / (weights.at<double>(y, x) + prior));
+        f = static_cast<float>((s.at<double>(y, x) + prior * f) / (w.at<double>(y, x) + prior));
       }
     }
   }
