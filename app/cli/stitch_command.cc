@@ -25,10 +25,11 @@ void AddStitchCommand(CLI::App& app, Session& session) {
     std::string dir;
     std::vector<std::string> settings;
   };
-  CLI::App& command = AddCommand(app, session, "stitch", StageNamed("stitch").help,
-                                 OptionTable() +
-                                     "Examples:\n  trigpoint stitch my_photos\n  trigpoint stitch my_site --set corner\n"
-                                     "  trigpoint stitch my_site --set panorama.width=4096 --set panorama.format=tif\n");
+  CLI::App& command =
+      AddCommand(app, session, "stitch", StageNamed("stitch").help,
+                 OptionTable() +
+                     "Examples:\n  trigpoint stitch my_photos\n  trigpoint stitch my_site --set corner\n"
+                     "  trigpoint stitch my_site --set panorama.width=4096 --set panorama.format=tif\n");
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("DIR", arguments->dir, "the project, or a plain folder of photos")->required();
   command
@@ -45,7 +46,8 @@ void AddStitchCommand(CLI::App& app, Session& session) {
       const Project project = OpenProject(s, arguments->dir);
       const std::vector<Job> jobs = StitchJobs(project, sets, overrides);
       if (jobs.empty()) {
-        throw InputError(project.dir().string() + ": holds no photo set; put the photos of one panorama into photos/<name>/");
+        throw InputError(project.dir().string() +
+                         ": holds no photo set; put the photos of one panorama into photos/<name>/");
       }
       return RunAndReport(s, "stitch", project, jobs);
     };

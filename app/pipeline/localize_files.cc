@@ -427,7 +427,8 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     const Reference& reference = site.references[static_cast<size_t>(p.reference)];
     const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && !reference.camera;
     if (lone_photo && !CameraFromMetadata(ReadPhotoMetadata(site.dir / p.name))) {
-      job.warnings.push_back(p.name + ": its focal length is unknown; `trigpoint stitch` estimates it from the whole set");
+      job.warnings.push_back(p.name +
+                             ": its focal length is unknown; `trigpoint stitch` estimates it from the whole set");
       continue;
     }
     names_of.emplace_back();

@@ -15,8 +15,8 @@ namespace trigpoint {
 
 // What stitching knows of a photo set's rig beyond its views.
 struct StitchedShape {
-  Eigen::MatrixXd covariance;   // of all views' [turn (rad), centre (m)] if the rig's size were known
-  double log_scale_sigma = 0;   // 1 sigma of ln(size)
+  Eigen::MatrixXd covariance;  // of all views' [turn (rad), centre (m)] if the rig's size were known
+  double log_scale_sigma = 0;  // 1 sigma of ln(size)
 };
 
 // Input of one run with its GPS; holds the feature stores open.
@@ -34,8 +34,7 @@ struct LocalizeJob {
 // every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views,
-                            const std::map<std::string, std::filesystem::path>& rigs = {});
+                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs = {});
 
 // odom_from_cam of the run's first camera, in image time.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);

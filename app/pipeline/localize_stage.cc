@@ -106,8 +106,8 @@ StageInfo LocalizeStage() {
     request.body = [=, name = target.run](StageContext& context) {
       const Site& site = context.project.site();
       const Run& r = context.project.run(name);
-      LocalizeJob job =
-          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views, rigs);
+      LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
+                                        references, views, rigs);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       Localization result =
           Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);

@@ -48,7 +48,8 @@ class SetRegistrar {
   Registration Register(const ViewRig& rig) {
     input_.references[0].rig = rig;
     ProgressSink silent;
-    return RegisterReferences(input_, reconstruction_, retrieval_, options_.registration, false, 1, seed_, silent, cancel_)
+    return RegisterReferences(input_, reconstruction_, retrieval_, options_.registration, false, 1, seed_, silent,
+                              cancel_)
         .front();
   }
 
@@ -79,8 +80,8 @@ RefineRigInput MakeInput(const Localization& result, const Registration& g, cons
   in.log_scale_sigma = shape.log_scale_sigma;
   in.rig_from_world = g.rig_from_odom;
   for (const ViewObservation& o : g.inliers) {
-    in.points.push_back({o.view, o.pixel.cast<double>(),
-                         result.reconstruction.problem.points[static_cast<size_t>(o.point)]});
+    in.points.push_back(
+        {o.view, o.pixel.cast<double>(), result.reconstruction.problem.points[static_cast<size_t>(o.point)]});
   }
   return in;
 }
@@ -105,7 +106,8 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOpti
     if (g.status != AnswerStatus::kLocalized) {
       for (const double factor : {0.5, 2.0, 0.05, 3.5}) {
         const Registration other = registrar.Register(Scaled(stitched, factor));
-        if (other.status == AnswerStatus::kLocalized && (g.status != AnswerStatus::kLocalized || other.support > g.support)) {
+        if (other.status == AnswerStatus::kLocalized &&
+            (g.status != AnswerStatus::kLocalized || other.support > g.support)) {
           g = other, scale = factor;
         }
       }
@@ -142,8 +144,7 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOpti
         size_t nearest = 0;
         double least = std::numeric_limits<double>::infinity();
         for (size_t k = 0; k < result->cameras.size(); ++k) {
-          const double d =
-              (result->cameras[k].world_from_x.translation - answer.world.world_from_x.translation).norm();
+          const double d = (result->cameras[k].world_from_x.translation - answer.world.world_from_x.translation).norm();
           if (d < least) least = d, nearest = k;
         }
         Matrix6d turn = Matrix6d::Zero();
@@ -169,16 +170,20 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOpti
 
 void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& result, const std::filesystem::path& dir) {
   if (sets.empty()) return;
-  CsvWriter csv({"panorama", "photo", "freedom", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "sigma_tx_m", "sigma_ty_m",
-                 "sigma_tz_m", "x", "y", "z", "world_qx", "world_qy", "world_qz", "world_qw"},
-                {"trigpoint rigs 1; tx..qw: rig_from_cam, origin=mean of the photos' centres, metres by the run's points; "
-                 "x..world_qw: world_from_cam, site ENU, empty if not known; sigma=1, relative to the origin"});
+  CsvWriter csv(
+      {"panorama",   "photo",      "freedom",    "tx", "ty", "tz", "qx",       "qy",       "qz",       "qw",
+       "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "x",  "y",  "z",  "world_qx", "world_qy", "world_qz", "world_qw"},
+      {"trigpoint rigs 1; tx..qw: rig_from_cam, origin=mean of the photos' centres, metres by the run's points; "
+       "x..world_qw: world_from_cam, site ENU, empty if not known; sigma=1, relative to the origin"});
   for (const SetRefinement& set : sets) {
     for (const View& view : set.rig.rig.views) {
       csv.Text(set.name).Text(view.name).Text(RigFreedomName(set.freedom));
       const auto put = [&](const Rigid3d& pose) {
         for (int k = 0; k < 3; ++k) csv.Number(pose.translation(k), 6);
-        csv.Number(pose.rotation.x(), 9).Number(pose.rotation.y(), 9).Number(pose.rotation.z(), 9).Number(pose.rotation.w(), 9);
+        csv.Number(pose.rotation.x(), 9)
+            .Number(pose.rotation.y(), 9)
+            .Number(pose.rotation.z(), 9)
+            .Number(pose.rotation.w(), 9);
       };
       put(view.rig_from_view);
       for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, view.covariance(k, k))), 5);

@@ -1,4 +1,5 @@
-// Photo sets in the localization: the photos as views with their own centres, and what the run's points say about these.
+// Photo sets in the localization: the photos as views with their own centres, and what the run's points say about
+// these.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +14,7 @@ namespace trigpoint {
 
 // What became of one photo set's rig.
 struct SetRefinement {
-  int reference = 0;             // index into LocalizeJob::references
+  int reference = 0;  // index into LocalizeJob::references
   std::string name;
   RigFreedom freedom = RigFreedom::kFixed;
   std::vector<double> hold_out;  // px, of fixed, scaled, prior, free; empty if not asked for
@@ -21,8 +22,8 @@ struct SetRefinement {
 };
 
 // Refines the rig of every photo set that was localized, and replaces its answer: places of photos relative to each
-// other, size of the whole, pose of its centre (the mean of the photos' centres). One whose rig had the wrong size to be
-// localized at all is tried at others. `mode`: auto, fixed, scaled, prior, free. The world covariance is that of the
+// other, size of the whole, pose of its centre (the mean of the photos' centres). One whose rig had the wrong size to
+// be localized at all is tried at others. `mode`: auto, fixed, scaled, prior, free. The world covariance is that of the
 // nearest camera with the set's own in the run's frame.
 std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOptions& options, const std::string& mode,
                                       int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,

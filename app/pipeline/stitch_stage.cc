@@ -1,10 +1,11 @@
+#include "app/pipeline/stitch_stage.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
-#include "app/pipeline/stitch_stage.h"
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/panorama_writer.h"
@@ -13,7 +14,6 @@
 #include "survey/panorama/composite.h"
 #include "survey/panorama/rig_files.h"
 #include "survey/panorama/stitch.h"
-
 
 namespace trigpoint {
 namespace {
@@ -110,14 +110,15 @@ nlohmann::json Metrics(const StitchedRig& rig, int given) {
 std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
   const nlohmann::json& m = outcome.manifest.at("metrics");
   const auto number = [&](const char* name) { return m.at(name).get<double>(); };
-  std::string text = fmt::format("{} of {} photos placed; focal length {:.1f} px +- {:.1f} (1 sigma{})\n",
-                                 m.at("placed").get<int>(), m.at("photos").get<int>(), number("focal_px"),
-                                 number("focal_sigma_px"),
-                                 m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
+  std::string text =
+      fmt::format("{} of {} photos placed; focal length {:.1f} px +- {:.1f} (1 sigma{})\n", m.at("placed").get<int>(),
+                  m.at("photos").get<int>(), number("focal_px"), number("focal_sigma_px"),
+                  m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
   text += fmt::format("residuals {:.2f} px rms with one centre for all photos, {:.2f} px with each photo's own\n",
                       number("rms_one_centre_px"), number("rms_px"));
   text += fmt::format(
-      "parallax {:.1f} px median, {:.1f} px for 5 %; the photos' centres lie {:.3f} {} (rms) about their mean, which is "
+      "parallax {:.1f} px median, {:.1f} px for 5 %; the photos' centres lie {:.3f} {} (rms) about their mean, which "
+      "is "
       "the panorama's centre; their scale is known to a factor of {:.2f} (1 sigma)\n",
       number("parallax_median_px"), number("parallax_p95_px"), number("centres_rms_m") / unit.metres, unit.name,
       std::exp(number("radius_log_sigma")));
@@ -153,11 +154,9 @@ StageInfo StitchStage() {
     request.inputs = PicturesIn(dir);
     request.body = [options, dir, name = target.run](StageContext& context) {
       const PhotoSet set = ReadPhotoSet(dir, name);
-      const auto load = [](bool grey) {
-        return [grey](const Photo& photo) { return LoadPicture(photo.file, grey); };
-      };
-      const StitchedRig rig = StitchPhotos(set, load(true), options.rig, context.threads, context.seed,
-                                           context.progress, context.cancel);
+      const auto load = [](bool grey) { return [grey](const Photo& photo) { return LoadPicture(photo.file, grey); }; };
+      const StitchedRig rig =
+          StitchPhotos(set, load(true), options.rig, context.threads, context.seed, context.progress, context.cancel);
       for (const std::string& w : rig.warnings) context.progress.Log(LogLevel::kWarning, w);
       context.metrics.update(Metrics(rig, static_cast<int>(set.photos.size() + set.left_out.size())));
       if (!rig.held_out.empty()) WriteHeldOut(rig, context.out);
@@ -168,9 +167,9 @@ StageInfo StitchStage() {
       const std::string file = "panorama." + options.panorama.format;
       const int width = options.panorama.width > 0 ? options.panorama.width : NativeWidth(rig);
       PanoramaWriter writer(context.out / file, width, width / 2, options.panorama.quality);
-      const Composite composite =
-          CompositePanorama(rig, load(false), options.panorama, context.threads,
-                            [&](const cv::Mat& rows) { writer.Write(rows); }, context.progress, context.cancel);
+      const Composite composite = CompositePanorama(
+          rig, load(false), options.panorama, context.threads, [&](const cv::Mat& rows) { writer.Write(rows); },
+          context.progress, context.cancel);
       writer.Finish();
       WritePanoramaMetadata(context.out / file, MetadataOf(rig, composite));
       if (!cv::imwrite((context.out / "coverage.png").string(), composite.coverage)) {

@@ -16,19 +16,6 @@
 namespace trigpoint {
 namespace {
 
-// libjpeg's own handler ends the process.
-struct JpegErrors {
-  jpeg_error_mgr base;
-  std::jmp_buf jump;
-  char text[JMSG_LENGTH_MAX];
-};
-
-void OnJpegError(j_common_ptr info) {
-  auto* errors = reinterpret_cast<JpegErrors*>(info->err);
-  (*info->err->format_message)(info, errors->text);
-  std::longjmp(errors->jump, 1);
-}
-
 std::string UtcText(int64_t ns, const char* format) {
   const std::time_t seconds = static_cast<std::time_t>(ns / 1'000'000'000);
   std::tm parts{};
@@ -48,11 +35,25 @@ Exiv2::URationalValue Sexagesimal(double degrees) {
   return value;
 }
 
-Exiv2::URational Thousandths(double value) { return {static_cast<uint32_t>(std::llround(std::abs(value) * 1000)), 1000}; }
+Exiv2::URational Thousandths(double value) {
+  return {static_cast<uint32_t>(std::llround(std::abs(value) * 1000)), 1000};
+}
 
 }  // namespace
 
 struct PanoramaWriter::Impl {
+  // libjpeg's own handler ends the process.
+  struct JpegErrors {
+    jpeg_error_mgr base;
+    std::jmp_buf jump;
+    char text[JMSG_LENGTH_MAX];
+  };
+  static void OnJpegError(j_common_ptr info) {
+    auto* errors = reinterpret_cast<JpegErrors*>(info->err);
+    (*info->err->format_message)(info, errors->text);
+    std::longjmp(errors->jump, 1);
+  }
+
   std::filesystem::path file;
   int width = 0, height = 0, row = 0;
   // JPEG
@@ -103,7 +104,7 @@ PanoramaWriter::PanoramaWriter(const std::filesystem::path& file, int width, int
     w.stream = std::fopen(file.c_str(), "wb");
     if (w.stream == nullptr) w.Fail("it cannot be opened");
     w.jpeg.err = jpeg_std_error(&w.errors.base);
-    w.errors.base.error_exit = OnJpegError;
+    w.errors.base.error_exit = Impl::OnJpegError;
     w.jpeg_open = true;
     if (!w.StartJpeg(quality)) w.Fail(w.errors.text);
   } else if (ending == ".tif" || ending == ".tiff") {
@@ -180,9 +181,7 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
     const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
     image->readMetadata();
     Exiv2::XmpData& xmp = image->xmpData();
-    const auto put = [&](const char* name, const std::string& value) {
-      xmp[std::string("Xmp.GPano.") + name] = value;
-    };
+    const auto put = [&](const char* name, const std::string& value) { xmp[std::string("Xmp.GPano.") + name] = value; };
     const auto number = [](double value) {
       char text[32];
       std::snprintf(text, sizeof text, "%.4f", value);

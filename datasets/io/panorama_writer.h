@@ -12,8 +12,8 @@
 
 namespace trigpoint {
 
-// JPEG (holes black) or TIFF with an alpha channel (holes transparent), by the file's ending. Nothing but the rows handed
-// over is held in memory.
+// JPEG (holes black) or TIFF with an alpha channel (holes transparent), by the file's ending. Nothing but the rows
+// handed over is held in memory.
 class PanoramaWriter {
  public:
   // Throws IoError if the file cannot be made, InputError for another ending than jpg, jpeg, tif, tiff.
@@ -36,11 +36,11 @@ struct PanoramaMetadata {
   // Of the picture's centre: clockwise from north, above the horizon, clockwise; no heading: not known.
   std::optional<double> heading_deg;
   double pitch_deg = 0, roll_deg = 0;
-  int photos = 0;                                      // it was made from
-  std::optional<int64_t> first_utc_ns, last_utc_ns;    // when they were taken
+  int photos = 0;                                    // it was made from
+  std::optional<int64_t> first_utc_ns, last_utc_ns;  // when they were taken
   std::optional<Geodetic> position;
   bool has_height = false;
-  bool height_above_sea = false;      // else above the ellipsoid
+  bool height_above_sea = false;  // else above the ellipsoid
   std::optional<double> sigma_h_m;
   std::string description;
 };

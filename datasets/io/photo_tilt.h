@@ -6,8 +6,8 @@
 
 namespace trigpoint {
 
-// Of the optical axis above the horizon, and of the picture clockwise: EXIF CameraElevationAngle, or the XMP of panorama
-// apps (GPano) and of mapping cameras (Camera).
+// Of the optical axis above the horizon, and of the picture clockwise: EXIF CameraElevationAngle, or the XMP of
+// panorama apps (GPano) and of mapping cameras (Camera).
 struct PhotoTilt {
   std::optional<double> pitch_deg, roll_deg;
 };

@@ -45,8 +45,7 @@ class Renderer {
   // Pixel in a photo of what the panorama shows in a direction; false where the photo doesn't look.
   bool Pixel(int photo, double azimuth, double elevation, Eigen::Vector2d* pixel) const {
     const RigPhoto& p = rig_.state.photos[static_cast<size_t>(photo)];
-    const Eigen::Vector3d d =
-        Direction(azimuth, elevation) - field_.InverseDistance(azimuth, elevation) * p.centre;
+    const Eigen::Vector3d d = Direction(azimuth, elevation) - field_.InverseDistance(azimuth, elevation) * p.centre;
     return PixelOfRay(rig_.views[static_cast<size_t>(photo)], rig_.state.lenses[static_cast<size_t>(p.lens)],
                       p.cam_from_rig * d.normalized(), pixel);
   }
@@ -66,8 +65,8 @@ class Renderer {
       const double t = static_cast<double>(k) / kSteps;
       for (const Eigen::Vector2d& at :
            {Eigen::Vector2d(t, 0), Eigen::Vector2d(t, 1), Eigen::Vector2d(0, t), Eigen::Vector2d(1, t)}) {
-        const Eigen::Vector3d ray = p.cam_from_rig.conjugate() *
-                                    RayOfPixel(v, lens, {at.x() * (v.width - 1), at.y() * (v.height - 1)});
+        const Eigen::Vector3d ray =
+            p.cam_from_rig.conjugate() * RayOfPixel(v, lens, {at.x() * (v.width - 1), at.y() * (v.height - 1)});
         const double azimuth = std::remainder(std::atan2(ray.x(), ray.z()) - middle, 2 * kPi);
         const double elevation = std::asin(std::clamp(-ray.y(), -1.0, 1.0));
         left = std::min(left, azimuth), right = std::max(right, azimuth);
@@ -112,8 +111,8 @@ class Renderer {
         const double azimuth = ((region.x + x * step + 0.5) / width - 0.5) * 2 * kPi;
         Eigen::Vector2d p;
         const bool seen = Pixel(photo, azimuth, std::clamp(elevation, -kPi / 2, kPi / 2), &p);
-        coarse.at<cv::Vec3f>(y, x) = seen ? cv::Vec3f(static_cast<float>(p.x()), static_cast<float>(p.y()), 1)
-                                          : cv::Vec3f(0, 0, 0);
+        coarse.at<cv::Vec3f>(y, x) =
+            seen ? cv::Vec3f(static_cast<float>(p.x()), static_cast<float>(p.y()), 1) : cv::Vec3f(0, 0, 0);
       }
     }
     const float w = static_cast<float>(v.width), h = static_cast<float>(v.height);
@@ -133,8 +132,10 @@ class Renderer {
           continue;
         }
         const cv::Vec3f p = (1 - fy) * ((1 - fx) * a + fx * b) + fy * ((1 - fx) * c + fx * d);
-        m[x] = cv::Vec2f((p[0] + 0.5F) * static_cast<float>(factor) - 0.5F, (p[1] + 0.5F) * static_cast<float>(factor) - 0.5F);
-        const float horizontal = std::min(p[0], w - 1 - p[0]) / (0.5F * w), vertical = std::min(p[1], h - 1 - p[1]) / (0.5F * h);
+        m[x] = cv::Vec2f((p[0] + 0.5F) * static_cast<float>(factor) - 0.5F,
+                         (p[1] + 0.5F) * static_cast<float>(factor) - 0.5F);
+        const float horizontal = std::min(p[0], w - 1 - p[0]) / (0.5F * w),
+                    vertical = std::min(p[1], h - 1 - p[1]) / (0.5F * h);
         in[x] = std::min(horizontal, vertical);
       }
     }
@@ -354,12 +355,14 @@ std::vector<std::string> CompositeOptions::Check() const {
   std::vector<std::string> problems = CheckRanges(*this);
   const auto one_of = [&](const char* name, const std::string& value, const std::set<std::string>& known,
                           const char* text) {
-    if (known.count(value) == 0) problems.push_back("option " + std::string(name) + " is '" + value + "', expected " + text);
+    if (known.count(value) == 0)
+      problems.push_back("option " + std::string(name) + " is '" + value + "', expected " + text);
   };
   one_of("format", format, {"jpg", "tif"}, "jpg or tif");
   one_of("seams", seams, {"graphcut", "dp", "none"}, "graphcut, dp or none");
   one_of("exposure", exposure, {"channels", "gain", "none"}, "channels, gain or none");
-  if (width != 0 && (width < 256 || width % 2 != 0)) problems.push_back("option width is " + std::to_string(width) + ", expected 0 or an even number from 256 px");
+  if (width != 0 && (width < 256 || width % 2 != 0))
+    problems.push_back("option width is " + std::to_string(width) + ", expected 0 or an even number from 256 px");
   return problems;
 }
 

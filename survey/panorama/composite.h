@@ -1,8 +1,8 @@
 // A rig's photos as one equirectangular picture, made in tiles so that memory stays bounded.
 //
-// Seams, exposure and blending are OpenCV's (modules/stitching): gains per photo and channel, graph-cut seams found at a
-// low resolution, pyramids of bands (Burt & Adelson 1983) at full resolution. What lies at both ends of the picture is
-// handled as neighbours: every photo has its own, unwrapped azimuths.
+// Seams, exposure and blending are OpenCV's (modules/stitching): gains per photo and channel, graph-cut seams found at
+// a low resolution, pyramids of bands (Burt & Adelson 1983) at full resolution. What lies at both ends of the picture
+// is handled as neighbours: every photo has its own, unwrapped azimuths.
 #pragma once
 
 #include <functional>
@@ -17,15 +17,15 @@
 namespace trigpoint {
 
 struct CompositeOptions {
-  int width = 0;                     // px of the full turn; 0: the photos' own resolution, at most 16384
-  std::string format = "jpg";        // jpg, tif (holes are transparent)
-  int quality = 92;                  // of a JPEG
-  int bands = 5;                     // of the blending pyramid; 0: no blending
-  std::string seams = "graphcut";    // graphcut, dp, none (nearest photo)
-  std::string exposure = "channels"; // channels (gain of each colour), gain, none
-  bool parallax = true;              // show each photo from the panorama's centre, by the points' distances
-  int seam_width = 1600;             // px of the full turn at which seams are found
-  int memory_mb = 1024;              // for decoded photos
+  int width = 0;                      // px of the full turn; 0: the photos' own resolution, at most 16384
+  std::string format = "jpg";         // jpg, tif (holes are transparent)
+  int quality = 92;                   // of a JPEG
+  int bands = 5;                      // of the blending pyramid; 0: no blending
+  std::string seams = "graphcut";     // graphcut, dp, none (nearest photo)
+  std::string exposure = "channels";  // channels (gain of each colour), gain, none
+  bool parallax = true;               // show each photo from the panorama's centre, by the points' distances
+  int seam_width = 1600;              // px of the full turn at which seams are found
+  int memory_mb = 1024;               // for decoded photos
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -35,7 +35,8 @@ struct CompositeOptions {
     visit(self.bands, {"bands", "", 0, 8, "of the blending pyramid; 0: hard seams"});
     visit(self.seams, {"seams", "", 0, 0, "graphcut, dp, or none: the nearest photo"});
     visit(self.exposure, {"exposure", "", 0, 0, "channels: a gain for each colour; gain; none"});
-    visit(self.parallax, {"parallax", "", 0, 1, "show each photo from the panorama's centre, by the points' distances"});
+    visit(self.parallax,
+          {"parallax", "", 0, 1, "show each photo from the panorama's centre, by the points' distances"});
     visit(self.seam_width, {"seam_width", "px", 256, 4096, "of the full turn at which seams are found"});
     visit(self.memory_mb, {"memory_mb", "MiB", 64, 65536, "for decoded photos"});
   }
@@ -44,10 +45,10 @@ struct CompositeOptions {
 
 struct Composite {
   int width = 0, height = 0;
-  double covered = 0;                       // share of the sphere's solid angle
-  std::vector<Eigen::Vector3d> gains;       // B, G, R of each photo; 1 where it takes no part
-  std::vector<double> share;                // of the picture that each photo fills
-  cv::Mat coverage;                         // 8-bit, low resolution: 255 where there is a picture
+  double covered = 0;                  // share of the sphere's solid angle
+  std::vector<Eigen::Vector3d> gains;  // B, G, R of each photo; 1 where it takes no part
+  std::vector<double> share;           // of the picture that each photo fills
+  cv::Mat coverage;                    // 8-bit, low resolution: 255 where there is a picture
 };
 
 // Called with rows from top to bottom, 8-bit BGRA, the full width; alpha 0 where no photo looks.

@@ -44,7 +44,8 @@ Level FromTags(const StitchedRig& rig) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(h);
   if (rows.size() < 3 || eigen.eigenvalues()(1) < 0.02 * h.trace()) return level;
   // The third direction, where the rows leave it open, follows from the length of one.
-  Eigen::Vector3d up = eigen.eigenvalues()(0) > 0.02 * h.trace() ? Eigen::Vector3d(h.ldlt().solve(g)) : Eigen::Vector3d::Zero();
+  Eigen::Vector3d up =
+      eigen.eigenvalues()(0) > 0.02 * h.trace() ? Eigen::Vector3d(h.ldlt().solve(g)) : Eigen::Vector3d::Zero();
   if (up.isZero()) {
     for (int k = 1; k < 3; ++k) {
       const Eigen::Vector3d e = eigen.eigenvectors().col(k);
@@ -100,8 +101,7 @@ std::vector<Edge> EdgesOf(const StitchedRig& rig, int photo, const cv::Mat& grey
     const double length = std::hypot(l[2] - l[0], l[3] - l[1]) / std::max(small.cols, small.rows);
     if (length < 0.05) continue;
     const auto ray = [&](float x, float y) -> Eigen::Vector3d {
-      return p.cam_from_rig.conjugate() *
-             RayOfPixel(view, lens, {(x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5});
+      return p.cam_from_rig.conjugate() * RayOfPixel(view, lens, {(x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5});
     };
     const Eigen::Vector3d normal = ray(l[0], l[1]).cross(ray(l[2], l[3]));
     if (normal.norm() > 1e-6) edges.push_back({normal.normalized(), length, photo});
@@ -179,8 +179,8 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
   level.found = true;
   level.up = best;
   // Edges of one building share its lean: they count as one in five.
-  level.sigma_rad = std::hypot(
-      std::sqrt(residual / weights / (used / 5.0) * weights / (2 * eigen.eigenvalues()(1))), 0.05 * kDegToRad);
+  level.sigma_rad = std::hypot(std::sqrt(residual / weights / (used / 5.0) * weights / (2 * eigen.eigenvalues()(1))),
+                               0.05 * kDegToRad);
   return level;
 }
 
@@ -230,7 +230,8 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
   if (wanted == "auto" || wanted == "tags") {
     level = FromTags(*rig);
     if (level.found) rig->level_source = "tags";
-    if (wanted == "tags" && !level.found) rig->warnings.push_back("no photo says its pitch and roll; levelled by the horizon");
+    if (wanted == "tags" && !level.found)
+      rig->warnings.push_back("no photo says its pitch and roll; levelled by the horizon");
   }
   if (!level.found && (wanted == "auto" || wanted == "lines")) {
     level = FromLines(*rig, load_grey, threads, cancel);
@@ -245,7 +246,8 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
   size_t first = 0;
   while (first < rig->photos.size() && !rig->state.photos[first].placed) ++first;
   const Eigen::Vector3d up =
-      level.found ? level.up : Eigen::Vector3d(rig->state.photos[first].cam_from_rig.conjugate() * -Eigen::Vector3d::UnitY());
+      level.found ? level.up
+                  : Eigen::Vector3d(rig->state.photos[first].cam_from_rig.conjugate() * -Eigen::Vector3d::UnitY());
   // Azimuths of what is seen, to find the widest gap: the panorama's centre looks away from it.
   Eigen::Vector3d now_up = up;
   const auto level_frame = [&](const Eigen::Vector3d& forward_hint) {

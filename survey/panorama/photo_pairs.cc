@@ -147,9 +147,8 @@ std::vector<PhotoPair> MatchPairs(const std::vector<PairView>& views,
   ParallelFor(static_cast<int64_t>(candidates.size()), threads, cancel, [&](int64_t k) {
     PhotoPair& pair = pairs[static_cast<size_t>(k)];
     std::tie(pair.a, pair.b) = candidates[static_cast<size_t>(k)];
-    pair.matches =
-        MatchStrongest(*views[static_cast<size_t>(pair.a)].features, *views[static_cast<size_t>(pair.b)].features,
-                       options.coarse_features, options.ratio);
+    pair.matches = MatchStrongest(*views[static_cast<size_t>(pair.a)].features,
+                                  *views[static_cast<size_t>(pair.b)].features, options.coarse_features, options.ratio);
     progress.Advance(1);
   });
   return pairs;
@@ -207,8 +206,8 @@ PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& p
         p.y() < vb.height)
       ++result.candidates;
   }
-  // Chance puts a few of the matches right; parallax takes a share of the true ones out (Brown & Lowe 2007, eq. 10, with
-  // the share lowered for it).
+  // Chance puts a few of the matches right; parallax takes a share of the true ones out (Brown & Lowe 2007, eq. 10,
+  // with the share lowered for it).
   result.accepted = static_cast<double>(result.inliers.size()) > 8 + 0.15 * result.candidates;
   return result;
 }
@@ -245,7 +244,8 @@ std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const st
   for (size_t k = 0; k < shares.size(); ++k) {
     if (scores[k] > 0.75 * best) found.push_back({shares[k], scores[k]});
   }
-  std::stable_sort(found.begin(), found.end(), [](const FocalScore& a, const FocalScore& b) { return a.score > b.score; });
+  std::stable_sort(found.begin(), found.end(),
+                   [](const FocalScore& a, const FocalScore& b) { return a.score > b.score; });
   return found;
 }
 

@@ -10,8 +10,8 @@
 
 namespace trigpoint {
 
-// A photo's lens: focal length (px), radial distortion k1, k2 of normalised coordinates (Brown-Conrady), principal point
-// at the picture's centre.
+// A photo's lens: focal length (px), radial distortion k1, k2 of normalised coordinates (Brown-Conrady), principal
+// point at the picture's centre.
 struct Lens {
   double focal_px = 0;
   double k1 = 0, k2 = 0;
@@ -37,12 +37,12 @@ struct PhotoPair {
 };
 
 struct PairOptions {
-  double ratio = 0.8;          // ratio test of descriptors
-  int coarse_features = 900;   // strongest features that decide whether two photos overlap
-  double coarse_px = 8;        // RANSAC threshold at 1600 px of picture width (parallax included)
-  int all_pairs_up_to = 60;    // photos; above: neighbours in order and retrieval
-  int neighbours = 4;          // in order, above that
-  int retrieved = 8;           // most similar others, above that
+  double ratio = 0.8;         // ratio test of descriptors
+  int coarse_features = 900;  // strongest features that decide whether two photos overlap
+  double coarse_px = 8;       // RANSAC threshold at 1600 px of picture width (parallax included)
+  int all_pairs_up_to = 60;   // photos; above: neighbours in order and retrieval
+  int neighbours = 4;         // in order, above that
+  int retrieved = 8;          // most similar others, above that
   uint64_t seed = 1;
 };
 
@@ -51,9 +51,9 @@ std::vector<std::pair<int, int>> CandidatePairs(const std::vector<PairView>& vie
                                                 int threads, const CancelToken& cancel);
 
 // Coarse matches of each candidate pair, in order.
-std::vector<PhotoPair> MatchPairs(const std::vector<PairView>& views, const std::vector<std::pair<int, int>>& candidates,
-                                  const PairOptions& options, int threads, ProgressSink& progress,
-                                  const CancelToken& cancel);
+std::vector<PhotoPair> MatchPairs(const std::vector<PairView>& views,
+                                  const std::vector<std::pair<int, int>>& candidates, const PairOptions& options,
+                                  int threads, ProgressSink& progress, const CancelToken& cancel);
 
 // The rotation that most of a pair's matches agree with; `accepted` false: chance could have done it.
 struct PairRotation {
@@ -66,12 +66,12 @@ struct PairRotation {
 PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& pair, const Lens& lens_a,
                           const Lens& lens_b, double threshold_px, int iterations, uint64_t seed);
 
-// Focal lengths (px, as shares of the long side) at which rotations explain nearly the most matches of all pairs, the best
-// first, in steps of 6 %; none if no pair is explained at any. Coarse: the bundle refines it.
+// Focal lengths (px, as shares of the long side) at which rotations explain nearly the most matches of all pairs, the
+// best first, in steps of 6 %; none if no pair is explained at any. Coarse: the bundle refines it.
 struct FocalScore {
   double share = 0, score = 0;
 };
 std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const std::vector<PhotoPair>& pairs,
-                                  const PairOptions& options, int threads, const CancelToken& cancel);
+                                    const PairOptions& options, int threads, const CancelToken& cancel);
 
 }  // namespace trigpoint

@@ -32,8 +32,8 @@ struct PhotoSet {
   std::vector<LeftOutPhoto> left_out;
 };
 
-// Reads the headers of a folder's pictures. What cannot be read, is empty, or is a panorama itself (2.4 times wider than
-// high, or told so by GPano) is left out and named. Throws InputError if the folder has no picture at all.
+// Reads the headers of a folder's pictures. What cannot be read, is empty, or is a panorama itself (2.4 times wider
+// than high, or told so by GPano) is left out and named. Throws InputError if the folder has no picture at all.
 PhotoSet ReadPhotoSet(const std::filesystem::path& dir, const std::string& name);
 
 }  // namespace trigpoint

@@ -150,9 +150,8 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
   for (const KnownPoint& p : points) {
-    problem.AddResidualBlock(
-        new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px), &loss, pose.data(),
-        out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
+    problem.AddResidualBlock(new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px), &loss,
+                             pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
   }
   problem.SetManifold(pose.data(), new Rigid3Manifold);
   const bool shape = freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree;
@@ -168,9 +167,9 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   // Free centres hold the size in themselves.
   const bool scale = freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior;
   if (scale) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<LogScalePrior, 1, 1>(new LogScalePrior{1 / std::max(1e-6, input.log_scale_sigma)}),
-        nullptr, &out.log_scale);
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LogScalePrior, 1, 1>(
+                                 new LogScalePrior{1 / std::max(1e-6, input.log_scale_sigma)}),
+                             nullptr, &out.log_scale);
     problem.SetParameterLowerBound(&out.log_scale, 0, -4);
     problem.SetParameterUpperBound(&out.log_scale, 0, 4);
   } else {

@@ -5,7 +5,8 @@
 //   sum rho(|predicted px - observed px|^2 / sigma^2) + |[w; e]|^2 in the metric of the stitched rig's covariance
 //   + (ln s / sigma_ln_s)^2
 // with  cam_i_from_rig: R_i' = Exp(w_i) R_i,  centre c_i' = s (c_i + e_i).
-//   fixed: w = e = 0, s = 1.  scaled: w = e = 0.  prior: as above.  free: each photo's centre by itself, within `free_sigma_m`.
+//   fixed: w = e = 0, s = 1.  scaled: w = e = 0.  prior: as above.  free: each photo's centre by itself, within
+//   `free_sigma_m`.
 // Points are held. Gauge: none is free, the points give all six.
 #pragma once
 
@@ -32,7 +33,7 @@ struct RefineRigInput {
   ViewRig rig;                       // rig_from_view as stitched
   Eigen::MatrixXd shape_covariance;  // of all views' [turn of cam_from_rig (left, rad), centre (m)] at the rig's size
   double log_scale_sigma = 0.7;
-  Rigid3d rig_from_world;            // start
+  Rigid3d rig_from_world;  // start
   std::vector<KnownPoint> points;
   double sigma_px = 1;
   double free_sigma_m = 0.5;
@@ -40,11 +41,11 @@ struct RefineRigInput {
 
 struct RefinedRig {
   Rigid3d rig_from_world;
-  ViewRig rig;           // origin: the mean of the centres again; covariances relative to the origin
-  double scale = 1;      // against the input
+  ViewRig rig;       // origin: the mean of the centres again; covariances relative to the origin
+  double scale = 1;  // against the input
   double scale_sigma = 0;
   Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world, points held
-  double rms_px = 0;     // of the observations that count
+  double rms_px = 0;                       // of the observations that count
   int used = 0;
 };
 

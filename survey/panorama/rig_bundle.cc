@@ -187,8 +187,8 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       problem.SetManifold(b.points[j].data(), new ceres::SubsetManifold(3, held_distance));
     } else {
       // Holds a point without parallax; no other has enough of it to notice.
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 0.2}), nullptr,
-                               b.points[j].data());
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 0.01}),
+                               nullptr, b.points[j].data());
     }
   }
   bool first = true;
@@ -209,16 +209,14 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     const bool circle = options.circle_share > 0 && look.norm() > 0.2;
     // Straight up or down there is no direction on the circle: somewhere within it, like everything without a circle.
     look = circle ? look.normalized() : Eigen::Vector3d::Zero();
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<CircleCost, 3, 3, 1>(
-            new CircleCost{look, circle ? 1 / options.circle_share : 1.0}),
-        nullptr, b.centres[i].data(), &b.log_radius);
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CircleCost, 3, 3, 1>(
+                                 new CircleCost{look, circle ? 1 / options.circle_share : 1.0}),
+                             nullptr, b.centres[i].data(), &b.log_radius);
   }
   if (free_centres) {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 1>(
-            new ScalarPrior{0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
-        nullptr, &b.log_radius);
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 1>(new ScalarPrior{
+                                 0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
+                             nullptr, &b.log_radius);
   }
   std::vector<int> column_of_lens(state->lenses.size(), -1);
   for (size_t l = 0; l < state->lenses.size(); ++l) {
@@ -229,8 +227,8 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     if (!options.distortion) problem.SetManifold(lens, new ceres::SubsetManifold(3, {1, 2}));
     const LensPrior& prior = state->lens_priors[l];
     if (prior.focal_px > 0) {
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{
-                                   0, prior.focal_px, 1 / (prior.sigma_share * prior.focal_px)}),
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(
+                                   new ScalarPrior{0, prior.focal_px, 1 / (prior.sigma_share * prior.focal_px)}),
                                nullptr, lens);
     }
     // What lenses of phones and cameras have; holds the terms where few photos see the corners.
@@ -263,14 +261,15 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   for (size_t i = 0; i < state->photos.size(); ++i) {
     if (!seen[i]) continue;
     RigPhoto& p = state->photos[i];
-    p.cam_from_rig =
-        (ExpSO3(Eigen::Vector3d(b.rotations[i][0], b.rotations[i][1], b.rotations[i][2])) * p.cam_from_rig).normalized();
+    p.cam_from_rig = (ExpSO3(Eigen::Vector3d(b.rotations[i][0], b.rotations[i][1], b.rotations[i][2])) * p.cam_from_rig)
+                         .normalized();
     p.centre = Eigen::Vector3d(b.centres[i][0], b.centres[i][1], b.centres[i][2]);
   }
   for (size_t l = 0; l < state->lenses.size(); ++l) state->lenses[l] = {b.lenses[l][0], b.lenses[l][1], b.lenses[l][2]};
   for (size_t j = 0; j < state->points.size(); ++j) {
     RigPoint& p = state->points[j];
-    const Eigen::Vector3d d = p.direction + TangentBasis(p.direction).transpose() * Eigen::Vector2d(b.points[j][0], b.points[j][1]);
+    const Eigen::Vector3d d =
+        p.direction + TangentBasis(p.direction).transpose() * Eigen::Vector2d(b.points[j][0], b.points[j][1]);
     p.inverse_distance = b.points[j][2] / d.norm();
     p.direction = d.normalized();
   }

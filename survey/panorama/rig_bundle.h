@@ -7,8 +7,8 @@
 // Minimises  sum rho_H(|predicted px - observed px|^2 / sigma^2)
 //          + sum_i |((c_i - 0)/r - a_i) / kappa|^2  +  ((ln r - ln r_0) / sigma_ln_r)^2  +  lens priors
 // where a_i is the horizontal unit direction in which photo i looks: a phone held in front of a turning person moves on
-// a circle about the holder, whose radius r is not known well. Photos alone give the shape of it, up to scale; the scale
-// is the prior's until distances are known (refine_rig.h).
+// a circle about the holder, whose radius r is not known well. Photos alone give the shape of it, up to scale; the
+// scale is the prior's until distances are known (refine_rig.h).
 //
 // Gauge: the first placed photo's rotation is held; the circle's centre is the origin while solving, the mean of the
 // photos' centres afterwards. Covariances are relative to that.
@@ -38,9 +38,9 @@ struct RigPoint {
 
 struct RigPhoto {
   bool placed = false;
-  int lens = 0;                                                   // index of RigState::lenses
+  int lens = 0;  // index of RigState::lenses
   Eigen::Quaterniond cam_from_rig = Eigen::Quaterniond::Identity();
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();               // rig frame, m
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // rig frame, m
 };
 
 struct LensPrior {
@@ -63,7 +63,8 @@ struct RigBundleOptions {
   double huber_px = 3;       // beyond it errors count linearly
   double radius_m = 0.3;     // circle's radius
   double radius_factor = 2;  // 1 sigma of it, as a factor
-  double circle_share = 0.25;  // 1 sigma of a photo's place off the circle, share of the radius; 0: no circle, an arm's length
+  double circle_share =
+      0.25;  // 1 sigma of a photo's place off the circle, share of the radius; 0: no circle, an arm's length
   Eigen::Vector3d up = Eigen::Vector3d::UnitY() * -1;  // in the rig frame
   int max_iterations = 30;
 };
@@ -72,8 +73,8 @@ struct RigBundleResult {
   double rms_px = 0;  // of all observations
   double cost = 0;
   int iterations = 0;
-  // Covariance of [rotation (left tangent of cam_from_rig, rad), centre (m)] of all placed photos, 6 each in order; then
-  // f, k1, k2 of each lens. Empty unless asked for.
+  // Covariance of [rotation (left tangent of cam_from_rig, rad), centre (m)] of all placed photos, 6 each in order;
+  // then f, k1, k2 of each lens. Empty unless asked for.
   Eigen::MatrixXd covariance;
   double radius_log_sigma = 0;  // of ln r
   // The photos' part of it if the circle's radius were known: what is known of the rig's shape.

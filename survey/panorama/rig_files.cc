@@ -39,15 +39,18 @@ Matrix6d RigFromCamCovariance(const RigPhoto& p, const Matrix6d& c) {
 }  // namespace
 
 void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir) {
-  CsvWriter csv({"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "focal_px"},
-                {"trigpoint rig 1; frame=rig: x right, y down, z forward at the panorama's centre; origin=mean of the "
-                 "photos' centres; sigma=1, relative to the origin; pose=rig_from_cam"});
+  CsvWriter csv(
+      {"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "focal_px"},
+      {"trigpoint rig 1; frame=rig: x right, y down, z forward at the panorama's centre; origin=mean of the "
+       "photos' centres; sigma=1, relative to the origin; pose=rig_from_cam"});
   json photos = json::array();
   const Eigen::MatrixXd& covariance = rig.bundle.covariance;
   int at = 0;
   for (size_t i = 0; i < rig.photos.size(); ++i) {
     const RigPhoto& p = rig.state.photos[i];
-    json entry = {{"photo", rig.photos[i].name}, {"placed", p.placed}, {"width_px", rig.photos[i].width},
+    json entry = {{"photo", rig.photos[i].name},
+                  {"placed", p.placed},
+                  {"width_px", rig.photos[i].width},
                   {"height_px", rig.photos[i].height}};
     if (!p.placed) {
       entry["reason"] = rig.reason[i];
@@ -61,7 +64,10 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
     const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
     csv.Text(rig.photos[i].name);
     for (int k = 0; k < 3; ++k) csv.Number(pose.translation(k), 6);
-    csv.Number(pose.rotation.x(), 9).Number(pose.rotation.y(), 9).Number(pose.rotation.z(), 9).Number(pose.rotation.w(), 9);
+    csv.Number(pose.rotation.x(), 9)
+        .Number(pose.rotation.y(), 9)
+        .Number(pose.rotation.z(), 9)
+        .Number(pose.rotation.w(), 9);
     for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, c(k, k))), 5);
     csv.Number(lens.focal_px, 4);
     csv.EndRow();
@@ -107,14 +113,16 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
   const Closure& c = rig.closure;
   json sidecar = {
       {"schema", "trigpoint rig 1"},
-      {"frame", "rig: x right, y down, z forward at the panorama's centre; metres; sigmas and covariances at 1 sigma, "
-                "relative to the first placed photo's rotation and to the origin"},
+      {"frame",
+       "rig: x right, y down, z forward at the panorama's centre; metres; sigmas and covariances at 1 sigma, "
+       "relative to the first placed photo's rotation and to the origin"},
       {"photos", photos},
       {"lenses", lenses},
       {"centre",
        {{"definition", "mean of the photos' centres"},
         {"why",
-         "it is where the pictures were taken; the point nearest to all optical axes is pulled along the axes by photos "
+         "it is where the pictures were taken; the point nearest to all optical axes is pulled along the axes by "
+         "photos "
          "that look up or down"},
         {"axes_centre_m", Vector(b.axes_centre)}}},
       {"shape_covariance", shape},
@@ -150,15 +158,16 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
 
 void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
   const DistanceField field(rig.state);
-  CsvWriter csv({"photo_a", "photo_b", "u_a", "v_a", "u_b", "v_b", "rig_u_b", "rig_v_b", "turn_u_b", "turn_v_b"},
-                {"trigpoint held_out 1; px; rig: predicted from (u_a, v_a) with the photos' own centres and the distance "
-                 "of the points nearby; turn: with the rotations alone"});
+  CsvWriter csv(
+      {"photo_a", "photo_b", "u_a", "v_a", "u_b", "v_b", "rig_u_b", "rig_v_b", "turn_u_b", "turn_v_b"},
+      {"trigpoint held_out 1; px; rig: predicted from (u_a, v_a) with the photos' own centres and the distance "
+       "of the points nearby; turn: with the rotations alone"});
   for (const HeldOutMatch& m : rig.held_out) {
     const auto photo = [&](int i) -> const RigPhoto& { return rig.state.photos[static_cast<size_t>(i)]; };
     if (!photo(m.a).placed || !photo(m.b).placed) continue;
     const auto lens = [&](int i) -> const Lens& { return rig.state.lenses[static_cast<size_t>(photo(i).lens)]; };
-    const Eigen::Vector3d ray = photo(m.a).cam_from_rig.conjugate() *
-                                RayOfPixel(rig.views[static_cast<size_t>(m.a)], lens(m.a), m.pixel_a);
+    const Eigen::Vector3d ray =
+        photo(m.a).cam_from_rig.conjugate() * RayOfPixel(rig.views[static_cast<size_t>(m.a)], lens(m.a), m.pixel_a);
     // Inverse distance from the points nearby in direction, the nearest most.
     double sum = 0, weights = 0;
     for (const RigPoint& p : rig.state.points) {
@@ -176,7 +185,8 @@ void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
     for (const double rho : {inverse, 0.0}) {
       const Eigen::Vector3d d = ray + rho * (photo(m.a).centre - photo(m.b).centre);
       Eigen::Vector2d pixel;
-      if (PixelOfRay(rig.views[static_cast<size_t>(m.b)], lens(m.b), photo(m.b).cam_from_rig * d.normalized(), &pixel)) {
+      if (PixelOfRay(rig.views[static_cast<size_t>(m.b)], lens(m.b), photo(m.b).cam_from_rig * d.normalized(),
+                     &pixel)) {
         csv.Number(pixel.x(), 4).Number(pixel.y(), 4);
       } else {
         csv.Empty(2);
@@ -201,13 +211,15 @@ RigFile ReadRigFiles(const std::filesystem::path& dir) {
     throw InputError(sidecar.string() + ": expected the sidecar of rig.csv, found something else (" + e.what() +
                      "); run `trigpoint stitch` again");
   }
-  const CsvTable table = CsvTable::Read(dir / "rig.csv", {"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "focal_px"},
-                                        {"sigma_tx_m", "sigma_ty_m", "sigma_tz_m"});
+  const CsvTable table =
+      CsvTable::Read(dir / "rig.csv", {"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "focal_px"},
+                     {"sigma_tx_m", "sigma_ty_m", "sigma_tz_m"});
   for (const CsvRow& row : table.rows()) {
     View view;
     view.name = row.Text("photo");
     const Eigen::Quaterniond q(row.Number("qw"), row.Number("qx"), row.Number("qy"), row.Number("qz"));
-    if (std::abs(q.norm() - 1) > 1e-3) row.Fail("expected a unit quaternion, found one of length " + std::to_string(q.norm()));
+    if (std::abs(q.norm() - 1) > 1e-3)
+      row.Fail("expected a unit quaternion, found one of length " + std::to_string(q.norm()));
     view.rig_from_view = {q, {row.Number("tx"), row.Number("ty"), row.Number("tz")}};
     const auto it = photos.find(view.name);
     if (it == photos.end()) row.Fail("photo '" + view.name + "' is not in rig.json beside it");
@@ -216,8 +228,9 @@ RigFile ReadRigFiles(const std::filesystem::path& dir) {
       const json& lens = document.at("lenses").at(p.at("lens").get<size_t>());
       const int w = p.at("width_px").get<int>(), h = p.at("height_px").get<int>();
       const double f = row.Number("focal_px");
-      view.camera = Camera(CameraModel::kRadtan, w, h,
-                           {f, f, 0.5 * (w - 1), 0.5 * (h - 1), lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
+      view.camera =
+          Camera(CameraModel::kRadtan, w, h,
+                 {f, f, 0.5 * (w - 1), 0.5 * (h - 1), lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
       const json& c = p.at("covariance_rotation_rad_translation_m");
       for (size_t r = 0; r < 6; ++r) {
         for (size_t k = 0; k < 6; ++k) {
@@ -236,7 +249,8 @@ RigFile ReadRigFiles(const std::filesystem::path& dir) {
     size_t at = 0;
     for (Eigen::Index r = 0; r < n; ++r) {
       for (Eigen::Index k = 0; k <= r; ++k, ++at) {
-        file.shape_covariance(r, k) = file.shape_covariance(k, r) = shape[at].is_number() ? shape[at].get<double>() : 0.0;
+        file.shape_covariance(r, k) = file.shape_covariance(k, r) =
+            shape[at].is_number() ? shape[at].get<double>() : 0.0;
       }
     }
   }

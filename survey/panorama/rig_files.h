@@ -11,8 +11,8 @@
 
 namespace trigpoint {
 
-// rig.csv: rig_from_cam of every placed photo. rig.json: what it leaves out: lens, covariance, why a photo is not placed,
-// parallax, closure, levelling. `composite` may be null. Throws IoError.
+// rig.csv: rig_from_cam of every placed photo. rig.json: what it leaves out: lens, covariance, why a photo is not
+// placed, parallax, closure, levelling. `composite` may be null. Throws IoError.
 void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir);
 
 // Matches kept apart: held_out.csv (photo_a,photo_b,u_a,v_a,u_b,v_b), with where the rig, its rotations alone, and the
@@ -21,9 +21,9 @@ void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir);
 
 // The views of rig.csv with the lenses of rig.json beside it; names are the photos'. Throws InputError.
 struct RigFile {
-  ViewRig rig;                                   // rig_from_view with covariances
-  double radius_m = 0, radius_log_sigma = 0;     // of the circle: what the rig's scale rests on
-  Eigen::MatrixXd shape_covariance;              // as RigBundleResult::shape_covariance; empty: not known
+  ViewRig rig;                                // rig_from_view with covariances
+  double radius_m = 0, radius_log_sigma = 0;  // of the circle: what the rig's scale rests on
+  Eigen::MatrixXd shape_covariance;           // as RigBundleResult::shape_covariance; empty: not known
 };
 RigFile ReadRigFiles(const std::filesystem::path& dir);
 

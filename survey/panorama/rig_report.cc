@@ -23,8 +23,8 @@ std::optional<Eigen::Quaterniond> OwnRotation(const StitchedRig& rig, const Phot
     return rig.state.lenses[static_cast<size_t>(rig.state.photos[static_cast<size_t>(i)].lens)];
   };
   const PairView& view = rig.views[static_cast<size_t>(pair.b)];
-  PairRotation r = FindRotation(rig.views, pair, lens(pair.a), lens(pair.b),
-                                6.0 * std::max(view.width, view.height) / 1600, 500, 1);
+  PairRotation r =
+      FindRotation(rig.views, pair, lens(pair.a), lens(pair.b), 6.0 * std::max(view.width, view.height) / 1600, 500, 1);
   if (r.inliers.size() < 8) return std::nullopt;
   return r.b_from_a;
 }
@@ -154,8 +154,8 @@ void DescribeClosure(StitchedRig* rig) {
     if (!own) return;
     const Eigen::Quaterniond b_from_a = it->second->a == a ? *own : own->conjugate();
     // Where a, standing as adjusted, says that b looks: its azimuth less a's.
-    const Eigen::Vector3d said =
-        rig->state.photos[static_cast<size_t>(a)].cam_from_rig.conjugate() * (b_from_a.conjugate() * Eigen::Vector3d::UnitZ());
+    const Eigen::Vector3d said = rig->state.photos[static_cast<size_t>(a)].cam_from_rig.conjugate() *
+                                 (b_from_a.conjugate() * Eigen::Vector3d::UnitZ());
     const double turn = WrapAngle(std::atan2(said.x(), said.z()) - azimuth(a));
     sum += turn;
   }

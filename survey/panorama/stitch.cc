@@ -113,8 +113,8 @@ class Stitcher {
         out_.state.lens_priors[l].focal_px = 0;
       }
     };
-    const bool any_missing = std::any_of(out_.state.lenses.begin(), out_.state.lenses.end(),
-                                         [](const Lens& l) { return l.focal_px <= 0; });
+    const bool any_missing =
+        std::any_of(out_.state.lenses.begin(), out_.state.lenses.end(), [](const Lens& l) { return l.focal_px <= 0; });
     out_.focal_from_exif = !any_missing;
     std::optional<double> share;
     if (any_missing) {
@@ -154,7 +154,8 @@ class Stitcher {
           Verify();
           if (TotalScore() > 1.5 * by_exif) {
             out_.focal_from_exif = false;
-            out_.warnings.push_back("the focal length of EXIF (" + std::to_string(std::lround(lenses.front().focal_px)) +
+            out_.warnings.push_back("the focal length of EXIF (" +
+                                    std::to_string(std::lround(lenses.front().focal_px)) +
                                     " px) does not explain the photos; it is estimated instead");
           } else {
             out_.state.lenses = lenses, out_.state.lens_priors = priors, accepted_ = accepted;
@@ -168,9 +169,10 @@ class Stitcher {
   void Orient() {
     PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, out_.focal_from_exif ? 3 * kDegToRad : kRingSlack);
     if (std::none_of(graph.placed.begin(), graph.placed.end(), [](bool p) { return p; })) {
-      throw InputError("no two of the " + std::to_string(Count()) +
-                       " photos overlap in a way that a turn of the camera explains; neighbours should share a third of "
-                       "their picture, be sharp, and be taken from one place");
+      throw InputError(
+          "no two of the " + std::to_string(Count()) +
+          " photos overlap in a way that a turn of the camera explains; neighbours should share a third of "
+          "their picture, be sharp, and be taken from one place");
     }
     for (int i = 0; i < Count(); ++i) {
       RigPhoto& p = out_.state.photos[static_cast<size_t>(i)];
@@ -230,9 +232,8 @@ class Stitcher {
           if (!out_.state.photos[static_cast<size_t>(other)].placed || tried.matches.size() < 15) continue;
           for (double factor = 0.4; factor < 3; factor *= 1.04) {
             const Lens own{guess * factor, 0, 0};
-            const PairRotation r =
-                FindRotation(out_.views, tried, tried.a == i ? own : LensOf(other), tried.a == i ? LensOf(other) : own,
-                             Threshold(tried.b), 200, seed_);
+            const PairRotation r = FindRotation(out_.views, tried, tried.a == i ? own : LensOf(other),
+                                                tried.a == i ? LensOf(other) : own, Threshold(tried.b), 200, seed_);
             if (!r.accepted || r.score <= best_pair.score || r.inliers.size() < 20) continue;
             best_pair = Accepted(tried, r);
             best_focal = own.focal_px;
@@ -261,7 +262,8 @@ class Stitcher {
     std::vector<std::pair<int, int>> overlaps;
     for (int a = 0; a < Count(); ++a) {
       for (int b = a + 1; b < Count(); ++b) {
-        if (!out_.state.photos[static_cast<size_t>(a)].placed || !out_.state.photos[static_cast<size_t>(b)].placed) continue;
+        if (!out_.state.photos[static_cast<size_t>(a)].placed || !out_.state.photos[static_cast<size_t>(b)].placed)
+          continue;
         const Eigen::Vector3d za = Look(a), zb = Look(b);
         if (AngleBetween(za, zb) < 0.45 * (Diagonal(a) + Diagonal(b))) overlaps.emplace_back(a, b);
       }
@@ -286,7 +288,8 @@ class Stitcher {
     out_.pairs = std::move(pairs);
   }
 
-  // Matches that agree with their neighbours: parallax varies smoothly over most of a picture, a wrong match sticks out.
+  // Matches that agree with their neighbours: parallax varies smoothly over most of a picture, a wrong match sticks
+  // out.
   void DropLonelyMatches() {
     for (PhotoPair& pair : out_.pairs) {
       const size_t n = pair.matches.size();
@@ -381,7 +384,8 @@ class Stitcher {
     RigState& s = out_.state;
     int placed = 0;
     for (const RigPhoto& p : s.photos) placed += p.placed ? 1 : 0;
-    if (placed < 2) throw InputError("only " + std::to_string(placed) + " photo is left after the adjustment; two are needed");
+    if (placed < 2)
+      throw InputError("only " + std::to_string(placed) + " photo is left after the adjustment; two are needed");
     out_.placed = placed;
     LevelRig(load_grey, o_.level, threads_, cancel_, &out_);
     RigBundleOptions b = BundleOptionsOfSet();
@@ -401,8 +405,9 @@ class Stitcher {
     }
     for (const LeftOutPhoto& p : out_.left_out) out_.warnings.push_back(p.name + " is left out: " + p.reason);
     if (!out_.closure.full_turn) {
-      out_.warnings.push_back("the photos do not go all the way round: " + Degrees(out_.closure.largest_gap_deg * kDegToRad) +
-                              " of the horizon are not seen in one piece");
+      out_.warnings.push_back(
+          "the photos do not go all the way round: " + Degrees(out_.closure.largest_gap_deg * kDegToRad) +
+          " of the horizon are not seen in one piece");
     }
   }
 
@@ -449,8 +454,8 @@ class Stitcher {
     std::vector<PairRotation> rotations(tried_.size());
     ParallelFor(static_cast<int64_t>(tried_.size()), threads_, cancel_, [&](int64_t k) {
       const PhotoPair& p = tried_[static_cast<size_t>(k)];
-      rotations[static_cast<size_t>(k)] = FindRotation(out_.views, p, LensOf(p.a), LensOf(p.b), Threshold(p.b), 1000,
-                                                       seed_ + static_cast<uint64_t>(k));
+      rotations[static_cast<size_t>(k)] =
+          FindRotation(out_.views, p, LensOf(p.a), LensOf(p.b), Threshold(p.b), 1000, seed_ + static_cast<uint64_t>(k));
     });
     accepted_.clear();
     for (size_t k = 0; k < tried_.size(); ++k) {
@@ -531,7 +536,8 @@ class Stitcher {
     int best = 0, with = -1;
     for (const PhotoPair& p : tried_) {
       if (p.a != i && p.b != i) continue;
-      if (static_cast<int>(p.matches.size()) > best) best = static_cast<int>(p.matches.size()), with = p.a == i ? p.b : p.a;
+      if (static_cast<int>(p.matches.size()) > best)
+        best = static_cast<int>(p.matches.size()), with = p.a == i ? p.b : p.a;
     }
     if (out_.features[static_cast<size_t>(i)].size() < 30) {
       return "only " + std::to_string(out_.features[static_cast<size_t>(i)].size()) +

@@ -15,19 +15,19 @@
 namespace trigpoint {
 
 struct StitchOptions {
-  int max_features = 3000;        // features kept a photo, the strongest
-  int feature_size_px = 1600;     // longer side at which features are looked for
-  double ratio = 0.8;             // ratio test of descriptors
-  int all_pairs_up_to = 60;       // photos; above: neighbours in order and retrieval
-  double focal_sigma = 0.1;       // 1 sigma of EXIF's focal length, share of it
-  bool distortion = true;         // estimate radial distortion k1, k2
-  double guided_share = 0.03;     // largest displacement by parallax searched for, share of the longer side
-  double radius_m = 0.15;         // circle about the holder on which the photos were taken
-  double radius_factor = 2;       // 1 sigma of the radius, as a factor
-  double circle_share = 0.25;     // 1 sigma of a photo's place off the circle, share of the radius; 0: no circle
-  double min_distance_m = 0.3;    // nearest point believed
-  double hold_out = 0;            // share of the verified matches kept apart, to measure with
-  std::string level = "auto";     // auto, tags (EXIF), lines (vertical edges), horizon (photos held without roll), none
+  int max_features = 3000;      // features kept a photo, the strongest
+  int feature_size_px = 1600;   // longer side at which features are looked for
+  double ratio = 0.8;           // ratio test of descriptors
+  int all_pairs_up_to = 60;     // photos; above: neighbours in order and retrieval
+  double focal_sigma = 0.1;     // 1 sigma of EXIF's focal length, share of it
+  bool distortion = true;       // estimate radial distortion k1, k2
+  double guided_share = 0.03;   // largest displacement by parallax searched for, share of the longer side
+  double radius_m = 0.15;       // circle about the holder on which the photos were taken
+  double radius_factor = 2;     // 1 sigma of the radius, as a factor
+  double circle_share = 0.25;   // 1 sigma of a photo's place off the circle, share of the radius; 0: no circle
+  double min_distance_m = 0.3;  // nearest point believed
+  double hold_out = 0;          // share of the verified matches kept apart, to measure with
+  std::string level = "auto";   // auto, tags (EXIF), lines (vertical edges), horizon (photos held without roll), none
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -42,12 +42,12 @@ struct StitchOptions {
           {"guided_share", "", 0.001, 0.2, "largest displacement by parallax, share of the longer side"});
     visit(self.radius_m, {"radius_m", "m", 0.001, 5, "circle about the holder on which the photos were taken"});
     visit(self.radius_factor, {"radius_factor", "", 1, 100, "1 sigma of the radius, as a factor; 1: known exactly"});
-    visit(self.circle_share, {"circle_share", "", 0, 10,
-                              "1 sigma of a photo's place off the circle, share of the radius; 0: no circle"});
+    visit(self.circle_share,
+          {"circle_share", "", 0, 10, "1 sigma of a photo's place off the circle, share of the radius; 0: no circle"});
     visit(self.min_distance_m, {"min_distance_m", "m", 0.01, 100, "nearest point believed"});
     visit(self.hold_out, {"hold_out", "", 0, 0.9, "share of the verified matches kept apart, to measure with"});
-    visit(self.level, {"level", "", 0, 0,
-                       "auto, tags (EXIF), lines (vertical edges), horizon (photos held without roll), none"});
+    visit(self.level,
+          {"level", "", 0, 0, "auto, tags (EXIF), lines (vertical edges), horizon (photos held without roll), none"});
   }
   std::vector<std::string> Check() const;
 };
@@ -65,26 +65,27 @@ struct ParallaxBudget {
   double spread_m = 0, largest_m = 0;            // rms and largest distance of the photos' centres from their mean
   double median_distance_m = 0;                  // of the points with a distance
   int points_with_distance = 0;                  // known to a third of itself
-  Eigen::Vector3d axes_centre = Eigen::Vector3d::Zero();  // nearest to all optical axes, from the mean centre, rig frame
+  Eigen::Vector3d axes_centre =
+      Eigen::Vector3d::Zero();  // nearest to all optical axes, from the mean centre, rig frame
 };
 
 struct Closure {
-  bool full_turn = false;   // the main row goes all the way round
-  double sum_deg = 0;       // of the pairs' own turns about the vertical, before any adjustment to each other
-  double error_deg = 0;     // sum - 360
+  bool full_turn = false;      // the main row goes all the way round
+  double sum_deg = 0;          // of the pairs' own turns about the vertical, before any adjustment to each other
+  double error_deg = 0;        // sum - 360
   double largest_gap_deg = 0;  // widest part of the horizon that no photo sees
-  int photos = 0;           // of the main row
+  int photos = 0;              // of the main row
 };
 
 struct StitchedRig {
-  std::vector<Photo> photos;                 // those that were looked at, in order; state.photos as many
-  std::vector<std::string> reason;           // why a photo is not placed; empty if it is
-  std::vector<LeftOutPhoto> left_out;        // never looked at: damaged, copies, panoramas
+  std::vector<Photo> photos;           // those that were looked at, in order; state.photos as many
+  std::vector<std::string> reason;     // why a photo is not placed; empty if it is
+  std::vector<LeftOutPhoto> left_out;  // never looked at: damaged, copies, panoramas
   std::vector<PhotoFeatures> features;
-  std::vector<PairView> views;               // into features
-  RigState state;                            // rig frame: x right, y down, z forward at the panorama's centre, levelled
-  RigBundleResult bundle;                    // with covariance
-  std::vector<PhotoPair> pairs;              // verified
+  std::vector<PairView> views;   // into features
+  RigState state;                // rig frame: x right, y down, z forward at the panorama's centre, levelled
+  RigBundleResult bundle;        // with covariance
+  std::vector<PhotoPair> pairs;  // verified
   std::vector<HeldOutMatch> held_out;
   int placed = 0;
   int pairs_tried = 0;
@@ -92,9 +93,9 @@ struct StitchedRig {
   double focal_start_px = 0;
   ParallaxBudget parallax;
   Closure closure;
-  std::string level_source;                  // tags, lines, horizon, none
-  double level_sigma_deg = 0;                // of roll and of pitch, 1 sigma
-  std::optional<double> heading_rad;         // of the rig's z axis, clockwise from north
+  std::string level_source;           // tags, lines, horizon, none
+  double level_sigma_deg = 0;         // of roll and of pitch, 1 sigma
+  std::optional<double> heading_rad;  // of the rig's z axis, clockwise from north
   double heading_sigma_rad = 0;
   std::string heading_source;
   std::vector<std::string> warnings;

@@ -63,7 +63,7 @@ StitchedRig Observed(const World& w, double noise_px, uint64_t seed) {
   rig.features.resize(16);
   for (int i = 0; i < 16; ++i) {
     Photo photo;
-    photo.name = "p" + std::to_string(i) + ".jpg";
+    photo.name = std::string("p").append(std::to_string(i)).append(".jpg");
     photo.width = kWidth, photo.height = kHeight;
     rig.photos.push_back(photo);
     rig.reason.emplace_back();
@@ -136,15 +136,17 @@ TEST(RigBundle, MovingTheOriginChangesNoPixel) {
   for (size_t i = 0; i < 16; ++i) rig.state.photos[i].centre = w.centres[i];
   for (RigPoint& p : rig.state.points) p.inverse_distance = 0.2;
   Eigen::Vector2d before, after;
-  ASSERT_TRUE(ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &before));
+  ASSERT_TRUE(
+      ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &before));
   MoveRigOrigin({0.1, -0.05, 0.07}, &rig.state);
   TurnRig(CamFromWorld(30, 10, 5), &rig.state);
-  ASSERT_TRUE(ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &after));
+  ASSERT_TRUE(
+      ProjectRigPoint(rig.views, rig.state, rig.state.points[0], rig.state.points[0].observations[0].photo, &after));
   EXPECT_LT((before - after).norm(), 1e-9);
 }
 
-// A rig of half the right size, seeing known points on one side only, as beside a run: what a central treatment makes of
-// it, and what refinement does.
+// A rig of half the right size, seeing known points on one side only, as beside a run: what a central treatment makes
+// of it, and what refinement does.
 TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
   double central2 = 0, refined2 = 0, places2 = 0;
   for (uint64_t redraw = 0; redraw < 10; ++redraw) {
@@ -155,7 +157,8 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
     for (int i = 0; i < 16; ++i) {
       View v;
       v.name = std::to_string(i);
-      v.camera = Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
+      v.camera =
+          Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
       const Eigen::Vector3d off(random.Normal(), random.Normal(), random.Normal());
       v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(),
                          0.5 * w.centres[static_cast<size_t>(i)] + 0.004 * off};

@@ -86,7 +86,8 @@ struct MemorySet {
 inline StitchedRig StitchSet(const MemorySet& set, const StitchOptions& options) {
   ProgressSink progress;
   CancelToken cancel;
-  return StitchPhotos(set.set, [&](const Photo& p) { return set.Grey(p); }, options, 2, 1, progress, cancel);
+  return StitchPhotos(
+      set.set, [&](const Photo& p) { return set.Grey(p); }, options, 2, 1, progress, cancel);
 }
 
 // Largest error (deg) of the placed photos' turns against the first one's.

@@ -23,7 +23,8 @@ MemorySet Ring(double from, double to, double step, std::optional<double> said =
   Random random(3);
   for (double h = from; h < to; h += step) {
     const Eigen::Quaterniond q = CamFromWorld(h, random.Uniform(-2, 2), random.Uniform(-1.5, 1.5));
-    set.AddView("p" + std::to_string(static_cast<int>(1000 + h)) + ".jpg", Sphere(), q, kWidth, kHeight, kFocal, said);
+    set.AddView(std::string("p").append(std::to_string(static_cast<int>(1000 + h))).append(".jpg"), Sphere(), q, kWidth,
+                kHeight, kFocal, said);
   }
   return set;
 }
@@ -152,13 +153,15 @@ TEST(Composite, ShowsTheSphereAcrossItsEnds) {
   ProgressSink progress;
   CancelToken cancel;
   cv::Mat picture;
-  const Composite made = CompositePanorama(rig, [&](const Photo& p) { return set.Colour(p); }, options, 2,
-                                           [&](const cv::Mat& rows) { picture.push_back(rows); }, progress, cancel);
+  const Composite made = CompositePanorama(
+      rig, [&](const Photo& p) { return set.Colour(p); }, options, 2,
+      [&](const cv::Mat& rows) { picture.push_back(rows); }, progress, cancel);
   ASSERT_EQ(picture.cols, 1600);
   ASSERT_EQ(picture.rows, 800);
   EXPECT_EQ(made.height, 800);
   // What the sphere shows in the same directions; the poles are holes.
-  const Eigen::Quaterniond world_from_rig = set.truth.at(rig.photos[0].name).conjugate() * rig.state.photos[0].cam_from_rig;
+  const Eigen::Quaterniond world_from_rig =
+      set.truth.at(rig.photos[0].name).conjugate() * rig.state.photos[0].cam_from_rig;
   double sum = 0;
   int seen = 0, holes = 0;
   for (int v = 0; v < picture.rows; v += 3) {
@@ -169,9 +172,9 @@ TEST(Composite, ShowsTheSphereAcrossItsEnds) {
       if (std::abs(elevation) > 35 * kDegToRad) holes += at[3] == 0 ? 1 : 0;
       if (std::abs(elevation) > 15 * kDegToRad) continue;
       ASSERT_EQ(at[3], 255) << u << " " << v;
-      const Eigen::Vector3d d = world_from_rig * Eigen::Vector3d(std::cos(elevation) * std::sin(azimuth),
-                                                                 -std::sin(elevation),
-                                                                 std::cos(elevation) * std::cos(azimuth));
+      const Eigen::Vector3d d =
+          world_from_rig * Eigen::Vector3d(std::cos(elevation) * std::sin(azimuth), -std::sin(elevation),
+                                           std::cos(elevation) * std::cos(azimuth));
       const int x = static_cast<int>((std::atan2(d.x(), d.z()) / (2 * std::numbers::pi) + 0.5) * Sphere().cols);
       const int y = static_cast<int>((0.5 - std::asin(-d.y()) / std::numbers::pi) * Sphere().rows);
       const cv::Vec3b& right = Sphere().at<cv::Vec3b>(std::min(y, Sphere().rows - 1), std::min(x, Sphere().cols - 1));
