@@ -278,6 +278,38 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
   rows.Save(dir / "views.csv");
 }
 
+// What each answer rests on: a point's pixel in an image of the run and in a view of the reference.
+void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& result,
+                  const std::filesystem::path& dir) {
+  CsvWriter csv({"panorama", "view", "image", "u_image", "v_image", "u_view", "v_view"},
+                {"trigpoint matches 1; inliers of the answers; pixels: centre of the first is 0, 0"});
+  const Reconstruction& r = result.reconstruction;
+  std::map<std::pair<int, int>, size_t> observation_of;  // (point, image)
+  for (size_t k = 0; k < r.image_of.size() && k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] >= 0) observation_of[{r.problem.observations[k].point, r.image_of[k]}] = k;
+  }
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    const PreparedReference& prepared = job.references[i];
+    const Reference& reference = site.references[static_cast<size_t>(prepared.reference)];
+    const Registration& g = result.references[i].registration;
+    if (g.status != AnswerStatus::kLocalized) continue;
+    for (const ViewObservation& o : g.inliers) {
+      const auto it = observation_of.find({o.point, o.image});
+      if (it == observation_of.end()) continue;
+      const FrameImage& image = job.input.images[static_cast<size_t>(o.image)];
+      const Camera& camera = job.input.cameras[static_cast<size_t>(image.camera)].camera;
+      const auto pixel = camera.Project(r.problem.observations[it->second].ray.cast<double>());
+      if (!pixel) continue;
+      csv.Text(reference.name);
+      csv.Text(reference.kind == ReferenceKind::kPhotoSet ? prepared.name
+                                                          : prepared.rig.views[static_cast<size_t>(o.view)].name);
+      csv.Text(image.name).Number(pixel->x(), 2).Number(pixel->y(), 2);
+      csv.Number(o.pixel.x(), 2).Number(o.pixel.y(), 2).EndRow();
+    }
+  }
+  csv.Save(dir / "matches.csv");
+}
+
 void WriteSparse(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
   const Reconstruction& r = result.reconstruction;
   SparseModel model;
@@ -480,6 +512,7 @@ void WriteLocalization(const Site& site, const LocalizeJob& job, const Localizat
                        const std::filesystem::path& dir) {
   WriteCameras(job, result, dir);
   WritePanoramas(site, job, result, dir);
+  WriteMatches(site, job, result, dir);
   WriteSparse(job, result, dir);
 }
 

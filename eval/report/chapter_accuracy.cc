@@ -1,0 +1,334 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "eval/distributions.h"
+#include "eval/report/chapters.h"
+#include "eval/report/charts.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kCurvePoints = 400;   // of a cumulative histogram that is drawn
+constexpr size_t kChartStations = 40;  // columns of a chart; with more, the worst
+
+std::string Slug(const std::string& text) {
+  std::string slug;
+  for (char ch : text) {
+    const bool letter = (ch >= 'a' && ch <= 'z') || (ch >= '0' && ch <= '9');
+    const bool upper = ch >= 'A' && ch <= 'Z';
+    if (letter || upper) {
+      slug += static_cast<char>(upper ? ch - 'A' + 'a' : ch);
+    } else if (!slug.empty() && slug.back() != '-') {
+      slug += '-';
+    }
+  }
+  while (!slug.empty() && slug.back() == '-') slug.pop_back();
+  return slug;
+}
+
+std::vector<nlohmann::json> Groups(const ReportData& data) {
+  std::vector<nlohmann::json> groups;
+  for (const VariantData& variant : data.variants) {
+    const auto it = variant.summary.find("groups");
+    if (it == variant.summary.end() || !it->is_array()) continue;
+    for (nlohmann::json group : *it) {
+      if (!group.is_object()) continue;
+      if (TextAt(group, "variant").empty()) group["variant"] = variant.variant;
+      groups.push_back(std::move(group));
+    }
+  }
+  return groups;
+}
+
+bool Belongs(const ErrorRecord& e, const nlohmann::json& group) {
+  return e.method == TextAt(group, "method") && e.reference == TextAt(group, "reference") &&
+         e.kind == TextAt(group, "kind") && e.variant == TextAt(group, "variant") &&
+         e.shares_evidence == group.value("shares_evidence", e.shares_evidence);
+}
+
+void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
+  const std::string u = " (" + c.unit.name + ")";
+  Table table{"accuracy",
+              "3D differences between answers and references. relative: in the run's own frame, tags seen by the same "
+              "cameras, as in "
+              "the paper; absolute: in site ENU, errors of the global fit included. Median, mean, P90 and largest are "
+              "over answers; "
+              "the attempts' median counts an abstention as worse than any number.",
+              {{"method"},
+               {"reference"},
+               {"kind"},
+               {"variant"},
+               {"answers", true},
+               {"attempts", true},
+               {"median" + u, true},
+               {"interval" + u},
+               {"mean" + u, true},
+               {"P90" + u, true},
+               {"largest" + u, true},
+               {"median of attempts" + u, true},
+               {"ANEES / dof", true},
+               {"evidence"}},
+              {}};
+  for (const nlohmann::json& g : groups) {
+    const auto number = [&](const char* side, const char* key) { return c.LengthCell(At(g, {"error_3d", side, key})); };
+    std::string interval;
+    if (const auto it = g.find("median_interval_m");
+        it != g.end() && it->is_array() && it->size() == 2 && (*it)[0].is_number()) {
+      interval = c.Length((*it)[0].get<double>()) + " to " +
+                 c.Length((*it)[1].is_number() ? std::optional<double>((*it)[1].get<double>()) : std::nullopt);
+    }
+    const auto anees = At(g, {"nees", "mean_per_dof"});
+    const bool shared = g.value("shares_evidence", false);
+    table.rows.push_back({{TextAt(g, "method")},
+                          {TextAt(g, "reference")},
+                          {TextAt(g, "kind")},
+                          {c.VariantName(TextAt(g, "variant"))},
+                          {fmt::format("{:.0f}", At(g, {"answers"}).value_or(0)), At(g, {"answers"})},
+                          {fmt::format("{:.0f}", At(g, {"attempts"}).value_or(0)), At(g, {"attempts"})},
+                          number("over_answers", "median_m"),
+                          {interval},
+                          number("over_answers", "mean_m"),
+                          number("over_answers", "p90_m"),
+                          number("over_answers", "max_m"),
+                          number("over_attempts", "median_m"),
+                          {anees ? fmt::format("{:.2f}", *anees) : "", anees},
+                          {shared ? "shared: agreement" : "independent"}});
+  }
+  blocks->push_back(table);
+}
+
+void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
+  for (const char* kind : {"absolute", "relative"}) {
+    std::vector<Series> series;
+    double confidence = 0.95;
+    for (const nlohmann::json& g : groups) {
+      const auto curve = g.find("cumulative");
+      if (TextAt(g, "kind") != kind || curve == g.end() || !curve->is_array() || curve->empty()) continue;
+      Series s{GroupName(g), {}};
+      const size_t step = curve->size() / kCurvePoints + 1;
+      for (size_t i = 0; i < curve->size(); i += step) {
+        const nlohmann::json& p = (*curve)[i];
+        const auto x = At(p, {"error_m"}), y = At(p, {"share"});
+        if (x && y && std::isfinite(*x)) s.points.push_back({*x / c.unit.metres, *y, At(p, {"low"}), At(p, {"high"})});
+      }
+      // Our own answers first: theirs is the band.
+      const bool first = TextAt(g, "method") != "g1" && TextAt(g, "variant").empty();
+      series.insert(first ? series.begin() : series.end(), std::move(s));
+    }
+    if (series.empty()) continue;
+    for (const VariantData& v : c.data.variants) confidence = At(v.summary, {"confidence"}).value_or(confidence);
+    blocks->push_back(Figure{
+        std::string("cumulative_") + kind,
+        fmt::format(
+            "Cumulative histogram of {} 3D differences: the share of attempts with at most this difference ({}, "
+            "logarithmic). A curve ends where the answers end: the rest are abstentions. Band: pointwise {:.0f} % "
+            "confidence of {}, resampled by station and run.",
+            kind, c.unit.name, 100 * confidence, series.front().name),
+        CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts")});
+  }
+}
+
+// Of one group: a dot per run over each station.
+void AddStationChart(const ChapterContext& c, const nlohmann::json& group, std::vector<Block>* blocks) {
+  std::map<std::string, std::vector<std::pair<std::string, double>>> of_station;
+  std::set<std::string> runs;
+  for (const VariantData& v : c.data.variants) {
+    for (const ErrorRecord& e : v.errors) {
+      if (!e.Answered() || !Belongs(e, group)) continue;
+      of_station[e.station].emplace_back(e.run, *e.error_3d_m / c.unit.metres);
+      runs.insert(e.run);
+    }
+  }
+  if (of_station.empty()) return;
+  std::vector<std::string> stations;
+  for (const std::string& s : c.data.stations) {
+    if (of_station.count(s) > 0) stations.push_back(s);
+  }
+  std::string which = "every station with an answer";
+  if (stations.size() > kChartStations) {
+    const auto worst = [&](const std::string& s) {
+      double most = 0;
+      for (const auto& [run, value] : of_station[s]) most = std::max(most, value);
+      return most;
+    };
+    std::stable_sort(stations.begin(), stations.end(),
+                     [&](const auto& a, const auto& b) { return worst(a) > worst(b); });
+    stations.resize(kChartStations);
+    which = fmt::format("the {} stations with the largest differences of {}", kChartStations, of_station.size());
+  }
+  std::vector<DotSeries> series;
+  if (runs.size() <= 7) {
+    for (const std::string& run : runs) series.push_back({run, {}});
+  } else {
+    series.push_back({fmt::format("{} runs", runs.size()), {}});
+  }
+  for (size_t k = 0; k < stations.size(); ++k) {
+    for (const auto& [run, value] : of_station[stations[k]]) {
+      const size_t i = runs.size() <= 7 ? static_cast<size_t>(std::distance(runs.begin(), runs.find(run))) : 0;
+      series[i].dots.emplace_back(static_cast<int>(k), value);
+    }
+  }
+  blocks->push_back(Figure{
+      "by_station_" + Slug(GroupName(group)),
+      "3D difference by station and run (" + c.unit.name + ", logarithmic), " + GroupName(group) + "; " + which + ".",
+      DotChart(stations, series, "3D difference (" + c.unit.name + ")")});
+}
+
+// A row a run, a column a station, blank where nothing was reported: the paper's form.
+void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector<Block>* blocks) {
+  std::map<std::string, std::map<std::string, double>> cells;
+  std::set<std::string> seen;
+  for (const VariantData& v : c.data.variants) {
+    for (const ErrorRecord& e : v.errors) {
+      if (!Belongs(e, group)) continue;
+      auto& row = cells[e.run];
+      if (!e.Answered()) continue;
+      const auto [it, fresh] = row.try_emplace(e.station, *e.error_3d_m);
+      if (!fresh) it->second = std::min(it->second, *e.error_3d_m);
+      seen.insert(e.station);
+    }
+  }
+  if (seen.empty()) return;
+  Table table{
+      "matrix_" + Slug(GroupName(group)),
+      "3D differences, " + GroupName(group) + ", in " + c.unit.name +
+          "; a row a station, a column a run; blank where nothing was reported or there is no reference; of several "
+          "references of a station the nearest answer.",
+      {{"station"}},
+      {}};
+  for (const auto& [run, row] : cells) table.columns.push_back({run, true});
+  for (const std::string& station : c.data.stations) {
+    if (seen.count(station) == 0) continue;
+    TableCell name{station};
+    if (const auto it = c.station_anchor.find(station); it != c.station_anchor.end()) name.anchor = it->second;
+    std::vector<TableCell> line = {name};
+    for (const auto& [run, row] : cells) {
+      const auto it = row.find(station);
+      line.push_back(it == row.end() ? TableCell{} : c.LengthCell(it->second, 2));
+    }
+    table.rows.push_back(std::move(line));
+  }
+  blocks->push_back(FoldBegin{"Table: " + GroupName(group)});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
+}
+
+}  // namespace
+
+void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
+  const std::vector<nlohmann::json> groups = Groups(c.data);
+  blocks->push_back(Heading{2, "Accuracy", "accuracy", true});
+  if (groups.empty()) {
+    blocks->push_back(Paragraph{"There is no evaluation to show."});
+    return;
+  }
+  AddGroupTable(c, groups, blocks);
+  AddCurves(c, groups, blocks);
+  for (const nlohmann::json& group : groups) {
+    if (TextAt(group, "method") != "g1" && TextAt(group, "variant").empty()) AddStationChart(c, group, blocks);
+  }
+  for (const nlohmann::json& group : groups) AddMatrix(c, group, blocks);
+  std::vector<Block> rests;
+  for (const nlohmann::json& g : groups) {
+    const auto list = [&](const char* key) {
+      std::string text;
+      const auto it = g.find(key);
+      if (it == g.end() || !it->is_array()) return std::string("not stated");
+      for (size_t i = 0; i < it->size() && i < 60; ++i) {
+        if ((*it)[i].is_string()) text += (text.empty() ? "" : ", ") + (*it)[i].get<std::string>();
+      }
+      if (it->size() > 60) text += fmt::format(", and {} more", it->size() - 60);
+      return text.empty() ? std::string("nothing") : text;
+    };
+    rests.push_back(Paragraph{GroupName(g) + ": the answers rest on " + list("estimate_rests_on") +
+                              "; the reference on " + list("reference_rests_on") + "."});
+  }
+  blocks->push_back(FoldBegin{"What both sides of each number rest on"});
+  blocks->insert(blocks->end(), rests.begin(), rests.end());
+  blocks->push_back(FoldEnd{});
+}
+
+void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::map<std::string, std::vector<const ErrorRecord*>> of_group;
+  for (const VariantData& v : c.data.variants) {
+    for (const ErrorRecord& e : v.errors) {
+      if (e.Answered() && e.nees && e.dof > 0) {
+        of_group[e.method + " against " + e.reference + ", " + e.kind +
+                 (e.variant.empty() ? "" : ", variant " + e.variant)]
+            .push_back(&e);
+      }
+    }
+  }
+  bool further = false;
+  for (const VariantData& v : c.data.variants) further = further || !v.further.empty();
+  blocks->push_back(Heading{2, "Consistency", "consistency", true});
+  if (of_group.empty()) {
+    blocks->push_back(
+        Paragraph{"No answer has both an error and a covariance, so that the stated sigmas cannot be tested here."});
+  } else {
+    blocks->push_back(Paragraph{
+        "An estimate is worth as much as its stated uncertainty. The normalised error squared (NEES) is the error "
+        "measured in its own "
+        "covariance; if every sigma is right it follows a chi-square distribution. In the trust curve an honest system "
+        "lies on the diagonal, below it sigmas are too small."});
+    std::vector<Series> trust;
+    std::vector<Sample> samples;
+    for (const auto& [name, records] : of_group) {
+      Series s{name, {}};
+      for (int p = 0; p <= 20; ++p) {
+        const double nominal = p / 20.0;
+        int inside = 0;
+        for (const ErrorRecord* e : records) inside += ChiSquareCdf(*e->nees, e->dof) <= nominal;
+        s.points.push_back({nominal, static_cast<double>(inside) / static_cast<double>(records.size()), {}, {}});
+      }
+      trust.push_back(std::move(s));
+      Sample sample{fmt::format("{} (n = {})", name, records.size()), {}};
+      for (const ErrorRecord* e : records) sample.values.push_back(*e->nees / e->dof);
+      samples.push_back(std::move(sample));
+    }
+    blocks->push_back(Figure{
+        "trust_curve",
+        "Trust curve: of the errors, the share within the region that should hold the stated share (NEES against "
+        "chi-square). Rows are taken as independent; few answers make coarse steps.",
+        LineChart(trust, "stated confidence", "share of errors inside", true)});
+    Series expected{"chi-square, 3 dof", {}};
+    constexpr int kBins = 16;
+    constexpr double kLimit = 8;
+    for (int b = 0; b < kBins; ++b) {
+      const double low = kLimit * b / kBins, high = kLimit * (b + 1) / kBins;
+      expected.points.push_back({0.5 * (low + high), ChiSquareCdf(3 * high, 3) - ChiSquareCdf(3 * low, 3), {}, {}});
+    }
+    blocks->push_back(Figure{
+        "nees",
+        "Normalised errors squared per degree of freedom; the last bin holds everything beyond it. Dashed: what right "
+        "sigmas would give.",
+        HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected)});
+  }
+  if (!further) return;
+  blocks->push_back(Heading{3, "Further tables of the evaluation", "further"});
+  for (const VariantData& v : c.data.variants) {
+    for (const FurtherTable& f : v.further) {
+      const std::string name = f.name + (v.variant.empty() ? "" : "@" + v.variant);
+      Table table{
+          Slug(name),
+          f.comment + (f.left_out > 0 ? fmt::format(" The first {} rows; {} more stand in the evaluation's own file.",
+                                                    f.rows.size(), f.left_out)
+                                      : ""),
+          {},
+          {}};
+      for (const std::string& column : f.columns) table.columns.push_back({column});
+      for (const auto& row : f.rows) {
+        std::vector<TableCell>& cells = table.rows.emplace_back();
+        for (const std::string& text : row) cells.push_back({text});
+      }
+      blocks->push_back(FoldBegin{name});
+      blocks->push_back(table);
+      blocks->push_back(FoldEnd{});
+    }
+  }
+}
+
+}  // namespace trigpoint

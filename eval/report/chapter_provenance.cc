@@ -1,0 +1,163 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "datasets/project/files.h"
+#include "datasets/project/hash.h"
+#include "eval/report/chapters.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kFilesShown = 6;  // of one folder and kind; more are shown as one line
+
+void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
+  Table table{"results",
+              "Every result this report could rest on. Times are UTC.",
+              {{"result"},
+               {"state"},
+               {"version"},
+               {"seed", true},
+               {"threads", true},
+               {"finished"},
+               {"wall time (s)", true},
+               {"peak memory (MiB)", true},
+               {"warnings and reasons"}},
+              {}};
+  for (const ReportStage& s : c.input.stages) {
+    const nlohmann::json& m = s.manifest;
+    const auto whole = [&](const char* key, double unit) -> TableCell {
+      const auto v = At(m, {key});
+      return v ? TableCell{fmt::format("{:.0f}", *v / unit), *v / unit} : TableCell{};
+    };
+    std::string notes = s.reason;
+    if (m.is_object() && m.contains("warnings") && m["warnings"].is_array()) {
+      for (const nlohmann::json& w : m["warnings"]) {
+        if (w.is_string()) notes += (notes.empty() ? "" : "; ") + w.get<std::string>();
+        if (notes.size() > 400) break;
+      }
+      if (notes.size() > 400) notes = notes.substr(0, 400) + " ...";
+    }
+    const auto wall = At(m, {"wall_seconds"});
+    table.rows.push_back({{s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name)},
+                          {s.state,
+                           {},
+                           s.state == "done"         ? Tone::kGood
+                           : s.state == "failed"     ? Tone::kBad
+                           : s.state == "not needed" ? Tone::kPlain
+                                                     : Tone::kWarning},
+                          whole("version", 1),
+                          whole("seed", 1),
+                          whole("threads", 1),
+                          {TextAt(m, "end")},
+                          {wall ? fmt::format("{:.1f}", *wall) : "", wall},
+                          whole("peak_memory_bytes", 1024.0 * 1024.0),
+                          {notes}});
+  }
+  blocks->push_back(table);
+}
+
+// Of many files in one folder one hash: of the list of their names and hashes.
+void AddInputs(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::map<std::string, std::string> files;
+  for (const ReportStage& s : c.input.stages) {
+    if (!s.manifest.is_object() || !s.manifest.contains("inputs") || !s.manifest["inputs"].is_object()) continue;
+    for (const auto& [file, hash] : s.manifest["inputs"].items()) {
+      if (!file.starts_with("results/") && hash.is_string()) files[file] = hash.get<std::string>();
+    }
+  }
+  if (files.empty()) return;
+  std::map<std::pair<std::string, std::string>, std::vector<std::string>> folders;
+  for (const auto& [file, hash] : files) {
+    const std::filesystem::path path(file);
+    folders[{path.parent_path().string(), path.extension().string()}].push_back(file);
+  }
+  Table table{"inputs",
+              "What was read, with SHA-256. Of a folder with many files: the hash of the lines 'hash  name' of all of "
+              "them, in the order of names. "
+              "Single hashes stand in the manifests.",
+              {{"file"}, {"files", true}, {"SHA-256"}},
+              {}};
+  for (const auto& [folder, names] : folders) {
+    if (names.size() <= kFilesShown) {
+      for (const std::string& name : names) table.rows.push_back({{name}, {"1", 1}, {files[name]}});
+      continue;
+    }
+    std::string list;
+    for (const std::string& name : names) list += files[name] + "  " + name + "\n";
+    table.rows.push_back({{folder.first + "/*" + folder.second},
+                          {std::to_string(names.size()), static_cast<double>(names.size())},
+                          {Sha256(list)}});
+  }
+  blocks->push_back(FoldBegin{fmt::format("Inputs ({} files)", files.size())});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
+}
+
+void Flatten(const std::string& prefix, const nlohmann::json& json, std::map<std::string, std::string>* out) {
+  if (json.is_object()) {
+    for (const auto& [key, value] : json.items()) Flatten(prefix.empty() ? key : prefix + "." + key, value, out);
+  } else if (!json.is_null()) {
+    (*out)[prefix] = json.is_string() ? json.get<std::string>() : DumpJson(json);
+  }
+}
+
+// Results of a stage with the same options share a column of values.
+void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::map<std::string, std::map<std::string, std::vector<std::string>>> sets;  // stage -> options -> results
+  for (const ReportStage& s : c.input.stages) {
+    if (s.manifest.is_object() && s.manifest.contains("options"))
+      sets[s.stage][DumpJson(s.manifest["options"])].push_back(s.name);
+  }
+  if (sets.empty()) return;
+  Table table{"options",
+              "Every option in force. Results with the same options share lines.",
+              {{"stage"}, {"results"}, {"option"}, {"value"}},
+              {}};
+  for (const auto& [stage, of_options] : sets) {
+    for (const auto& [text, names] : of_options) {
+      std::string results;
+      for (size_t i = 0; i < names.size() && i < 6; ++i)
+        results += (i == 0 ? "" : ", ") + (names[i].empty() ? "all" : names[i]);
+      if (names.size() > 6) results += fmt::format(" and {} more", names.size() - 6);
+      std::map<std::string, std::string> flat;
+      Flatten("", nlohmann::json::parse(text), &flat);
+      for (const auto& [key, value] : flat) table.rows.push_back({{stage}, {results}, {key}, {value}});
+    }
+  }
+  blocks->push_back(FoldBegin{fmt::format("Options ({} values)", table.rows.size())});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
+}
+
+}  // namespace
+
+void AddProvenance(const ChapterContext& c, std::vector<Block>* blocks) {
+  blocks->push_back(Heading{2, "Provenance", "provenance", true});
+  blocks->push_back(Paragraph{"This report is made again by: " + c.input.command});
+  if (c.input.project->has_frame()) {
+    const Geodetic& o = c.input.project->frame().origin();
+    blocks->push_back(
+        Paragraph{fmt::format("Site ENU (x east, y north, z up, metres) begins at latitude {:.8f}, longitude {:.8f} "
+                              "deg, ellipsoidal height {:.3f} m, WGS 84.",
+                              o.latitude_deg, o.longitude_deg, o.height_m)});
+  }
+  AddStates(c, blocks);
+  if (!c.data.reviews.empty()) {
+    Table table{"reviews",
+                "Decisions of people, from review.jsonl.",
+                {{"time"}, {"user"}, {"action"}, {"object"}, {"reason"}},
+                {}};
+    for (const nlohmann::json& r : c.data.reviews) {
+      const std::string action = TextAt(r, "action");
+      table.rows.push_back(
+          {{TextAt(r, "time")}, {TextAt(r, "user")}, {action}, {TextAt(r, "object")}, {TextAt(r, "reason")}});
+    }
+    blocks->push_back(table);
+  }
+  AddInputs(c, blocks);
+  AddOptions(c, blocks);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,175 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "eval/report/chapters.h"
+#include "eval/report/charts.h"
+#include "eval/statistics.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kChartRuns = 7;  // outlines in one histogram
+constexpr size_t kBars = 24;
+
+std::string Count(const std::optional<double>& value) { return value ? fmt::format("{:.0f}", *value) : ""; }
+
+void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
+  Table table{"runs",
+              "What became of each run. Scale: of the odometry, estimated; 1 sigma. Residual: median over points of "
+              "their mean reprojection "
+              "error.",
+              {{"run"},
+               {"variant"},
+               {"images", true},
+               {"answers", true},
+               {"rejected", true},
+               {"not recognised", true},
+               {"place on the Earth"},
+               {"odometry scale"},
+               {"points", true},
+               {"residual (px)", true}},
+              {}};
+  for (const RunData& run : c.data.runs) {
+    int localized = 0, rejected = 0, unmatched = 0;
+    for (const RunData::Answer& a : run.answers)
+      ++(a.status == "localized" ? localized : a.status == "rejected" ? rejected : unmatched);
+    const nlohmann::json metrics =
+        run.manifest.is_object() ? run.manifest.value("metrics", nlohmann::json::object()) : nlohmann::json::object();
+    const auto number = [&](const char* key) { return At(metrics, {key}); };
+    const bool on_earth = metrics.is_object() && metrics.value("on_earth", false);
+    std::string scale;
+    if (number("odometry_scale")) {
+      scale = fmt::format("{:.4f}", *number("odometry_scale"));
+      if (const auto sigma = number("odometry_scale_sigma")) scale += fmt::format(" ± {:.4f}", *sigma);
+    }
+    TableCell residual;
+    if (!run.residuals_px.empty()) {
+      const double median = Quantile(run.residuals_px, 0.5);
+      residual = {fmt::format("{:.2f}", median), median};
+    }
+    table.rows.push_back({{run.run},
+                          {c.VariantName(run.variant)},
+                          {Count(number("images")), number("images")},
+                          {std::to_string(localized), localized, localized == 0 ? Tone::kBad : Tone::kPlain},
+                          {std::to_string(rejected), rejected},
+                          {std::to_string(unmatched), unmatched},
+                          {on_earth          ? "by " + TextAt(metrics, "earth_source")
+                           : metrics.empty() ? "not known"
+                                             : "none: " + TextAt(metrics, "earth_reason")},
+                          {scale},
+                          {Count(number("tracks")), number("tracks")},
+                          residual});
+  }
+  blocks->push_back(table);
+}
+
+void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::vector<Sample> residuals, lengths;
+  Sample all_residuals{"all runs", {}}, all_lengths{"all runs", {}};
+  for (const RunData& run : c.data.runs) {
+    const std::string name = run.run + (run.variant.empty() ? "" : "@" + run.variant);
+    if (!run.residuals_px.empty()) residuals.push_back({name, run.residuals_px});
+    if (!run.track_lengths.empty()) lengths.push_back({name, run.track_lengths});
+  }
+  const auto pool = [](std::vector<Sample>* samples) {
+    if (samples->size() <= kChartRuns) return;
+    Sample all{fmt::format("{} results together", samples->size()), {}};
+    for (const Sample& s : *samples) all.values.insert(all.values.end(), s.values.begin(), s.values.end());
+    *samples = {std::move(all)};
+  };
+  pool(&residuals), pool(&lengths);
+  if (!residuals.empty()) {
+    std::vector<double> everything;
+    for (const Sample& s : residuals) everything.insert(everything.end(), s.values.begin(), s.values.end());
+    const double limit = std::max(0.5, std::ceil(2 * Quantile(everything, 0.98)) / 2);
+    blocks->push_back(
+        Figure{"residuals",
+               "Residuals of the runs' own points: mean reprojection error of each point over its images (px); the "
+               "last bin holds "
+               "everything beyond. They say how well images and points agree, not how accurate a place is.",
+               HistogramChart(residuals, 40, limit, "mean reprojection error of a point (px)")});
+  }
+  if (!lengths.empty()) {
+    std::vector<double> everything;
+    for (const Sample& s : lengths) everything.insert(everything.end(), s.values.begin(), s.values.end());
+    const double limit = std::max(8.0, std::ceil(Quantile(everything, 0.98)));
+    blocks->push_back(Figure{
+        "track_lengths", "Track lengths: the number of images that see a point; the last bin holds everything beyond.",
+        HistogramChart(lengths, std::min(40, static_cast<int>(limit)), limit, "images that see a point")});
+  }
+}
+
+void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::vector<std::pair<std::string, double>> rows;
+  std::map<std::string, std::pair<double, int>> of_stage;
+  for (const ReportStage& s : c.input.stages) {
+    const auto seconds = At(s.manifest, {"wall_seconds"});
+    if (!seconds) continue;
+    rows.emplace_back(s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name), *seconds);
+    of_stage[s.stage].first += *seconds;
+    ++of_stage[s.stage].second;
+  }
+  if (rows.empty()) return;
+  std::string which = "each result";
+  if (rows.size() > kBars) {
+    rows.clear();
+    for (const auto& [stage, sum] : of_stage)
+      rows.emplace_back(fmt::format("{} ({} results)", stage, sum.second), sum.first);
+    which = "each stage, all its results together";
+  }
+  blocks->push_back(Figure{"timing",
+                           "Wall time of " + which + " (s), on the machine and with the threads that Provenance names.",
+                           BarChart(rows, "wall time (s)", 1)});
+}
+
+void AddTags(const ChapterContext& c, std::vector<Block>* blocks) {
+  if (c.data.tags.empty()) return;
+  const std::string u = " (" + c.unit.name + ")";
+  Table table{"tags",
+              "Tags: edge of the black square; sigma: 1 sigma of the largest axis of its centre, in the map's frame "
+              "(survey: site ENU; cameras of "
+              "a run: that run's own frame). The residual of corners says how well images agree, not how accurate the "
+              "place is.",
+              {{"tag", true},
+               {"source"},
+               {"role"},
+               {"status"},
+               {"edge" + u, true},
+               {"sigma" + u, true},
+               {"corner residual (px)", true},
+               {"images", true},
+               {"runs", true}},
+              {}};
+  for (const TagLine& t : c.data.tags) {
+    table.rows.push_back({{std::to_string(t.id), t.id},
+                          {t.source},
+                          {t.role},
+                          {t.status, {}, t.status == "ok" || t.status.empty() ? Tone::kPlain : Tone::kWarning},
+                          c.LengthCell(t.size_m > 0 ? std::optional<double>(t.size_m) : std::nullopt),
+                          c.LengthCell(t.sigma_m, 4),
+                          {t.rms_px ? fmt::format("{:.2f}", *t.rms_px) : "", t.rms_px},
+                          {std::to_string(t.images), t.images},
+                          {std::to_string(t.runs), t.runs}});
+  }
+  blocks->push_back(FoldBegin{fmt::format("Tags ({})", c.data.tags.size())});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
+}
+
+}  // namespace
+
+void AddRuns(const ChapterContext& c, std::vector<Block>* blocks) {
+  blocks->push_back(Heading{2, "Runs", "runs", true});
+  if (c.data.runs.empty()) {
+    blocks->push_back(Paragraph{"No run is localized."});
+  } else {
+    AddRunTable(c, blocks);
+    AddHistograms(c, blocks);
+  }
+  AddTags(c, blocks);
+  AddTiming(c, blocks);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,262 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "eval/report/chapters.h"
+
+namespace trigpoint {
+
+std::string ChapterContext::Length(const std::optional<double>& metres, int decimals) const {
+  return metres ? fmt::format("{:.{}f}", *metres / unit.metres, decimals) : "";
+}
+
+std::string ChapterContext::LengthUnit(const std::optional<double>& metres, int decimals) const {
+  return metres ? Length(metres, decimals) + " " + unit.name : "unknown";
+}
+
+TableCell ChapterContext::LengthCell(const std::optional<double>& metres, int decimals) const {
+  return {Length(metres, decimals), metres};
+}
+
+std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path) {
+  const nlohmann::json* at = &json;
+  for (const char* key : path) {
+    if (!at->is_object()) return std::nullopt;
+    const auto it = at->find(key);
+    if (it == at->end()) return std::nullopt;
+    at = &*it;
+  }
+  return at->is_number() ? std::optional<double>(at->get<double>()) : std::nullopt;
+}
+
+std::string TextAt(const nlohmann::json& json, const char* key) {
+  if (!json.is_object()) return "";
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+std::string GroupName(const nlohmann::json& group) {
+  const std::string variant = TextAt(group, "variant");
+  return TextAt(group, "method") + " against " + TextAt(group, "reference") + ", " + TextAt(group, "kind") +
+         (group.value("shares_evidence", false) && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
+         (variant.empty() ? "" : ", variant " + variant);
+}
+
+std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama) {
+  return run + "@" + variant + "/" + panorama;
+}
+
+Headline FindHeadline(const ReportData& data) {
+  Headline best;
+  int best_rank = -1;
+  for (const VariantData& variant : data.variants) {
+    const auto groups = variant.summary.find("groups");
+    if (groups == variant.summary.end() || !groups->is_array()) continue;
+    for (const nlohmann::json& group : *groups) {
+      if (!At(group, {"error_3d", "over_answers", "median_m"})) continue;
+      const bool absolute = TextAt(group, "kind") == "absolute", shared = group.value("shares_evidence", false);
+      const int rank = (absolute && !shared ? 16
+                        : absolute          ? 2
+                                            : 4) +
+                       (variant.variant.empty() ? 8 : 0) + (TextAt(group, "method") != "g1" ? 4 : 0) +
+                       (TextAt(group, "reference") == "survey" ? 1 : 0);
+      if (rank > best_rank) best_rank = rank, best = {&variant, group};
+    }
+  }
+  return best;
+}
+
+namespace {
+
+std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
+
+// "between 0.1 and 0.6 m (95 % confidence)".
+std::string IntervalText(const ChapterContext& c, const nlohmann::json& group, const char* key, double confidence) {
+  const auto it = group.find(key);
+  if (it == group.end() || !it->is_array() || it->size() != 2 || !(*it)[0].is_number() || !(*it)[1].is_number()) {
+    return "too few answers for an interval";
+  }
+  return fmt::format("{:.0f} % interval {} to {}", 100 * confidence, c.Length((*it)[0].get<double>(), 2),
+                     c.LengthUnit((*it)[1].get<double>(), 2));
+}
+
+void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
+  const nlohmann::json& g = headline.group;
+  const double confidence = At(headline.variant->summary, {"confidence"}).value_or(0.95);
+  const auto attempts = At(g, {"attempts"}), answers = At(g, {"answers"});
+  const auto median = At(g, {"error_3d", "over_answers", "median_m"});
+  const auto p90 = At(g, {"error_3d", "over_answers", "p90_m"});
+  const auto worst = At(g, {"error_3d", "over_answers", "max_m"});
+  const bool accuracy = TextAt(g, "kind") == "absolute" && !g.value("shares_evidence", false);
+  const std::string word = accuracy ? "error" : "difference";
+  Facts facts;
+  if (attempts && answers) {
+    facts.facts.push_back(
+        {"Answered", fmt::format("{:.0f} of {:.0f}", *answers, *attempts),
+         "station visits that got an answer" + (*attempts > 0 ? ", " + Percent(*answers / *attempts) : ""),
+         *answers > 0 ? Tone::kPlain : Tone::kBad});
+  }
+  facts.facts.push_back(
+      {"Median 3D " + word, c.LengthUnit(median, 2), IntervalText(c, g, "median_interval_m", confidence)});
+  facts.facts.push_back({"90 % are within", c.LengthUnit(p90, 2), IntervalText(c, g, "p90_interval_m", confidence)});
+  const auto anees = At(g, {"nees", "mean_per_dof"});
+  if (anees) {
+    const nlohmann::json& bounds = g["nees"].contains("bounds") ? g["nees"]["bounds"] : nlohmann::json();
+    std::string detail = "mean squared error in its own sigmas, 1 is right";
+    Tone tone = Tone::kPlain;
+    if (bounds.is_array() && bounds.size() == 2 && bounds[0].is_number() && bounds[1].is_number()) {
+      const bool inside = *anees >= bounds[0].get<double>() && *anees <= bounds[1].get<double>();
+      detail = fmt::format("1 is right; {:.0f} % bounds {:.2f} to {:.2f}", 100 * confidence, bounds[0].get<double>(),
+                           bounds[1].get<double>());
+      tone = inside ? Tone::kGood : Tone::kWarning;
+    }
+    facts.facts.push_back({"Stated sigmas (ANEES)", fmt::format("{:.2f}", *anees), detail, tone});
+  }
+  blocks->push_back(facts);
+  std::string text = fmt::format(
+      "These numbers are {} ({}): the place of each localized panorama against the place that its {} gives, in three "
+      "dimensions, over the answers that were given.",
+      accuracy ? "accuracy against a reference that the tested runs had no part in"
+               : "agreement, not accuracy: both sides rest on the same data, so that errors they share do not show",
+      GroupName(g),
+      TextAt(g, "reference") == "self" ? "tag, as seen by the same run's cameras, and the measured offset"
+                                       : "reference and the measured offset");
+  if (worst) text += " The largest is " + c.LengthUnit(worst, 2) + ".";
+  blocks->push_back(Paragraph{text});
+  if (worst && median && *worst > 20 * *median && *worst > 1) {
+    blocks->push_back(Paragraph{
+        "At least one answer is wrong by far more than the others; the table of the worst cells below names it.",
+        Tone::kWarning});
+  }
+}
+
+void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
+  for (const VariantData& variant : c.data.variants) {
+    const auto gates = variant.summary.find("gates");
+    if (gates == variant.summary.end() || !gates->is_object()) continue;
+    const std::string verdict = TextAt(*gates, "verdict");
+    const Tone tone = verdict == "PASS" ? Tone::kGood : verdict == "FAIL" ? Tone::kBad : Tone::kWarning;
+    blocks->push_back(Paragraph{"Quality gates" + (variant.variant.empty() ? "" : " of variant " + variant.variant) +
+                                    ": " + (verdict.empty() ? "unknown" : verdict),
+                                tone});
+    const auto results = gates->find("results");
+    if (results == gates->end() || !results->is_array()) continue;
+    Table table{"gates",
+                "Each gate is decided by the clustered confidence bound, not by the point estimate.",
+                {{"gate"}, {"verdict"}, {"what it says"}},
+                {}};
+    for (const nlohmann::json& gate : *results) {
+      const std::string its = TextAt(gate, "verdict");
+      table.rows.push_back({{TextAt(gate, "gate")},
+                            {its,
+                             {},
+                             its == "PASS"   ? Tone::kGood
+                             : its == "FAIL" ? Tone::kBad
+                                             : Tone::kWarning},
+                            {TextAt(gate, "message")}});
+    }
+    blocks->push_back(table);
+  }
+}
+
+}  // namespace
+
+std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data) {
+  const nlohmann::json& gates = input.project->gates();
+  const double limit = At(gates, {"max_p90_m"}).value_or(At(gates, {"max_median_m"}).value_or(0));
+  std::vector<std::pair<double, const ErrorRecord*>> ranked;
+  for (const VariantData& variant : data.variants) {
+    for (const ErrorRecord& e : variant.errors) {
+      if (!e.Answered() || e.method == "g1") continue;
+      // Cells beyond a gate or a 99.9 % NEES bound before all others, then by size.
+      const bool fails = (limit > 0 && *e.error_3d_m > limit) || (e.nees && e.dof > 0 && *e.nees > 5.5 * e.dof);
+      ranked.emplace_back(*e.error_3d_m + (fails ? 1e6 : 0), &e);
+    }
+  }
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<const ErrorRecord*> records;
+  for (const auto& [rank, record] : ranked) records.push_back(record);
+  return records;
+}
+
+void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
+  blocks->push_back(Heading{2, "Summary", "summary"});
+  const Headline headline = FindHeadline(c.data);
+  int localized = 0, rejected = 0, unmatched = 0;
+  for (const RunData& run : c.data.runs) {
+    if (!run.variant.empty()) continue;
+    for (const RunData::Answer& a : run.answers) {
+      ++(a.status == "localized" ? localized : a.status == "rejected" ? rejected : unmatched);
+    }
+  }
+  const size_t runs =
+      std::count_if(c.data.runs.begin(), c.data.runs.end(), [](const RunData& r) { return r.variant.empty(); });
+  if (c.data.runs.empty()) {
+    blocks->push_back(Paragraph{
+        "No run of this project is localized yet, so that there are no results to show. What was found in the "
+        "folder and what failed stands under Provenance. Next: trigpoint run.",
+        Tone::kWarning});
+  } else {
+    blocks->push_back(
+        Paragraph{fmt::format("{} {} localized against {} references at {} stations: {} answers were given, {} were "
+                              "rejected because the evidence "
+                              "contradicted itself or was too thin, {} references were not recognised by the run.",
+                              runs, runs == 1 ? "run was" : "runs were", c.input.project->site().references.size(),
+                              c.data.stations.size(), localized, rejected, unmatched)});
+  }
+  AddGates(c, blocks);
+  if (headline.group.is_object()) {
+    AddHeadline(c, headline, blocks);
+  } else if (c.data.variants.empty()) {
+    blocks->push_back(Paragraph{
+        "Nothing was evaluated: there is no result of `trigpoint evaluate`. How good the answers are is not known.",
+        Tone::kWarning});
+  } else {
+    blocks->push_back(
+        Paragraph{"No answer could be held against a reference: how good the answers are is not known. Reasons stand "
+                  "with the stations.",
+                  Tone::kWarning});
+  }
+  const std::vector<const ErrorRecord*> worst = WorstFirst(c.input, c.data);
+  if (!worst.empty()) {
+    Table table{
+        "worst_cells",
+        "The cells with the largest differences, those beyond a gate or a 99.9 % bound of their own sigmas first.",
+        {{"station"},
+         {"run"},
+         {"variant"},
+         {"method"},
+         {"reference"},
+         {"kind"},
+         {"3D (" + c.unit.name + ")", true},
+         {"NEES / dof", true}},
+        {}};
+    for (size_t i = 0; i < std::min<size_t>(8, worst.size()); ++i) {
+      const ErrorRecord& e = *worst[i];
+      TableCell station{e.station};
+      if (const auto it = c.station_anchor.find(e.station); it != c.station_anchor.end()) station.anchor = it->second;
+      TableCell nees;
+      if (e.nees && e.dof > 0) nees = {fmt::format("{:.1f}", *e.nees / e.dof), *e.nees / e.dof};
+      table.rows.push_back({station,
+                            {e.run},
+                            {c.VariantName(e.variant)},
+                            {e.method},
+                            {e.reference},
+                            {e.kind},
+                            c.LengthCell(e.error_3d_m),
+                            nees});
+    }
+    blocks->push_back(table);
+  }
+  if (!c.data.notes.empty()) {
+    blocks->push_back(
+        FoldBegin{fmt::format("Notes: {} things could not be used or deserve a look", c.data.notes.size())});
+    for (size_t i = 0; i < std::min<size_t>(40, c.data.notes.size()); ++i)
+      blocks->push_back(Paragraph{c.data.notes[i]});
+    if (c.data.notes.size() > 40)
+      blocks->push_back(Paragraph{fmt::format("... and {} more.", c.data.notes.size() - 40)});
+    blocks->push_back(FoldEnd{});
+  }
+}
+
+}  // namespace trigpoint

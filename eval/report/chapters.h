@@ -1,0 +1,52 @@
+// The report's chapters, each a function that adds its blocks.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "eval/evaluation_files.h"
+#include "eval/report/document.h"
+#include "eval/report/report_data.h"
+
+namespace trigpoint {
+
+// What every chapter needs.
+struct ChapterContext {
+  const ReportInput& input;
+  const ReportData& data;
+  const DisplayUnit& unit;
+  std::map<std::string, std::string> station_anchor;  // station -> anchor of its section
+  std::map<std::string, Figure> match_figures;        // "run@variant/panorama"
+
+  std::string Length(const std::optional<double>& metres, int decimals = 3) const;      // "" if not given; without unit
+  std::string LengthUnit(const std::optional<double>& metres, int decimals = 3) const;  // with unit
+  TableCell LengthCell(const std::optional<double>& metres, int decimals = 3) const;
+  std::string VariantName(const std::string& variant) const { return variant.empty() ? "first" : variant; }
+};
+
+// The number a reader takes away: absolute before relative, independent before shared evidence, our own before G1.
+struct Headline {
+  const VariantData* variant = nullptr;
+  nlohmann::json group;  // of summary.json; null: there is none
+};
+Headline FindHeadline(const ReportData& data);
+
+// "single against control, absolute [variant paper]".
+std::string GroupName(const nlohmann::json& group);
+// A number at a path of keys, unset where anything on it is missing or no number.
+std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path);
+std::string TextAt(const nlohmann::json& json, const char* key);
+// What deserves a look first: refusals apart, the largest error in its group's sigmas or metres.
+std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama);
+// Answers in the order in which their pictures are wanted.
+std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data);
+
+void AddSummary(const ChapterContext& context, std::vector<Block>* blocks);
+void AddAccuracy(const ChapterContext& context, std::vector<Block>* blocks);
+void AddConsistency(const ChapterContext& context, std::vector<Block>* blocks);
+void AddRuns(const ChapterContext& context, std::vector<Block>* blocks);
+void AddStations(const ChapterContext& context, std::vector<Block>* blocks);
+void AddProvenance(const ChapterContext& context, std::vector<Block>* blocks);
+
+}  // namespace trigpoint

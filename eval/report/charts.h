@@ -1,0 +1,48 @@
+// The report's charts. Colours are Okabe and Ito's, which colour-blind readers tell apart; series differ in mark too.
+// Values are drawn as given: convert lengths to the wanted unit first and name it in the axis.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/report/drawing.h"
+
+namespace trigpoint {
+
+struct CurvePoint {
+  double x = 0, y = 0;
+  std::optional<double> low, high;  // of y
+};
+struct Series {
+  std::string name;
+  std::vector<CurvePoint> points;
+};
+
+// Cumulative histograms: steps, x logarithmic, y a share (0 to 1). The first series' band is drawn.
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis);
+
+// Lines through points, both axes linear from 0; `diagonal`: both are shares, and y = x is drawn.
+Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
+                  bool diagonal);
+
+// A column a category, a dot a value of each series in it; y logarithmic. Values that are not positive are left out.
+struct DotSeries {
+  std::string name;
+  std::vector<std::pair<int, double>> dots;  // (category, value)
+};
+Drawing DotChart(const std::vector<std::string>& categories, const std::vector<DotSeries>& series,
+                 const std::string& y_axis);
+
+// Shares of values in equal bins from 0 to `limit`, an outline a series; larger values count in the last bin.
+struct Sample {
+  std::string name;
+  std::vector<double> values;
+};
+Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
+                       const Series* expected = nullptr);
+
+// A horizontal bar a row, with its number behind it.
+Drawing BarChart(const std::vector<std::pair<std::string, double>>& rows, const std::string& axis, int decimals);
+
+}  // namespace trigpoint

@@ -1,0 +1,53 @@
+// A picture made of lines, areas and words, to be written as SVG or drawn on paper: one description, two outputs.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace trigpoint {
+
+struct Shape {
+  enum class Kind { kPath, kCircle, kText };
+  Kind kind = Kind::kPath;
+  std::vector<std::pair<double, double>> points;  // path: its corners; circle, text: one
+  bool closed = false;
+  std::string stroke, fill;  // "#rrggbb", empty: none. Text is written in `fill`
+  double width = 1;          // of the line
+  double opacity = 1;        // of the area
+  bool dashed = false;
+  double radius = 0;  // of a circle
+  std::string text;   // UTF-8, any content
+  double size = 12;   // of text
+  int anchor = 0;     // -1 begins at the point, 0 is centred on it, 1 ends at it
+  bool bold = false;
+  bool upwards = false;  // turned a quarter to the left
+};
+
+// x to the right, y down; units are pixels of a screen, 1/96 inch on paper.
+struct Drawing {
+  double width = 720, height = 360;
+  std::vector<Shape> shapes;
+
+  void Line(std::vector<std::pair<double, double>> points, const std::string& colour, double width_px = 1,
+            bool dashed = false);
+  void Area(std::vector<std::pair<double, double>> points, const std::string& fill, double opacity = 1);
+  void Rectangle(double x, double y, double w, double h, const std::string& fill, double opacity = 1);
+  void Circle(double x, double y, double radius, const std::string& fill, double opacity = 1);
+  void Text(double x, double y, const std::string& text, int anchor = 0, double size = 12,
+            const std::string& colour = "#333333", bool bold = false, bool upwards = false);
+};
+
+// About as wide as the text will be; fonts differ.
+double TextWidth(const std::string& text, double size);
+
+// An <svg> element that scales with its place; `title` is read aloud. Every text is escaped.
+std::string SvgOf(const Drawing& drawing, const std::string& title);
+
+// Text for HTML and SVG: & < > " ' escaped, control characters and broken UTF-8 replaced.
+std::string Escape(std::string_view text);
+// Valid UTF-8 without control characters (line ends and tabs become spaces).
+std::string CleanText(std::string_view text);
+
+}  // namespace trigpoint

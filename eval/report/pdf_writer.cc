@@ -1,0 +1,325 @@
+// Pages by Cairo, words by Pango.
+#include <cairo-pdf.h>
+#include <fmt/format.h>
+#include <pango/pangocairo.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/base/error.h"
+#include "eval/report/document.h"
+#include "eval/report/paint.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kMargin = 46;  // points
+constexpr double kFoot = 26;
+constexpr double kTextPt = 9.5, kTablePt = 7.6, kSmallestPt = 5.2;
+
+class Pages {
+ public:
+  Pages(const Document& document, Paper paper, const std::string& file)
+      : document_(document),
+        file_(file),
+        width_(paper == Paper::kA4 ? 595.276 : 612),
+        height_(paper == Paper::kA4 ? 841.89 : 792) {
+    surface_.reset(cairo_pdf_surface_create(file.c_str(), width_, height_));
+    cairo_.reset(cairo_create(surface_.get()));
+    CheckWritten();
+    const auto set = [&](cairo_pdf_metadata_t what, const std::string& text) {
+      cairo_pdf_surface_set_metadata(surface_.get(), what, text.c_str());
+    };
+    set(CAIRO_PDF_METADATA_TITLE, CleanText(document.title));
+    set(CAIRO_PDF_METADATA_CREATOR, "Trigpoint");
+    // Never the clock: the same results give the same bytes.
+    set(CAIRO_PDF_METADATA_CREATE_DATE, document.date.empty() ? "1970-01-01T00:00:00Z" : document.date);
+    painter_ = std::make_unique<TextPainter>(cairo_.get());
+  }
+
+  void Write() {
+    y_ = kMargin;
+    Words(document_.title, 20, true, kInk, 0);
+    Words(document_.subtitle, kTextPt, false, kSoft, 10);
+    for (size_t i = 0; i < document_.blocks.size(); ++i) {
+      const Block& block = document_.blocks[i];
+      std::visit(*this, block);
+    }
+    Foot();
+    cairo_show_page(cairo_.get());
+    cairo_surface_finish(surface_.get());
+    CheckWritten();
+  }
+
+  void operator()(const Heading& h) {
+    const double size = h.level == 2 ? 15 : 11.5;
+    if (h.new_page && y_ > kMargin + 60) Turn();
+    Need(size * 2 + 60);
+    y_ += y_ > kMargin ? (h.level == 2 ? 16 : 10) : 0;
+    if (h.level == 2) {
+      cairo_tag_begin(cairo_.get(), CAIRO_TAG_DEST, ("name='" + h.anchor + "'").c_str());
+      cairo_tag_end(cairo_.get(), CAIRO_TAG_DEST);
+      cairo_pdf_surface_add_outline(surface_.get(), CAIRO_PDF_OUTLINE_ROOT, CleanText(h.text).c_str(),
+                                    ("dest='" + h.anchor + "'").c_str(), CAIRO_PDF_OUTLINE_FLAG_OPEN);
+      SetColour(cairo_.get(), kInk, 1);
+      cairo_set_line_width(cairo_.get(), 1.2);
+      cairo_move_to(cairo_.get(), kMargin, y_);
+      cairo_line_to(cairo_.get(), width_ - kMargin, y_);
+      cairo_stroke(cairo_.get());
+      y_ += 6;
+    }
+    Words(h.text, size, true, kInk, 5);
+  }
+  void operator()(const Paragraph& p) {
+    Words(p.text, kTextPt, false, p.tone == Tone::kBad ? kBad : p.tone == Tone::kWarning ? kWarn : kInk, 5);
+  }
+  void operator()(const FoldBegin& fold) {
+    Need(60);
+    Words(fold.title, kTextPt, true, kInk, 4);
+  }
+  void operator()(const FoldEnd&) {}
+
+  void operator()(const Facts& facts) {
+    const int columns = std::clamp(static_cast<int>(facts.facts.size()), 1, 4);
+    const double gap = 8, w = (Room() - gap * (columns - 1)) / columns;
+    for (size_t begin = 0; begin < facts.facts.size(); begin += static_cast<size_t>(columns)) {
+      const size_t end = std::min(facts.facts.size(), begin + static_cast<size_t>(columns));
+      double h = 0;
+      for (size_t i = begin; i < end; ++i) h = std::max(h, FactHeight(facts.facts[i], w));
+      Need(h + gap);
+      for (size_t i = begin; i < end; ++i)
+        DrawFact(facts.facts[i], kMargin + static_cast<double>(i - begin) * (w + gap), w, h);
+      y_ += h + gap;
+    }
+  }
+
+  void operator()(const Figure& figure) {
+    double w = 0, h = 0;
+    if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
+      w = 0.75 * drawing->width, h = 0.75 * drawing->height;
+    } else {
+      const Picture& picture = std::get<Picture>(figure.content);
+      w = picture.width, h = picture.height;
+      const double fit = Room() / std::max(1.0, w);
+      w *= fit, h *= fit;
+    }
+    const double scale = std::min({1.0, Room() / std::max(1.0, w), (height_ - 2 * kMargin - 110) / std::max(1.0, h)});
+    w *= scale, h *= scale;
+    const double caption = painter_->Height(figure.caption, 8, false, Room());
+    Need(h + caption + 16);
+    const double x = kMargin + 0.5 * (Room() - w);
+    if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
+      cairo_save(cairo_.get());
+      cairo_translate(cairo_.get(), x, y_);
+      cairo_scale(cairo_.get(), w / drawing->width, w / drawing->width);
+      Paint(cairo_.get(), *drawing);
+      cairo_restore(cairo_.get());
+    } else {
+      DrawPicture(std::get<Picture>(figure.content), x, w);
+    }
+    y_ += h + 5;
+    Words(figure.caption, 8, false, kSoft, 9);
+  }
+
+  void operator()(const Table& table) {
+    if (!table.caption.empty()) {
+      Need(60);
+      Words(table.caption, 8, false, kSoft, 3);
+    }
+    if (table.columns.empty()) return;
+    // As wide as their widest cell; too wide altogether: smaller letters; still too wide: in parts that repeat the
+    // first column; a single long column is broken into lines.
+    const size_t n = table.columns.size();
+    std::vector<double> wide(n);
+    for (size_t k = 0; k < n; ++k) {
+      wide[k] = TextWidth(table.columns[k].name, 1) * 1.06;
+      for (const auto& row : table.rows) {
+        if (k < row.size()) wide[k] = std::max(wide[k], std::min(46.0, TextWidth(row[k].text, 1)));
+      }
+    }
+    double total = 0;
+    for (double w : wide) total += w;
+    const double gap = 7;
+    double size = std::clamp((Room() - gap * static_cast<double>(n)) / std::max(1.0, total), kSmallestPt, kTablePt);
+    std::vector<size_t> part;
+    for (size_t k = 1; k <= n || !part.empty();) {
+      double used = wide[0] * size + gap;
+      part = {0};
+      while (k < n && (part.size() == 1 || used + wide[k] * size + gap <= Room())) {
+        used += wide[k] * size + gap;
+        part.push_back(k++);
+      }
+      DrawRows(table, part, wide, size, gap, std::min(1.0, Room() / used));
+      if (k >= n) break;
+    }
+    y_ += 8;
+  }
+
+ private:
+  static constexpr const char* kInk = "#1d2329";
+  static constexpr const char* kSoft = "#5a6570";
+  static constexpr const char* kBad = "#a8420a";
+  static constexpr const char* kWarn = "#8a5a00";
+  static constexpr const char* kGoodInk = "#00694d";
+
+  double Room() const { return width_ - 2 * kMargin; }
+
+  void CheckWritten() const {
+    const cairo_status_t status = cairo_surface_status(surface_.get());
+    if (status != CAIRO_STATUS_SUCCESS) {
+      throw IoError(file_ + ": cannot be written: " + cairo_status_to_string(status) + "; is the disk full?");
+    }
+  }
+
+  void Foot() {
+    ++page_;
+    painter_->Draw(document_.title, kMargin, height_ - kFoot, 7.5, false, kSoft, Room() - 60, -1, 1);
+    painter_->Draw(std::to_string(page_), width_ - kMargin - 60, height_ - kFoot, 7.5, false, kSoft, 60, 1, 1);
+  }
+  void Turn() {
+    Foot();
+    cairo_show_page(cairo_.get());
+    y_ = kMargin;
+  }
+  void Need(double height) {
+    if (y_ + height > height_ - kMargin - 6 && y_ > kMargin) Turn();
+  }
+
+  void Words(const std::string& text, double size, bool bold, const char* colour, double after) {
+    const double h = painter_->Height(text, size, bold, Room());
+    Need(std::min(h, 200.0));
+    painter_->Draw(text, kMargin, y_, size, bold, colour, Room(), -1, 0);
+    y_ += h + after;
+  }
+
+  double FactHeight(const Fact& f, double w) const {
+    return 12 + painter_->Height(f.label, 7.5, false, w - 14) + painter_->Height(f.value, 13, true, w - 14) +
+           painter_->Height(f.detail, 7.5, false, w - 14);
+  }
+  void DrawFact(const Fact& f, double x, double w, double h) {
+    SetColour(cairo_.get(), "#f5f7f9", 1);
+    cairo_rectangle(cairo_.get(), x, y_, w, h);
+    cairo_fill(cairo_.get());
+    SetColour(cairo_.get(),
+              f.tone == Tone::kGood      ? "#009e73"
+              : f.tone == Tone::kWarning ? "#e69f00"
+              : f.tone == Tone::kBad     ? "#d55e00"
+                                         : "#d9dee3",
+              1);
+    cairo_rectangle(cairo_.get(), x, y_, 2.5, h);
+    cairo_fill(cairo_.get());
+    double y = y_ + 5;
+    const auto line = [&](const std::string& text, double size, bool bold, const char* colour) {
+      painter_->Draw(text, x + 8, y, size, bold, colour, w - 14, -1, 0);
+      y += painter_->Height(text, size, bold, w - 14);
+    };
+    line(f.label, 7.5, false, kSoft);
+    line(f.value, 13, true, kInk);
+    line(f.detail, 7.5, false, kSoft);
+  }
+
+  void DrawPicture(const Picture& picture, double x, double w) {
+    cairo_save(cairo_.get());
+    cairo_translate(cairo_.get(), x, y_);
+    const double scale = w / std::max(1, picture.width);
+    cairo_scale(cairo_.get(), scale, scale);
+    std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(nullptr, cairo_surface_destroy);
+    if (picture.jpeg) {
+      // The file's own bytes go in; the pixels behind them are never looked at.
+      image.reset(cairo_image_surface_create(CAIRO_FORMAT_A1, picture.width, picture.height));
+      auto* bytes = new std::string(picture.bytes);
+      cairo_surface_set_mime_data(
+          image.get(), CAIRO_MIME_TYPE_JPEG, reinterpret_cast<const unsigned char*>(bytes->data()), bytes->size(),
+          [](void* data) { delete static_cast<std::string*>(data); }, bytes);
+    } else {
+      image = DecodedSurface(picture.bytes);
+    }
+    if (image) {
+      cairo_set_source_surface(cairo_.get(), image.get(), 0, 0);
+      cairo_paint(cairo_.get());
+    }
+    cairo_restore(cairo_.get());
+  }
+
+  void Header(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
+              double gap) {
+    const double h = size * 1.6;
+    SetColour(cairo_.get(), "#eef1f4", 1);
+    cairo_rectangle(cairo_.get(), kMargin, y_, Room(), h);
+    cairo_fill(cairo_.get());
+    double x = kMargin + 2;
+    for (size_t k : part) {
+      painter_->Draw(table.columns[k].name, x, y_ + 0.12 * size, size, true, kInk, widths[k],
+                     table.columns[k].number ? 1 : -1, 1);
+      x += widths[k] + gap;
+    }
+    y_ += h;
+  }
+
+  void DrawRows(const Table& table, const std::vector<size_t>& part, const std::vector<double>& wide, double size,
+                double gap, double squeeze) {
+    std::vector<double> widths(wide.size());
+    for (size_t k : part) widths[k] = wide[k] * size * squeeze;
+    // What is left goes to the last column of words.
+    double used = 0;
+    for (size_t k : part) used += widths[k] + gap;
+    for (size_t i = part.size(); i-- > 0;) {
+      if (table.columns[part[i]].number || used >= Room()) continue;
+      widths[part[i]] += Room() - used;
+      break;
+    }
+    Need(size * 1.6 * 3);
+    Header(table, part, widths, size, gap);
+    for (const auto& row : table.rows) {
+      double h = size * 1.45;
+      for (size_t k : part) {
+        if (k < row.size() && TextWidth(row[k].text, size) > 0.9 * widths[k]) {
+          h = std::max(h, painter_->Height(row[k].text, size, false, widths[k]) + 0.2 * size);
+        }
+      }
+      if (y_ + h > height_ - kMargin - 6) {
+        Turn();
+        Header(table, part, widths, size, gap);
+      }
+      double x = kMargin + 2;
+      for (size_t k : part) {
+        if (k < row.size() && !row[k].text.empty()) {
+          const Tone tone = row[k].tone;
+          painter_->Draw(row[k].text, x, y_ + 0.1 * size, size, false,
+                         tone == Tone::kBad       ? kBad
+                         : tone == Tone::kWarning ? kWarn
+                         : tone == Tone::kGood    ? kGoodInk
+                                                  : kInk,
+                         widths[k], table.columns[k].number ? 1 : -1, 0);
+        }
+        x += widths[k] + gap;
+      }
+      y_ += h;
+      SetColour(cairo_.get(), "#d9dee3", 1);
+      cairo_set_line_width(cairo_.get(), 0.4);
+      cairo_move_to(cairo_.get(), kMargin, y_);
+      cairo_line_to(cairo_.get(), width_ - kMargin, y_);
+      cairo_stroke(cairo_.get());
+    }
+    y_ += 6;
+  }
+
+  const Document& document_;
+  std::string file_;
+  double width_, height_;
+  std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> surface_{nullptr, cairo_surface_destroy};
+  std::unique_ptr<cairo_t, void (*)(cairo_t*)> cairo_{nullptr, cairo_destroy};
+  std::unique_ptr<TextPainter> painter_;
+  double y_ = kMargin;
+  int page_ = 0;
+};
+
+}  // namespace
+
+void WritePdf(const Document& document, Paper paper, const std::string& file) { Pages(document, paper, file).Write(); }
+
+}  // namespace trigpoint

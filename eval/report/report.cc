@@ -1,0 +1,216 @@
+#include "eval/report/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/report/chapters.h"
+#include "eval/report/document.h"
+#include "eval/report/match_pictures.h"
+#include "eval/report/scenes.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Pictures of matches within the budget, the worst cells first; drawn in the order of runs and panoramas, so that each
+// file is opened once.
+void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<std::string>* notes,
+                 ReportSummary* summary, ProgressSink& progress, const CancelToken& cancel) {
+  // Cells: those with errors, worst first, then answers that nothing is known about.
+  std::vector<std::tuple<std::string, std::string, std::string>> cells;  // run, variant, panorama
+  std::set<std::string> listed;
+  const auto list = [&](const std::string& run, const std::string& variant, const std::string& panorama) {
+    if (listed.insert(CellKey(run, variant, panorama)).second) cells.emplace_back(run, variant, panorama);
+  };
+  for (const ErrorRecord* e : WorstFirst(c->input, c->data)) list(e->run, e->variant, e->panorama);
+  for (const RunData& run : c->data.runs) {
+    for (const RunData::Answer& a : run.answers) {
+      if (a.status == "localized") list(run.run, run.variant, a.panorama);
+    }
+  }
+  std::set<std::string> chosen;
+  for (size_t i = 0; i < cells.size() && i < static_cast<size_t>(options.max_pictures); ++i) {
+    const auto& [run, variant, panorama] = cells[i];
+    chosen.insert(CellKey(run, variant, panorama));
+  }
+  summary->match_pictures_left_out = static_cast<int>(cells.size() - chosen.size());
+  progress.Begin("pictures of matches", static_cast<int64_t>(chosen.size()));
+  double bytes = 0;
+  bool without = false;
+  for (const RunData& run : c->data.runs) {
+    std::vector<std::string> wanted;
+    for (const RunData::Answer& a : run.answers) {
+      if (chosen.count(CellKey(run.run, run.variant, a.panorama)) > 0 && a.status == "localized")
+        wanted.push_back(a.panorama);
+    }
+    if (wanted.empty()) continue;
+    const std::string result = run.variant.empty() ? run.run : run.run + "@" + run.variant;
+    try {
+      MatchPictures pictures(*c->input.project, run.run, result);
+      without = without || !pictures.HasMatches();
+      for (const std::string& panorama : wanted) {
+        cancel.ThrowIfCancelled();
+        progress.Advance(1);
+        if (!pictures.Has(panorama)) continue;
+        try {
+          MatchPicture m = pictures.Draw(panorama);
+          bytes += static_cast<double>(m.picture.bytes.size());
+          if (bytes > options.pictures_mb * 1e6) {
+            ++summary->match_pictures_left_out;
+            continue;
+          }
+          const std::string name = fmt::format("matches_{:03}", c->match_figures.size() + 1);
+          c->match_figures[CellKey(run.run, run.variant, panorama)] =
+              Figure{name, result + ": " + m.caption, std::move(m.picture)};
+        } catch (const Cancelled&) {
+          throw;
+        } catch (const std::exception& e) {
+          notes->push_back("the matches of " + panorama + " in " + result + " cannot be drawn: " + e.what());
+        }
+      }
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const std::exception& e) {
+      notes->push_back("matches of " + result + ": " + e.what());
+    }
+  }
+  if (without)
+    notes->push_back(
+        "some results of localize are of a version that kept no matches; localize again to see them drawn");
+  summary->match_pictures = static_cast<int>(c->match_figures.size());
+}
+
+void WriteFigures(const Document& document, const fs::path& out, ReportSummary* summary) {
+  std::set<std::string> written;
+  for (const Block& block : document.blocks) {
+    const auto* figure = std::get_if<Figure>(&block);
+    if (figure == nullptr || figure->name.empty() || !written.insert(figure->name).second) continue;
+    std::string png;
+    if (const auto* drawing = std::get_if<Drawing>(&figure->content)) {
+      png = PngOf(*drawing, 2);
+      WriteFileAtomically(
+          out / "figures" / (figure->name + ".svg"),
+          "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n" +
+              SvgOf(*drawing, figure->caption)
+                  .replace(0, 4, "<svg xmlns=\"http://www.w3.org/2000/svg\" font-family=\"sans-serif\"") +
+              "\n");
+    } else {
+      const Picture& picture = std::get<Picture>(figure->content);
+      png = picture.bytes;
+      if (picture.jpeg) {
+        const cv::Mat coded(1, static_cast<int>(png.size()), CV_8U, png.data());
+        std::vector<uchar> bytes;
+        cv::imencode(".png", cv::imdecode(coded, cv::IMREAD_COLOR), bytes);
+        png.assign(bytes.begin(), bytes.end());
+      }
+    }
+    WriteFileAtomically(out / "figures" / (figure->name + ".png"), png);
+    ++summary->figures;
+  }
+}
+
+nlohmann::json JsonOf(const Document& document, const ReportData& data) {
+  nlohmann::json tables = nlohmann::json::object(), figures = nlohmann::json::array();
+  for (const Block& block : document.blocks) {
+    if (const auto* table = std::get_if<Table>(&block); table != nullptr && !table->name.empty()) {
+      nlohmann::json rows = nlohmann::json::array();
+      for (const auto& row : table->rows) {
+        nlohmann::json cells = nlohmann::json::array();
+        for (const TableCell& cell : row) cells.push_back(CleanText(cell.text));
+        rows.push_back(std::move(cells));
+      }
+      nlohmann::json columns = nlohmann::json::array();
+      for (const TableColumn& column : table->columns) columns.push_back(CleanText(column.name));
+      tables[table->name] = {{"caption", CleanText(table->caption)}, {"columns", columns}, {"rows", rows}};
+    } else if (const auto* figure = std::get_if<Figure>(&block)) {
+      figures.push_back({{"file", "figures/" + figure->name + ".png"}, {"caption", CleanText(figure->caption)}});
+    }
+  }
+  nlohmann::json evaluations = nlohmann::json::object();
+  for (const VariantData& v : data.variants) evaluations[v.variant.empty() ? "first" : v.variant] = v.summary;
+  return {{"schema", "trigpoint report 1"},
+          {"title", CleanText(document.title)},
+          {"newest_input", document.date},
+          {"tables", tables},
+          {"figures", figures},
+          {"evaluations", evaluations},
+          {"notes", data.notes}};
+}
+
+}  // namespace
+
+std::vector<std::string> ReportOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  if (paper != "a4" && paper != "letter") problems.push_back("paper: expected a4 or letter, found '" + paper + "'");
+  if (units != "m" && units != "ft" && units != "us-ft")
+    problems.push_back("units: expected m, ft or us-ft, found '" + units + "'");
+  return problems;
+}
+
+ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options, const DisplayUnit& unit,
+                          const fs::path& out, ProgressSink& progress, const CancelToken& cancel) {
+  ReportSummary summary;
+  ReportData data = ReadReportData(input, progress, cancel);
+  ChapterContext context{input, data, unit, {}, {}};
+  for (size_t i = 0; i < data.stations.size(); ++i)
+    context.station_anchor[data.stations[i]] = fmt::format("station-{}", i + 1);
+  std::vector<Block> scenes = DrawScenes(input, options.images, &data.notes, &summary.renderer, progress, cancel);
+  if (options.images) {
+    DrawMatches(&context, options, &data.notes, &summary, progress, cancel);
+    if (summary.match_pictures_left_out > 0) {
+      data.notes.push_back(fmt::format(
+          "{} pictures of matches are drawn, of the worst cells first; {} are left out to keep the report small. All "
+          "numbers are here.",
+          summary.match_pictures, summary.match_pictures_left_out));
+    }
+  } else {
+    data.notes.push_back("Photographs are left out on request (--no-images).");
+  }
+  progress.Begin("writing the report", 0);
+  Document document;
+  document.title = "Trigpoint report: " + input.project->name();
+  document.date = data.newest;
+  document.subtitle = data.newest.empty() ? "No results yet."
+                                          : "From results up to " + data.newest + " (UTC). Lengths in " + unit.name +
+                                                ", 1 sigma where a sigma is shown.";
+  if (options.dated) document.subtitle += " Written " + UtcTimeText() + ".";
+  document.footer = "Made by Trigpoint. Every number stands in tables/, report.json and report.md beside this file.";
+  AddSummary(context, &document.blocks);
+  document.blocks.push_back(Heading{2, "Map", "map", true});
+  document.blocks.insert(document.blocks.end(), std::make_move_iterator(scenes.begin()),
+                         std::make_move_iterator(scenes.end()));
+  AddAccuracy(context, &document.blocks);
+  AddConsistency(context, &document.blocks);
+  AddRuns(context, &document.blocks);
+  AddStations(context, &document.blocks);
+  AddProvenance(context, &document.blocks);
+  cancel.ThrowIfCancelled();
+
+  const std::string html = HtmlOf(document);
+  summary.html_bytes = html.size();
+  WriteFileAtomically(out / "index.html", html);
+  WriteFileAtomically(out / "report.md", MarkdownOf(document));
+  WriteFileAtomically(out / "report.json", DumpJson(JsonOf(document, data), 1) + "\n");
+  for (const Block& block : document.blocks) {
+    const auto* table = std::get_if<Table>(&block);
+    if (table != nullptr && !table->name.empty())
+      WriteFileAtomically(out / "tables" / (table->name + ".csv"), CsvOf(*table));
+  }
+  WriteFigures(document, out, &summary);
+  cancel.ThrowIfCancelled();
+  if (options.pdf) {
+    progress.Begin("setting the pages", 0);
+    WritePdf(document, options.paper == "letter" ? Paper::kLetter : Paper::kA4, (out / "report.pdf").string());
+  }
+  summary.notes = data.notes;
+  return summary;
+}
+
+}  // namespace trigpoint

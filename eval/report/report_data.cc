@@ -1,0 +1,271 @@
+#include "eval/report/report_data.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <set>
+
+#include "datasets/colmap/model.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kFurtherRows = 400;   // of a table that has no chapter of its own
+constexpr size_t kSampleSize = 20000;  // of the points of a run
+
+// An empty, missing or unusable cell is "not given".
+std::optional<double> Number(const CsvTable& table, const CsvRow& row, const char* column) {
+  if (!table.HasColumn(column) || !row.Has(column)) return std::nullopt;
+  const auto value = ParseDouble(row.Text(column));
+  return value && std::isfinite(*value) ? value : std::nullopt;
+}
+
+std::string Text(const CsvTable& table, const CsvRow& row, const char* column) {
+  return table.HasColumn(column) ? row.Text(column) : "";
+}
+
+int Whole(const CsvTable& table, const CsvRow& row, const char* column, int missing) {
+  const auto value = Number(table, row, column);
+  return value ? static_cast<int>(*value) : missing;
+}
+
+std::optional<double> Largest(std::initializer_list<std::optional<double>> values) {
+  std::optional<double> most;
+  for (const auto& v : values) {
+    if (!v) return std::nullopt;
+    most = most ? std::max(*most, *v) : *v;
+  }
+  return most;
+}
+
+class Reader {
+ public:
+  Reader(const ReportInput& input, const CancelToken& cancel)
+      : input_(input), project_(*input.project), cancel_(cancel) {}
+
+  ReportData Read() {
+    for (const std::string& variant : input_.variants) ReadVariant(variant);
+    for (const ReportStage& stage : input_.stages) {
+      if (stage.manifest.is_object()) data_.newest = std::max(data_.newest, stage.manifest.value("end", ""));
+      if (stage.stage == "localize") ReadRun(stage);
+    }
+    ReadTags();
+    CollectStations();
+    ReadReviews();
+    for (const std::string& warning : project_.warnings()) data_.notes.push_back(warning);
+    for (const auto& [run, why] : project_.site().broken_runs) {
+      data_.notes.push_back("run " + run + " cannot be used: " + why);
+    }
+    return std::move(data_);
+  }
+
+ private:
+  template <typename Fn>
+  void Guard(const std::string& what, Fn&& fn) {
+    cancel_.ThrowIfCancelled();
+    try {
+      fn();
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const std::exception& e) {
+      data_.notes.push_back(what + ": " + e.what());
+    }
+  }
+  // A row that cannot be used is left out and the first such is named.
+  void EachRow(const CsvTable& table, const std::string& what, const std::function<void(const CsvRow&)>& use) {
+    size_t bad = 0;
+    std::string first;
+    for (const CsvRow& row : table.rows()) {
+      try {
+        use(row);
+      } catch (const InputError& e) {
+        if (bad++ == 0) first = e.what();
+      }
+    }
+    if (bad > 0) data_.notes.push_back(fmt::format("{}: {} rows cannot be used; the first: {}", what, bad, first));
+  }
+
+  void ReadVariant(const std::string& variant) {
+    const fs::path dir = project_.ResultDir("evaluate", variant.empty() ? "" : "@" + variant);
+    if (!fs::exists(dir)) return;
+    VariantData& v = data_.variants.emplace_back();
+    v.variant = variant;
+    const std::string name = variant.empty() ? "evaluate" : "evaluate@" + variant;
+    if (fs::exists(dir / "summary.json")) {
+      Guard(name, [&] { v.summary = nlohmann::json::parse(ReadTextFile(dir / "summary.json")); });
+      const std::string schema = v.summary.is_object() ? v.summary.value("schema", "") : "";
+      if (v.summary.is_object() && schema != "trigpoint evaluate 1") {
+        data_.notes.push_back(name + ": summary.json is of another version ('" + schema +
+                              "'); what is known of it is shown. Run `trigpoint evaluate` again.");
+      }
+    } else {
+      data_.notes.push_back(name + ": has no summary.json; run `trigpoint evaluate` again");
+    }
+    if (!v.summary.is_object()) v.summary = nlohmann::json::object();
+    Guard(name, [&] { ReadErrors(dir / "errors.csv", name, &v); });
+    Guard(name, [&] { ReadFurther(dir, &v); });
+  }
+
+  void ReadErrors(const fs::path& file, const std::string& name, VariantData* v) {
+    const CsvTable table = CsvTable::Read(file, {"run", "station", "status"});
+    EachRow(table, name + "/errors.csv", [&](const CsvRow& row) {
+      ErrorRecord e;
+      e.run = row.Text("run"), e.station = row.Text("station"), e.status = row.Text("status");
+      e.variant = v->variant;
+      e.method = Text(table, row, "method"), e.panorama = Text(table, row, "panorama");
+      e.reference = Text(table, row, "reference"), e.kind = Text(table, row, "kind");
+      e.reason = Text(table, row, "reason"), e.dominant = Text(table, row, "dominant");
+      e.trusted = Text(table, row, "trusted");
+      e.tag_id = Whole(table, row, "tag_id", -1);
+      e.error_3d_m = Number(table, row, "error_3d_m");
+      e.error_h_m = Number(table, row, "error_h_m"), e.error_v_m = Number(table, row, "error_v_m");
+      e.sigma_e_m = Number(table, row, "sigma_e_m"), e.sigma_n_m = Number(table, row, "sigma_n_m");
+      e.sigma_u_m = Number(table, row, "sigma_u_m"), e.depth_sigma_m = Number(table, row, "depth_sigma_m");
+      e.nees = Number(table, row, "nees");
+      e.dof = Whole(table, row, "dof", 0);
+      e.shares_evidence =
+          table.HasColumn("shares_evidence") ? row.Text("shares_evidence") == "yes" : e.reference == "self";
+      v->errors.push_back(std::move(e));
+    });
+  }
+
+  void ReadFurther(const fs::path& dir, VariantData* v) {
+    std::set<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(dir)) files.insert(entry.path());
+    for (const fs::path& file : files) {
+      const std::string name = file.filename().string();
+      if (file.extension() != ".csv" || name == "errors.csv" || name == "histogram.csv") continue;
+      if (name.starts_with("table_") || name.starts_with("tags_")) continue;
+      Guard("evaluate/" + name, [&] {
+        const CsvTable table = CsvTable::Read(file, {});
+        FurtherTable& further = v->further.emplace_back();
+        further.name = file.stem().string();
+        if (!table.comments().empty()) further.comment = table.comments().front();
+        further.columns = table.columns();
+        for (const CsvRow& row : table.rows()) {
+          if (further.rows.size() == kFurtherRows) {
+            ++further.left_out;
+            continue;
+          }
+          std::vector<std::string>& cells = further.rows.emplace_back();
+          for (const std::string& column : further.columns) cells.push_back(row.Text(column));
+        }
+      });
+    }
+  }
+
+  void ReadRun(const ReportStage& stage) {
+    const fs::path dir = project_.ResultDir("localize", stage.name);
+    if (!fs::exists(dir)) return;
+    RunData& run = data_.runs.emplace_back();
+    const size_t at = stage.name.find('@');
+    run.run = stage.name.substr(0, at);
+    if (at != std::string::npos) run.variant = stage.name.substr(at + 1);
+    run.manifest = stage.manifest;
+    Guard("localize/" + stage.name, [&] {
+      const CsvTable table = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
+      EachRow(table, "localize/" + stage.name + "/panoramas.csv", [&](const CsvRow& row) {
+        RunData::Answer a;
+        a.panorama = row.Text("panorama"), a.status = row.Text("status");
+        a.station = Text(table, row, "station"), a.reason = Text(table, row, "reason");
+        a.geotag_status = Text(table, row, "geotag_status");
+        a.inliers = Whole(table, row, "inliers", 0), a.matches = Whole(table, row, "view_matches", 0);
+        a.views = Whole(table, row, "views", 0);
+        a.sigma_m = Largest(
+            {Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m"), Number(table, row, "sigma_z_m")});
+        const auto de = Number(table, row, "geotag_de_m"), dn = Number(table, row, "geotag_dn_m");
+        if (de && dn) a.geotag_off_m = std::hypot(*de, *dn);
+        run.answers.push_back(std::move(a));
+      });
+    });
+    if (!HasColmapModel(dir / "sparse")) return;
+    Guard("localize/" + stage.name + "/sparse", [&] {
+      const SparseModel model = ReadColmapModel(dir / "sparse");
+      const size_t step = model.points.size() / kSampleSize + 1;
+      for (size_t i = 0; i < model.points.size(); i += step) {
+        if (std::isfinite(model.points[i].error_px)) run.residuals_px.push_back(model.points[i].error_px);
+        run.track_lengths.push_back(static_cast<double>(model.points[i].track.size()));
+      }
+    });
+  }
+
+  void ReadTags() {
+    const auto read = [&](const fs::path& file, const std::string& source) {
+      if (!fs::exists(file)) return;
+      Guard("tags of " + source, [&] {
+        const CsvTable table = CsvTable::Read(file, {"tag_id"});
+        EachRow(table, source + "/" + file.filename().string(), [&](const CsvRow& row) {
+          TagLine tag;
+          tag.id = Whole(table, row, "tag_id", -1);
+          tag.source = source;
+          tag.role = Text(table, row, "role"), tag.status = Text(table, row, "status");
+          tag.size_m = Number(table, row, "size_m").value_or(0);
+          tag.sigma_m = Largest(
+              {Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m"), Number(table, row, "sigma_z_m")});
+          tag.rms_px = Number(table, row, "rms_px");
+          tag.images = Whole(table, row, "images", 0), tag.runs = Whole(table, row, "runs", 0);
+          data_.tags.push_back(std::move(tag));
+        });
+      });
+    };
+    for (const std::string& variant : input_.variants) {
+      const std::string suffix = variant.empty() ? "" : "@" + variant;
+      read(project_.ResultDir("survey", suffix) / "tags.csv", "survey" + suffix);
+    }
+    for (const Run& run : project_.site().runs) {
+      read(project_.ResultDir("evaluate", "") / ("tags_" + run.name + ".csv"), "cameras of " + run.name);
+    }
+  }
+
+  void CollectStations() {
+    std::set<std::string> known;
+    const auto add = [&](const std::string& station) {
+      if (!station.empty() && known.insert(station).second) data_.stations.push_back(station);
+    };
+    for (const Station& station : project_.site().stations) add(station.name);
+    for (const VariantData& v : data_.variants) {
+      for (const ErrorRecord& e : v.errors) add(e.station);
+    }
+    for (const RunData& run : data_.runs) {
+      for (const RunData::Answer& a : run.answers) {
+        if (a.status != "unmatched") add(a.station);
+      }
+    }
+  }
+
+  void ReadReviews() {
+    std::ifstream file(project_.dir() / "review.jsonl");
+    std::string line;
+    int number = 0;
+    while (std::getline(file, line)) {
+      ++number;
+      if (Trim(line).empty()) continue;
+      nlohmann::json entry = nlohmann::json::parse(line, nullptr, false);
+      if (entry.is_object()) {
+        data_.reviews.push_back(std::move(entry));
+      } else {
+        data_.notes.push_back(fmt::format("review.jsonl:{}: is no JSON object and is left out", number));
+      }
+    }
+  }
+
+  const ReportInput& input_;
+  const Project& project_;
+  const CancelToken& cancel_;
+  ReportData data_;
+};
+
+}  // namespace
+
+ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel) {
+  progress.Begin("reading results", 0);
+  return Reader(input, cancel).Read();
+}
+
+}  // namespace trigpoint

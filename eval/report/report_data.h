@@ -1,0 +1,92 @@
+// What a project's results hold, as far as they are there: read leniently, so that results of an older or newer version
+// and broken ones still tell what they can. Everything that could not be read is named in `notes`.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+// One result as the stage runner knows it.
+struct ReportStage {
+  std::string stage, name;  // "localize", "run1@paper"
+  std::string state;        // done, out of date, failed, missing, not needed
+  std::string reason;
+  nlohmann::json manifest;  // null: there is none
+};
+
+struct ReportInput {
+  const Project* project = nullptr;
+  std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
+  std::vector<ReportStage> stages;
+  std::string command;  // that makes the report again
+};
+
+// A row of errors.csv; what is not given is unset.
+struct ErrorRecord {
+  std::string run, variant, method, station, panorama, reference, kind, status, reason, dominant, trusted;
+  int tag_id = -1;
+  std::optional<double> error_3d_m, error_h_m, error_v_m, sigma_e_m, sigma_n_m, sigma_u_m, nees, depth_sigma_m;
+  int dof = 0;
+  bool shares_evidence = false;
+  bool Answered() const { return status == "localized" && error_3d_m.has_value(); }
+};
+
+// A table of `evaluate` that this version has no chapter for.
+struct FurtherTable {
+  std::string name, comment;
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+  size_t left_out = 0;
+};
+
+struct VariantData {
+  std::string variant;
+  nlohmann::json summary;  // summary.json of evaluate; null: none
+  std::vector<ErrorRecord> errors;
+  std::vector<FurtherTable> further;
+};
+
+// One localize result.
+struct RunData {
+  std::string run, variant;
+  nlohmann::json manifest;  // may be null
+  struct Answer {
+    std::string panorama, station, status, reason, geotag_status;
+    int inliers = 0, matches = 0, views = 0;
+    std::optional<double> sigma_m;       // largest axis
+    std::optional<double> geotag_off_m;  // geotag minus estimate, horizontal
+  };
+  std::vector<Answer> answers;
+  std::vector<double> residuals_px;   // mean of each point
+  std::vector<double> track_lengths;  // of each point
+};
+
+struct TagLine {
+  int id = -1;
+  std::string source, role, status;
+  double size_m = 0;
+  std::optional<double> sigma_m, rms_px;  // sigma: largest axis
+  int images = 0, runs = 0;
+};
+
+struct ReportData {
+  std::vector<VariantData> variants;
+  std::vector<RunData> runs;
+  std::vector<TagLine> tags;
+  std::vector<std::string> stations;  // in the order of stations.csv, then those only results know
+  std::vector<nlohmann::json> reviews;
+  std::vector<std::string> notes;
+  std::string newest;  // end of the newest result, UTC; empty: none
+};
+
+ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

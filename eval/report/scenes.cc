@@ -1,0 +1,124 @@
+#include "eval/report/scenes.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "eval/scene/offscreen.h"
+#include "eval/scene/scene_view.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kWidth = 1280, kHeight = 860;
+constexpr int kSamples = 2;      // a picture is drawn so many times larger and averaged
+constexpr size_t kStations = 4;  // that get a view of their own
+
+Picture Photograph(OffscreenWindow& window) {
+  cv::Mat picture;
+  cv::resize(window.Render(kSamples * kWidth, kSamples * kHeight), picture, {kWidth, kHeight}, 0, 0, cv::INTER_AREA);
+  std::vector<uchar> bytes;
+  cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 88});
+  return {std::string(bytes.begin(), bytes.end()), true, kWidth, kHeight};
+}
+
+}  // namespace
+
+std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector<std::string>* notes,
+                              std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
+  std::vector<Block> blocks;
+  progress.Begin("the scene", 0);
+  SceneOptions options;
+  if (!images) options.panorama_width_px = options.aerial_px = 0;
+  const SceneModel model = LoadScene(*input.project, options, cancel);
+  for (const std::string& note : model.notes) notes->push_back("scene: " + note);
+  if (model.Empty()) {
+    blocks.push_back(Paragraph{"There is nothing to draw yet: no run has a result."});
+    return blocks;
+  }
+  std::string reason;
+  const std::unique_ptr<OffscreenWindow> window = OffscreenWindow::Create(&reason);
+  if (!window) {
+    blocks.push_back(
+        Paragraph{"The scene could not be rendered on this machine: " + reason + ". Everything else is complete.",
+                  Tone::kWarning});
+    notes->push_back("the scene was not rendered: " + reason);
+    return blocks;
+  }
+  *renderer = window->Device();
+  SceneStyle style;
+  style.text_px = 18 * kSamples;
+  const auto [low, high] = model.Bounds();
+  style.sphere_radius_m = std::clamp(0.01 * (high - low).head<2>().maxCoeff(), 0.25, 2.0);
+  SceneView view(model, style);
+  view.AddTo(window->renderer());
+  window->Render(kSamples * kWidth, kSamples * kHeight);  // gives the renderer its size
+  const std::string frame =
+      "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
+  const std::string errors = model.errors.empty() ? ""
+                                                  : fmt::format(
+                                                        " Red: differences from references, {:g} times longer than "
+                                                        "life, with {:.0f} % ellipsoids at the same scale.",
+                                                        view.ErrorScale(), 100 * style.confidence);
+  const auto show = [&](std::initializer_list<const char*> hidden) {
+    for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, true);
+    for (const char* layer : hidden) view.SetVisible(layer, false);
+  };
+  show({"points", "cameras"});
+  view.LookDown(window->renderer());
+  blocks.push_back(Figure{"plan",
+                          "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
+                              ". Panoramas as spheres at their estimated places, geotags as pale dots." + errors + " " +
+                              frame + ".",
+                          Photograph(*window)});
+  cancel.ThrowIfCancelled();
+  const std::pair<PointColour, const char*> colours[] = {
+      {PointColour::kHeight, "height (m)"},
+      {PointColour::kTrackLength, "number of images that see them"},
+      {PointColour::kUncertainty, "largest standard deviation of their position with the cameras held (m, 1 sigma)"}};
+  const char* names[] = {"oblique", "oblique_track_length", "oblique_uncertainty"};
+  for (size_t i = 0; i < 3; ++i) {
+    if (i > 0 && model.points.empty()) break;
+    show({"ellipsoids", "geotags"});
+    if (i > 0) {
+      for (const char* layer : {"aerial", "cameras", "errors", "panoramas"}) view.SetVisible(layer, false);
+    }
+    view.ColourPointsBy(colours[i].first);
+    view.LookOblique(window->renderer());
+    blocks.push_back(Figure{names[i],
+                            "From the south-west, 33 degrees above the horizon. Points by " +
+                                std::string(colours[i].second) + "; colours from their 2nd to their 95th percentile. " +
+                                (i == 0 ? "The ground is drawn at a height guessed from the points. " : "") + frame +
+                                ".",
+                            Photograph(*window)});
+    cancel.ThrowIfCancelled();
+  }
+  show({"points", "ellipsoids", "geotags", "axes"});
+  // Those that went worst, each once.
+  std::vector<const SceneError*> worst;
+  for (const SceneError& e : model.errors) worst.push_back(&e);
+  std::stable_sort(worst.begin(), worst.end(),
+                   [](const auto* a, const auto* b) { return a->difference.norm() > b->difference.norm(); });
+  std::vector<std::string> stations;
+  for (const SceneError* e : worst) stations.push_back(e->station);
+  for (const ScenePanorama& p : model.panoramas) stations.push_back(p.station);
+  std::set<std::string> seen;
+  for (const std::string& station : stations) {
+    if (seen.size() == kStations || !seen.insert(station).second) continue;
+    view.LookAtStation(window->renderer(), station);
+    blocks.push_back(Figure{
+        fmt::format("station_view_{}", seen.size()),
+        "Station " + station +
+            " with its surroundings: the panorama as it was taken, the tag at its real size, frusta of the cameras." +
+            errors + " " + frame + ".",
+        Photograph(*window)});
+    cancel.ThrowIfCancelled();
+  }
+  view.RemoveFrom(window->renderer());
+  return blocks;
+}
+
+}  // namespace trigpoint
