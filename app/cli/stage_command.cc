@@ -1,6 +1,7 @@
 // One command per stage, made from its entry in Stages().
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "app/cli/command.h"
@@ -61,6 +62,12 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       if (option.name != name) continue;
       Flag& value = arguments->flags[name];
       value.is_text = option.type == "text";
+      if (option.type == "true or false") {
+        command.add_flag_callback(
+            "--" + flag, [&value, off = flag.starts_with("no-")] { value.value = off ? "false" : "true"; },
+            (flag.starts_with("no-") ? "without: " : "") + option.help);
+        continue;
+      }
       command.add_option("--" + flag, value.value, option.help + (option.unit.empty() ? "" : ", " + option.unit));
     }
   }
@@ -74,6 +81,9 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
         if (flag.value.empty()) continue;
         settings.push_back(name + "=" + (flag.is_text ? DumpJson(flag.value) : flag.value));  // quoted: text
       }
+      const std::vector<OptionDescription> known = stage.options("");
+      const bool has_units = std::any_of(known.begin(), known.end(), [](const auto& o) { return o.name == "units"; });
+      if (has_units && s.options.units != "m") settings.push_back("units=" + DumpJson(s.options.units));
       query.overrides = ParseOverrides(settings, stage.name);
       query.stages = {stage.name};
       query.runs = arguments->runs;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "app/pipeline/crosscheck_stage.h"
+#include "app/pipeline/report_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
@@ -14,7 +15,7 @@ using nlohmann::json;
 
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
-  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(), DetectStage(), SurveyStage(), ReferenceStage(), EvaluateStage(), CrosscheckStage()};
+  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(), DetectStage(), SurveyStage(), ReferenceStage(), EvaluateStage(), CrosscheckStage(), ReportStage()};
   return kStages;
 }
 

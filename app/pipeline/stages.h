@@ -47,8 +47,7 @@ struct StageInfo {
   bool variants = false;           // can have a set of results per variant
   std::vector<std::string> needs;  // stages whose results it reads
   std::string metric;              // the metric `status` shows, a key of the manifest's metrics
-  // Options with a flag of their own on the command line: "mode" is --mode, "max-median=max_median_m" is --max-median.
-  std::vector<std::string> flags;
+  std::vector<std::string> flags;  // options with a flag of their own on the command line: "mode" is --mode
   std::function<std::vector<OptionDescription>(const std::string& prefix)> options;
   // Checks a map of option values without using them: problems are added, `where` begins each.
   std::function<void(const nlohmann::json& values, const std::string& where, std::vector<std::string>& problems)> check;

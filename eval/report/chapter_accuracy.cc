@@ -46,7 +46,7 @@ std::vector<nlohmann::json> Groups(const ReportData& data) {
 bool Belongs(const ErrorRecord& e, const nlohmann::json& group) {
   return e.method == TextAt(group, "method") && e.reference == TextAt(group, "reference") &&
          e.kind == TextAt(group, "kind") && e.variant == TextAt(group, "variant") &&
-         e.shares_evidence == group.value("shares_evidence", e.shares_evidence);
+         (!group.contains("shares_evidence") || e.shares_evidence == FlagAt(group, "shares_evidence"));
 }
 
 void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
@@ -81,7 +81,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
                  c.Length((*it)[1].is_number() ? std::optional<double>((*it)[1].get<double>()) : std::nullopt);
     }
     const auto anees = At(g, {"nees", "mean_per_dof"});
-    const bool shared = g.value("shares_evidence", false);
+    const bool shared = FlagAt(g, "shares_evidence");
     table.rows.push_back({{TextAt(g, "method")},
                           {TextAt(g, "reference")},
                           {TextAt(g, "kind")},

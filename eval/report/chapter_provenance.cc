@@ -25,7 +25,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
                {"peak memory (MiB)", true},
                {"warnings and reasons"}},
               {}};
-  for (const ReportStage& s : c.input.stages) {
+  for (const ResultRecord& s : c.input.stages) {
     const nlohmann::json& m = s.manifest;
     const auto whole = [&](const char* key, double unit) -> TableCell {
       const auto v = At(m, {key});
@@ -61,7 +61,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
 // Of many files in one folder one hash: of the list of their names and hashes.
 void AddInputs(const ChapterContext& c, std::vector<Block>* blocks) {
   std::map<std::string, std::string> files;
-  for (const ReportStage& s : c.input.stages) {
+  for (const ResultRecord& s : c.input.stages) {
     if (!s.manifest.is_object() || !s.manifest.contains("inputs") || !s.manifest["inputs"].is_object()) continue;
     for (const auto& [file, hash] : s.manifest["inputs"].items()) {
       if (!file.starts_with("results/") && hash.is_string()) files[file] = hash.get<std::string>();
@@ -106,7 +106,7 @@ void Flatten(const std::string& prefix, const nlohmann::json& json, std::map<std
 // Results of a stage with the same options share a column of values.
 void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
   std::map<std::string, std::map<std::string, std::vector<std::string>>> sets;  // stage -> options -> results
-  for (const ReportStage& s : c.input.stages) {
+  for (const ResultRecord& s : c.input.stages) {
     if (s.manifest.is_object() && s.manifest.contains("options"))
       sets[s.stage][DumpJson(s.manifest["options"])].push_back(s.name);
   }

@@ -35,10 +35,9 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
     int localized = 0, rejected = 0, unmatched = 0;
     for (const RunData::Answer& a : run.answers)
       ++(a.status == "localized" ? localized : a.status == "rejected" ? rejected : unmatched);
-    const nlohmann::json metrics =
-        run.manifest.is_object() ? run.manifest.value("metrics", nlohmann::json::object()) : nlohmann::json::object();
+    const nlohmann::json& metrics = ObjectAt(run.manifest, "metrics");
     const auto number = [&](const char* key) { return At(metrics, {key}); };
-    const bool on_earth = metrics.is_object() && metrics.value("on_earth", false);
+    const bool on_earth = FlagAt(metrics, "on_earth");
     std::string scale;
     if (number("odometry_scale")) {
       scale = fmt::format("{:.4f}", *number("odometry_scale"));
@@ -104,7 +103,7 @@ void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
 void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
   std::vector<std::pair<std::string, double>> rows;
   std::map<std::string, std::pair<double, int>> of_stage;
-  for (const ReportStage& s : c.input.stages) {
+  for (const ResultRecord& s : c.input.stages) {
     const auto seconds = At(s.manifest, {"wall_seconds"});
     if (!seconds) continue;
     rows.emplace_back(s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name), *seconds);

@@ -18,27 +18,10 @@ TableCell ChapterContext::LengthCell(const std::optional<double>& metres, int de
   return {Length(metres, decimals), metres};
 }
 
-std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path) {
-  const nlohmann::json* at = &json;
-  for (const char* key : path) {
-    if (!at->is_object()) return std::nullopt;
-    const auto it = at->find(key);
-    if (it == at->end()) return std::nullopt;
-    at = &*it;
-  }
-  return at->is_number() ? std::optional<double>(at->get<double>()) : std::nullopt;
-}
-
-std::string TextAt(const nlohmann::json& json, const char* key) {
-  if (!json.is_object()) return "";
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
-}
-
 std::string GroupName(const nlohmann::json& group) {
   const std::string variant = TextAt(group, "variant");
   return TextAt(group, "method") + " against " + TextAt(group, "reference") + ", " + TextAt(group, "kind") +
-         (group.value("shares_evidence", false) && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
+         (FlagAt(group, "shares_evidence") && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
          (variant.empty() ? "" : ", variant " + variant);
 }
 
@@ -54,7 +37,7 @@ Headline FindHeadline(const ReportData& data) {
     if (groups == variant.summary.end() || !groups->is_array()) continue;
     for (const nlohmann::json& group : *groups) {
       if (!At(group, {"error_3d", "over_answers", "median_m"})) continue;
-      const bool absolute = TextAt(group, "kind") == "absolute", shared = group.value("shares_evidence", false);
+      const bool absolute = TextAt(group, "kind") == "absolute", shared = FlagAt(group, "shares_evidence");
       const int rank = (absolute && !shared ? 16
                         : absolute          ? 2
                                             : 4) +
@@ -87,7 +70,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   const auto median = At(g, {"error_3d", "over_answers", "median_m"});
   const auto p90 = At(g, {"error_3d", "over_answers", "p90_m"});
   const auto worst = At(g, {"error_3d", "over_answers", "max_m"});
-  const bool accuracy = TextAt(g, "kind") == "absolute" && !g.value("shares_evidence", false);
+  const bool accuracy = TextAt(g, "kind") == "absolute" && !FlagAt(g, "shares_evidence");
   const std::string word = accuracy ? "error" : "difference";
   Facts facts;
   if (attempts && answers) {

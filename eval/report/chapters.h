@@ -34,10 +34,7 @@ Headline FindHeadline(const ReportData& data);
 
 // "single against control, absolute [variant paper]".
 std::string GroupName(const nlohmann::json& group);
-// A number at a path of keys, unset where anything on it is missing or no number.
-std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path);
-std::string TextAt(const nlohmann::json& json, const char* key);
-// What deserves a look first: refusals apart, the largest error in its group's sigmas or metres.
+// Names an answer.
 std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama);
 // Answers in the order in which their pictures are wanted.
 std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data);

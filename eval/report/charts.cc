@@ -107,14 +107,16 @@ class Plot {
     }
   }
 
-  double X(double v) const { return left_ + std::clamp(x_.At(v), 0.0, 1.0) * (right_ - left_); }
-  double Y(double v) const { return bottom_ - std::clamp(y_.At(v), 0.0, 1.0) * (bottom_ - top_); }
+  double X(double v) const { return left_ + Inside(x_.At(v)) * (right_ - left_); }
+  double Y(double v) const { return bottom_ - Inside(y_.At(v)) * (bottom_ - top_); }
   Drawing& drawing() { return drawing_; }
   double left() const { return left_; }
   double right() const { return right_; }
   double bottom() const { return bottom_; }
 
  private:
+  static double Inside(double share) { return std::isnan(share) ? 0 : std::clamp(share, 0.0, 1.0); }
+
   // Names above the frame, in as many lines as they need.
   void Legend(const std::vector<std::string>& names) {
     double x = left_, y = 14;

@@ -96,9 +96,9 @@ std::string ScriptHash() {
   return "sha256-" + Base64(bytes);
 }
 
-class Writer {
+class HtmlWriter {
  public:
-  explicit Writer(std::string* html) : html_(*html) {}
+  explicit HtmlWriter(std::string* html) : html_(*html) {}
 
   void operator()(const Heading& h) const {
     html_ += fmt::format("<h{} id=\"{}\">{}</h{}>\n", h.level, h.anchor, Escape(h.text), h.level);
@@ -179,7 +179,7 @@ std::string HtmlOf(const Document& document) {
     }
   }
   html += "</div></nav>\n<main>\n";
-  const Writer writer(&html);
+  const HtmlWriter writer(&html);
   for (const Block& block : document.blocks) std::visit(writer, block);
   html += "</main>\n<footer>" + Escape(document.footer) + "</footer>\n<script>";
   html += kScript;

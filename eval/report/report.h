@@ -18,6 +18,7 @@ struct ReportOptions {
   std::string units = "m";   // of lengths that people read
   int max_pictures = 60;     // of matches; the worst and the gate-failing cells come first
   double pictures_mb = 8;    // of all photographs together, as stored
+  int scene_px = 1280;       // width of the scene's pictures
   bool dated = false;        // says when it was written: no longer the same bytes each time
 
   template <typename Self, typename Visitor>
@@ -28,6 +29,7 @@ struct ReportOptions {
     visit(self.units, {"units", "", 0, 0, "of lengths: m, ft, us-ft"});
     visit(self.max_pictures, {"max_pictures", "", 0, 10000, "pictures of matches, the worst cells first"});
     visit(self.pictures_mb, {"pictures_mb", "MB", 0, 1000, "all photographs together, as stored"});
+    visit(self.scene_px, {"scene_px", "px", 160, 4096, "width of the scene's pictures"});
     visit(self.dated, {"dated", "", 0, 1, "say when it was written; else the same results give the same bytes"});
   }
   std::vector<std::string> Check() const;

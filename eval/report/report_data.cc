@@ -51,8 +51,8 @@ class Reader {
 
   ReportData Read() {
     for (const std::string& variant : input_.variants) ReadVariant(variant);
-    for (const ReportStage& stage : input_.stages) {
-      if (stage.manifest.is_object()) data_.newest = std::max(data_.newest, stage.manifest.value("end", ""));
+    for (const ResultRecord& stage : input_.stages) {
+      data_.newest = std::max(data_.newest, TextAt(stage.manifest, "end"));
       if (stage.stage == "localize") ReadRun(stage);
     }
     ReadTags();
@@ -99,7 +99,7 @@ class Reader {
     const std::string name = variant.empty() ? "evaluate" : "evaluate@" + variant;
     if (fs::exists(dir / "summary.json")) {
       Guard(name, [&] { v.summary = nlohmann::json::parse(ReadTextFile(dir / "summary.json")); });
-      const std::string schema = v.summary.is_object() ? v.summary.value("schema", "") : "";
+      const std::string schema = TextAt(v.summary, "schema");
       if (v.summary.is_object() && schema != "trigpoint evaluate 1") {
         data_.notes.push_back(name + ": summary.json is of another version ('" + schema +
                               "'); what is known of it is shown. Run `trigpoint evaluate` again.");
@@ -160,7 +160,7 @@ class Reader {
     }
   }
 
-  void ReadRun(const ReportStage& stage) {
+  void ReadRun(const ResultRecord& stage) {
     const fs::path dir = project_.ResultDir("localize", stage.name);
     if (!fs::exists(dir)) return;
     RunData& run = data_.runs.emplace_back();
@@ -262,6 +262,36 @@ class Reader {
 };
 
 }  // namespace
+
+std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path) {
+  const nlohmann::json* at = &json;
+  for (const char* key : path) {
+    if (!at->is_object()) return std::nullopt;
+    const auto it = at->find(key);
+    if (it == at->end()) return std::nullopt;
+    at = &*it;
+  }
+  return at->is_number() ? std::optional<double>(at->get<double>()) : std::nullopt;
+}
+
+std::string TextAt(const nlohmann::json& json, const char* key) {
+  if (!json.is_object()) return "";
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+bool FlagAt(const nlohmann::json& json, const char* key) {
+  if (!json.is_object()) return false;
+  const auto it = json.find(key);
+  return it != json.end() && it->is_boolean() && it->get<bool>();
+}
+
+const nlohmann::json& ObjectAt(const nlohmann::json& json, const char* key) {
+  static const nlohmann::json kEmpty = nlohmann::json::object();
+  if (!json.is_object()) return kEmpty;
+  const auto it = json.find(key);
+  return it != json.end() && it->is_object() ? *it : kEmpty;
+}
 
 ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel) {
   progress.Begin("reading results", 0);

@@ -15,7 +15,7 @@
 namespace trigpoint {
 
 // One result as the stage runner knows it.
-struct ReportStage {
+struct ResultRecord {
   std::string stage, name;  // "localize", "run1@paper"
   std::string state;        // done, out of date, failed, missing, not needed
   std::string reason;
@@ -25,7 +25,7 @@ struct ReportStage {
 struct ReportInput {
   const Project* project = nullptr;
   std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
-  std::vector<ReportStage> stages;
+  std::vector<ResultRecord> stages;
   std::string command;  // that makes the report again
 };
 
@@ -86,6 +86,12 @@ struct ReportData {
   std::vector<std::string> notes;
   std::string newest;  // end of the newest result, UTC; empty: none
 };
+
+// Values of JSON that may be anything: unset, "", false or an empty object where they are missing or of another type.
+std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path);
+std::string TextAt(const nlohmann::json& json, const char* key);
+bool FlagAt(const nlohmann::json& json, const char* key);
+const nlohmann::json& ObjectAt(const nlohmann::json& json, const char* key);
 
 ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel);
 

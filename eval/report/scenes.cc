@@ -13,23 +13,23 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kWidth = 1280, kHeight = 860;
 constexpr int kSamples = 2;      // a picture is drawn so many times larger and averaged
 constexpr size_t kStations = 4;  // that get a view of their own
 
-Picture Photograph(OffscreenWindow& window) {
+Picture Photograph(OffscreenWindow& window, int width, int height) {
   cv::Mat picture;
-  cv::resize(window.Render(kSamples * kWidth, kSamples * kHeight), picture, {kWidth, kHeight}, 0, 0, cv::INTER_AREA);
+  cv::resize(window.Render(kSamples * width, kSamples * height), picture, {width, height}, 0, 0, cv::INTER_AREA);
   std::vector<uchar> bytes;
   cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 88});
-  return {std::string(bytes.begin(), bytes.end()), true, kWidth, kHeight};
+  return {std::string(bytes.begin(), bytes.end()), true, width, height};
 }
 
 }  // namespace
 
-std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector<std::string>* notes,
+std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
                               std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
   std::vector<Block> blocks;
+  const int height = width * 2 / 3;
   progress.Begin("the scene", 0);
   SceneOptions options;
   if (!images) options.panorama_width_px = options.aerial_px = 0;
@@ -50,12 +50,12 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector
   }
   *renderer = window->Device();
   SceneStyle style;
-  style.text_px = 18 * kSamples;
+  style.text_px = std::max(8.0, 18.0 * width / 1280) * kSamples;
   const auto [low, high] = model.Bounds();
   style.sphere_radius_m = std::clamp(0.01 * (high - low).head<2>().maxCoeff(), 0.25, 2.0);
   SceneView view(model, style);
   view.AddTo(window->renderer());
-  window->Render(kSamples * kWidth, kSamples * kHeight);  // gives the renderer its size
+  window->Render(kSamples * width, kSamples * height);  // gives the renderer its size
   const std::string frame =
       "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
   const std::string errors = model.errors.empty() ? ""
@@ -73,7 +73,7 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector
                           "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
                               ". Panoramas as spheres at their estimated places, geotags as pale dots." + errors + " " +
                               frame + ".",
-                          Photograph(*window)});
+                          Photograph(*window, width, height)});
   cancel.ThrowIfCancelled();
   const std::pair<PointColour, const char*> colours[] = {
       {PointColour::kHeight, "height (m)"},
@@ -93,7 +93,7 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector
                                 std::string(colours[i].second) + "; colours from their 2nd to their 95th percentile. " +
                                 (i == 0 ? "The ground is drawn at a height guessed from the points. " : "") + frame +
                                 ".",
-                            Photograph(*window)});
+                            Photograph(*window, width, height)});
     cancel.ThrowIfCancelled();
   }
   show({"points", "ellipsoids", "geotags", "axes"});
@@ -114,7 +114,7 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, std::vector
         "Station " + station +
             " with its surroundings: the panorama as it was taken, the tag at its real size, frusta of the cameras." +
             errors + " " + frame + ".",
-        Photograph(*window)});
+        Photograph(*window, width, height)});
     cancel.ThrowIfCancelled();
   }
   view.RemoveFrom(window->renderer());

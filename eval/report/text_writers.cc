@@ -17,9 +17,9 @@ std::string Plain(const std::string& text) {
   return plain;
 }
 
-class Writer {
+class MarkdownWriter {
  public:
-  explicit Writer(std::string* text) : text_(*text) {}
+  explicit MarkdownWriter(std::string* text) : text_(*text) {}
   void operator()(const Heading& h) const {
     text_ += std::string(static_cast<size_t>(h.level), '#') + " " + Plain(h.text) + "\n\n";
   }
@@ -59,7 +59,7 @@ class Writer {
 
 std::string MarkdownOf(const Document& document) {
   std::string text = "# " + Plain(document.title) + "\n\n" + Plain(document.subtitle) + "\n\n";
-  const Writer writer(&text);
+  const MarkdownWriter writer(&text);
   for (const Block& block : document.blocks) std::visit(writer, block);
   return text + Plain(document.footer) + "\n";
 }

@@ -1,0 +1,131 @@
+// report: every result that is there, as pages for people.
+#include "app/pipeline/report_stage.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "app/pipeline/jobs.h"
+#include "eval/report/report.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Every other result the project could have, with its state.
+std::vector<ResultRecord> OtherResults(const Project& project) {
+  JobQuery query;
+  query.variants = KnownVariants(project);
+  for (const StageInfo& stage : Stages()) {
+    if (stage.name != "report") query.stages.push_back(stage.name);
+  }
+  const std::vector<Job> jobs = PlanJobs(project, query);
+  uint64_t seed = 1;
+  for (const Job& job : jobs) {
+    if (const auto manifest = ReadManifest(project, job.stage->name, ResultName(*job.stage, job.target))) {
+      seed = manifest->value("seed", seed);
+      break;
+    }
+  }
+  std::vector<ResultRecord> results;
+  const auto add = [&](const JobState& state) {
+    ResultRecord result;
+    result.stage = state.job.stage->name;
+    result.name = ResultName(*state.job.stage, state.job.target);
+    result.state = state.needed ? std::string(StageStateName(state.state)) : "not needed";
+    result.reason = state.reason;
+    result.manifest = state.manifest;
+    results.push_back(std::move(result));
+  };
+  try {
+    for (const JobState& state : StatesOf(project, jobs, seed)) add(state);
+  } catch (const Error&) {
+    // One that cannot even be asked for must not hide the others.
+    results.clear();
+    for (const Job& job : jobs) {
+      JobState state;
+      try {
+        state = StatesOf(project, {job}, seed).front();
+      } catch (const Error& e) {
+        state.job = job;
+        state.state = StageState::kFailed;
+        state.reason = e.what();
+      }
+      add(state);
+    }
+  }
+  return results;
+}
+
+// What the pages show beside results: the user's tables and pictures.
+std::vector<fs::path> Shown(const Project& project) {
+  std::vector<fs::path> files = ReferenceInputs(project);
+  for (const Run& run : project.site().runs) {
+    const std::vector<fs::path> its = RunInputs(project, run);
+    files.insert(files.end(), its.begin(), its.end());
+    files.push_back(project.dir() / "truth" / "runs" / (run.name + "_cameras.tum"));
+  }
+  for (const char* file :
+       {"trigpoint.yaml", "stations.csv", "tags.yaml", "control_points.csv", "origin.json", "review.jsonl"}) {
+    files.push_back(project.dir() / file);
+  }
+  if (!project.site().aerial.empty()) files.push_back(project.site().aerial);
+  std::erase_if(files, [](const fs::path& file) { return !fs::exists(file); });
+  return files;
+}
+
+}  // namespace
+
+StageInfo ReportStage() {
+  StageInfo info;
+  info.name = "report";
+  info.help = "write every result as pages: index.html, figures, tables, and report.pdf on request";
+  info.per_run = false;
+  info.metric = "pages";
+  info.flags = {"pdf", "no-images=images", "paper"};
+  UseOptions<ReportOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const auto options = ResolveOptions<ReportOptions>(project, "report", target);
+    StageRequest request;
+    request.options = JsonFromOptions(options);
+    request.inputs = Shown(project);
+    ReportInput input;
+    input.variants = KnownVariants(project);
+    input.stages = OtherResults(project);
+    input.command = "trigpoint report " + project.dir().filename().string() + (options.pdf ? " --pdf" : "") +
+                    (options.images ? "" : " --no-images");
+    for (const ResultRecord& s : input.stages) {
+      if (s.manifest.is_object()) request.inputs.push_back(project.ResultDir(s.stage, s.name) / "manifest.json");
+      // The pages show states and times too, not only what the results hold.
+      request.values["results"].push_back(
+          {s.stage, s.name, s.state, s.reason, s.manifest.is_object() ? s.manifest.value("end", "") : ""});
+    }
+    request.body = [=](StageContext& context) {
+      ReportInput its = input;
+      its.project = &context.project;
+      const ReportSummary summary =
+          WriteReport(its, options, DisplayUnitNamed(options.units), context.out, context.progress, context.cancel);
+      for (const std::string& note : summary.notes) context.progress.Log(LogLevel::kInfo, note);
+      context.metrics["pages"] = "index.html";
+      context.metrics["html_bytes"] = summary.html_bytes;
+      context.metrics["figures"] = summary.figures;
+      context.metrics["match_pictures"] = summary.match_pictures;
+      context.metrics["match_pictures_left_out"] = summary.match_pictures_left_out;
+      context.metrics["renderer"] = summary.renderer;
+      context.metrics["notes"] = summary.notes.size();
+    };
+    return request;
+  };
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
+    const nlohmann::json& m = outcome.manifest.at("metrics");
+    std::string text = fmt::format("Report: {} ({:.1f} MB)\n", (outcome.dir / "index.html").string(),
+                                   m.at("html_bytes").get<double>() / 1e6);
+    if (fs::exists(outcome.dir / "report.pdf")) text += "        " + (outcome.dir / "report.pdf").string() + "\n";
+    if (m.at("renderer").get<std::string>().empty()) text += "The scene was not rendered; the report says why.\n";
+    return text;
+  };
+  return info;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,119 @@
+#include "eval/report/overview.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "datasets/io/text.h"
+#include "eval/report/chapters.h"
+#include "eval/report/charts.h"
+#include "eval/report/document.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A relative path as an address: what is neither letter, digit nor "-._~/" is written %XX. "./" keeps a name with a
+// colon from being taken for a protocol.
+std::string Address(const fs::path& path) {
+  std::string address = "./";
+  for (unsigned char c : path.generic_string()) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos;
+    address += plain ? std::string(1, static_cast<char>(c)) : fmt::format("%{:02X}", c);
+  }
+  return address;
+}
+
+nlohmann::json ReadJson(const fs::path& file) {
+  try {
+    return nlohmann::json::parse(ReadTextFile(file));
+  } catch (const std::exception&) {
+    return nlohmann::json();
+  }
+}
+
+}  // namespace
+
+void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUnit& unit, const fs::path& file) {
+  const std::string u = " (" + unit.name + ")";
+  Table table{"projects",
+              "A row a project, its first set of results; press a name to open its report. Median and P90 of 3D "
+              "differences over answers, "
+              "against what the column says; independent: the reference shares no data with the answers.",
+              {{"project"},
+               {"status"},
+               {"answers", true},
+               {"attempts", true},
+               {"median" + u, true},
+               {"P90" + u, true},
+               {"largest" + u, true},
+               {"against"},
+               {"evidence"},
+               {"gates"},
+               {"reason"}},
+              {}};
+  int failed = 0, evaluated = 0;
+  std::vector<std::pair<std::string, double>> medians;
+  for (const OverviewProject& project : projects) {
+    const fs::path dir = fs::absolute(project.dir).lexically_normal();
+    const std::string name = (dir.has_filename() ? dir : dir.parent_path()).filename().string();
+    ReportData data;
+    data.variants.push_back({"", ReadJson(dir / "results" / "evaluate" / "summary.json"), {}, {}});
+    if (!data.variants.front().summary.is_object()) data.variants.front().summary = nlohmann::json::object();
+    const Headline headline = FindHeadline(data);
+    const nlohmann::json& g = headline.group;
+    TableCell title{name};
+    const fs::path report = dir / "results" / "report" / "index.html";
+    if (fs::exists(report)) title.link = Address(fs::relative(report, fs::absolute(file).parent_path()));
+    const bool bad = project.status == "failed";
+    failed += bad;
+    std::vector<TableCell> row = {title, {project.status, {}, bad ? Tone::kBad : Tone::kPlain}};
+    const auto length = [&](const char* key) {
+      const auto v = At(g, {"error_3d", "over_answers", key});
+      return TableCell{v ? fmt::format("{:.3f}", *v / unit.metres) : "", v};
+    };
+    if (g.is_object()) {
+      ++evaluated;
+      for (const char* key : {"answers", "attempts"}) {
+        const auto v = At(g, {key});
+        row.push_back({v ? fmt::format("{:.0f}", *v) : "", v});
+      }
+      for (const char* key : {"median_m", "p90_m", "max_m"}) row.push_back(length(key));
+      row.push_back({GroupName(g)});
+      row.push_back({FlagAt(g, "shares_evidence") ? "shared: agreement" : "independent"});
+      if (const auto median = At(g, {"error_3d", "over_answers", "median_m"}))
+        medians.emplace_back(name, *median / unit.metres);
+    } else {
+      row.insert(row.end(), 7, TableCell{});
+    }
+    std::string verdict;
+    const nlohmann::json& summary = data.variants.front().summary;
+    if (summary.contains("gates")) verdict = TextAt(summary["gates"], "verdict");
+    row.push_back({verdict,
+                   {},
+                   verdict == "PASS"   ? Tone::kGood
+                   : verdict == "FAIL" ? Tone::kBad
+                   : verdict.empty()   ? Tone::kPlain
+                                       : Tone::kWarning});
+    row.push_back({project.reason.empty() && !fs::exists(report) ? "no report yet: trigpoint report" : project.reason});
+    table.rows.push_back(std::move(row));
+  }
+  Document document;
+  document.title = "Trigpoint: " + std::to_string(projects.size()) + (projects.size() == 1 ? " project" : " projects");
+  document.subtitle = "Lengths in " + unit.name + ".";
+  document.footer = "Made by Trigpoint.";
+  document.blocks.push_back(Heading{2, "Projects", "projects"});
+  document.blocks.push_back(Facts{{{"Projects", std::to_string(projects.size()), ""},
+                                   {"Failed", std::to_string(failed), "", failed > 0 ? Tone::kBad : Tone::kGood},
+                                   {"With an evaluation", std::to_string(evaluated), ""}}});
+  document.blocks.push_back(table);
+  if (medians.size() > 1 && medians.size() <= 60) {
+    document.blocks.push_back(Figure{"medians", "Median 3D difference of each project" + u + ", over its answers.",
+                                     BarChart(medians, "median 3D difference" + u, 3)});
+  }
+  WriteFileAtomically(file, HtmlOf(document));
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,169 @@
+#include "eval/report/document.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <sstream>
+
+#include "calib/base/error.h"
+#include "eval/report/base64.h"
+#include "eval/report/charts.h"
+
+namespace trigpoint {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kEvil = "\"><script>alert(1)</script>&'\x01\xff\xc3";
+
+Document Evil() {
+  Document d;
+  d.title = d.subtitle = d.footer = kEvil;
+  d.date = "2026-05-12T09:43:20Z";
+  d.blocks.push_back(Heading{2, kEvil, "one", true});
+  d.blocks.push_back(Paragraph{kEvil, Tone::kBad});
+  d.blocks.push_back(Facts{{{kEvil, kEvil, kEvil, Tone::kGood}}});
+  TableCell link{kEvil};
+  link.link = kEvil;
+  d.blocks.push_back(Table{"t", kEvil, {{kEvil}, {"n", true}}, {{{kEvil}, {"1.5", 1.5}}, {link, {"", std::nullopt}}}});
+  d.blocks.push_back(FoldBegin{kEvil});
+  d.blocks.push_back(Figure{"f", kEvil, DotChart({kEvil, "b"}, {{kEvil, {{0, 1.0}, {1, 20.0}}}}, kEvil)});
+  d.blocks.push_back(FoldEnd{});
+  return d;
+}
+
+std::string Read(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+TEST(Base64, AgreesWithRfc4648) {
+  EXPECT_EQ(Base64(""), "");
+  EXPECT_EQ(Base64("f"), "Zg==");
+  EXPECT_EQ(Base64("fo"), "Zm8=");
+  EXPECT_EQ(Base64("foo"), "Zm9v");
+  EXPECT_EQ(Base64("foobar"), "Zm9vYmFy");
+  EXPECT_EQ(Base64("\xff\xfe"), "//4=");
+}
+
+TEST(Html, NothingFromDataBecomesMarkup) {
+  const std::string html = HtmlOf(Evil());
+  // One script, ours; no other element, attribute or address comes from the data.
+  EXPECT_THAT(html, Not(HasSubstr("<script>alert")));
+  size_t scripts = 0;
+  for (size_t at = html.find("<script"); at != std::string::npos; at = html.find("<script", at + 1)) ++scripts;
+  EXPECT_EQ(scripts, 1u);
+  EXPECT_THAT(html, HasSubstr("&lt;script&gt;alert(1)&lt;/script&gt;&amp;&#39;"));
+  EXPECT_THAT(html, HasSubstr("script-src 'sha256-"));
+  EXPECT_THAT(html, HasSubstr("default-src 'none'"));
+  // No request leaves the page.
+  EXPECT_FALSE(std::regex_search(html, std::regex("(src|href)=\"(https?:)?//")));
+  EXPECT_EQ(html.find('\x01'), std::string::npos);
+  EXPECT_EQ(html.find('\xff'), std::string::npos) << "broken UTF-8 is replaced";
+}
+
+TEST(Html, TheSameDocumentGivesTheSameBytes) { EXPECT_EQ(HtmlOf(Evil()), HtmlOf(Evil())); }
+
+TEST(Text, CleansWhatIsNotUtf8) {
+  EXPECT_EQ(CleanText("a\xc0\xaf"
+                      "b"),
+            "a\xEF\xBF\xBD\xEF\xBF\xBD"
+            "b")
+      << "overlong";
+  EXPECT_EQ(CleanText("\xed\xa0\x80"), "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD") << "surrogate";
+  EXPECT_EQ(CleanText("Grüße, 東京 🚗"), "Grüße, 東京 🚗");
+  EXPECT_EQ(CleanText("a\nb\tc\x7f"), "a b c");
+}
+
+TEST(Markdown, TablesSurviveTheirCells) {
+  Document d;
+  d.title = "x";
+  d.blocks.push_back(Table{"t", "", {{"a|b"}}, {{{"1|2\n3"}}}});
+  EXPECT_THAT(MarkdownOf(d), HasSubstr("| a\\|b |\n|---|\n| 1\\|2 3 |\n"));
+}
+
+TEST(Csv, QuotesAndNamesItself) {
+  const std::string csv =
+      CsvOf(Table{"t", "two\nlines", {{"a"}, {"b", true}}, {{{"x,\"y\""}, {"1"}}, {{"short row"}}}});
+  EXPECT_EQ(csv, "# trigpoint report table 1; two lines\na,b\n\"x,\"\"y\"\"\",1\nshort row,\n");
+}
+
+class PdfTest : public ::testing::Test {
+ protected:
+  PdfTest() : dir_(std::filesystem::temp_directory_path() / ("trigpoint_pdf_" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(dir_);
+  }
+  ~PdfTest() override { std::filesystem::remove_all(dir_); }
+  std::filesystem::path dir_;
+};
+
+TEST_F(PdfTest, IsRepeatableInBothSizes) {
+  Document d = Evil();
+  // Wider and longer than a page, and a picture that cannot be decoded.
+  Table wide{"w", "wide", {}, {}};
+  for (int k = 0; k < 40; ++k) wide.columns.push_back({"column " + std::to_string(k), k > 0});
+  for (int r = 0; r < 90; ++r) wide.rows.emplace_back(40, TableCell{"12345.678"});
+  d.blocks.push_back(wide);
+  d.blocks.push_back(Paragraph{std::string(4000, 'x')});
+  d.blocks.push_back(Figure{"broken", "a broken picture", Picture{"no picture", false, 100, 50}});
+  WritePdf(d, Paper::kA4, (dir_ / "a.pdf").string());
+  WritePdf(d, Paper::kA4, (dir_ / "b.pdf").string());
+  WritePdf(d, Paper::kLetter, (dir_ / "c.pdf").string());
+  const std::string a = Read(dir_ / "a.pdf");
+  EXPECT_EQ(a, Read(dir_ / "b.pdf"));
+  EXPECT_TRUE(a.starts_with("%PDF-"));
+  EXPECT_THAT(a, HasSubstr("595.2"));
+  EXPECT_THAT(Read(dir_ / "c.pdf"), HasSubstr("0 0 612 792"));
+}
+
+TEST_F(PdfTest, SaysWhereItCannotWrite) {
+  try {
+    WritePdf(Evil(), Paper::kA4, (dir_ / "no" / "such" / "a.pdf").string());
+    FAIL();
+  } catch (const IoError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("a.pdf: cannot be written"));
+  }
+}
+
+TEST(Charts, AreDrawnFromNothingAndFromAnything) {
+  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  const std::vector<Drawing> drawings = {
+      CumulativeChart({}, "x", "y"),
+      CumulativeChart({{"a", {{0, 0.5, {}, {}}, {nan, 1, {}, {}}, {inf, 1, {}, {}}}}}, "x", "y"),
+      CumulativeChart({{"a", {{0.3, 0.5, 0.2, 0.7}, {1.4, 1, 0.8, 1.0}}}}, "x", "y"),
+      LineChart({}, "x", "y", true),
+      DotChart({}, {}, "y"),
+      DotChart({"a"}, {{"s", {{0, -1.0}, {0, nan}, {0, 3.0}}}}, "y"),
+      HistogramChart({{"a", {}}}, 10, 1, "x"),
+      HistogramChart({{"a", {-1, 0.5, 1e300, nan, inf}}}, 10, 1, "x"),
+      BarChart({}, "s", 1),
+      BarChart({{"a", 0.0}, {"b", 2.0}}, "s", 1)};
+  for (const Drawing& drawing : drawings) {
+    const std::string svg = SvgOf(drawing, "t");
+    EXPECT_THAT(svg, Not(HasSubstr("nan")));
+    EXPECT_THAT(svg, Not(HasSubstr("inf")));
+    EXPECT_EQ(PngOf(drawing, 1).substr(1, 3), "PNG");
+  }
+}
+
+TEST(Charts, PutValuesWhereTheyBelong) {
+  // One dot of 10 between ticks 1 and 100: half way up.
+  const Drawing d = DotChart({"a"}, {{"s", {{0, 1.0}, {0, 10.0}, {0, 100.0}}}}, "y");
+  std::vector<double> y;
+  for (const Shape& s : d.shapes) {
+    if (s.kind == Shape::Kind::kCircle && s.radius == 4) y.push_back(s.points[0].second);
+  }
+  ASSERT_EQ(y.size(), 3u);
+  EXPECT_NEAR(y[1], 0.5 * (y[0] + y[2]), 1e-9);
+  EXPECT_LT(y[2], y[0]);
+}
+
+}  // namespace
+}  // namespace trigpoint

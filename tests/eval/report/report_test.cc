@@ -1,0 +1,239 @@
+#include "eval/report/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "tests/datasets/project_folder.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kErrorHeader =
+    "run,variant,method,station,panorama,tag_id,reference,kind,status,reason,error_3d_m,error_h_m,error_v_m,de_m,dn_m,"
+    "du_m,"
+    "error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,dof\n";
+constexpr const char* kPanoramaHeader =
+    "panorama,station,status,reason,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,view_matches,inliers,views,odom_x,"
+    "odom_y,"
+    "odom_z,odom_qx,odom_qy,odom_qz,odom_qw,latitude_deg,longitude_deg,height_m,heading_deg,pitch_deg,roll_deg,geotag_"
+    "de_m,"
+    "geotag_dn_m,geotag_du_m,geotag_status\n";
+
+nlohmann::json Group(const char* kind, int answers) {
+  nlohmann::json g = {{"variant", ""},
+                      {"method", "single"},
+                      {"reference", kind == std::string("absolute") ? "control" : "self"},
+                      {"kind", kind},
+                      {"shares_evidence", kind == std::string("relative")},
+                      {"attempts", 2},
+                      {"answers", answers},
+                      {"median_interval_m", nullptr},
+                      {"p90_interval_m", nullptr},
+                      {"estimate_rests_on", {"geotag:a"}},
+                      {"reference_rests_on", {"control:1"}},
+                      {"cumulative", nlohmann::json::array()},
+                      {"nees", {{"count", 0}, {"mean_per_dof", nullptr}, {"bounds", nullptr}}}};
+  if (answers > 0) {
+    g["error_3d"] = {{"over_answers", {{"median_m", 0.1234}, {"p90_m", 0.3}, {"mean_m", 0.2}, {"max_m", 0.4}}},
+                     {"over_attempts", {{"median_m", 0.4}, {"p90_m", nullptr}}}};
+    g["cumulative"].push_back({{"error_m", 0.1234}, {"share", 0.5}, {"low", 0.1}, {"high", 0.9}});
+  }
+  return g;
+}
+
+// A project whose results were written by hand; every test breaks something in it.
+class ReportTest : public ::testing::Test {
+ protected:
+  void WriteResults() {
+    site_.Write("stations.csv", "station,tag_id,east_m,north_m,up_m,sigma_m\nS1,1,0,0,1,0.01\nS2,2,0,0,1,0.01\n");
+    site_.Write(
+        "results/localize/run1/panoramas.csv",
+        std::string("# trigpoint panoramas 1; frame=enu\n") + kPanoramaHeader +
+            "p1.jpg,S1,localized,,1,2,3,0,0,0,1,0.1,0.1,0.2,300,200,3,1,2,3,0,0,0,1,48,7.8,240,0,0,0,0.5,0.1,0,ok\n"
+            "p2.jpg,S2,rejected,\"too <few> matches\",,,,,,,,,,,12,3,0,,,,,,,,,,,,,,,,,unused\n");
+    std::string odom = "# trigpoint trajectory 1; frame=odom\n";
+    for (int i = 0; i < 5; ++i) odom += std::to_string(i + 1) + ".0 " + std::to_string(i) + " 0 1 0 0 0 1\n";
+    site_.Write("results/localize/run1/cameras_odom.tum", odom);
+    site_.Write("results/localize/run1/cameras.tum", odom);
+    site_.Write(
+        "results/evaluate/errors.csv",
+        std::string("# trigpoint errors 1; unit=m\n") + kErrorHeader +
+            "run1,,single,S1,p1.jpg,1,control,absolute,localized,,0.1234,0.1,0.07,0.1,0.02,0.07,,0.05,0.05,0.05,6.5,3\n"
+            "run1,,single,S2,p2.jpg,2,control,absolute,rejected,too <few> matches,,,,,,,,,,,,\n");
+    site_.Write(
+        "results/evaluate/summary.json",
+        nlohmann::json({{"schema", "trigpoint evaluate 1"}, {"confidence", 0.95}, {"groups", {Group("absolute", 1)}}})
+            .dump());
+  }
+  // The report of what is there; its index.html.
+  std::string Report(ReportOptions options = {}) {
+    const Project project = Project::Open(site_.dir());
+    options.scene_px = 160;
+    ReportInput input;
+    input.project = &project;
+    input.command = "trigpoint report site";
+    for (const char* name : {"run1", "run2"}) {
+      const bool there = fs::exists(project.ResultDir("localize", name));
+      nlohmann::json manifest;
+      if (there)
+        manifest = {{"end", "2026-05-12T09:43:20Z"},
+                    {"wall_seconds", 3.5},
+                    {"version", 1},
+                    {"seed", 1},
+                    {"threads", 2},
+                    {"options", {{"mode", "trigpoint"}}},
+                    {"inputs", {{"runs/run1/odometry.tum", std::string(64, 'a')}}},
+                    {"metrics", {{"images", 5}, {"on_earth", true}, {"earth_source", "geotags"}}}};
+      input.stages.push_back({"localize", name, there ? "done" : "missing", "", manifest});
+    }
+    fs::remove_all(site_ / "out");
+    fs::create_directories(site_ / "out");
+    ProgressSink progress;
+    summary_ = WriteReport(input, options, {"m", 1}, site_ / "out", progress, CancelToken());
+    EXPECT_TRUE(fs::exists(site_ / "out/report.md"));
+    EXPECT_TRUE(nlohmann::json::accept(site_.Read("out/report.json")));
+    return site_.Read("out/index.html");
+  }
+
+  ProjectFolder site_;
+  ReportSummary summary_;
+};
+
+TEST_F(ReportTest, ShowsNumbersReasonsAndProvenance) {
+  WriteResults();
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("0.12 m"));
+  EXPECT_THAT(html, HasSubstr("0.123"));
+  EXPECT_THAT(html, HasSubstr("too &lt;few&gt; matches"));
+  EXPECT_THAT(html, HasSubstr("accuracy against a reference that the tested runs had no part in"));
+  EXPECT_THAT(html, HasSubstr("trigpoint report site"));
+  EXPECT_THAT(html, HasSubstr(std::string(64, 'a')));
+  EXPECT_THAT(html, HasSubstr("2026-05-12T09:43:20Z"));
+  EXPECT_THAT(site_.Read("out/tables/stations.csv"), HasSubstr("S1,1,0,0.123,0.123,2.2"));
+  EXPECT_TRUE(fs::exists(site_ / "out/figures/cumulative_absolute.png"));
+  EXPECT_FALSE(fs::exists(site_ / "out/report.pdf"));
+}
+
+TEST_F(ReportTest, TheSameResultsGiveTheSameBytes) {
+  WriteResults();
+  ReportOptions options;
+  options.pdf = true;
+  const auto all = [&] {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::recursive_directory_iterator(site_ / "out")) {
+      if (entry.is_regular_file())
+        files[entry.path().string()] = site_.Read(fs::relative(entry.path(), site_.dir()).string());
+    }
+    return files;
+  };
+  Report(options);
+  const auto first = all();
+  EXPECT_GT(first.size(), 8u);
+  Report(options);
+  EXPECT_EQ(first, all());
+}
+
+TEST_F(ReportTest, WithoutResultsItSaysSo) {
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("No run of this project is localized yet"));
+  EXPECT_THAT(html, HasSubstr("There is nothing to draw yet"));
+}
+
+TEST_F(ReportTest, AgreementIsNotCalledAccuracy) {
+  WriteResults();
+  site_.Write(
+      "results/evaluate/summary.json",
+      nlohmann::json({{"schema", "trigpoint evaluate 1"}, {"confidence", 0.95}, {"groups", {Group("relative", 1)}}})
+          .dump());
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("agreement, not accuracy"));
+  EXPECT_THAT(html, Not(HasSubstr("accuracy against a reference that")));
+}
+
+TEST_F(ReportTest, WithoutEvaluationTheAnswersAreStillThere) {
+  WriteResults();
+  fs::remove_all(site_ / "results/evaluate");
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("Nothing was evaluated"));
+  EXPECT_THAT(html, HasSubstr("too &lt;few&gt; matches"));
+}
+
+TEST_F(ReportTest, ZeroAnswersAreNoGoodNews) {
+  WriteResults();
+  site_.Write("results/evaluate/summary.json",
+              nlohmann::json({{"schema", "trigpoint evaluate 1"}, {"groups", {Group("absolute", 0)}}}).dump());
+  site_.Write(
+      "results/evaluate/errors.csv",
+      std::string(kErrorHeader) + "run1,,single,S1,p1.jpg,1,control,absolute,unmatched,nothing alike,,,,,,,,,,,,\n");
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("how good the answers are is not known"));
+  EXPECT_THAT(html, HasSubstr("nothing alike"));
+}
+
+TEST_F(ReportTest, OlderAndBrokenResultsAreNamedAndTheRestIsShown) {
+  WriteResults();
+  // An older version: other schema, fewer columns; NaN and rubbish in cells; a binary file for a trajectory.
+  site_.Write("results/evaluate/summary.json", R"({"schema": "trigpoint evaluate 0", "groups": [{"method": 3}, 7]})");
+  site_.Write("results/evaluate/errors.csv",
+              "run,station,status,error_3d_m,nees,dof\nrun1,S1,localized,0.5,nan,3\nrun1,S2,localized,rubbish,inf,x\n");
+  site_.Write("results/localize/run1/cameras.tum", std::string("\x00\x01\xff", 3));
+  site_.Write("results/localize/run1/sparse/points3D.bin", "short");
+  site_.Write("results/localize/run1/sparse/images.bin", "short");
+  site_.Write("results/localize/run1/sparse/cameras.bin", "short");
+  site_.Write("review.jsonl",
+              "{\"action\": \"exclude\", \"object\": \"tag:1\", \"reason\": \"<b>moved</b>\"}\nno json\n");
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("of another version"));
+  EXPECT_THAT(html, HasSubstr("0.500"));
+  EXPECT_THAT(html, HasSubstr("&lt;b&gt;moved&lt;/b&gt;"));
+  EXPECT_THAT(html, HasSubstr("review.jsonl:2"));
+  EXPECT_THAT(html, HasSubstr("sparse"));
+  site_.Write("results/evaluate/summary.json", "{ cut");
+  site_.Write("results/evaluate/errors.csv", "");
+  EXPECT_THAT(Report(), HasSubstr("errors.csv"));
+}
+
+TEST_F(ReportTest, ABrokenPictureLeavesTheRest) {
+  WriteResults();
+  site_.Write("panoramas.csv", "file,station,latitude_deg,longitude_deg,height_m\np1.jpg,S1,48.0001,7.8001,241\n");
+  site_.Write("p1.jpg", "this is no picture");
+  site_.Write("results/localize/run1/matches.csv",
+              "panorama,view,image,u_image,v_image,u_view,v_view\np1.jpg,0,images/a.jpg,1,2,3,4\np1.jpg,0,images/"
+              "a.jpg,5,6,7,8\n");
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("cannot be drawn"));
+  EXPECT_EQ(summary_.match_pictures, 0);
+  ReportOptions options;
+  options.images = false;
+  EXPECT_THAT(Report(options), HasSubstr("left out on request"));
+}
+
+TEST_F(ReportTest, HostileNamesStayText) {
+  WriteResults();
+  const std::string evil = "<img src=x onerror=alert(1)>";
+  site_.Write("results/evaluate/errors.csv", std::string(kErrorHeader) + "run1,,single," + evil +
+                                                 ",p1.jpg,1,control,absolute,localized," + evil +
+                                                 ",0.1,0.1,0.1,0,0,0,,,,,,\n");
+  site_.Write("results/evaluate/further.csv", "# " + evil + "\n" + evil + "\n" + evil + "\n");
+  const std::string html = Report();
+  EXPECT_THAT(html, Not(HasSubstr("<img src=x")));
+  EXPECT_THAT(html, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
+}
+
+TEST(ReportOptionsTest, NamesWhatIsWrong) {
+  ReportOptions options;
+  options.paper = "a3", options.units = "yd", options.pictures_mb = -1;
+  EXPECT_EQ(options.Check().size(), 3u);
+}
+
+}  // namespace
+}  // namespace trigpoint
