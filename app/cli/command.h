@@ -59,6 +59,9 @@ void AddTrajectoryCommand(CLI::App& app, Session& session);
 void AddPublishCommand(CLI::App& app, Session& session);
 void AddCompareCommand(CLI::App& app, Session& session);
 void AddBatchCommand(CLI::App& app, Session& session);
+void AddReviewCommand(CLI::App& app, Session& session);
+void AddInspectCommand(CLI::App& app, Session& session);
+void AddMarkCommand(CLI::App& app, Session& session);
 void AddDemoCommand(CLI::App& app, Session& session);
 
 }  // namespace trigpoint

@@ -43,6 +43,9 @@ int Launch(int argc, char** argv) {
   AddRunCommand(app, session);
   AddExportCommand(app, session);
   AddImportCommand(app, session);
+  AddReviewCommand(app, session);
+  AddInspectCommand(app, session);
+  AddMarkCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
   AddPublishCommand(app, session);
   AddCompareCommand(app, session);

@@ -8,6 +8,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/score_estimates.h"
+#include "app/pipeline/reviewed.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
@@ -207,6 +208,11 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
     if (!row.panorama.empty() && fs::exists(rig)) evaluated.stitch_sigma[row.panorama] = StitchSigma(rig);
   }
   const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
+  EvaluateInput input;
+  input.stations = project.site().stations;
+  std::erase_if(input.stations, [&](const Station& s) { return project.review().ExcludesStation(s.name); });
+  const ReferenceMap control = ControlMap(project);
+  if (!control.tags.empty()) input.references.push_back(control);
   const bool self = options.reference.empty() || options.reference == "self";
   if (self && fs::exists(detections)) {
     std::vector<std::string> warnings;
@@ -260,6 +266,25 @@ void ScoreTruth(const EvaluateStageOptions& options, const std::vector<Evaluated
       notes->push_back("Against true poses, " + name + ": " + Describe(truth));
     } catch (const InputError& e) {
       context.progress.Log(LogLevel::kWarning, "run " + name + " is not scored against true poses: " + e.what());
+    EvaluatedRun evaluated;
+    evaluated.run = run->name;
+    evaluated.variant = variant;
+    const std::string mode = manifest->value("options", nlohmann::json::object()).value("mode", "trigpoint");
+    evaluated.method = mode == "paper" ? "g2" : "single";
+    evaluated.odometry_levelled = run->config.odometry_levelled;
+    evaluated.result = ReadLocalizeResult(ResultOf(project, "localize", target));
+    for (const std::string& warning : evaluated.result.warnings) context.progress.Log(LogLevel::kWarning, warning);
+    evaluated.evidence = EvidenceOf(*run, evaluated.result, *manifest);
+    const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
+    if (self && fs::exists(detections)) {
+      std::vector<std::string> warnings;
+      std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
+      LeaveOutExcluded(project.review(), run->name, images);
+      const std::vector<TagView> views = TagViews(*run, evaluated.result, images);
+      const std::vector<TagEstimate> tags =
+          EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
+      WriteTags(context.out / ("tags_" + run->name + ".csv"), tags, "odom", "cameras of " + run->name);
+      for (const TagEstimate& tag : tags) evaluated.self_tags.push_back(ToTagResult(tag));
     }
   }
   WriteFileAtomically(context.out / "truth.json",
@@ -350,6 +375,8 @@ StageInfo EvaluateStage() {
   info.per_run = false;
   info.variants = true;
   info.needs = {"localize", "detect", "survey", "reference"};
+  info.needs = {"localize", "detect"};
+  info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.metric = "median_m";
   info.flags = {"reference",
                 "truth",

@@ -79,6 +79,7 @@ StageInfo LocalizeStage() {
   info.help = "find the pose of every camera and panorama of a run";
   info.variants = true;
   info.needs = {"features", "references"};
+  info.reviewed = {"image", "panorama"};
   info.metric = "localized";
   info.flags = {"mode"};
   UseOptions<LocalizeStageOptions>(info);
@@ -108,6 +109,13 @@ StageInfo LocalizeStage() {
       const Run& r = context.project.run(name);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
+      Site site = context.project.site();
+      Run r = context.project.run(name);
+      const Review& review = context.project.review();
+      std::erase_if(r.images, [&](const ImageEntry& i) { return review.ExcludesImage(r.name, i.file, i.stamp_ns); });
+      std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
+      LocalizeJob job =
+          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       Localization result =
           Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);

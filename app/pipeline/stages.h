@@ -46,6 +46,9 @@ struct StageInfo {
   bool per_run = true;             // one result per run, else one for all
   bool variants = false;           // can have a set of results per variant
   std::vector<std::string> needs;  // stages whose results it reads
+  // Kinds of objects of the review (datasets/project/review.h) whose state its results rest on: "image", "detection",
+  // "tag", "station", "panorama", "control". The body leaves out what project.review() excludes.
+  std::vector<std::string> reviewed;
   std::string metric;              // the metric `status` shows, a key of the manifest's metrics
   std::vector<std::string> flags;  // options with a flag of their own on the command line: "mode" is --mode
   std::function<std::vector<OptionDescription>(const std::string& prefix)> options;

@@ -1,7 +1,6 @@
 #include "app/pipeline/survey_input.h"
 
-#include <fmt/format.h>
-
+#include "app/pipeline/reviewed.h"
 #include "survey/tags/control.h"
 
 namespace trigpoint {
@@ -15,11 +14,6 @@ std::optional<Eigen::Vector3d> WorldOf(const Project& project, const ControlPoin
   return std::nullopt;
 }
 
-std::string NameOf(const ControlPoint& point) {
-  if (point.tag_id < 0) return point.point;
-  return point.corner < 0 ? fmt::format("{}", point.tag_id) : fmt::format("{}/{}", point.tag_id, point.corner);
-}
-
 void AddControl(const Project& project, SurveyJob* job) {
   std::vector<SurveyPoint> points;
   bool roles = false;
@@ -28,7 +22,7 @@ void AddControl(const Project& project, SurveyJob* job) {
     const std::optional<Eigen::Vector3d> world = WorldOf(project, c);
     if (!world || c.tag_id < 0) continue;
     SurveyPoint p;
-    p.name = NameOf(c);
+    p.name = ReviewControlName(c);
     p.role = c.control ? PointRole::kControl : PointRole::kCheck;
     p.tag_id = c.tag_id;
     p.corner = c.corner;
@@ -58,6 +52,7 @@ void AddGeotags(const Project& project, SurveyJob* job) {
     if (!reference.geotag.has_position) continue;
     for (const Station& station : project.site().stations) {
       if (station.name != reference.station || station.in_tag_frame) continue;
+      if (project.review().ExcludesStation(station.name)) continue;
       SurveyPoint p;
       p.name = reference.name;
       p.role = PointRole::kGeotag;
@@ -96,6 +91,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
     survey.name = run->name;
     survey.cameras = run->cameras;
     survey.images = ReadDetections(file, 0.5, &job.warnings);
+    LeaveOutExcluded(project.review(), run->name, survey.images);
     survey.odometry = run->odometry;
     survey.scale_sigma = run->config.odometry_scale_sigma;
     job.input.runs.push_back(std::move(survey));

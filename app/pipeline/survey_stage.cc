@@ -75,6 +75,7 @@ StageInfo SurveyStage() {
   info.per_run = false;
   info.variants = true;
   info.needs = {"detect"};
+  info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.metric = "tags";
   info.flags = {"datum"};
   UseOptions<SurveyStageOptions>(info);

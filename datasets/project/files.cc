@@ -1,7 +1,9 @@
 #include "datasets/project/files.h"
 
 #include <fcntl.h>
+#include <pwd.h>
 #include <stdio.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
@@ -67,6 +69,11 @@ std::string RelativeTo(const fs::path& root, const fs::path& path) {
 
 std::string DumpJson(const nlohmann::json& value, int indent) {
   return value.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string UserName() {
+  const passwd* entry = getpwuid(getuid());
+  return entry != nullptr ? entry->pw_name : std::to_string(getuid());
 }
 
 std::string UtcTimeText() {

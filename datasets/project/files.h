@@ -27,6 +27,9 @@ std::string RelativeTo(const std::filesystem::path& root, const std::filesystem:
 // JSON as text; bytes of a file name that are not UTF-8 are replaced instead of failing.
 std::string DumpJson(const nlohmann::json& value, int indent = -1);
 
+// The user of this process.
+std::string UserName();
+
 // Now, as 2026-05-12T09:43:20Z.
 std::string UtcTimeText();
 

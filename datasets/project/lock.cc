@@ -1,7 +1,6 @@
 #include "datasets/project/lock.h"
 
 #include <fcntl.h>
-#include <pwd.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -26,11 +25,6 @@ struct flock WholeFile(short type) {
 std::string HostName() {
   char name[256] = {};
   return gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
-}
-
-std::string UserName() {
-  const passwd* entry = getpwuid(getuid());
-  return entry != nullptr ? entry->pw_name : std::to_string(getuid());
 }
 
 LockHolder Parse(const std::string& text) {

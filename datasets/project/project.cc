@@ -338,15 +338,34 @@ void CheckVariantName(const std::string& variant) {
   }
 }
 
-Project Project::Open(const fs::path& dir_in) {
+Project Project::Open(const fs::path& dir) { return OpenWith(dir, nullptr); }
+
+Project Project::OpenTolerant(const fs::path& dir, std::vector<std::string>* problems) {
+  return OpenWith(dir, problems);
+}
+
+Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* problems) {
+  // Without a place for them, problems end it.
+  const auto attempt = [&](const auto& step) {
+    try {
+      step();
+    } catch (const Error& e) {
+      if (problems == nullptr) throw;
+      problems->emplace_back(e.what());
+    }
+  };
   Project project;
   project.dir_ = ExistingFolder(dir_in);
   const fs::path& dir = project.dir_;
   ProjectFile file;
   const bool has_file = fs::exists(dir / kProjectFile);
-  if (has_file) file = ReadProjectFile(dir);  // before the site: its errors come first and fast
-  project.site_ = ReadSite(dir);
-  if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
+  attempt([&] {  // before the site: its errors come first and fast
+    if (has_file) file = ReadProjectFile(dir);
+  });
+  attempt([&] { project.site_ = ReadSite(dir); });
+  attempt([&] {
+    if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
+  });
   project.name_ = file.name.empty() ? dir.filename().string() : file.name;
   project.crs_ = file.crs;
   project.stages_ = std::move(file.stages);
@@ -362,7 +381,7 @@ Project Project::Open(const fs::path& dir_in) {
                      (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
   };
   if (file.runs) {
-    for (const std::string& run : *file.runs) require(run, "runs");
+    for (const std::string& run : *file.runs) attempt([&] { require(run, "runs"); });
     const std::set<std::string> listed(file.runs->begin(), file.runs->end());
     for (const std::string& run : there) {
       if (listed.count(run) > 0) continue;
@@ -373,10 +392,17 @@ Project Project::Open(const fs::path& dir_in) {
     std::erase_if(project.site_.broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
   }
   for (const auto& [run, role] : file.roles) {
-    require(run, "roles");
+    attempt([&] { require(run, "roles"); });
     for (Run& r : project.site_.runs) {
       if (r.name == run) r.config.role = role;
     }
+  }
+  project.review_ = Review::Read(dir / "review.jsonl", &project.warnings_);
+  for (ControlPoint& point : project.site_.control_points) {
+    const auto role = project.review_.roles().find("control:" + ReviewControlName(point));
+    if (role == project.review_.roles().end()) continue;
+    point.control = role->second == "control";
+    point.has_role = true;
   }
   const std::optional<SiteOrigin> found = FindOrigin(project.site_);
   if (file.origin || found) {

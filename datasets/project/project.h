@@ -12,6 +12,7 @@
 #include "datasets/io/site.h"
 #include "datasets/project/hash.h"
 #include "datasets/project/lock.h"
+#include "datasets/project/review.h"
 
 namespace trigpoint {
 
@@ -29,6 +30,9 @@ class Project {
  public:
   // Opens DIR (its trigpoint.yaml, or a bare folder in the known layout: defaults then). Throws InputError.
   static Project Open(const std::filesystem::path& dir);
+  // As far as it can be opened, to be looked at: what is broken counts as absent and is named in `problems`. Throws
+  // InputError only if there is no such folder.
+  static Project OpenTolerant(const std::filesystem::path& dir, std::vector<std::string>* problems);
   // Looks at DIR and writes trigpoint.yaml; one that is there is kept, only runs that it doesn't list yet are added to
   // it. Throws InputError if the folder holds nothing to work with, IoError if it cannot be written.
   static InitReport Init(const std::filesystem::path& dir);
@@ -55,6 +59,9 @@ class Project {
   // Thresholds of `evaluate`, {name: limit}.
   const nlohmann::json& gates() const { return gates_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
+  // What people decided (review.jsonl). The roles of site().control_points are already those of the review; what is
+  // excluded is still there, and left out by the stages.
+  const Review& review() const { return review_; }
 
   std::filesystem::path results() const { return dir_ / "results"; }
   // results/<stage>/<name>; a name that is empty or begins with '@' stands for the stage's single result:
@@ -69,6 +76,7 @@ class Project {
 
  private:
   struct Shared;
+  static Project OpenWith(const std::filesystem::path& dir, std::vector<std::string>* problems);
 
   std::filesystem::path dir_;
   std::string name_;
@@ -80,6 +88,7 @@ class Project {
   nlohmann::json variants_ = nlohmann::json::object();
   nlohmann::json gates_ = nlohmann::json::object();
   std::vector<std::string> warnings_;
+  Review review_;
   std::shared_ptr<Shared> shared_;
 };
 

@@ -1,0 +1,156 @@
+// inspect, mark: single images and points, as the desktop shows them.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "app/cli/command.h"
+#include "app/pipeline/inspect.h"
+#include "app/pipeline/marking.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+nlohmann::json Pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
+
+struct InspectArguments {
+  std::string dir, run, image, panorama, variant;
+};
+
+int Inspect(const Session& session, const InspectArguments& a) {
+  const Project project = OpenProject(session, a.dir);
+  RunInspector inspector(project, a.run, a.variant);
+  const InspectedImage image = inspector.Image(a.image);
+  std::string text = fmt::format("{}/{}: {} x {} px{}\n", a.run, a.image, image.width, image.height,
+                                 image.excluded ? ", excluded by the review" : "");
+  nlohmann::json tags = nlohmann::json::array(), points = nlohmann::json::array(), matches = nlohmann::json::array();
+  for (const InspectedTag& tag : image.tags) {
+    text += fmt::format("tag {} at {:.2f} {:.2f} px (its first corner), sigma {:.2f} px (1 sigma){}\n", tag.id,
+                        tag.corners[0].x(), tag.corners[0].y(), tag.sigma_px, tag.excluded ? ", excluded" : "");
+    tags.push_back({{"tag_id", tag.id}, {"sigma_px", tag.sigma_px}, {"excluded", tag.excluded}});
+    for (const Eigen::Vector2d& corner : tag.corners) tags.back()["corners"].push_back(Pixel(corner));
+  }
+  for (const InspectedPoint& point : image.points) {
+    points.push_back({{"point", point.id},
+                      {"seen", Pixel(point.seen)},
+                      {"predicted", Pixel(point.predicted)},
+                      {"images", point.track_length}});
+  }
+  if (image.rms_px) {
+    text += fmt::format("{} points of the model, root mean square reprojection error {:.2f} px\n", image.points.size(),
+                        *image.rms_px);
+  }
+  int inliers = 0;
+  if (!a.panorama.empty()) {
+    for (const InspectedMatch& match : inspector.Matches(a.image, a.panorama)) {
+      inliers += match.inlier ? 1 : 0;
+      matches.push_back({{"image", Pixel(match.image)},
+                         {"panorama", Pixel(match.panorama)},
+                         {"view", match.view},
+                         {"error_px", std::isfinite(match.error_px) ? nlohmann::json(match.error_px) : nullptr},
+                         {"inlier", match.inlier}});
+    }
+    text += fmt::format("{} matches with {}, {} of them inliers (3 px from their epipolar lines)\n", matches.size(),
+                        a.panorama, inliers);
+  }
+  session.Print(text);
+  session.PrintJson({{"command", "inspect"},
+                     {"ok", true},
+                     {"excluded", image.excluded},
+                     {"rms_px", image.rms_px ? nlohmann::json(*image.rms_px) : nullptr},
+                     {"tags", tags},
+                     {"points", points},
+                     {"matches", matches}});
+  return 0;
+}
+
+struct MarkArguments {
+  std::string dir, point, image, at, variant;
+  bool remove = false;
+};
+
+Eigen::Vector2d ParsePixel(const std::string& text) {
+  const size_t comma = text.find(',');
+  const auto u = ParseDouble(Trim(text.substr(0, comma)));
+  const auto v = comma == std::string::npos ? std::nullopt : ParseDouble(Trim(text.substr(comma + 1)));
+  if (!u || !v) throw OptionError("--at " + text + ": expected U,V in pixels, such as 412.5,230");
+  return {*u, *v};
+}
+
+int Mark(const Session& session, const MarkArguments& a) {
+  const Project project = OpenProject(session, a.dir);
+  if (a.remove) {
+    RemovePointMark(project, a.point, a.image);
+  } else if (!a.image.empty()) {
+    if (a.at.empty()) throw OptionError("mark: expected --at U,V beside --image");
+    SavePointMark(project, a.point, a.image, ParsePixel(a.at));
+  }
+  nlohmann::json json = {{"command", "mark"}, {"ok", true}, {"point", a.point}};
+  std::string text;
+  try {
+    const PointSolution solution = PredictPoint(project, a.point, a.variant);
+    const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+    const Eigen::Vector3d sigma = solution.covariance.diagonal().cwiseSqrt() / unit.metres;
+    const Eigen::Vector3d at = solution.world_m / unit.metres;
+    text = fmt::format(
+        "{}: {:.3f} {:.3f} {:.3f} {} (site east, north, up; 1 sigma {:.3f} {:.3f} {:.3f}, cameras held), {} marks, "
+        "{:.2f} px\n",
+        a.point, at.x(), at.y(), at.z(), unit.name, sigma.x(), sigma.y(), sigma.z(), solution.marks, solution.rms_px);
+    std::vector<std::vector<std::string>> rows;
+    json["world_m"] = {solution.world_m.x(), solution.world_m.y(), solution.world_m.z()};
+    json["rms_px"] = solution.rms_px;
+    json["images"] = nlohmann::json::array();
+    for (const PointPrediction& p : solution.images) {
+      const double spread = std::sqrt(p.covariance_px2.trace() / 2);
+      rows.push_back({p.run + "/" + p.file, fmt::format("{:.2f}", p.pixel.x()), fmt::format("{:.2f}", p.pixel.y()),
+                      fmt::format("{:.2f}", spread), p.marked ? "marked" : ""});
+      json["images"].push_back(
+          {{"run", p.run}, {"image", p.file}, {"predicted", Pixel(p.pixel)}, {"sigma_px", spread}});
+      if (p.marked) json["images"].back()["marked"] = Pixel(*p.marked);
+    }
+    text += TableText({"image", "u px", "v px", "1 sigma px", ""}, rows);
+  } catch (const InputError& e) {
+    if (a.image.empty()) throw;
+    text = std::string("Saved. ") + e.what() + "\n";  // the first mark of a point
+    json["predicted"] = nullptr;
+  }
+  session.Print(text);
+  session.PrintJson(json);
+  return 0;
+}
+
+}  // namespace
+
+void AddInspectCommand(CLI::App& app, Session& session) {
+  CLI::App& command =
+      AddCommand(app, session, "inspect", "what a solution says about one image: tags, points, matches with a panorama",
+                 "Examples:\n  trigpoint inspect my_site --run run1 --image images/000012.jpg\n"
+                 "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/p7.jpg --json");
+  const auto a = std::make_shared<InspectArguments>();
+  command.add_option("DIR", a->dir, "the project")->required();
+  command.add_option("--run", a->run, "the image's run")->required();
+  command.add_option("--image", a->image, "the image, as in images.txt")->required();
+  command.add_option("--panorama", a->panorama, "match it with this panorama or photo");
+  command.add_option("--variant", a->variant, "of this set of results");
+  command.callback([&session, a] { session.action = [a](Session& s) { return Inspect(s, *a); }; });
+}
+
+void AddMarkCommand(CLI::App& app, Session& session) {
+  CLI::App& command = AddCommand(
+      app, session, "mark", "mark a surveyed point in images, and say where it must lie in the others",
+      "Marks are kept in control_observations.csv (point, image, u, v); pixels count from the centre of the first.\n"
+      "From two marks in localized images on, every other image that must show the point is listed, with the pixel to\n"
+      "confirm and its uncertainty (1 sigma, for marks good to 1 px).\n\n"
+      "Examples:\n  trigpoint mark my_site P1 --image run1/images/000012.jpg --at 412.5,230\n"
+      "  trigpoint mark my_site P1");
+  const auto a = std::make_shared<MarkArguments>();
+  command.add_option("DIR", a->dir, "the project")->required();
+  command.add_option("POINT", a->point, "name of the point")->required();
+  command.add_option("--image", a->image, "RUN/FILE, or the path below the project");
+  command.add_option("--at", a->at, "U,V in pixels");
+  command.add_flag("--remove", a->remove, "take the mark in --image away")->needs("--image");
+  command.add_option("--variant", a->variant, "with this set of results");
+  command.callback([&session, a] { session.action = [a](Session& s) { return Mark(s, *a); }; });
+}
+
+}  // namespace trigpoint

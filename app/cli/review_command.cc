@@ -1,0 +1,135 @@
+// review: what people decided about detections, images, stations and control points.
+#include <fmt/format.h>
+
+#include "app/cli/command.h"
+#include "app/pipeline/reviewed.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+struct Arguments {
+  std::string dir, action, object, role, reason, user, variant;
+};
+
+std::string LengthText(const std::optional<double>& metres, const DisplayUnit& unit) {
+  return metres ? fmt::format("{:.4f}", *metres / unit.metres) : "-";
+}
+
+nlohmann::json OrNull(const std::optional<double>& value) {
+  return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
+}
+
+int List(const Session& session, const Arguments& arguments) {
+  const Project project = Project::Open(arguments.dir);
+  std::string text;
+  nlohmann::json entries = nlohmann::json::array();
+  for (const ReviewEntry& entry : project.review().entries()) {
+    text += FormatReviewEntry(entry) + "\n";
+    entries.push_back({{"entry", entry.number},
+                       {"time", entry.time},
+                       {"user", entry.user},
+                       {"action", entry.action},
+                       {"object", entry.object},
+                       {"role", entry.role},
+                       {"reason", entry.reason},
+                       {"in_force", entry.in_force}});
+  }
+  session.Print(text.empty() ? "No decisions yet.\n" : text);
+  session.PrintJson({{"command", "review"},
+                     {"ok", true},
+                     {"entries", entries},
+                     {"in_force", project.review().InForce(ReviewKinds(), "")}});
+  return 0;
+}
+
+// Everything that rests on the review, and what that changed at stations and check points.
+int Solve(Session& session, const Arguments& arguments) {
+  if (!arguments.variant.empty()) CheckVariantName(arguments.variant);
+  const Project project = OpenProject(session, arguments.dir);
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  const std::vector<ErrorRow> before = ErrorsOf(project, arguments.variant);
+  Session quiet = session;
+  quiet.options.json = false;
+  const int exit_code = RunAndReport(quiet, "review", project, PlanJobs(project, ReviewQuery(arguments.variant)));
+  std::vector<std::vector<std::string>> rows;
+  nlohmann::json changes = nlohmann::json::array();
+  for (const ReviewedError& row : ChangedErrors(before, ErrorsOf(project, arguments.variant))) {
+    rows.push_back({row.reference, row.method, row.run, row.station, LengthText(row.before_m, unit),
+                    LengthText(row.after_m, unit), row.status_before, row.status_after});
+    changes.push_back({{"reference", row.reference},
+                       {"method", row.method},
+                       {"run", row.run},
+                       {"station", row.station},
+                       {"panorama", row.panorama},
+                       {"before_m", OrNull(row.before_m)},
+                       {"after_m", OrNull(row.after_m)},
+                       {"status_before", row.status_before},
+                       {"status_after", row.status_after}});
+  }
+  session.Print(rows.empty() ? "Nothing changed at stations and check points.\n"
+                             : "Changed 3D errors, " + unit.name + "\n" +
+                                   TableText({"reference", "method", "run", "station", "before", "after",
+                                              "status before", "status after"},
+                                             rows));
+  session.PrintJson({{"command", "review"}, {"ok", exit_code == 0}, {"changes", changes}});
+  return exit_code;
+}
+
+int Decide(const Session& session, const Arguments& arguments) {
+  const Project project = OpenProject(session, arguments.dir);
+  const ReviewEntry entry =
+      AppendReview(project, {arguments.action, arguments.object, arguments.role, arguments.reason, arguments.user});
+  session.Print(FormatReviewEntry(entry) + "\nNext: trigpoint review " + arguments.dir + " solve\n");
+  session.PrintJson({{"command", "review"},
+                     {"ok", true},
+                     {"entry", entry.number},
+                     {"action", entry.action},
+                     {"object", entry.object},
+                     {"role", entry.role},
+                     {"undoes", entry.undoes},
+                     {"file", (project.dir() / "review.jsonl").string()}});
+  return 0;
+}
+
+int ReviewProject(Session& session, const Arguments& arguments) {
+  if (arguments.action == "list") return List(session, arguments);
+  if (arguments.action == "solve") return Solve(session, arguments);
+  if (arguments.object.empty()) throw OptionError("review " + arguments.action + ": expected an OBJECT");
+  if (arguments.reason.empty()) throw OptionError("review " + arguments.action + ": expected --reason TEXT");
+  return Decide(session, arguments);
+}
+
+}  // namespace
+
+void AddReviewCommand(CLI::App& app, Session& session) {
+  CLI::App& command = AddCommand(
+      app, session, "review", "leave out detections, images or stations, change roles, and take that back",
+      "Each decision is appended to review.jsonl with its reason, user and time; nothing is ever removed from it.\n"
+      "OBJECT: image:RUN/FILE, detection:RUN/FILE#TAG, tag:TAG (wherever it is seen), station:NAME (its errors),\n"
+      "panorama:NAME (as a reference of localize), control:TAG[/CORNER] or control:POINT (for role). The kind may be\n"
+      "left away where only one thing has that name. undo takes an object (its last decision), an entry's number, or\n"
+      "`last`. list prints the decisions; solve makes every result anew that rests on them, and prints what changed "
+      "at\n"
+      "stations and check points.\n\n"
+      "Examples:\n"
+      "  trigpoint review my_site exclude run1/images/000012.jpg#57 --reason \"tag half hidden by a car\"\n"
+      "  trigpoint review my_site role control:57 --to check --reason \"held back for the test\"\n"
+      "  trigpoint review my_site undo last --reason \"was the right tag\"\n"
+      "  trigpoint review my_site solve");
+  const auto arguments = std::make_shared<Arguments>();
+  command.add_option("DIR", arguments->dir, "the project")->required();
+  command.add_option("ACTION", arguments->action, "exclude, restore, role, undo, list, solve")
+      ->required()
+      ->check(CLI::IsMember({"exclude", "restore", "role", "undo", "list", "solve"}));
+  command.add_option("OBJECT", arguments->object, "what it is about");
+  command.add_option("--reason", arguments->reason, "why, for those who come later");
+  command.add_option("--user", arguments->user, "who decided; default: the user of this process");
+  command.add_option("--to", arguments->role, "role: control or check; default: the other one")
+      ->check(CLI::IsMember({"control", "check"}));
+  command.add_option("--variant", arguments->variant, "solve: of this set of results");
+  command.callback(
+      [&session, arguments] { session.action = [arguments](Session& s) { return ReviewProject(s, *arguments); }; });
+}
+
+}  // namespace trigpoint

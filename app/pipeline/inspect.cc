@@ -1,0 +1,198 @@
+#include "app/pipeline/inspect.h"
+
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "app/pipeline/feature_store.h"
+#include "app/pipeline/stages.h"
+#include "datasets/colmap/model.h"
+#include "datasets/io/image.h"
+#include "datasets/io/text.h"
+#include "eval/results.h"
+#include "localize/matching.h"
+#include "survey/tags/tag_files.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double kInlierPx = 3;
+constexpr double kRatio = 0.8, kMaxDistance = 0.8;
+
+}  // namespace
+
+struct RunInspector::Parts {
+  const Project project;
+  const Run& run;
+  StageTarget target;
+  bool model_read = false;
+  SparseModel model;
+  std::map<std::string, size_t> model_image;  // by name
+  std::map<int64_t, size_t> model_point;      // by id
+  bool tags_read = false;
+  std::map<std::string, std::vector<TagDetection>> tags;  // by image
+
+  Parts(const Project& p, const std::string& name, const std::string& variant) : project(p), run(project.run(name)) {
+    target.run = name;
+    target.variant = variant;
+  }
+  fs::path Localized() const { return ResultOf(project, "localize", target); }
+
+  const ImageEntry& Entry(const std::string& file) const {
+    std::vector<std::string> names;
+    for (const ImageEntry& entry : run.images) {
+      if (entry.file == file) return entry;
+      names.push_back(entry.file);
+    }
+    throw InputError("run " + run.name + " has no image '" + file + "'; nearest: '" + NearestName(file, names) + "'");
+  }
+  void ReadModel() {
+    if (model_read) return;
+    model_read = true;
+    const fs::path dir = Localized() / "sparse";
+    if (!HasColmapModel(dir)) return;
+    model = ReadColmapModel(dir);
+    for (size_t i = 0; i < model.images.size(); ++i) model_image[model.images[i].name] = i;
+    for (size_t i = 0; i < model.points.size(); ++i) model_point[model.points[i].id] = i;
+  }
+  void ReadTags() {
+    if (tags_read) return;
+    tags_read = true;
+    const fs::path made = ResultOf(project, "detect", target) / "detections.csv";
+    const fs::path file = fs::exists(made) ? made : run.detections;
+    if (file.empty()) return;
+    std::vector<std::string> warnings;
+    for (ImageDetections& image : ReadDetections(file, 0.2, &warnings)) {
+      tags[ReviewImageName(image.image, image.stamp_ns)] = std::move(image.detections);
+    }
+  }
+};
+
+RunInspector::RunInspector(const Project& project, const std::string& run, const std::string& variant)
+    : parts_(std::make_unique<Parts>(project, run, variant)) {}
+RunInspector::~RunInspector() = default;
+
+InspectedImage RunInspector::Image(const std::string& file) {
+  Parts& p = *parts_;
+  const ImageEntry& entry = p.Entry(file);
+  const Review& review = p.project.review();
+  InspectedImage result;
+  result.excluded = review.ExcludesImage(p.run.name, file, entry.stamp_ns);
+  if (static_cast<size_t>(entry.camera) < p.run.cameras.size()) {
+    const Camera& camera = p.run.cameras[static_cast<size_t>(entry.camera)].camera;
+    result.width = camera.width(), result.height = camera.height();
+  }
+  p.ReadTags();
+  if (const auto tags = p.tags.find(ReviewImageName(file, entry.stamp_ns)); tags != p.tags.end()) {
+    for (const TagDetection& tag : tags->second) {
+      InspectedTag t;
+      t.id = tag.id;
+      t.corners.assign(tag.corners.begin(), tag.corners.end());
+      t.sigma_px = tag.SigmaPx();
+      t.excluded = review.ExcludesDetection(p.run.name, file, entry.stamp_ns, tag.id);
+      result.tags.push_back(std::move(t));
+    }
+  }
+  p.ReadModel();
+  const auto found = p.model_image.find(file);
+  if (found == p.model_image.end()) return result;
+  const ModelImage& image = p.model.images[found->second];
+  const Camera& camera = p.model.CameraOf(image);
+  double sum = 0;
+  for (size_t k = 0; k < image.pixels.size(); ++k) {
+    const auto point = p.model_point.find(image.points[k]);
+    if (point == p.model_point.end()) continue;
+    const ModelPoint& m = p.model.points[point->second];
+    const auto predicted = camera.Project(image.cam_from_world * m.position);
+    if (!predicted) continue;
+    result.points.push_back({m.id, image.pixels[k], *predicted, static_cast<int>(m.track.size())});
+    sum += (*predicted - image.pixels[k]).squaredNorm();
+  }
+  if (!result.points.empty()) result.rms_px = std::sqrt(sum / static_cast<double>(result.points.size()));
+  return result;
+}
+
+std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const std::string& panorama) {
+  Parts& p = *parts_;
+  const ImageEntry& entry = p.Entry(file);
+  StageTarget plain = p.target;
+  plain.variant.clear();
+  const fs::path images_db = ResultOf(p.project, "features", plain) / "features.db";
+  const fs::path views_db = ResultOf(p.project, "references", plain) / "features.db";
+  for (const fs::path& database : {images_db, views_db}) {
+    if (!fs::exists(database)) throw InputError(database.string() + ": there are no features yet; run `trigpoint run`");
+  }
+  const FeatureStore images(images_db), views(views_db);
+  if (!images.Has(file)) throw InputError("image '" + file + "' has no features");
+  const FeatureSet features = images.Read(file);
+  const DescriptorBlock descriptors(features.descriptors);
+  const Camera& camera = p.run.cameras.at(static_cast<size_t>(entry.camera)).camera;
+
+  // Poses in the run's own frame, where both were localized.
+  std::optional<Rigid3d> cam_from_odom, odom_from_pano;
+  p.ReadModel();
+  if (const auto it = p.model_image.find(file); it != p.model_image.end()) {
+    cam_from_odom = p.model.images[it->second].cam_from_world;
+  }
+  const fs::path answers = p.Localized() / "panoramas.csv";
+  if (fs::exists(answers)) {
+    for (const PanoramaResult& answer : ReadPanoramaResults(answers)) {
+      if (answer.panorama == panorama) odom_from_pano = answer.odom_from_pano;
+    }
+  }
+  const ViewOptions options = ResolveOptions<FeatureStageOptions>(p.project, "references", plain).views;
+  std::vector<InspectedMatch> matches;
+  std::vector<std::string> names;
+  for (const PreparedReference& prepared : PrepareReferences(p.project.site(), options, nullptr)) {
+    const Reference& reference = p.project.site().references[static_cast<size_t>(prepared.reference)];
+    names.push_back(reference.name);
+    if (reference.name != panorama && prepared.name != panorama) continue;
+    std::optional<Rigid3d> cam_from_pano;
+    if (cam_from_odom && odom_from_pano && reference.kind != ReferenceKind::kPhotoSet) {
+      cam_from_pano = *cam_from_odom * *odom_from_pano;
+    }
+    std::optional<Camera> sphere;
+    if (reference.kind == ReferenceKind::kPanorama) {
+      const cv::Mat picture = LoadPanorama(reference.files.front(), true);
+      sphere = Camera::Equirectangular(picture.cols, picture.rows);
+    }
+    for (const View& view : prepared.rig.views) {
+      const std::string key = prepared.name + "#" + view.name;
+      if (!views.Has(key)) continue;
+      const Eigen::Vector3d axis = view.rig_from_view.rotation * Eigen::Vector3d::UnitZ();
+      // A view that looks the other way shares nothing with the image.
+      if (cam_from_pano && (cam_from_pano->rotation * axis).z() < -0.2) continue;
+      const FeatureSet other = views.Read(key);
+      for (const auto& [a, b] : MatchMutual(descriptors, DescriptorBlock(other.descriptors), kRatio, kMaxDistance)) {
+        InspectedMatch match;
+        match.view = view.name;
+        match.image = features.points[static_cast<size_t>(a)].cast<double>();
+        const Eigen::Vector2d in_view = other.points[static_cast<size_t>(b)].cast<double>();
+        const auto ray_in_view = view.camera.Unproject(in_view);
+        const auto ray = camera.Unproject(match.image);
+        if (!ray_in_view || !ray) continue;
+        const Eigen::Vector3d pano_ray = view.rig_from_view.rotation * *ray_in_view;
+        match.panorama = sphere ? sphere->Project(pano_ray).value_or(in_view) : in_view;
+        match.error_px = std::numeric_limits<double>::quiet_NaN();
+        if (cam_from_pano) {
+          const Eigen::Vector3d towards = cam_from_pano->rotation * pano_ray;
+          const Eigen::Vector3d baseline = cam_from_pano->translation;
+          const Eigen::Vector3d normal = baseline.cross(towards);
+          const double off = normal.norm() > 1e-9 ? std::abs(ray->dot(normal.normalized())) : 1;
+          match.error_px = off * camera.MeanFocal();
+          // Rays meet before both: their crosses with the baseline point the same way.
+          const bool before = ray->cross(towards).dot(ray->cross(-baseline)) > 0 || ray->dot(towards) > 0.999;
+          match.inlier = match.error_px < kInlierPx && before;
+        }
+        matches.push_back(std::move(match));
+      }
+    }
+    return matches;
+  }
+  throw InputError("there is no reference '" + panorama + "'; nearest: '" + NearestName(panorama, names) + "'");
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,83 @@
+#include "app/pipeline/reviewed.h"
+
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images) {
+  for (ImageDetections& image : images) {
+    std::erase_if(image.detections, [&](const TagDetection& tag) {
+      return review.ExcludesDetection(run, image.image, image.stamp_ns, tag.id);
+    });
+  }
+}
+
+std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, const std::vector<ErrorRow>& after,
+                                         double least_m) {
+  std::map<std::tuple<std::string, std::string, std::string, std::string, std::string>, ReviewedError> rows;
+  const auto at = [&](const ErrorRow& row) -> ReviewedError& {
+    ReviewedError& r = rows[{row.reference, row.method, row.run, row.station, row.panorama}];
+    r.reference = row.reference, r.method = row.method, r.run = row.run, r.station = row.station;
+    r.panorama = row.panorama;
+    return r;
+  };
+  for (const ErrorRow& row : before) {
+    ReviewedError& r = at(row);
+    r.status_before = row.status, r.before_m = row.error_3d_m;
+  }
+  for (const ErrorRow& row : after) {
+    ReviewedError& r = at(row);
+    r.status_after = row.status, r.after_m = row.error_3d_m;
+  }
+  std::vector<ReviewedError> changed;
+  for (const auto& [key, r] : rows) {
+    const bool same = r.before_m && r.after_m ? std::abs(*r.before_m - *r.after_m) <= least_m
+                                              : r.before_m.has_value() == r.after_m.has_value();
+    if (!same || r.status_before != r.status_after) changed.push_back(r);
+  }
+  return changed;
+}
+
+JobQuery ReviewQuery(const std::string& variant) {
+  JobQuery query;
+  for (const StageInfo& stage : Stages()) {
+    if (!stage.reviewed.empty()) query.stages.push_back(stage.name);
+  }
+  query.variants = {variant};
+  return query;
+}
+
+std::vector<ErrorRow> ErrorsOf(const Project& project, const std::string& variant) {
+  StageTarget target;
+  target.variant = variant;
+  std::vector<ErrorRow> rows;
+  const fs::path errors = ResultOf(project, "evaluate", target) / "errors.csv";
+  try {
+    if (fs::exists(errors)) rows = ReadErrors(errors);
+  } catch (const InputError&) {  // of another version: nothing to compare with
+  }
+  const fs::path map = ResultOf(project, "survey", target) / "summary.json";
+  if (!fs::exists(map)) return rows;
+  const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(map), nullptr, false);
+  if (!summary.is_object() || !summary.contains("points")) return rows;
+  for (const nlohmann::json& point : summary.at("points")) {
+    ErrorRow row;
+    row.reference = "survey";
+    row.method = "map";
+    row.station = point.value("name", "");
+    row.status = point.value("role", "");
+    const auto d = point.value("map_minus_stated_m", std::vector<double>());
+    // What a point that was used disagrees by is no accuracy.
+    if (row.status == "check" && d.size() == 3) row.error_3d_m = std::hypot(d[0], d[1], d[2]);
+    if (row.status == "check" || row.status == "control") rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+}  // namespace trigpoint
