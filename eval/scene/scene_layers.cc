@@ -90,7 +90,8 @@ void SceneView::Parts::BuildPoints() {
   if (model.points.empty()) return;
   std::vector<Eigen::Vector3d> positions;
   for (const ScenePoint& point : model.points) positions.push_back(point.position);
-  points = FlatActor(Dots(positions), kBlack, 2);
+  all_points = Dots(positions);
+  points = FlatActor(all_points, kBlack, 2);
   Add("points", points);
   vtkNew<vtkScalarBarActor> bar;
   bar->SetOrientationToVertical();
@@ -131,7 +132,9 @@ void SceneView::Parts::ColourPoints(PointColour colour) {
   if (!sample.empty()) low = Quantile(sample, 0.02), high = Quantile(sample, 0.95);
   if (high <= low) high = low + 1;
   auto* mapper = static_cast<vtkPolyDataMapper*>(points->GetMapper());
-  mapper->GetInput()->GetCellData()->SetScalars(values);
+  all_points->GetCellData()->SetScalars(values);
+  mapper->SetInputData(all_points);
+  few_points = nullptr;
   mapper->SetScalarModeToUseCellData();
   mapper->SetLookupTable(Viridis(low, high));
   mapper->SetScalarRange(low, high);
@@ -141,6 +144,29 @@ void SceneView::Parts::ColourPoints(PointColour colour) {
   bar->SetTitle(colour == PointColour::kHeight        ? "height (m)"
                 : colour == PointColour::kTrackLength ? "images"
                                                       : "sigma (m)");
+}
+
+void SceneView::Parts::ThinPoints(int most) {
+  if (!points) return;
+  auto* mapper = static_cast<vtkPolyDataMapper*>(points->GetMapper());
+  if (most <= 0 || model.points.size() <= static_cast<size_t>(most)) {
+    mapper->SetInputData(all_points);
+    return;
+  }
+  if (!few_points || few != most) {
+    few = most;
+    const size_t step = (model.points.size() + static_cast<size_t>(most) - 1) / static_cast<size_t>(most);
+    std::vector<Eigen::Vector3d> positions;
+    vtkNew<vtkFloatArray> values;
+    vtkDataArray* all = all_points->GetCellData()->GetScalars();
+    for (size_t i = 0; i < model.points.size(); i += step) {
+      positions.push_back(model.points[i].position);
+      values->InsertNextValue(static_cast<float>(all->GetTuple1(static_cast<vtkIdType>(i))));
+    }
+    few_points = Dots(positions);
+    few_points->GetCellData()->SetScalars(values);
+  }
+  mapper->SetInputData(few_points);
 }
 
 void SceneView::Parts::BuildCameras() {

@@ -304,6 +304,7 @@ class Loader {
   }
 
   void AddPoints(const RunPart& part) {
+    if (options_.max_points <= 0) return;  // not even read
     if (!fs::exists(part.dir / "sparse" / "points3D.bin")) {
       model_.notes.push_back("Run " + part.run->name + " has no sparse model.");
       return;

@@ -26,7 +26,7 @@ namespace trigpoint {
 struct SceneOptions {
   std::vector<std::string> runs;  // empty: all
   std::string variant;            // whose localize and evaluate results
-  int max_points = 200000;        // of the sparse models, all runs together; more are thinned evenly
+  int max_points = 200000;        // of the sparse models, all runs together; more are thinned evenly; 0: not read
   int max_cameras = 400;          // frusta, all runs together; more are thinned evenly
   int panorama_width_px = 512;    // of the spheres' textures; 0: no pictures are read
   int aerial_px = 2048;           // longest side of the aerial image; 0: it is not read

@@ -3,6 +3,7 @@
 
 #include <vtkActor.h>
 #include <vtkLookupTable.h>
+#include <vtkPolyData.h>
 #include <vtkProp.h>
 #include <vtkSmartPointer.h>
 
@@ -24,6 +25,8 @@ struct SceneView::Parts {
   std::map<std::string, bool> visible;
   vtkSmartPointer<vtkActor> points;
   vtkSmartPointer<vtkProp> points_bar;
+  vtkSmartPointer<vtkPolyData> all_points, few_points;  // few: made when they are first asked for
+  int few = 0;
 
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
   void Add(const std::string& layer, vtkProp* prop);
@@ -38,6 +41,7 @@ struct SceneView::Parts {
   void BuildGround();  // aerial, axes, north arrow, scale bar
   void BuildLegend();
   void ColourPoints(PointColour colour);
+  void ThinPoints(int most);
 };
 
 // The layer a path belongs to.

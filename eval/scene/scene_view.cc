@@ -170,6 +170,8 @@ void SceneView::RemoveFrom(vtkRenderer* renderer) {
 
 void SceneView::ColourPointsBy(PointColour colour) { parts_->ColourPoints(colour); }
 
+void SceneView::DrawAtMost(int most) { parts_->ThinPoints(most); }
+
 double SceneView::ErrorScale() const { return parts_->error_scale; }
 
 void SceneView::LookDown(vtkRenderer* renderer) const {

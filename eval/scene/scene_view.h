@@ -63,6 +63,8 @@ class SceneView {
   void RemoveFrom(vtkRenderer* renderer);
 
   void ColourPointsBy(PointColour colour);
+  // Draws at most about `most` of the points, evenly thinned, so that the view stays smooth while it moves; 0: all.
+  void DrawAtMost(int most);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;
 
