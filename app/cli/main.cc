@@ -5,6 +5,7 @@
 #include <iostream>
 #include <new>
 
+#include "app/cli/calibrate_command.h"
 #include "app/cli/command.h"
 #include "app/cli/interchange_commands.h"
 #include "app/cli/stitch_command.h"
@@ -46,6 +47,7 @@ int Launch(int argc, char** argv) {
   AddReviewCommand(app, session);
   AddInspectCommand(app, session);
   AddMarkCommand(app, session);
+  AddCalibrateCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
   AddPublishCommand(app, session);
   AddCompareCommand(app, session);

@@ -1,4 +1,6 @@
 // One command per stage, made from its entry in Stages().
+#include "app/cli/stage_command.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,8 +10,6 @@
 #include "datasets/project/files.h"
 
 namespace trigpoint {
-namespace {
-
 std::string OptionTable(const StageInfo& stage) {
   std::vector<std::vector<std::string>> rows;
   for (const OptionDescription& option : stage.options("")) {
@@ -24,6 +24,8 @@ std::string OptionTable(const StageInfo& stage) {
   return "Options for --set, and for stages: " + stage.name + ": in trigpoint.yaml (in a variant under variants:)\n" +
          TableText({"  name", " default", "unit", "range", "meaning"}, rows) + "\n";
 }
+
+namespace {
 
 std::string Examples(const StageInfo& stage) {
   std::string text = "Examples:\n  trigpoint " + stage.name + " my_site\n";

@@ -4,6 +4,7 @@
 
 #include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/report_stage.h"
+#include "app/pipeline/calibrate_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
@@ -28,6 +29,9 @@ const StageInfo& StageNamed(const std::string& name) {
     if (stage.name == name) return stage;
     names.push_back(stage.name);
   }
+  static const StageInfo kCalibrate = CalibrateStage();  // has options, but is no part of `run`
+  if (name == kCalibrate.name) return kCalibrate;
+  names.push_back(kCalibrate.name);
   const std::string nearest = NearestName(name, names);
   throw OptionError("unknown stage '" + name + "'" + (nearest.empty() ? "" : "; nearest known one: '" + nearest + "'"));
 }
@@ -55,7 +59,7 @@ fs::path ManifestOf(const Project& project, const std::string& stage, const Stag
   return ResultOf(project, stage, target) / "manifest.json";
 }
 
-std::vector<fs::path> RunInputs(const Project&, const Run& run) {
+std::vector<fs::path> RunInputs(const Project& project, const Run& run) {
   std::vector<fs::path> inputs;
   std::error_code ignored;
   // Tables first: every small file of the run's folder, known by name or not, since readers may take new ones in.
@@ -63,6 +67,8 @@ std::vector<fs::path> RunInputs(const Project&, const Run& run) {
     if (it->is_regular_file(ignored) && it->path().filename().string().front() != '.') inputs.push_back(it->path());
   }
   for (const ImageEntry& image : run.images) inputs.push_back(image.path);
+  if (!run.config.camera.empty())
+    inputs.push_back(project.results() / "calibrate" / run.config.camera / "camchain.yaml");
   for (const BodyCamera& camera : run.cameras) {
     if (!camera.mask.empty()) inputs.push_back(camera.mask);
   }

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "calib/base/error.h"
+#include "calib/camera/projection.h"
 #include "calib/geometry/bearing.h"
 
 namespace trigpoint {
@@ -76,6 +77,95 @@ std::string_view CameraModelName(CameraModel model) {
     case CameraModel::kEquirectangular: return "equirectangular";
   }
   return "unknown";
+}
+
+std::vector<std::string> CameraParameterNames(CameraModel model, size_t count) {
+  std::vector<std::string> names = {"fx", "fy", "cx", "cy"};
+  switch (model) {
+    case CameraModel::kEquirectangular: return {};
+    case CameraModel::kPinhole: break;
+    case CameraModel::kRadtan:
+    case CameraModel::kRational: names.insert(names.end(), {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}); break;
+    case CameraModel::kKannalaBrandt: names.insert(names.end(), {"k1", "k2", "k3", "k4"}); break;
+  }
+  names.resize(std::min(names.size(), count));
+  return names;
+}
+
+bool ProjectByParams(CameraModel model, const std::vector<double>& p, const Eigen::Vector3d& point,
+                     Eigen::Vector2d* pixel, Eigen::Matrix<double, 2, 3>* by_point,
+                     Eigen::Matrix<double, 2, Eigen::Dynamic>* by_params) {
+  const double x = point.x(), y = point.y(), z = point.z();
+  const Eigen::Vector2d f(p[0], p[1]), c(p[2], p[3]);
+  const auto by_distortion = [&](Eigen::Index i, double dx, double dy) { by_params->col(i) << f.x() * dx, f.y() * dy; };
+  Eigen::Vector2d d;  // distorted, normalised
+  if (model == CameraModel::kKannalaBrandt) {
+    const double r = std::hypot(x, y), theta = std::atan2(r, z);
+    if (r < 1e-12 && z <= 0) return false;
+    double derivative = 1;
+    const double theta_d = KannalaBrandt(p, theta, &derivative);
+    const bool on_axis = r <= 1e-9 * std::abs(z);
+    const double s = on_axis ? 1.0 / z : theta_d / r;
+    d = s * point.head<2>();
+    if (by_point != nullptr) {
+      const double n2 = r * r + z * z;
+      const Eigen::Vector3d dtheta =
+          r > 1e-12 ? Eigen::Vector3d(x * z / (r * n2), y * z / (r * n2), -r / n2) : Eigen::Vector3d(0, 0, 0);
+      const Eigen::Vector3d dr = r > 1e-12 ? Eigen::Vector3d(x / r, y / r, 0) : Eigen::Vector3d(0, 0, 0);
+      const Eigen::Vector3d ds =
+          on_axis ? Eigen::Vector3d(0, 0, -1.0 / (z * z)) : Eigen::Vector3d((derivative * dtheta - s * dr) / r);
+      by_point->row(0) = f.x() * (x * ds + s * Eigen::Vector3d::UnitX()).transpose();
+      by_point->row(1) = f.y() * (y * ds + s * Eigen::Vector3d::UnitY()).transpose();
+    }
+    if (by_params != nullptr) {
+      by_params->setZero(2, static_cast<Eigen::Index>(p.size()));
+      double power = on_axis ? 0 : theta / r;
+      for (Eigen::Index i = 4; i < 8; ++i) {
+        power *= theta * theta;
+        by_distortion(i, power * x, power * y);
+      }
+    }
+  } else {
+    if (z <= 1e-9) return false;
+    const Eigen::Vector2d n(x / z, y / z);
+    const bool distorts = model != CameraModel::kPinhole;
+    Eigen::Matrix2d dd = Eigen::Matrix2d::Identity();
+    d = distorts ? Distort(p, n, by_point != nullptr ? &dd : nullptr) : n;
+    if (by_point != nullptr) {
+      Eigen::Matrix<double, 2, 3> dn;
+      dn << 1 / z, 0, -n.x() / z, 0, 1 / z, -n.y() / z;
+      *by_point = f.asDiagonal() * dd * dn;
+    }
+    if (by_params != nullptr) {
+      by_params->setZero(2, static_cast<Eigen::Index>(p.size()));
+      const double r2 = n.squaredNorm(), u = n.x(), v = n.y();
+      const auto k = [&](size_t i) { return i < p.size() ? p[i] : 0.0; };
+      const double num = 1 + r2 * (k(4) + r2 * (k(5) + r2 * k(8)));
+      const double den = 1 + r2 * (k(9) + r2 * (k(10) + r2 * k(11)));
+      const double r4 = r2 * r2, r6 = r4 * r2;
+      for (size_t i = 4; distorts && i < p.size(); ++i) {
+        const auto at = static_cast<Eigen::Index>(i);
+        switch (i) {
+          case 4: by_distortion(at, u * r2 / den, v * r2 / den); break;
+          case 5: by_distortion(at, u * r4 / den, v * r4 / den); break;
+          case 6: by_distortion(at, 2 * u * v, r2 + 2 * v * v); break;
+          case 7: by_distortion(at, r2 + 2 * u * u, 2 * u * v); break;
+          case 8: by_distortion(at, u * r6 / den, v * r6 / den); break;
+          default: {
+            const double power = i == 9 ? r2 : i == 10 ? r4 : r6;
+            by_distortion(at, -u * num * power / (den * den), -v * num * power / (den * den));
+          }
+        }
+      }
+    }
+  }
+  *pixel = f.cwiseProduct(d) + c;
+  if (by_params != nullptr) {
+    (*by_params)(0, 0) = d.x();
+    (*by_params)(1, 1) = d.y();
+    (*by_params)(0, 2) = (*by_params)(1, 3) = 1;
+  }
+  return true;
 }
 
 Camera::Camera(CameraModel model, int width, int height, std::vector<double> params)
@@ -171,36 +261,15 @@ std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& point,
     }
     return Eigen::Vector2d((lon / (2 * kPi) + 0.5) * width_ - 0.5, (0.5 - lat / kPi) * height_ - 0.5);
   }
-  const double fx = params_[0], fy = params_[1], cx = params_[2], cy = params_[3];
   if (model_ == CameraModel::kKannalaBrandt) {
-    const double r = std::hypot(x, y), theta = std::atan2(r, z);
-    if (theta > max_theta_ || (r < 1e-12 && z <= 0)) return std::nullopt;
-    double derivative = 1;
-    const double theta_d = KannalaBrandt(params_, theta, &derivative);
-    const double s = r > 1e-9 * std::abs(z) ? theta_d / r : 1.0 / z;
-    if (jacobian != nullptr) {
-      const double n2 = r * r + z * z;
-      const Eigen::Vector3d dtheta =
-          r > 1e-12 ? Eigen::Vector3d(x * z / (r * n2), y * z / (r * n2), -r / n2) : Eigen::Vector3d(0, 0, 0);
-      const Eigen::Vector3d dr = r > 1e-12 ? Eigen::Vector3d(x / r, y / r, 0) : Eigen::Vector3d(0, 0, 0);
-      const Eigen::Vector3d ds = r > 1e-9 * std::abs(z) ? Eigen::Vector3d((derivative * dtheta - s * dr) / r)
-                                                        : Eigen::Vector3d(0, 0, -1.0 / (z * z));
-      jacobian->row(0) = fx * (x * ds + s * Eigen::Vector3d::UnitX()).transpose();
-      jacobian->row(1) = fy * (y * ds + s * Eigen::Vector3d::UnitY()).transpose();
-    }
-    return Eigen::Vector2d(fx * s * x + cx, fy * s * y + cy);
+    const double r = std::hypot(x, y);
+    if (std::atan2(r, z) > max_theta_ || (r < 1e-12 && z <= 0)) return std::nullopt;
+  } else if (z <= 1e-9 || x * x + y * y > z * z * max_radius_ * max_radius_) {
+    return std::nullopt;
   }
-  if (z <= 1e-9 || x * x + y * y > z * z * max_radius_ * max_radius_) return std::nullopt;
-  const Eigen::Vector2d n(x / z, y / z);
-  Eigen::Matrix2d dd = Eigen::Matrix2d::Identity();
-  const Eigen::Vector2d d =
-      model_ == CameraModel::kPinhole ? n : Distort(params_, n, jacobian != nullptr ? &dd : nullptr);
-  if (jacobian != nullptr) {
-    Eigen::Matrix<double, 2, 3> dn;
-    dn << 1 / z, 0, -n.x() / z, 0, 1 / z, -n.y() / z;
-    *jacobian = Eigen::Vector2d(fx, fy).asDiagonal() * dd * dn;
-  }
-  return Eigen::Vector2d(fx * d.x() + cx, fy * d.y() + cy);
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  if (!ProjectByParams(model_, params_, point, &pixel, jacobian)) return std::nullopt;
+  return pixel;
 }
 
 Eigen::Matrix<double, 2, 3> Camera::BearingSqrtInfo(const Eigen::Vector2d& pixel, double sigma_px) const {

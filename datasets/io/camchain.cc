@@ -91,6 +91,15 @@ std::string List(const std::vector<double>& values, size_t begin, size_t end) {
   return text + "]";
 }
 
+std::string Rows(const Rigid3d& transform) {
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.topLeftCorner<3, 3>() = transform.rotation.toRotationMatrix();
+  m.topRightCorner<3, 1>() = transform.translation;
+  std::string text;
+  for (int i = 0; i < 4; ++i) text += "  - " + List({m(i, 0), m(i, 1), m(i, 2), m(i, 3)}, 0, 4) + "\n";
+  return text;
+}
+
 }  // namespace
 
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
@@ -131,6 +140,7 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
                    const std::vector<std::string>& comments) {
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
+  const BodyCamera* before = nullptr;
   for (const BodyCamera& camera : cameras) {
     const std::vector<double>& params = camera.camera.params();
     std::string distortion;
@@ -147,12 +157,13 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
             "\n  resolution: [" + std::to_string(camera.camera.width()) + ", " +
             std::to_string(camera.camera.height()) + "]\n";
     if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + Number(camera.time_offset_s) + "\n";
-    if (!camera.has_extrinsics) continue;
-    text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n";
-    Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
-    m.topLeftCorner<3, 3>() = camera.cam_from_body.rotation.toRotationMatrix();
-    m.topRightCorner<3, 1>() = camera.cam_from_body.translation;
-    for (int i = 0; i < 4; ++i) text += "  - " + List({m(i, 0), m(i, 1), m(i, 2), m(i, 3)}, 0, 4) + "\n";
+    if (camera.has_extrinsics) {
+      text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n" + Rows(camera.cam_from_body);
+    } else if (before != nullptr) {
+      text += "  T_cn_cnm1:   # this camera from the one before\n" +
+              Rows(camera.cam_from_body * before->cam_from_body.Inverse());
+    }
+    before = &camera;
   }
   WriteFileAtomically(file, text);
 }

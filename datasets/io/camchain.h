@@ -14,7 +14,8 @@ namespace trigpoint {
 // has_extrinsics is false. Throws InputError with file, line and key (omni and double sphere cameras are refused).
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
 
-// Writes the same form (atomically); T_cam_imu only where has_extrinsics. Throws OptionError for a panorama camera.
+// Writes the same form (atomically); T_cam_imu where has_extrinsics, else T_cn_cnm1 from the camera before. Throws
+// OptionError for a panorama camera.
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments = {});
 

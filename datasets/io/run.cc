@@ -57,31 +57,45 @@ RunConfig ReadRunConfig(const std::filesystem::path& file) {
   return config;
 }
 
-// The calibration named in run.yaml, else the run's own camchain.yaml; how the cameras sit on the body is the run's.
-std::vector<BodyCamera> ReadCameras(const std::filesystem::path& site_dir, const Run& run) {
-  const std::filesystem::path own = run.dir / "camchain.yaml";
-  std::vector<BodyCamera> cameras;
-  if (std::filesystem::exists(own)) cameras = ReadCamchain(own);
-  if (run.config.camera.empty()) return cameras;
+// The calibration that run.yaml names; empty without one.
+std::filesystem::path CalibrationFile(const std::filesystem::path& site_dir, const Run& run) {
+  if (run.config.camera.empty()) return {};
   const std::string yaml = (run.dir / "run.yaml").string() + ": key 'camera'";
   const std::filesystem::path calibrations = site_dir / "results" / "calibrate";
   const std::filesystem::path file =
       ResolveInside(calibrations, calibrations, run.config.camera + "/camchain.yaml", yaml);
-  if (!std::filesystem::exists(file)) {
-    throw InputError(yaml + ": there is no calibration '" + run.config.camera + "' (" + file.string() +
-                     "); run `trigpoint calibrate` with --name " + run.config.camera + " first");
+  if (std::filesystem::exists(file)) return file;
+  if (std::filesystem::exists(file.parent_path() / "camchain_refused.yaml")) {
+    throw InputError(yaml + ": the calibration '" + run.config.camera + "' was refused; " +
+                     (file.parent_path() / "quality.md").string() + " says why and what to photograph next");
   }
-  std::vector<BodyCamera> calibrated = ReadCamchain(file);
-  for (BodyCamera& camera : calibrated) {
+  throw InputError(yaml + ": there is no calibration '" + run.config.camera + "' (" + file.string() +
+                   "); run `trigpoint calibrate` with --name " + run.config.camera + " first");
+}
+
+// The calibration named in run.yaml, else the run's own camchain.yaml. How the cameras sit on the body is the run's
+// where the calibration doesn't say; how a calibrated rig's cameras sit to each other is the calibration's.
+std::vector<BodyCamera> ReadCameras(const std::filesystem::path& site_dir, const Run& run) {
+  const std::filesystem::path own = run.dir / "camchain.yaml";
+  std::vector<BodyCamera> mounted;
+  if (std::filesystem::exists(own)) mounted = ReadCamchain(own);
+  const std::filesystem::path calibration = CalibrationFile(site_dir, run);
+  if (calibration.empty()) return mounted;
+  std::vector<BodyCamera> cameras = ReadCamchain(calibration);
+  if (cameras.front().has_extrinsics || mounted.empty()) return cameras;
+  const auto same = std::find_if(mounted.begin(), mounted.end(),
+                                 [&](const BodyCamera& camera) { return camera.name == cameras.front().name; });
+  const BodyCamera& first = same != mounted.end() ? *same : mounted.front();
+  const Rigid3d moved = cameras.front().cam_from_body.Inverse() * first.cam_from_body;
+  for (BodyCamera& camera : cameras) {
     if (camera.has_extrinsics) continue;
-    for (const BodyCamera& mounted : cameras) {
-      if (mounted.name != camera.name) continue;
-      camera.cam_from_body = mounted.cam_from_body;
-      camera.has_extrinsics = mounted.has_extrinsics;
-      camera.time_offset_s = mounted.time_offset_s;
+    camera.cam_from_body = camera.cam_from_body * moved;
+    camera.has_extrinsics = first.has_extrinsics;
+    for (const BodyCamera& other : mounted) {
+      if (other.name == camera.name) camera.time_offset_s = other.time_offset_s;
     }
   }
-  return calibrated;
+  return cameras;
 }
 
 void AssignMasks(const std::filesystem::path& site_dir, Run* run) {

@@ -1,0 +1,153 @@
+// calibrate: its results have names of their own, and its pictures lie anywhere.
+#include "app/cli/calibrate_command.h"
+
+#include <fmt/format.h>
+
+#include "app/cli/stage_command.h"
+#include "app/pipeline/calibrate_stage.h"
+#include "datasets/calibration/calibration_images.h"
+#include "datasets/calibration/target_file.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::string dir, name = "cam", target, model, hand_eye, from;
+  std::vector<std::string> images, settings;
+};
+
+// As it can be found again from any working directory.
+std::string Settled(const fs::path& dir, const fs::path& path) {
+  return RelativeTo(fs::absolute(dir).lexically_normal(), fs::absolute(path).lexically_normal());
+}
+
+std::string SettledPattern(const fs::path& dir, const std::string& argument) {
+  const size_t equals = argument.find('=');
+  const bool named = equals != std::string::npos && equals > 0 && argument.find('/') > equals;
+  const std::string name = named ? argument.substr(0, equals + 1) : "", pattern = argument.substr(name.size());
+  if (pattern.empty() || pattern.front() == '~') return argument;
+  try {
+    FindCalibrationImages(pattern, "/nowhere");
+  } catch (const InputError&) {  // below the project, then, or nowhere: said when it is looked for there
+    return argument;
+  }
+  return name + Settled(dir, pattern);
+}
+
+// A folder that isn't a project yet becomes one: a calibration needs no runs.
+void MakeProject(const fs::path& dir) {
+  if (!fs::is_directory(dir) || fs::exists(dir / "trigpoint.yaml")) return;
+  try {
+    Project::Open(dir);
+  } catch (const InputError&) {
+    const fs::path whole = fs::absolute(dir / "x").lexically_normal().parent_path();
+    WriteFileAtomically(
+        dir / "trigpoint.yaml",
+        "# Made by trigpoint calibrate; `trigpoint init` completes it when there are runs.\nschema: 1\nname: " +
+            DumpJson(whole.filename().string()) + "\n");
+  }
+}
+
+StageTarget TargetOf(const Project& project, const Arguments& arguments) {
+  std::vector<std::string> settings = arguments.settings;
+  if (!arguments.model.empty()) settings.push_back("model=" + DumpJson(arguments.model));
+  if (!arguments.hand_eye.empty()) settings.push_back("hand_eye=" + DumpJson(arguments.hand_eye));
+  if (!arguments.from.empty()) {
+    const bool here = fs::exists(arguments.from);
+    settings.push_back("from=" + DumpJson(here ? Settled(project.dir(), arguments.from) : arguments.from));
+  }
+  StageTarget target;
+  target.run = arguments.name;
+  target.overrides = ParseOverrides(settings, "calibrate");
+  std::string images;
+  for (const std::string& pattern : arguments.images) {
+    images += (images.empty() ? "" : ";") + SettledPattern(project.dir(), pattern);
+  }
+  if (!images.empty()) target.overrides["calibrate"]["images"] = images;
+  if (!arguments.target.empty()) {
+    const fs::path file = TargetFileOf(arguments.target, project.dir());
+    target.overrides["calibrate"]["target"] = file.empty() ? arguments.target : Settled(project.dir(), file);
+  }
+  return target;
+}
+
+int Calibrate(Session& session, const Arguments& arguments) {
+  CheckVariantName(arguments.name);
+  MakeProject(arguments.dir);
+  const Project project = OpenProject(session, arguments.dir);
+  const StageInfo& stage = StageNamed("calibrate");
+  StageRequest request = stage.make(project, TargetOf(project, arguments));
+  request.stage = stage.name;
+  request.name = arguments.name;
+  Terminal terminal = session.MakeTerminal();
+  terminal.SetTitle("calibrate/" + arguments.name);
+  const StageOutcome outcome =
+      RunStage(project, request, session.options.threads, session.options.seed, terminal, *session.cancel);
+  terminal.ClearProgress();
+  const nlohmann::json& metrics = outcome.manifest.at("metrics");
+  const bool refused = metrics.value("refused", false);
+  terminal.Say("calibrate/" + arguments.name + ": " + (outcome.computed ? "computed" : "up to date"));
+  session.Print(stage.summary(outcome, DisplayUnitNamed(session.options.units)));
+  session.PrintJson({{"command", "calibrate"},
+                     {"project", project.dir().string()},
+                     {"ok", !refused},
+                     {"name", arguments.name},
+                     {"status", outcome.computed ? "computed" : "up to date"},
+                     {"dir", outcome.dir.string()},
+                     {"metrics", metrics},
+                     {"warnings", outcome.manifest.value("warnings", nlohmann::json::array())}});
+  constexpr int kGateFailed = 3;
+  return refused ? kGateFailed : 0;
+}
+
+}  // namespace
+
+void AddCalibrateCommand(CLI::App& app, Session& session) {
+  const StageInfo& stage = StageNamed("calibrate");
+  CLI::App& command = AddCommand(
+      app, session, "calibrate", stage.help,
+      OptionTable(stage) +
+          "The target: a Kalibr target YAML (checkerboard, aprilgrid, circlegrid; also charuco), or in one line, "
+          "metres:\n"
+          "  checkerboard:9x6:0.025                 inner corners, square\n"
+          "  charuco:8x8:0.0254:0.019:DICT_4X4_50   squares, square, marker, dictionary\n"
+          "  aprilgrid:6x6:0.088:0.3                tags, tag, gap / tag\n"
+          "  asymmetric_circles:4x11:0.02           columns x rows, spacing (circles: a square grid)\n"
+          "Several cameras that photograph the board together are a rig: give --images for each. Pictures of one "
+          "moment\n"
+          "have the same name, or the same last number in it.\n"
+          "A run uses the result by `camera: NAME` in its run.yaml.\n\n"
+          "Examples:\n"
+          "  trigpoint calibrate my_site --images 'board/*.jpg' --target checkerboard:9x6:0.025 --name phone\n"
+          "  trigpoint calibrate my_site --images 'cam0=left/*.png' --images 'cam1=right/*.png' --target april.yaml "
+          "\\\n"
+          "      --model kannala_brandt --name rig\n"
+          "  trigpoint calibrate my_site --hand-eye run1 --name mounted\n"
+          "  trigpoint calibrate my_site --from camera_info.yaml --name factory\n"
+          "  trigpoint calibrate my_site --name phone --set model=rational     the same pictures again\n");
+  const auto arguments = std::make_shared<Arguments>();
+  command
+      .add_option("DIR", arguments->dir, "the project, or any folder: the result goes to DIR/results/calibrate/NAME")
+      ->required();
+  command.add_option("--images", arguments->images, "pictures of the board: a pattern in quotes; once for each camera")
+      ->allow_extra_args(false);
+  command.add_option("--target", arguments->target, "the board: a file, or one line (see below)");
+  command.add_option("--name", arguments->name, "the calibration's name")->capture_default_str();
+  command.add_option("--model", arguments->model, "pinhole, radtan, radtan5, rational, kannala_brandt");
+  command.add_option(
+      "--hand-eye", arguments->hand_eye,
+      "instead of pictures of a board: how the cameras of this run sit on its body, from its odometry and "
+      "the tags it saw (after `trigpoint detect`)");
+  command.add_option("--from", arguments->from,
+                     "instead: import a Kalibr camchain, OpenCV YAML, ROS camera_info, COLMAP cameras.txt or JSON");
+  command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
+      ->allow_extra_args(false);
+  command.callback(
+      [&session, arguments] { session.action = [arguments](Session& s) { return Calibrate(s, *arguments); }; });
+}
+
+}  // namespace trigpoint

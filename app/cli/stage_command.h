@@ -1,0 +1,13 @@
+// Parts of the stages' commands that other commands use.
+#pragma once
+
+#include <string>
+
+#include "app/pipeline/stages.h"
+
+namespace trigpoint {
+
+// A stage's options for the help of its command.
+std::string OptionTable(const StageInfo& stage);
+
+}  // namespace trigpoint

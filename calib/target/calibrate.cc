@@ -1,0 +1,596 @@
+#include "calib/target/calibrate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "calib/base/error.h"
+#include "calib/camera/projection.h"
+#include "calib/estimation/loss.h"
+#include "calib/target/board_problem.h"
+#include "calib/target/median.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kLeastViews = 3;          // of a camera
+constexpr size_t kLeastPoints = 6;      // of a view that takes part
+constexpr double kLeastSigmaPx = 1e-3;  // pictures without any noise
+constexpr int kIterations = 200;
+
+struct ModelChoice {
+  CameraModel model = CameraModel::kRadtan;
+  size_t params = 9;
+};
+
+constexpr const char* kModels[] = {"pinhole", "radtan", "radtan5", "rational", "kannala_brandt"};
+
+ModelChoice ModelNamed(const std::string& name) {
+  if (name == "pinhole") return {CameraModel::kPinhole, 4};
+  if (name == "radtan") return {CameraModel::kRadtan, 8};
+  if (name == "radtan5") return {CameraModel::kRadtan, 9};
+  if (name == "rational") return {CameraModel::kRational, 12};
+  return {CameraModel::kKannalaBrandt, 8};
+}
+
+std::vector<std::string> SplitAtCommas(const std::string& text) {
+  std::vector<std::string> parts(1);
+  for (char c : text) {
+    if (c == ',') {
+      parts.emplace_back();
+    } else if (c != ' ') {
+      parts.back() += c;
+    }
+  }
+  return parts;
+}
+
+// Of each camera; the last one named goes for the rest.
+ModelChoice ModelOf(const CalibrateOptions& options, size_t camera) {
+  const std::vector<std::string> names = SplitAtCommas(options.model);
+  return ModelNamed(names[std::min(camera, names.size() - 1)]);
+}
+
+std::vector<int> Range(int begin, int end) {
+  std::vector<int> all;
+  for (int i = begin; i < end; ++i) all.push_back(i);
+  return all;
+}
+
+std::vector<int> FreeIntrinsics(const CameraState& camera) {
+  std::vector<int> free = Range(0, static_cast<int>(camera.params.size()));
+  if (camera.square_pixels) free.erase(free.begin() + 1);
+  return free;
+}
+
+// A camera as it stands; nothing if its parameters are none.
+std::optional<Camera> AsCamera(const CameraState& state, int width, int height) {
+  try {
+    return Camera(state.model, width, height, state.params);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+class Calibrator {
+ public:
+  Calibrator(const CalibrationInput& input, const CalibrateOptions& options, const CancelToken& cancel)
+      : input_(input), options_(options), cancel_(cancel), board_(input.target) {
+    problem_.board = &board_;
+    problem_.rig_from_board.resize(input.frames.size());
+    problem_.frame_used.assign(input.frames.size(), false);
+    reasons_.resize(input.views.size());
+    for (size_t v = 0; v < input.views.size(); ++v) {
+      const CalibrationView& view = input.views[v];
+      for (const BoardPoint& point : view.points) {
+        problem_.observations.push_back({view.camera, view.frame, static_cast<int>(v), point.id, point.pixel, true});
+      }
+    }
+    for (size_t c = 0; c < input.cameras.size(); ++c) {
+      const ModelChoice choice = ModelOf(options, c);
+      CameraState camera;
+      camera.model = choice.model;
+      camera.params.assign(choice.params, 0.0);
+      camera.square_pixels = options.square_pixels;
+      problem_.cameras.push_back(camera);
+    }
+  }
+
+  void Start() {
+    cam_from_board_.resize(input_.views.size());
+    for (size_t c = 0; c < input_.cameras.size(); ++c) {
+      cancel_.ThrowIfCancelled();
+      StartOne(c);
+    }
+    StartRig();
+  }
+
+  // From an earlier solution.
+  void StartFrom(const Calibration& start, const std::vector<bool>& keep) {
+    problem_.rig_from_board = start.rig_from_board;
+    for (size_t c = 0; c < problem_.cameras.size(); ++c) {
+      problem_.cameras[c].params = start.cameras[c].camera.params();
+      problem_.cameras[c].cam_from_rig = start.cameras[c].cam_from_rig;
+      problem_.cameras[c].sigma_px = start.cameras[c].sigma_px;
+    }
+    for (size_t i = 0; i < problem_.observations.size(); ++i) {
+      problem_.observations[i].used = start.residuals[i].used;
+      problem_.observations[i].point = start.residuals[i].point;
+    }
+    problem_.shape = start.board.values;
+    for (size_t f = 0; f < keep.size(); ++f) problem_.frame_used[f] = start.frame_used[f] && keep[f];
+  }
+
+  // Least squares of everything that is free over the points in use.
+  void Solve(const std::vector<int>& free_shape, bool free_cameras) {
+    for (CameraState& camera : problem_.cameras)
+      camera.free = free_cameras ? FreeIntrinsics(camera) : std::vector<int>();
+    problem_.free_extrinsics = free_cameras;
+    problem_.free_shape = free_shape;
+    report_ = SolveBoardProblem(problem_, nullptr, kIterations, cancel_);
+    if (!report_.usable) throw NumericError("the calibration did not converge; look at the pictures and the target");
+    SetSigmas();
+  }
+
+  // Robust solutions and what doesn't fit left out, until nothing changes.
+  void Settle(const std::vector<int>& free_shape, ProgressSink& progress) {
+    for (CameraState& camera : problem_.cameras) camera.free = FreeIntrinsics(camera);
+    problem_.free_extrinsics = true;
+    constexpr double kKnee = 9;  // of the whitened squared residual
+    HuberChi2Loss loss(kKnee);
+    if (options_.reject) {
+      for (int round = 0; round < 2; ++round) {
+        SetRobustSigmas();
+        SolveBoardProblem(problem_, &loss, kIterations, cancel_);
+        progress.Advance(1);
+      }
+      problem_.free_shape = free_shape;
+      constexpr int kRounds = 6;
+      for (int round = 0; round < kRounds; ++round) {
+        SetRobustSigmas();
+        if (!Reject() && round > 0) break;
+        SolveBoardProblem(problem_, nullptr, kIterations, cancel_);
+        progress.Advance(1);
+      }
+    }
+    Solve(free_shape, true);
+  }
+
+  std::vector<double> Rms() const {
+    std::vector<double> sum(problem_.cameras.size(), 0), n(sum.size(), 0);
+    for (const BoardObservation& o : problem_.observations) {
+      Eigen::Vector2d r = Eigen::Vector2d::Zero();
+      if (!problem_.IsActive(o) || !BoardResidual(problem_, o, &r)) continue;
+      sum[static_cast<size_t>(o.camera)] += r.squaredNorm();
+      n[static_cast<size_t>(o.camera)] += 1;
+    }
+    for (size_t c = 0; c < sum.size(); ++c) sum[c] = n[c] > 0 ? std::sqrt(sum[c] / n[c]) : 0;
+    return sum;
+  }
+
+  Calibration Result() const;
+
+ private:
+  std::vector<size_t> ViewsOf(size_t camera) const {
+    std::vector<size_t> views;
+    for (size_t v = 0; v < input_.views.size(); ++v) {
+      if (static_cast<size_t>(input_.views[v].camera) == camera) views.push_back(v);
+    }
+    return views;
+  }
+
+  void StartOne(size_t c);
+  void StartRig();
+  void SetRobustSigmas();
+  void SetSigmas();
+  bool Reject();
+  void RefreshLeftOutFrames();
+
+  const CalibrationInput& input_;
+  const CalibrateOptions& options_;
+  const CancelToken& cancel_;
+  BoardGeometry board_;
+  BoardProblem problem_;
+  std::vector<std::optional<Rigid3d>> cam_from_board_;  // of each view, where it is known
+  std::vector<std::string> reasons_;                    // why a view is left out
+  SolveReport report_;
+};
+
+// Intrinsics of one camera by itself, from few parameters to all.
+void Calibrator::StartOne(size_t c) {
+  const auto& size = input_.cameras[c];
+  const std::vector<size_t> views = ViewsOf(c);
+  if (static_cast<int>(views.size()) < kLeastViews) {
+    throw InputError(fmt::format(
+        "{}: the board was found in {} of its pictures, at least {} are needed (20 to 40 are good): photograph it from "
+        "more sides, tilted by 20 to 45 deg, near and far, and into the corners of the picture",
+        size.name, views.size(), kLeastViews));
+  }
+  CameraState& state = problem_.cameras[c];
+  const bool fisheye = state.model == CameraModel::kKannalaBrandt;
+  const CameraStart start =
+      StartCamera(input_, static_cast<int>(c), fisheye ? CameraModel::kKannalaBrandt : CameraModel::kPinhole, board_);
+  if (static_cast<int>(start.cam_from_board.size()) < kLeastViews) {
+    throw NumericError(size.name +
+                       ": no focal length explains the board in three pictures; is the target's description "
+                       "right (rows, columns, kind)?");
+  }
+  BoardProblem one;
+  one.board = &board_;
+  one.rig_from_board.resize(input_.frames.size());
+  one.frame_used.assign(input_.frames.size(), false);
+  one.cameras = {state};
+  CameraState& camera = one.cameras[0];
+  std::copy_n(start.camera.params().begin(), 4, camera.params.begin());
+  for (const auto& [view, pose] : start.cam_from_board) {
+    const auto f = static_cast<size_t>(input_.views[static_cast<size_t>(view)].frame);
+    one.rig_from_board[f] = pose;
+    one.frame_used[f] = true;
+  }
+  for (BoardObservation o : problem_.observations) {
+    if (static_cast<size_t>(o.camera) != c) continue;
+    o.camera = 0;
+    one.observations.push_back(o);
+  }
+  const int count = static_cast<int>(camera.params.size());
+  std::vector<std::vector<int>> steps = {{0}};
+  if (count > 4) steps.push_back({0, 4});
+  if (fisheye) {
+    steps.push_back({0, 2, 3, 4, 5});
+  } else if (count > 4) {
+    steps.push_back({0, 2, 3, 4, 5, 6, 7});
+  }
+  steps.push_back(Range(0, std::min(count, 9)));
+  if (count > 9) steps.push_back(Range(0, count));
+  HuberChi2Loss loss(4.0);  // px^2: sigma is 1 px here
+  for (size_t i = 0; i < steps.size(); ++i) {
+    const bool all = i + 1 == steps.size() || steps[i].size() >= 9;
+    camera.square_pixels = options_.square_pixels || !all;
+    camera.free = steps[i];
+    if (camera.square_pixels) std::erase(camera.free, 1);
+    SolveBoardProblem(one, &loss, kIterations, cancel_);
+    // A plane has two poses, and a poor camera may have preferred the wrong one.
+    const std::optional<Camera> now = AsCamera(camera, size.width, size.height);
+    if (!now) continue;
+    for (size_t v : views) {
+      const auto f = static_cast<size_t>(input_.views[v].frame);
+      const double rms = one.frame_used[f] ? BoardRms(*now, board_, one.rig_from_board[f], input_.views[v].points)
+                                           : std::numeric_limits<double>::infinity();
+      for (const Rigid3d& pose : BoardPoses(*now, board_, input_.views[v].points)) {
+        if (BoardRms(*now, board_, pose, input_.views[v].points) >= rms) continue;
+        one.rig_from_board[f] = pose;
+        one.frame_used[f] = true;
+        break;
+      }
+    }
+  }
+  SolveBoardProblem(one, &loss, kIterations, cancel_);
+  if (!AsCamera(camera, size.width, size.height)) {
+    throw NumericError(size.name +
+                       ": no camera explains the pictures; is the target's description right, and are all "
+                       "pictures from one camera with one zoom?");
+  }
+  state.params = camera.params;
+  for (size_t v : views) {
+    const auto f = static_cast<size_t>(input_.views[v].frame);
+    if (one.frame_used[f]) cam_from_board_[v] = one.rig_from_board[f];
+  }
+}
+
+// cam_from_rig and the frames' rig_from_board from the cameras' own board poses.
+void Calibrator::StartRig() {
+  const size_t cameras = problem_.cameras.size(), frames = input_.frames.size();
+  std::vector<std::vector<int>> view_of(cameras, std::vector<int>(frames, -1));
+  for (size_t v = 0; v < input_.views.size(); ++v) {
+    if (cam_from_board_[v]) {
+      view_of[static_cast<size_t>(input_.views[v].camera)][static_cast<size_t>(input_.views[v].frame)] =
+          static_cast<int>(v);
+    }
+  }
+  const auto pose = [&](size_t c, size_t f) { return *cam_from_board_[static_cast<size_t>(view_of[c][f])]; };
+  // A board that looks the same turned by half may have been counted from the other corner.
+  const Rigid3d turned(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitZ())),
+                       2 * board_.Middle());
+  const std::vector<Rigid3d> turns =
+      input_.target.LooksTheSameTurned() ? std::vector<Rigid3d>{Rigid3d(), turned} : std::vector<Rigid3d>{Rigid3d()};
+  const auto difference = [](const Rigid3d& a, const Rigid3d& b) {
+    const double size = std::max({0.1 * a.translation.norm(), 0.1 * b.translation.norm(), 1e-3});
+    return AngleBetween(a.rotation, b.rotation) / 0.05 + (a.translation - b.translation).norm() / size;
+  };
+  std::vector<bool> placed(cameras, false);
+  placed[0] = true;
+  for (size_t step = 1; step < cameras; ++step) {
+    // The camera that shares most frames with one that is placed.
+    size_t from = 0, to = 0, most = 0;
+    for (size_t a = 0; a < cameras; ++a) {
+      for (size_t b = 0; b < cameras; ++b) {
+        if (!placed[a] || placed[b]) continue;
+        size_t shared = 0;
+        for (size_t f = 0; f < frames; ++f) shared += view_of[a][f] >= 0 && view_of[b][f] >= 0;
+        if (shared > most) {
+          most = shared;
+          from = a;
+          to = b;
+        }
+      }
+    }
+    if (most == 0) {
+      std::string alone;
+      for (size_t b = 0; b < cameras; ++b) {
+        if (!placed[b]) alone += (alone.empty() ? "" : ", ") + input_.cameras[b].name;
+      }
+      throw InputError(alone +
+                       ": shares no picture of the board with the other cameras; photograph the board where two "
+                       "cameras see it at once, and name pictures of one moment alike");
+    }
+    // The candidate that most others agree with.
+    std::vector<Rigid3d> candidates;
+    std::vector<size_t> frame_of;
+    for (size_t f = 0; f < frames; ++f) {
+      if (view_of[from][f] < 0 || view_of[to][f] < 0) continue;
+      for (const Rigid3d& turn : turns) {
+        candidates.push_back(pose(to, f) * turn * pose(from, f).Inverse());
+        frame_of.push_back(f);
+      }
+    }
+    double least = std::numeric_limits<double>::infinity();
+    Rigid3d to_from_from;
+    for (const Rigid3d& candidate : candidates) {
+      double sum = 0;
+      for (const Rigid3d& other : candidates) sum += std::min(1.0, difference(candidate, other));
+      if (sum < least) {
+        least = sum;
+        to_from_from = candidate;
+      }
+    }
+    problem_.cameras[to].cam_from_rig = to_from_from * problem_.cameras[from].cam_from_rig;
+    placed[to] = true;
+    for (size_t i = 0; turns.size() > 1 && i < candidates.size(); i += 2) {
+      if (difference(candidates[i], to_from_from) <= difference(candidates[i + 1], to_from_from)) continue;
+      const int view = view_of[to][frame_of[i]];
+      cam_from_board_[static_cast<size_t>(view)] = *cam_from_board_[static_cast<size_t>(view)] * turned;
+      for (BoardObservation& o : problem_.observations) {
+        if (o.view == view) o.point = board_.size() - 1 - o.point;
+      }
+    }
+  }
+  for (size_t f = 0; f < frames; ++f) {
+    for (size_t c = 0; c < cameras && !problem_.frame_used[f]; ++c) {
+      if (view_of[c][f] < 0) continue;
+      problem_.rig_from_board[f] = problem_.cameras[c].cam_from_rig.Inverse() * pose(c, f);
+      problem_.frame_used[f] = true;
+    }
+  }
+}
+
+// From the middle of the residuals of all points, so that outliers don't count.
+void Calibrator::SetRobustSigmas() {
+  std::vector<std::vector<double>> sizes(problem_.cameras.size());
+  for (const BoardObservation& o : problem_.observations) {
+    Eigen::Vector2d r = Eigen::Vector2d::Zero();
+    if (!problem_.frame_used[static_cast<size_t>(o.frame)] || !BoardResidual(problem_, o, &r)) continue;
+    sizes[static_cast<size_t>(o.camera)].push_back(std::abs(r.x()));
+    sizes[static_cast<size_t>(o.camera)].push_back(std::abs(r.y()));
+  }
+  for (size_t c = 0; c < sizes.size(); ++c) {
+    problem_.cameras[c].sigma_px = std::max(kLeastSigmaPx, 1.4826 * Median(sizes[c]));
+  }
+}
+
+void Calibrator::SetSigmas() {
+  std::vector<double> sum(problem_.cameras.size(), 0), n(sum.size(), 0);
+  double all = 0;
+  for (const BoardObservation& o : problem_.observations) {
+    Eigen::Vector2d r = Eigen::Vector2d::Zero();
+    if (!problem_.IsActive(o) || !BoardResidual(problem_, o, &r)) continue;
+    sum[static_cast<size_t>(o.camera)] += r.squaredNorm();
+    n[static_cast<size_t>(o.camera)] += 2;
+    all += 2;
+  }
+  const double freedom = std::max(1.0, all - FreeParameters(problem_));
+  for (size_t c = 0; c < sum.size(); ++c) {
+    problem_.cameras[c].sigma_px =
+        n[c] > 0 ? std::max(kLeastSigmaPx, std::sqrt(sum[c] / n[c] * all / freedom)) : problem_.cameras[c].sigma_px;
+  }
+}
+
+// Poses of frames that take no part at present, so that they can come back.
+void Calibrator::RefreshLeftOutFrames() {
+  for (size_t v = 0; v < input_.views.size(); ++v) {
+    const CalibrationView& view = input_.views[v];
+    const auto f = static_cast<size_t>(view.frame), c = static_cast<size_t>(view.camera);
+    if (problem_.frame_used[f]) continue;
+    const std::optional<Camera> camera =
+        AsCamera(problem_.cameras[c], input_.cameras[c].width, input_.cameras[c].height);
+    if (!camera) continue;
+    const std::vector<Rigid3d> poses = BoardPoses(*camera, board_, view.points);
+    if (!poses.empty()) problem_.rig_from_board[f] = problem_.cameras[c].cam_from_rig.Inverse() * poses.front();
+  }
+}
+
+// Decides anew which points and views take part; true if anything changed.
+bool Calibrator::Reject() {
+  RefreshLeftOutFrames();
+  std::vector<std::vector<size_t>> of_view(input_.views.size());
+  std::vector<double> error(problem_.observations.size(), std::numeric_limits<double>::infinity());  // sigmas
+  for (size_t i = 0; i < problem_.observations.size(); ++i) {
+    const BoardObservation& o = problem_.observations[i];
+    of_view[static_cast<size_t>(o.view)].push_back(i);
+    Eigen::Vector2d r = Eigen::Vector2d::Zero();
+    if (BoardResidual(problem_, o, &r)) error[i] = r.norm() / problem_.cameras[static_cast<size_t>(o.camera)].sigma_px;
+  }
+  bool changed = false;
+  std::vector<bool> frame_used(problem_.frame_used.size(), false);
+  for (size_t v = 0; v < of_view.size(); ++v) {
+    size_t good = 0;
+    for (size_t i : of_view[v]) good += error[i] <= options_.reject_sigmas;
+    const size_t all = of_view[v].size();
+    const bool keep = good >= kLeastPoints && 2 * good >= all;
+    reasons_[v] = keep ? ""
+                       : fmt::format("{} of its {} points are more than {:g} sigma off (sigma {:.3f} px)", all - good,
+                                     all, options_.reject_sigmas,
+                                     problem_.cameras[static_cast<size_t>(input_.views[v].camera)].sigma_px);
+    for (size_t i : of_view[v]) {
+      const bool use = keep && error[i] <= options_.reject_sigmas;
+      changed = changed || problem_.observations[i].used != use;
+      problem_.observations[i].used = use;
+    }
+    if (keep) frame_used[static_cast<size_t>(input_.views[v].frame)] = true;
+  }
+  problem_.frame_used = frame_used;
+  return changed;
+}
+
+Calibration Calibrator::Result() const {
+  Calibration result;
+  result.rig_from_board = problem_.rig_from_board;
+  result.frame_used = problem_.frame_used;
+  result.board.values = problem_.shape;
+  result.iterations = report_.iterations;
+  result.cost_before = report_.cost_before;
+  result.cost_after = report_.cost_after;
+  result.covariance = ReducedCovariance(problem_, &result.determined);
+
+  Eigen::Index at = 0;
+  for (size_t c = 0; c < problem_.cameras.size(); ++c) {
+    const CameraState& state = problem_.cameras[c];
+    const auto& size = input_.cameras[c];
+    CalibratedCamera camera;
+    camera.name = size.name;
+    camera.camera = Camera(state.model, size.width, size.height, state.params);
+    camera.parameters = CameraParameterNames(state.model, state.params.size());
+    camera.cam_from_rig = state.cam_from_rig;
+    camera.sigma_px = state.sigma_px;
+    const auto count = static_cast<Eigen::Index>(state.params.size());
+    Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(count, static_cast<Eigen::Index>(state.free.size()));
+    for (size_t i = 0; i < state.free.size(); ++i) {
+      spread(state.free[i], static_cast<Eigen::Index>(i)) = 1;
+      if (state.square_pixels && state.free[i] == 0) spread(1, static_cast<Eigen::Index>(i)) = 1;
+      result.labels.push_back(size.name + " " + camera.parameters[static_cast<size_t>(state.free[i])]);
+    }
+    camera.covariance = spread * result.covariance.block(at, at, spread.cols(), spread.cols()) * spread.transpose();
+    at += spread.cols();
+    result.cameras.push_back(std::move(camera));
+  }
+  for (size_t c = 1; c < problem_.cameras.size(); ++c) {
+    if (!problem_.free_extrinsics) break;
+    result.cameras[c].cam_from_rig_covariance = result.covariance.block<6, 6>(at, at);
+    for (const char* axis : {"rx", "ry", "rz", "tx", "ty", "tz"}) {
+      result.labels.push_back(result.cameras[c].name + " " + axis);
+    }
+    at += 6;
+  }
+  for (int i : problem_.free_shape) {
+    result.board.sigma[i] = std::sqrt(std::max(0.0, result.covariance(at, at)));
+    result.labels.push_back(std::string("board ") + BoardShape::kNames[i]);
+    ++at;
+  }
+
+  result.views.resize(input_.views.size());
+  std::vector<double> all_sum(result.cameras.size(), 0), used_sum(result.cameras.size(), 0);
+  std::vector<double> view_used(result.views.size(), 0), view_all(result.views.size(), 0);
+  for (const BoardObservation& o : problem_.observations) {
+    const auto v = static_cast<size_t>(o.view), c = static_cast<size_t>(o.camera);
+    PointResidual residual;
+    residual.view = o.view;
+    residual.point = o.point;
+    residual.pixel = o.pixel;
+    residual.used = problem_.IsActive(o);
+    if (!BoardResidual(problem_, o, &residual.residual)) {
+      residual.residual.setConstant(std::numeric_limits<double>::quiet_NaN());
+      residual.used = false;
+    }
+    const double squared = residual.residual.squaredNorm();
+    ++result.views[v].points;
+    ++result.cameras[c].points;
+    if (std::isfinite(squared)) {
+      all_sum[c] += squared;
+      view_all[v] += squared;
+    }
+    if (residual.used) {
+      used_sum[c] += squared;
+      view_used[v] += squared;
+      ++result.views[v].points_used;
+      ++result.cameras[c].points_used;
+    }
+    result.residuals.push_back(residual);
+  }
+  for (size_t c = 0; c < result.cameras.size(); ++c) {
+    CalibratedCamera& camera = result.cameras[c];
+    camera.rms_px = std::sqrt(used_sum[c] / std::max(1, camera.points_used));
+    camera.rms_all_px = std::sqrt(all_sum[c] / std::max(1, camera.points));
+  }
+  for (size_t v = 0; v < result.views.size(); ++v) {
+    ViewSummary& summary = result.views[v];
+    const CalibrationView& view = input_.views[v];
+    CalibratedCamera& camera = result.cameras[static_cast<size_t>(view.camera)];
+    summary.used = summary.points_used > 0;
+    summary.rms_px = summary.used ? std::sqrt(view_used[v] / summary.points_used)
+                                  : std::sqrt(view_all[v] / std::max(1, summary.points));
+    if (!summary.used) summary.reason = reasons_[v].empty() ? "no pose was found for the board" : reasons_[v];
+    const Rigid3d cam_from_board = camera.cam_from_rig * result.rig_from_board[static_cast<size_t>(view.frame)];
+    const Eigen::Vector3d normal = cam_from_board.rotation * Eigen::Vector3d::UnitZ();
+    summary.tilt_rad = std::acos(std::clamp(std::abs(normal.z()), 0.0, 1.0));
+    const double sign = normal.z() < 0 ? -1 : 1;
+    summary.azimuth_rad = std::atan2(sign * normal.y(), sign * normal.x());
+    summary.distance_m = (cam_from_board * board_.Middle()).norm();
+    ++camera.views;
+    camera.views_used += summary.used;
+  }
+  return result;
+}
+
+std::vector<int> BendsIf(bool wanted) { return wanted ? std::vector<int>{0, 1, 2} : std::vector<int>(); }
+
+}  // namespace
+
+std::vector<std::string> CalibrateOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  for (const std::string& name : SplitAtCommas(model)) {
+    if (std::find(std::begin(kModels), std::end(kModels), name) == std::end(kModels)) {
+      problems.push_back("option model is '" + name +
+                         "', expected pinhole, radtan, radtan5, rational or kannala_brandt");
+    }
+  }
+  return problems;
+}
+
+Calibration CalibrateCameras(const CalibrationInput& input, const CalibrateOptions& options, ProgressSink& progress,
+                             const CancelToken& cancel) {
+  const std::vector<std::string> problems = options.Check();
+  if (!problems.empty()) throw OptionError(problems.front());
+  progress.Begin("adjusting", 0);
+  Calibrator calibrator(input, options, cancel);
+  calibrator.Start();
+  calibrator.Settle(BendsIf(options.board_shape), progress);
+  return calibrator.Result();
+}
+
+Calibration Recalibrate(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& start,
+                        const std::vector<bool>& keep, const std::vector<int>& free_shape, const CancelToken& cancel) {
+  Calibrator calibrator(input, options, cancel);
+  calibrator.StartFrom(start, keep);
+  calibrator.Solve(free_shape, true);
+  return calibrator.Result();
+}
+
+std::vector<double> HoldOutRms(const CalibrationInput& input, const Calibration& calibration,
+                               const std::vector<bool>& frames, const CancelToken& cancel) {
+  CalibrateOptions options;
+  options.model.clear();
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    const size_t count = camera.camera.params().size();
+    std::string name(CameraModelName(camera.camera.model()));
+    if (name == "radtan" && count == 9) name += "5";
+    options.model += (options.model.empty() ? "" : ",") + name;
+  }
+  Calibrator calibrator(input, options, cancel);
+  calibrator.StartFrom(calibration, frames);
+  calibrator.Solve({}, false);
+  return calibrator.Rms();
+}
+
+}  // namespace trigpoint

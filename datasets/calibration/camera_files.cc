@@ -1,0 +1,352 @@
+#include "datasets/calibration/camera_files.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/colmap/camera_models.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Number(double value) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
+  return buffer;
+}
+
+std::string List(const std::vector<double>& values) {
+  std::string text = "[";
+  for (size_t i = 0; i < values.size(); ++i) text += (i == 0 ? "" : ", ") + Number(values[i]);
+  return text + "]";
+}
+
+std::string Comments(const std::vector<std::string>& comments) {
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  return text;
+}
+
+// K, and coefficients in OpenCV's order, as a camera.
+Camera MakeCamera(const std::string& where, const std::vector<double>& k, std::vector<double> d, std::string model,
+                  int width, int height) {
+  if (k.size() != 9)
+    throw InputError(where + ": expected a camera matrix of 3 x 3 numbers, found " + std::to_string(k.size()));
+  if (width <= 0 || height <= 0) {
+    throw InputError(where + ": the size of the pictures is missing (image_width, image_height); add it to the file");
+  }
+  if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
+  std::vector<double> params = {k[0], k[4], k[2], k[5]};
+  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
+  const bool fisheye = model == "equidistant" || model == "fisheye" || model == "kannala_brandt";
+  static const std::vector<std::string> kKnown = {
+      "",        "plumb_bob", "rational_polynomial", "radtan",  "rational",
+      "pinhole", "none",      "equidistant",         "fisheye", "kannala_brandt"};
+  if (std::find(kKnown.begin(), kKnown.end(), model) == kKnown.end()) {
+    throw InputError(where + ": distortion_model: expected plumb_bob, rational_polynomial or equidistant, found '" +
+                     model + "'");
+  }
+  // Coefficients that are there but zero (thin prism, tilt) change nothing.
+  const size_t most = fisheye ? 4 : 8;
+  while (d.size() > most && d.back() == 0) d.pop_back();
+  CameraModel kind = CameraModel::kPinhole;
+  if (fisheye) {
+    kind = CameraModel::kKannalaBrandt;
+    if (d.size() != 4) throw InputError(where + ": a fisheye has 4 coefficients, found " + std::to_string(d.size()));
+  } else if (!d.empty()) {
+    if (d.size() > 5) d.resize(std::max<size_t>(d.size(), 8), 0.0);
+    if (d.size() < 4) d.resize(4, 0.0);
+    if (d.size() > 8) {
+      throw InputError(
+          where + ": " + std::to_string(d.size()) +
+          " distortion coefficients: thin prism and tilted sensors are not supported; recalibrate with 4, 5 "
+          "or 8");
+    }
+    kind = d.size() == 8 ? CameraModel::kRational : CameraModel::kRadtan;
+  }
+  params.insert(params.end(), d.begin(), d.end());
+  try {
+    return {kind, width, height, params};
+  } catch (const InputError& e) {
+    throw InputError(where + ": " + e.what());
+  }
+}
+
+BodyCamera Named(const std::string& name, Camera camera) {
+  BodyCamera body;
+  body.name = name;
+  body.camera = std::move(camera);
+  return body;
+}
+
+void AppendNumbers(const YAML::Node& node, const std::string& where, std::vector<double>* numbers) {
+  if (node.IsSequence()) {
+    for (const auto& item : node) AppendNumbers(item, where, numbers);
+    return;
+  }
+  const auto value = node.IsScalar() ? ParseDouble(node.Scalar()) : std::nullopt;
+  if (!value || !std::isfinite(*value)) throw InputError(where + ": expected numbers");
+  numbers->push_back(*value);
+}
+
+// A top-level map in which the same thing has several names.
+class LooseMap {
+ public:
+  LooseMap(fs::path file, const YAML::Node& node) : file_(std::move(file)), node_(node) {}
+  YAML::Node Find(const std::vector<std::string>& names) const {
+    for (const auto& entry : node_) {
+      if (std::find(names.begin(), names.end(), entry.first.Scalar()) != names.end()) return entry.second;
+    }
+    return YAML::Node(YAML::NodeType::Undefined);
+  }
+  // A list, a nested list, or a matrix {rows, cols, data}; empty if missing.
+  std::vector<double> Numbers(const std::vector<std::string>& names) const {
+    YAML::Node node = Find(names);
+    if (!node.IsDefined() || node.IsNull()) return {};
+    if (node.IsMap()) node = node["data"];
+    std::vector<double> numbers;
+    if (node.IsDefined()) AppendNumbers(node, file_.string() + ": key '" + names.front() + "'", &numbers);
+    return numbers;
+  }
+  int Integer(const std::vector<std::string>& names) const {
+    const std::vector<double> numbers = Numbers(names);
+    return numbers.empty() ? 0 : static_cast<int>(numbers.front());
+  }
+  std::string Text(const std::vector<std::string>& names) const {
+    const YAML::Node node = Find(names);
+    return node.IsDefined() && node.IsScalar() ? node.Scalar() : "";
+  }
+
+ private:
+  fs::path file_;
+  YAML::Node node_;
+};
+
+CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, int height) {
+  // OpenCV's first line is no YAML directive.
+  if (text.starts_with("%YAML")) text.replace(0, std::min(text.find('\n'), text.size()), "");
+  YAML::Node node;
+  try {
+    node = YAML::Load(text);
+  } catch (const YAML::Exception& e) {
+    throw InputError(FileLine(file, e.mark.line + 1) + ": not valid YAML: " + e.msg);
+  }
+  if (!node.IsMap()) throw InputError(file.string() + ": expected a camera calibration, found no map");
+  CameraFile result;
+  for (const auto& entry : node) {
+    if (entry.second.IsMap() && entry.second["intrinsics"]) {
+      result.format = "Kalibr";
+      result.cameras = ReadCamchain(file);
+      result.related = true;
+      return result;
+    }
+  }
+  result.format = "OpenCV or ROS";
+  const LooseMap map(file, node);
+  if (const int w = map.Integer({"image_width", "width", "image_Width"}); w > 0) width = w;
+  if (const int h = map.Integer({"image_height", "height", "image_Height"}); h > 0) height = h;
+  if (const std::vector<double> size = map.Numbers({"image_size", "imageSize"}); size.size() == 2) {
+    width = static_cast<int>(size[0]);
+    height = static_cast<int>(size[1]);
+  }
+  const std::string model = map.Text({"distortion_model", "camera_model"});
+  if (const std::vector<double> first = map.Numbers({"M1"}); !first.empty()) {
+    result.cameras.push_back(
+        Named("cam0", MakeCamera(file.string(), first, map.Numbers({"D1"}), model, width, height)));
+    result.cameras.push_back(
+        Named("cam1", MakeCamera(file.string(), map.Numbers({"M2"}), map.Numbers({"D2"}), model, width, height)));
+    const std::vector<double> r = map.Numbers({"R"}), t = map.Numbers({"T"});
+    if (r.size() == 9 && t.size() == 3) {
+      const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
+      result.cameras[1].cam_from_body = {Eigen::Quaterniond(rotation), Eigen::Vector3d(t[0], t[1], t[2])};
+      result.related = true;
+    }
+    return result;
+  }
+  const std::vector<double> k =
+      map.Numbers({"camera_matrix", "cameraMatrix", "Camera_Matrix", "camera_Matrix", "K", "k"});
+  if (k.empty()) {
+    throw InputError(file.string() +
+                     ": no camera in it; expected a Kalibr camchain, OpenCV's or ROS' camera_matrix, or COLMAP's "
+                     "cameras.txt");
+  }
+  const std::vector<double> d = map.Numbers(
+      {"distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"});
+  result.cameras.push_back(Named("cam0", MakeCamera(file.string(), k, d, model, width, height)));
+  result.related = true;
+  return result;
+}
+
+CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int width, int height) {
+  const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+  if (!json.is_object()) throw InputError(file.string() + ": not valid JSON");
+  const auto data = [&](const char* key) {
+    std::vector<double> numbers;
+    const auto it = json.find(key);
+    if (it == json.end() || !it->is_object() || !it->contains("data") || !it->at("data").is_array()) return numbers;
+    for (const auto& value : it->at("data")) {
+      if (!value.is_number()) throw InputError(file.string() + ": key '" + key + "': expected numbers");
+      numbers.push_back(value.get<double>());
+    }
+    return numbers;
+  };
+  if (const auto it = json.find("resolution"); it != json.end() && it->is_object()) {
+    if (it->contains("width") && it->at("width").is_number()) width = static_cast<int>(it->at("width").get<double>());
+    if (it->contains("height") && it->at("height").is_number())
+      height = static_cast<int>(it->at("height").get<double>());
+  }
+  CameraFile result;
+  result.format = "JSON";
+  result.cameras.push_back(
+      Named("cam0", MakeCamera(file.string(), data("cameraIntrinsics"), data("distCoeffs"), "", width, height)));
+  result.related = true;
+  return result;
+}
+
+// The fields of a line of cameras.txt, or nothing.
+std::vector<std::string_view> ColmapFields(std::string_view line) {
+  const std::vector<std::string_view> fields = SplitFields(line);
+  if (fields.size() < 5 || !ParseInt(fields[0]) || !ParseInt(fields[2]) || !ParseInt(fields[3])) return {};
+  return fields;
+}
+
+CameraFile ReadColmapCameras(const fs::path& file, const std::string& text) {
+  static constexpr const char* kNames[] = {"SIMPLE_PINHOLE",
+                                           "PINHOLE",
+                                           "SIMPLE_RADIAL",
+                                           "RADIAL",
+                                           "OPENCV",
+                                           "OPENCV_FISHEYE",
+                                           "FULL_OPENCV",
+                                           "FOV",
+                                           "SIMPLE_RADIAL_FISHEYE",
+                                           "RADIAL_FISHEYE",
+                                           "THIN_PRISM_FISHEYE"};
+  CameraFile result;
+  result.format = "COLMAP";
+  int number = 0;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(begin, end - begin));
+    begin = end + 1;
+    ++number;
+    if (line.empty() || line.front() == '#') continue;
+    const std::string where = FileLine(file, number);
+    const std::vector<std::string_view> fields = ColmapFields(line);
+    if (fields.empty()) throw InputError(where + ": expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, as COLMAP writes it");
+    ColmapCamera camera;
+    camera.model_name = std::string(fields[1]);
+    camera.model_id = static_cast<int>(std::find(std::begin(kNames), std::end(kNames), camera.model_name) - kNames);
+    camera.width = static_cast<int>(*ParseInt(fields[2]));
+    camera.height = static_cast<int>(*ParseInt(fields[3]));
+    for (size_t i = 4; i < fields.size(); ++i) {
+      const auto value = ParseDouble(fields[i]);
+      if (!value) throw InputError(where + ": expected a number, found '" + std::string(fields[i]) + "'");
+      camera.params.push_back(*value);
+    }
+    try {
+      result.cameras.push_back(Named("cam" + std::to_string(result.cameras.size()), FromColmap(camera)));
+    } catch (const InputError& e) {
+      throw InputError(where + ": " + e.what());
+    }
+  }
+  if (result.cameras.empty()) throw InputError(file.string() + ": no camera in it");
+  result.related = result.cameras.size() == 1;
+  return result;
+}
+
+bool LooksLikeColmap(const std::string& text) {
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(begin, end - begin));
+    begin = end + 1;
+    if (!line.empty() && line.front() != '#') return !ColmapFields(line).empty();
+  }
+  return false;
+}
+
+// K as nine numbers, and the coefficients.
+std::vector<double> MatrixOf(const Camera& camera) {
+  const std::vector<double>& p = camera.params();
+  return {p[0], 0, p[2], 0, p[1], p[3], 0, 0, 1};
+}
+
+std::vector<double> CoefficientsOf(const Camera& camera) {
+  std::vector<double> d(camera.params().begin() + 4, camera.params().end());
+  if (camera.model() == CameraModel::kPinhole || camera.model() == CameraModel::kRadtan) d.resize(5, 0.0);
+  return d;
+}
+
+const char* RosModel(const fs::path& file, const Camera& camera) {
+  switch (camera.model()) {
+    case CameraModel::kPinhole:
+    case CameraModel::kRadtan: return "plumb_bob";
+    case CameraModel::kRational: return "rational_polynomial";
+    case CameraModel::kKannalaBrandt: return "equidistant";
+    case CameraModel::kEquirectangular: break;
+  }
+  throw OptionError(file.string() + ": an equirectangular camera has no place in this file");
+}
+
+}  // namespace
+
+CameraFile ReadCameraFile(const fs::path& file, int width, int height) {
+  const std::string text = ReadTextFile(file);
+  const std::string_view trimmed = Trim(text);
+  if (!trimmed.empty() && trimmed.front() == '{') return ReadJsonCamera(file, text, width, height);
+  if (LooksLikeColmap(text)) return ReadColmapCameras(file, text);
+  return ReadYamlCameras(file, text, width, height);
+}
+
+void WriteOpenCvCamera(const fs::path& file, const BodyCamera& camera, const std::vector<std::string>& comments) {
+  const auto matrix = [](const char* name, size_t rows, size_t cols, const std::vector<double>& data) {
+    return std::string(name) + ": !!opencv-matrix\n   rows: " + std::to_string(rows) +
+           "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: " + List(data) + "\n";
+  };
+  const std::vector<double> d = CoefficientsOf(camera.camera);
+  WriteFileAtomically(file, "%YAML:1.0\n---\n" + Comments(comments) +
+                                "image_width: " + std::to_string(camera.camera.width()) +
+                                "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: \"" +
+                                camera.name + "\"\ndistortion_model: \"" + RosModel(file, camera.camera) + "\"\n" +
+                                matrix("camera_matrix", 3, 3, MatrixOf(camera.camera)) +
+                                matrix("distortion_coefficients", d.size(), 1, d));
+}
+
+void WriteRosCameraInfo(const fs::path& file, const BodyCamera& camera, const std::vector<std::string>& comments) {
+  const auto matrix = [](const char* name, size_t rows, size_t cols, const std::vector<double>& data) {
+    return std::string(name) + ":\n  rows: " + std::to_string(rows) + "\n  cols: " + std::to_string(cols) +
+           "\n  data: " + List(data) + "\n";
+  };
+  const std::vector<double>& p = camera.camera.params();
+  const std::vector<double> d = CoefficientsOf(camera.camera);
+  WriteFileAtomically(file, Comments(comments) + "image_width: " + std::to_string(camera.camera.width()) +
+                                "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: " +
+                                camera.name + "\n" + matrix("camera_matrix", 3, 3, MatrixOf(camera.camera)) +
+                                "distortion_model: " + RosModel(file, camera.camera) + "\n" +
+                                matrix("distortion_coefficients", 1, d.size(), d) +
+                                matrix("rectification_matrix", 3, 3, {1, 0, 0, 0, 1, 0, 0, 0, 1}) +
+                                matrix("projection_matrix", 3, 4, {p[0], 0, p[2], 0, 0, p[1], p[3], 0, 0, 0, 1, 0}));
+}
+
+void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cameras,
+                        const std::vector<std::string>& comments) {
+  std::string text = Comments(comments) + "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixel centres at 0.5\n";
+  int id = 0;
+  for (const BodyCamera& camera : cameras) {
+    const ColmapCamera colmap = ToColmap(camera.camera);
+    text += std::to_string(++id) + " " + colmap.model_name + " " + std::to_string(colmap.width) + " " +
+            std::to_string(colmap.height);
+    for (double p : colmap.params) text += " " + Number(p);
+    text += "\n";
+  }
+  WriteFileAtomically(file, text);
+}
+
+}  // namespace trigpoint

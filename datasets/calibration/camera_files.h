@@ -1,0 +1,39 @@
+// Calibrated cameras in the forms other programs write: OpenCV's YAML, ROS camera_info, COLMAP's cameras.txt, JSON of
+// vision coprocessors; and Kalibr's camchain (camchain.h).
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+struct CameraFile {
+  std::string format;  // "Kalibr", "OpenCV or ROS", "COLMAP", "JSON"
+  std::vector<BodyCamera> cameras;
+  bool related = false;  // is it known how several cameras sit to each other?
+};
+
+// Reads any of them, told apart by what is in the file:
+//   Kalibr       camchain.yaml
+//   OpenCV, ROS  camera_matrix (or cameraMatrix, K, k), distortion_coefficients (dist_coeffs, distCoeffs, D, d),
+//                image_width and image_height (width, height, image_size), distortion_model: plumb_bob, radtan,
+//                rational_polynomial, equidistant or fisheye; without it by the number of coefficients (4, 5, 8).
+//                Two cameras as M1, D1, M2, D2, with R, T (second from first) or without.
+//   COLMAP       cameras.txt; its pixels become ours
+//   JSON         cameraIntrinsics, distCoeffs, resolution
+// `width`, `height`: of the pictures, where the file doesn't say; 0: then it must. Throws InputError naming the file
+// and what is missing.
+CameraFile ReadCameraFile(const std::filesystem::path& file, int width = 0, int height = 0);
+
+// Each is written atomically. OpenCV: camera_matrix, distortion_coefficients, model by distortion_model.
+void WriteOpenCvCamera(const std::filesystem::path& file, const BodyCamera& camera,
+                       const std::vector<std::string>& comments);
+void WriteRosCameraInfo(const std::filesystem::path& file, const BodyCamera& camera,
+                        const std::vector<std::string>& comments);
+void WriteColmapCameras(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
+                        const std::vector<std::string>& comments);
+
+}  // namespace trigpoint

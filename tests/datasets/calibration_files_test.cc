@@ -1,0 +1,139 @@
+// Targets, cameras and pictures of a calibration, as files.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calib/base/error.h"
+#include "datasets/calibration/calibration_images.h"
+#include "datasets/calibration/camera_files.h"
+#include "datasets/calibration/target_file.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/text.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class CalibrationFiles : public testing::Test {
+ protected:
+  const std::filesystem::path& dir() const { return temp_.path(); }
+
+ private:
+  TempDir temp_;
+};
+
+TEST_F(CalibrationFiles, ReadsKalibrTargets) {
+  const auto read = [&](const std::string& text) {
+    WriteFileAtomically(dir() / "target.yaml", text);
+    return ReadTarget("target.yaml", dir());
+  };
+  const Target grid = read("target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n");
+  EXPECT_EQ(grid.kind, TargetKind::kAprilGrid);
+  EXPECT_EQ(grid.BoardPoints().size(), 120u);
+  EXPECT_NEAR(grid.BoardPoints()[2].x(), 0.088 * 1.3, 1e-12);
+  const Target board = read(
+      "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n");
+  EXPECT_NEAR(board.spacing_y_m, 0.06, 1e-12);
+  EXPECT_EQ(board.PointColumns(), 6);
+  const Target circles =
+      read("target_type: 'circlegrid'\ntargetCols: 4\ntargetRows: 11\nspacingMeters: 0.02\nasymmetricGrid: True\n");
+  EXPECT_EQ(circles.kind, TargetKind::kAsymmetricCircles);
+  EXPECT_THAT(MessageOf<Error>([&] { read("target_type: aprilgrid\ntagCols: 6\ntagRow: 5\n"); }), HasSubstr("tagRows"));
+  EXPECT_THAT(MessageOf<Error>([&] { read("target_type: dartboard\n"); }), HasSubstr("expected checkerboard"));
+  EXPECT_THAT(MessageOf<Error>([&] { read("target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\n"); }),
+              HasSubstr("size in metres"));
+}
+
+TEST_F(CalibrationFiles, TargetsGoToFilesAndBack) {
+  for (const char* text :
+       {"checkerboard:9x6:0.025", "checkerboard:9x6:0.025x0.03", "charuco:8x8:0.0254:0.01905:DICT_4X4_1000",
+        "aprilgrid:6x6:0.088:0.3", "asymmetric_circles:4x11:0.02", "circles:7x7:0.02"}) {
+    const Target target = ReadTarget(text, dir());
+    WriteTargetFile(dir() / "t.yaml", target);
+    EXPECT_EQ(ReadTarget("t.yaml", dir()).Text(), target.Text()) << text;
+  }
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("chequerboard:9x6:0.025", dir()); }), HasSubstr("'checkerboard'"));
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("checkerboard:9:0.025", dir()); }), HasSubstr("columns x rows"));
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("checkerboard:9x6:-1", dir()); }), HasSubstr("above 0"));
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("charuco:8x8:0.02:0.03", dir()); }), HasSubstr("marker size"));
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("charuco:8x8:0.02:0.01:DICT_9", dir()); }), HasSubstr("dictionary"));
+  EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("missing.yaml", dir()); }), HasSubstr("no such target file"));
+}
+
+TEST_F(CalibrationFiles, EveryCameraFormGoesOutAndBack) {
+  const std::vector<Camera> cameras = {
+      Camera(CameraModel::kPinhole, 640, 480, {500, 501, 320, 240}),
+      Camera(CameraModel::kRadtan, 640, 480, {500, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3}),
+      Camera(CameraModel::kRadtan, 640, 480, {500, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3, 0.01}),
+      Camera(CameraModel::kRational, 640, 480, {500, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3, 0.01, 0.1, 0.02, 0.001}),
+      Camera(CameraModel::kKannalaBrandt, 640, 480, {300, 301, 320, 240, -0.01, 0.02, -0.01, 0.001})};
+  const Eigen::Vector3d point(0.21, -0.13, 1);
+  for (const Camera& camera : cameras) {
+    BodyCamera body;
+    body.name = "cam0";
+    body.camera = camera;
+    WriteOpenCvCamera(dir() / "cv.yaml", body, {"comment"});
+    WriteRosCameraInfo(dir() / "ros.yaml", body, {"comment"});
+    WriteColmapCameras(dir() / "cameras.txt", {body}, {"comment"});
+    WriteCamchain(dir() / "camchain.yaml", {body});
+    for (const char* file : {"cv.yaml", "ros.yaml", "cameras.txt", "camchain.yaml"}) {
+      const CameraFile back = ReadCameraFile(dir() / file);
+      ASSERT_EQ(back.cameras.size(), 1u) << file;
+      EXPECT_TRUE(back.related);
+      EXPECT_EQ(back.cameras[0].camera.width(), 640) << file;
+      EXPECT_LT((*back.cameras[0].camera.Project(point) - *camera.Project(point)).norm(), 1e-9)
+          << file << " " << CameraModelName(camera.model());
+    }
+  }
+}
+
+TEST_F(CalibrationFiles, ARigKeepsItsBaselineWithoutABody) {
+  BodyCamera left, right;
+  left.name = "cam0";
+  right.name = "cam1";
+  left.camera = right.camera = Camera(CameraModel::kPinhole, 640, 480, {500, 500, 320, 240});
+  right.cam_from_body = {Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY())), {-0.12, 0.01, 0.02}};
+  WriteCamchain(dir() / "rig.yaml", {left, right});
+  const std::vector<BodyCamera> back = ReadCamchain(dir() / "rig.yaml");
+  const Rigid3d right_from_left = back[1].cam_from_body * back[0].cam_from_body.Inverse();
+  EXPECT_LT(right_from_left.Minus(right.cam_from_body).norm(), 1e-9);
+  EXPECT_FALSE(back[1].has_extrinsics);
+}
+
+TEST_F(CalibrationFiles, SaysWhatAForeignFileLacks) {
+  const auto read = [&](const std::string& text) {
+    WriteFileAtomically(dir() / "camera.yaml", text);
+    return MessageOf<Error>([&] { ReadCameraFile(dir() / "camera.yaml"); });
+  };
+  EXPECT_THAT(read("camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"),
+              HasSubstr("image_width"));
+  EXPECT_THAT(read("image_width: 640\nimage_height: 480\ncamera_matrix: {data: [500, 0, 320]}\n"), HasSubstr("3 x 3"));
+  EXPECT_THAT(read("image_width: 640\n"), HasSubstr("no camera in it"));
+  EXPECT_THAT(read("1 OPENCV 640 480 500 500 320\n"), HasSubstr("camera.yaml:1"));
+  EXPECT_THAT(read("1 FOV 640 480 500 500 320 240 0.1\n"), HasSubstr("not supported"));
+  EXPECT_THAT(read("%YAML:1.0\ncamera_matrix: [[\n"), HasSubstr("not valid YAML"));
+  EXPECT_THAT(read("{\"cameraIntrinsics\": 3"), HasSubstr("not valid JSON"));
+}
+
+TEST_F(CalibrationFiles, PairsPicturesOfOneMoment) {
+  for (const char* name :
+       {"left01.png", "left02.png", "left10.png", "right01.png", "right10.png", "a/1.png", "b/1.png"}) {
+    WriteFileAtomically(dir() / name, "x");
+  }
+  std::vector<CalibrationImages> one = FindCalibrationImages("left*.png", dir());
+  EXPECT_THAT(PairFrames(&one), ElementsAre("left01", "left02", "left10"));
+  std::vector<CalibrationImages> two = FindCalibrationImages("L=left*.png;R=right*.png", dir());
+  PairFrames(&two);
+  EXPECT_EQ(two[0].camera, "L");
+  EXPECT_EQ(two[0].frame_of[2], two[1].frame_of[1]);
+  EXPECT_NE(two[0].frame_of[1], two[1].frame_of[1]);
+  std::vector<CalibrationImages> folders = FindCalibrationImages("a;b", dir());
+  PairFrames(&folders);
+  EXPECT_EQ(folders[0].frame_of[0], folders[1].frame_of[0]);
+  EXPECT_THAT(MessageOf<Error>([&] { FindCalibrationImages("none*.png", dir()); }), HasSubstr("no such pictures"));
+}
+
+}  // namespace
+}  // namespace trigpoint

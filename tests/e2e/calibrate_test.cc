@@ -1,0 +1,84 @@
+// `trigpoint calibrate` on real pictures.
+#include <gmock/gmock.h>
+
+#include "datasets/io/camchain.h"
+#include "datasets/io/text.h"
+#include "tests/e2e/program.h"
+#include "tests/eval/shared_data.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class Calibrate : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto data = SharedData("calibration");
+    if (!data) GTEST_SKIP() << "no shared data";
+    data_ = fs::absolute(*data);
+    std::string name = (fs::temp_directory_path() / "trigpoint_calibrate_XXXXXX").string();
+    dir_ = mkdtemp(name.data());
+  }
+  void TearDown() override {
+    if (!dir_.empty()) fs::remove_all(dir_);
+  }
+  Finished Run(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(), {"calibrate", dir_.string()});
+    arguments.emplace_back("--json");
+    return Trigpoint(arguments);
+  }
+  std::string Left() const { return (data_ / "stereo_checkerboard/left*.jpg").string(); }
+  std::string Right() const { return (data_ / "stereo_checkerboard/right*.jpg").string(); }
+  fs::path Result(const std::string& name) const { return dir_ / "results/calibrate" / name; }
+
+  fs::path data_, dir_;
+};
+
+TEST_F(Calibrate, StereoAgreesWithTheReferenceAndIsUsedByARun) {
+  const Finished done = Run({"--images", Left(), "--images", Right(), "--target", "checkerboard:9x6:0.025", "--name",
+                             "stereo", "--set", "square_pixels=true"});
+  ASSERT_TRUE(done.exit_code == 0) << done.err;
+  const auto document = nlohmann::json::parse(ReadTextFile(Result("stereo") / "calibration.json"));
+  const auto& left = document["cameras"][0];
+  // Reference: OpenCV's own, f = 535.916, rms 0.3926 px.
+  EXPECT_NEAR(left["parameters"]["fx"].get<double>(), 535.916, 2 * left["sigma"]["fx"].get<double>());
+  EXPECT_LE(left["rms_px"].get<double>(), 0.3926);
+  const auto& t = document["cameras"][1]["cam_from_rig"]["translation_m"];
+  EXPECT_NEAR(std::hypot(t[0].get<double>(), t[1].get<double>(), t[2].get<double>()), 0.0834, 0.002);
+  for (const char* file : {"camchain.yaml", "opencv_cam1.yaml", "camera_info_cam0.yaml", "cameras.txt", "quality.md",
+                           "uncertainty_cam0.png", "uncertainty_cam0.csv", "coverage_cam1.png", "residuals_cam0.png",
+                           "halves_cam0.png", "views.csv", "residuals.csv"}) {
+    EXPECT_GT(fs::file_size(Result("stereo") / file), 0u) << file;
+  }
+  // Again: nothing to do. With an option: from the same pictures.
+  EXPECT_THAT(Run({"--name", "stereo"}).Json().dump(), HasSubstr("up to date"));
+  // Its own files can be read back.
+  for (const char* file : {"opencv_cam0.yaml", "camera_info_cam0.yaml", "camchain.yaml"}) {
+    EXPECT_EQ(Run({"--from", (Result("stereo") / file).string(), "--name", "again"}).exit_code, 0) << file;
+    EXPECT_NEAR(ReadCamchain(Result("again") / "camchain.yaml")[0].camera.MeanFocal(),
+                left["parameters"]["fx"].get<double>(), 1e-6);
+  }
+}
+
+TEST_F(Calibrate, BadInputIsOneClearLine) {
+  const auto line = [&](std::vector<std::string> arguments, int exit_code) {
+    const Finished done = Run(std::move(arguments));
+    EXPECT_EQ(done.exit_code, exit_code) << done.err;
+    return done.err;
+  };
+  EXPECT_THAT(line({"--images", "none/*.jpg", "--target", "checkerboard:9x6:0.025"}, 1), HasSubstr("no such pictures"));
+  EXPECT_THAT(line({"--images", Left()}, 2), HasSubstr("--target"));
+  EXPECT_THAT(line({"--name", "nothing"}, 2), HasSubstr("--images"));
+  EXPECT_THAT(line({"--images", Left(), "--target", "checkerboard:9x6:0.025", "--model", "magic"}, 2),
+              HasSubstr("kannala_brandt"));
+  EXPECT_THAT(line({"--images", Left(), "--target", "checkerboard:10x7:0.025"}, 1), HasSubstr("9 x 6 inner corners"));
+  EXPECT_THAT(
+      line({"--images", (data_ / "stereo_checkerboard/left0[12].jpg").string(), "--target", "checkerboard:9x6:0.025"},
+           1),
+      HasSubstr("at least 3 are needed"));
+}
+
+}  // namespace
+}  // namespace trigpoint
