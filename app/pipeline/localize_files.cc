@@ -404,11 +404,10 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
                             const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
+LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
   LocalizeJob job;
   LocalizeInput& input = job.input;
   input.cameras = run.cameras;
-  input.has_frame = has_frame;
-  input.frame = frame;
   input.levelled = run.config.odometry_levelled;
   input.scale_sigma = run.config.odometry_scale_sigma;
   if (run.odometry.poses.empty()) {
@@ -449,7 +448,16 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   std::vector<std::string> names;
   for (const FrameImage& image : input.images) names.push_back(image.name);
   input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };
+  return job;
+}
 
+LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
+                            const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
+                            const ViewOptions& views) {
+  LocalizeJob job = MakeRunJob(run, run_features);
+  LocalizeInput& input = job.input;
+  input.has_frame = has_frame;
+  input.frame = frame;
   const auto reference_store = std::make_shared<FeatureStore>(reference_features);
   std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
   std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store

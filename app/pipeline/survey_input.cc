@@ -1,12 +1,37 @@
 #include "app/pipeline/survey_input.h"
 
 #include "app/pipeline/reviewed.h"
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "app/pipeline/survey_ties.h"
+#include "datasets/io/survey_tables.h"
+#include "datasets/io/text.h"
 #include "survey/tags/control.h"
 
 namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+
+const std::vector<std::string> kDatums = {"auto", "control", "geotags", "gps", "tag", "plane", "gravity", "none"};
+
+// The numbers of a text, separated by blanks or commas. Throws OptionError.
+std::vector<double> Numbers(const std::string& text, const char* option) {
+  std::string blanks = text;
+  std::replace(blanks.begin(), blanks.end(), ',', ' ');
+  std::istringstream in(blanks);
+  std::vector<double> numbers;
+  for (std::string word; in >> word;) {
+    const auto number = ParseDouble(word);
+    if (!number) throw OptionError(fmt::format("option {}: expected numbers, found '{}'", option, word));
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
 
 std::optional<Eigen::Vector3d> WorldOf(const Project& project, const ControlPoint& point) {
   if (point.local_m) return point.local_m;
@@ -15,32 +40,109 @@ std::optional<Eigen::Vector3d> WorldOf(const Project& project, const ControlPoin
 }
 
 void AddControl(const Project& project, SurveyJob* job) {
+std::string NameOf(const ControlPoint& point) {
+  if (point.tag_id < 0) return point.point;
+  return point.corner < 0 ? fmt::format("{}", point.tag_id) : fmt::format("{}/{}", point.tag_id, point.corner);
+}
+
+// Surveyed points as tables have them, and where they are marked in pictures.
+struct KnownPoints {
+  std::vector<ControlPoint> points;
+  std::vector<PointMark> marks;
+};
+
+KnownPoints ReadKnownPoints(const Project& project, std::vector<std::string>* warnings) {
+  KnownPoints known;
+  known.points = project.site().control_points;
+  const fs::path& dir = project.dir();
+  if (fs::exists(dir / "control_observations.csv")) {
+    known.marks = ReadControlObservations(dir / "control_observations.csv", warnings);
+  }
+  const auto add = [&](const OpenSfmControl& control) {
+    known.points.insert(known.points.end(), control.points.begin(), control.points.end());
+    known.marks.insert(known.marks.end(), control.marks.begin(), control.marks.end());
+  };
+  if (fs::exists(dir / "ground_control_points.json"))
+    add(ReadOpenSfmJson(dir / "ground_control_points.json", warnings));
+  if (fs::exists(dir / "gcp_list.txt")) add(ReadOpenSfmList(dir / "gcp_list.txt", warnings));
+  return known;
+}
+
+// The survey runs' pictures that a mark's image can mean.
+std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point, const KnownPoints& known,
+                                const SurveyJob& job, std::vector<std::string>* warnings) {
+  std::vector<SurveyMark> marks;
+  for (const PointMark& mark : known.marks) {
+    if (mark.point != point) continue;
+    int found = 0;
+    for (size_t r = 0; r < job.input.runs.size(); ++r) {
+      const Run& run = project.run(job.input.runs[r].name);
+      for (const ImageEntry& image : run.images) {
+        const std::string path = image.path.string();
+        if (image.file != mark.image && path != mark.image && !path.ends_with("/" + mark.image)) continue;
+        const BodyCamera& camera = run.cameras[static_cast<size_t>(image.camera)];
+        SurveyMark m;
+        m.run = static_cast<int>(r);
+        m.stamp_ns = image.stamp_ns + std::llround(camera.time_offset_s * 1e9);
+        m.camera = image.camera;
+        const double w = camera.camera.width(), h = camera.camera.height();
+        m.pixel = mark.normalised ? Eigen::Vector2d(mark.pixel * std::max(w, h) + 0.5 * Eigen::Vector2d(w - 1, h - 1))
+                                  : mark.pixel;
+        if (found++ == 0) marks.push_back(m);
+      }
+    }
+    if (found != 1) {
+      warnings->push_back(fmt::format(
+          "point {}: image '{}' is {}", point, mark.image,
+          found == 0 ? "in no survey run; its mark is left out" : "in the survey more than once; the first is taken"));
+    }
+  }
+  return marks;
+}
+
+void AddControl(const Project& project, bool used, SurveyJob* job) {
   std::vector<SurveyPoint> points;
   bool roles = false;
-  for (const ControlPoint& c : project.site().control_points) roles |= c.has_role;
-  for (const ControlPoint& c : project.site().control_points) {
+  const KnownPoints known = ReadKnownPoints(project, &job->warnings);
+  for (const ControlPoint& c : known.points) roles |= c.has_role;
+  for (const ControlPoint& c : known.points) {
     const std::optional<Eigen::Vector3d> world = WorldOf(project, c);
-    if (!world || c.tag_id < 0) continue;
+    if (!world) continue;
     SurveyPoint p;
     p.name = ReviewControlName(c);
     p.role = c.control ? PointRole::kControl : PointRole::kCheck;
+    p.name = NameOf(c);
+    p.role = c.control && used ? PointRole::kControl : PointRole::kCheck;
     p.tag_id = c.tag_id;
     p.corner = c.corner;
     p.world_m = *world;
     p.sigma_h_m = c.sigma_h_m;
     p.sigma_v_m = c.sigma_v_m;
+    if (c.tag_id < 0) {
+      p.marks = MarksOf(project, c.point, known, *job, &job->warnings);
+      if (p.marks.size() < 2) {
+        job->warnings.push_back(fmt::format("point {} is marked in {} picture(s) of the survey runs; it takes two",
+                                            c.point, p.marks.size()));
+        continue;
+      }
+    }
     points.push_back(p);
   }
-  if (!roles && !points.empty()) {
+  if (points.empty()) return;
+  if (!used) {
+    job->check_note = "control takes no part in this datum: all surveyed points are check points";
+  } else if (!roles) {
     const int withheld = WithholdChecks(&points);
     job->check_note =
-        withheld > 0 ? "no roles are given: every third surveyed point is withheld as check, " +
-                           std::to_string(withheld) + " of " + std::to_string(points.size())
-                     : "no independent check: withholding one would leave fewer than three well-spread control points";
+        withheld > 0 ? fmt::format("no roles are given: every third surveyed point is withheld as check, {} of {}",
+                                   withheld, points.size())
+                     : "no independent check: withholding a point would leave fewer than three well-spread control "
+                       "points; leave-one-out residuals instead";
   }
   for (const SurveyPoint& p : points) job->has_check |= p.role == PointRole::kCheck;
-  if (job->check_note.empty() && !job->has_check && !points.empty()) {
-    job->check_note = "no independent check: every surveyed point has the role control";
+  if (job->check_note.empty() && !job->has_check) {
+    job->check_note =
+        "no independent check: every surveyed point has the role control; leave-one-out residuals instead";
   }
   job->input.points.insert(job->input.points.end(), points.begin(), points.end());
 }
@@ -53,11 +155,13 @@ void AddGeotags(const Project& project, SurveyJob* job) {
     for (const Station& station : project.site().stations) {
       if (station.name != reference.station || station.in_tag_frame) continue;
       if (project.review().ExcludesStation(station.name)) continue;
+      if (station.name != reference.station) continue;
       SurveyPoint p;
       p.name = reference.name;
       p.role = PointRole::kGeotag;
       p.tag_id = station.tag_id;
       p.offset_m = station.offset_m;
+      p.offset_in_tag_frame = station.in_tag_frame;
       p.world_m = project.frame().EnuFromGeodetic(reference.geotag.position);
       p.sigma_h_m = std::hypot(reference.geotag.sigma_h_m, station.sigma_m);
       p.sigma_v_m = reference.geotag.has_height ? std::hypot(reference.geotag.sigma_v_m, station.sigma_m) : 100;
@@ -66,7 +170,115 @@ void AddGeotags(const Project& project, SurveyJob* job) {
   }
 }
 
+void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
+  if (!project.has_frame()) return;
+  std::vector<int64_t> stamps;
+  for (const ImageDetections& image : survey->images) stamps.push_back(image.stamp_ns);
+  for (const SurveyTie& tie : survey->ties) stamps.push_back(tie.stamp_ns);
+  std::sort(stamps.begin(), stamps.end());
+  stamps.erase(std::unique(stamps.begin(), stamps.end()), stamps.end());
+  for (const GpsFix& fix : run.gps) {
+    auto at = std::lower_bound(stamps.begin(), stamps.end(), fix.stamp_ns);
+    if (at == stamps.end() || (at != stamps.begin() && fix.stamp_ns - *(at - 1) < *at - fix.stamp_ns)) {
+      if (at == stamps.begin()) continue;
+      --at;
+    }
+    if (std::llabs(*at - fix.stamp_ns) > 300'000'000) continue;
+    survey->gps.push_back(
+        {*at, run.config.gps_lever_arm_m, project.frame().EnuFromGeodetic(fix.position), fix.sigma_h_m, fix.sigma_v_m});
+  }
+}
+
+void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
+            StageContext& context, SurveyJob* job) {
+  StageTarget its = target;
+  its.run = run.name;
+  const fs::path file = ResultOf(project, "detect", its) / "detections.csv";
+  if (!fs::exists(file)) {
+    job->warnings.push_back("run " + run.name + " has no detections and takes no part");
+    return;
+  }
+  SurveyRun survey;
+  survey.name = run.name;
+  survey.date = run.config.date;
+  survey.cameras = run.cameras;
+  survey.images = ReadDetections(file, 0.5, &job->warnings);
+  survey.odometry = run.odometry;
+  survey.scale_sigma = run.config.odometry_scale_sigma;
+  survey.levelled = run.config.odometry_levelled;
+  const fs::path features = ResultOf(project, "features", its) / "features.db";
+  if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && fs::exists(features)) {
+    try {
+      AddTies(run, features, options.tracks, options.reconstruct, options.ties_per_image, context.threads, context.seed,
+              context.progress, context.cancel, &survey);
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const Error& e) {
+      job->warnings.push_back(fmt::format("run {}: no scene points, tags and odometry alone: {}", run.name, e.what()));
+    }
+  }
+  AddGps(project, run, &survey);
+  job->input.runs.push_back(std::move(survey));
+}
+
+void AddDistances(const Project& project, SurveyJob* job) {
+  const fs::path file = project.dir() / "distances.csv";
+  if (!fs::exists(file)) return;
+  for (const MeasuredDistance& d : ReadDistances(file, &job->warnings)) {
+    job->input.distances.push_back({d.from, d.to, d.distance_m, d.sigma_m, d.check});
+  }
+}
+
+void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJob* job) {
+  SurveyInput& input = job->input;
+  const std::string& datum = options.datum;
+  input.use_geotags = datum == "auto" || datum == "geotags";
+  input.use_control = datum == "auto" || datum == "control";
+  AddControl(project, input.use_control, job);
+  AddGeotags(project, job);
+  bool known = false, fixes = false;
+  for (const SurveyPoint& p : input.points) known |= p.role != PointRole::kCheck;
+  for (const SurveyRun& run : input.runs) fixes |= !run.gps.empty();
+  input.use_gps = datum == "gps" || (datum == "auto" && !known && fixes);
+  if (datum == "gps" && !fixes) throw InputError("datum gps: no survey run has GPS fixes at the time of its pictures");
+  input.use_gravity = datum == "gravity" || input.use_gps || (datum == "auto" && !known);
+  if (datum == "tag") {
+    if (options.fixed_tag < 0) throw OptionError("datum tag needs the tag that is held: --set fixed_tag=ID");
+    FixedTag fixed;
+    fixed.tag_id = options.fixed_tag;
+    if (!options.fixed_pose.empty()) {
+      const std::vector<double> n = Numbers(options.fixed_pose, "fixed_pose");
+      const Eigen::Quaterniond q =
+          n.size() == 7 ? Eigen::Quaterniond(n[6], n[3], n[4], n[5]) : Eigen::Quaterniond(0, 0, 0, 0);
+      if (std::abs(q.norm() - 1) > 1e-3) {
+        throw OptionError(
+            "option fixed_pose: expected seven numbers, x y z qx qy qz qw with a unit quaternion, found '" +
+            options.fixed_pose + "'");
+      }
+      fixed.world_from_tag = Rigid3d(q, {n[0], n[1], n[2]});
+      input.fixed_in_world = true;
+    } else {
+      // Upright: x to the right is east, y down, into the tag north.
+      fixed.world_from_tag.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(-M_PI / 2, Eigen::Vector3d::UnitX()));
+    }
+    input.fixed = fixed;
+  }
+  if (datum == "plane") {
+    for (double id : Numbers(options.plane_tags, "plane_tags")) input.level_tags.push_back(static_cast<int>(id));
+    if (input.level_tags.size() < 3)
+      throw OptionError("datum plane needs three tags or more: --set plane_tags=\"3 6 9\"");
+  }
+}
+
 }  // namespace
+
+std::vector<std::string> SurveyStageOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  if (std::find(kDatums.begin(), kDatums.end(), datum) == kDatums.end()) {
+    problems.push_back("option datum is '" + datum + "'; nearest known: '" + NearestName(datum, kDatums) + "'");
+  }
+  return problems;
+}
 
 std::vector<const Run*> SurveyRuns(const Project& project) {
   std::vector<const Run*> runs;
@@ -76,7 +288,8 @@ std::vector<const Run*> SurveyRuns(const Project& project) {
   return runs;
 }
 
-SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const std::string& datum) {
+SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
+                        StageContext& context) {
   SurveyJob job;
   job.input.sizes = project.site().tags;
   for (const Run* run : SurveyRuns(project)) {
@@ -96,9 +309,10 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
     survey.scale_sigma = run->config.odometry_scale_sigma;
     job.input.runs.push_back(std::move(survey));
   }
+  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
-  if (datum == "auto" || datum == "control") AddControl(project, &job);
-  if (datum == "auto" || datum == "geotags") AddGeotags(project, &job);
+  AddDistances(project, &job);
+  SetDatum(project, options, &job);
   return job;
 }
 

@@ -5,9 +5,44 @@
 #include <vector>
 
 #include "app/pipeline/stages.h"
+#include "localize/reconstruct.h"
+#include "localize/tracks.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
+
+struct SurveyStageOptions {
+  SurveyOptions map;
+  std::string datum = "auto";  // what may fix the map
+  int fixed_tag = -1;          // datum tag: the tag that is held
+  std::string fixed_pose;      // datum tag: its world_from_tag, "x y z qx qy qz qw"; empty: upright at 0, 0, 0
+  std::string plane_tags;      // datum plane: ids of tags whose centres lie on one horizontal plane, "3 6 9"
+  bool tie_points = true;      // scene points seen in the pictures tie the cameras
+  int ties_per_image = 150;    // the longest tracks, until every picture has so many
+  bool nssda = false;          // state 95 % values as the NSSDA asks for
+  bool repeatability = true;   // maps of fewer runs and of single days, compared
+  std::string against;         // a tags.csv, or a variant, to test for moved tags
+  TrackOptions tracks;
+  ReconstructOptions reconstruct;
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    SurveyOptions::Visit(self.map, visit);
+    visit(self.datum, {"datum", "", 0, 0,
+                       "what fixes the map: auto (control, else geotags, else gps), control, geotags, gps, tag, plane, "
+                       "gravity, none"});
+    visit(self.fixed_tag, {"fixed_tag", "", -1, 1e6, "datum tag: the id that is held"});
+    visit(self.fixed_pose, {"fixed_pose", "", 0, 0, "datum tag: its world_from_tag, \"x y z qx qy qz qw\""});
+    visit(self.plane_tags, {"plane_tags", "", 0, 0, "datum plane: tags on one horizontal plane, \"3 6 9\""});
+    visit(self.tie_points, {"tie_points", "", 0, 1, "scene points seen in the pictures tie the cameras"});
+    visit(self.ties_per_image, {"ties_per_image", "", 10, 1e6, "scene points a picture, the longest tracks first"});
+    visit(self.nssda, {"nssda", "", 0, 1, "state 95 % values by the NSSDA's rule"});
+    visit(self.repeatability, {"repeatability", "", 0, 1, "compare maps of fewer runs and of single days"});
+    visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
+    visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through a run's pictures"});
+    visit(self.reconstruct, {"reconstruct", "", 0, 0, "their points and poses"});
+  }
+  std::vector<std::string> Check() const;
+};
 
 // Runs that make the map: their role is survey or both.
 std::vector<const Run*> SurveyRuns(const Project& project);
@@ -19,7 +54,8 @@ struct SurveyJob {
   std::vector<std::string> warnings;
 };
 
-// `datum`: what may fix the map (SurveyStageOptions::datum). Throws InputError.
-SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const std::string& datum);
+// Throws InputError, OptionError.
+SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
+                        StageContext& context);
 
 }  // namespace trigpoint

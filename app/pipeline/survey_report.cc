@@ -10,6 +10,8 @@ namespace {
 using nlohmann::json;
 
 constexpr int kConformantChecks = 30;  // ASPRS Positional Accuracy Standards, edition 2: least number of check points
+// NSSDA (FGDC-STD-007.3): 95 % values from RMSE_r (both axes alike) and RMSE_z.
+constexpr double kNssdaHorizontal = 1.7308, kNssdaVertical = 1.9600;
 
 std::string_view RoleName(PointRole role) {
   switch (role) {
@@ -22,23 +24,230 @@ std::string_view RoleName(PointRole role) {
 
 json Vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-}  // namespace
+// The accuracy that is reported: differences at check points and the check points' own uncertainty in quadrature.
+struct Accuracy {
+  double h = 0, v = 0, d = 0;
+};
+Accuracy Reported(const CheckSummary& check) {
+  const double h = std::hypot(check.rmse_h_m, check.stated_h_m), v = std::hypot(check.rmse_v_m, check.stated_v_m);
+  return {h, v, std::hypot(h, v)};
+}
 
-json SurveySummary(const SurveyJob& job, const SurveyResult& result) {
-  json tags = json::array(), points = json::array(), runs = json::array();
-  for (const TagEstimate& t : result.tags) {
-    tags.push_back({{"tag_id", t.tag_id}, {"status", t.status}, {"reason", t.reason}, {"images", t.images}});
+json CheckJson(const CheckSummary& check, const SurveyFindings& findings) {
+  json j = {{"n", check.n}, {"note", findings.check_note}};
+  if (check.n == 0) return j;
+  const Accuracy a = Reported(check);
+  j.update({{"rmse_h_m", a.h},
+            {"rmse_v_m", a.v},
+            {"rmse_3d_m", a.d},
+            {"differences_rmse_h_m", check.rmse_h_m},
+            {"differences_rmse_v_m", check.rmse_v_m},
+            {"differences_rmse_3d_m", check.rmse_3d_m},
+            {"check_points_sigma_h_m", check.stated_h_m},
+            {"check_points_sigma_v_m", check.stated_v_m},
+            {"standard", "ASPRS Positional Accuracy Standards, edition 2"},
+            {"conformant", check.n >= kConformantChecks}});
+  if (findings.nssda) {
+    j["nssda_horizontal_95_m"] = kNssdaHorizontal * a.h;
+    j["nssda_vertical_95_m"] = kNssdaVertical * a.v;
   }
+  return j;
+}
+
+json RepeatabilityJson(const Repeatability& r) {
+  return {{"rms_m", r.rms_m}, {"maps", r.maps}, {"differences", r.differences}};
+}
+
+class Report {
+ public:
+  explicit Report(const DisplayUnit& unit) : unit_(unit) {}
+  std::string Length(double metres) const { return fmt::format("{:.3f}", metres / unit_.metres); }
+  std::string With(double metres) const { return Length(metres) + " " + unit_.name; }
+  void Line(const std::string& line) { text_ += line + "\n"; }
+  const std::string& name() const { return unit_.name; }
+  const std::string& text() const { return text_; }
+
+ private:
+  const DisplayUnit& unit_;
+  std::string text_;
+};
+
+void TagTable(const SurveyResult& result, Report& out) {
+  out.Line(fmt::format("| tag | role | images | runs | sigma x, y, z ({}, 1 sigma) | rms px | status |", out.name()));
+  out.Line("|---|---|---|---|---|---|---|");
+  for (const TagEstimate& t : result.tags) {
+    std::string sigma;
+    for (int i = 3; t.HasPose() && i < 6; ++i) {
+      if (i > 3) sigma += ", ";
+      sigma += out.Length(std::sqrt(std::max(0.0, t.covariance(i, i))));
+    }
+    out.Line(fmt::format("| {} | {} | {} | {} | {} | {:.2f} | {} |", t.tag_id, t.role, t.images, t.runs, sigma,
+                         t.rms_px, t.status));
+  }
+}
+
+void Points(const SurveyResult& result, Report& out) {
+  bool any = false, left_out = false, check = false;
   for (const PointAgreement& p : result.points) {
-    points.push_back({{"name", p.name},
-                      {"role", RoleName(p.role)},
-                      {"tag_id", p.tag_id},
-                      {"map_minus_stated_m", Vector(p.error_m)},
-                      {"sigma_h_m", p.sigma_h_m},
-                      {"sigma_v_m", p.sigma_v_m},
-                      {"chi2_3dof", p.chi2}});
+    any |= p.role != PointRole::kGeotag;
+    check |= p.role == PointRole::kCheck;
+    left_out |= p.left_out_m.has_value();
+  }
+  if (check) {
+    out.Line(fmt::format(
+        "\n| check point | map - stated: de, dn, du ({0}) | sigma h, v ({0}, 1 sigma) | standardised |", out.name()));
+    out.Line("|---|---|---|---|");
+    for (const PointAgreement& p : result.points) {
+      if (p.role != PointRole::kCheck) continue;
+      out.Line(fmt::format("| {} | {}, {}, {} | {}, {} | {:.1f} |", p.name, out.Length(p.error_m.x()),
+                           out.Length(p.error_m.y()), out.Length(p.error_m.z()), out.Length(p.sigma_h_m),
+                           out.Length(p.sigma_v_m), std::sqrt(p.chi2)));
+    }
+  }
+  if (left_out) {
+    out.Line(
+        fmt::format("\n| control point | left out, the map would be off by: de, dn, du ({0}) | sigma ({0}, 1 sigma) "
+                    "| standardised residual |",
+                    out.name()));
+    out.Line("|---|---|---|---|");
+    for (const PointAgreement& p : result.points) {
+      if (!p.left_out_m) continue;
+      const Eigen::Vector3d &e = *p.left_out_m, &s = p.left_out_sigma_m;
+      out.Line(fmt::format("| {} | {}, {}, {} | {}, {}, {} | {:.1f} |", p.name, out.Length(e.x()), out.Length(e.y()),
+                           out.Length(e.z()), out.Length(s.x()), out.Length(s.y()), out.Length(s.z()),
+                           std::sqrt(std::max(0.0, p.chi2))));
+    }
+  }
+}
+
+void Accuracies(const SurveyResult& result, const SurveyFindings& findings, Report& out) {
+  const CheckSummary& check = result.check;
+  if (check.n > 0) {
+    const Accuracy a = Reported(check);
+    out.Line(
+        fmt::format("\nAccuracy at check points (they took no part; their own sigma in quadrature): RMSE_H {}, "
+                    "RMSE_V {}, RMSE_3D {}, n = {}",
+                    out.With(a.h), out.With(a.v), out.With(a.d), check.n));
+    out.Line(fmt::format("  differences alone: {}, {}, {}; the check points' own: {}, {}", out.With(check.rmse_h_m),
+                         out.With(check.rmse_v_m), out.With(check.rmse_3d_m), out.With(check.stated_h_m),
+                         out.With(check.stated_v_m)));
+    out.Line(check.n < kConformantChecks
+                 ? fmt::format("  not conformant, n = {} (ASPRS Positional Accuracy Standards, edition 2, ask for {})",
+                               check.n, kConformantChecks)
+                 : "  tested as the ASPRS Positional Accuracy Standards, edition 2, ask for");
+    if (findings.nssda) {
+      out.Line(fmt::format("  NSSDA, 95 %: horizontal {}, vertical {}{}", out.With(kNssdaHorizontal * a.h),
+                           out.With(kNssdaVertical * a.v), check.n < 20 ? " (NSSDA asks for 20 points)" : ""));
+    }
+  }
+  if (!findings.check_note.empty()) out.Line("\n" + findings.check_note);
+  if (result.fit) {
+    out.Line(fmt::format(
+        "\nSurveyed points after a least-squares rigid fit of the map to all {} of them: median {}, "
+        "RMS {}, largest {}",
+        result.fit->n, out.With(result.fit->median_m), out.With(result.fit->rmse_m), out.With(result.fit->max_m)));
+    for (const auto& [name, distance] : result.fit->worst) {
+      out.Line(fmt::format("  {}: {}, more than three times the median: look at its survey", name, out.With(distance)));
+    }
+  }
+  if (findings.repeatability && findings.repeatability->differences > 0) {
+    out.Line(fmt::format(
+        "\nRepeatability, maps of all runs but one against the map of all: RMS {} over {} tags of {} maps",
+        out.With(findings.repeatability->rms_m), findings.repeatability->differences, findings.repeatability->maps));
+  }
+  if (findings.reproducibility && findings.reproducibility->differences > 0) {
+    out.Line(fmt::format("Reproducibility between days, maps of single days against each other: RMS {} over {} tags",
+                         out.With(findings.reproducibility->rms_m), findings.reproducibility->differences));
+  }
+}
+
+void Others(const SurveyResult& result, const SurveyFindings& findings, Report& out) {
+  for (const DistanceAgreement& d : result.distances) {
+    out.Line(fmt::format("Distance {} - {} ({}): measured {}, map {}, sigma of the difference {} (1 sigma)",
+                         d.stated.from, d.stated.to, d.stated.check ? "check" : "used", out.With(d.stated.distance_m),
+                         out.With(d.map_m), out.With(d.sigma_m)));
+  }
+  for (const DatumShift& s : result.shifts) {
+    const Eigen::Vector3d &m = s.stated_minus_map_m, &e = s.sigma_m;
+    bool real = false;
+    for (int k = 0; k < 3; ++k) real |= std::abs(m[k]) > 3 * e[k];
+    out.Line(
+        fmt::format("Shift of {} against the map ({} of them): {}, {}, {} {} east, north, up, sigma {}, {}, {} (1 "
+                    "sigma){}",
+                    s.of, s.n, out.Length(m.x()), out.Length(m.y()), out.Length(m.z()), out.name(), out.Length(e.x()),
+                    out.Length(e.y()), out.Length(e.z()),
+                    real ? ": another datum or height system than the map's" : ": none to be seen"));
   }
   for (const RunAgreement& r : result.runs) {
+    std::string line = fmt::format("Run {}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms", r.name,
+                                   r.frames, r.sights, r.rejected, r.rms_px);
+    if (r.scale_sigma > 0) {
+      line += fmt::format("; odometry: scale {:.4f} +- {:.4f}, heading drift {:.3f} +- {:.3f} deg/m (1 sigma)", r.scale,
+                          r.scale_sigma, r.heading_drift_deg_m, r.heading_drift_sigma_deg_m);
+    }
+    if (r.corner_shift_sigma_px > 0) {
+      line += fmt::format("; corners drawn {:.3f} +- {:.3f} px towards the tag's centre", r.corner_shift_px,
+                          r.corner_shift_sigma_px);
+    }
+    if (r.camera) {
+      const std::vector<double>& p = r.camera->params();
+      line += fmt::format(
+          "; self-calibrated: f {:.1f} +- {:.1f} px, cx {:.1f} +- {:.1f}, cy {:.1f} +- {:.1f}, k1 {:.4f} "
+          "+- {:.4f}, k2 {:.4f} +- {:.4f} (1 sigma)",
+          p[0], p[0] * r.camera_sigma[0], p[2], r.camera_sigma[1], p[3], r.camera_sigma[2], p[4], r.camera_sigma[3],
+          p[5], r.camera_sigma[4]);
+    }
+    out.Line(line);
+  }
+  if (findings.epochs) {
+    const EpochTest& test = *findings.epochs;
+    out.Line(fmt::format("\nAgainst {}{}: {}", findings.against,
+                         test.aligned ? " (datums of their own: fitted to each other first)" : "",
+                         test.problem.empty() ? fmt::format("{} tags in both", test.tags.size()) : test.problem));
+    int moved = 0;
+    for (const TagChange& t : test.tags) {
+      if (!t.moved) continue;
+      ++moved;
+      out.Line(fmt::format("  tag {} moved: {}, {}, {} {}, turned {:.2f} deg; chi-square {:.0f}, 22.5 is 99.9 %",
+                           t.tag_id, out.Length(t.shift_m.x()), out.Length(t.shift_m.y()), out.Length(t.shift_m.z()),
+                           out.name(), t.turn_deg, t.chi2));
+    }
+    if (moved == 0 && test.problem.empty()) out.Line("  no tag moved (99.9 %)");
+  }
+}
+
+}  // namespace
+
+json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
+  json tags = json::array(), points = json::array(), runs = json::array(), distances = json::array();
+  json shifts = json::array();
+  for (const TagEstimate& t : result.tags) {
+    json tag = {{"tag_id", t.tag_id}, {"status", t.status},     {"reason", t.reason},
+                {"images", t.images}, {"rejected", t.rejected}, {"role", t.role}};
+    for (const TagShape& s : result.shapes) {
+      if (s.tag_id != t.tag_id) continue;
+      tag["size_ratio"] = s.size_ratio;
+      tag["size_ratio_sigma"] = s.size_sigma;
+      tag["aspect"] = s.aspect;
+      tag["aspect_sigma"] = s.aspect_sigma;
+      tag["twist_m"] = s.twist_m;
+      tag["twist_sigma_m"] = s.twist_sigma_m;
+    }
+    tags.push_back(tag);
+  }
+  for (const PointAgreement& p : result.points) {
+    json point = {{"name", p.name},           {"role", RoleName(p.role)}, {"tag_id", p.tag_id},
+                  {"used", p.used},           {"excluded", p.excluded},   {"map_minus_stated_m", Vector(p.error_m)},
+                  {"sigma_h_m", p.sigma_h_m}, {"sigma_v_m", p.sigma_v_m}, {"chi2_3dof", p.chi2}};
+    if (p.left_out_m) {
+      point["left_out_m"] = Vector(*p.left_out_m);
+      point["left_out_sigma_m"] = Vector(p.left_out_sigma_m);
+    }
+    points.push_back(point);
+  }
+  for (const RunAgreement& r : result.runs) {
+    json factors = json::array();
+    for (double f : r.odometry_factor) factors.push_back(f);
     runs.push_back({{"name", r.name},
                     {"frames", r.frames},
                     {"sights", r.sights},
@@ -46,50 +255,79 @@ json SurveySummary(const SurveyJob& job, const SurveyResult& result) {
                     {"rms_px", r.rms_px},
                     {"scale", r.scale},
                     {"scale_sigma", r.scale_sigma},
-                    {"corner_factor", r.corner_factor}});
+                    {"heading_drift_deg_m", r.heading_drift_deg_m},
+                    {"heading_drift_sigma_deg_m", r.heading_drift_sigma_deg_m},
+                    {"corner_shift_px", r.corner_shift_px},
+                    {"corner_shift_sigma_px", r.corner_shift_sigma_px},
+                    {"corner_factor", r.corner_factor},
+                    {"odometry_factors_rx_ry_rz_x_y_z", factors}});
+    if (r.camera) runs.back()["self_calibrated"] = {{"params", r.camera->params()}, {"sigma", r.camera_sigma}};
   }
-  json check = {{"n", result.check.n}, {"note", job.check_note}};
-  if (result.check.n > 0) {
-    check["rmse_h_m"] = result.check.rmse_h_m;
-    check["rmse_v_m"] = result.check.rmse_v_m;
-    check["rmse_3d_m"] = result.check.rmse_3d_m;
-    check["conformant"] = result.check.n >= kConformantChecks;
+  for (const DistanceAgreement& d : result.distances) {
+    distances.push_back({{"from", d.stated.from},
+                         {"to", d.stated.to},
+                         {"role", d.stated.check ? "check" : "control"},
+                         {"measured_m", d.stated.distance_m},
+                         {"map_m", d.map_m},
+                         {"sigma_m", d.sigma_m}});
   }
-  return {{"schema", "trigpoint survey 1"},
-          {"datum", result.datum},
-          {"frame", result.in_world ? "enu" : "map"},
-          {"tags", tags},
-          {"points", points},
-          {"check", check},
-          {"runs", runs},
-          {"warnings", result.warnings}};
+  for (const DatumShift& s : result.shifts) {
+    shifts.push_back({{"of", s.of},
+                      {"n", s.n},
+                      {"stated_minus_map_m", Vector(s.stated_minus_map_m)},
+                      {"sigma_m", Vector(s.sigma_m)}});
+  }
+  json summary = {{"schema", "trigpoint survey 1"},
+                  {"datum", result.datum},
+                  {"gauge", result.gauge},
+                  {"frame", result.in_world ? "enu" : "map"},
+                  {"tags", tags},
+                  {"points", points},
+                  {"check", CheckJson(result.check, findings)},
+                  {"distances", distances},
+                  {"datum_shifts", shifts},
+                  {"runs", runs},
+                  {"iterations", result.iterations},
+                  {"warnings", result.warnings}};
+  if (result.fit) {
+    summary["rigid_fit_to_points"] = {{"n", result.fit->n},
+                                      {"median_m", result.fit->median_m},
+                                      {"rmse_m", result.fit->rmse_m},
+                                      {"max_m", result.fit->max_m}};
+    for (const auto& [name, distance] : result.fit->worst) {
+      summary["rigid_fit_to_points"]["beyond_three_medians"][name] = distance;
+    }
+  }
+  if (findings.repeatability) summary["repeatability"] = RepeatabilityJson(*findings.repeatability);
+  if (findings.reproducibility) summary["reproducibility_between_days"] = RepeatabilityJson(*findings.reproducibility);
+  if (findings.epochs) {
+    json moved = json::array();
+    for (const TagChange& t : findings.epochs->tags) {
+      moved.push_back({{"tag_id", t.tag_id},
+                       {"moved", t.moved},
+                       {"shift_m", Vector(t.shift_m)},
+                       {"turn_deg", t.turn_deg},
+                       {"chi2_6dof", t.chi2}});
+    }
+    summary["against"] = {{"survey", findings.against},
+                          {"aligned", findings.epochs->aligned},
+                          {"problem", findings.epochs->problem},
+                          {"tags", moved}};
+  }
+  return summary;
 }
 
-std::string FormatSurvey(const SurveyJob& job, const SurveyResult& result, const DisplayUnit& unit) {
-  const auto length = [&](double metres) { return fmt::format("{:.3f}", metres / unit.metres); };
-  std::string text = fmt::format("Datum: {} ({})\n\n", result.datum,
-                                 result.in_world ? "site ENU" : "a frame of its own, not on the Earth");
-  text += fmt::format("| tag | role | images | runs | sigma x, y, z ({}, 1 sigma) | rms px | status |\n", unit.name);
-  text += "|---|---|---|---|---|---|---|\n";
-  for (const TagEstimate& t : result.tags) {
-    std::string sigma;
-    for (int i = 3; t.HasPose() && i < 6; ++i) {
-      sigma += (i > 3 ? ", " : "") + length(std::sqrt(std::max(0.0, t.covariance(i, i))));
-    }
-    text += fmt::format("| {} | {} | {} | {} | {} | {:.2f} | {} |\n", t.tag_id, t.role, t.images, t.runs, sigma,
-                        t.rms_px, t.status);
-  }
-  if (result.check.n > 0) {
-    text += fmt::format(
-        "\nCheck points (took no part): n = {}, RMSE_H {} {}, RMSE_V {} {}, RMSE_3D {} {}{}\n", result.check.n,
-        length(result.check.rmse_h_m), unit.name, length(result.check.rmse_v_m), unit.name,
-        length(result.check.rmse_3d_m), unit.name,
-        result.check.n < kConformantChecks
-            ? fmt::format("; not conformant, n = {} (ASPRS edition 2 asks for {})", result.check.n, kConformantChecks)
-            : "");
-  }
-  if (!job.check_note.empty()) text += "\n" + job.check_note + "\n";
-  return text;
+std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findings, const DisplayUnit& unit) {
+  Report out(unit);
+  out.Line(fmt::format("Datum: {} ({})", result.datum,
+                       result.in_world ? "site ENU" : "a frame of its own, not on the Earth"));
+  out.Line("Gauge: " + result.gauge + "\n");
+  TagTable(result, out);
+  Points(result, out);
+  Accuracies(result, findings, out);
+  out.Line("");
+  Others(result, findings, out);
+  return out.text();
 }
 
 }  // namespace trigpoint

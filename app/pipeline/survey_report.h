@@ -1,15 +1,26 @@
-// What `survey` tells: report.md for people, summary.json for programs.
+// What `survey` tells: report_<unit>.md for people, summary.json for programs.
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "app/pipeline/display_unit.h"
 #include "app/pipeline/survey_input.h"
+#include "survey/tags/map_compare.h"
 
 namespace trigpoint {
 
-nlohmann::json SurveySummary(const SurveyJob& job, const SurveyResult& result);
-std::string FormatSurvey(const SurveyJob& job, const SurveyResult& result, const DisplayUnit& unit);
+struct SurveyFindings {
+  std::string check_note;
+  bool nssda = false;
+  std::optional<Repeatability> repeatability;    // maps of all runs but one, against the map of all
+  std::optional<Repeatability> reproducibility;  // maps of single days, against each other
+  std::optional<EpochTest> epochs;
+  std::string against;  // name of the other survey
+};
+
+nlohmann::json SurveySummary(const SurveyResult& result, const SurveyFindings& findings);
+std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findings, const DisplayUnit& unit);
 
 }  // namespace trigpoint

@@ -1,69 +1,164 @@
 // survey: one tag map from all runs whose role is survey.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <map>
+
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/results.h"
 
 namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct SurveyStageOptions {
-  SurveyOptions map;
-  std::string datum = "auto";  // what may fix the map
-  template <typename Self, typename Visitor>
-  static void Visit(Self& self, Visitor&& visit) {
-    SurveyOptions::Visit(self.map, visit);
-    visit(self.datum, {"datum", "", 0, 0, "what fixes the map: auto (control, else geotags), control, geotags, none"});
-  }
-  std::vector<std::string> Check() const {
-    std::vector<std::string> problems = map.Check();
-    const std::vector<std::string> known = {"auto", "control", "geotags", "none"};
-    if (std::find(known.begin(), known.end(), datum) == known.end()) {
-      problems.push_back("option datum is '" + datum + "'; nearest known: '" + NearestName(datum, known) + "'");
-    }
-    return problems;
-  }
-};
+fs::path AgainstFile(const Project& project, const SurveyStageOptions& options) {
+  const fs::path given = project.dir() / options.against;
+  if (fs::is_regular_file(given)) return given;
+  return project.ResultDir("survey", "@" + options.against) / "tags.csv";
+}
 
-std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& target) {
+std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& target,
+                                   const SurveyStageOptions& options) {
   std::vector<fs::path> inputs;
-  for (const char* table : {"tags.yaml", "control_points.csv", "stations.csv", "panoramas.csv", "photos.csv"}) {
+  for (const char* table : {"tags.yaml", "control_points.csv", "control_observations.csv", "ground_control_points.json",
+                            "gcp_list.txt", "distances.csv", "stations.csv", "panoramas.csv", "photos.csv"}) {
     if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
+  if (!options.against.empty()) inputs.push_back(AgainstFile(project, options));
   for (const Run* run : SurveyRuns(project)) {
     StageTarget its = target;
     its.run = run->name;
     inputs.push_back(ManifestOf(project, "detect", its));
-    for (const char* file : {"odometry.tum", "camchain.yaml", "run.yaml"}) {
-      if (fs::exists(run->dir / file)) inputs.push_back(run->dir / file);
+    if (options.tie_points) inputs.push_back(ManifestOf(project, "features", its));
+    // Its tables, whatever their names; pictures are behind the stages it reads.
+    std::error_code ignored;
+    for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
+      if (it->is_regular_file(ignored) && it->file_size() < 100'000'000) inputs.push_back(it->path());
     }
   }
+  std::sort(inputs.begin(), inputs.end());
   return inputs;
 }
 
+// The map of some of the runs, quietly.
+SurveyResult MapOf(const SurveyJob& job, const SurveyStageOptions& options, const std::vector<size_t>& runs,
+                   const StageContext& context) {
+  SurveyInput part = job.input;
+  part.runs.clear();
+  for (size_t r : runs) part.runs.push_back(job.input.runs[r]);
+  for (SurveyPoint& p : part.points) {
+    std::vector<SurveyMark> marks;
+    for (SurveyMark m : p.marks) {
+      const auto at = std::find(runs.begin(), runs.end(), static_cast<size_t>(m.run));
+      if (at == runs.end()) continue;
+      m.run = static_cast<int>(at - runs.begin());
+      marks.push_back(m);
+    }
+    p.marks = marks;
+  }
+  ProgressSink silent;
+  return SurveyTags(part, options.map, context.threads, silent, context.cancel);
+}
+
+// Maps of fewer runs say how well the survey repeats. A part that cannot be mapped by itself is left out.
+void Repeat(const SurveyJob& job, const SurveyStageOptions& options, const SurveyResult& whole,
+            const StageContext& context, SurveyFindings* findings) {
+  const size_t n = job.input.runs.size();
+  if (!options.repeatability || n < 2) return;
+  std::vector<size_t> all(n);
+  for (size_t r = 0; r < n; ++r) all[r] = r;
+  std::map<std::vector<size_t>, std::optional<SurveyResult>> maps;
+  const auto map_of = [&](const std::vector<size_t>& runs) -> const std::optional<SurveyResult>& {
+    const auto [it, fresh] = maps.try_emplace(runs);
+    if (fresh) {
+      try {
+        it->second = MapOf(job, options, runs, context);
+      } catch (const Cancelled&) {
+        throw;
+      } catch (const Error&) {  // too little in it: nothing to compare
+      }
+    }
+    return it->second;
+  };
+  context.progress.Begin("maps of fewer runs", static_cast<int64_t>(n));
+  std::vector<std::pair<SurveyResult, SurveyResult>> pairs;
+  for (size_t r = 0; r < n; ++r) {
+    std::vector<size_t> others = all;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(r));
+    if (const auto& map = map_of(others)) pairs.emplace_back(*map, whole);
+    context.progress.Advance(1);
+  }
+  findings->repeatability = CompareMaps(pairs);
+  std::map<std::string, std::vector<size_t>> days;
+  for (size_t r = 0; r < n; ++r) {
+    const SurveyRun& run = job.input.runs[r];
+    days[run.date.empty() ? "run " + run.name : run.date].push_back(r);
+  }
+  pairs.clear();
+  for (auto a = days.begin(); a != days.end(); ++a) {
+    for (auto b = std::next(a); b != days.end(); ++b) {
+      const auto &one = map_of(a->second), &two = map_of(b->second);
+      if (one && two) pairs.emplace_back(*one, *two);
+    }
+  }
+  if (!pairs.empty()) findings->reproducibility = CompareMaps(pairs);
+}
+
+// The other survey's tags: a variant of this project, or a tags.csv anywhere, with its tags_cov.csv beside it.
+void CompareEpochs(const SurveyStageOptions& options, const SurveyResult& result, const StageContext& context,
+                   SurveyFindings* findings) {
+  if (options.against.empty()) return;
+  const fs::path file = AgainstFile(context.project, options);
+  // "# trigpoint tags 1; frame=enu; datum=control; sigma=1"
+  const std::string text = ReadTextFile(file);
+  const std::string header = text.substr(0, text.find('\n'));
+  std::vector<TagEstimate> before;
+  for (const TagResult& tag : ReadTagResults(file, file.parent_path() / "tags_cov.csv")) {
+    TagEstimate t;
+    t.tag_id = tag.tag_id;
+    t.world_from_tag = tag.map_from_tag;
+    t.covariance.diagonal().tail<3>() = tag.sigma_m.value_or(Eigen::Vector3d::Zero()).cwiseAbs2();
+    if (tag.covariance) t.covariance = *tag.covariance;
+    before.push_back(std::move(t));
+  }
+  findings->against = options.against;
+  findings->epochs = TestEpochs(before, result.tags,
+                                result.in_world && header.find("datum=" + result.datum + ";") != std::string::npos);
+}
+
 void Survey(const SurveyStageOptions& options, const StageTarget& target, StageContext& context) {
-  const SurveyJob job = MakeSurveyJob(context.project, target, options.datum);
+  const SurveyJob job = MakeSurveyJob(context.project, target, options, context);
   for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
   const SurveyResult result = SurveyTags(job.input, options.map, context.threads, context.progress, context.cancel);
   for (const std::string& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning);
+  SurveyFindings findings;
+  findings.check_note = job.check_note;
+  findings.nssda = options.nssda;
+  Repeat(job, options, result, context, &findings);
+  CompareEpochs(options, result, context, &findings);
   const std::string frame = result.in_world ? "enu" : "map";
   WriteTags(context.out / "tags.csv", result.tags, frame, result.datum);
   WriteTagCovariances(context.out / "tags_cov.csv", result.tags, result.cross, frame, result.datum);
-  WriteFileAtomically(context.out / "summary.json", DumpJson(SurveySummary(job, result), 2) + "\n");
+  WriteFileAtomically(context.out / "summary.json", DumpJson(SurveySummary(result, findings), 2) + "\n");
   for (const char* unit : {"m", "ft", "us-ft"}) {
     WriteFileAtomically(context.out / fmt::format("report_{}.md", unit),
-                        FormatSurvey(job, result, DisplayUnitNamed(unit)));
+                        FormatSurvey(result, findings, DisplayUnitNamed(unit)));
   }
   int placed = 0;
   for (const TagEstimate& t : result.tags) placed += t.HasPose() ? 1 : 0;
   context.metrics["tags"] = placed;
   context.metrics["datum"] = result.datum;
   context.metrics["check_points"] = result.check.n;
-  if (result.check.n > 0) context.metrics["check_rmse_3d_m"] = result.check.rmse_3d_m;
+  if (result.check.n > 0) {
+    context.metrics["check_rmse_3d_m"] =
+        std::hypot(result.check.rmse_3d_m, std::hypot(result.check.stated_h_m, result.check.stated_v_m));
+  }
+  if (findings.repeatability) context.metrics["repeatability_m"] = findings.repeatability->rms_m;
+  if (findings.reproducibility) context.metrics["reproducibility_m"] = findings.reproducibility->rms_m;
 }
 
 }  // namespace
@@ -76,14 +171,15 @@ StageInfo SurveyStage() {
   info.variants = true;
   info.needs = {"detect"};
   info.reviewed = {"image", "detection", "tag", "station", "control"};
+  info.needs = {"features", "detect"};
   info.metric = "tags";
-  info.flags = {"datum"};
+  info.flags = {"datum", "against"};
   UseOptions<SurveyStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.inputs = SurveyInputs(project, target);
+    request.inputs = SurveyInputs(project, target, options);
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);
     if (project.has_frame()) {
       const Geodetic& origin = project.frame().origin();

@@ -1,5 +1,6 @@
 #include "survey/tags/map_start.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
+#include "survey/tags/control.h"
 #include "survey/tags/planar_pose.h"
 
 namespace trigpoint {
@@ -125,17 +127,26 @@ std::optional<Rigid3d> Join(const std::map<int, Rigid3d>& source, const std::map
 }
 
 // world_from_map from points: every triple proposes, all judge by their sigmas.
-std::optional<Rigid3d> JoinPoints(const std::map<int, Rigid3d>& tags, const SurveyInput& input,
+std::optional<Rigid3d> JoinPoints(const MapStart& start, const SurveyInput& input,
                                   const std::vector<SurveyPoint>& points) {
+  const std::map<int, Rigid3d>& tags = start.world_from_tag;
   std::vector<Eigen::Vector3d> a, b;
   std::vector<double> sigma;
   for (const SurveyPoint& p : points) {
     const auto tag = tags.find(p.tag_id);
-    if (tag == tags.end()) continue;
-    a.push_back(p.corner < 0 ? tag->second.translation
-                             : tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner));
-    b.push_back(p.world_m - p.offset_m);
-    sigma.push_back(std::max(0.5, 3 * std::hypot(p.sigma_h_m, p.sigma_v_m)));
+    const auto mark = start.marked.find(p.name);
+    if (p.tag_id < 0 && mark != start.marked.end()) {
+      a.push_back(mark->second);
+    } else if (tag != tags.end()) {
+      a.push_back(p.corner < 0 ? tag->second.translation
+                               : tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner));
+    } else {
+      continue;
+    }
+    // An offset in the tag's frame cannot be turned before the map is level: it widens the tolerance instead.
+    b.push_back(p.offset_in_tag_frame ? p.world_m : Eigen::Vector3d(p.world_m - p.offset_m));
+    sigma.push_back(std::max(0.5, 3 * std::hypot(p.sigma_h_m, p.sigma_v_m)) +
+                    (p.offset_in_tag_frame ? p.offset_m.norm() : 0));
   }
   const int n = static_cast<int>(std::min<size_t>(a.size(), 25));
   std::optional<Rigid3d> best;
@@ -155,26 +166,118 @@ std::optional<Rigid3d> JoinPoints(const std::map<int, Rigid3d>& tags, const Surv
   return best;
 }
 
+// Points of the input's marks, from their rays in the map's frame.
+void PlaceMarks(const SurveyInput& input, MapStart* start) {
+  for (const SurveyPoint& p : input.points) {
+    if (p.marks.empty()) continue;
+    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (const SurveyMark& m : p.marks) {
+      const int f = FrameAt(*start, m.run, m.stamp_ns);
+      if (f < 0 || !start->frames[f].world_from_body) continue;
+      const BodyCamera& camera = input.runs[m.run].cameras[m.camera];
+      const auto ray = camera.camera.Unproject(m.pixel);
+      if (!ray) continue;
+      const Rigid3d map_from_cam = *start->frames[f].world_from_body * camera.cam_from_body.Inverse();
+      const Eigen::Vector3d d = map_from_cam.rotation * *ray;
+      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
+      a += across;
+      b += across * map_from_cam.translation;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
+    if (eigen.eigenvalues()(0) > 1e-6 * eigen.eigenvalues()(2)) start->marked[p.name] = a.ldlt().solve(b);
+  }
+}
+
+// world_from_map that brings the bodies' antennas to their fixes. Nothing where the way is too straight to show heading
+// and tilt.
+std::optional<Rigid3d> JoinGps(const SurveyInput& input, const MapStart& start) {
+  std::vector<Eigen::Vector3d> a, b;
+  for (size_t r = 0; r < input.runs.size(); ++r) {
+    for (const SurveyFix& fix : input.runs[r].gps) {
+      const int f = FrameAt(start, static_cast<int>(r), fix.stamp_ns);
+      if (f < 0 || !start.frames[f].world_from_body) continue;
+      a.push_back(*start.frames[f].world_from_body * fix.arm_m);
+      b.push_back(fix.world_m);
+    }
+  }
+  if (!AreWellSpread(a)) return std::nullopt;
+  const Sim3d fit = AlignPoints(a, b, AlignmentKind::kSE3);
+  return Rigid3d(fit.rotation, fit.translation);
+}
+
+// map_from_x that makes the plane through the tags horizontal, up where the bodies' z axes point.
+std::optional<Rigid3d> Level(const SurveyInput& input, const MapStart& start) {
+  std::vector<Eigen::Vector3d> centres;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero(), up = Eigen::Vector3d::Zero();
+  for (int id : input.level_tags) {
+    const auto tag = start.world_from_tag.find(id);
+    if (tag != start.world_from_tag.end()) centres.push_back(tag->second.translation), mean += centres.back();
+  }
+  if (centres.size() < 3) return std::nullopt;
+  mean /= static_cast<double>(centres.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& c : centres) spread += (c - mean) * (c - mean).transpose();
+  for (const MapFrame& f : start.frames) {
+    if (f.world_from_body) up += f.world_from_body->rotation * Eigen::Vector3d::UnitZ();
+  }
+  Eigen::Vector3d normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
+  if (normal.dot(up) < 0) normal = -normal;
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(normal, Eigen::Vector3d::UnitZ());
+  return Rigid3d(turn, Eigen::Vector3d(0, 0, -(turn * mean).z()));
+}
+
 }  // namespace
+
+int FrameAt(const MapStart& start, int run, int64_t stamp_ns) {
+  const auto at =
+      std::lower_bound(start.frames.begin(), start.frames.end(), std::pair(run, stamp_ns),
+                       [](const MapFrame& f, const auto& key) { return std::pair(f.run, f.stamp_ns) < key; });
+  const bool found = at != start.frames.end() && at->run == run && at->stamp_ns == stamp_ns;
+  return found ? static_cast<int>(at - start.frames.begin()) : -1;
+}
+
+Eigen::Vector3d OffsetInWorld(const SurveyPoint& point, const Rigid3d& world_from_tag) {
+  if (!point.offset_in_tag_frame) return point.offset_m;
+  const Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d out = -(world_from_tag.rotation * Eigen::Vector3d::UnitZ());
+  out.z() = 0;
+  if (out.norm() < 1e-3) return point.offset_m.z() * up;  // a tag on the floor has no horizontal side
+  out.normalize();
+  return point.offset_m.x() * up.cross(out) + point.offset_m.y() * out + point.offset_m.z() * up;
+}
 
 MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
   MapStart start;
   for (size_t r = 0; r < input.runs.size(); ++r) {
     const SurveyRun& run = input.runs[r];
     std::map<int64_t, std::vector<const ImageDetections*>> by_stamp;
-    for (const ImageDetections& image : run.images) by_stamp[image.stamp_ns].push_back(&image);
+    for (const ImageDetections& image : run.images) {
+      const auto camera = std::find_if(run.cameras.begin(), run.cameras.end(),
+                                       [&](const BodyCamera& c) { return c.name == image.camera; });
+      if (camera == run.cameras.end()) {
+        throw InputError("run " + run.name + ": detections name camera \"" + image.camera +
+                         "\", which camchain.yaml does not have");
+      }
+      by_stamp[image.stamp_ns + std::llround(camera->time_offset_s * 1e9)].push_back(&image);
+    }
+    std::set<int64_t> tied;
+    for (const SurveyTie& tie : run.ties) tied.insert(tie.stamp_ns);
+    for (const SurveyPoint& p : input.points) {
+      for (const SurveyMark& m : p.marks) {
+        if (m.run == static_cast<int>(r)) tied.insert(m.stamp_ns);
+      }
+    }
+    for (int64_t stamp : tied) by_stamp[stamp];
     for (const auto& [stamp, images] : by_stamp) {
       MapFrame frame;
       frame.run = static_cast<int>(r);
       frame.stamp_ns = stamp;
+      frame.has_ties = tied.count(stamp) > 0;
       frame.odom_from_body = run.odometry.At(stamp, static_cast<int64_t>(run.max_gap_s * 1e9));
       for (const ImageDetections* image : images) {
         const auto camera = std::find_if(run.cameras.begin(), run.cameras.end(),
                                          [&](const BodyCamera& c) { return c.name == image->camera; });
-        if (camera == run.cameras.end()) {
-          throw InputError("run " + run.name + ": detections name camera \"" + image->camera +
-                           "\", which camchain.yaml does not have");
-        }
         std::map<int, int> seen;
         for (const TagDetection& d : image->detections) ++seen[d.id];
         for (const TagDetection& d : image->detections) {
@@ -197,7 +300,7 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
           start.sights.push_back(s);
         }
       }
-      if (!frame.sights.empty()) start.frames.push_back(frame);
+      if (!frame.sights.empty() || frame.has_ties) start.frames.push_back(frame);
     }
   }
   return start;
@@ -230,7 +333,10 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
       run_tags[r] = Grow(input, run, threads, cancel, start);
     } else {
       for (MapFrame& frame : start->frames) {
-        if (frame.run == run) frame.world_from_body = frame.odom_from_body;
+        if (frame.run != run) continue;
+        frame.world_from_body =
+            input.runs[r].start.At(frame.stamp_ns, static_cast<int64_t>(input.runs[r].max_gap_s * 1e9));
+        if (input.runs[r].start.poses.empty()) frame.world_from_body = frame.odom_from_body;
       }
       run_tags[r] = TagsOf(input, *start, run, threads, cancel);
     }
@@ -260,6 +366,7 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
     if (!map_from_run) continue;
     for (const auto& [id, pose] : run_tags[next]) start->world_from_tag.emplace(id, *map_from_run * pose);
   }
+  PlaceMarks(input, start);
   std::optional<Rigid3d> world_from_map;
   if (input.fixed) {
     const auto tag = start->world_from_tag.find(input.fixed->tag_id);
@@ -268,11 +375,14 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
     }
     world_from_map = input.fixed->world_from_tag * tag->second.Inverse();
   } else {
-    world_from_map = JoinPoints(start->world_from_tag, input, datum_points);
+    world_from_map = JoinPoints(*start, input, datum_points);
+    if (!world_from_map && input.use_gps) world_from_map = JoinGps(input, *start);
     start->in_world = world_from_map.has_value();
+    if (!world_from_map) world_from_map = Level(input, *start);
   }
   if (!world_from_map) return;
   for (auto& [id, pose] : start->world_from_tag) pose = *world_from_map * pose;
+  for (auto& [name, point] : start->marked) point = *world_from_map * point;
   for (MapFrame& frame : start->frames) {
     if (frame.world_from_body) frame.world_from_body = *world_from_map * *frame.world_from_body;
   }

@@ -26,15 +26,24 @@ struct MapFrame {
   std::optional<Rigid3d> odom_from_body;
   std::optional<Rigid3d> world_from_body;  // start value
   std::vector<int> sights;
+  bool has_ties = false;  // scene points or marks tie it, too
 };
 
 struct MapStart {
-  std::vector<MapFrame> frames;  // run by run, ascending time; only such that see a tag
+  std::vector<MapFrame> frames;  // run by run, ascending time; such that see a tag or a scene point
   std::vector<MapSight> sights;
   std::map<int, Rigid3d> world_from_tag;
   std::vector<std::string> warnings;
+  std::map<std::string, Eigen::Vector3d> marked;  // points that are marked in pictures
   bool in_world = false;
 };
+
+// The frame of a run at a time, -1 if there is none.
+int FrameAt(const MapStart& start, int run, int64_t stamp_ns);
+
+// Where a point of a station stands from its tag's centre, world axes. `world_from_tag` must be levelled for offsets in
+// the tag's levelled frame: right as a reader of the tag sees it, out towards the reader, up.
+Eigen::Vector3d OffsetInWorld(const SurveyPoint& point, const Rigid3d& world_from_tag);
 
 // Frames and sights of the input; nothing estimated yet.
 MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options);

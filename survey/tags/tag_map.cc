@@ -1,565 +1,585 @@
 #include "survey/tags/tag_map.h"
 
-#include <ceres/ceres.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
-#include <memory>
-#include <set>
+#include <limits>
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
-#include "calib/estimation/loss.h"
-#include "survey/tags/map_start.h"
-#include "survey/tags/selected_inverse.h"
+#include "calib/geo/geodetic.h"
+#include "survey/tags/control.h"
+#include "survey/tags/conventions.h"
+#include "survey/tags/map_solver.h"
 #include "survey/tags/survey_costs.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr double kHuberChi2 = 15.5;      // 95 % of chi-square with 8 degrees of freedom
-constexpr double kGeotagChi2 = 7.8;      // 95 %, 3 degrees of freedom
-constexpr double kPointChi2 = 16.3;      // 99.9 %, 3 degrees of freedom: a point beyond it is named
-constexpr double kLeastRedundancy = 20;  // observations to spare before a variance component is believed
+constexpr double kHuberChi2 = 15.5;       // 95 % of chi-square with 8 degrees of freedom
+constexpr double kGeotagChi2 = 7.8;       // 95 %, 3 degrees of freedom
+constexpr double kMarkChi2 = 5.99;        // 95 %, 2 degrees of freedom
+constexpr double kPointChi2 = 16.3;       // 99.9 %, 3 degrees of freedom
+constexpr double kLeastRedundancy = 20;   // observations to spare before a variance component is believed
+constexpr double kStartGatePx = 60;       // a sight that the start contradicts by more waits for the first solution
+constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
+constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
+constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
+constexpr int kExtraRounds = 3;
+// Self-calibration: how far a camera may be from what is stated, 1 sigma.
+constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
 
-using Block = std::array<double, 7>;
-
-enum class Kind { kTag, kOdometry, kPoint, kDistance, kScale };
-
-struct Observation {
-  Kind kind;
-  int index = 0;  // sight, run or point
-  ceres::ResidualBlockId id = nullptr;
-  const ceres::LossFunction* loss = nullptr;
-  int rows = 0;
-};
-
-struct RunState {
-  double scale = 1;
-  double corner = 1, odometry_rot = 1, odometry_m = 1;  // factors on sigmas
-  bool has_scale = false;
-};
-
-class StopOnCancel final : public ceres::IterationCallback {
+class CameraPriorCost final : public ceres::SizedCostFunction<5, 5> {
  public:
-  StopOnCancel(const CancelToken& cancel, ProgressSink& progress) : cancel_(cancel), progress_(progress) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    progress_.Advance(1);
-    return cancel_.IsCancelled() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const CancelToken& cancel_;
-  ProgressSink& progress_;
-};
-
-class MapSolver {
- public:
-  MapSolver(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
-            const CancelToken& cancel)
-      : input_(input), options_(options), threads_(ResolveThreads(threads)), progress_(progress), cancel_(cancel) {}
-
-  SurveyResult Run() {
-    start_ = CollectSights(input_, options_);
-    if (start_.sights.empty()) throw InputError("no tag is seen in any run: nothing to survey");
-    ChooseDatum();
-    progress_.Begin("starting values of the tag map", 0);
-    FindStart(input_, datum_points_, threads_, cancel_, &start_);
-    result_.warnings = start_.warnings;
-    if (!input_.fixed && !start_.in_world) {
-      if (!datum_points_.empty()) {
-        result_.warnings.push_back(
-            "fewer than three known points that are off one line: the map stays in a frame of its own");
-      }
-      datum_points_.clear();
-      result_.datum = "first camera";
-    }
-    result_.in_world = start_.in_world || input_.fixed.has_value();
-    LoadState();
-    progress_.Begin("tag map", 0);
-    // Each round: solve, reject what contradicts, weigh the groups by their own residuals. The last solve has the
-    // final weights.
-    for (int round = 0;; ++round) {
-      Build();
-      Solve(round == 0);
-      Linearise();
-      const bool last = round >= options_.variance_rounds;
-      const bool rejected = round < options_.variance_rounds + 3 && Snoop();
-      if (last && !rejected) break;
-      if (!last) UpdateFactors();
-    }
-    Collect();
-    return std::move(result_);
-  }
-
- private:
-  void ChooseDatum() {
-    std::vector<SurveyPoint> control, geotags;
-    for (const SurveyPoint& p : input_.points) {
-      if (p.role == PointRole::kControl) control.push_back(p);
-      if (p.role == PointRole::kGeotag) geotags.push_back(p);
-    }
-    if (input_.fixed) {
-      result_.datum = "tag " + std::to_string(input_.fixed->tag_id);
-    } else if (control.size() >= 3 || geotags.empty()) {
-      datum_points_ = control;
-      result_.datum = "control";
-    } else {
-      datum_points_ = geotags;
-      datum_points_.insert(datum_points_.end(), control.begin(), control.end());
-      result_.datum = control.empty() ? "geotags" : "control and geotags";
-    }
-  }
-
-  void LoadState() {
-    bodies_.resize(start_.frames.size());
-    for (size_t f = 0; f < start_.frames.size(); ++f) {
-      if (start_.frames[f].world_from_body) Rigid3ToBlock(*start_.frames[f].world_from_body, bodies_[f].data());
-    }
-    for (const auto& [id, pose] : start_.world_from_tag) Rigid3ToBlock(pose, tags_[id].data());
-    if (input_.fixed) Rigid3ToBlock(input_.fixed->world_from_tag, tags_[input_.fixed->tag_id].data());
-    run_states_.resize(input_.runs.size());
-    int lost = 0;
-    for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
-    if (lost > 0) {
-      result_.warnings.push_back(std::to_string(lost) +
-                                 " picture(s) cannot be placed by odometry or tags and are left out");
-    }
-  }
-
-  bool Usable(const MapSight& s) const {
-    return !s.rejected && start_.frames[s.frame].world_from_body && tags_.count(s.detection.id) > 0;
-  }
-
-  void Build() {
-    ceres::Problem::Options problem_options;
-    problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    problem_ = std::make_unique<ceres::Problem>(problem_options);
-    observations_.clear();
-    parameters_.clear();
-    offsets_.clear();
-    const auto add = [&](Kind kind, int index, ceres::CostFunction* cost, ceres::LossFunction* loss,
-                         const std::vector<double*>& blocks) {
-      const int rows = cost->num_residuals();
-      observations_.push_back({kind, index, problem_->AddResidualBlock(cost, loss, blocks), loss, rows});
-    };
-    for (size_t i = 0; i < start_.sights.size(); ++i) {
-      const MapSight& s = start_.sights[i];
-      if (!Usable(s)) continue;
-      const int run = start_.frames[s.frame].run;
-      add(Kind::kTag, static_cast<int>(i),
-          new TagCost(s.sight, input_.sizes.SizeOf(s.detection.id), input_.runs[run].cameras[s.camera].cam_from_body,
-                      &run_states_[run].corner),
-          &huber_, {bodies_[s.frame].data(), tags_.at(s.detection.id).data()});
-    }
-    AddOdometry(add);
-    for (size_t i = 0; i < datum_points_.size(); ++i) {
-      const SurveyPoint& p = datum_points_[i];
-      const auto tag = tags_.find(p.tag_id);
-      if (tag == tags_.end() || !problem_->HasParameterBlock(tag->second.data())) continue;
-      add(Kind::kPoint, static_cast<int>(i),
-          new PointCost(Lever(p), p.offset_m, p.world_m, {p.sigma_h_m, p.sigma_h_m, p.sigma_v_m}),
-          p.role == PointRole::kGeotag ? &geotag_loss_ : nullptr, {tag->second.data()});
-    }
-    for (size_t i = 0; i < input_.distances.size(); ++i) {
-      const SurveyDistance& d = input_.distances[i];
-      const auto a = tags_.find(d.from), b = tags_.find(d.to);
-      if (a == tags_.end() || b == tags_.end() || d.from == d.to) continue;
-      add(Kind::kDistance, static_cast<int>(i), new DistanceCost(d.distance_m, d.sigma_m), nullptr,
-          {a->second.data(), b->second.data()});
-    }
-    for (Block& b : bodies_) AddPose(b.data());
-    for (auto& [id, b] : tags_) AddPose(b.data());
-    for (size_t r = 0; r < run_states_.size(); ++r) {
-      if (run_states_[r].has_scale) AddParameter(&run_states_[r].scale, 1);
-    }
-    if (input_.fixed) {
-      Hold(tags_.at(input_.fixed->tag_id).data());
-    } else if (datum_points_.empty()) {
-      for (Block& b : bodies_) {
-        if (problem_->HasParameterBlock(b.data())) {
-          Hold(b.data());
-          break;
-        }
-      }
-    }
-  }
-
-  template <typename Add>
-  void AddOdometry(const Add& add) {
-    for (RunState& run : run_states_) run.has_scale = false;
-    int before = -1;
-    for (size_t f = 0; f < start_.frames.size(); ++f) {
-      const MapFrame& frame = start_.frames[f];
-      if (!frame.odom_from_body || !frame.world_from_body) continue;
-      if (before >= 0 && start_.frames[before].run == frame.run) {
-        const Rigid3d a_from_b = start_.frames[before].odom_from_body->Inverse() * *frame.odom_from_body;
-        // Random walk over the way travelled; a standing robot drifts a little with time.
-        const double seconds = 1e-9 * static_cast<double>(frame.stamp_ns - start_.frames[before].stamp_ns);
-        const double root = std::sqrt(a_from_b.translation.norm() + 0.01 * seconds + 1e-6);
-        RunState& run = run_states_[frame.run];
-        add(Kind::kOdometry, frame.run,
-            new OdometryCost(a_from_b, options_.odometry_rot_deg * kDegToRad * root, options_.odometry_m * root,
-                             &run.odometry_rot, &run.odometry_m),
-            nullptr, {bodies_[before].data(), bodies_[f].data(), &run.scale});
-        run.has_scale = true;
-      }
-      before = static_cast<int>(f);
-    }
-    for (size_t r = 0; r < run_states_.size(); ++r) {
-      if (!run_states_[r].has_scale) continue;
-      add(Kind::kScale, static_cast<int>(r), new NumberCost(1, std::max(1e-6, input_.runs[r].scale_sigma)), nullptr,
-          {&run_states_[r].scale});
-    }
-  }
-
-  Eigen::Vector3d Lever(const SurveyPoint& p) const {
-    return p.corner < 0 ? Eigen::Vector3d::Zero() : TagCorner(input_.sizes.SizeOf(p.tag_id), p.corner);
-  }
-
-  void AddParameter(double* block, int size) {
-    offsets_[block] = unknowns_in_order_ = parameters_.empty() ? 0 : unknowns_in_order_;
-    parameters_.push_back(block);
-    unknowns_in_order_ += size;
-  }
-  void AddPose(double* block) {
-    if (!problem_->HasParameterBlock(block)) return;
-    problem_->SetManifold(block, &manifold_);
-    AddParameter(block, 6);
-  }
-  // Takes a pose out of the unknowns.
-  void Hold(double* block) {
-    problem_->SetParameterBlockConstant(block);
-    parameters_.erase(std::find(parameters_.begin(), parameters_.end(), block));
-    offsets_.clear();
-    unknowns_in_order_ = 0;
-    for (double* b : parameters_) {
-      offsets_[b] = unknowns_in_order_;
-      unknowns_in_order_ += problem_->ParameterBlockTangentSize(b);
-    }
-  }
-
-  void Solve(bool first) {
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    options.num_threads = threads_;
-    options.max_num_iterations = options_.max_iterations;
-    options.function_tolerance = 1e-10;
-    options.parameter_tolerance = 1e-10;
-    options.logging_type = ceres::SILENT;
-    StopOnCancel stop(cancel_, progress_);
-    options.callbacks.push_back(&stop);
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, problem_.get(), &summary);
-    cancel_.ThrowIfCancelled();
-    if (!summary.IsSolutionUsable()) throw NumericError("the tag map did not converge: " + summary.message);
-    if (first) result_.cost_before = summary.initial_cost;
-    result_.cost_after = summary.final_cost;
-    result_.iterations += static_cast<int>(summary.iterations.size());
-  }
-
-  // Whitened residuals and derivatives at the solution, weighted by the robust loss, and the inverse of the normal
-  // matrix on its pattern.
-  void Linearise() {
-    ceres::Problem::EvaluateOptions options;
-    options.parameter_blocks = parameters_;
-    options.apply_loss_function = false;
-    options.num_threads = threads_;
-    for (const Observation& o : observations_) options.residual_blocks.push_back(o.id);
-    ceres::CRSMatrix crs;
-    residuals_.clear();
-    problem_->Evaluate(options, nullptr, &residuals_, nullptr, &crs);
-    weights_.assign(observations_.size(), 1.0);
-    int row = 0;
-    for (size_t i = 0; i < observations_.size(); ++i) {
-      const Observation& o = observations_[i];
-      if (o.loss != nullptr) {
-        double s = 0, rho[3];
-        for (int k = 0; k < o.rows; ++k) s += residuals_[row + k] * residuals_[row + k];
-        o.loss->Evaluate(s, rho);
-        weights_[i] = rho[1];
-      }
-      const double root = std::sqrt(weights_[i]);
-      for (int k = row; k < row + o.rows; ++k) {
-        residuals_[k] *= root;
-        for (int e = crs.rows[k]; e < crs.rows[k + 1]; ++e) crs.values[e] *= root;
-      }
-      row += o.rows;
-    }
-    using RowMajor = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-    jacobian_ = Eigen::Map<const RowMajor>(crs.num_rows, crs.num_cols, static_cast<Eigen::Index>(crs.values.size()),
-                                           crs.rows.data(), crs.cols.data(), crs.values.data());
-    const Eigen::SparseMatrix<double> normal = jacobian_.transpose() * jacobian_;
-    inverse_.reset();  // one at a time
-    inverse_ = std::make_unique<SelectedInverse>(normal);
-  }
-
-  // J Q J' of an observation whose first row is `row`: the part of its unit covariance that the fit absorbs.
-  Eigen::MatrixXd Absorbed(int row, int rows) const {
-    const int* outer = jacobian_.outerIndexPtr();
-    const int begin = outer[row], count = outer[row + 1] - begin;  // all rows of an observation have the same columns
-    const int* columns = jacobian_.innerIndexPtr() + begin;
-    Eigen::MatrixXd q(count, count), j(rows, count);
-    for (int a = 0; a < count; ++a) {
-      for (int b = 0; b <= a; ++b) q(a, b) = q(b, a) = inverse_->At(columns[a], columns[b]);
-    }
-    for (int k = 0; k < rows; ++k) {
-      for (int a = 0; a < count; ++a) j(k, a) = jacobian_.valuePtr()[outer[row + k] + a];
-    }
-    return j * q * j.transpose();
-  }
-
-  // Variance components: for each run's corners, odometry rotations and odometry translations,
-  // factor^2 = sum of squared residuals / redundancy.
-  void UpdateFactors() {
-    struct Group {
-      double square = 0, redundancy = 0;
-    };
-    std::vector<std::array<Group, 3>> groups(run_states_.size());
-    int row = 0;
-    for (size_t i = 0; i < observations_.size(); ++i) {
-      const Observation& o = observations_[i];
-      if (o.kind == Kind::kTag || o.kind == Kind::kOdometry) {
-        const int run = o.kind == Kind::kTag ? start_.frames[start_.sights[o.index].frame].run : o.index;
-        const Eigen::MatrixXd absorbed = Absorbed(row, o.rows);
-        for (int k = 0; k < o.rows; ++k) {
-          Group& g = groups[run][o.kind == Kind::kTag ? 0 : (k < 3 ? 1 : 2)];
-          g.square += residuals_[row + k] * residuals_[row + k];
-          g.redundancy += weights_[i] - absorbed(k, k);
-        }
-      }
-      row += o.rows;
-    }
-    for (size_t r = 0; r < run_states_.size(); ++r) {
-      double* const factors[3] = {&run_states_[r].corner, &run_states_[r].odometry_rot, &run_states_[r].odometry_m};
-      for (int k = 0; k < 3; ++k) {
-        if (groups[r][k].redundancy < kLeastRedundancy) continue;
-        *factors[k] *= std::clamp(std::sqrt(groups[r][k].square / groups[r][k].redundancy), 0.1, 10.0);
-        *factors[k] = std::clamp(*factors[k], 1e-3, 1e3);
-      }
-    }
-  }
-
-  // Rejects pictures of tags whose standardised residual is beyond the gate. True if any was.
-  bool Snoop() {
-    // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
-    std::vector<double> all;
-    int row = 0;
-    for (size_t i = 0; i < observations_.size(); ++i) {
-      const Observation& o = observations_[i];
-      if (o.kind == Kind::kTag) {
-        all.push_back(Eigen::Map<const Vector8d>(&residuals_[row]).squaredNorm() / weights_[i]);
-      }
-      row += o.rows;
-    }
-    if (all.empty()) return false;
-    std::nth_element(all.begin(), all.begin() + all.size() / 2, all.end());
-    const double gate = options_.snooping_chi2 * std::max(1.0, all[all.size() / 2] / 7.344);
-    bool any = false;
-    row = 0;
-    for (size_t i = 0; i < observations_.size(); ++i) {
-      const Observation& o = observations_[i];
-      if (o.kind == Kind::kTag) {
-        const Eigen::Map<const Vector8d> weighted(&residuals_[row]);
-        const double chi2 = weighted.squaredNorm() / weights_[i];
-        if (chi2 > gate) {
-          start_.sights[o.index].rejected = true;
-          any = true;
-        }
-      }
-      row += o.rows;
-    }
-    if (!any) return false;
-    // A tag or a frame is not left without any observation: the least bad ones stay.
-    std::set<int> tags, frames;
-    for (const MapSight& s : start_.sights) {
-      if (Usable(s)) tags.insert(s.detection.id), frames.insert(s.frame);
-    }
-    for (MapSight& s : start_.sights) {
-      if (s.rejected &&
-          (tags.count(s.detection.id) == 0 || (frames.count(s.frame) == 0 && !start_.frames[s.frame].odom_from_body))) {
-        s.rejected = false;
-      }
-    }
-    for (MapFrame& frame : start_.frames) {
-      if (frame.world_from_body) frame.world_from_body = Rigid3FromBlock(bodies_[&frame - start_.frames.data()].data());
+  explicit CameraPriorCost(const std::array<double, 5>& sigma) : sigma_(sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    for (size_t k = 0; k < 5; ++k) residuals[k] = parameters[0][k] / sigma_[k];
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      std::fill(jacobians[0], jacobians[0] + 25, 0.0);
+      for (size_t k = 0; k < 5; ++k) jacobians[0][6 * k] = 1 / sigma_[k];
     }
     return true;
   }
 
-  void Collect() {
-    for (size_t f = 0; f < start_.frames.size(); ++f) {
-      if (start_.frames[f].world_from_body) start_.frames[f].world_from_body = Rigid3FromBlock(bodies_[f].data());
-    }
-    // Duplicates, moved tags and twins show when the cameras are known.
-    std::map<int, TagEstimate> judged;
-    TagPosesOptions judge;
-    judge.extra_sigma_px = options_.extra_sigma_px;
-    judge.min_side_px = options_.min_side_px;
-    ProgressSink silent;
-    for (const TagEstimate& t :
-         EstimateTagPoses(ViewsOf(input_, start_, -1), input_.sizes, judge, threads_, silent, cancel_)) {
-      judged[t.tag_id] = t;
-    }
-    std::map<int, TagEstimate> tags;
-    std::map<int, std::set<int>> runs;
-    std::map<int, double> square_px;
-    for (RunState& state : run_states_) {
-      const size_t r = &state - run_states_.data();
-      RunAgreement run;
-      run.name = input_.runs[r].name;
-      run.scale = state.scale;
-      run.corner_factor = state.corner;
-      run.odometry_rot_factor = state.odometry_rot;
-      run.odometry_m_factor = state.odometry_m;
-      if (state.has_scale)
-        run.scale_sigma = std::sqrt(inverse_->At(offsets_.at(&state.scale), offsets_.at(&state.scale)));
-      result_.runs.push_back(run);
-    }
-    for (const MapFrame& frame : start_.frames) {
-      if (!frame.world_from_body) continue;
-      ++result_.runs[frame.run].frames;
-      result_.runs[frame.run].world_from_body.push_back({frame.stamp_ns, *frame.world_from_body});
-    }
-    for (const MapSight& s : start_.sights) {
-      TagEstimate& tag = tags[s.detection.id];
-      tag.tag_id = s.detection.id;
-      tag.family = s.detection.family;
-      tag.size_m = input_.sizes.SizeOf(tag.tag_id);
-      RunAgreement& run = result_.runs[start_.frames[s.frame].run];
-      if (!Usable(s)) {
-        ++tag.rejected;
-        ++run.rejected;
-        continue;
-      }
-      const Vector8d r =
-          TagResidual(s.sight, tag.size_m, input_.runs[start_.frames[s.frame].run].cameras[s.camera].cam_from_body,
-                      *start_.frames[s.frame].world_from_body, Rigid3FromBlock(tags_.at(tag.tag_id).data()));
-      const double px = ResidualPx(s.sight, r);
-      ++tag.images;
-      ++run.sights;
-      runs[tag.tag_id].insert(start_.frames[s.frame].run);
-      square_px[tag.tag_id] += px * px;
-      run.rms_px += px * px;
-    }
-    for (RunAgreement& run : result_.runs) run.rms_px = run.sights > 0 ? std::sqrt(run.rms_px / run.sights) : 0;
-    for (auto& [id, tag] : tags) {
-      const auto block = tags_.find(id);
-      if (block == tags_.end() || !problem_->HasParameterBlock(block->second.data())) {
-        tag.status = "unsolved";
-        tag.reason = "not tied to the rest of the map";
-      } else {
-        tag.world_from_tag = Rigid3FromBlock(block->second.data());
-        const auto offset = offsets_.find(block->second.data());
-        if (offset != offsets_.end()) tag.covariance = inverse_->Block(offset->second, offset->second, 6, 6);
-        tag.runs = static_cast<int>(runs[id].size());
-        tag.rms_px = std::sqrt(square_px[id] / std::max(1, tag.images));
-        tag.status = judged.count(id) > 0 ? judged[id].status : "weak";
-        tag.reason = judged.count(id) > 0 ? judged[id].reason : "";
-      }
-      if (!tag.reason.empty())
-        result_.warnings.push_back("tag " + std::to_string(id) + " (" + tag.status + "): " + tag.reason);
-      for (const SurveyPoint& p : input_.points) {
-        if (p.tag_id != id || p.role == PointRole::kGeotag) continue;
-        const bool used = p.role == PointRole::kControl && result_.datum.starts_with("control");
-        tag.role = used ? "control" : p.role == PointRole::kCheck ? "check" : tag.role;
-      }
-      result_.tags.push_back(tag);
-    }
-    CompareWithPoints();
-    if (options_.cross_covariances) CrossCovariances();
-  }
-
-  void CompareWithPoints() {
-    double square_h = 0, square_v = 0;
-    for (const SurveyPoint& p : input_.points) {
-      const auto block = tags_.find(p.tag_id);
-      if (!result_.in_world || block == tags_.end() || !problem_->HasParameterBlock(block->second.data())) continue;
-      const Rigid3d pose = Rigid3FromBlock(block->second.data());
-      const Eigen::Vector3d turned = pose.rotation * Lever(p);
-      PointAgreement agreement{p.name, p.role, p.tag_id, turned + pose.translation + p.offset_m - p.world_m};
-      Eigen::Matrix3d stated = Eigen::Vector3d(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m).cwiseAbs2().asDiagonal();
-      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
-      const auto offset = offsets_.find(block->second.data());
-      if (offset != offsets_.end()) {
-        Eigen::Matrix<double, 3, 6> j;
-        j << -Skew(turned), Eigen::Matrix3d::Identity();
-        map = j * inverse_->Block(offset->second, offset->second, 6, 6) * j.transpose();
-      }
-      const bool used = std::any_of(datum_points_.begin(), datum_points_.end(), [&](const SurveyPoint& q) {
-        return q.tag_id == p.tag_id && q.role == p.role && q.corner == p.corner && q.name == p.name;
-      });
-      // Residual of an observation that took part: its covariance is the stated one less the fitted one.
-      const Eigen::Matrix3d covariance = used ? Eigen::Matrix3d(stated - map) : Eigen::Matrix3d(stated + map);
-      agreement.sigma_h_m = std::sqrt(std::max(0.0, 0.5 * (covariance(0, 0) + covariance(1, 1))));
-      agreement.sigma_v_m = std::sqrt(std::max(0.0, covariance(2, 2)));
-      const Eigen::Matrix3d floor = 1e-4 * stated;  // a point that alone holds a direction has no residual there
-      agreement.chi2 = agreement.error_m.dot((covariance + floor).ldlt().solve(agreement.error_m));
-      if (agreement.chi2 > kPointChi2) {
-        const std::string role = p.role == PointRole::kControl ? "control"
-                                 : p.role == PointRole::kCheck ? "check"
-                                                               : "geotag";
-        result_.warnings.push_back(role + " point " + p.name + " (tag " + std::to_string(p.tag_id) + ") is " +
-                                   std::to_string(agreement.error_m.norm()) +
-                                   " m off the map, more than its sigma allows");
-      }
-      if (p.role == PointRole::kCheck) {
-        ++result_.check.n;
-        square_h += agreement.error_m.head<2>().squaredNorm();
-        square_v += agreement.error_m.z() * agreement.error_m.z();
-      }
-      result_.points.push_back(agreement);
-    }
-    if (result_.check.n > 0) {
-      result_.check.rmse_h_m = std::sqrt(square_h / result_.check.n);
-      result_.check.rmse_v_m = std::sqrt(square_v / result_.check.n);
-      result_.check.rmse_3d_m = std::sqrt((square_h + square_v) / result_.check.n);
-    }
-  }
-
-  void CrossCovariances() {
-    for (auto a = tags_.begin(); a != tags_.end(); ++a) {
-      const auto offset = offsets_.find(a->second.data());
-      if (offset == offsets_.end()) continue;
-      cancel_.ThrowIfCancelled();
-      const Eigen::MatrixXd columns = inverse_->Columns(offset->second, 6);
-      for (auto b = std::next(a); b != tags_.end(); ++b) {
-        const auto other = offsets_.find(b->second.data());
-        if (other == offsets_.end()) continue;
-        const Matrix6d b_a = columns.middleRows(other->second, 6);
-        result_.cross[{a->first, b->first}] = b_a.transpose();
-      }
-    }
-  }
-
-  const SurveyInput& input_;
-  const SurveyOptions& options_;
-  int threads_;
-  ProgressSink& progress_;
-  const CancelToken& cancel_;
-  SurveyResult result_;
-  MapStart start_;
-  std::vector<SurveyPoint> datum_points_;
-  std::vector<Block> bodies_;
-  std::map<int, Block> tags_;
-  std::vector<RunState> run_states_;
-  Rigid3Manifold manifold_;
-  HuberChi2Loss huber_{kHuberChi2}, geotag_loss_{kGeotagChi2};
-  std::vector<Observation> observations_;
-  std::vector<double*> parameters_;  // unknown blocks in the order of the normal matrix
-  std::map<const double*, int> offsets_;
-  int unknowns_in_order_ = 0;
-  std::vector<double> residuals_, weights_;
-  Eigen::SparseMatrix<double, Eigen::RowMajor> jacobian_;
-  std::unique_ptr<SelectedInverse> inverse_;
-  std::unique_ptr<ceres::Problem> problem_;
+ private:
+  std::array<double, 5> sigma_;
 };
 
 }  // namespace
+
+MapSolver::MapSolver(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
+                     const CancelToken& cancel)
+    : input_(input),
+      options_(options),
+      threads_(ResolveThreads(threads)),
+      progress_(progress),
+      cancel_(cancel),
+      huber_(kHuberChi2),
+      geotag_loss_(kGeotagChi2),
+      mark_loss_(kMarkChi2) {}
+
+SurveyResult MapSolver::Run() {
+  const auto heed = [&](const std::vector<ConventionFinding>& findings) {
+    for (const ConventionFinding& f : findings) {
+      if (f.refuse && options_.check_conventions) throw InputError(f.text);
+      result_.warnings.push_back(f.text);
+    }
+  };
+  heed(CheckInput(input_));
+  start_ = CollectSights(input_, options_);
+  if (start_.sights.empty()) throw InputError("no tag is seen in any run: nothing to survey");
+  ChooseDatum();
+  progress_.Begin("starting values of the tag map", 0);
+  FindStart(input_, datum_points_, threads_, cancel_, &start_);
+  result_.warnings.insert(result_.warnings.end(), start_.warnings.begin(), start_.warnings.end());
+  heed(CheckPoints(input_, start_, datum_points_));
+  if (!input_.fixed && !start_.in_world) {
+    if (!datum_points_.empty()) {
+      result_.warnings.push_back(
+          "fewer than three known points that are off one line: the map stays in a frame of its own");
+    }
+    datum_points_.clear();
+    use_shift_ = false;
+    result_.datum = "first camera";
+  }
+  result_.in_world = start_.in_world || (input_.fixed && input_.fixed_in_world);
+  LoadState();
+  progress_.Begin("tag map", 0);
+  // Each round: solve, reject what contradicts, weigh the groups by their own residuals. The last solve has the final
+  // weights.
+  for (int round = 0;; ++round) {
+    Build();
+    const BlockSolver::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+    if (round == 0) result_.cost_before = summary.cost_before;
+    result_.cost_after = summary.cost_after;
+    result_.iterations += summary.iterations;
+    solver_.Linearise(threads_, cancel_);
+    StoreState();
+    const bool last = round >= options_.variance_rounds;
+    const bool may_reject = round < options_.variance_rounds + kExtraRounds;
+    const bool sights = may_reject && SnoopSights();
+    const bool points = may_reject && round > 0 && !sights && SnoopControl();
+    if (last && !sights && !points) break;
+    if (!last) UpdateFactors();
+  }
+  Collect();
+  return std::move(result_);
+}
+
+void MapSolver::ChooseDatum() {
+  std::vector<SurveyPoint> control, geotags;
+  std::vector<Eigen::Vector3d> places;
+  for (const SurveyPoint& p : input_.points) {
+    if (p.role == PointRole::kControl && input_.use_control) control.push_back(p), places.push_back(p.world_m);
+    if (p.role == PointRole::kGeotag && input_.use_geotags) geotags.push_back(p);
+  }
+  if (input_.fixed) {
+    result_.datum = "tag " + std::to_string(input_.fixed->tag_id);
+  } else if (AreWellSpread(places) || geotags.empty()) {
+    datum_points_ = control;
+    result_.datum = control.empty() && input_.use_gps ? "gps" : "control";
+  } else {
+    datum_points_ = geotags;
+    datum_points_.insert(datum_points_.end(), control.begin(), control.end());
+    use_shift_ = !control.empty();
+    result_.datum = control.empty() ? "geotags" : "control and geotags";
+  }
+}
+
+void MapSolver::LoadState() {
+  tags_ = start_.world_from_tag;
+  marked_ = start_.marked;
+  if (input_.fixed) tags_[input_.fixed->tag_id] = input_.fixed->world_from_tag;
+  run_states_.resize(input_.runs.size());
+  for (size_t r = 0; r < input_.runs.size(); ++r) {
+    const SurveyRun& run = input_.runs[r];
+    run_states_[r].shift.assign(run.cameras.size(), 0);
+    run_states_[r].camera_change.assign(run.cameras.size(), {});
+    for (const BodyCamera& camera : run.cameras) run_states_[r].cameras.push_back(camera.camera);
+    tie_losses_.push_back(std::make_unique<HuberChi2Loss>(run.tie_loss_chi2));
+    // Tie points follow their run into the map.
+    Rigid3d map_from_run;
+    for (const MapFrame& frame : start_.frames) {
+      if (frame.run != static_cast<int>(r) || !frame.world_from_body) continue;
+      if (const auto start = run.start.At(frame.stamp_ns, 0)) {
+        map_from_run = *frame.world_from_body * start->Inverse();
+        break;
+      }
+    }
+    run_states_[r].first_point = {tie_points_.size(), tie_points_.size() + run.tie_points.size()};
+    for (const Eigen::Vector3d& p : run.tie_points) {
+      TiePoint point;
+      point.position = map_from_run * p;
+      tie_points_.push_back(point);
+    }
+  }
+  int lost = 0;
+  for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
+  if (lost > 0) {
+    result_.warnings.push_back(std::to_string(lost) +
+                               " picture(s) cannot be placed by odometry or tags and are left out");
+  }
+  // What is far off from the start would only pull: it is looked at again after the first solution.
+  for (MapSight& s : start_.sights) {
+    const auto tag = tags_.find(s.detection.id);
+    const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+    if (tag == tags_.end() || !frame.world_from_body) continue;
+    const BodyCamera& camera = input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)];
+    const Vector8d r = TagResidual(s.sight, input_.sizes.SizeOf(s.detection.id), camera.cam_from_body,
+                                   *frame.world_from_body, tag->second);
+    s.rejected = ResidualPx(s.sight, r) > kStartGatePx;
+  }
+}
+
+bool MapSolver::Usable(const MapSight& s) const {
+  return !s.rejected && Placed(s.frame) && tags_.count(s.detection.id) > 0;
+}
+
+Eigen::Vector3d MapSolver::Lever(const SurveyPoint& p) const {
+  return p.corner < 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : TagCorner(input_.sizes.SizeOf(p.tag_id), p.corner);
+}
+
+void MapSolver::Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
+                    const std::vector<int>& unknowns) {
+  solver_.AddFactor(cost, loss, unknowns);
+  observations_.push_back({kind, index});
+}
+
+void MapSolver::Build() {
+  solver_ = BlockSolver();
+  observations_.clear();
+  tag_unknown_.clear();
+  mark_unknown_.clear();
+  shift_unknown_ = -1;
+  frame_unknown_.assign(start_.frames.size(), -1);
+  for (size_t f = 0; f < start_.frames.size(); ++f) {
+    if (start_.frames[f].world_from_body) frame_unknown_[f] = solver_.AddPose(*start_.frames[f].world_from_body);
+  }
+  for (const auto& [id, pose] : tags_) tag_unknown_[id] = solver_.AddPose(pose);
+  for (size_t r = 0; r < run_states_.size(); ++r) {
+    RunState& state = run_states_[r];
+    state.scale_unknown = solver_.AddNumbers({state.scale});
+    state.drift_unknown = solver_.AddNumbers({state.drift});
+    state.shift_unknown.clear();
+    for (double shift : state.shift) {
+      const int u = solver_.AddNumbers({shift});
+      state.shift_unknown.push_back(u);
+      if (options_.corner_shift_px > 0) {
+        Add(Kind::kOther, 0, new NumberCost(0, options_.corner_shift_px), nullptr, {u});
+      } else {
+        solver_.unknowns[static_cast<size_t>(u)].constant = true;
+      }
+    }
+    state.camera_unknown.clear();
+    for (size_t c = 0; options_.self_calibrate && c < state.cameras.size(); ++c) {
+      const std::array<double, 5>& change = state.camera_change[c];
+      const int u = solver_.AddNumbers({change.begin(), change.end()});
+      state.camera_unknown.push_back(u);
+      const double width = state.cameras[c].width();
+      const std::array<double, 5> sigma = {kFocalSigma, kCentreSigma * width, kCentreSigma * width, kK1Sigma, kK2Sigma};
+      Add(Kind::kOther, 0, new CameraPriorCost(sigma), nullptr, {u});
+    }
+  }
+  for (size_t i = 0; i < start_.sights.size(); ++i) {
+    const MapSight& s = start_.sights[i];
+    if (!Usable(s)) continue;
+    const auto run = static_cast<size_t>(start_.frames[static_cast<size_t>(s.frame)].run);
+    const auto camera = static_cast<size_t>(s.camera);
+    if (options_.self_calibrate) {
+      Add(Kind::kTag, static_cast<int>(i),
+          new TagPixelCost(run_states_[run].cameras[camera], s.detection, s.sight.sigma_px,
+                           input_.sizes.SizeOf(s.detection.id), input_.runs[run].cameras[camera].cam_from_body,
+                           &run_states_[run].corner),
+          &huber_,
+          {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.detection.id),
+           run_states_[run].camera_unknown[camera]});
+      continue;
+    }
+    Add(Kind::kTag, static_cast<int>(i),
+        new TagCost(s.sight, input_.sizes.SizeOf(s.detection.id), input_.runs[run].cameras[camera].cam_from_body,
+                    &run_states_[run].corner),
+        &huber_,
+        {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.detection.id),
+         run_states_[run].shift_unknown[camera]});
+  }
+  AddTies();
+  AddOdometry();
+  AddPoints();
+  AddGauge();
+}
+
+void MapSolver::AddTies() {
+  std::vector<int> first_view;
+  for (size_t r = 0; r < input_.runs.size(); ++r) {
+    first_view.push_back(static_cast<int>(solver_.views.size()));
+    for (const BodyCamera& camera : input_.runs[r].cameras) {
+      solver_.views.push_back({camera.cam_from_body, tie_losses_[r].get()});
+    }
+  }
+  solver_.points = tie_points_;
+  for (size_t r = 0; r < input_.runs.size(); ++r) {
+    int64_t stamp = std::numeric_limits<int64_t>::min();
+    int frame = -1;
+    for (const SurveyTie& tie : input_.runs[r].ties) {
+      if (tie.stamp_ns != stamp) stamp = tie.stamp_ns, frame = FrameAt(start_, static_cast<int>(r), stamp);
+      if (frame < 0 || !Placed(frame)) continue;
+      solver_.sights.push_back({static_cast<int>(run_states_[r].first_point[0]) + tie.point,
+                                frame_unknown_[static_cast<size_t>(frame)], first_view[r] + tie.camera, tie.w});
+    }
+  }
+}
+
+void MapSolver::AddOdometry() {
+  std::vector<bool> has_odometry(run_states_.size(), false);
+  int before = -1;
+  for (size_t f = 0; f < start_.frames.size(); ++f) {
+    const MapFrame& frame = start_.frames[f];
+    if (!frame.odom_from_body || !frame.world_from_body) continue;
+    const auto r = static_cast<size_t>(frame.run);
+    if (before >= 0 && start_.frames[static_cast<size_t>(before)].run == frame.run) {
+      const MapFrame& last = start_.frames[static_cast<size_t>(before)];
+      const Rigid3d a_from_b = last.odom_from_body->Inverse() * *frame.odom_from_body;
+      // Random walk over the way travelled; a standing robot drifts a little with time.
+      const double seconds = 1e-9 * static_cast<double>(frame.stamp_ns - last.stamp_ns);
+      const double length = a_from_b.translation.norm();
+      const double root = std::sqrt(length + 0.01 * seconds + 1e-6);
+      Vector6d sigma;
+      sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
+          Eigen::Vector3d::Constant(options_.odometry_m * root);
+      RunState& state = run_states_[r];
+      Add(Kind::kOdometry, frame.run, new OdometryCost(a_from_b, length, sigma, state.odometry.data()), nullptr,
+          {frame_unknown_[static_cast<size_t>(before)], frame_unknown_[f], state.scale_unknown, state.drift_unknown});
+      has_odometry[r] = true;
+    }
+    before = static_cast<int>(f);
+  }
+  for (size_t r = 0; r < run_states_.size(); ++r) {
+    if (!has_odometry[r]) continue;
+    Add(Kind::kOther, 0, new NumberCost(1, std::max(1e-6, input_.runs[r].scale_sigma)), nullptr,
+        {run_states_[r].scale_unknown});
+    Add(Kind::kOther, 0, new NumberCost(0, std::max(1e-9, options_.heading_drift_deg_m * kDegToRad)), nullptr,
+        {run_states_[r].drift_unknown});
+  }
+}
+
+void MapSolver::AddPoints() {
+  if (use_shift_) {
+    shift_unknown_ = solver_.AddNumbers({shift_.x(), shift_.y(), shift_.z()});
+    Add(Kind::kOther, 0, new KnownPointCost(Eigen::Vector3d::Zero(), Eigen::Vector3d::Constant(kDatumShiftSigma)),
+        nullptr, {shift_unknown_});
+  }
+  for (const SurveyPoint& p : input_.points) {
+    if (p.marks.empty() || marked_.count(p.name) == 0) continue;
+    const Eigen::Vector3d& at = marked_.at(p.name);
+    const int u = solver_.AddNumbers({at.x(), at.y(), at.z()});
+    mark_unknown_[p.name] = u;
+    for (const SurveyMark& m : p.marks) {
+      const int f = FrameAt(start_, m.run, m.stamp_ns);
+      if (f < 0 || !Placed(f)) continue;
+      const BodyCamera& camera = input_.runs[static_cast<size_t>(m.run)].cameras[static_cast<size_t>(m.camera)];
+      Add(Kind::kOther, 0, new MarkCost(camera.camera.BearingSqrtInfo(m.pixel, m.sigma_px), camera.cam_from_body),
+          &mark_loss_, {frame_unknown_[static_cast<size_t>(f)], u});
+    }
+  }
+  for (size_t i = 0; i < datum_points_.size(); ++i) {
+    const SurveyPoint& p = datum_points_[i];
+    if (Excluded(p)) continue;
+    const Eigen::Vector3d sigma(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m);
+    const int index = static_cast<int>(i);
+    if (p.tag_id < 0) {
+      const auto mark = mark_unknown_.find(p.name);
+      if (mark != mark_unknown_.end()) {
+        Add(Kind::kPoint, index, new KnownPointCost(p.world_m, sigma), nullptr, {mark->second});
+      }
+      continue;
+    }
+    const auto tag = tag_unknown_.find(p.tag_id);
+    if (tag == tag_unknown_.end()) continue;
+    const Eigen::Vector3d offset = OffsetInWorld(p, tags_.at(p.tag_id));
+    if (p.role == PointRole::kGeotag && use_shift_) {
+      Add(Kind::kPoint, index, new ShiftedPointCost(Lever(p), offset, p.world_m, sigma), &geotag_loss_,
+          {tag->second, shift_unknown_});
+    } else {
+      Add(Kind::kPoint, index, new PointCost(Lever(p), offset, p.world_m, sigma),
+          p.role == PointRole::kGeotag ? &geotag_loss_ : nullptr, {tag->second});
+    }
+  }
+  for (size_t i = 0; i < input_.distances.size(); ++i) {
+    const SurveyDistance& d = input_.distances[i];
+    const auto a = tag_unknown_.find(d.from), b = tag_unknown_.find(d.to);
+    if (d.check || a == tag_unknown_.end() || b == tag_unknown_.end() || d.from == d.to) continue;
+    Add(Kind::kDistance, static_cast<int>(i), new DistanceCost(d.distance_m, d.sigma_m), nullptr,
+        {a->second, b->second});
+  }
+  // Fixes of a receiver share their error for a while: each counts as one of so many.
+  for (size_t r = 0; input_.use_gps && r < input_.runs.size(); ++r) {
+    const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
+    if (fixes.empty()) continue;
+    const double span = 1e-9 * static_cast<double>(fixes.back().stamp_ns - fixes.front().stamp_ns);
+    const double independent = std::max(1.0, span / kGpsCorrelation_s);
+    const double widen = std::sqrt(std::max(1.0, static_cast<double>(fixes.size()) / independent));
+    for (const SurveyFix& fix : fixes) {
+      const int f = FrameAt(start_, static_cast<int>(r), fix.stamp_ns);
+      if (f < 0 || !Placed(f)) continue;
+      Add(Kind::kOther, 0,
+          new PointCost(fix.arm_m, Eigen::Vector3d::Zero(), fix.world_m,
+                        widen * Eigen::Vector3d(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m)),
+          &geotag_loss_, {frame_unknown_[static_cast<size_t>(f)]});
+    }
+  }
+}
+
+void MapSolver::AddGauge() {
+  const bool free_frame = !input_.fixed && datum_points_.empty() && !result_.in_world;
+  bool gravity = false;
+  if (input_.use_gravity) {
+    for (size_t r = 0; r < input_.runs.size(); ++r) {
+      if (!input_.runs[r].levelled) continue;
+      int frames = 0;
+      for (const MapFrame& f : start_.frames) frames += f.run == static_cast<int>(r) && f.odom_from_body ? 1 : 0;
+      for (size_t f = 0; f < start_.frames.size(); ++f) {
+        const MapFrame& frame = start_.frames[f];
+        if (frame.run != static_cast<int>(r) || !frame.odom_from_body || !frame.world_from_body) continue;
+        // The level's error is common to the run: all its frames count as one.
+        Add(Kind::kOther, 0,
+            new GravityCost(frame.odom_from_body->rotation.conjugate() * Eigen::Vector3d::UnitZ(),
+                            options_.gravity_deg * kDegToRad * std::sqrt(static_cast<double>(frames))),
+            nullptr, {frame_unknown_[f]});
+        gravity = true;
+      }
+    }
+  }
+  int level = 0;
+  for (int id : input_.level_tags) {
+    const auto tag = tag_unknown_.find(id);
+    if (tag == tag_unknown_.end()) continue;
+    Add(Kind::kOther, 0, new HeightCost(0, input_.level_sigma_m), nullptr, {tag->second});
+    ++level;
+  }
+  if (input_.fixed) {
+    const int tag = tag_unknown_.at(input_.fixed->tag_id);
+    solver_.unknowns[static_cast<size_t>(tag)].constant = true;
+    result_.gauge = "the pose of tag " + std::to_string(input_.fixed->tag_id) + ", held exactly";
+  } else if (!free_frame) {
+    result_.gauge = "all six from " + result_.datum + ", weighted by stated sigmas";
+  } else {
+    const double free = std::numeric_limits<double>::infinity();
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(kHeldRad), Eigen::Vector3d::Constant(kHeldM);
+    result_.gauge = "the first camera's body: position and attitude, held";
+    if (level >= 3) {
+      sigma(0) = sigma(1) = sigma(5) = free;
+      result_.gauge = "the first camera's body: horizontal position and heading; tilt and height from the plane of " +
+                      std::to_string(level) + " tags";
+      result_.datum = "plane";
+    } else if (gravity) {
+      sigma(0) = sigma(1) = free;
+      result_.gauge = "the first camera's body: position and heading; tilt from gravity";
+      result_.datum = "gravity";
+    }
+    for (size_t f = 0; f < start_.frames.size(); ++f) {
+      if (frame_unknown_[f] < 0) continue;
+      Add(Kind::kOther, 0, new PosePriorCost(*start_.frames[f].world_from_body, sigma), nullptr, {frame_unknown_[f]});
+      break;
+    }
+  }
+}
+
+void MapSolver::StoreState() {
+  for (size_t f = 0; f < start_.frames.size(); ++f) {
+    if (frame_unknown_[f] >= 0) start_.frames[f].world_from_body = solver_.Pose(frame_unknown_[f]);
+  }
+  const auto number = [&](int u, int k = 0) {
+    return solver_.unknowns[static_cast<size_t>(u)].value[static_cast<size_t>(k)];
+  };
+  for (auto& [id, pose] : tags_) pose = TagPose(id);
+  for (auto& [name, point] : marked_) {
+    const auto u = mark_unknown_.find(name);
+    if (u != mark_unknown_.end()) point = {number(u->second), number(u->second, 1), number(u->second, 2)};
+  }
+  for (RunState& state : run_states_) {
+    state.scale = number(state.scale_unknown);
+    state.drift = number(state.drift_unknown);
+    for (size_t c = 0; c < state.shift.size(); ++c) state.shift[c] = number(state.shift_unknown[c]);
+  }
+  if (options_.self_calibrate) StoreCameras();
+  if (shift_unknown_ >= 0) shift_ = {number(shift_unknown_), number(shift_unknown_, 1), number(shift_unknown_, 2)};
+  tie_points_ = solver_.points;
+}
+
+// Cameras as estimated, and the rays of their sights.
+void MapSolver::StoreCameras() {
+  for (size_t r = 0; r < run_states_.size(); ++r) {
+    RunState& state = run_states_[r];
+    for (size_t c = 0; c < state.cameras.size(); ++c) {
+      const Unknown& u = solver_.unknowns[static_cast<size_t>(state.camera_unknown[c])];
+      std::copy(u.value.begin(), u.value.begin() + 5, state.camera_change[c].begin());
+      input_.runs[r].cameras[c].camera = AdjustedCamera(state.cameras[c], state.camera_change[c].data());
+    }
+  }
+  for (MapSight& s : start_.sights) {
+    const auto run = static_cast<size_t>(start_.frames[static_cast<size_t>(s.frame)].run);
+    try {
+      s.sight = MakeTagSight(input_.runs[run].cameras[static_cast<size_t>(s.camera)].camera, s.detection,
+                             options_.extra_sigma_px);
+    } catch (const NumericError&) {
+      s.rejected = true;  // beyond the camera's valid angle now
+    }
+  }
+}
+
+// Variance components: for each run's corners and the six axes of its odometry,
+// factor^2 = sum of squared residuals / redundancy.
+void MapSolver::UpdateFactors() {
+  struct Group {
+    double square = 0, redundancy = 0;
+  };
+  std::vector<std::array<Group, 7>> groups(run_states_.size());
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    const Observation& o = observations_[i];
+    if (o.kind != Kind::kTag && o.kind != Kind::kOdometry) continue;
+    const int factor = static_cast<int>(i);
+    const int run = o.kind == Kind::kOdometry
+                        ? o.index
+                        : start_.frames[static_cast<size_t>(start_.sights[static_cast<size_t>(o.index)].frame)].run;
+    const Eigen::MatrixXd absorbed = solver_.Absorbed(factor);
+    const Eigen::VectorXd residual = solver_.Residual(factor);
+    const double weight = solver_.Weight(factor);
+    for (Eigen::Index k = 0; k < residual.size(); ++k) {
+      Group& g = groups[static_cast<size_t>(run)][o.kind == Kind::kTag ? 0 : static_cast<size_t>(1 + k)];
+      g.square += weight * residual[k] * residual[k];
+      g.redundancy += weight - absorbed(k, k);
+    }
+  }
+  for (size_t r = 0; r < run_states_.size(); ++r) {
+    for (size_t k = 0; k < 7; ++k) {
+      const Group& g = groups[r][k];
+      if (g.redundancy < kLeastRedundancy) continue;
+      double& factor = k == 0 ? run_states_[r].corner : run_states_[r].odometry[static_cast<Eigen::Index>(k - 1)];
+      factor *= std::clamp(std::sqrt(g.square / g.redundancy), 0.1, 10.0);
+      factor = std::clamp(factor, 1e-3, 1e3);
+    }
+  }
+}
+
+double MapSolver::SightChi2(const MapSight& s) const {
+  const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+  const auto run = static_cast<size_t>(frame.run), camera = static_cast<size_t>(s.camera);
+  const Rigid3d& cam_from_body = input_.runs[run].cameras[camera].cam_from_body;
+  const Rigid3d& tag = tags_.at(s.detection.id);
+  if (!TagFaces(s.sight, input_.sizes.SizeOf(s.detection.id), cam_from_body * frame.world_from_body->Inverse() * tag)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  const Vector8d r =
+      TagResidual(s.sight, input_.sizes.SizeOf(s.detection.id), cam_from_body, *frame.world_from_body, tag) -
+      run_states_[run].shift[camera] * s.sight.outward;
+  return r.squaredNorm() / (run_states_[run].corner * run_states_[run].corner);
+}
+
+// Pictures of tags whose residual is beyond the gate are rejected, rejected ones that fit come back. True if anything
+// changed.
+bool MapSolver::SnoopSights() {
+  std::vector<double> chi2(start_.sights.size(), -1), used;
+  std::map<int, int> of_tag, of_frame;
+  for (size_t i = 0; i < chi2.size(); ++i) {
+    const MapSight& s = start_.sights[i];
+    if (!Placed(s.frame) || tags_.count(s.detection.id) == 0) continue;
+    chi2[i] = SightChi2(s);
+    if (!s.rejected) used.push_back(chi2[i]);
+  }
+  if (used.empty()) return false;
+  std::nth_element(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(used.size() / 2), used.end());
+  // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
+  const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
+  bool any = false;
+  for (size_t i = 0; i < chi2.size(); ++i) {
+    if (chi2[i] < 0) continue;
+    const MapSight& s = start_.sights[i];
+    if (chi2[i] > gate) continue;
+    ++of_tag[s.detection.id];
+    ++of_frame[s.frame];
+  }
+  for (size_t i = 0; i < chi2.size(); ++i) {
+    if (chi2[i] < 0) continue;
+    MapSight& s = start_.sights[i];
+    const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+    // A tag or a frame is not left without any observation.
+    const bool needed =
+        of_tag[s.detection.id] == 0 || (of_frame[s.frame] == 0 && !frame.odom_from_body && !frame.has_ties);
+    const bool rejected = chi2[i] > gate && (!needed || s.rejected);
+    any |= rejected != s.rejected;
+    s.rejected = rejected;
+  }
+  return any;
+}
+
+// Takes the control point out that contradicts the others most, if enough remain without it.
+bool MapSolver::SnoopControl() {
+  int worst = -1;
+  double worst_chi2 = kPointChi2;
+  std::vector<Eigen::Vector3d> used;
+  for (const SurveyPoint& p : datum_points_) {
+    if (p.role == PointRole::kControl && !Excluded(p)) used.push_back(p.world_m);
+  }
+  if (used.size() < 4) return false;  // whichever of three is wrong cannot be told
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    const Observation& o = observations_[i];
+    if (o.kind != Kind::kPoint || datum_points_[static_cast<size_t>(o.index)].role != PointRole::kControl) continue;
+    const int factor = static_cast<int>(i);
+    const Eigen::MatrixXd cofactor = Eigen::Matrix3d::Identity() * 1.0001 - solver_.Absorbed(factor);
+    const Eigen::VectorXd r = solver_.Residual(factor);
+    const double chi2 = r.dot(cofactor.inverse() * r);
+    std::vector<Eigen::Vector3d> left;
+    for (const Eigen::Vector3d& p : used) {
+      if (p != datum_points_[static_cast<size_t>(o.index)].world_m) left.push_back(p);
+    }
+    if (chi2 > worst_chi2 && AreWellSpread(left)) worst_chi2 = chi2, worst = o.index;
+  }
+  if (worst < 0) return false;
+  excluded_.insert(datum_points_[static_cast<size_t>(worst)].name);
+  return true;
+}
 
 SurveyResult SurveyTags(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
                         const CancelToken& cancel) {

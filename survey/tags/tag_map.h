@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -14,17 +15,53 @@
 #include "datasets/io/site.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
+#include "survey/tags/tag_shape.h"
 
 namespace trigpoint {
+
+// A point of the scene seen in a picture.
+struct SurveyTie {
+  int point = 0;         // index into SurveyRun::tie_points
+  int64_t stamp_ns = 0;  // of the body pose
+  int camera = 0;
+  // Whitened tangent plane of the observed ray, camera frame: W * ray = 0 (Camera::BearingSqrtInfo).
+  Eigen::Matrix<float, 2, 3> w = Eigen::Matrix<float, 2, 3>::Zero();
+};
+
+// A satellite receiver's position.
+struct SurveyFix {
+  int64_t stamp_ns = 0;
+  Eigen::Vector3d arm_m = Eigen::Vector3d::Zero();  // antenna in the body frame
+  Eigen::Vector3d world_m = Eigen::Vector3d::Zero();
+  double sigma_h_m = 3, sigma_v_m = 5;
+};
 
 // One run of pictures, or a set of hand-held stills (no odometry).
 struct SurveyRun {
   std::string name;
+  std::string date;  // runs of one date are one session; empty: a session of its own
   std::vector<BodyCamera> cameras;
   std::vector<ImageDetections> images;  // any order; pictures with one stamp are one body pose
   Trajectory odometry;                  // odom_from_body; empty: none
   double scale_sigma = 0.01;            // of the odometry's scale about 1
   double max_gap_s = 2;                 // odometry is not interpolated across a longer gap
+  bool levelled = false;                // odometry's z is up
+  // What the pictures' features say, if anybody looked: body poses that explain them (odom_from_body, first guess),
+  // scene points in that frame and where they are seen, sorted by point.
+  Trajectory start;
+  std::vector<Eigen::Vector3d> tie_points;
+  std::vector<SurveyTie> ties;
+  double tie_loss_chi2 = 5.99;  // Huber's threshold, 2 degrees of freedom
+  std::vector<SurveyFix> gps;
+};
+
+// A surveyed point that is marked in pictures.
+struct SurveyMark {
+  int run = 0;
+  int64_t stamp_ns = 0;
+  int camera = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double sigma_px = 1;
 };
 
 enum class PointRole { kControl, kCheck, kGeotag };
@@ -34,9 +71,11 @@ enum class PointRole { kControl, kCheck, kGeotag };
 struct SurveyPoint {
   std::string name;
   PointRole role = PointRole::kControl;
-  int tag_id = -1;
-  int corner = -1;                                     // -1: the centre
-  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();  // world axes
+  int tag_id = -1;  // -1: marked in pictures
+  int corner = -1;  // -1: the centre
+  std::vector<SurveyMark> marks;
+  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();  // world axes, or
+  bool offset_in_tag_frame = false;                    // right, out, up in the tag's levelled frame
   Eigen::Vector3d world_m = Eigen::Vector3d::Zero();
   double sigma_h_m = 0.01, sigma_v_m = 0.01;
 };
@@ -44,6 +83,7 @@ struct SurveyPoint {
 struct SurveyDistance {
   int from = -1, to = -1;
   double distance_m = 0, sigma_m = 0.005;
+  bool check = false;  // compared, not used
 };
 
 struct FixedTag {
@@ -56,17 +96,28 @@ struct SurveyInput {
   TagSizes sizes;
   std::vector<SurveyPoint> points;
   std::vector<SurveyDistance> distances;
-  std::optional<FixedTag> fixed;  // held exactly
+  bool use_control = true, use_geotags = true;  // as datum; else they are compared only
+  std::optional<FixedTag> fixed;                // held exactly
+  bool fixed_in_world = false;                  // its pose is the site's
+  std::vector<int> level_tags;                  // their centres lie on one horizontal plane
+  double level_sigma_m = 0.005;
+  bool use_gps = false;      // as datum, beside geotags
+  bool use_gravity = false;  // levelled odometry holds what is up, where points do not
 };
 
 struct SurveyOptions {
-  double extra_sigma_px = 0.05;   // added to each corner's sigma in quadrature
-  double min_side_px = 12;        // smaller pictures of a tag are not used
-  double odometry_rot_deg = 0.3;  // 1 sigma per square root of a metre (and of a second, a tenth of it)
-  double odometry_m = 0.02;       // the same for position, m
-  int variance_rounds = 3;        // rounds of variance component estimation; 0: stated sigmas are believed
-  double snooping_chi2 = 31.8;    // a picture of a tag beyond this (8 degrees of freedom) is rejected: 99.99 %
+  double extra_sigma_px = 0.05;       // added to each corner's sigma in quadrature
+  double min_side_px = 12;            // smaller pictures of a tag are not used
+  double odometry_rot_deg = 0.3;      // 1 sigma per square root of a metre (and of a second, a tenth of it)
+  double odometry_m = 0.02;           // the same for position, m
+  double heading_drift_deg_m = 0.05;  // 1 sigma of a constant drift of odometry's heading, estimated for each run
+  double gravity_deg = 0.5;           // 1 sigma of what levelled odometry calls up, a common error of a run
+  double corner_shift_px = 0;         // 1 sigma of a shift of all corners towards the tag's centre; 0: there is none
+  int variance_rounds = 3;            // rounds of variance component estimation; 0: stated sigmas are believed
+  double snooping_chi2 = 31.8;        // a picture of a tag beyond this (8 degrees of freedom) is rejected: 99.99 %
   bool cross_covariances = false;
+  bool self_calibrate = false;    // focal length, principal point and k1, k2 of every camera from the tags, too
+  bool check_conventions = true;  // refuse input that follows other conventions than ours
   int max_iterations = 50;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -74,9 +125,17 @@ struct SurveyOptions {
     visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "smaller pictures of a tag are not used"});
     visit(self.odometry_rot_deg, {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma per square root of a metre"});
     visit(self.odometry_m, {"odometry_m", "m", 1e-5, 10.0, "1 sigma per square root of a metre"});
+    visit(self.heading_drift_deg_m, {"heading_drift_deg_m", "deg/m", 0.0, 10.0, "1 sigma of odometry's heading drift"});
+    visit(self.gravity_deg, {"gravity_deg", "deg", 1e-3, 45.0, "1 sigma of what levelled odometry calls up"});
+    visit(self.corner_shift_px,
+          {"corner_shift_px", "px", 0.0, 5.0,
+           "1 sigma of a shift of corners towards the tag's centre, estimated for each camera; 0: none"});
     visit(self.variance_rounds, {"variance_rounds", "", 0, 20, "rounds of variance component estimation"});
     visit(self.snooping_chi2, {"snooping_chi2", "", 1.0, 1e9, "pictures of a tag beyond this are rejected"});
     visit(self.cross_covariances, {"cross_covariances", "", 0, 1, "covariances between all pairs of tags"});
+    visit(self.self_calibrate,
+          {"self_calibrate", "", 0, 1, "focal length, principal point, k1 and k2 of every camera from the tags, too"});
+    visit(self.check_conventions, {"check_conventions", "", 0, 1, "refuse input that follows other conventions"});
     visit(self.max_iterations, {"max_iterations", "", 1, 1000, "of each solve"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
@@ -87,15 +146,41 @@ struct PointAgreement {
   std::string name;
   PointRole role = PointRole::kControl;
   int tag_id = -1;
-  Eigen::Vector3d error_m;              // map - stated, world axes
-  double sigma_h_m = 0, sigma_v_m = 0;  // of that difference, both sides in quadrature (check) or stated (others)
-  double chi2 = 0;                      // standardised: 3 degrees of freedom
+  Eigen::Vector3d error_m = Eigen::Vector3d::Zero();  // map - stated, world axes
+  double sigma_h_m = 0, sigma_v_m = 0;                // of that difference, per axis
+  double stated_sigma_h_m = 0, stated_sigma_v_m = 0;
+  double chi2 = 0;        // standardised: 3 degrees of freedom
+  bool used = false;      // took part in the solution
+  bool excluded = false;  // control that contradicts the rest and was taken out
+  // Of control that took part: map - stated as it would be without this point, and its sigma.
+  std::optional<Eigen::Vector3d> left_out_m;
+  Eigen::Vector3d left_out_sigma_m = Eigen::Vector3d::Zero();
+};
+
+struct DistanceAgreement {
+  SurveyDistance stated;
+  double map_m = 0;
+  double sigma_m = 0;  // of map - stated (check), of the residual (used)
+};
+
+// Where geotags or GPS lie against the map's datum.
+struct DatumShift {
+  std::string of;  // geotags, gps
+  int n = 0;
+  Eigen::Vector3d stated_minus_map_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sigma_m = Eigen::Vector3d::Zero();
 };
 
 struct RunAgreement {
   std::string name;
-  double scale = 1, scale_sigma = 0;  // of the odometry: metres = scale * odometry
-  double corner_factor = 1, odometry_rot_factor = 1, odometry_m_factor = 1;  // on the stated sigmas
+  double scale = 1, scale_sigma = 0;            // of the odometry: metres = scale * odometry
+  double corner_factor = 1;                     // on the stated sigmas
+  Vector6d odometry_factor = Vector6d::Ones();  // the same: rotation x, y, z, translation x, y, z of the body
+  double heading_drift_deg_m = 0, heading_drift_sigma_deg_m = 0;
+  double corner_shift_px = 0, corner_shift_sigma_px = 0;  // outward, of the first camera; estimated if sigma > 0
+  // Self-calibration of the first camera: what it became, and 1 sigma of log f, cx, cy (px), k1, k2.
+  std::optional<Camera> camera;
+  std::array<double, 5> camera_sigma{};
   int frames = 0, sights = 0, rejected = 0;
   double rms_px = 0;
   std::vector<TimedPose> world_from_body;
@@ -103,7 +188,16 @@ struct RunAgreement {
 
 struct CheckSummary {
   int n = 0;
-  double rmse_h_m = 0, rmse_v_m = 0, rmse_3d_m = 0;
+  double rmse_h_m = 0, rmse_v_m = 0, rmse_3d_m = 0;  // map - stated
+  // The check points' own sigmas as such errors; in quadrature with the above gives the map's stated accuracy.
+  double stated_h_m = 0, stated_v_m = 0;
+};
+
+// Surveyed points after a least-squares rigid fit of the map to all of them, where the datum is not the site's.
+struct FitToPoints {
+  int n = 0;
+  double median_m = 0, rmse_m = 0, max_m = 0;
+  std::vector<std::pair<std::string, double>> worst;  // point and distance, of those beyond three times the median
 };
 
 struct SurveyResult {
@@ -111,8 +205,13 @@ struct SurveyResult {
   TagCrossCovariances cross;      // if asked for
   std::string datum;              // what fixes the gauge: control, geotags, tag 6, first camera
   bool in_world = false;          // the datum is the site's
+  std::string gauge;              // in words
   std::vector<PointAgreement> points;
+  std::vector<DistanceAgreement> distances;
+  std::vector<DatumShift> shifts;
   CheckSummary check;  // of points that were not used
+  std::optional<FitToPoints> fit;
+  std::vector<TagShape> shapes;  // of tags with enough pictures
   std::vector<RunAgreement> runs;
   std::vector<std::string> warnings;
   int iterations = 0;

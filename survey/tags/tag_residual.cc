@@ -9,12 +9,18 @@ namespace trigpoint {
 
 TagSight MakeTagSight(const Camera& camera, const TagDetection& detection, double extra_sigma_px) {
   TagSight sight;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& corner : detection.corners) centre += 0.25 * corner;
   for (int k = 0; k < 4; ++k) {
     const std::optional<Eigen::Vector3d> ray = camera.Unproject(detection.corners[k]);
     if (!ray) throw NumericError("tag " + std::to_string(detection.id) + ": a corner has no ray in this camera");
     sight.rays[k] = *ray;
     sight.sigma_px[k] = std::hypot(detection.corner_sigma_px[k], extra_sigma_px);
     sight.whitening[k] = camera.BearingSqrtInfo(detection.corners[k], sight.sigma_px[k]);
+    const Eigen::Vector2d out = (detection.corners[k] - centre).normalized();
+    if (const auto farther = camera.Unproject(detection.corners[k] + out)) {
+      sight.outward.segment<2>(2 * k) = sight.whitening[k] * *farther;
+    }
   }
   return sight;
 }

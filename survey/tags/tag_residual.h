@@ -25,6 +25,8 @@ struct TagSight {
   std::array<Eigen::Matrix<double, 2, 3>, 4> whitening;  // W_k
   std::array<Eigen::Vector3d, 4> rays;                   // observed, unit, camera frame
   std::array<double, 4> sigma_px;
+  // W_k * ray of the pixel 1 px farther from the tag's centre than the observed corner.
+  Eigen::Matrix<double, 8, 1> outward = Eigen::Matrix<double, 8, 1>::Zero();
 };
 
 // Throws NumericError where a corner has no ray in this camera. `extra_sigma_px` is added in quadrature.

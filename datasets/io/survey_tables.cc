@@ -1,0 +1,175 @@
+#include "datasets/io/survey_tables.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/gps_order.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+// OpenSfM states no sigmas: a handheld receiver's.
+constexpr double kOpenSfmSigmaH = 0.5, kOpenSfmSigmaV = 1.0;
+
+int TagId(const CsvRow& row, const char* column) {
+  const int64_t id = row.Integer(column);
+  if (id < 0 || id > 1'000'000) row.Fail(std::string("column ") + column + ": expected a tag's number");
+  return static_cast<int>(id);
+}
+
+ControlPoint OpenSfmPoint(const std::string& name, const Geodetic& position) {
+  ControlPoint point;
+  point.point = name;
+  point.has_role = false;
+  point.control = true;
+  point.geodetic = position;
+  point.sigma_h_m = kOpenSfmSigmaH;
+  point.sigma_v_m = kOpenSfmSigmaV;
+  return point;
+}
+
+// How the first line of a gcp_list.txt turns its coordinates into geodetic ones.
+struct Projection {
+  int zone = 0;  // 0: longitude, latitude
+  bool north = true;
+};
+
+Projection ReadProjection(const std::string& line, const std::filesystem::path& file) {
+  Projection projection;
+  std::istringstream words(line);
+  std::string word;
+  std::vector<std::string> all;
+  while (words >> word) all.push_back(word);
+  if (all.size() == 1 && (all[0] == "WGS84" || all[0] == "EPSG:4326")) return projection;
+  if (all.size() == 1 && all[0].starts_with("EPSG:")) {
+    const int64_t code = ParseInt(all[0].substr(5)).value_or(0);
+    projection.north = code < 32700;
+    projection.zone = static_cast<int>(code - (projection.north ? 32600 : 32700));
+  } else if (all.size() == 3 && all[0] == "WGS84" && all[1] == "UTM" && all[2].size() >= 2) {
+    projection.north = all[2].back() == 'N';
+    projection.zone = static_cast<int>(ParseInt(all[2].substr(0, all[2].size() - 1)).value_or(0));
+  }
+  if (projection.zone < 1 || projection.zone > 60) {
+    throw InputError(file.string() +
+                     ":1: expected WGS84, \"WGS84 UTM 32N\", EPSG:4326, EPSG:326zz or EPSG:327zz, found '" + line +
+                     "'; convert the points first");
+  }
+  return projection;
+}
+
+}  // namespace
+
+std::vector<MeasuredDistance> ReadDistances(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+  std::vector<MeasuredDistance> distances;
+  const CsvTable table = CsvTable::Read(file, {"from", "to", "distance_m"}, {"sigma_m", "role"});
+  warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
+  table.ForEachUsable(warnings, [&](const CsvRow& row) {
+    MeasuredDistance d;
+    d.from = TagId(row, "from");
+    d.to = TagId(row, "to");
+    if (d.from == d.to) row.Fail("expected two tags, found tag " + row.Text("from") + " twice");
+    d.distance_m = row.Number("distance_m");
+    if (!(d.distance_m > 0)) row.Fail("column distance_m: expected a length above 0");
+    d.sigma_m = row.Number("sigma_m", d.sigma_m);
+    if (!(d.sigma_m > 0)) row.Fail("column sigma_m: expected a sigma above 0");
+    const std::string& role = row.Text("role");
+    if (!role.empty() && role != "control" && role != "check") {
+      row.Fail("column role: expected control or check, found '" + role + "'");
+    }
+    d.check = role == "check";
+    distances.push_back(d);
+  });
+  return distances;
+}
+
+std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+  std::vector<PointMark> marks;
+  const CsvTable table = CsvTable::Read(file, {"point", "image", "u", "v"});
+  warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
+  table.ForEachUsable(warnings, [&](const CsvRow& row) {
+    PointMark mark;
+    mark.point = row.Text("point");
+    mark.image = row.Text("image");
+    if (mark.point.empty() || mark.image.empty()) row.Fail("expected the names of a point and an image");
+    mark.pixel = {row.Number("u"), row.Number("v")};
+    marks.push_back(std::move(mark));
+  });
+  return marks;
+}
+
+OpenSfmControl ReadOpenSfmJson(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+  const nlohmann::json json = nlohmann::json::parse(ReadTextFile(file), nullptr, false);
+  if (json.is_discarded() || !json.is_object() || !json.contains("points") || !json["points"].is_array()) {
+    throw InputError(file.string() + ": expected JSON with a list \"points\"");
+  }
+  OpenSfmControl control;
+  for (const nlohmann::json& point : json["points"]) {
+    try {
+      const std::string name = point.at("id").is_string() ? point["id"].get<std::string>() : point["id"].dump();
+      if (point.contains("position")) {
+        const nlohmann::json& p = point["position"];
+        const Geodetic position{p.at("latitude").get<double>(), p.at("longitude").get<double>(),
+                                p.value("altitude", 0.0)};
+        CheckOnEarth(position, file.string() + ": point " + name);
+        control.points.push_back(OpenSfmPoint(name, position));
+      }
+      for (const nlohmann::json& o : point.value("observations", nlohmann::json::array())) {
+        PointMark mark;
+        mark.point = name;
+        mark.image = o.at("shot_id").get<std::string>();
+        mark.pixel = {o.at("projection").at(0).get<double>(), o.at("projection").at(1).get<double>()};
+        mark.normalised = true;
+        control.marks.push_back(std::move(mark));
+      }
+    } catch (const nlohmann::json::exception& e) {
+      warnings->push_back(file.string() + ": a point is skipped: " + e.what());
+    } catch (const InputError& e) {
+      warnings->push_back(std::string(e.what()) + "; the point is skipped");
+    }
+  }
+  return control;
+}
+
+OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<std::string>* warnings) {
+  std::istringstream text(ReadTextFile(file));
+  std::string line;
+  if (!std::getline(text, line)) throw InputError(file.string() + ": is empty; expected WGS84 or a projection first");
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  const Projection projection = ReadProjection(line, file);
+  OpenSfmControl control;
+  std::map<std::array<double, 3>, std::string> unnamed;
+  std::set<std::string> known;
+  for (int number = 2; std::getline(text, line); ++number) {
+    std::istringstream words(line);
+    double x = 0, y = 0, z = 0, u = 0, v = 0;
+    std::string image, name;
+    if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
+    if (!(words >> x >> y >> z >> u >> v >> image)) {
+      warnings->push_back(file.string() + ":" + std::to_string(number) +
+                          ": expected x y z u v image [name]; the line is skipped");
+      continue;
+    }
+    if (!(words >> name)) {
+      name = unnamed.try_emplace({x, y, z}, "point " + std::to_string(unnamed.size() + 1)).first->second;
+    }
+    try {
+      if (known.insert(name).second) {
+        const Geodetic position =
+            projection.zone == 0 ? Geodetic{y, x, z} : GeodeticFromUtm({projection.zone, projection.north, x, y}, z);
+        CheckOnEarth(position, file.string() + ":" + std::to_string(number));
+        control.points.push_back(OpenSfmPoint(name, position));
+      }
+      control.marks.push_back({name, image, {u, v}, false});
+    } catch (const InputError& e) {
+      warnings->push_back(std::string(e.what()) + "; the line is skipped");
+    }
+  }
+  return control;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,120 @@
+// Robust least squares over poses and small vectors, with points eliminated, and the covariance of what is left:
+// internal to survey/tags.
+//
+//   minimise  1/2 sum rho(|r_f|^2)  +  1/2 sum rho(|W u|^2)
+//
+// over factors r_f (Ceres cost functions, whitened) and tie points seen along unit rays u. Levenberg-Marquardt; tie
+// points by the Schur complement (Triggs et al. 2000). The work is cut into a fixed number of chunks that are summed in
+// order: the result does not depend on the number of threads.
+#pragma once
+
+#include <ceres/cost_function.h>
+#include <ceres/loss_function.h>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "calib/geometry/rigid3.h"
+#include "survey/tags/selected_inverse.h"
+
+namespace trigpoint {
+
+struct Unknown {
+  std::array<double, 7> value{};
+  int size = 7;  // 7: a pose with Rigid3Manifold, else that many plain numbers
+  bool constant = false;
+  int Tangent() const { return size == 7 ? 6 : size; }
+};
+
+struct Factor {
+  std::unique_ptr<ceres::CostFunction> cost;
+  const ceres::LossFunction* loss = nullptr;
+  std::vector<int> unknowns;
+};
+
+// A point of the world that pictures show; `inverse_sigma` above zero where coordinates are known beforehand.
+struct TiePoint {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d known = Eigen::Vector3d::Zero();
+  Eigen::Vector3d inverse_sigma = Eigen::Vector3d::Zero();
+};
+
+struct TieView {
+  Rigid3d cam_from_body;
+  const ceres::LossFunction* loss = nullptr;
+};
+
+// residual = W * unit ray of the point in the view; W * observed ray = 0.
+struct TieSight {
+  int point = 0;
+  int pose = 0;  // unknown: world_from_body
+  int view = 0;
+  Eigen::Matrix<float, 2, 3> w = Eigen::Matrix<float, 2, 3>::Zero();
+};
+
+class BlockSolver {
+ public:
+  std::vector<Unknown> unknowns;
+  std::vector<Factor> factors;
+  std::vector<TiePoint> points;
+  std::vector<TieView> views;
+  std::vector<TieSight> sights;  // sorted by point
+
+  int AddPose(const Rigid3d& pose);
+  int AddNumbers(const std::vector<double>& values);
+  int AddFactor(ceres::CostFunction* cost, const ceres::LossFunction* loss, const std::vector<int>& its_unknowns);
+  Rigid3d Pose(int unknown) const;
+
+  struct Summary {
+    double cost_before = 0, cost_after = 0;
+    int iterations = 0;
+    bool converged = false;
+  };
+  // Unknowns that nothing holds are left out of the equations; what is held too little makes them singular
+  // (NumericError). Ends when the step left is below a hundredth of a standard deviation.
+  Summary Solve(int max_iterations, int threads, ProgressSink& progress, const CancelToken& cancel);
+
+  // After Linearise, all at the present state:
+  void Linearise(int threads, const CancelToken& cancel);
+  int Offset(int unknown) const { return offset_[static_cast<size_t>(unknown)]; }  // -1: not estimated
+  const SelectedInverse& inverse() const { return *inverse_; }
+  Matrix6d PoseCovariance(int unknown) const;     // zero for one that is held
+  Eigen::VectorXd Residual(int factor) const;     // whitened, before the robust weight
+  double Weight(int factor) const;                // rho'
+  Eigen::MatrixXd Absorbed(int factor) const;     // J Q J', weighted: the part of the unit covariance the fit takes
+  Eigen::MatrixXd Jacobian(int factor) const;     // weighted; columns of its free unknowns in order
+  double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
+
+ private:
+  struct Chunk;
+  struct PointTerms;
+  void Prepare();
+  void EvaluateFactors(bool with_jacobians, int threads, const CancelToken& cancel);
+  double Build(int threads, const CancelToken& cancel, double damping);
+  double Cost(int threads, const CancelToken& cancel);
+  bool TermsOf(size_t point, double damping, PointTerms* terms) const;
+  void AddBlock(int a, int b, const Eigen::Ref<const Eigen::MatrixXd>& block, std::vector<double>* values) const;
+  int PairIndex(int a, int b) const;
+
+  std::vector<int> offset_;  // of an unknown among the equations, -1: none
+  std::vector<int> slot_;    // of an unknown, -1: none
+  std::vector<int> slot_size_, slot_offset_;
+  int equations_ = 0;
+  // Pairs of slots (a >= b) that share an observation: for each b its ascending a, and where each column of the block
+  // begins among the values of the sparse lower triangle.
+  std::vector<std::vector<int>> rows_;
+  std::vector<std::vector<std::array<int, 7>>> starts_;
+  Eigen::SparseMatrix<double> normal_;
+  Eigen::VectorXd gradient_;
+  std::vector<size_t> first_sight_;  // of each point
+  std::vector<size_t> residual_at_, jacobian_at_;
+  std::vector<int> columns_;  // of each factor's jacobian
+  std::vector<double> residuals_, jacobians_, weights_, costs_;
+  std::unique_ptr<SelectedInverse> inverse_;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,101 @@
+// The solution of a tag map: internal to survey/tags.
+#pragma once
+
+#include <array>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "calib/estimation/loss.h"
+#include "survey/tags/block_solver.h"
+#include "survey/tags/map_start.h"
+
+namespace trigpoint {
+
+class MapSolver {
+ public:
+  MapSolver(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
+            const CancelToken& cancel);
+  SurveyResult Run();
+
+ private:
+  // What a factor observes; `index`: sight, run, point, distance.
+  enum class Kind { kTag, kOdometry, kPoint, kDistance, kOther };
+  struct Observation {
+    Kind kind = Kind::kOther;
+    int index = 0;
+  };
+  struct RunState {
+    double scale = 1, drift = 0;                 // drift: rad/m
+    double corner = 1;                           // factor on the corners' sigmas
+    Vector6d odometry = Vector6d::Ones();        // and on odometry's
+    std::vector<double> shift;                   // of each camera's corners, px
+    int scale_unknown = -1, drift_unknown = -1;  // in the present solver
+    std::vector<int> shift_unknown;
+    std::vector<Camera> cameras;                       // as given
+    std::vector<std::array<double, 5>> camera_change;  // survey_costs.h: AdjustedCamera
+    std::vector<int> camera_unknown;
+    std::vector<size_t> first_point;  // range of its tie points in the solver: begin, end
+  };
+
+  void ChooseDatum();
+  void LoadState();
+  bool Usable(const MapSight& s) const;
+  bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }
+  Eigen::Vector3d Lever(const SurveyPoint& p) const;
+  bool Excluded(const SurveyPoint& p) const { return excluded_.count(p.name) > 0; }
+  void Build();
+  void AddTies();
+  void AddOdometry();
+  void AddPoints();
+  void AddGauge();
+  void Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
+           const std::vector<int>& unknowns);
+  void StoreState();
+  void StoreCameras();
+  void UpdateFactors();
+  bool SnoopSights();
+  bool SnoopControl();
+  Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
+  double SightChi2(const MapSight& s) const;
+
+  // map_result.cc
+  void Collect();
+  void CollectRuns();
+  void CollectTags();
+  void JudgeShape(TagEstimate* tag) const;
+  void CompareWithPoints();
+  void CompareDistances();
+  void CompareDatums();
+  void FitMapToPoints();
+  void CrossCovariances();
+  // Place of a point in the map, minus its offset's target, and its covariance there.
+  bool PlaceOf(const SurveyPoint& p, Eigen::Vector3d* place, Eigen::Matrix3d* covariance) const;
+
+  SurveyInput input_;  // cameras change where they are estimated
+  const SurveyOptions& options_;
+  int threads_;
+  ProgressSink& progress_;
+  const CancelToken& cancel_;
+  SurveyResult result_;
+  MapStart start_;
+  std::vector<SurveyPoint> datum_points_;
+  std::set<std::string> excluded_;  // control that contradicts the rest
+  bool use_shift_ = false;          // geotags have a datum of their own
+  Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
+  int shift_unknown_ = -1;
+  std::vector<RunState> run_states_;
+  std::map<int, Rigid3d> tags_;
+  std::map<std::string, Eigen::Vector3d> marked_;
+  std::vector<TiePoint> tie_points_;  // of all runs, kept between solutions
+  HuberChi2Loss huber_, geotag_loss_, mark_loss_;
+  std::vector<std::unique_ptr<HuberChi2Loss>> tie_losses_;
+  BlockSolver solver_;
+  std::vector<Observation> observations_;  // one a factor
+  std::vector<int> frame_unknown_;         // -1: not placed
+  std::map<int, int> tag_unknown_;
+  std::map<std::string, int> mark_unknown_;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,123 @@
+#include "survey/tags/tag_shape.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+
+namespace trigpoint {
+namespace {
+
+constexpr int kLeastImages = 4;
+constexpr double kSigmas = 5;             // cameras are held, so that sigmas are a little too small
+constexpr double kLeastSizeError = 0.02;  // printers and rulers are no worse
+constexpr double kLeastBend = 0.02;       // of the edge
+constexpr double kHuberChi2 = 15.5;
+
+using Vector9d = Eigen::Matrix<double, 9, 1>;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+using Matrix89d = Eigen::Matrix<double, 8, 9>;
+
+struct Shape {
+  Rigid3d world_from_tag;
+  Eigen::Vector3d extra = Eigen::Vector3d::Zero();  // log size ratio, log aspect, twist / edge
+};
+
+Eigen::Vector3d Corner(double size_m, int k, const Eigen::Vector3d& extra) {
+  Eigen::Vector3d c = TagCorner(size_m, k);
+  c.x() *= std::exp(extra(0) - 0.5 * extra(1));
+  c.y() *= std::exp(extra(0) + 0.5 * extra(1));
+  c.z() = (k % 2 == 0 ? 1 : -1) * extra(2) * size_m;
+  return c;
+}
+
+Vector8d Residual(const TagSight& sight, const Rigid3d& cam_from_world, double size_m, const Shape& shape) {
+  Vector8d r;
+  for (int k = 0; k < 4; ++k) {
+    const Eigen::Vector3d p = cam_from_world * (shape.world_from_tag * Corner(size_m, k, shape.extra));
+    r.segment<2>(2 * k) = sight.whitening[static_cast<size_t>(k)] * p.normalized();
+  }
+  return r;
+}
+
+Shape Moved(const Shape& shape, const Vector9d& d) {
+  Shape moved;
+  moved.world_from_tag = shape.world_from_tag.Plus(d.head<6>());
+  moved.extra = shape.extra + d.tail<3>();
+  return moved;
+}
+
+}  // namespace
+
+bool TagShape::SizeIsWrong() const {
+  return std::abs(size_ratio - 1) > std::max(kLeastSizeError, kSigmas * size_sigma);
+}
+
+bool TagShape::IsBent() const {
+  return std::abs(aspect - 1) > std::max(1.5 * kLeastBend, kSigmas * aspect_sigma) ||
+         std::abs(twist_m) > std::max(kLeastBend * edge_m, kSigmas * twist_sigma_m);
+}
+
+std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const std::vector<TagEstimate>& tags,
+                                       double extra_sigma_px) {
+  std::vector<TagShape> shapes;
+  for (const TagEstimate& tag : tags) {
+    if (!tag.HasPose() || static_cast<int>(tag.views.size()) < kLeastImages) continue;
+    std::vector<TagSight> sights;
+    std::vector<Rigid3d> cameras;
+    for (int v : tag.views) {
+      const TagView& view = views[static_cast<size_t>(v)];
+      for (const TagDetection& d : view.detections) {
+        if (d.id != tag.tag_id) continue;
+        sights.push_back(MakeTagSight(*view.camera, d, extra_sigma_px));
+        cameras.push_back(view.world_from_cam.Inverse());
+        break;
+      }
+    }
+    Shape shape;
+    shape.world_from_tag = *tag.world_from_tag;
+    Matrix9d normal = Matrix9d::Identity();
+    double square = 0, weights = 0;
+    for (int round = 0; round < 8; ++round) {
+      normal.setZero();
+      Vector9d gradient = Vector9d::Zero();
+      square = weights = 0;
+      for (size_t i = 0; i < sights.size(); ++i) {
+        const Vector8d r = Residual(sights[i], cameras[i], tag.size_m, shape);
+        Matrix89d j;
+        for (int k = 0; k < 9; ++k) {
+          constexpr double kStep = 1e-6;
+          const Vector9d h = kStep * Vector9d::Unit(k);
+          j.col(k) = (Residual(sights[i], cameras[i], tag.size_m, Moved(shape, h)) -
+                      Residual(sights[i], cameras[i], tag.size_m, Moved(shape, -h))) /
+                     (2 * kStep);
+        }
+        const double s = r.squaredNorm(), w = s > kHuberChi2 ? std::sqrt(kHuberChi2 / s) : 1;
+        normal += w * j.transpose() * j;
+        gradient += w * j.transpose() * r;
+        square += w * s;
+        weights += 8 * w;
+      }
+      normal.diagonal() *= 1 + 1e-9;
+      const Vector9d step = -normal.ldlt().solve(gradient);
+      if (!step.allFinite()) break;
+      shape = Moved(shape, step);
+      if (step.dot(normal * step) < 1e-6) break;
+    }
+    if (!shape.extra.allFinite()) continue;
+    const Matrix9d covariance = normal.inverse() * std::max(1.0, square / std::max(1.0, weights - 9));
+    TagShape result;
+    result.tag_id = tag.tag_id;
+    result.edge_m = tag.size_m;
+    result.images = static_cast<int>(sights.size());
+    result.size_ratio = std::exp(shape.extra(0));
+    result.aspect = std::exp(shape.extra(1));
+    result.twist_m = shape.extra(2) * tag.size_m;
+    result.size_sigma = result.size_ratio * std::sqrt(covariance(6, 6));
+    result.aspect_sigma = result.aspect * std::sqrt(covariance(7, 7));
+    result.twist_sigma_m = tag.size_m * std::sqrt(covariance(8, 8));
+    shapes.push_back(result);
+  }
+  return shapes;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,133 @@
+#include "survey/tags/block_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "calib/base/error.h"
+#include "calib/camera/camera.h"
+#include "calib/estimation/random.h"
+#include "survey/tags/survey_costs.h"
+
+namespace trigpoint {
+namespace {
+
+const Camera kCamera(CameraModel::kPinhole, 960, 600, {400, 400, 479.5, 299.5});
+
+Eigen::Vector3d RandomVector(Random* random, double size) {
+  return size * Eigen::Vector3d(random->Normal(), random->Normal(), random->Normal());
+}
+
+// Five cameras in a row before forty points, the first two held.
+struct Row {
+  std::vector<Rigid3d> truth;
+  std::vector<Eigen::Vector3d> points;
+  BlockSolver solver;
+};
+
+void Fill(uint64_t seed, double sigma_px, Row* row) {
+  Random random(seed);
+  for (int i = 0; i < 5; ++i)
+    row->truth.emplace_back(ExpSO3(RandomVector(&random, 0.02)), Eigen::Vector3d(0.5 * i, 0, 0));
+  for (int i = 0; i < 40; ++i) {
+    row->points.emplace_back(random.Uniform(-3, 5), random.Uniform(-2, 2), random.Uniform(5, 9));
+  }
+  BlockSolver& s = row->solver;
+  for (int i = 0; i < 5; ++i) {
+    Vector6d off;
+    off << RandomVector(&random, 0.005), RandomVector(&random, 0.02);
+    s.AddPose(i < 2 ? row->truth[i] : row->truth[i].Plus(off));
+    s.unknowns.back().constant = i < 2;
+  }
+  s.views.push_back({});
+  for (size_t p = 0; p < row->points.size(); ++p) {
+    TiePoint point;
+    point.position = row->points[p] + RandomVector(&random, 0.05);
+    s.points.push_back(point);
+    for (int i = 0; i < 5; ++i) {
+      const auto pixel = kCamera.Project(row->truth[i].Inverse() * row->points[p]);
+      if (!pixel) continue;
+      const Eigen::Vector2d seen = *pixel + sigma_px * Eigen::Vector2d(random.Normal(), random.Normal());
+      s.sights.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
+    }
+  }
+}
+
+TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  double nees = 0;
+  const int redraws = 30;
+  for (int seed = 1; seed <= redraws; ++seed) {
+    Row row;
+    Fill(static_cast<uint64_t>(seed), 0.3, &row);
+    const BlockSolver::Summary summary = row.solver.Solve(30, 2, progress, cancel);
+    EXPECT_TRUE(summary.converged);
+    EXPECT_LT(summary.cost_after, summary.cost_before);
+    row.solver.Linearise(2, cancel);
+    const Vector6d e = row.solver.Pose(4).Minus(row.truth[4]);
+    EXPECT_LT(e.norm(), 0.03);
+    nees += e.dot(row.solver.PoseCovariance(4).inverse() * e);
+  }
+  // Chi-square with 180 degrees of freedom, 95 %: 144 to 219.
+  EXPECT_GT(nees, 144 - 10);
+  EXPECT_LT(nees, 219 + 10);
+}
+
+TEST(BlockSolver, DoesNotDependOnThreads) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  Row one, two;
+  Fill(5, 0.3, &one);
+  Fill(5, 0.3, &two);
+  one.solver.Solve(20, 1, progress, cancel);
+  two.solver.Solve(20, 2, progress, cancel);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(one.solver.unknowns[static_cast<size_t>(i)].value, two.solver.unknowns[static_cast<size_t>(i)].value);
+  }
+}
+
+TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
+  // The same problem with points as unknowns of their own.
+  ProgressSink progress;
+  const CancelToken cancel;
+  Row row;
+  Fill(6, 0.3, &row);
+  BlockSolver kept;
+  kept.unknowns = row.solver.unknowns;
+  std::vector<int> unknown;
+  for (const TiePoint& p : row.solver.points) {
+    unknown.push_back(kept.AddNumbers({p.position.x(), p.position.y(), p.position.z()}));
+  }
+  for (const TieSight& s : row.solver.sights) {
+    kept.AddFactor(new MarkCost(s.w.cast<double>(), Rigid3d()), nullptr,
+                   {s.pose, unknown[static_cast<size_t>(s.point)]});
+  }
+  row.solver.Solve(30, 2, progress, cancel);
+  row.solver.Linearise(2, cancel);
+  kept.Solve(30, 2, progress, cancel);
+  kept.Linearise(2, cancel);
+  for (int i = 2; i < 5; ++i) {
+    EXPECT_LT(row.solver.Pose(i).Minus(kept.Pose(i)).norm(), 1e-5);
+    const Matrix6d a = row.solver.PoseCovariance(i), b = kept.PoseCovariance(i);
+    EXPECT_LT((a - b).norm(), 1e-3 * b.norm());
+  }
+}
+
+TEST(BlockSolver, WhatNothingHoldsIsSingular) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  BlockSolver solver;
+  const int a = solver.AddPose({}), b = solver.AddPose(Rigid3d(Eigen::Quaterniond::Identity(), {1, 0, 0}));
+  solver.AddFactor(new DistanceCost(1.1, 0.01), nullptr, {a, b});
+  EXPECT_THROW(
+      {
+        solver.Solve(10, 1, progress, cancel);
+        solver.Linearise(1, cancel);
+      },
+      NumericError);
+}
+
+}  // namespace
+}  // namespace trigpoint
