@@ -30,13 +30,10 @@ StageInfo FeaturesStage() {
     return request;
   };
   info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
-    for (const Run& run : project.site().runs) {
-      if (run.name == target.run && run.images.empty()) return "run " + run.name + " has no images";
-    }
-    return "";
     if (project.site().broken_runs.count(target.run) > 0) return "";  // fails with its reason
     const Run& run = project.run(target.run);
-    return run.images.empty() && !run.detections.empty() ? "detections.csv in place of images" : "";
+    if (!run.images.empty()) return "";
+    return run.detections.empty() ? "run " + run.name + " has no images" : "detections.csv in place of images";
   };
   return info;
 }

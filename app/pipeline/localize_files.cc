@@ -401,9 +401,6 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
 
 }  // namespace
 
-LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
-                            const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
   LocalizeJob job;
   LocalizeInput& input = job.input;
@@ -453,7 +450,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
 
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views) {
+                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
   LocalizeJob job = MakeRunJob(run, run_features);
   LocalizeInput& input = job.input;
   input.has_frame = has_frame;

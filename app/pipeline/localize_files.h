@@ -30,11 +30,10 @@ struct LocalizeJob {
   int without_features = 0;
 };
 
-// `rigs`: folders of stitched rigs by the name of their photo set; a set with one is one reference of many views, else
-// every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).
 // The run alone: images with odometry and features. Throws as below.
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features);
-// Throws InputError if nothing can be localized (no odometry, no image with it).
+// `rigs`: folders of stitched rigs by the name of their photo set; a set with one is one reference of many views, else
+// every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
                             const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs = {});

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "app/pipeline/calibrate_stage.h"
 #include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/report_stage.h"
-#include "app/pipeline/calibrate_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"

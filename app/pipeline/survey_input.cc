@@ -1,12 +1,12 @@
 #include "app/pipeline/survey_input.h"
 
-#include "app/pipeline/reviewed.h"
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 
+#include "app/pipeline/reviewed.h"
 #include "app/pipeline/survey_ties.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/text.h"
@@ -37,12 +37,6 @@ std::optional<Eigen::Vector3d> WorldOf(const Project& project, const ControlPoin
   if (point.local_m) return point.local_m;
   if (point.geodetic && project.has_frame()) return project.frame().EnuFromGeodetic(*point.geodetic);
   return std::nullopt;
-}
-
-void AddControl(const Project& project, SurveyJob* job) {
-std::string NameOf(const ControlPoint& point) {
-  if (point.tag_id < 0) return point.point;
-  return point.corner < 0 ? fmt::format("{}", point.tag_id) : fmt::format("{}/{}", point.tag_id, point.corner);
 }
 
 // Surveyed points as tables have them, and where they are marked in pictures.
@@ -110,8 +104,6 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
     if (!world) continue;
     SurveyPoint p;
     p.name = ReviewControlName(c);
-    p.role = c.control ? PointRole::kControl : PointRole::kCheck;
-    p.name = NameOf(c);
     p.role = c.control && used ? PointRole::kControl : PointRole::kCheck;
     p.tag_id = c.tag_id;
     p.corner = c.corner;
@@ -153,9 +145,7 @@ void AddGeotags(const Project& project, SurveyJob* job) {
   for (const Reference& reference : project.site().references) {
     if (!reference.geotag.has_position) continue;
     for (const Station& station : project.site().stations) {
-      if (station.name != reference.station || station.in_tag_frame) continue;
-      if (project.review().ExcludesStation(station.name)) continue;
-      if (station.name != reference.station) continue;
+      if (station.name != reference.station || project.review().ExcludesStation(station.name)) continue;
       SurveyPoint p;
       p.name = reference.name;
       p.role = PointRole::kGeotag;
@@ -203,6 +193,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.date = run.config.date;
   survey.cameras = run.cameras;
   survey.images = ReadDetections(file, 0.5, &job->warnings);
+  LeaveOutExcluded(project.review(), run.name, survey.images);
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled;
@@ -292,23 +283,6 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
                         StageContext& context) {
   SurveyJob job;
   job.input.sizes = project.site().tags;
-  for (const Run* run : SurveyRuns(project)) {
-    StageTarget its = target;
-    its.run = run->name;
-    const fs::path file = ResultOf(project, "detect", its) / "detections.csv";
-    if (!fs::exists(file)) {
-      job.warnings.push_back("run " + run->name + " has no detections and takes no part");
-      continue;
-    }
-    SurveyRun survey;
-    survey.name = run->name;
-    survey.cameras = run->cameras;
-    survey.images = ReadDetections(file, 0.5, &job.warnings);
-    LeaveOutExcluded(project.review(), run->name, survey.images);
-    survey.odometry = run->odometry;
-    survey.scale_sigma = run->config.odometry_scale_sigma;
-    job.input.runs.push_back(std::move(survey));
-  }
   for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);

@@ -169,7 +169,6 @@ StageInfo SurveyStage() {
   info.help = "make one tag map from all runs whose role is survey";
   info.per_run = false;
   info.variants = true;
-  info.needs = {"detect"};
   info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.needs = {"features", "detect"};
   info.metric = "tags";
