@@ -343,7 +343,7 @@ void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cam
     const ColmapCamera colmap = ToColmap(camera.camera);
     text += std::to_string(++id) + " " + colmap.model_name + " " + std::to_string(colmap.width) + " " +
             std::to_string(colmap.height);
-    for (double p : colmap.params) text += " " + Number(p);
+    for (double p : colmap.params) text.append(1, ' ').append(Number(p));
     text += "\n";
   }
   WriteFileAtomically(file, text);
