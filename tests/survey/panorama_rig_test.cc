@@ -166,7 +166,7 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
       in.shape_covariance.block<3, 3>(6 * i + 3, 6 * i + 3) = Eigen::Matrix3d::Identity() * 0.004 * 0.004;
       in.shape_covariance.block<3, 3>(6 * i, 6 * i) = Eigen::Matrix3d::Identity() * 3e-4 * 3e-4;
     }
-    const Rigid3d rig_from_world({Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY())}, {3, 1, -2});
+    const Rigid3d rig_from_world(Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY())), {3, 1, -2});
     for (const Eigen::Vector3d& at : w.points) {
       if (at.z() < 0) continue;
       for (int i = 0; i < 16; ++i) {
