@@ -16,7 +16,7 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kNsPerS = 1e9;
+constexpr double kSecondNs = 1e9;
 
 struct Pair {
   size_t row = 0;
@@ -52,8 +52,8 @@ std::vector<Pair> PairUp(const Trajectory& estimate, double offset_s, const Rigi
                          const std::vector<ReferencePose>& reference, const std::vector<size_t>& rows,
                          double max_gap_s) {
   std::vector<Pair> pairs;
-  const auto offset = static_cast<int64_t>(std::llround(offset_s * kNsPerS));
-  const auto gap = static_cast<int64_t>(max_gap_s * kNsPerS);
+  const auto offset = static_cast<int64_t>(std::llround(offset_s * kSecondNs));
+  const auto gap = static_cast<int64_t>(max_gap_s * kSecondNs);
   for (size_t i = 0; i < rows.size(); ++i) {
     const ReferencePose& r = reference[rows[i]];
     if (!r.world_from_cam) continue;
@@ -71,7 +71,7 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
   for (const Pair& p : pairs) {
     const double variance = p.reference->covariance.bottomRightCorner<3, 3>().trace();
     reference_variance += variance / static_cast<double>(pairs.size());
-    if (blocks.empty() || static_cast<double>(p.reference->stamp_ns - begin) > options.block_s * kNsPerS) {
+    if (blocks.empty() || static_cast<double>(p.reference->stamp_ns - begin) > options.block_s * kSecondNs) {
       blocks.emplace_back(0, 0);
       begin = p.reference->stamp_ns;
     }
@@ -105,7 +105,7 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
 }
 
 // d_i = c + R_i l, least squares; blocks' number of independent errors.
-std::optional<LeverArm> FindLeverArm(const std::vector<Pair>& pairs, double block_s) {
+std::optional<LeverArm> FindLeverArm(const std::vector<Pair>& pairs, double block_s, double reference_axis_m) {
   if (pairs.size() < 10) return std::nullopt;
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
@@ -135,13 +135,14 @@ std::optional<LeverArm> FindLeverArm(const std::vector<Pair>& pairs, double bloc
   arm.rmse_before_m = std::sqrt(before / n);
   arm.rmse_after_m = std::sqrt(after / n);
   const double seconds =
-      static_cast<double>(pairs.back().reference->stamp_ns - pairs.front().reference->stamp_ns) / kNsPerS;
+      static_cast<double>(pairs.back().reference->stamp_ns - pairs.front().reference->stamp_ns) / kSecondNs;
   const double independent = std::clamp(seconds / block_s, 3.0, n);
   const double variance = after / (3 * n) * n / independent;
   const Eigen::Matrix<double, 6, 6> regular = (normal + 1e-6 * n * Eigen::Matrix<double, 6, 6>::Identity())
                                                   .ldlt()
                                                   .solve(Eigen::Matrix<double, 6, 6>::Identity());
-  arm.sigma_m = (variance * regular.diagonal().tail<3>()).cwiseMax(0).cwiseSqrt();
+  const Eigen::Vector3d reference_variance = Eigen::Vector3d::Constant(reference_axis_m * reference_axis_m);
+  arm.sigma_m = (variance * regular.diagonal().tail<3>() + reference_variance).cwiseMax(0).cwiseSqrt();
   double most = 0;
   for (int i = 0; i < 3; ++i) most = std::max(most, std::abs(arm.arm_m[i]) / std::max(1e-9, arm.sigma_m[i]));
   arm.significant = inverse.allFinite() && most > 3 && arm.arm_m.norm() > 0.01 &&
@@ -287,12 +288,24 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
     truth.stamps_ns.push_back(reference[i].stamp_ns);
     truth.poses.emplace_back(*reference[i].world_from_cam);
   }
-  const auto offset_ns = static_cast<int64_t>(std::llround(config.time_offset_s * kNsPerS));
+  const auto offset_ns = static_cast<int64_t>(std::llround(config.time_offset_s * kSecondNs));
   for (const TimedPose& pose : poses.poses) {
     said.stamps_ns.push_back(pose.stamp_ns + offset_ns);
     said.poses.emplace_back(pose.target_from_body * (report.point == "body" ? arm * body_from_cam : arm));
   }
   report.time_offset = EstimateTimeOffset(truth, said, options.max_offset_s);
+  const double reference_axis_m = report.reference_rms_m / std::sqrt(3.0);
+  if (report.time_offset) {
+    // The reference may be off by its sigma all along the path, which looks like a clock that is off.
+    double path = 0;
+    for (size_t i = 1; i < truth.poses.size(); ++i) {
+      path += (truth.poses[i].translation - truth.poses[i - 1].translation).norm();
+    }
+    const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;
+    ClockOffset& offset = *report.time_offset;
+    if (path > 0) offset.sigma_s = std::hypot(offset.sigma_s, reference_axis_m * seconds / path);
+    offset.significant = offset.significant && std::abs(offset.offset_s) > 3 * offset.sigma_s;
+  }
   if (report.time_offset) {
     const double offset = config.time_offset_s + report.time_offset->offset_s;
     const std::vector<Pair> moved = fitted(pairs_of(report.point, offset), config.alignment);
@@ -304,7 +317,9 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
     } catch (const NumericError&) {  // all in one place: nothing to fit
     }
   }
-  report.lever_arm = FindLeverArm(pairs, options.block_s);
+  report.lever_arm = FindLeverArm(pairs, options.block_s, reference_axis_m);
+  // A clock that is off moves the errors along the path, like an arm; it goes first.
+  if (report.lever_arm && report.time_offset && report.time_offset->significant) report.lever_arm->significant = false;
   AddNotes(&report);
   report.notes.insert(report.notes.end(), estimate.warnings.begin(), estimate.warnings.end());
   return report;

@@ -70,8 +70,8 @@ struct EstimateReport {
   // error may be the same all along.
   std::optional<double> own_rmse_m;
   std::optional<Interval> own_rmse_interval_m;
-  std::optional<double> aligned_rmse_m;   // after a rigid fit
-  std::optional<TimeOffset> time_offset;  // beyond what is applied
+  std::optional<double> aligned_rmse_m;    // after a rigid fit
+  std::optional<ClockOffset> time_offset;  // beyond what is applied
   std::optional<double> rmse_with_offset_m;
   std::optional<LeverArm> lever_arm;
   std::vector<std::string> notes;  // other clock, other frame, lever arm: one sentence each

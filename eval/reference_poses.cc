@@ -18,7 +18,7 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kNsPerS = 1e9;
+constexpr double kNsPerSecond = 1e9;
 
 double SideOf(const TagDetection& d) {
   double side = (d.corners[0] - d.corners[3]).norm();
@@ -132,7 +132,7 @@ class Builder {
   }
 
   void AddMotion() {
-    const auto max_gap = static_cast<int64_t>(options_.max_gap_s * kNsPerS);
+    const auto max_gap = static_cast<int64_t>(options_.max_gap_s * kNsPerSecond);
     for (size_t i = 0; i < stamps_.size(); ++i) odom_.push_back(input_.motion.At(stamps_[i], max_gap));
     for (size_t i = 1; i < stamps_.size(); ++i) {
       if (!odom_[i - 1] || !odom_[i]) continue;
@@ -140,7 +140,7 @@ class Builder {
       m.a = static_cast<int>(i) - 1;
       m.b = static_cast<int>(i);
       m.a_from_b = odom_[i - 1]->Inverse() * *odom_[i];
-      const double seconds = static_cast<double>(stamps_[i] - stamps_[i - 1]) / kNsPerS;
+      const double seconds = static_cast<double>(stamps_[i] - stamps_[i - 1]) / kNsPerSecond;
       const double root = std::sqrt(std::max(1e-6, m.a_from_b.translation.norm() + 0.01 * seconds));
       m.sigma_rot_rad = options_.motion_rot_deg * kDegToRad * root;
       m.sigma_m = options_.motion_m * root;

@@ -378,8 +378,8 @@ double PathLength(const std::vector<PosePair>& pairs) {
   return pairs.empty() ? 0 : Progress(pairs, DeltaUnit::kMetres, true).back();
 }
 
-std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference_sequence,
-                                             const PoseSequence& estimate_sequence, double max_offset_s) {
+std::optional<ClockOffset> EstimateTimeOffset(const PoseSequence& reference_sequence,
+                                              const PoseSequence& estimate_sequence, double max_offset_s) {
   const Trajectory reference = ToTrajectory(reference_sequence), estimate = ToTrajectory(estimate_sequence);
   if (reference.poses.size() < 3 || estimate.poses.size() < 3) return std::nullopt;
   // The reference's own spacing tells what may be interpolated and what resolution there is.
@@ -408,7 +408,7 @@ std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference_seque
     const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
     (rmse(a) < rmse(b) ? high : low) = rmse(a) < rmse(b) ? b : a;
   }
-  TimeOffset result;
+  ClockOffset result;
   result.offset_s = 0.5 * (low + high);
   const auto after =
       FitShifted(reference, estimate, static_cast<int64_t>(std::llround(result.offset_s * kNsPerS)), max_gap);

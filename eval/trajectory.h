@@ -131,7 +131,7 @@ TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, doub
 // Length of the reference's path through the pairs, m.
 double PathLength(const std::vector<PosePair>& pairs);
 
-struct TimeOffset {
+struct ClockOffset {
   double offset_s = 0;       // to be added to the estimate's stamps
   double sigma_s = 0;        // 1 sigma, residuals taken as independent at a tenth of their number
   double rmse_before_m = 0;  // ATE (SE3) without the offset
@@ -140,8 +140,8 @@ struct TimeOffset {
 };
 // The time offset that fits the estimate best to the reference (interpolated), within +-max_offset_s. Unset when they
 // share too little time, have none, or the motion is too small to tell.
-std::optional<TimeOffset> EstimateTimeOffset(const PoseSequence& reference, const PoseSequence& estimate,
-                                             double max_offset_s = 1.0);
+std::optional<ClockOffset> EstimateTimeOffset(const PoseSequence& reference, const PoseSequence& estimate,
+                                              double max_offset_s = 1.0);
 
 // What `trigpoint trajectory` prints for one estimate.
 struct TrajectoryReportOptions {
@@ -164,7 +164,7 @@ struct TrajectoryReport {
   std::optional<SampleStatistics> ate_h_m, ate_v_m;         // against a GPS track, whose +z is up
   double reference_sigma_h_m = 0, reference_sigma_v_m = 0;  // of a GPS track
   std::vector<RelativeReport> rpe;                          // as options.relative
-  std::optional<TimeOffset> time_offset;
+  std::optional<ClockOffset> time_offset;
   double applied_offset_s = 0;
   std::vector<std::string> warnings;
 };

@@ -5,7 +5,7 @@
 namespace trigpoint {
 namespace {
 
-nlohmann::json Json(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
+nlohmann::json Number(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
 
 std::string Metres(const std::optional<double>& value) { return value ? fmt::format("{:.3f}", *value) : "-"; }
 
@@ -27,25 +27,25 @@ nlohmann::json TruthJson(const TruthEvaluation& e) {
                        {"panorama", a.panorama},
                        {"relative_m", a.relative_m},
                        {"relative_rot_deg", a.relative_rot_deg},
-                       {"world_h_m", Json(a.world_h_m)},
-                       {"world_v_m", Json(a.world_v_m)},
-                       {"nees", Json(a.nees)}});
+                       {"world_h_m", Number(a.world_h_m)},
+                       {"world_v_m", Number(a.world_v_m)},
+                       {"nees", Number(a.nees)}});
   }
   return {{"frames_truth", e.frames_truth},
           {"frames_out", e.frames_out},
           {"expected", e.expected},
           {"missing", e.missing},
           {"answers", answers},
-          {"rel_median", Json(e.relative_median_m)},
-          {"rel_p90", Json(e.relative_p90_m)},
-          {"rel_max", Json(e.relative_max_m)},
-          {"world_cam_rmse_h", Json(e.camera_rmse_h_m)},
-          {"world_cam_rmse_v", Json(e.camera_rmse_v_m)},
-          {"ate_se3", Json(e.ate_se3_m)},
-          {"ate_sim3", Json(e.ate_sim3_m)},
-          {"scale_error", Json(e.scale_error)},
-          {"pano_anees_per_dof", Json(e.panorama_anees_per_dof)},
-          {"world_cam_nees_per_dof", Json(e.camera_nees_per_dof)}};
+          {"rel_median", Number(e.relative_median_m)},
+          {"rel_p90", Number(e.relative_p90_m)},
+          {"rel_max", Number(e.relative_max_m)},
+          {"world_cam_rmse_h", Number(e.camera_rmse_h_m)},
+          {"world_cam_rmse_v", Number(e.camera_rmse_v_m)},
+          {"ate_se3", Number(e.ate_se3_m)},
+          {"ate_sim3", Number(e.ate_sim3_m)},
+          {"scale_error", Number(e.scale_error)},
+          {"pano_anees_per_dof", Number(e.panorama_anees_per_dof)},
+          {"world_cam_nees_per_dof", Number(e.camera_nees_per_dof)}};
 }
 
 }  // namespace trigpoint

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "app/pipeline/jobs.h"
 #include "app/pipeline/reference_maps.h"
+#include "app/pipeline/stages.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -45,22 +45,26 @@ json StageRecord(const fs::path& manifest_file) {
   return record;
 }
 
-// Refuses to freeze what its inputs have left behind.
-void RequireUpToDate(const Project& project, const std::string& variant, uint64_t seed) {
-  JobQuery query;
-  query.variants = {variant};
-  for (const JobState& state : StatesOf(project, PlanJobs(project, query), seed)) {
-    const bool published = state.job.stage->name == "survey" || state.job.stage->name == "evaluate";
-    if (published && state.needed && state.state == StageState::kOutOfDate) {
-      throw InputError(state.job.Title() + " is out of date" + (state.reason.empty() ? "" : " (" + state.reason + ")") +
-                       "; run `trigpoint " + state.job.stage->name + " " + project.dir().string() + "` first");
-    }
+// Refuses to freeze what its inputs have left behind. Options given on the command line are the result's own.
+void RequireUpToDate(const Project& project, const std::string& variant) {
+  for (const char* name : {"survey", "evaluate"}) {
+    const StageInfo& stage = StageNamed(name);
+    StageTarget target;
+    target.variant = variant;
+    const auto manifest = ReadManifest(project, name, ResultName(stage, target));
+    if (!manifest || (stage.not_needed && !stage.not_needed(project, target).empty())) continue;
+    target.overrides[name] = manifest->value("options", json::object());
+    const StageState state =
+        StateOf(project, MakeRequest(project, stage, target), manifest->value("seed", uint64_t{1}));
+    if (state == StageState::kDone) continue;
+    throw InputError(std::string(name) + " is " + std::string(StageStateName(state)) + "; run `trigpoint " + name +
+                     " " + project.dir().string() + "` first");
   }
 }
 
 }  // namespace
 
-Release Publish(const Project& project, const std::string& name, const std::string& variant, uint64_t seed) {
+Release Publish(const Project& project, const std::string& name, const std::string& variant, uint64_t /*seed*/) {
   CheckVariantName(name);
   for (const char* taken : {"self", "control", "survey"}) {
     if (name == taken) throw OptionError("the name '" + name + "' has a meaning of its own; choose another one");
@@ -76,7 +80,7 @@ Release Publish(const Project& project, const std::string& name, const std::stri
     throw InputError("there is nothing to publish: neither " + (map / "tags.csv").string() + " nor " +
                      (tables / "errors.csv").string() + "; run `trigpoint run " + project.dir().string() + "` first");
   }
-  RequireUpToDate(project, variant, seed);
+  RequireUpToDate(project, variant);
   RecoverFolder(project.dir() / "releases");
   const fs::path fresh = target.parent_path() / (std::string(kTemporaryPrefix) + name);
   Release release;

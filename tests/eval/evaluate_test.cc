@@ -285,8 +285,9 @@ TEST(Evaluate, ToleratesNanCovariancesDuplicateStationsAndOneStation) {
   scene.run.result.panoramas[0].sigma_m = Eigen::Vector3d::Constant(std::nan(""));
   scene.world_tags[0].sigma_m = Eigen::Vector3d::Constant(0.01);
   const Evaluation e = scene.Evaluate({{.name = "survey", .tags = scene.world_tags}});
-  ASSERT_EQ(e.warnings.size(), 1u);
+  ASSERT_EQ(e.warnings.size(), 2u);
   EXPECT_THAT(e.warnings[0], HasSubstr("S1 stands twice"));
+  EXPECT_THAT(e.warnings[1], HasSubstr("reference survey: no covariance of tag 2"));
   ASSERT_EQ(e.rows[1].kind, "absolute");
   EXPECT_NEAR(*e.rows[1].error_3d_m, 0.1, 1e-9);
   EXPECT_FALSE(e.rows[1].nees);
