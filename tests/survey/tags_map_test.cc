@@ -269,7 +269,7 @@ TEST(TagMap, WrongControlIsTakenOutAndNamed) {
   for (const PointAgreement& p : map.points) {
     EXPECT_EQ(p.excluded, p.name == "P3") << p.name;
     excluded += p.excluded ? 1 : 0;
-    if (p.used && p.role == PointRole::kControl) EXPECT_TRUE(p.left_out_m.has_value());
+    EXPECT_EQ(p.left_out_m.has_value(), p.used && p.role == PointRole::kControl);
   }
   EXPECT_EQ(excluded, 1);
   EXPECT_LT((map.tags[3].world_from_tag->translation - yard.tags[3].translation).norm(), 0.06);
