@@ -8,7 +8,7 @@
 namespace trigpoint {
 namespace {
 
-struct Arguments {
+struct ReviewArguments {
   std::string dir, action, object, role, reason, user, variant;
 };
 
@@ -20,7 +20,7 @@ nlohmann::json OrNull(const std::optional<double>& value) {
   return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
 }
 
-int List(const Session& session, const Arguments& arguments) {
+int List(const Session& session, const ReviewArguments& arguments) {
   const Project project = Project::Open(arguments.dir);
   std::string text;
   nlohmann::json entries = nlohmann::json::array();
@@ -44,7 +44,7 @@ int List(const Session& session, const Arguments& arguments) {
 }
 
 // Everything that rests on the review, and what that changed at stations and check points.
-int Solve(Session& session, const Arguments& arguments) {
+int Solve(Session& session, const ReviewArguments& arguments) {
   if (!arguments.variant.empty()) CheckVariantName(arguments.variant);
   const Project project = OpenProject(session, arguments.dir);
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
@@ -76,7 +76,7 @@ int Solve(Session& session, const Arguments& arguments) {
   return exit_code;
 }
 
-int Decide(const Session& session, const Arguments& arguments) {
+int Decide(const Session& session, const ReviewArguments& arguments) {
   const Project project = OpenProject(session, arguments.dir);
   const ReviewEntry entry =
       AppendReview(project, {arguments.action, arguments.object, arguments.role, arguments.reason, arguments.user});
@@ -92,7 +92,7 @@ int Decide(const Session& session, const Arguments& arguments) {
   return 0;
 }
 
-int ReviewProject(Session& session, const Arguments& arguments) {
+int ReviewProject(Session& session, const ReviewArguments& arguments) {
   if (arguments.action == "list") return List(session, arguments);
   if (arguments.action == "solve") return Solve(session, arguments);
   if (arguments.object.empty()) throw OptionError("review " + arguments.action + ": expected an OBJECT");
@@ -117,7 +117,7 @@ void AddReviewCommand(CLI::App& app, Session& session) {
       "  trigpoint review my_site role control:57 --to check --reason \"held back for the test\"\n"
       "  trigpoint review my_site undo last --reason \"was the right tag\"\n"
       "  trigpoint review my_site solve");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ReviewArguments>();
   command.add_option("DIR", arguments->dir, "the project")->required();
   command.add_option("ACTION", arguments->action, "exclude, restore, role, undo, list, solve")
       ->required()

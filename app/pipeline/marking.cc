@@ -59,7 +59,7 @@ void Save(const Project& project, const std::vector<PointMark>& marks) {
 }
 
 // A localized image.
-struct View {
+struct LocalizedView {
   const Run* run;
   const ImageEntry* entry;
   std::string image;
@@ -68,9 +68,9 @@ struct View {
   std::optional<Eigen::Vector2d> marked;
 };
 
-std::vector<View> LocalizedViews(const Project& project, const std::string& variant,
-                                 const std::vector<PointMark>& marks, const std::string& point) {
-  std::vector<View> views;
+std::vector<LocalizedView> LocalizedViews(const Project& project, const std::string& variant,
+                                          const std::vector<PointMark>& marks, const std::string& point) {
+  std::vector<LocalizedView> views;
   for (const Run& run : project.site().runs) {
     StageTarget target;
     target.run = run.name;
@@ -84,12 +84,12 @@ std::vector<View> LocalizedViews(const Project& project, const std::string& vari
     for (const ImageEntry& entry : run.images) {
       const auto pose = poses.find(entry.file);
       if (pose == poses.end() || static_cast<size_t>(entry.camera) >= run.cameras.size()) continue;
-      View view{&run,
-                &entry,
-                RelativeTo(project.dir(), entry.path),
-                &run.cameras[static_cast<size_t>(entry.camera)].camera,
-                pose->second,
-                std::nullopt};
+      LocalizedView view{&run,
+                         &entry,
+                         RelativeTo(project.dir(), entry.path),
+                         &run.cameras[static_cast<size_t>(entry.camera)].camera,
+                         pose->second,
+                         std::nullopt};
       for (const PointMark& mark : marks) {
         if (mark.point == point && mark.image == view.image) view.marked = mark.pixel;
       }
@@ -100,10 +100,10 @@ std::vector<View> LocalizedViews(const Project& project, const std::string& vari
 }
 
 // Midpoint of all rays: minimises the sum of squared distances to them.
-Eigen::Vector3d MeetingPoint(const std::vector<const View*>& views) {
+Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  for (const View* view : views) {
+  for (const LocalizedView* view : views) {
     const auto ray = view->camera->Unproject(*view->marked);
     if (!ray) throw InputError(view->image + ": the mark lies where the camera has no rays");
     const Eigen::Vector3d d = view->cam_from_world.rotation.conjugate() * ray->normalized();
@@ -162,9 +162,9 @@ void RemovePointMark(const Project& project, const std::string& point, const std
 }
 
 PointSolution PredictPoint(const Project& project, const std::string& point, const std::string& variant) {
-  const std::vector<View> views = LocalizedViews(project, variant, ReadPointMarks(project), point);
-  std::vector<const View*> marked;
-  for (const View& view : views) {
+  const std::vector<LocalizedView> views = LocalizedViews(project, variant, ReadPointMarks(project), point);
+  std::vector<const LocalizedView*> marked;
+  for (const LocalizedView& view : views) {
     if (view.marked) marked.push_back(&view);
   }
   if (marked.size() < 2) {
@@ -180,7 +180,7 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
     information.setZero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     cost = 0;
-    for (const View* view : marked) {
+    for (const LocalizedView* view : marked) {
       Eigen::Matrix<double, 2, 3> j;
       const auto predicted = view->camera->Project(view->cam_from_world * x, &j);
       if (!predicted) throw NumericError("the marks of point '" + point + "' don't meet before the cameras");
@@ -199,7 +199,7 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
   solution.covariance = information.inverse();
   solution.rms_px = std::sqrt(cost / static_cast<double>(marked.size()));
   std::vector<std::pair<double, PointPrediction>> ranked;
-  for (const View& view : views) {
+  for (const LocalizedView& view : views) {
     Eigen::Matrix<double, 2, 3> j;
     const auto pixel = view.camera->Project(view.cam_from_world * x, &j);
     const double distance = (view.cam_from_world * x).norm();
