@@ -152,8 +152,8 @@ std::string FormatEpoch(const EpochTest& test, const std::string& a, const std::
       length(test.shift_m.z()), unit, test.yaw_deg);
   const auto only = [&](const std::vector<int>& ids, const std::string& who) {
     if (ids.empty()) return;
-    text += "Only in " + who + ":";
-    for (const int id : ids) text += " " + std::to_string(id);
+    text.append("Only in ").append(who).append(":");
+    for (const int id : ids) text.append(" ").append(std::to_string(id));
     text += "\n";
   };
   only(test.only_a, a);
