@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "calib/base/error.h"
 #include "calib/estimation/random.h"
 
 namespace trigpoint {
