@@ -7,8 +7,8 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/reference_maps.h"
-#include "app/pipeline/score_estimates.h"
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/score_estimates.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
@@ -208,16 +208,12 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
     if (!row.panorama.empty() && fs::exists(rig)) evaluated.stitch_sigma[row.panorama] = StitchSigma(rig);
   }
   const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
-  EvaluateInput input;
-  input.stations = project.site().stations;
-  std::erase_if(input.stations, [&](const Station& s) { return project.review().ExcludesStation(s.name); });
-  const ReferenceMap control = ControlMap(project);
-  if (!control.tags.empty()) input.references.push_back(control);
   const bool self = options.reference.empty() || options.reference == "self";
   if (self && fs::exists(detections)) {
     std::vector<std::string> warnings;
-    const std::vector<TagView> views =
-        TagViews(run, evaluated.result, ReadDetections(detections, options.tags.extra_sigma_px, &warnings));
+    std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
+    LeaveOutExcluded(project.review(), run.name, images);
+    const std::vector<TagView> views = TagViews(run, evaluated.result, images);
     const std::vector<TagEstimate> tags =
         EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
     WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
@@ -266,25 +262,6 @@ void ScoreTruth(const EvaluateStageOptions& options, const std::vector<Evaluated
       notes->push_back("Against true poses, " + name + ": " + Describe(truth));
     } catch (const InputError& e) {
       context.progress.Log(LogLevel::kWarning, "run " + name + " is not scored against true poses: " + e.what());
-    EvaluatedRun evaluated;
-    evaluated.run = run->name;
-    evaluated.variant = variant;
-    const std::string mode = manifest->value("options", nlohmann::json::object()).value("mode", "trigpoint");
-    evaluated.method = mode == "paper" ? "g2" : "single";
-    evaluated.odometry_levelled = run->config.odometry_levelled;
-    evaluated.result = ReadLocalizeResult(ResultOf(project, "localize", target));
-    for (const std::string& warning : evaluated.result.warnings) context.progress.Log(LogLevel::kWarning, warning);
-    evaluated.evidence = EvidenceOf(*run, evaluated.result, *manifest);
-    const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
-    if (self && fs::exists(detections)) {
-      std::vector<std::string> warnings;
-      std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
-      LeaveOutExcluded(project.review(), run->name, images);
-      const std::vector<TagView> views = TagViews(*run, evaluated.result, images);
-      const std::vector<TagEstimate> tags =
-          EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
-      WriteTags(context.out / ("tags_" + run->name + ".csv"), tags, "odom", "cameras of " + run->name);
-      for (const TagEstimate& tag : tags) evaluated.self_tags.push_back(ToTagResult(tag));
     }
   }
   WriteFileAtomically(context.out / "truth.json",
@@ -319,6 +296,7 @@ void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gat
 void EvaluateProject(const EvaluateStageOptions& options, const std::string& variant, StageContext& context) {
   EvaluateInput input;
   input.stations = context.project.site().stations;
+  std::erase_if(input.stations, [&](const Station& s) { return context.project.review().ExcludesStation(s.name); });
   input.references = ReferencesFor(context.project, options.reference, context.progress);
   input.runs = ReadEvaluatedRuns(options, variant, context);
   const std::vector<EstimateReport> estimates = ScoreEstimates(context.project, options.estimates, context.progress);
@@ -375,7 +353,6 @@ StageInfo EvaluateStage() {
   info.per_run = false;
   info.variants = true;
   info.needs = {"localize", "detect", "survey", "reference"};
-  info.needs = {"localize", "detect"};
   info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.metric = "median_m";
   info.flags = {"reference",

@@ -105,17 +105,13 @@ StageInfo LocalizeStage() {
     if (options.mode != "paper") rigs = StitchedRigs(project);
     for (const auto& [set, dir] : rigs) request.inputs.push_back(dir / "manifest.json");
     request.body = [=, name = target.run](StageContext& context) {
-      const Site& site = context.project.site();
-      const Run& r = context.project.run(name);
-      LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
-                                        references, views, rigs);
       Site site = context.project.site();
       Run r = context.project.run(name);
       const Review& review = context.project.review();
       std::erase_if(r.images, [&](const ImageEntry& i) { return review.ExcludesImage(r.name, i.file, i.stamp_ns); });
       std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
-      LocalizeJob job =
-          MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features, references, views);
+      LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
+                                        references, views, rigs);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       Localization result =
           Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);

@@ -16,7 +16,9 @@ using nlohmann::json;
 
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
-  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(), DetectStage(), SurveyStage(), ReferenceStage(), EvaluateStage(), CrosscheckStage(), ReportStage()};
+  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(),
+                                                 DetectStage(),   SurveyStage(),     ReferenceStage(),
+                                                 EvaluateStage(), CrosscheckStage(), ReportStage()};
   return kStages;
 }
 
