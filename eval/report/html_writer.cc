@@ -45,7 +45,6 @@ th button{font:inherit;font-weight:600;border:0;background:none;padding:0;color:
 th button::after{content:" \2195";color:#9aa4ad}
 th[aria-sort=ascending] button::after{content:" \2191";color:var(--ink)}
 th[aria-sort=descending] button::after{content:" \2193";color:var(--ink)}
-.n{text-align:right;white-space:nowrap}
 td.good{color:var(--good)}td.warn{color:var(--warn)}td.bad{color:var(--bad);font-weight:600}
 tbody tr:hover{background:#f5f9fc}
 details{margin:.8rem 0;border:1px solid var(--line);border-radius:3px;padding:0 .8rem}
@@ -62,7 +61,7 @@ var b=e.target.closest&&e.target.closest('th button');if(!b)return;
 var th=b.parentNode,t=th.closest('table'),k=th.cellIndex,up=th.getAttribute('aria-sort')!=='ascending';
 t.querySelectorAll('th').forEach(function(h){h.removeAttribute('aria-sort')});
 th.setAttribute('aria-sort',up?'ascending':'descending');
-var key=function(r){var c=r.cells[k],v=c.getAttribute('data-v');if(v!==null)return parseFloat(v);var s=c.textContent;return s===''||s==='-'?null:s};
+var key=function(r){var c=r.cells[k],v=c.getAttribute('data-v');if(v!==null)return parseFloat(v);var s=c.textContent.trim();return s===''||s==='-'?null:/^-?[0-9.]+$/.test(s)?parseFloat(s):s};
 var rows=Array.prototype.slice.call(t.tBodies[0].rows).map(function(r,i){return{r:r,v:key(r),i:i}});
 rows.sort(function(x,y){if(x.v===null||y.v===null)return x.v===y.v?x.i-y.i:x.v===null?1:-1;
 var d=typeof x.v==='number'&&typeof y.v==='number'?x.v-y.v:String(x.v).localeCompare(String(y.v),'en',{numeric:true});
@@ -70,6 +69,16 @@ return d===0?x.i-y.i:up?d:-d});
 rows.forEach(function(x){t.tBodies[0].appendChild(x.r)});
 });
 )js";
+
+// Columns of numbers are set to the right; .c3 is the third.
+constexpr size_t kAlignedColumns = 60;
+std::string AlignmentStyle() {
+  std::string names;
+  for (size_t k = 1; k <= kAlignedColumns; ++k) {
+    names += fmt::format("{0}.c{1} td:nth-child({1}),.c{1} th:nth-child({1})", k == 1 ? "" : ",", k);
+  }
+  return names + "{text-align:right;white-space:nowrap}";
+}
 
 const char* ClassOf(Tone tone) {
   switch (tone) {
@@ -114,15 +123,18 @@ class HtmlWriter {
   }
   void operator()(const Table& table) const {
     if (!table.caption.empty()) html_ += "<p class=\"cap\">" + Escape(table.caption) + "</p>\n";
-    html_ += "<div class=\"table\"><table><thead><tr>";
-    for (const TableColumn& c : table.columns) {
-      html_ += fmt::format("<th{}><button>{}</button></th>", c.number ? " class=\"n\"" : "", Escape(c.name));
+    // Closing tags of rows and cells are left out, as HTML allows: large tables are most of a large report.
+    std::string numbers;
+    for (size_t k = 0; k < table.columns.size() && k < kAlignedColumns; ++k) {
+      if (table.columns[k].number) numbers += fmt::format("{}c{}", numbers.empty() ? "" : " ", k + 1);
     }
+    html_ += "<div class=\"table\"><table class=\"" + numbers + "\"><thead><tr>";
+    for (const TableColumn& c : table.columns) html_ += "<th><button>" + Escape(c.name) + "</button></th>";
     html_ += "</tr></thead><tbody>\n";
     for (const std::vector<TableCell>& row : table.rows) {
       html_ += "<tr>";
-      for (size_t k = 0; k < row.size(); ++k) Cell(row[k], k < table.columns.size() && table.columns[k].number);
-      html_ += "</tr>\n";
+      for (const TableCell& cell : row) Cell(cell);
+      html_ += '\n';
     }
     html_ += "</tbody></table></div>\n";
   }
@@ -142,9 +154,12 @@ class HtmlWriter {
   void operator()(const FoldEnd&) const { html_ += "</details>\n"; }
 
  private:
-  void Cell(const TableCell& cell, bool number) const {
-    html_ += "<td" + Classes(number ? "n" : "", cell.tone);
-    if (cell.sort) html_ += fmt::format(" data-v=\"{:.9g}\"", *cell.sort);
+  void Cell(const TableCell& cell) const {
+    html_ += "<td" + Classes("", cell.tone);
+    // A number sorts as what it says; anything else brings its value along.
+    if (cell.sort && cell.text.find_first_not_of("0123456789.-") != std::string::npos) {
+      html_ += fmt::format(" data-v=\"{:.6g}\"", *cell.sort);
+    }
     html_ += '>';
     if (!cell.anchor.empty()) {
       html_ += "<a href=\"#" + Escape(cell.anchor) + "\">" + Escape(cell.text) + "</a>";
@@ -153,7 +168,6 @@ class HtmlWriter {
     } else {
       html_ += Escape(cell.text);
     }
-    html_ += "</td>";
   }
 
   std::string& html_;
@@ -170,6 +184,7 @@ std::string HtmlOf(const Document& document) {
   html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" + Escape(document.title) +
           "</title>\n<style>";
   html += kStyle;
+  html += AlignmentStyle();
   html += "</style>\n</head>\n<body>\n<header><h1>" + Escape(document.title) + "</h1><p class=\"sub\">" +
           Escape(document.subtitle) + "</p></header>\n<nav><div>";
   for (const Block& block : document.blocks) {

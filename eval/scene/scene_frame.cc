@@ -10,6 +10,8 @@
 #include <vtkTextActor.h>
 #include <vtkTextProperty.h>
 
+#include <set>
+
 #include "eval/distributions.h"
 #include "eval/scene/scene_parts.h"
 #include "eval/statistics.h"
@@ -25,11 +27,14 @@ void SceneView::Parts::BuildErrors() {
   const double k = std::sqrt(ChiSquareQuantile(style.confidence, 3)) * error_scale;
   std::vector<std::vector<Eigen::Vector3d>> lines;
   std::vector<Eigen::Vector3d> tips;
+  std::set<std::string> with_ellipsoid;
+  const bool many = static_cast<int>(model.errors.size()) > style.max_spheres;
   for (const SceneError& e : model.errors) {
     const Eigen::Vector3d tip = e.reference_position + error_scale * e.difference;
     lines.push_back({e.reference_position, tip});
     tips.push_back(tip);
     if (!e.sigma_m || !e.sigma_m->allFinite()) continue;
+    if (many && !with_ellipsoid.insert(e.panorama).second) continue;  // one for each place
     vtkNew<vtkSphereSource> ball;
     ball->SetThetaResolution(24);
     ball->SetPhiResolution(16);

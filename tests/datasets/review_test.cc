@@ -109,7 +109,8 @@ TEST_F(ReviewTest, WritersAtTheSameTimeLoseNothing) {
   }
   for (std::thread& thread : threads) thread.join();
   std::set<int> numbers;
-  for (const ReviewEntry& entry : Open().review().entries()) numbers.insert(entry.number);
+  const Project reopened = Open();
+  for (const ReviewEntry& entry : reopened.review().entries()) numbers.insert(entry.number);
   EXPECT_EQ(numbers, (std::set<int>{1, 2, 3, 4}));
   EXPECT_THAT(Open().review().excluded(), UnorderedElementsAre("station:S1", "station:S2", "tag:1", "tag:2"));
 }

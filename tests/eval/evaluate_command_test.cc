@@ -28,7 +28,8 @@ class Site {
     std::string stations = "station,tag_id,east_m,north_m,up_m,sigma_m\n";
     std::string control = "tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n";
     for (int i = 0; i < 9; ++i) {
-      stations += "S" + std::to_string(i) + "," + std::to_string(i) + ",0,0,1,0.01\n";
+      const std::string id = std::to_string(i);
+      stations.append("S").append(id).append(",").append(id).append(",0,0,1,0.01\n");
       control +=
           std::to_string(i) + (i % 3 == 0 ? ",control," : ",check,") + std::to_string(5 * i) + ",0,1,0.005,0.005\n";
     }
