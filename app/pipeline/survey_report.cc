@@ -9,6 +9,7 @@ namespace {
 
 using nlohmann::json;
 
+constexpr double kUntold = 30;         // a left-out sigma beyond so many stated ones: nothing else holds that direction
 constexpr int kConformantChecks = 30;  // ASPRS Positional Accuracy Standards, edition 2: least number of check points
 // NSSDA (FGDC-STD-007.3): 95 % values from RMSE_r (both axes alike) and RMSE_z.
 constexpr double kNssdaHorizontal = 1.7308, kNssdaVertical = 1.9600;
@@ -112,10 +113,15 @@ void Points(const SurveyResult& result, Report& out) {
     out.Line("|---|---|---|---|");
     for (const PointAgreement& p : result.points) {
       if (!p.left_out_m) continue;
-      const Eigen::Vector3d &e = *p.left_out_m, &s = p.left_out_sigma_m;
-      out.Line(fmt::format("| {} | {}, {}, {} | {}, {}, {} | {:.1f} |", p.name, out.Length(e.x()), out.Length(e.y()),
-                           out.Length(e.z()), out.Length(s.x()), out.Length(s.y()), out.Length(s.z()),
-                           std::sqrt(std::max(0.0, p.chi2))));
+      // Where the point alone holds a direction, the others say nothing about it.
+      std::string off, sigma;
+      for (int k = 0; k < 3; ++k) {
+        const bool known = p.left_out_sigma_m[k] < kUntold * (k < 2 ? p.stated_sigma_h_m : p.stated_sigma_v_m);
+        const char* const comma = k > 0 ? ", " : "";
+        off += fmt::format("{}{}", comma, known ? out.Length((*p.left_out_m)[k]) : "-");
+        sigma += fmt::format("{}{}", comma, known ? out.Length(p.left_out_sigma_m[k]) : "-");
+      }
+      out.Line(fmt::format("| {} | {} | {} | {:.1f} |", p.name, off, sigma, std::sqrt(std::max(0.0, p.chi2))));
     }
   }
 }

@@ -211,8 +211,8 @@ void MapSolver::CompareWithPoints() {
   if (!result_.in_world) return;
   double square_h = 0, square_v = 0, stated_h = 0, stated_v = 0;
   for (const SurveyPoint& p : input_.points) {
-    Eigen::Vector3d place;
-    Eigen::Matrix3d map;
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
     if (!PlaceOf(p, &place, &map)) continue;
     PointAgreement a;
     a.name = p.name;
@@ -300,8 +300,8 @@ void MapSolver::CompareDatums() {
   if (!result_.in_world) return;
   std::vector<Eigen::Vector3d> values, sigmas;
   for (const SurveyPoint& p : input_.points) {
-    Eigen::Vector3d place;
-    Eigen::Matrix3d map;
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
     if (p.role != PointRole::kGeotag || !PlaceOf(p, &place, &map)) continue;
     values.emplace_back(p.world_m - place);
     sigmas.emplace_back((Stated(p) + map).diagonal().cwiseSqrt());
@@ -340,8 +340,8 @@ void MapSolver::FitMapToPoints() {
   std::vector<Eigen::Vector3d> map, stated;
   std::vector<std::string> names;
   for (const SurveyPoint& p : input_.points) {
-    Eigen::Vector3d place;
-    Eigen::Matrix3d covariance;
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
     if (p.role == PointRole::kGeotag || !PlaceOf(p, &place, &covariance)) continue;
     map.push_back(place);
     stated.push_back(p.world_m);

@@ -20,7 +20,7 @@ class MapSolver {
   SurveyResult Run();
 
  private:
-  // What a factor observes; `index`: sight, run, point, distance.
+  // What a factor observes; `index`: sight, frame, point, distance.
   enum class Kind { kTag, kOdometry, kPoint, kDistance, kOther };
   struct Observation {
     Kind kind = Kind::kOther;
@@ -41,6 +41,7 @@ class MapSolver {
 
   void ChooseDatum();
   void LoadState();
+  void FindLinked();
   bool Usable(const MapSight& s) const;
   bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }
   Eigen::Vector3d Lever(const SurveyPoint& p) const;
@@ -56,6 +57,7 @@ class MapSolver {
   void StoreCameras();
   void UpdateFactors();
   bool SnoopSights();
+  bool SnoopOdometry();
   bool SnoopControl();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
   double SightChi2(const MapSight& s) const;
@@ -96,6 +98,8 @@ class MapSolver {
   std::vector<int> frame_unknown_;         // -1: not placed
   std::map<int, int> tag_unknown_;
   std::map<std::string, int> mark_unknown_;
+  std::set<int> unlinked_frames_, unlinked_tags_;  // not tied to the largest part of the map
+  std::set<int> slipped_;                          // frames whose odometry from the one before jumped
 };
 
 }  // namespace trigpoint

@@ -14,6 +14,7 @@
 namespace trigpoint {
 namespace {
 
+constexpr double kWaypoint_m = 1;    // longer ways between frames get poses of their own
 constexpr double kStartGatePx = 40;  // odometry drifts between visits
 
 double ShortestSide(const TagDetection& d) {
@@ -166,6 +167,27 @@ std::optional<Rigid3d> JoinPoints(const MapStart& start, const SurveyInput& inpu
   return best;
 }
 
+// Stamps of odometry between frames that are far apart, so that its errors add up along the way it took: a straight
+// line from frame to frame would forget the loops between them.
+std::set<int64_t> Waypoints(const Trajectory& odometry,
+                            const std::map<int64_t, std::vector<const ImageDetections*>>& frames) {
+  std::set<int64_t> waypoints;
+  if (frames.empty()) return waypoints;
+  auto next = frames.begin();
+  std::optional<Eigen::Vector3d> last;
+  for (const TimedPose& pose : odometry.poses) {
+    if (pose.stamp_ns > frames.rbegin()->first) break;
+    const Eigen::Vector3d& place = pose.target_from_body.translation;
+    bool passed = false;
+    for (; next != frames.end() && next->first <= pose.stamp_ns; ++next) passed = true;
+    if (passed) last = place;
+    if (!last || (place - *last).norm() < kWaypoint_m) continue;
+    waypoints.insert(pose.stamp_ns);
+    last = place;
+  }
+  return waypoints;
+}
+
 // Points of the input's marks, from their rays in the map's frame.
 void PlaceMarks(const SurveyInput& input, MapStart* start) {
   for (const SurveyPoint& p : input.points) {
@@ -269,6 +291,8 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
       }
     }
     for (int64_t stamp : tied) by_stamp[stamp];
+    const std::set<int64_t> waypoints = Waypoints(run.odometry, by_stamp);
+    for (int64_t stamp : waypoints) by_stamp[stamp];
     for (const auto& [stamp, images] : by_stamp) {
       MapFrame frame;
       frame.run = static_cast<int>(r);
@@ -300,7 +324,7 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
           start.sights.push_back(s);
         }
       }
-      if (!frame.sights.empty() || frame.has_ties) start.frames.push_back(frame);
+      if (!frame.sights.empty() || frame.has_ties || waypoints.count(stamp) > 0) start.frames.push_back(frame);
     }
   }
   return start;

@@ -50,15 +50,14 @@ bool TagPixelCost::Evaluate(double const* const* parameters, double* residuals, 
   const Rigid3d body = Rigid3FromBlock(parameters[0]), tag = Rigid3FromBlock(parameters[1]);
   const Eigen::Matrix3d cam_from_world = (cam_from_body_.rotation * body.rotation.conjugate()).toRotationMatrix();
   Matrix86d by_body = Matrix86d::Zero(), by_tag = Matrix86d::Zero();
-  std::array<Eigen::Vector3d, 4> points;
   const auto project = [&](const Camera& camera, Vector8d* r, bool with_jacobian) {
     for (size_t k = 0; k < 4; ++k) {
       const double weight = 1 / (sigma_px_[k] * *scale_);
       const Eigen::Vector3d lever = tag.rotation * TagCorner(size_m_, static_cast<int>(k));
       const Eigen::Vector3d d = lever + tag.translation - body.translation;
-      points[k] = cam_from_world * d + cam_from_body_.translation;
-      Eigen::Matrix<double, 2, 3> by_point;
-      const auto pixel = camera.Project(points[k], &by_point);
+      const Eigen::Vector3d point = cam_from_world * d + cam_from_body_.translation;
+      Eigen::Matrix<double, 2, 3> by_point = Eigen::Matrix<double, 2, 3>::Zero();
+      const auto pixel = camera.Project(point, &by_point);
       if (!pixel) return false;
       const auto row = static_cast<Eigen::Index>(2 * k);
       r->segment<2>(row) = weight * (*pixel - corners_[k]);
@@ -86,7 +85,7 @@ bool TagPixelCost::Evaluate(double const* const* parameters, double* residuals, 
     Eigen::Map<Eigen::Matrix<double, 8, kCameraNumbers, Eigen::RowMajor>> j(jacobians[2]);
     constexpr double kStep[kCameraNumbers] = {1e-6, 1e-3, 1e-3, 1e-6, 1e-6};
     for (int k = 0; k < kCameraNumbers; ++k) {
-      std::array<double, kCameraNumbers> moved;
+      std::array<double, kCameraNumbers> moved{};
       std::copy(parameters[2], parameters[2] + kCameraNumbers, moved.begin());
       Vector8d plus = r, minus = r;
       moved[static_cast<size_t>(k)] += kStep[k];

@@ -1,5 +1,7 @@
 #include "survey/tags/tag_map.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -26,6 +28,8 @@ constexpr double kStartGatePx = 60;       // a sight that the start contradicts 
 constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
+constexpr double kSlipChi2 = 30;                  // 99.996 % of chi-square with 6 degrees of freedom: odometry jumped
+constexpr double kSlip = 30;                      // factor on the sigma of a step that jumped
 constexpr int kExtraRounds = 3;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
@@ -99,10 +103,12 @@ SurveyResult MapSolver::Run() {
     const bool last = round >= options_.variance_rounds;
     const bool may_reject = round < options_.variance_rounds + kExtraRounds;
     const bool sights = may_reject && SnoopSights();
-    const bool points = may_reject && round > 0 && !sights && SnoopControl();
-    if (last && !sights && !points) break;
+    const bool odometry = may_reject && round > 0 && SnoopOdometry();
+    const bool points = may_reject && round > 0 && !sights && !odometry && SnoopControl();
+    if (last && !sights && !odometry && !points) break;
     if (!last) UpdateFactors();
   }
+  for (int f : unlinked_frames_) start_.frames[static_cast<size_t>(f)].world_from_body.reset();
   Collect();
   return std::move(result_);
 }
@@ -173,7 +179,56 @@ void MapSolver::LoadState() {
 }
 
 bool MapSolver::Usable(const MapSight& s) const {
-  return !s.rejected && Placed(s.frame) && tags_.count(s.detection.id) > 0;
+  return !s.rejected && Placed(s.frame) && tags_.count(s.detection.id) > 0 &&
+         unlinked_tags_.count(s.detection.id) == 0 && unlinked_frames_.count(s.frame) == 0;
+}
+
+// Frames and tags that sights, odometry and scene points tie to the largest part of the map; the others wait outside.
+void MapSolver::FindLinked() {
+  unlinked_frames_.clear();
+  unlinked_tags_.clear();
+  std::vector<int> parent(start_.frames.size());
+  for (size_t f = 0; f < parent.size(); ++f) parent[f] = static_cast<int>(f);
+  const auto root = [&](int f) {
+    while (parent[static_cast<size_t>(f)] != f) {
+      f = parent[static_cast<size_t>(f)] = parent[static_cast<size_t>(parent[static_cast<size_t>(f)])];
+    }
+    return f;
+  };
+  const auto join = [&](int a, int b) { parent[static_cast<size_t>(root(a))] = root(b); };
+  std::map<int, int> tag_frame, sights;
+  std::vector<int> last_odometry(input_.runs.size(), -1), last_tied(input_.runs.size(), -1);
+  for (size_t f = 0; f < parent.size(); ++f) {
+    const MapFrame& frame = start_.frames[f];
+    if (!frame.world_from_body) continue;
+    const auto r = static_cast<size_t>(frame.run);
+    const int index = static_cast<int>(f);
+    if (frame.odom_from_body) {
+      if (last_odometry[r] >= 0) join(index, last_odometry[r]);
+      last_odometry[r] = index;
+    }
+    if (frame.has_ties) {
+      if (last_tied[r] >= 0) join(index, last_tied[r]);
+      last_tied[r] = index;
+    }
+  }
+  for (const MapSight& s : start_.sights) {
+    if (!Usable(s)) continue;
+    const auto [it, fresh] = tag_frame.try_emplace(s.detection.id, s.frame);
+    if (!fresh) join(s.frame, it->second);
+  }
+  for (const MapSight& s : start_.sights) {
+    if (Usable(s)) ++sights[root(s.frame)];
+  }
+  const auto most =
+      std::max_element(sights.begin(), sights.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == sights.end()) throw InputError("no picture of a tag is left to make a map from");
+  for (size_t f = 0; f < parent.size(); ++f) {
+    if (root(static_cast<int>(f)) != root(most->first)) unlinked_frames_.insert(static_cast<int>(f));
+  }
+  for (const auto& [id, frame] : tag_frame) {
+    if (root(frame) != root(most->first)) unlinked_tags_.insert(id);
+  }
 }
 
 Eigen::Vector3d MapSolver::Lever(const SurveyPoint& p) const {
@@ -187,6 +242,7 @@ void MapSolver::Add(Kind kind, int index, ceres::CostFunction* cost, const ceres
 }
 
 void MapSolver::Build() {
+  FindLinked();
   solver_ = BlockSolver();
   observations_.clear();
   tag_unknown_.clear();
@@ -194,9 +250,13 @@ void MapSolver::Build() {
   shift_unknown_ = -1;
   frame_unknown_.assign(start_.frames.size(), -1);
   for (size_t f = 0; f < start_.frames.size(); ++f) {
-    if (start_.frames[f].world_from_body) frame_unknown_[f] = solver_.AddPose(*start_.frames[f].world_from_body);
+    if (start_.frames[f].world_from_body && unlinked_frames_.count(static_cast<int>(f)) == 0) {
+      frame_unknown_[f] = solver_.AddPose(*start_.frames[f].world_from_body);
+    }
   }
-  for (const auto& [id, pose] : tags_) tag_unknown_[id] = solver_.AddPose(pose);
+  for (const auto& [id, pose] : tags_) {
+    if (unlinked_tags_.count(id) == 0) tag_unknown_[id] = solver_.AddPose(pose);
+  }
   for (size_t r = 0; r < run_states_.size(); ++r) {
     RunState& state = run_states_[r];
     state.scale_unknown = solver_.AddNumbers({state.scale});
@@ -263,7 +323,7 @@ void MapSolver::AddTies() {
     int frame = -1;
     for (const SurveyTie& tie : input_.runs[r].ties) {
       if (tie.stamp_ns != stamp) stamp = tie.stamp_ns, frame = FrameAt(start_, static_cast<int>(r), stamp);
-      if (frame < 0 || !Placed(frame)) continue;
+      if (frame < 0 || frame_unknown_[static_cast<size_t>(frame)] < 0) continue;
       solver_.sights.push_back({static_cast<int>(run_states_[r].first_point[0]) + tie.point,
                                 frame_unknown_[static_cast<size_t>(frame)], first_view[r] + tie.camera, tie.w});
     }
@@ -275,7 +335,7 @@ void MapSolver::AddOdometry() {
   int before = -1;
   for (size_t f = 0; f < start_.frames.size(); ++f) {
     const MapFrame& frame = start_.frames[f];
-    if (!frame.odom_from_body || !frame.world_from_body) continue;
+    if (!frame.odom_from_body || frame_unknown_[f] < 0) continue;
     const auto r = static_cast<size_t>(frame.run);
     if (before >= 0 && start_.frames[static_cast<size_t>(before)].run == frame.run) {
       const MapFrame& last = start_.frames[static_cast<size_t>(before)];
@@ -288,7 +348,9 @@ void MapSolver::AddOdometry() {
       sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
           Eigen::Vector3d::Constant(options_.odometry_m * root);
       RunState& state = run_states_[r];
-      Add(Kind::kOdometry, frame.run, new OdometryCost(a_from_b, length, sigma, state.odometry.data()), nullptr,
+      const int index = static_cast<int>(f);
+      if (slipped_.count(index) > 0) sigma *= kSlip;
+      Add(Kind::kOdometry, index, new OdometryCost(a_from_b, length, sigma, state.odometry.data()), nullptr,
           {frame_unknown_[static_cast<size_t>(before)], frame_unknown_[f], state.scale_unknown, state.drift_unknown});
       has_odometry[r] = true;
     }
@@ -316,7 +378,7 @@ void MapSolver::AddPoints() {
     mark_unknown_[p.name] = u;
     for (const SurveyMark& m : p.marks) {
       const int f = FrameAt(start_, m.run, m.stamp_ns);
-      if (f < 0 || !Placed(f)) continue;
+      if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;
       const BodyCamera& camera = input_.runs[static_cast<size_t>(m.run)].cameras[static_cast<size_t>(m.camera)];
       Add(Kind::kOther, 0, new MarkCost(camera.camera.BearingSqrtInfo(m.pixel, m.sigma_px), camera.cam_from_body),
           &mark_loss_, {frame_unknown_[static_cast<size_t>(f)], u});
@@ -361,7 +423,7 @@ void MapSolver::AddPoints() {
     const double widen = std::sqrt(std::max(1.0, static_cast<double>(fixes.size()) / independent));
     for (const SurveyFix& fix : fixes) {
       const int f = FrameAt(start_, static_cast<int>(r), fix.stamp_ns);
-      if (f < 0 || !Placed(f)) continue;
+      if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;
       Add(Kind::kOther, 0,
           new PointCost(fix.arm_m, Eigen::Vector3d::Zero(), fix.world_m,
                         widen * Eigen::Vector3d(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m)),
@@ -380,7 +442,7 @@ void MapSolver::AddGauge() {
       for (const MapFrame& f : start_.frames) frames += f.run == static_cast<int>(r) && f.odom_from_body ? 1 : 0;
       for (size_t f = 0; f < start_.frames.size(); ++f) {
         const MapFrame& frame = start_.frames[f];
-        if (frame.run != static_cast<int>(r) || !frame.odom_from_body || !frame.world_from_body) continue;
+        if (frame.run != static_cast<int>(r) || !frame.odom_from_body || frame_unknown_[f] < 0) continue;
         // The level's error is common to the run: all its frames count as one.
         Add(Kind::kOther, 0,
             new GravityCost(frame.odom_from_body->rotation.conjugate() * Eigen::Vector3d::UnitZ(),
@@ -398,9 +460,12 @@ void MapSolver::AddGauge() {
     ++level;
   }
   if (input_.fixed) {
+    if (tag_unknown_.count(input_.fixed->tag_id) == 0) {
+      throw InputError(fmt::format("tag {} is to be held but is not tied to the map", input_.fixed->tag_id));
+    }
     const int tag = tag_unknown_.at(input_.fixed->tag_id);
     solver_.unknowns[static_cast<size_t>(tag)].constant = true;
-    result_.gauge = "the pose of tag " + std::to_string(input_.fixed->tag_id) + ", held exactly";
+    result_.gauge = fmt::format("the pose of tag {}, held exactly", input_.fixed->tag_id);
   } else if (!free_frame) {
     result_.gauge = "all six from " + result_.datum + ", weighted by stated sigmas";
   } else {
@@ -410,8 +475,8 @@ void MapSolver::AddGauge() {
     result_.gauge = "the first camera's body: position and attitude, held";
     if (level >= 3) {
       sigma(0) = sigma(1) = sigma(5) = free;
-      result_.gauge = "the first camera's body: horizontal position and heading; tilt and height from the plane of " +
-                      std::to_string(level) + " tags";
+      result_.gauge = fmt::format(
+          "the first camera's body: horizontal position and heading; tilt and height from the plane of {} tags", level);
       result_.datum = "plane";
     } else if (gravity) {
       sigma(0) = sigma(1) = free;
@@ -433,7 +498,7 @@ void MapSolver::StoreState() {
   const auto number = [&](int u, int k = 0) {
     return solver_.unknowns[static_cast<size_t>(u)].value[static_cast<size_t>(k)];
   };
-  for (auto& [id, pose] : tags_) pose = TagPose(id);
+  for (const auto& [id, unknown] : tag_unknown_) tags_[id] = solver_.Pose(unknown);
   for (auto& [name, point] : marked_) {
     const auto u = mark_unknown_.find(name);
     if (u != mark_unknown_.end()) point = {number(u->second), number(u->second, 1), number(u->second, 2)};
@@ -480,9 +545,9 @@ void MapSolver::UpdateFactors() {
     const Observation& o = observations_[i];
     if (o.kind != Kind::kTag && o.kind != Kind::kOdometry) continue;
     const int factor = static_cast<int>(i);
-    const int run = o.kind == Kind::kOdometry
-                        ? o.index
-                        : start_.frames[static_cast<size_t>(start_.sights[static_cast<size_t>(o.index)].frame)].run;
+    if (o.kind == Kind::kOdometry && slipped_.count(o.index) > 0) continue;
+    const int frame = o.kind == Kind::kOdometry ? o.index : start_.sights[static_cast<size_t>(o.index)].frame;
+    const int run = start_.frames[static_cast<size_t>(frame)].run;
     const Eigen::MatrixXd absorbed = solver_.Absorbed(factor);
     const Eigen::VectorXd residual = solver_.Residual(factor);
     const double weight = solver_.Weight(factor);
@@ -550,6 +615,19 @@ bool MapSolver::SnoopSights() {
     const bool rejected = chi2[i] > gate && (!needed || s.rejected);
     any |= rejected != s.rejected;
     s.rejected = rejected;
+  }
+  return any;
+}
+
+// Steps of odometry that jump are hardly believed any more. True if there was one.
+bool MapSolver::SnoopOdometry() {
+  bool any = false;
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    const Observation& o = observations_[i];
+    if (o.kind != Kind::kOdometry || slipped_.count(o.index) > 0) continue;
+    if (solver_.Residual(static_cast<int>(i)).squaredNorm() < kSlipChi2) continue;
+    slipped_.insert(o.index);
+    any = true;
   }
   return any;
 }

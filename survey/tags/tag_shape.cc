@@ -31,7 +31,7 @@ Eigen::Vector3d Corner(double size_m, int k, const Eigen::Vector3d& extra) {
 }
 
 Vector8d Residual(const TagSight& sight, const Rigid3d& cam_from_world, double size_m, const Shape& shape) {
-  Vector8d r;
+  Vector8d r = Vector8d::Zero();
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector3d p = cam_from_world * (shape.world_from_tag * Corner(size_m, k, shape.extra));
     r.segment<2>(2 * k) = sight.whitening[static_cast<size_t>(k)] * p.normalized();
@@ -83,7 +83,7 @@ std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const 
       square = weights = 0;
       for (size_t i = 0; i < sights.size(); ++i) {
         const Vector8d r = Residual(sights[i], cameras[i], tag.size_m, shape);
-        Matrix89d j;
+        Matrix89d j = Matrix89d::Zero();
         for (int k = 0; k < 9; ++k) {
           constexpr double kStep = 1e-6;
           const Vector9d h = kStep * Vector9d::Unit(k);
