@@ -496,7 +496,17 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
 void BlockSolver::Linearise(int threads, const CancelToken& cancel) {
   Build(threads, cancel, 0);
   inverse_.reset();  // one at a time
-  inverse_ = std::make_unique<SelectedInverse>(normal_);
+  try {
+    inverse_ = std::make_unique<SelectedInverse>(normal_);
+  } catch (const NumericError&) {
+    // Something that the data leave open, such as the way a few tags can turn together: it gets a sigma that says so.
+    Eigen::SparseMatrix<double> damped = normal_;
+    const Eigen::VectorXd diagonal = normal_.diagonal();
+    for (Eigen::Index k = 0; k < damped.cols(); ++k) {
+      damped.valuePtr()[damped.outerIndexPtr()[k]] += 1e-9 * std::max(diagonal(k), 1.0);
+    }
+    inverse_ = std::make_unique<SelectedInverse>(damped);
+  }
 }
 
 Matrix6d BlockSolver::PoseCovariance(int unknown) const {
