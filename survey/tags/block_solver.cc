@@ -493,12 +493,13 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
   return summary;
 }
 
-void BlockSolver::Linearise(int threads, const CancelToken& cancel) {
+void BlockSolver::Linearise(int threads, const CancelToken& cancel, bool open) {
   Build(threads, cancel, 0);
   inverse_.reset();  // one at a time
   try {
     inverse_ = std::make_unique<SelectedInverse>(normal_);
   } catch (const NumericError&) {
+    if (!open) throw;
     // Something that the data leave open, such as the way a few tags can turn together: it gets a sigma that says so.
     Eigen::SparseMatrix<double> damped = normal_;
     const Eigen::VectorXd diagonal = normal_.diagonal();

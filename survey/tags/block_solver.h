@@ -78,8 +78,8 @@ class BlockSolver {
   // (NumericError). Ends when the step left is below a hundredth of a standard deviation.
   Summary Solve(int max_iterations, int threads, ProgressSink& progress, const CancelToken& cancel);
 
-  // After Linearise, all at the present state:
-  void Linearise(int threads, const CancelToken& cancel);
+  // After Linearise, all at the present state. `open`: what nothing holds gets a sigma that says so; else NumericError.
+  void Linearise(int threads, const CancelToken& cancel, bool open = false);
   int Offset(int unknown) const { return offset_[static_cast<size_t>(unknown)]; }  // -1: not estimated
   const SelectedInverse& inverse() const { return *inverse_; }
   Matrix6d PoseCovariance(int unknown) const;     // zero for one that is held

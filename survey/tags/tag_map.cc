@@ -98,7 +98,7 @@ SurveyResult MapSolver::Run() {
     if (round == 0) result_.cost_before = summary.cost_before;
     result_.cost_after = summary.cost_after;
     result_.iterations += summary.iterations;
-    solver_.Linearise(threads_, cancel_);
+    solver_.Linearise(threads_, cancel_, true);
     StoreState();
     const bool last = round >= options_.variance_rounds;
     const bool may_reject = round < options_.variance_rounds + kExtraRounds;
