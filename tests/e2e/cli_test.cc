@@ -192,6 +192,8 @@ class SmallSite {
     for (const auto& entry : fs::recursive_directory_iterator(dir() / "results")) {
       const std::string end = entry.path().extension().string();
       if (end != ".csv" && end != ".tum") continue;
+      // The report's list of results says how long each took, and in how much memory.
+      if (entry.path().filename() == "results.csv") continue;
       tables[entry.path().lexically_relative(dir()).string()] = ReadTextFile(entry.path());
     }
     return tables;
