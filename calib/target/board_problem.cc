@@ -4,6 +4,8 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
+#include <memory>
 
 #include "calib/base/error.h"
 #include "calib/camera/projection.h"
@@ -206,8 +208,11 @@ SolveReport SolveBoardProblem(BoardProblem& problem, ceres::LossFunction* loss, 
     ordering->AddElementToGroup(frames[f].data(), 0);
   }
   ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.linear_solver_ordering.reset(ordering);
+  bool more_than_poses = !problem.free_shape.empty() || (problem.free_extrinsics && problem.cameras.size() > 1);
+  for (const CameraState& camera : problem.cameras) more_than_poses = more_than_poses || !camera.free.empty();
+  options.linear_solver_type = more_than_poses ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
+  const std::shared_ptr<ceres::ParameterBlockOrdering> poses_first(ordering);
+  if (more_than_poses) options.linear_solver_ordering = poses_first;
   options.max_num_iterations = max_iterations;
   options.function_tolerance = 1e-10;
   options.parameter_tolerance = 1e-10;

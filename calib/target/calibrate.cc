@@ -109,18 +109,22 @@ class Calibrator {
   }
 
   // From an earlier solution.
+  void TakeCameras(const Calibration& from) {
+    for (size_t c = 0; c < problem_.cameras.size(); ++c) {
+      problem_.cameras[c].params = from.cameras[c].camera.params();
+      problem_.cameras[c].cam_from_rig = from.cameras[c].cam_from_rig;
+      problem_.cameras[c].sigma_px = from.cameras[c].sigma_px;
+    }
+    problem_.shape = from.board.values;
+  }
+
   void StartFrom(const Calibration& start, const std::vector<bool>& keep) {
     problem_.rig_from_board = start.rig_from_board;
-    for (size_t c = 0; c < problem_.cameras.size(); ++c) {
-      problem_.cameras[c].params = start.cameras[c].camera.params();
-      problem_.cameras[c].cam_from_rig = start.cameras[c].cam_from_rig;
-      problem_.cameras[c].sigma_px = start.cameras[c].sigma_px;
-    }
+    TakeCameras(start);
     for (size_t i = 0; i < problem_.observations.size(); ++i) {
       problem_.observations[i].used = start.residuals[i].used;
       problem_.observations[i].point = start.residuals[i].point;
     }
-    problem_.shape = start.board.values;
     for (size_t f = 0; f < keep.size(); ++f) problem_.frame_used[f] = start.frame_used[f] && keep[f];
   }
 
@@ -577,18 +581,19 @@ Calibration Recalibrate(const CalibrationInput& input, const CalibrateOptions& o
   return calibrator.Result();
 }
 
-std::vector<double> HoldOutRms(const CalibrationInput& input, const Calibration& calibration,
+std::vector<double> HoldOutRms(const CalibrationInput& input, const Calibration& all, const Calibration& part,
                                const std::vector<bool>& frames, const CancelToken& cancel) {
   CalibrateOptions options;
   options.model.clear();
-  for (const CalibratedCamera& camera : calibration.cameras) {
+  for (const CalibratedCamera& camera : part.cameras) {
     const size_t count = camera.camera.params().size();
     std::string name(CameraModelName(camera.camera.model()));
     if (name == "radtan" && count == 9) name += "5";
     options.model += (options.model.empty() ? "" : ",") + name;
   }
   Calibrator calibrator(input, options, cancel);
-  calibrator.StartFrom(calibration, frames);
+  calibrator.StartFrom(all, frames);
+  calibrator.TakeCameras(part);
   calibrator.Solve({}, false);
   return calibrator.Rms();
 }

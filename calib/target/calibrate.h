@@ -136,9 +136,10 @@ Calibration CalibrateCameras(const CalibrationInput& input, const CalibrateOptio
 Calibration Recalibrate(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& start,
                         const std::vector<bool>& keep, const std::vector<int>& free_shape, const CancelToken& cancel);
 
-// Board poses for the frames of `input` with the cameras of `calibration` held fixed, and the residuals then: how well
-// it predicts pictures that had no part in it. Root mean square distance of the points used, px; of every camera.
-std::vector<double> HoldOutRms(const CalibrationInput& input, const Calibration& calibration,
+// How well `part`, made from some of the frames of `all`, predicts `frames`, which had no part in it: their board poses
+// are solved with its cameras held fixed; points and start values are those of `all`. Root mean square distance of the
+// points used, px; of every camera.
+std::vector<double> HoldOutRms(const CalibrationInput& input, const Calibration& all, const Calibration& part,
                                const std::vector<bool>& frames, const CancelToken& cancel);
 
 }  // namespace trigpoint

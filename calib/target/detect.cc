@@ -73,7 +73,9 @@ std::vector<BoardView> DetectBoards(int64_t count, const BoardPictureSource& pic
   };
   if (target.HasIds()) {
     each("looking for markers", [&](const cv::Mat& grey, size_t i) {
-      markers[i] = target.kind == TargetKind::kAprilGrid ? FindAprilTags(grey) : FindArucoMarkers(grey, target);
+      markers[i] = target.kind == TargetKind::kAprilGrid
+                       ? FindAprilTags(grey, static_cast<size_t>(target.cols * target.rows))
+                       : FindArucoMarkers(grey, target);
     });
     const MarkerLayout layout = ChooseLayout(target, markers);
     each("measuring the board's points", [&](const cv::Mat& grey, size_t i) {

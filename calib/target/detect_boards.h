@@ -18,7 +18,8 @@ struct BoardMarker {
   int border_bits = 1;  // AprilGrid
   std::array<Eigen::Vector2d, 4> corners;
 };
-std::vector<BoardMarker> FindAprilTags(const cv::Mat& grey);
+// 36h11 with either border; a second, slower search is made where fewer than `expected` are found.
+std::vector<BoardMarker> FindAprilTags(const cv::Mat& grey, size_t expected);
 std::vector<BoardMarker> FindArucoMarkers(const cv::Mat& grey, const Target& target);
 
 // How markers lie on the board, which a board's description leaves open.

@@ -8,6 +8,8 @@
 namespace trigpoint {
 namespace {
 
+constexpr double kMaxSaddleMovePx = 1.5;  // from the detector's corner to the saddle point; more is a glint or a shadow
+
 std::vector<Eigen::Vector2d> ToEigen(const std::vector<cv::Point2f>& points) {
   std::vector<Eigen::Vector2d> out;
   for (const cv::Point2f& p : points) out.emplace_back(p.x, p.y);
@@ -21,7 +23,7 @@ std::vector<BoardPoint> Numbered(const std::vector<Eigen::Vector2d>& corners) {
 }
 
 // Counts the corners so that the board's z points into it (as seen in a picture that isn't mirrored) and, where the
-// board can be told from itself turned by half, its first square is dark.
+// board can be told from itself turned by half, its first square is dark; else its first corner is the upper left one.
 void Order(const cv::Mat& grey, int cols, int rows, std::vector<Eigen::Vector2d>* corners) {
   const auto at = [&](int c, int r) -> Eigen::Vector2d& { return (*corners)[static_cast<size_t>(r * cols + c)]; };
   const Eigen::Vector2d x = at(cols - 1, 0) - at(0, 0), y = at(0, rows - 1) - at(0, 0);
@@ -30,7 +32,11 @@ void Order(const cv::Mat& grey, int cols, int rows, std::vector<Eigen::Vector2d>
       for (int c = 0; c < cols / 2; ++c) std::swap(at(c, r), at(cols - 1 - c, r));
     }
   }
-  if (cols % 2 == rows % 2) return;
+  if (cols % 2 == rows % 2) {
+    const Eigen::Vector2d across = at(cols - 1, rows - 1) - at(0, 0);
+    if (across.x() + across.y() < 0) std::reverse(corners->begin(), corners->end());
+    return;
+  }
   double first = 0;  // brightness of the first square's colour less the other's
   for (int r = 0; r + 1 < rows; ++r) {
     for (int c = 0; c + 1 < cols; ++c) {
@@ -83,6 +89,7 @@ std::vector<BoardPoint> FindCheckerboard(const cv::Mat& grey, const Target& targ
   std::vector<Eigen::Vector2d> corners;
   if (there) {
     corners = ToEigen(found);
+    RefineSaddles(grey, Windows(corners, size.width, size.height), kMaxSaddleMovePx, &corners);
   } else if (cv::findChessboardCorners(grey, size, found,
                                        cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE)) {
     corners = ToEigen(found);

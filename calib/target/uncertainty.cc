@@ -212,8 +212,8 @@ CrossValidation CrossValidate(const CalibrationInput& input, const CalibrateOpti
     progress.Advance(1);
     const Calibration b = Recalibrate(input, options, calibration, second, bends, cancel);
     progress.Advance(1);
-    const std::vector<double> a_on_b = HoldOutRms(input, a, second, cancel);
-    const std::vector<double> b_on_a = HoldOutRms(input, b, first, cancel);
+    const std::vector<double> a_on_b = HoldOutRms(input, calibration, a, second, cancel);
+    const std::vector<double> b_on_a = HoldOutRms(input, calibration, b, first, cancel);
     for (size_t c = 0; c < input.cameras.size(); ++c) {
       result.difference.push_back(CompareCameras(a.cameras[c].camera, b.cameras[c].camera, coverage[c]));
       const auto pooled = [](double x, double y) { return std::sqrt(0.5 * (x * x + y * y)); };

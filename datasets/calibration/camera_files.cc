@@ -3,6 +3,8 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -343,7 +345,10 @@ void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cam
     const ColmapCamera colmap = ToColmap(camera.camera);
     text += std::to_string(++id) + " " + colmap.model_name + " " + std::to_string(colmap.width) + " " +
             std::to_string(colmap.height);
-    for (double p : colmap.params) text.append(1, ' ').append(Number(p));
+    for (double p : colmap.params) {
+      text += ' ';
+      text += Number(p);
+    }
     text += "\n";
   }
   WriteFileAtomically(file, text);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <tuple>
 
 #include "calib/base/error.h"
 #include "calib/target/dictionary.h"

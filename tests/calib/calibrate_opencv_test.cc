@@ -6,6 +6,7 @@
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 
 #include "calib/base/error.h"
@@ -132,6 +133,40 @@ void ExpectAgreement(const Comparison& c) {
   EXPECT_LT(c.rms, c.cv_rms * 1.0005);
 }
 
+// The corners behind left_intrinsics.yml, found again as its programme finds them. In 11 px windows two near pictures
+// take wrong corners along (per-view rms 1.18 and 0.38 px there), which is why its focal length is 3 px above ours.
+CalibrationInput ReferenceCorners(const fs::path& dir) {
+  CalibrationInput input;
+  input.target = BoardOf(TargetKind::kCheckerboard, 9, 6, 0.025);
+  for (int i = 1; i <= 14; ++i) {
+    const fs::path file = dir / fmt::format("left{:02d}.jpg", i);
+    if (!fs::exists(file)) continue;
+    const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+    std::vector<cv::Point2f> corners;
+    EXPECT_TRUE(cv::findChessboardCorners(
+        image, {9, 6}, corners, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_FAST_CHECK | cv::CALIB_CB_NORMALIZE_IMAGE));
+    cv::cornerSubPix(image, corners, {11, 11}, {-1, -1}, {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 30, 0.1});
+    std::vector<BoardPoint> points;
+    for (const cv::Point2f& c : corners) points.push_back({static_cast<int>(points.size()), {c.x, c.y}});
+    if (input.cameras.empty()) input.cameras.push_back({"cam0", image.cols, image.rows});
+    const int f = static_cast<int>(input.frames.size());
+    input.frames.push_back(file.stem().string());
+    input.views.push_back({0, f, file.filename().string(), points});
+  }
+  return input;
+}
+
+TEST(CalibrateAgainstOpenCv, StereoLeftFromTheReferencesCorners) {
+  const auto data = SharedData("calibration/stereo_checkerboard");
+  if (!data) GTEST_SKIP() << "no shared data";
+  const CalibrationInput input = ReferenceCorners(*data);
+  ASSERT_EQ(input.views.size(), 13u);
+  const Comparison c = Compare("stereo left, the reference's corners", input, "radtan5", 0, true);
+  ExpectAgreement(c);
+  EXPECT_NEAR(c.focal, 535.91573, 2 * c.sigma);  // left_intrinsics.yml
+  EXPECT_LE(c.rms, 0.39260);
+}
+
 TEST(CalibrateAgainstOpenCv, StereoLeft) {
   const auto data = SharedData("calibration/stereo_checkerboard");
   if (!data) GTEST_SKIP() << "no shared data";
@@ -139,8 +174,7 @@ TEST(CalibrateAgainstOpenCv, StereoLeft) {
   EXPECT_EQ(all.views.size(), 13u);
   const Comparison c = Compare("stereo left", all, "radtan5", 0, true);
   ExpectAgreement(c);
-  EXPECT_NEAR(c.focal, 535.91573, 2 * c.sigma);  // left_intrinsics.yml
-  EXPECT_LE(c.rms, 0.39259);
+  EXPECT_LE(c.rms, 0.39259);  // of left_intrinsics.yml
 }
 
 TEST(CalibrateAgainstOpenCv, LifecamChessboardFromGivenCorners) {

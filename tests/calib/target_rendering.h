@@ -67,31 +67,44 @@ inline CalibrationInput MakeInput(const Camera& camera, const Target& target, co
 }
 
 // Picture of a flat texture: `texture` (8 bit grey) with `texels_per_m` and the board's origin at `origin` texels; what
-// lies outside is light grey. Four rays a pixel each way.
+// lies outside is light grey. A pixel is the mean of the board over its area: coarser sampling moves edges by more than
+// detectors err.
 inline cv::Mat RenderBoard(const Camera& camera, const Rigid3d& cam_from_board, const cv::Mat& texture,
                            double texels_per_m, const Eigen::Vector2d& origin, bool y_up) {
-  constexpr int kRays = 3;
-  cv::Mat picture(camera.height(), camera.width(), CV_8U);
+  constexpr int kSamples = 8;  // a side
   const Rigid3d board_from_cam = cam_from_board.Inverse();
+  // Texels hit by the corners of the pixels; between them the map is as good as bilinear.
+  const int stride = camera.width() + 1;
+  std::vector<Eigen::Vector2d> hits(static_cast<size_t>(stride * (camera.height() + 1)), Eigen::Vector2d(-1e6, -1e6));
+  for (int v = 0; v <= camera.height(); ++v) {
+    for (int u = 0; u < stride; ++u) {
+      const auto ray = camera.Unproject({u - 0.5, v - 0.5});
+      if (!ray) continue;
+      const Eigen::Vector3d direction = board_from_cam.rotation * *ray;
+      const double s = -board_from_cam.translation.z() / direction.z();
+      const Eigen::Vector3d hit = board_from_cam.translation + s * direction;
+      if (s > 0) {
+        hits[static_cast<size_t>(v * stride + u)] =
+            origin + texels_per_m * Eigen::Vector2d(hit.x(), y_up ? -hit.y() : hit.y());
+      }
+    }
+  }
+  const auto value = [&](const Eigen::Vector2d& at) {
+    const bool inside = at.x() >= 0 && at.y() >= 0 && at.x() < texture.cols && at.y() < texture.rows;
+    return inside ? static_cast<int>(texture.at<uchar>(static_cast<int>(at.y()), static_cast<int>(at.x()))) : 200;
+  };
+  cv::Mat picture(camera.height(), camera.width(), CV_8U);
   for (int v = 0; v < camera.height(); ++v) {
     for (int u = 0; u < camera.width(); ++u) {
-      double sum = 0;
-      for (int i = 0; i < kRays * kRays; ++i) {
-        const Eigen::Vector2d at(u + (i % kRays + 0.5) / kRays - 0.5, v + (i / kRays + 0.5) / kRays - 0.5);
-        double value = 200;
-        if (const auto ray = camera.Unproject(at)) {
-          const Eigen::Vector3d direction = board_from_cam.rotation * *ray;
-          const Eigen::Vector3d from = board_from_cam.translation;
-          const double s = -from.z() / direction.z();
-          const Eigen::Vector3d hit = from + s * direction;
-          const double x = origin.x() + hit.x() * texels_per_m;
-          const double y = origin.y() + (y_up ? -hit.y() : hit.y()) * texels_per_m;
-          if (s > 0 && x >= 0 && y >= 0 && x < texture.cols && y < texture.rows)
-            value = texture.at<uchar>(static_cast<int>(y), static_cast<int>(x));
-        }
-        sum += value;
+      const auto* top = &hits[static_cast<size_t>(v * stride + u)];
+      const auto* bottom = top + stride;
+      int sum = 0;
+      for (int j = 0; j < kSamples; ++j) {
+        const double b = (j + 0.5) / kSamples;
+        const Eigen::Vector2d left = top[0] + b * (bottom[0] - top[0]), right = top[1] + b * (bottom[1] - top[1]);
+        for (int i = 0; i < kSamples; ++i) sum += value(left + (i + 0.5) / kSamples * (right - left));
       }
-      picture.at<uchar>(v, u) = static_cast<uchar>(std::lround(sum / (kRays * kRays)));
+      picture.at<uchar>(v, u) = cv::saturate_cast<uchar>(static_cast<double>(sum) / (kSamples * kSamples));
     }
   }
   cv::GaussianBlur(picture, picture, {0, 0}, 0.6);

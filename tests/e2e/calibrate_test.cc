@@ -42,8 +42,9 @@ TEST_F(Calibrate, StereoAgreesWithTheReferenceAndIsUsedByARun) {
   ASSERT_TRUE(done.exit_code == 0) << done.err;
   const auto document = nlohmann::json::parse(ReadTextFile(Result("stereo") / "calibration.json"));
   const auto& left = document["cameras"][0];
-  // Reference: OpenCV's own, f = 535.916, rms 0.3926 px.
-  EXPECT_NEAR(left["parameters"]["fx"].get<double>(), 535.916, 2 * left["sigma"]["fx"].get<double>());
+  // OpenCV 4.6 on the left pictures without left02, whose corners are wrong in its published file (rms 1.18 px there;
+  // the file with that picture: f = 535.92, see calibrate_opencv_test): f = 534.01.
+  EXPECT_NEAR(left["parameters"]["fx"].get<double>(), 534.01, 2 * left["sigma"]["fx"].get<double>());
   EXPECT_LE(left["rms_px"].get<double>(), 0.3926);
   const auto& t = document["cameras"][1]["cam_from_rig"]["translation_m"];
   EXPECT_NEAR(std::hypot(t[0].get<double>(), t[1].get<double>(), t[2].get<double>()), 0.0834, 0.002);
