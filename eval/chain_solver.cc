@@ -43,7 +43,11 @@ MotionTerms Linearize(const ChainMotion& m, const ChainProblem& p) {
 class Solver {
  public:
   Solver(ChainProblem* problem, const ChainOptions& options, const CancelToken& cancel)
-      : p_(*problem), options_(options), cancel_(cancel), map_(problem->tags) {
+      : p_(*problem),
+        options_(options),
+        cancel_(cancel),
+        map_(problem->tags),
+        returned_(problem->sights.size(), false) {
     int at = 0;
     for (size_t i = 0; i < p_.bodies.size(); ++i) body_at_.push_back(p_.free[i] ? std::exchange(at, at + 6) : -1);
     tags_at_ = at;
@@ -95,23 +99,44 @@ class Solver {
     return SelectedInverse(Normal(false, &gradient));
   }
 
-  // Rejects the sights that are too far from where they are predicted, by their standardised residuals. True if one
-  // was rejected.
+  // Data snooping by standardised residuals. A sight that is wrong pulls its neighbours along the chain with it, so
+  // that of those nearby only the worst is rejected at a time; one that was rejected and agrees with the solution
+  // made without it comes back. True if anything changed.
   bool Snoop(const SelectedInverse& covariance) {
-    bool any = false;
-    for (ChainSight& s : p_.sights) {
-      if (s.rejected || !p_.free[static_cast<size_t>(s.body)]) continue;
+    constexpr int kNearby = 20;  // bodies
+    constexpr double kMuchWorse = 4;
+    bool changed = false;
+    std::vector<std::pair<double, size_t>> bad;
+    for (size_t i = 0; i < p_.sights.size(); ++i) {
+      ChainSight& s = p_.sights[i];
+      if (!p_.free[static_cast<size_t>(s.body)]) continue;
       Eigen::Matrix<double, 8, 12> j;
       const Vector8d r = Residual(s, &j);
-      // Covariance of the residual: 1 - J C J', never below a tenth of the stated noise.
-      Eigen::Matrix<double, 8, 8> q =
-          Eigen::Matrix<double, 8, 8>::Identity() - j * Joint(s, covariance) * j.transpose();
-      const Eigen::LDLT<Eigen::Matrix<double, 8, 8>> ldlt(
-          Eigen::Matrix<double, 8, 8>(q + 0.1 * Eigen::Matrix<double, 8, 8>::Identity()));
-      if (r.dot(ldlt.solve(r)) <= options_.gate_chi2) continue;
-      s.rejected = any = true;
+      // Covariance of the residual: 1 - J C J', never below a tenth of the stated noise; 1 + J C J' of one left out.
+      const double side = s.rejected ? 1 : -1;
+      const Eigen::Matrix<double, 8, 8> q = (s.rejected ? 1 : 1.1) * Eigen::Matrix<double, 8, 8>::Identity() +
+                                            side * j * Joint(s, covariance) * j.transpose();
+      const double chi2 = r.dot(q.ldlt().solve(r));
+      if (s.rejected) {
+        if (chi2 > options_.gate_chi2 || returned_[i]) continue;
+        s.rejected = false;
+        returned_[i] = changed = true;
+      } else if (chi2 > options_.gate_chi2) {
+        bad.emplace_back(chi2, i);
+      }
     }
-    return any;
+    std::sort(bad.begin(), bad.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<std::pair<double, int>> worse;  // rejected now, with their bodies
+    for (const auto& [chi2, i] : bad) {
+      ChainSight& s = p_.sights[i];
+      const bool overshadowed = std::any_of(worse.begin(), worse.end(), [&, chi2 = chi2](const auto& w) {
+        return std::abs(w.second - s.body) <= kNearby && w.first > kMuchWorse * chi2;
+      });
+      if (overshadowed) continue;
+      s.rejected = changed = true;
+      worse.emplace_back(chi2, s.body);
+    }
+    return changed;
   }
 
   // One round of variance components; true if a factor changed by more than one percent.
@@ -121,7 +146,7 @@ class Solver {
       if (s.rejected) continue;
       Eigen::Matrix<double, 8, 12> j;
       const Vector8d r = Residual(s, &j);
-      square[0] += r.squaredNorm();
+      square[0] += Weight(r.squaredNorm(), true) * r.squaredNorm();  // a gross error is none of the noise
       redundancy[0] += 8 - (j * Joint(s, covariance) * j.transpose()).trace();
     }
     for (const ChainMotion& m : p_.motions) {
@@ -233,10 +258,11 @@ class Solver {
     };
     for (const ChainSight& s : p_.sights) {
       const int body = body_at_[static_cast<size_t>(s.body)], tag = tags_at_ + 6 * s.tag;
-      if (s.rejected || body < 0) continue;
+      if (body < 0) continue;
       Eigen::Matrix<double, 8, 12> j;
       const Vector8d r = Residual(s, &j);
-      const double w = Weight(r.squaredNorm(), robust);
+      // A rejected one keeps its place among the equations, so that what they say of it can be asked for.
+      const double w = s.rejected ? 0 : Weight(r.squaredNorm(), robust);
       const Eigen::Matrix<double, 12, 12> h = w * j.transpose() * j;
       const Eigen::Matrix<double, 12, 1> g = w * j.transpose() * r;
       add(body, body, h.topLeftCorner<6, 6>());
@@ -295,6 +321,7 @@ class Solver {
   const ChainOptions& options_;
   const CancelToken& cancel_;
   const std::vector<Rigid3d> map_;  // the tags as the map gives them
+  std::vector<bool> returned_;      // sights that were rejected and came back
   std::vector<int> body_at_;        // first unknown of each body, -1: held
   int tags_at_ = 0, scale_at_ = 0, size_ = 0;
   Eigen::MatrixXd tag_information_;
@@ -310,14 +337,16 @@ ChainSolution SolveChain(ChainProblem* problem, const ChainOptions& options, Pro
   ChainSolution solution;
   solution.iterations = solver.Iterate(true);
   progress.Advance(1);
-  // Factors first, so that a run whose motion is noisier than stated does not cost good sights.
-  for (int round = 0; round <= options.variance_rounds; ++round) {
+  // Factors first, so that a run whose motion is noisier than stated does not cost good sights. Rounds that reject
+  // come on top.
+  constexpr int kMaxRounds = 40;
+  for (int round = 0, settled = 0; round < kMaxRounds && settled <= options.variance_rounds; ++round) {
     cancel.ThrowIfCancelled();
     const SelectedInverse covariance = solver.Covariance();
-    const bool changed = round < options.variance_rounds && solver.UpdateFactors(covariance);
+    const bool changed = settled < options.variance_rounds && solver.UpdateFactors(covariance);
     const bool rejected = solver.Snoop(covariance);
-    solution.iterations += solver.Iterate(false);
-    progress.Advance(1);
+    solution.iterations += solver.Iterate(rejected);
+    if (!rejected) ++settled, progress.Advance(1);
     if (!changed && !rejected) break;
   }
   solver.Finish(solver.Covariance(), &solution);

@@ -150,14 +150,53 @@ std::optional<LeverArm> FindLeverArm(const std::vector<Pair>& pairs, double bloc
   return arm;
 }
 
-void AddNotes(EstimateReport* r) {
+// Far off as it stands, and good after a rigid fit?
+bool InAnotherFrame(const EstimateReport& r) {
+  return r.aligned_rmse_m && *r.rmse_m > 1 && *r.aligned_rmse_m < 0.2 * *r.rmse_m;
+}
+
+// A clock that is off moves an estimate along its path, and so does a frame that is. With the frame as it stands the
+// clock is found on any path; where a rigid fit at every offset tells the two apart and contradicts, it is right.
+struct ClockFinding {
+  std::optional<ClockOffset> offset;
+  bool or_shifted = false;  // the path does not tell it from a shift
+};
+ClockFinding FindClock(const PoseSequence& truth, const PoseSequence& said, double max_offset_s, bool fit_first,
+                       double reference_axis_m) {
+  ClockFinding found;
+  found.offset = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kSE3);
+  if (!fit_first) {
+    const auto as_it_is = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kNone);
+    const auto& fitted = found.offset;
+    if (as_it_is && (!fitted || std::abs(as_it_is->offset_s - fitted->offset_s) <
+                                    3 * std::hypot(as_it_is->sigma_s, fitted->sigma_s))) {
+      found.or_shifted = !fitted || std::abs(as_it_is->offset_s) < 3 * fitted->sigma_s;
+      found.offset = as_it_is;
+    }
+  }
+  // The reference may be off by its sigma all along the path, which looks like a clock that is off.
+  double path = 0;
+  for (size_t i = 1; i < truth.poses.size(); ++i) {
+    path += (truth.poses[i].translation - truth.poses[i - 1].translation).norm();
+  }
+  if (found.offset && path > 0) {
+    const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;
+    ClockOffset& offset = *found.offset;
+    offset.sigma_s = std::hypot(offset.sigma_s, reference_axis_m * seconds / path);
+    offset.significant = offset.significant && std::abs(offset.offset_s) > 3 * offset.sigma_s;
+  }
+  return found;
+}
+
+void AddNotes(bool or_shifted, EstimateReport* r) {
   if (r->time_offset && r->time_offset->significant && r->rmse_with_offset_m) {
     r->notes.push_back(
         fmt::format("its clock is off: {:+.3f} s (sigma {:.3f} s) added to its stamps fit best, RMSE "
-                    "{:.3f} m instead of {:.3f} m",
-                    r->time_offset->offset_s, r->time_offset->sigma_s, *r->rmse_with_offset_m, *r->rmse_m));
+                    "{:.3f} m instead of {:.3f} m{}",
+                    r->time_offset->offset_s, r->time_offset->sigma_s, *r->rmse_with_offset_m, *r->rmse_m,
+                    or_shifted ? "; or it is shifted along its path, which is too straight to tell" : ""));
   }
-  if (r->aligned_rmse_m && *r->rmse_m > 1 && *r->aligned_rmse_m < 0.2 * *r->rmse_m) {
+  if (InAnotherFrame(*r)) {
     r->notes.push_back(
         fmt::format("it seems to be in another frame than the site's east, north, up: after a rigid fit "
                     "its RMSE is {:.3f} m instead of {:.3f} m; say alignment: se3 in system.yaml to have "
@@ -293,34 +332,25 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
     said.stamps_ns.push_back(pose.stamp_ns + offset_ns);
     said.poses.emplace_back(pose.target_from_body * (report.point == "body" ? arm * body_from_cam : arm));
   }
-  report.time_offset = EstimateTimeOffset(truth, said, options.max_offset_s);
-  const double reference_axis_m = report.reference_rms_m / std::sqrt(3.0);
-  if (report.time_offset) {
-    // The reference may be off by its sigma all along the path, which looks like a clock that is off.
-    double path = 0;
-    for (size_t i = 1; i < truth.poses.size(); ++i) {
-      path += (truth.poses[i].translation - truth.poses[i - 1].translation).norm();
-    }
-    const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;
-    ClockOffset& offset = *report.time_offset;
-    if (path > 0) offset.sigma_s = std::hypot(offset.sigma_s, reference_axis_m * seconds / path);
-    offset.significant = offset.significant && std::abs(offset.offset_s) > 3 * offset.sigma_s;
-  }
-  if (report.time_offset) {
-    const double offset = config.time_offset_s + report.time_offset->offset_s;
-    const std::vector<Pair> moved = fitted(pairs_of(report.point, offset), config.alignment);
-    if (!moved.empty()) report.rmse_with_offset_m = Rmse(moved);
-  }
   if (pairs.size() >= 3) {
     try {
       report.aligned_rmse_m = Rmse(fitted(pairs, TrajectoryAlignment::kSE3));
     } catch (const NumericError&) {  // all in one place: nothing to fit
     }
   }
+  const double reference_axis_m = report.reference_rms_m / std::sqrt(3.0);
+  const bool fit_first = config.alignment != TrajectoryAlignment::kNone || InAnotherFrame(report);
+  const ClockFinding clock = FindClock(truth, said, options.max_offset_s, fit_first, reference_axis_m);
+  report.time_offset = clock.offset;
+  if (report.time_offset) {
+    const double offset = config.time_offset_s + report.time_offset->offset_s;
+    const std::vector<Pair> moved = fitted(pairs_of(report.point, offset), config.alignment);
+    if (!moved.empty()) report.rmse_with_offset_m = Rmse(moved);
+  }
   report.lever_arm = FindLeverArm(pairs, options.block_s, reference_axis_m);
   // A clock that is off moves the errors along the path, like an arm; it goes first.
   if (report.lever_arm && report.time_offset && report.time_offset->significant) report.lever_arm->significant = false;
-  AddNotes(&report);
+  AddNotes(clock.or_shifted, &report);
   report.notes.insert(report.notes.end(), estimate.warnings.begin(), estimate.warnings.end());
   return report;
 }

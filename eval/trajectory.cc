@@ -65,15 +65,6 @@ PoseSequence Prepared(const PoseSequence& estimate, const AssociationOptions& op
   return prepared;
 }
 
-Trajectory ToTrajectory(const PoseSequence& sequence) {
-  Trajectory trajectory;
-  for (size_t i = 0; i < sequence.stamps_ns.size(); ++i) {
-    if (i > 0 && sequence.stamps_ns[i] == sequence.stamps_ns[i - 1]) continue;
-    trajectory.poses.push_back({sequence.stamps_ns[i], sequence.poses[i].ToRigid()});
-  }
-  return trajectory;
-}
-
 const MatrixPose& PoseOf(const PosePair& pair, bool reference) { return reference ? pair.reference : pair.estimate; }
 
 // Progress along the trajectory, in frames, metres or seconds, at every pair.
@@ -141,44 +132,6 @@ TrajectoryErrors ErrorsOf(const std::vector<PosePair>& pairs, const Pieces& piec
   return errors;
 }
 
-// Reference positions at the estimate's stamps moved by `offset_ns`, with the estimate's positions; the ATE after a
-// rigid fit, or nothing if less than half of the estimate is covered.
-struct ShiftedFit {
-  double rmse = 0;
-  size_t count = 0;
-  double squared_speed_sum = 0;  // of the reference, (m/s)^2
-};
-std::optional<ShiftedFit> FitShifted(const Trajectory& reference, const Trajectory& estimate, int64_t offset_ns,
-                                     int64_t max_gap_ns) {
-  constexpr int64_t kStep = 20'000'000;
-  std::vector<Eigen::Vector3d> source, target;
-  ShiftedFit fit;
-  for (const TimedPose& pose : estimate.poses) {
-    const int64_t stamp = pose.stamp_ns + offset_ns;
-    const auto at = reference.At(stamp, max_gap_ns);
-    if (!at) continue;
-    source.push_back(pose.target_from_body.translation);
-    target.push_back(at->translation);
-    const auto before = reference.At(stamp - kStep, max_gap_ns), after = reference.At(stamp + kStep, max_gap_ns);
-    if (before && after) {
-      fit.squared_speed_sum +=
-          ((after->translation - before->translation) / (2 * static_cast<double>(kStep) / kNsPerS)).squaredNorm();
-    }
-  }
-  if (source.size() < 3 || 2 * source.size() < estimate.poses.size()) return std::nullopt;
-  Sim3d target_from_source;
-  try {
-    target_from_source = AlignPoints(source, target, AlignmentKind::kSE3);
-  } catch (const NumericError&) {
-    return std::nullopt;
-  }
-  double sum = 0;
-  for (size_t i = 0; i < source.size(); ++i) sum += (target_from_source * source[i] - target[i]).squaredNorm();
-  fit.count = source.size();
-  fit.rmse = std::sqrt(sum / static_cast<double>(source.size()));
-  return fit;
-}
-
 nlohmann::json Json(const SampleStatistics& s) {
   return {{"count", s.count}, {"rmse", s.rmse}, {"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"min", s.min},
           {"max", s.max},     {"sse", s.sse},   {"p75", s.p75},   {"p90", s.p90},       {"p95", s.p95}, {"p99", s.p99}};
@@ -225,6 +178,15 @@ PoseSequence::PoseSequence(const Trajectory& trajectory) : warnings(trajectory.w
     stamps_ns.push_back(pose.stamp_ns);
     poses.emplace_back(pose.target_from_body);
   }
+}
+
+Trajectory ToTrajectory(const PoseSequence& sequence) {
+  Trajectory trajectory;
+  for (size_t i = 0; i < sequence.stamps_ns.size(); ++i) {
+    if (i > 0 && sequence.stamps_ns[i] == sequence.stamps_ns[i - 1]) continue;
+    trajectory.poses.push_back({sequence.stamps_ns[i], sequence.poses[i].ToRigid()});
+  }
+  return trajectory;
 }
 
 std::vector<PosePair> Associate(const PoseSequence& reference, const PoseSequence& given,
@@ -376,51 +338,6 @@ TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, doub
 
 double PathLength(const std::vector<PosePair>& pairs) {
   return pairs.empty() ? 0 : Progress(pairs, DeltaUnit::kMetres, true).back();
-}
-
-std::optional<ClockOffset> EstimateTimeOffset(const PoseSequence& reference_sequence,
-                                              const PoseSequence& estimate_sequence, double max_offset_s) {
-  const Trajectory reference = ToTrajectory(reference_sequence), estimate = ToTrajectory(estimate_sequence);
-  if (reference.poses.size() < 3 || estimate.poses.size() < 3) return std::nullopt;
-  // The reference's own spacing tells what may be interpolated and what resolution there is.
-  std::vector<double> gaps;
-  for (size_t i = 1; i < reference.poses.size(); ++i) {
-    gaps.push_back(static_cast<double>(reference.poses[i].stamp_ns - reference.poses[i - 1].stamp_ns));
-  }
-  const double interval = Quantile(gaps, 0.5);
-  const auto max_gap = static_cast<int64_t>(std::max(1.0 * kNsPerS, 3 * interval));
-  const auto rmse = [&](double offset_s) {
-    const auto fit = FitShifted(reference, estimate, static_cast<int64_t>(std::llround(offset_s * kNsPerS)), max_gap);
-    return fit ? fit->rmse : std::numeric_limits<double>::infinity();
-  };
-  const auto before = FitShifted(reference, estimate, 0, max_gap);
-  if (!before) return std::nullopt;
-
-  constexpr int kSteps = 20;  // a coarse grid each side, then golden section about the best
-  const double step = max_offset_s / kSteps;
-  double best = 0, best_rmse = before->rmse;
-  for (int i = -kSteps; i <= kSteps; ++i) {
-    if (const double r = rmse(i * step); r < best_rmse) best = i * step, best_rmse = r;
-  }
-  double low = best - step, high = best + step;
-  constexpr double kGolden = 0.6180339887498949;
-  while (high - low > 1e-5) {
-    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
-    (rmse(a) < rmse(b) ? high : low) = rmse(a) < rmse(b) ? b : a;
-  }
-  ClockOffset result;
-  result.offset_s = 0.5 * (low + high);
-  const auto after =
-      FitShifted(reference, estimate, static_cast<int64_t>(std::llround(result.offset_s * kNsPerS)), max_gap);
-  if (!after || !(after->squared_speed_sum > 0)) return std::nullopt;
-  result.rmse_before_m = before->rmse;
-  result.rmse_after_m = after->rmse;
-  // d residual / d offset = velocity: sigma^2 = s^2 / sum v^2 with s^2 per axis. Errors of trajectories are correlated
-  // in time, so that a tenth of them counts.
-  result.sigma_s = std::sqrt(10 * after->rmse * after->rmse / 3 / after->squared_speed_sum);
-  result.significant =
-      std::abs(result.offset_s) > 3 * result.sigma_s && std::abs(result.offset_s) > 0.02 * interval / kNsPerS;
-  return result;
 }
 
 TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence& reference,

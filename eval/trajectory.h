@@ -46,6 +46,9 @@ struct PoseSequence {
   bool HasTimes() const { return !stamps_ns.empty(); }
 };
 
+// For interpolation; of doubled stamps the first is kept.
+Trajectory ToTrajectory(const PoseSequence& sequence);
+
 // TUM (`timestamp tx ty tz qx qy qz qw`), EuRoC CSV (`timestamp_ns,x,y,z,qw,qx,qy,qz,...`) or KITTI (12 numbers: a
 // 3 x 4 matrix row by row); '#' comments. Throws InputError naming file and line for anything else.
 PoseSequence ReadPoseSequence(const std::filesystem::path& file);
@@ -133,15 +136,17 @@ double PathLength(const std::vector<PosePair>& pairs);
 
 struct ClockOffset {
   double offset_s = 0;       // to be added to the estimate's stamps
-  double sigma_s = 0;        // 1 sigma, residuals taken as independent at a tenth of their number
-  double rmse_before_m = 0;  // ATE (SE3) without the offset
+  double sigma_s = 0;        // 1 sigma, with what the alignment leaves open and as many errors as are independent in time
+  double rmse_before_m = 0;  // without the offset
   double rmse_after_m = 0;
   bool significant = false;  // more than three sigma and two percent of a reference interval away from zero
 };
-// The time offset that fits the estimate best to the reference (interpolated), within +-max_offset_s. Unset when they
-// share too little time, have none, or the motion is too small to tell.
+// The time offset that fits the estimate best to the reference, which is interpolated, within +-max_offset_s.
+// `alignment`: none, or a rigid fit at every offset (anything else), which takes what an offset does along a straight
+// path: sigma_s is large there. Unset when they share too little time, have none, or the motion is too small to tell.
 std::optional<ClockOffset> EstimateTimeOffset(const PoseSequence& reference, const PoseSequence& estimate,
-                                              double max_offset_s = 1.0);
+                                              double max_offset_s = 1.0,
+                                              TrajectoryAlignment alignment = TrajectoryAlignment::kSE3);
 
 // What `trigpoint trajectory` prints for one estimate.
 struct TrajectoryReportOptions {

@@ -383,7 +383,7 @@ StageInfo EvaluateStage() {
       request.inputs.push_back(ReferenceMapFolder(project, options.reference.empty() ? "survey" : options.reference) /
                                "manifest.json");
     } else if (options.reference != "self" && options.reference != "control") {
-      request.inputs.push_back(ReleaseFolder(project, options.reference) / "release.json");
+      request.inputs.push_back(ReleaseFolder(project, options.reference));  // all of it: it must be as published
     }
     if (!options.truth.empty()) request.inputs.push_back(options.truth);
     for (const fs::path& input : EstimateInputs(project)) request.inputs.push_back(input);

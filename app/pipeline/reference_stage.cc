@@ -167,7 +167,7 @@ StageInfo ReferenceStage() {
       request.inputs.push_back(ReferenceMapFolder(project, options.map) / "tags.csv");
       request.inputs.push_back(ReferenceMapFolder(project, options.map) / "tags_cov.csv");
     } else {
-      request.inputs.push_back(ReleaseFolder(project, options.map) / "release.json");
+      request.inputs.push_back(ReleaseFolder(project, options.map));  // all of it: it must be as published
     }
     if (options.motion == "tracks") request.inputs.push_back(ManifestOf(project, "localize", target));
     request.body = [options, target](StageContext& context) { MakeReference(options, target, context); };

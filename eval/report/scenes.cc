@@ -102,10 +102,14 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   for (const SceneError& e : model.errors) worst.push_back(&e);
   std::stable_sort(worst.begin(), worst.end(),
                    [](const auto* a, const auto* b) { return a->difference.norm() > b->difference.norm(); });
+  // An errors.csv that is older than the answers may name stations that have none now.
+  std::set<std::string> answered, seen;
+  for (const ScenePanorama& p : model.panoramas) answered.insert(p.station);
   std::vector<std::string> stations;
-  for (const SceneError* e : worst) stations.push_back(e->station);
+  for (const SceneError* e : worst) {
+    if (answered.count(e->station) > 0) stations.push_back(e->station);
+  }
   for (const ScenePanorama& p : model.panoramas) stations.push_back(p.station);
-  std::set<std::string> seen;
   for (const std::string& station : stations) {
     if (seen.size() == kStations || !seen.insert(station).second) continue;
     view.LookAtStation(window->renderer(), station);

@@ -149,11 +149,11 @@ TEST(EvaluateCommand, GatesAnswerByTheBoundAndExitThree) {
   EXPECT_THAT(typo.err, HasSubstr("max_median"));
 }
 
-TEST(EvaluateCommand, DISABLED_ShowsVariantsSideBySideInTheUnitAskedFor) {
+TEST(EvaluateCommand, ShowsVariantsSideBySideInTheUnitAskedFor) {
   const Site site;
   site.Localize("run1@paper", 0.5, 3, "paper");
   site.Localize("run2@paper", 0.5, 4, "paper");
-  const Finished metres = Trigpoint({"evaluate", site.dir(), "--paper-tables", "true"});
+  const Finished metres = Trigpoint({"evaluate", site.dir(), "--paper-tables"});
   ASSERT_EQ(metres.exit_code, 0) << metres.err;
   EXPECT_THAT(metres.out, HasSubstr("variant paper [m]"));
   EXPECT_THAT(metres.out, HasSubstr("paper is better than default in"));
@@ -164,7 +164,7 @@ TEST(EvaluateCommand, DISABLED_ShowsVariantsSideBySideInTheUnitAskedFor) {
             GroupOf(summary, "g2", "paper")["error_3d"]["over_answers"]["median_m"]);
   EXPECT_EQ(summary["comparisons"][0]["pairs"], 18);
   // The same result, shown in feet.
-  const Finished feet = Trigpoint({"evaluate", site.dir(), "--paper-tables", "true", "--units", "ft"});
+  const Finished feet = Trigpoint({"evaluate", site.dir(), "--paper-tables", "--units", "ft"});
   EXPECT_THAT(feet.err, HasSubstr("up to date"));
   EXPECT_THAT(feet.out, HasSubstr("variant paper [ft]"));
   EXPECT_THAT(feet.out, Not(HasSubstr("[m]")));
@@ -216,7 +216,7 @@ TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
   EXPECT_THAT(estimate.err, HasSubstr("there is no run 'run9'"));
 }
 
-TEST(PublishCommand, DISABLED_FreezesAMapThatLaterRunsAreHeldAgainst) {
+TEST(PublishCommand, FreezesAMapThatLaterRunsAreHeldAgainst) {
   const Site site;
   site.Map("results/survey", 0);
   const Finished first = Trigpoint({"evaluate", site.dir()});

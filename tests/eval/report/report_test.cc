@@ -217,7 +217,7 @@ TEST_F(ReportTest, ABrokenPictureLeavesTheRest) {
   EXPECT_THAT(Report(options), HasSubstr("left out on request"));
 }
 
-TEST_F(ReportTest, DISABLED_HostileNamesStayText) {
+TEST_F(ReportTest, HostileNamesStayText) {
   WriteResults();
   const std::string evil = "<img src=x onerror=alert(1)>";
   site_.Write("results/evaluate/errors.csv", std::string(kErrorHeader) + "run1,,single," + evil +
