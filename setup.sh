@@ -16,6 +16,7 @@ packages=(
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev
   libvtk9-dev libgdal-dev libglew-dev libegl-dev libgl1-mesa-dri libpango1.0-dev fonts-dejavu-core
   libproj-dev libheif-dev file
+  qtbase5-dev libqt5opengl5-dev libvtk9-qt-dev xvfb
   libgtest-dev libgmock-dev
 )
 # The Debian release these packages were chosen from.
@@ -57,7 +58,7 @@ command=${1:-build}
 case $command in
   build)
     install_packages
-    build trigpoint
+    build trigpoint trigpoint-desktop
     echo "setup.sh: built $PWD/build/release/bin/trigpoint"
     ;;
   demo)

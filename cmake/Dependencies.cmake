@@ -23,8 +23,13 @@ pkg_check_modules(pangocairo REQUIRED IMPORTED_TARGET pangocairo)
 find_package(GDAL REQUIRED)
 find_package(OpenGL REQUIRED COMPONENTS EGL)
 find_package(GLEW REQUIRED)
+# The workstation alone needs Qt, and is left out without it. Before VTK, whose Qt part refers to its targets.
+find_package(Qt5 5.15 QUIET COMPONENTS Widgets OpenGL Concurrent Test)
 find_package(VTK 9.1 REQUIRED COMPONENTS CommonCore CommonDataModel CommonMath FiltersSources RenderingAnnotation
              RenderingCore RenderingFreeType RenderingOpenGL2)
+if(Qt5_FOUND)
+  find_package(VTK 9.1 QUIET OPTIONAL_COMPONENTS GUISupportQt InteractionStyle)
+endif()
 
 # GeographicLib ships a find module and variables, no target.
 list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)

@@ -1,4 +1,5 @@
-# Debian packages: `cpack` in the build folder (or ./setup.sh package) makes trigpoint and trigpoint-dev.
+# Debian packages: `cpack` in the build folder (or ./setup.sh package) makes trigpoint, trigpoint-dev and, where
+# it is built, trigpoint-desktop.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME trigpoint)
 set(CPACK_PACKAGE_VENDOR "The Trigpoint authors")
@@ -9,12 +10,19 @@ set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL runtime dev)
+if(TARGET trigpoint-desktop)
+  list(APPEND CPACK_COMPONENTS_ALL desktop)
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME trigpoint)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
 # What the program is linked with, as dpkg-shlibdeps finds it.
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "colmap, geographiclib-tools")
+set(CPACK_DEBIAN_DESKTOP_PACKAGE_NAME trigpoint-desktop)
+set(CPACK_DEBIAN_DESKTOP_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_DESKTOP_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_DESKTOP_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME trigpoint-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 string(JOIN ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})" libeigen3-dev libceres-dev libopencv-dev

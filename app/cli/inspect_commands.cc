@@ -15,11 +15,20 @@ nlohmann::json Pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 struct InspectArguments {
   std::string dir, run, image, panorama, variant;
+  int64_t point = -1;
 };
 
 int Inspect(const Session& session, const InspectArguments& a) {
   const Project project = OpenProject(session, a.dir);
   RunInspector inspector(project, a.run, a.variant);
+  if (a.point >= 0) {
+    const std::vector<std::string> images = inspector.ImagesOf(a.point);
+    std::string text = fmt::format("point {} of {} is seen by {} images\n", a.point, a.run, images.size());
+    for (const std::string& image : images) text += image + "\n";
+    session.Print(text);
+    session.PrintJson({{"command", "inspect"}, {"ok", true}, {"point", a.point}, {"images", images}});
+    return 0;
+  }
   const InspectedImage image = inspector.Image(a.image);
   std::string text = fmt::format("{}/{}: {} x {} px{}\n", a.run, a.image, image.width, image.height,
                                  image.excluded ? ", excluded by the review" : "");
@@ -129,7 +138,10 @@ void AddInspectCommand(CLI::App& app, Session& session) {
   const auto a = std::make_shared<InspectArguments>();
   command.add_option("DIR", a->dir, "the project")->required();
   command.add_option("--run", a->run, "the image's run")->required();
-  command.add_option("--image", a->image, "the image, as in images.txt")->required();
+  auto* image = command.add_option_group("what");
+  image->add_option("--image", a->image, "the image, as in images.txt");
+  image->add_option("--point", a->point, "a point of the run's sparse model, by its number: which images see it");
+  image->require_option(1);
   command.add_option("--panorama", a->panorama, "match it with this panorama or photo");
   command.add_option("--variant", a->variant, "of this set of results");
   command.callback([&session, a] { session.action = [a](Session& s) { return Inspect(s, *a); }; });

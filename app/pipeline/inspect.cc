@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
@@ -113,6 +114,25 @@ InspectedImage RunInspector::Image(const std::string& file) {
   }
   if (!result.points.empty()) result.rms_px = std::sqrt(sum / static_cast<double>(result.points.size()));
   return result;
+}
+
+std::vector<std::string> RunInspector::ImagesOf(int64_t point) {
+  Parts& p = *parts_;
+  p.ReadModel();
+  const auto found = p.model_point.find(point);
+  if (found == p.model_point.end()) {
+    throw InputError("run " + p.run.name + " has no point " + std::to_string(point) + "; its model has " +
+                     std::to_string(p.model.points.size()) + " points");
+  }
+  std::set<uint32_t> seen_by;
+  for (const auto& [image, index] : p.model.points[found->second].track) seen_by.insert(image);
+  std::vector<std::string> names;
+  for (const ImageEntry& entry : p.run.images) {
+    const auto image = p.model_image.find(entry.file);
+    if (image != p.model_image.end() && seen_by.count(p.model.images[image->second].id) > 0)
+      names.push_back(entry.file);
+  }
+  return names;
 }
 
 std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const std::string& panorama) {

@@ -57,6 +57,8 @@ class RunInspector {
 
   // Throws InputError if the run has no such image (the nearest one is named). What has no result yet is empty.
   InspectedImage Image(const std::string& file);
+  // The images that see a point of the model, in the run's order. Throws InputError if it has no such point.
+  std::vector<std::string> ImagesOf(int64_t point);
   // Matches anew between the features of both (mutual nearest neighbours, ratio test) and judges them by the poses of
   // the solution. Throws InputError without features of either.
   std::vector<InspectedMatch> Matches(const std::string& file, const std::string& panorama);

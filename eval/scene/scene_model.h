@@ -44,7 +44,8 @@ struct ScenePath {
 };
 
 struct ScenePoint {
-  int run = 0;  // index into SceneModel::runs
+  int run = 0;      // index into SceneModel::runs
+  int64_t id = -1;  // in the run's sparse model
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   int track_length = 0;  // images that see it
   // Largest standard deviation of its position with the cameras held, from the rays that see it and their residuals;

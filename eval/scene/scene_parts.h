@@ -19,6 +19,7 @@ namespace trigpoint {
 struct SceneView::Parts {
   const SceneModel& model;
   SceneStyle style;
+  DisplayUnit unit;
   double error_scale = 1;
   double extent_m = 10;  // longest side of the scene's box
   std::map<std::string, std::vector<vtkSmartPointer<vtkProp>>> layers;

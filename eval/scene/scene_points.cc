@@ -61,6 +61,7 @@ std::vector<ScenePoint> ReadScenePoints(const std::filesystem::path& sparse, int
     if (!point.position.allFinite()) continue;
     ScenePoint& p = points.emplace_back();
     p.run = run;
+    p.id = static_cast<int64_t>(point.id);
     p.position = point.position;
     p.track_length = static_cast<int>(point.track.size());
     p.sigma_m = LargestSigma(point, viewers, sigma_px);

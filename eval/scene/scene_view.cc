@@ -17,42 +17,62 @@ namespace {
 
 constexpr double kPickRadiusPx = 5;
 
-std::string SigmaText(const std::optional<Eigen::Vector3d>& sigma) {
-  return sigma ? fmt::format("; 1 sigma {:.3f} {:.3f} {:.3f} m (x, y, z)", sigma->x(), sigma->y(), sigma->z()) : "";
-}
+// Says what an entry of the model is, lengths in one unit.
+class Words {
+ public:
+  explicit Words(const DisplayUnit& unit) : unit_(unit) {}
 
-std::string PlaceText(const Eigen::Vector3d& p) { return fmt::format("{:.3f} {:.3f} {:.3f} m", p.x(), p.y(), p.z()); }
+  std::string Length(double metres) const { return fmt::format("{:.3f} {}", metres / unit_.metres, unit_.name); }
+  std::string Place(const Eigen::Vector3d& p) const {
+    return fmt::format("{:.3f} {:.3f} ", p.x() / unit_.metres, p.y() / unit_.metres) + Length(p.z());
+  }
+  std::string Sigma(const std::optional<Eigen::Vector3d>& sigma) const {
+    return sigma ? "; 1 sigma " + Place(*sigma) + " (x, y, z)" : "; sigma not known";
+  }
+
+ private:
+  DisplayUnit unit_;
+};
 
 // Fills in names and the line of text of a pick in one of the model's vectors.
-void Describe(const SceneModel& model, ScenePick* pick) {
+void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
   const auto i = static_cast<size_t>(pick->index);
   const std::string& layer = pick->layer;
   if (layer == "points") {
     const ScenePoint& p = model.points[i];
     pick->run = model.runs[static_cast<size_t>(p.run)];
-    pick->text = fmt::format("point of {} at {}, seen by {} images, sigma {:.3f} m (largest axis, cameras held)",
-                             pick->run, PlaceText(p.position), p.track_length, p.sigma_m);
+    pick->name = std::to_string(p.id);
+    pick->position = p.position;
+    pick->text = fmt::format("point {} of {} at {}, seen by {} images, 1 sigma {} (largest axis, cameras held)", p.id,
+                             pick->run, say.Place(p.position), p.track_length, say.Length(p.sigma_m));
   } else if (layer == "cameras") {
     const SceneCamera& c = model.cameras[i];
     pick->run = c.run, pick->name = c.image;
-    pick->text = c.run + " " + c.image + " at " + PlaceText(c.world_from_cam.translation) + SigmaText(c.sigma_m);
+    pick->position = c.world_from_cam.translation;
+    pick->text = c.run + " " + c.image + " at " + say.Place(pick->position) + say.Sigma(c.sigma_m);
   } else if (layer == "panoramas" || layer == "geotags") {
     const ScenePanorama& p = model.panoramas[i];
     pick->run = p.run, pick->name = p.panorama;
-    pick->text = layer == "geotags" ? "geotag of " + p.panorama + " at " + PlaceText(*p.geotag)
-                                    : p.panorama + " by " + p.run + " at " + PlaceText(p.world_from_pano.translation) +
-                                          SigmaText(p.sigma_m);
+    if (layer == "geotags") {
+      if (!p.geotag) throw InputError(p.panorama + " has no geotag");
+      pick->position = *p.geotag;
+      pick->text = "geotag of " + p.panorama + " at " + say.Place(*p.geotag);
+    } else {
+      pick->position = p.world_from_pano.translation;
+      pick->text = p.panorama + " by " + p.run + " at " + say.Place(pick->position) + say.Sigma(p.sigma_m);
+    }
   } else if (layer == "tags") {
     const SceneTag& t = model.tags[i];
     pick->name = std::to_string(t.id);
-    pick->text = fmt::format("tag {} ({} m, {}) from {} at ", t.id, t.size_m, t.family, t.source) +
-                 PlaceText(t.world_from_tag.translation) + SigmaText(t.sigma_m);
+    pick->position = t.world_from_tag.translation;
+    pick->text = fmt::format("tag {} ({} wide, {}) from {} at ", t.id, say.Length(t.size_m), t.family, t.source) +
+                 say.Place(pick->position) + say.Sigma(t.sigma_m);
   } else if (layer == "errors" || layer == "ellipsoids") {
     const SceneError& e = model.errors[i];
     pick->run = e.run, pick->name = e.panorama;
-    pick->text = fmt::format("{} by {} ({}) against {}: {:.3f} m", e.panorama, e.run, e.method, e.reference,
-                             e.difference.norm()) +
-                 SigmaText(e.sigma_m);
+    pick->position = e.reference_position;
+    pick->text = fmt::format("{} by {} ({}) against {}: error ", e.panorama, e.run, e.method, e.reference) +
+                 say.Length(e.difference.norm()) + " = " + say.Place(e.difference) + say.Sigma(e.sigma_m);
   } else {
     const ScenePath& path = model.paths[i];
     pick->run = path.run, pick->name = path.source;
@@ -196,8 +216,10 @@ void SceneView::LookOblique(vtkRenderer* renderer) const {
   // So far away that a ball about the box fits into the picture's lower side.
   const double radius = std::max(2.0, 0.5 * (high - low).norm());
   const double angle_deg = 35;
-  const Eigen::Vector3d from = middle + radius / std::sin(0.5 * angle_deg * 3.14159265 / 180) *
-                                            Eigen::Vector3d(-0.42, -0.72, 0.55).normalized() * 0.8;
+  const int* size = renderer->GetSize();
+  const double aspect = size[0] > 0 && size[1] > 0 ? static_cast<double>(size[0]) / size[1] : 1.5;
+  const double distance = 0.8 * std::max(1.0, 1.5 / aspect) * radius / std::sin(0.5 * angle_deg * 3.14159265 / 180);
+  const Eigen::Vector3d from = middle + distance * Eigen::Vector3d(-0.42, -0.72, 0.55).normalized();
   vtkCamera* camera = renderer->GetActiveCamera();
   camera->ParallelProjectionOff();
   camera->SetViewAngle(angle_deg);
@@ -289,8 +311,29 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
   if (!best && Visible("points")) {
     for (size_t i = 0; i < model.points.size(); ++i) offer("points", i, model.points[i].position, 0);
   }
-  if (best) Describe(model, &*best);
+  if (!best) return best;
+  const Eigen::Vector3d at = best->position;  // of an error its tip, of a path its nearest pose
+  FillIn(model, Words(parts_->unit), &*best);
+  best->position = at;
   return best;
 }
+
+ScenePick SceneView::Describe(const std::string& layer, int index) const {
+  const SceneModel& m = parts_->model;
+  size_t size = m.paths.size();
+  if (layer == "points") size = m.points.size();
+  if (layer == "cameras") size = m.cameras.size();
+  if (layer == "panoramas" || layer == "geotags") size = m.panoramas.size();
+  if (layer == "tags") size = m.tags.size();
+  if (layer == "errors" || layer == "ellipsoids") size = m.errors.size();
+  if (index < 0 || static_cast<size_t>(index) >= size) {
+    throw InputError(fmt::format("layer {} has {} entries, none with index {}", layer, size, index));
+  }
+  ScenePick pick{layer, index};
+  FillIn(m, Words(parts_->unit), &pick);
+  return pick;
+}
+
+void SceneView::SetUnit(const DisplayUnit& unit) { parts_->unit = unit; }
 
 }  // namespace trigpoint

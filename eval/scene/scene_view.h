@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/display_unit.h"
 #include "eval/scene/scene_model.h"
 
 class vtkRenderer;
@@ -39,7 +40,7 @@ struct ScenePick {
   std::string layer;  // one of SceneView::Layers()
   int index = -1;     // into the model's vector of that layer: paths, points, cameras, panoramas, tags, errors
   std::string run;    // empty where it is of no run
-  std::string name;   // image, panorama, tag id, or the path's source
+  std::string name;   // image, panorama, tag id, the point's number, or the path's source
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the object, scene frame; of a path its nearest pose
   std::string text;                                    // one line for a person, with units and sigmas
 };
@@ -75,6 +76,11 @@ class SceneView {
 
   // Display coordinates of the renderer's window, origin at the bottom left. Only visible layers are picked.
   std::optional<ScenePick> Pick(vtkRenderer* renderer, double x, double y) const;
+  // What an entry of the model's vectors is, in the words of a pick. Throws InputError for an index that the layer
+  // doesn't have.
+  ScenePick Describe(const std::string& layer, int index) const;
+  // In which lengths are said; the model stays in metres.
+  void SetUnit(const DisplayUnit& unit);
 
   struct Parts;  // VTK's side
 

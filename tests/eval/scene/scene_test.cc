@@ -144,6 +144,10 @@ TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
   ASSERT_TRUE(pick);
   EXPECT_EQ(pick->name, "im35");
   EXPECT_EQ(pick->position, model.cameras[7].world_from_cam.translation);
+  EXPECT_EQ(view.Describe("cameras", 7).text, pick->text);
+  view.SetUnit({"ft", 0.3048});
+  EXPECT_NE(view.Describe("cameras", 7).text.find(" ft"), std::string::npos);
+  EXPECT_THROW(view.Describe("cameras", 100000), InputError);
   const Eigen::Vector2d empty = Pixel({0, 0, 1.8});
   EXPECT_FALSE(view.Pick(renderer, empty.x(), empty.y()));
   EXPECT_THROW(view.SetVisible("panorama", false), OptionError);

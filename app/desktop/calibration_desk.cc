@@ -1,0 +1,202 @@
+#include "app/desktop/calibration_desk.h"
+
+#include <QComboBox>
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QPainter>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QVBoxLayout>
+#include <algorithm>
+
+#include "app/desktop/background.h"
+#include "app/desktop/calibration_sheet.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/pictures.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr double kResidualScale = 50;  // residuals are drawn this much longer
+
+QImage CoveragePicture(const CalibrationCamera& camera) {
+  QImage image(camera.width, camera.height, QImage::Format_RGB32);
+  image.fill(Qt::white);
+  if (camera.coverage.empty()) return image;
+  const int most = std::max(1, *std::max_element(camera.coverage.begin(), camera.coverage.end()));
+  QPainter painter(&image);
+  QFont font;
+  font.setPixelSize(std::max(8, camera.height / camera.rows / 5));
+  painter.setFont(font);
+  for (int row = 0; row < camera.rows; ++row) {
+    for (int column = 0; column < camera.columns; ++column) {
+      const auto cell = static_cast<size_t>(row * camera.columns + column);
+      const int x = column * camera.width / camera.columns, y = row * camera.height / camera.rows;
+      const QRect box(x, y, (column + 1) * camera.width / camera.columns - x,
+                      (row + 1) * camera.height / camera.rows - y);
+      const double share = static_cast<double>(camera.coverage[cell]) / most;
+      painter.fillRect(box, camera.coverage[cell] == 0 ? QColor(230, 159, 0)
+                                                       : QColor::fromRgbF(0.9 - 0.8 * share, 0.95 - 0.45 * share, 1.0));
+      painter.setPen(share > 0.6 ? Qt::white : Qt::black);
+      painter.drawText(box, Qt::AlignCenter,
+                       QObject::tr("%1\n%2 px").arg(camera.coverage[cell]).arg(camera.residual_px[cell], 0, 'f', 2));
+    }
+  }
+  return image;
+}
+
+}  // namespace
+
+CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  name_ = new QComboBox;
+  name_->setObjectName("calibration.name");
+  name_->setAccessibleName(tr("Calibration"));
+  camera_ = new QComboBox;
+  camera_->setObjectName("calibration.camera");
+  camera_->setAccessibleName(tr("Camera"));
+  text_ = new QLabel;
+  text_->setObjectName("calibration.text");
+  next_ = new QLabel;
+  next_->setObjectName("calibration.next");
+  next_->setWordWrap(true);
+  next_->setAlignment(Qt::AlignTop);
+  residuals_ = new PictureView;
+  residuals_->setAccessibleName(tr("Residuals over the image"));
+  coverage_ = new PictureView;
+  coverage_->setAccessibleName(tr("Points in each part of the image"));
+  map_ = new PictureView;
+  map_->setAccessibleName(tr("Uncertainty over the image"));
+  parameters_ = new QTableWidget(0, 3);
+  parameters_->setObjectName("calibration.parameters");
+  parameters_->setAccessibleName(tr("Parameters"));
+  parameters_->setHorizontalHeaderLabels({tr("parameter"), tr("value"), tr("1 sigma")});
+  parameters_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  parameters_->verticalHeader()->setDefaultSectionSize(parameters_->fontMetrics().height() + 6);
+  auto* top = new QHBoxLayout;
+  top->addWidget(name_);
+  top->addWidget(camera_);
+  top->addWidget(text_, 1);
+  auto* upper = new QSplitter;
+  upper->addWidget(coverage_);
+  upper->addWidget(residuals_);
+  auto* lower = new QSplitter;
+  lower->addWidget(parameters_);
+  lower->addWidget(map_);
+  lower->addWidget(next_);
+  auto* split = new QSplitter(Qt::Vertical);
+  split->addWidget(upper);
+  split->addWidget(lower);
+  auto* all = new QVBoxLayout(this);
+  all->addLayout(top);
+  all->addWidget(split, 1);
+  connect(name_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::Load);
+  connect(camera_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::ShowCamera);
+  connect(workspace_, &Workspace::Opened, this, &CalibrationDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &CalibrationDesk::Refresh);
+}
+
+void CalibrationDesk::Refresh() {
+  const QString before = name_->currentText();
+  {
+    const QSignalBlocker block(name_);
+    name_->clear();
+    if (workspace_->snapshot()) {
+      for (const std::string& name : CalibrationNames(workspace_->snapshot()->dir / "results")) {
+        name_->addItem(QString::fromStdString(name));
+      }
+    }
+    name_->setCurrentIndex(std::max(0, name_->findText(before)));
+  }
+  Load();
+}
+
+void CalibrationDesk::Load() {
+  view_.reset();
+  if (!workspace_->snapshot() || name_->currentText().isEmpty()) {
+    const QSignalBlocker block(camera_);
+    camera_->clear();
+    ShowCamera();
+    return;
+  }
+  const std::filesystem::path dir =
+      workspace_->snapshot()->dir / "results" / "calibrate" / name_->currentText().toStdString();
+  InBackground(
+      this,
+      [dir] {
+        return std::shared_ptr<const CalibrationSheet>(std::make_shared<CalibrationSheet>(LoadCalibration(dir)));
+      },
+      [this, shown = name_->currentText()](const Attempted<std::shared_ptr<const CalibrationSheet>>& loaded) {
+        if (name_->currentText() != shown) return;
+        view_ = loaded.value;
+        const QSignalBlocker block(camera_);
+        camera_->clear();
+        if (view_) {
+          for (const CalibrationCamera& camera : view_->cameras) camera_->addItem(QString::fromStdString(camera.name));
+        }
+        ShowCamera();
+      });
+}
+
+void CalibrationDesk::ShowCamera() {
+  parameters_->setRowCount(0);
+  next_->clear();
+  const auto index = static_cast<size_t>(std::max(0, camera_->currentIndex()));
+  if (!view_ || index >= view_->cameras.size()) {
+    for (PictureView* picture : {residuals_, coverage_, map_}) {
+      picture->SetPicture({}, "");
+      picture->SetMarks({});
+    }
+    QString text = tr("No calibration yet: trigpoint calibrate DIR --images GLOB --target T");
+    if (view_ && !view_->problems.empty()) text = QString::fromStdString(view_->problems.front());
+    text_->setText(text);
+    return;
+  }
+  const CalibrationCamera& camera = view_->cameras[index];
+  text_->setText(
+      tr("%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (it says how well the model fits, not how "
+         "accurate it is)")
+          .arg(QString::fromStdString(camera.model))
+          .arg(camera.width)
+          .arg(camera.height)
+          .arg(camera.views_used)
+          .arg(camera.views)
+          .arg(camera.rms_px, 0, 'f', 3));
+  for (const CalibrationParameter& p : camera.parameters) {
+    const int row = parameters_->rowCount();
+    parameters_->insertRow(row);
+    parameters_->setItem(row, 0, new QTableWidgetItem(QString::fromStdString(p.name)));
+    parameters_->setItem(row, 1, new QTableWidgetItem(QString::number(p.value, 'f', 5)));
+    parameters_->setItem(row, 2, new QTableWidgetItem(QString::number(p.sigma, 'g', 3)));
+  }
+  QStringList next;
+  for (const std::string& sentence : camera.next) next << "- " + QString::fromStdString(sentence);
+  next_->setText(tr("What to photograph next") + "\n" +
+                 (next.isEmpty() ? tr("Every part of the image has points.") : next.join("\n")));
+  if (camera.width > 0 && camera.height > 0) {
+    coverage_->SetPicture(CoveragePicture(camera), tr("points in each cell, mean residual"));
+    QImage paper(camera.width, camera.height, QImage::Format_RGB32);
+    paper.fill(Qt::white);
+    residuals_->SetPicture(paper, tr("residuals, %1 x").arg(kResidualScale));
+    std::vector<PictureMark> marks;
+    for (const CalibrationPoint& p : camera.points) {
+      PictureMark mark;
+      mark.kind = PictureMark::Kind::kLine;
+      mark.points << QPointF(p.u, p.v) << QPointF(p.u + kResidualScale * p.du, p.v + kResidualScale * p.dv);
+      mark.colour = p.used ? QColor(0, 114, 178) : QColor(213, 94, 0);
+      marks.push_back(mark);
+    }
+    residuals_->SetMarks(std::move(marks));
+  }
+  map_->SetPicture({}, tr("no map"));
+  if (!std::filesystem::exists(camera.uncertainty)) return;
+  InBackground(
+      this, [file = camera.uncertainty] { return LoadAnyPicture(file, 0); },
+      [this, view = view_, index](const Attempted<QImage>& image) {
+        if (view != view_ || static_cast<int>(index) != std::max(0, camera_->currentIndex())) return;
+        map_->SetPicture(image.value, image.error.isEmpty() ? tr("uncertainty") : image.error);
+      });
+}
+
+}  // namespace trigpoint

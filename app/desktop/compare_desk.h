@@ -1,0 +1,50 @@
+// Two evaluations side by side: variants, runs, releases, other projects; in tables and in 3D, with what changed.
+#pragma once
+
+#include <QWidget>
+#include <filesystem>
+#include <vector>
+
+#include "app/desktop/workspace.h"
+
+class QComboBox;
+class QPlainTextEdit;
+class QTableWidget;
+class QTabWidget;
+
+namespace trigpoint {
+
+class SceneDesk;
+
+class CompareDesk : public QWidget {
+  Q_OBJECT
+
+ public:
+  explicit CompareDesk(Workspace* workspace, QWidget* parent = nullptr);
+  // A folder with errors.csv, of any project; false if there is none.
+  bool Add(const QString& folder);
+
+ signals:
+  void Compared();
+
+ private:
+  struct Side {
+    QComboBox *result = nullptr, *run = nullptr;
+    std::string variant;
+  };
+  void Refresh();
+  void Compare();
+  void ShowScenes();
+
+  Workspace* workspace_;
+  std::vector<std::filesystem::path> added_;
+  Side sides_[2];
+  QTabWidget* tabs_;
+  QTableWidget *errors_, *differences_;
+  QPlainTextEdit* text_;
+  QWidget* scenes_;
+  SceneDesk* scene_[2] = {nullptr, nullptr};
+  int generation_ = 0;
+};
+
+}  // namespace trigpoint

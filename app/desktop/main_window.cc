@@ -1,0 +1,370 @@
+#include "app/desktop/main_window.h"
+
+#include <QActionGroup>
+#include <QApplication>
+#include <QCloseEvent>
+#include <QDockWidget>
+#include <QDragEnterEvent>
+#include <QFileDialog>
+#include <QLabel>
+#include <QMenuBar>
+#include <QMimeData>
+#include <QPushButton>
+#include <QSettings>
+#include <QStatusBar>
+#include <QStyleFactory>
+#include <QTabWidget>
+#include <QTimer>
+#include <QVBoxLayout>
+
+#include "app/desktop/background.h"
+#include "app/desktop/calibration_desk.h"
+#include "app/desktop/compare_desk.h"
+#include "app/desktop/images_desk.h"
+#include "app/desktop/panorama_desk.h"
+#include "app/desktop/problem_bar.h"
+#include "app/desktop/review_desk.h"
+#include "app/desktop/run_desk.h"
+#include "app/desktop/scene_desk.h"
+#include "app/desktop/site_tree.h"
+#include "app/desktop/tables_desk.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kMostRecent = 10;
+
+QPalette DarkPalette() {
+  QPalette dark;
+  const QColor base(35, 38, 41), window(49, 54, 59), text(239, 240, 241), accent(61, 174, 233);
+  dark.setColor(QPalette::Window, window);
+  dark.setColor(QPalette::WindowText, text);
+  dark.setColor(QPalette::Base, base);
+  dark.setColor(QPalette::AlternateBase, QColor(42, 46, 50));
+  dark.setColor(QPalette::ToolTipBase, window);
+  dark.setColor(QPalette::ToolTipText, text);
+  dark.setColor(QPalette::Text, text);
+  dark.setColor(QPalette::Button, window);
+  dark.setColor(QPalette::ButtonText, text);
+  dark.setColor(QPalette::BrightText, Qt::white);
+  dark.setColor(QPalette::Dark, QColor(25, 27, 29));
+  dark.setColor(QPalette::Link, accent);
+  dark.setColor(QPalette::Highlight, accent);
+  dark.setColor(QPalette::HighlightedText, Qt::black);
+  dark.setColor(QPalette::PlaceholderText, QColor(160, 160, 160));
+  for (const auto role : {QPalette::WindowText, QPalette::Text, QPalette::ButtonText}) {
+    dark.setColor(QPalette::Disabled, role, QColor(130, 130, 130));
+  }
+  return dark;
+}
+
+}  // namespace
+
+MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
+  setObjectName("trigpoint");
+  setAcceptDrops(true);
+  setWindowTitle(tr("Trigpoint"));
+  resize(1280, 800);
+  workspace_ = new Workspace(this);
+  jobs_ = new JobController(this);
+  problem_ = new ProblemBar;
+  tree_ = new SiteTree(workspace_);
+  desks_ = new QTabWidget;
+  desks_->setObjectName("desks");
+  desks_->setAccessibleName(tr("Desks"));
+  desks_->setDocumentMode(true);
+  run_ = new RunDesk(workspace_, jobs_);
+  scene_ = new SceneDesk(workspace_);
+  images_ = new ImagesDesk(workspace_);
+  tables_ = new TablesDesk(workspace_);
+  compare_ = new CompareDesk(workspace_);
+  review_ = new ReviewDesk(workspace_, jobs_);
+  panoramas_ = new PanoramaDesk(workspace_);
+  calibration_ = new CalibrationDesk(workspace_);
+  AddDesk(run_, "run", tr("Run"));
+  AddDesk(scene_, "scene", tr("3D"));
+  AddDesk(images_, "images", tr("Images"));
+  AddDesk(tables_, "tables", tr("Tables"));
+  AddDesk(compare_, "compare", tr("Compare"));
+  AddDesk(review_, "review", tr("Review"));
+  AddDesk(panoramas_, "panoramas", tr("Panoramas"));
+  AddDesk(calibration_, "calibration", tr("Calibration"));
+
+  auto* middle = new QWidget;
+  auto* column = new QVBoxLayout(middle);
+  column->setContentsMargins(0, 0, 0, 0);
+  column->addWidget(problem_);
+  column->addWidget(desks_, 1);
+  setCentralWidget(middle);
+  auto* dock = new QDockWidget(tr("Site"));
+  dock->setObjectName("site");
+  dock->setWidget(tree_);
+  dock->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
+  addDockWidget(Qt::LeftDockWidgetArea, dock);
+  resizeDocks({dock}, {300}, Qt::Horizontal);
+  progress_ = new QLabel(tr("Drop a project folder here, or open one (Ctrl+O)."));
+  progress_->setObjectName("progress");
+  cancel_ = new QPushButton(tr("Cancel"));
+  cancel_->setObjectName("cancel");
+  cancel_->hide();
+  statusBar()->addWidget(progress_, 1);
+  statusBar()->addPermanentWidget(cancel_);
+  MakeMenus();
+
+  save_ = new QTimer(this);  // what was done last survives a crash
+  save_->setSingleShot(true);
+  save_->setInterval(300);
+  connect(save_, &QTimer::timeout, this, &MainWindow::SaveSession);
+  const auto save_soon = [this] { save_->start(); };
+  connect(desks_, &QTabWidget::currentChanged, this, save_soon);
+  connect(workspace_, &Workspace::Selected, this, save_soon);
+  connect(workspace_, &Workspace::UnitChanged, this, save_soon);
+
+  connect(workspace_, &Workspace::Opened, this, [this, save_soon] {
+    setWindowTitle(tr("%1 - Trigpoint").arg(QString::fromStdString(workspace_->snapshot()->name)));
+    setWindowFilePath(workspace_->dir());
+    QSettings settings;
+    QStringList recent = settings.value("recent").toStringList();
+    recent.removeAll(workspace_->dir());
+    recent.prepend(workspace_->dir());
+    settings.setValue("recent", QStringList(recent.mid(0, kMostRecent)));
+    ShowRecent();
+    if (!jobs_->running()) progress_->setText(workspace_->dir());
+    if (!select_after_open_.isEmpty()) workspace_->Select(std::exchange(select_after_open_, QString()));
+    save_soon();
+  });
+  connect(workspace_, &Workspace::Closed, this, [this] { setWindowTitle(tr("Trigpoint")); });
+  connect(workspace_, &Workspace::Problem, problem_, &ProblemBar::Show);
+  connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
+  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) { tree_->SetState(job, "running"); });
+  connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
+    if (end != "skipped") tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
+  });
+  connect(
+      jobs_, &JobController::Progress, this,
+      [this](const QString& job, const QString& task, qint64 done, qint64 total) {
+        progress_->setText(total > 0 ? tr("%1: %2, %3 %").arg(job, task).arg(100 * done / total) : job + ": " + task);
+      });
+  connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
+    cancel_->hide();
+    progress_->setText(end == JobController::End::kDone     ? tr("Done.")
+                       : end == JobController::End::kFailed ? tr("Failed.")
+                                                            : tr("Cancelled; finished stages are kept."));
+    if (closing_) {
+      close();
+    } else {
+      workspace_->Reload();
+    }
+  });
+  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
+  connect(tree_, &SiteTree::Activated, this, &MainWindow::Show);
+  connect(tree_, &SiteTree::RunRequested, this, [this](const QString& stage, const QString& run) {
+    run_->Choose(stage, run);
+    ShowDesk("run");
+  });
+  connect(tree_, &SiteTree::ReviewRequested, this, [this](const QString& object) {
+    workspace_->Select(object);
+    ShowDesk("review");
+  });
+  connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
+  connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
+  connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
+  connect(panoramas_, &PanoramaDesk::StitchRequested, this, [this] {
+    run_->Choose("stitch", "");
+    ShowDesk("run");
+  });
+  QSettings settings;
+  restoreGeometry(settings.value("geometry").toByteArray());
+  SetTheme(settings.value("theme", "system").toString());
+  const QString unit = settings.value("unit").toString();
+  if (unit == "ft" || unit == "us-ft") workspace_->SetUnit(unit);
+  ShowRecent();
+}
+
+MainWindow::~MainWindow() {
+  // Views that go say so, and nobody may listen any more.
+  disconnect(desks_, nullptr, this, nullptr);
+  workspace_->disconnect();
+  jobs_->disconnect();
+  delete tree_;
+  delete takeCentralWidget();
+}
+
+void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) {
+  desk->setObjectName(QString("desk.") + name);
+  desks_->addTab(desk, title);
+}
+
+void MainWindow::MakeMenus() {
+  QMenu* file = menuBar()->addMenu(tr("&File"));
+  file->addAction(
+      tr("&Open project ..."), this,
+      [this] {
+        const QString dir = QFileDialog::getExistingDirectory(this, tr("Open a project's folder"));
+        if (!dir.isEmpty()) OpenProject(dir);
+      },
+      QKeySequence::Open);
+  file->addAction(
+      tr("&New project from a folder ..."), this,
+      [this] {
+        const QString dir = QFileDialog::getExistingDirectory(this, tr("A folder with runs and panoramas"));
+        if (!dir.isEmpty()) CreateProject(dir);
+      },
+      QKeySequence::New);
+  recent_ = file->addMenu(tr("&Recent projects"));
+  file->addAction(tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
+  file->addAction(tr("&Close project"), workspace_, &Workspace::Close, QKeySequence::Close);
+  file->addSeparator();
+  file->addAction(tr("&Quit"), this, &QWidget::close, QKeySequence::Quit);
+
+  QMenu* run = menuBar()->addMenu(tr("&Run"));
+  run->addAction(
+      tr("Run all that is &out of date"), this,
+      [this] {
+        run_->Choose("", "");
+        ShowDesk("run");
+        run_->Run();
+      },
+      QKeySequence(tr("Ctrl+R")));
+  run->addAction(tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
+  run->addAction(
+      tr("Re-&solve after a review"), this,
+      [this] {
+        ShowDesk("review");
+        review_->Solve();
+      },
+      QKeySequence(tr("Ctrl+Shift+R")));
+
+  QMenu* view = menuBar()->addMenu(tr("&View"));
+  for (int i = 0; i < desks_->count(); ++i) {
+    view->addAction(
+        desks_->tabText(i), this, [this, i] { desks_->setCurrentIndex(i); }, QKeySequence(tr("Ctrl+%1").arg(i + 1)));
+  }
+  view->addSeparator();
+  const auto choices = [this, view](const QString& title, const QStringList& names, const QStringList& texts,
+                                    const char* key, const QString& standard, auto set) {
+    QMenu* menu = view->addMenu(title);
+    auto* group = new QActionGroup(menu);
+    const QString now = QSettings().value(key, standard).toString();
+    for (int i = 0; i < names.size(); ++i) {
+      QAction* action = menu->addAction(texts[i], this, [set, name = names[i]] { set(name); });
+      action->setCheckable(true);
+      action->setChecked(names[i] == now);
+      group->addAction(action);
+    }
+  };
+  choices(tr("&Units"), {"m", "ft", "us-ft"}, {tr("metres"), tr("feet"), tr("US survey feet")}, "unit", "m",
+          [this](const QString& name) { workspace_->SetUnit(name); });
+  choices(tr("&Theme"), {"system", "light", "dark"}, {tr("as the system"), tr("light"), tr("dark")}, "theme", "system",
+          [this](const QString& name) { SetTheme(name); });
+}
+
+void MainWindow::OpenProject(const QString& dir) {
+  problem_->hide();
+  progress_->setText(tr("Opening %1 ...").arg(dir));
+  workspace_->Open(dir);
+}
+
+void MainWindow::CreateProject(const QString& dir) {
+  problem_->hide();
+  InBackground(
+      this, [path = dir.toStdString()] { return Project::Init(path).missing; },
+      [this, dir](const Attempted<std::vector<std::string>>& made) {
+        if (!made.error.isEmpty()) {
+          emit workspace_->Problem(made.error, tr("No project was made."));
+          return;
+        }
+        OpenProject(dir);
+      });
+}
+
+void MainWindow::RestoreSession() {
+  const QSettings settings;
+  ShowDesk(settings.value("session/desk", "run").toString());
+  const QString dir = settings.value("session/project").toString();
+  if (dir.isEmpty()) return;
+  select_after_open_ = settings.value("session/selected").toString();
+  OpenProject(dir);
+}
+
+void MainWindow::SaveSession() {
+  QSettings settings;
+  settings.setValue("session/project", workspace_->dir());
+  settings.setValue("session/desk", desk());
+  settings.setValue("session/selected", workspace_->selected());
+  settings.setValue("geometry", saveGeometry());
+  settings.setValue("unit", workspace_->unit());
+  settings.setValue("theme", theme_);
+  settings.sync();
+}
+
+QStringList MainWindow::RecentProjects() const { return QSettings().value("recent").toStringList(); }
+
+void MainWindow::ShowRecent() {
+  recent_->clear();
+  for (const QString& dir : RecentProjects()) recent_->addAction(dir, this, [this, dir] { OpenProject(dir); });
+  recent_->setEnabled(!recent_->isEmpty());
+}
+
+void MainWindow::ShowDesk(const QString& name) {
+  for (int i = 0; i < desks_->count(); ++i) {
+    if (desks_->widget(i)->objectName() == "desk." + name) desks_->setCurrentIndex(i);
+  }
+}
+
+QString MainWindow::desk() const { return desks_->currentWidget()->objectName().section('.', 1); }
+
+void MainWindow::Show(const QString& object) {
+  workspace_->Select(object);
+  if (images_->ShowObject(object)) {
+    ShowDesk("images");
+  } else {
+    ShowDesk("scene");
+  }
+}
+
+void MainWindow::SetTheme(const QString& name) {
+  theme_ = name;
+  static const QString kSystemStyle = QApplication::style()->objectName();
+  if (name == "system") {
+    QApplication::setStyle(QStyleFactory::create(kSystemStyle));
+    QApplication::setPalette(QApplication::style()->standardPalette());
+  } else {
+    QApplication::setStyle(QStyleFactory::create("Fusion"));
+    QApplication::setPalette(name == "dark" ? DarkPalette() : QApplication::style()->standardPalette());
+  }
+  save_->start();
+}
+
+void MainWindow::closeEvent(QCloseEvent* event) {
+  if (jobs_->running()) {  // the worker ends at its next breath; finished stages are kept
+    closing_ = true;
+    jobs_->Cancel();
+    progress_->setText(tr("Stopping the run ..."));
+    event->ignore();
+    return;
+  }
+  SaveSession();
+  event->accept();
+}
+
+void MainWindow::dragEnterEvent(QDragEnterEvent* event) {
+  for (const QUrl& url : event->mimeData()->urls()) {
+    if (url.isLocalFile() && QFileInfo(url.toLocalFile()).exists()) event->acceptProposedAction();
+  }
+}
+
+void MainWindow::dropEvent(QDropEvent* event) {
+  for (const QUrl& url : event->mimeData()->urls()) {
+    const QFileInfo info(url.toLocalFile());
+    const QString dir = info.isDir() ? info.absoluteFilePath() : info.absolutePath();
+    event->acceptProposedAction();
+    // A folder that was never a project becomes one.
+    QFileInfo(dir + "/trigpoint.yaml").exists() ? OpenProject(dir) : CreateProject(dir);
+    return;
+  }
+}
+
+}  // namespace trigpoint

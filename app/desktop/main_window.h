@@ -1,0 +1,93 @@
+// The workstation's window: the site on the left, the desks as tabs, problems above, progress below.
+#pragma once
+
+#include <QMainWindow>
+
+#include "app/desktop/job_controller.h"
+#include "app/desktop/workspace.h"
+
+class QLabel;
+class QMenu;
+class QPushButton;
+class QTabWidget;
+class QTimer;
+
+namespace trigpoint {
+
+class CalibrationDesk;
+class CompareDesk;
+class ImagesDesk;
+class PanoramaDesk;
+class ProblemBar;
+class ReviewDesk;
+class RunDesk;
+class SceneDesk;
+class SiteTree;
+class TablesDesk;
+
+class MainWindow : public QMainWindow {
+  Q_OBJECT
+
+ public:
+  explicit MainWindow(QWidget* parent = nullptr);
+  ~MainWindow() override;
+
+  // A folder; one that is no project yet gets its trigpoint.yaml if `create`.
+  void OpenProject(const QString& dir);
+  void CreateProject(const QString& dir);
+  // The project, desk and selection of the last session, if it ended without Quit or a project was open.
+  void RestoreSession();
+
+  Workspace* workspace() const { return workspace_; }
+  JobController* jobs() const { return jobs_; }
+  ProblemBar* problem() const { return problem_; }
+  SiteTree* tree() const { return tree_; }
+  RunDesk* run_desk() const { return run_; }
+  SceneDesk* scene() const { return scene_; }
+  ImagesDesk* images() const { return images_; }
+  TablesDesk* tables() const { return tables_; }
+  CompareDesk* compare() const { return compare_; }
+  ReviewDesk* review() const { return review_; }
+  PanoramaDesk* panoramas() const { return panoramas_; }
+  CalibrationDesk* calibration() const { return calibration_; }
+  // "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration".
+  void ShowDesk(const QString& name);
+  QString desk() const;
+  void SetTheme(const QString& name);  // "system", "dark", "light"
+  QStringList RecentProjects() const;
+
+ protected:
+  void closeEvent(QCloseEvent* event) override;
+  void dragEnterEvent(QDragEnterEvent* event) override;
+  void dropEvent(QDropEvent* event) override;
+
+ private:
+  void MakeMenus();
+  void ShowRecent();
+  void Show(const QString& object);  // on the desk that shows it best
+  void SaveSession();
+  void AddDesk(QWidget* desk, const char* name, const QString& title);
+
+  Workspace* workspace_;
+  JobController* jobs_;
+  ProblemBar* problem_;
+  SiteTree* tree_;
+  QTabWidget* desks_;
+  RunDesk* run_;
+  SceneDesk* scene_;
+  ImagesDesk* images_;
+  TablesDesk* tables_;
+  CompareDesk* compare_;
+  ReviewDesk* review_;
+  PanoramaDesk* panoramas_;
+  CalibrationDesk* calibration_;
+  QMenu* recent_ = nullptr;
+  QLabel* progress_;
+  QPushButton* cancel_;
+  QTimer* save_ = nullptr;
+  QString theme_ = "system";
+  QString select_after_open_;
+  bool closing_ = false;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,212 @@
+#include "app/desktop/panorama_desk.h"
+
+#include <QComboBox>
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QPushButton>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QVBoxLayout>
+#include <algorithm>
+#include <cmath>
+
+#include "app/desktop/background.h"
+#include "app/desktop/photo_set_view.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/pictures.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kGraphSize = 600;  // px
+constexpr int kLongestPanorama = 8192;
+
+// The photos on a ring by where they look, joined where they match.
+std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
+  std::vector<PictureMark> marks;
+  std::map<std::string, QPointF> places;
+  const double middle = kGraphSize / 2.0, radius = 0.42 * kGraphSize;
+  for (size_t i = 0; i < set.photos.size(); ++i) {
+    const PlacedPhoto& photo = set.photos[i];
+    const double angle =
+        photo.placed ? photo.azimuth_rad : 2 * M_PI * static_cast<double>(i) / static_cast<double>(set.photos.size());
+    const QPointF at(middle + radius * std::sin(angle), middle - radius * std::cos(angle));
+    const std::string name = std::filesystem::path(photo.name).filename().string();
+    places[name] = at;
+    PictureMark mark;
+    mark.kind = PictureMark::Kind::kCircle;
+    mark.points << at << QPointF(7, 0);
+    mark.colour = photo.placed ? QColor(0, 114, 178) : QColor(213, 94, 0);
+    mark.text = QString::fromStdString(std::filesystem::path(name).stem().string());
+    marks.push_back(mark);
+  }
+  int most = 1;
+  for (const auto& [pair, count] : set.pairs) most = std::max(most, count);
+  for (const auto& [pair, count] : set.pairs) {
+    const auto a = places.find(std::filesystem::path(pair.first).filename().string());
+    const auto b = places.find(std::filesystem::path(pair.second).filename().string());
+    if (a == places.end() || b == places.end()) continue;
+    PictureMark line;
+    line.kind = PictureMark::Kind::kLine;
+    line.points << a->second << b->second;
+    line.colour = QColor(0, 158, 115, 60 + 195 * count / most);
+    marks.insert(marks.begin(), line);
+  }
+  return marks;
+}
+
+}  // namespace
+
+PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  set_ = new QComboBox;
+  set_->setObjectName("panorama.set");
+  set_->setAccessibleName(tr("Panorama or photo set"));
+  auto* stitch = new QPushButton(tr("&Stitch ..."));
+  stitch->setObjectName("panorama.stitch");
+  text_ = new QLabel;
+  text_->setObjectName("panorama.text");
+  text_->setWordWrap(true);
+  photos_ = new QTableWidget(0, 6);
+  photos_->setObjectName("panorama.photos");
+  photos_->setAccessibleName(tr("Photos of the set and their refined centres"));
+  photos_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  photos_->setSelectionBehavior(QAbstractItemView::SelectRows);
+  photos_->verticalHeader()->setDefaultSectionSize(photos_->fontMetrics().height() + 6);
+  panorama_ = new PictureView;
+  panorama_->setAccessibleName(tr("Panorama"));
+  graph_ = new PictureView;
+  graph_->setAccessibleName(tr("Which photos match, by where they look"));
+  photo_ = new PictureView;
+  photo_->setAccessibleName(tr("Photo"));
+  auto* top = new QHBoxLayout;
+  top->addWidget(set_);
+  top->addWidget(text_, 1);
+  top->addWidget(stitch);
+  auto* lower = new QSplitter;
+  lower->addWidget(graph_);
+  lower->addWidget(photos_);
+  lower->addWidget(photo_);
+  auto* split = new QSplitter(Qt::Vertical);
+  split->addWidget(panorama_);
+  split->addWidget(lower);
+  auto* all = new QVBoxLayout(this);
+  all->addLayout(top);
+  all->addWidget(split, 1);
+  connect(set_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &PanoramaDesk::ShowSet);
+  connect(stitch, &QPushButton::clicked, this, &PanoramaDesk::StitchRequested);
+  connect(photos_, &QTableWidget::currentCellChanged, this, [this](int row) {
+    const auto& snapshot = workspace_->snapshot();
+    const auto index = static_cast<size_t>(set_->currentData().toInt());
+    if (!snapshot || row < 0 || index >= snapshot->references.size()) return;
+    const auto& files = snapshot->references[index].files;
+    if (static_cast<size_t>(row) >= files.size()) return;
+    InBackground(
+        this, [file = files[static_cast<size_t>(row)]] { return LoadAnyPicture(file, 2048); },
+        [this, name = QString::fromStdString(files[static_cast<size_t>(row)].filename().string())](
+            const Attempted<QImage>& image) {
+          photo_->SetPicture(image.value, image.error.isEmpty() ? name : image.error);
+        });
+  });
+  connect(workspace_, &Workspace::Opened, this, &PanoramaDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &PanoramaDesk::Refresh);
+  connect(workspace_, &Workspace::UnitChanged, this, &PanoramaDesk::ShowSet);
+}
+
+void PanoramaDesk::Refresh() {
+  const QString before = set_->currentText();
+  {
+    const QSignalBlocker block(set_);
+    set_->clear();
+    if (const auto& snapshot = workspace_->snapshot()) {
+      for (int pass = 0; pass < 2; ++pass) {  // photo sets first
+        for (size_t i = 0; i < snapshot->references.size(); ++i) {
+          const SnapshotReference& r = snapshot->references[i];
+          if ((r.kind == "photo set") != (pass == 0)) continue;
+          set_->addItem(QString::fromStdString(r.name + " (" + r.kind + ")"), static_cast<int>(i));
+        }
+      }
+    }
+    set_->setCurrentIndex(std::max(0, set_->findText(before)));
+  }
+  ShowSet();
+}
+
+void PanoramaDesk::showEvent(QShowEvent* event) {
+  QWidget::showEvent(event);
+  if (stale_) ShowSet();
+}
+
+void PanoramaDesk::ShowSet() {
+  stale_ = !isVisible();
+  if (stale_ && workspace_->snapshot()) return;
+  photos_->setRowCount(0);
+  graph_->SetMarks({});
+  const auto& snapshot = workspace_->snapshot();
+  if (!snapshot || set_->currentIndex() < 0) {
+    panorama_->SetPicture({}, tr("no panorama"));
+    graph_->SetPicture({}, "");
+    photo_->SetPicture({}, "");
+    text_->clear();
+    return;
+  }
+  const SnapshotReference reference = snapshot->references[static_cast<size_t>(set_->currentData().toInt())];
+  const bool is_set = reference.kind == "photo set";
+  std::vector<std::string> names;
+  for (const auto& file : reference.files) names.push_back(file.string());
+  const std::filesystem::path result = snapshot->dir / "results" / "stitch" / reference.name;
+  struct Loaded {
+    PhotoSetView set;
+    QImage picture;
+  };
+  InBackground(
+      this,
+      [is_set, names, result] {
+        Loaded loaded;
+        if (is_set) loaded.set = LoadPhotoSet(result, names);
+        const std::filesystem::path file = is_set ? loaded.set.panorama : std::filesystem::path(names.front());
+        if (!file.empty()) loaded.picture = LoadAnyPicture(file, kLongestPanorama);
+        return loaded;
+      },
+      [this, reference, is_set, shown = set_->currentText()](const Attempted<Loaded>& loaded) {
+        if (set_->currentText() != shown) return;
+        const PhotoSetView& set = loaded.value.set;
+        panorama_->SetPicture(loaded.value.picture, !loaded.error.isEmpty()         ? loaded.error
+                                                    : loaded.value.picture.isNull() ? tr("not stitched yet")
+                                                                                    : shown);
+        QStringList facts{tr("%1 photos").arg(reference.files.size())};
+        if (set.closure_deg) facts << tr("closure error %1 deg").arg(*set.closure_deg, 0, 'f', 3);
+        if (set.covered_share) facts << tr("%1 % of the sphere covered").arg(100 * *set.covered_share, 0, 'f', 0);
+        if (set.parallax_median_px) facts << tr("median parallax %1 px").arg(*set.parallax_median_px, 0, 'f', 1);
+        for (const std::string& problem : set.problems) facts << QString::fromStdString(problem);
+        text_->setText(is_set ? facts.join(", ") : QString::fromStdString(reference.station));
+        QImage paper(kGraphSize, kGraphSize, QImage::Format_RGB32);
+        paper.fill(Qt::white);
+        graph_->SetPicture(is_set ? paper : QImage(), is_set ? tr("pairs, by direction") : tr("no photo set"));
+        graph_->SetMarks(is_set ? GraphMarks(set) : std::vector<PictureMark>());
+        const QString unit = workspace_->unit();
+        photos_->setHorizontalHeaderLabels({tr("photo"), tr("right (%1)").arg(unit), tr("down (%1)").arg(unit),
+                                            tr("forward (%1)").arg(unit), tr("1 sigma (%1)").arg(unit),
+                                            tr("focal length (px)")});
+        photos_->setRowCount(0);
+        for (const PlacedPhoto& photo : set.photos) {
+          const int row = photos_->rowCount();
+          photos_->insertRow(row);
+          const auto number = [&](double metres) {
+            return photo.placed ? QString::number(metres / workspace_->metres_per_unit(), 'f', 4) : QString();
+          };
+          const double sigma = std::max({photo.sigma_x, photo.sigma_y, photo.sigma_z});
+          const QStringList cells{QString::fromStdString(std::filesystem::path(photo.name).filename().string()),
+                                  number(photo.x),
+                                  number(photo.y),
+                                  number(photo.z),
+                                  number(sigma),
+                                  photo.placed ? QString::number(photo.focal_px, 'f', 1) : tr("not placed")};
+          for (int c = 0; c < cells.size(); ++c) photos_->setItem(row, c, new QTableWidgetItem(cells[c]));
+        }
+        photos_->resizeColumnsToContents();
+      });
+}
+
+}  // namespace trigpoint

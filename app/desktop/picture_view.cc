@@ -1,0 +1,214 @@
+#include "app/desktop/picture_view.h"
+
+#include <QKeyEvent>
+#include <QMouseEvent>
+#include <QPainter>
+#include <QWheelEvent>
+#include <algorithm>
+#include <cmath>
+
+namespace trigpoint {
+
+namespace {
+
+constexpr double kMostScale = 64;    // screen pixels a picture pixel
+constexpr double kGridScale = 16;    // from here on pixels are seen as squares
+constexpr double kPickDistance = 8;  // screen pixels
+
+}  // namespace
+
+PictureView::PictureView(QWidget* parent) : QWidget(parent) {
+  setMouseTracking(true);
+  setFocusPolicy(Qt::StrongFocus);
+  setMinimumSize(160, 120);
+  setToolTip(tr("Wheel or + and -: zoom; drag or arrows: move; 0: fit; 1: pixel by pixel"));
+}
+
+void PictureView::SetPicture(const QImage& image, const QString& title) {
+  const bool same_size = image.size() == image_.size() && !image.isNull();
+  image_ = image;
+  title_ = title;
+  setAccessibleDescription(title);
+  if (!same_size || fitted_) Fit();
+  update();
+}
+
+void PictureView::SetMarks(std::vector<PictureMark> marks) {
+  marks_ = std::move(marks);
+  update();
+}
+
+void PictureView::SetLayerVisible(const QString& layer, bool visible) {
+  hidden_.erase(std::remove(hidden_.begin(), hidden_.end(), layer), hidden_.end());
+  if (!visible) hidden_.push_back(layer);
+  update();
+}
+
+void PictureView::SetHighlight(const QString& object) {
+  highlight_ = object;
+  update();
+}
+
+void PictureView::Fit() {
+  fitted_ = true;
+  if (image_.isNull() || width() == 0 || height() == 0) return;
+  scale_ = std::min(static_cast<double>(width()) / image_.width(), static_cast<double>(height()) / image_.height());
+  offset_ = QPointF(0.5 * (width() - scale_ * image_.width()), 0.5 * (height() - scale_ * image_.height()));
+  update();
+}
+
+void PictureView::LookAt(const QPointF& pixel, double scale) {
+  fitted_ = false;
+  scale_ = std::clamp(scale, 0.02, kMostScale);
+  offset_ = QPointF(0.5 * width(), 0.5 * height()) - scale_ * (pixel + QPointF(0.5, 0.5));
+  update();
+}
+
+QPointF PictureView::PixelAt(const QPointF& widget) const { return (widget - offset_) / scale_ - QPointF(0.5, 0.5); }
+QPointF PictureView::WidgetAt(const QPointF& pixel) const { return offset_ + scale_ * (pixel + QPointF(0.5, 0.5)); }
+
+void PictureView::Zoom(double factor, const QPointF& about) {
+  const QPointF pixel = PixelAt(about);
+  fitted_ = false;
+  scale_ = std::clamp(scale_ * factor, 0.02, kMostScale);
+  offset_ += about - WidgetAt(pixel);
+  update();
+}
+
+void PictureView::paintEvent(QPaintEvent*) {
+  QPainter painter(this);
+  painter.fillRect(rect(), palette().color(QPalette::Dark));
+  if (image_.isNull()) {
+    painter.setPen(palette().color(QPalette::BrightText));
+    painter.drawText(rect(), Qt::AlignCenter | Qt::TextWordWrap, title_.isEmpty() ? tr("no picture") : title_);
+    return;
+  }
+  painter.setRenderHint(QPainter::SmoothPixmapTransform, scale_ < 2);
+  // Only the part that is seen: a panorama at full zoom stays quick.
+  const QRectF seen = QRectF(-offset_ / scale_, QSizeF(size()) / scale_).intersected(QRectF(image_.rect()));
+  painter.drawImage(QRectF(offset_ + scale_ * seen.topLeft(), scale_ * seen.size()), image_, seen);
+  if (scale_ >= kGridScale) {
+    painter.setPen(QPen(QColor(128, 128, 128, 90), 1));
+    for (int x = static_cast<int>(seen.left()); x <= seen.right(); ++x) {
+      const double at = offset_.x() + scale_ * x;
+      painter.drawLine(QPointF(at, 0), QPointF(at, height()));
+    }
+    for (int y = static_cast<int>(seen.top()); y <= seen.bottom(); ++y) {
+      const double at = offset_.y() + scale_ * y;
+      painter.drawLine(QPointF(0, at), QPointF(width(), at));
+    }
+  }
+  painter.setRenderHint(QPainter::Antialiasing);
+  for (const PictureMark& mark : marks_) {
+    if (std::find(hidden_.begin(), hidden_.end(), mark.layer) != hidden_.end()) continue;
+    const bool strong = !mark.object.isEmpty() && mark.object == highlight_;
+    painter.setPen(QPen(mark.colour, strong ? 4 : 1.5));
+    painter.setBrush(Qt::NoBrush);
+    QPolygonF at;
+    for (const QPointF& point : mark.points) at << WidgetAt(point);
+    if (at.isEmpty()) continue;
+    switch (mark.kind) {
+      case PictureMark::Kind::kCross: {
+        const double r = strong ? 12 : 4;
+        painter.drawLine(at[0] - QPointF(r, 0), at[0] + QPointF(r, 0));
+        painter.drawLine(at[0] - QPointF(0, r), at[0] + QPointF(0, r));
+        break;
+      }
+      case PictureMark::Kind::kLine: painter.drawPolyline(at); break;
+      case PictureMark::Kind::kOutline: painter.drawPolygon(at); break;
+      case PictureMark::Kind::kCircle: {
+        const double r = std::max(4.0, scale_ * mark.points[1].x());
+        painter.drawEllipse(at[0], r, r);
+        break;
+      }
+    }
+    if (!mark.text.isEmpty()) {
+      const QPointF place = at[0] + QPointF(6, -6);
+      const QRectF box = painter.fontMetrics().boundingRect(mark.text).translated(place.toPoint());
+      painter.fillRect(box.adjusted(-2, -1, 2, 1), QColor(255, 255, 255, 200));
+      painter.setPen(Qt::black);
+      painter.drawText(place, mark.text);
+    }
+  }
+  const QRectF plate(0, 0, painter.fontMetrics().horizontalAdvance(title_) + 8.0, painter.fontMetrics().height() + 4.0);
+  painter.fillRect(plate, QColor(255, 255, 255, 200));
+  painter.setPen(Qt::black);
+  painter.drawText(QPointF(4, painter.fontMetrics().ascent() + 2), title_);
+  if (hasFocus()) {
+    painter.setPen(QPen(palette().color(QPalette::Highlight), 2));
+    painter.drawRect(rect().adjusted(1, 1, -1, -1));
+  }
+}
+
+void PictureView::wheelEvent(QWheelEvent* event) {
+  Zoom(std::pow(1.0015, event->angleDelta().y()), event->position());
+  event->accept();
+}
+
+void PictureView::mousePressEvent(QMouseEvent* event) {
+  setFocus();
+  pressed_ = event->localPos();
+  dragged_ = false;
+}
+
+void PictureView::mouseMoveEvent(QMouseEvent* event) {
+  if ((event->buttons() & Qt::LeftButton) != 0) {
+    const QPointF by = event->localPos() - pressed_;
+    if (!dragged_ && by.manhattanLength() < 4) return;
+    dragged_ = true;
+    fitted_ = false;
+    offset_ += by;
+    pressed_ = event->localPos();
+    update();
+  }
+  emit Hovered(PixelAt(event->localPos()));
+}
+
+void PictureView::mouseReleaseEvent(QMouseEvent* event) {
+  if (dragged_ || event->button() != Qt::LeftButton || image_.isNull()) return;
+  const QPointF pixel = PixelAt(event->localPos());
+  emit Clicked(pixel, ObjectAt(pixel));
+}
+
+void PictureView::keyPressEvent(QKeyEvent* event) {
+  const QPointF middle(0.5 * width(), 0.5 * height());
+  const double step = 0.1 * std::min(width(), height());
+  switch (event->key()) {
+    case Qt::Key_Plus:
+    case Qt::Key_Equal: Zoom(1.25, middle); return;
+    case Qt::Key_Minus: Zoom(0.8, middle); return;
+    case Qt::Key_0: Fit(); return;
+    case Qt::Key_1: LookAt(PixelAt(middle), 1); return;
+    case Qt::Key_Left: offset_ += QPointF(step, 0); break;
+    case Qt::Key_Right: offset_ -= QPointF(step, 0); break;
+    case Qt::Key_Up: offset_ += QPointF(0, step); break;
+    case Qt::Key_Down: offset_ -= QPointF(0, step); break;
+    case Qt::Key_Return:
+    case Qt::Key_Enter: emit Clicked(PixelAt(middle), ObjectAt(PixelAt(middle))); return;
+    default: QWidget::keyPressEvent(event); return;
+  }
+  fitted_ = false;
+  update();
+}
+
+void PictureView::resizeEvent(QResizeEvent*) {
+  if (fitted_) Fit();
+}
+
+QString PictureView::ObjectAt(const QPointF& pixel) const {
+  QString nearest;
+  double least = kPickDistance / scale_;
+  for (const PictureMark& mark : marks_) {
+    if (mark.object.isEmpty() || mark.points.isEmpty()) continue;
+    if (std::find(hidden_.begin(), hidden_.end(), mark.layer) != hidden_.end()) continue;
+    if (mark.kind == PictureMark::Kind::kOutline && mark.points.containsPoint(pixel, Qt::OddEvenFill)) {
+      return mark.object;
+    }
+    const QPointF by = mark.points[0] - pixel;
+    const double distance = std::hypot(by.x(), by.y());
+    if (distance < least) least = distance, nearest = mark.object;
+  }
+  return nearest;
+}
+
+}  // namespace trigpoint

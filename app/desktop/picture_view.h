@@ -1,0 +1,74 @@
+// One picture with what was found in it: zoom to the pixel, pan, all by mouse or keyboard. Pixels count from the centre
+// of the first one, as everywhere.
+#pragma once
+
+#include <QColor>
+#include <QImage>
+#include <QPointF>
+#include <QPolygonF>
+#include <QString>
+#include <QWidget>
+#include <vector>
+
+namespace trigpoint {
+
+struct PictureMark {
+  enum class Kind { kCross, kLine, kOutline, kCircle };
+  Kind kind = Kind::kCross;
+  QPolygonF points;  // cross: one; line: two; outline: closed; circle: centre, and (radius px, 0)
+  QColor colour;
+  QString text;    // drawn beside it
+  QString layer;   // "detections", "tracks", ...
+  QString object;  // what it is, as the review names objects; may be empty
+};
+
+class PictureView : public QWidget {
+  Q_OBJECT
+
+ public:
+  explicit PictureView(QWidget* parent = nullptr);
+
+  void SetPicture(const QImage& image, const QString& title);
+  void SetMarks(std::vector<PictureMark> marks);
+  void SetLayerVisible(const QString& layer, bool visible);
+  void SetHighlight(const QString& object);
+  const QImage& image() const { return image_; }
+  const std::vector<PictureMark>& marks() const { return marks_; }
+
+  void Fit();
+  // `pixel` in the middle, `scale` screen pixels a picture pixel.
+  void LookAt(const QPointF& pixel, double scale);
+  double scale() const { return scale_; }
+  QPointF PixelAt(const QPointF& widget) const;
+  QPointF WidgetAt(const QPointF& pixel) const;
+
+ signals:
+  void Clicked(const QPointF& pixel, const QString& object);
+  void Hovered(const QPointF& pixel);
+
+ protected:
+  void paintEvent(QPaintEvent* event) override;
+  void wheelEvent(QWheelEvent* event) override;
+  void mousePressEvent(QMouseEvent* event) override;
+  void mouseMoveEvent(QMouseEvent* event) override;
+  void mouseReleaseEvent(QMouseEvent* event) override;
+  void keyPressEvent(QKeyEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
+
+ private:
+  void Zoom(double factor, const QPointF& about);
+  QString ObjectAt(const QPointF& pixel) const;
+
+  QImage image_;
+  QString title_;
+  std::vector<PictureMark> marks_;
+  std::vector<QString> hidden_;
+  QString highlight_;
+  double scale_ = 1;
+  QPointF offset_;  // widget position of the picture's corner
+  bool fitted_ = true;
+  QPointF pressed_;
+  bool dragged_ = false;
+};
+
+}  // namespace trigpoint

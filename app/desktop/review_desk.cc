@@ -1,0 +1,232 @@
+#include "app/desktop/review_desk.h"
+
+#include <QComboBox>
+#include <QFormLayout>
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QLineEdit>
+#include <QPushButton>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QVBoxLayout>
+
+#include "app/desktop/background.h"
+#include "app/pipeline/reviewed.h"
+
+namespace trigpoint {
+
+namespace {
+
+QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header) {
+  auto* table = new QTableWidget(0, header.size());
+  table->setObjectName(name);
+  table->setAccessibleName(accessible);
+  table->setHorizontalHeaderLabels(header);
+  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  table->setSelectionBehavior(QAbstractItemView::SelectRows);
+  table->horizontalHeader()->setStretchLastSection(true);
+  table->horizontalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
+  table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
+  table->verticalHeader()->hide();
+  return table;
+}
+
+void AddRow(QTableWidget* table, const QStringList& cells, const QString& object, bool dim) {
+  const int row = table->rowCount();
+  table->insertRow(row);
+  for (int c = 0; c < cells.size(); ++c) {
+    auto* item = new QTableWidgetItem(cells[c]);
+    item->setData(Qt::UserRole, object);
+    if (dim) item->setForeground(Qt::gray);
+    table->setItem(row, c, item);
+  }
+}
+
+}  // namespace
+
+ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
+    : QWidget(parent), workspace_(workspace), jobs_(jobs) {
+  const auto edit = [](const char* name, const QString& accessible) {
+    auto* line = new QLineEdit;
+    line->setObjectName(name);
+    line->setAccessibleName(accessible);
+    return line;
+  };
+  const auto button = [](const char* name, const QString& text, const QString& help) {
+    auto* b = new QPushButton(text);
+    b->setObjectName(name);
+    b->setToolTip(help);
+    return b;
+  };
+  object_ = edit("review.object", tr("Object"));
+  object_->setPlaceholderText(tr("station:S57, detection:run1/images/000012.jpg#57, ... or select one elsewhere"));
+  reason_ = edit("review.reason", tr("Reason"));
+  user_ = edit("review.user", tr("User"));
+  user_->setPlaceholderText(tr("you"));
+  exclude_ = button("review.exclude", tr("&Exclude"), tr("Leave it out of what is solved and evaluated"));
+  restore_ = button("review.restore", tr("&Restore"), tr("Take it in again"));
+  role_ = button("review.role", tr("Change &role"), tr("Control point to check point, or back"));
+  undo_ = button("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z)"));
+  solve_ = button("review.solve", tr("Re-&solve"), tr("Make every result anew that rests on the review"));
+  undo_->setShortcut(QKeySequence::Undo);
+  variant_ = new QComboBox;
+  variant_->setObjectName("review.variant");
+  variant_->setAccessibleName(tr("Variant to solve"));
+  entries_ = MakeTable("review.entries", tr("Decisions"),
+                       {tr("entry"), tr("time (UTC)"), tr("user"), tr("action"), tr("object"), tr("reason")});
+  changes_ = MakeTable("review.changes", tr("What changed"),
+                       {tr("reference"), tr("method"), tr("run"), tr("station"), tr("before"), tr("after"),
+                        tr("status before"), tr("status after")});
+  summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
+  summary_->setObjectName("review.summary");
+
+  auto* form = new QFormLayout;
+  form->addRow(tr("Object"), object_);
+  form->addRow(tr("Reason"), reason_);
+  form->addRow(tr("User"), user_);
+  auto* buttons = new QHBoxLayout;
+  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_}) buttons->addWidget(w);
+  buttons->addStretch();
+  buttons->addWidget(variant_);
+  buttons->addWidget(solve_);
+  auto* split = new QSplitter(Qt::Vertical);
+  split->addWidget(entries_);
+  auto* lower = new QWidget;
+  auto* rows = new QVBoxLayout(lower);
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addWidget(summary_);
+  rows->addWidget(changes_, 1);
+  split->addWidget(lower);
+  auto* all = new QVBoxLayout(this);
+  all->addLayout(form);
+  all->addLayout(buttons);
+  all->addWidget(split, 1);
+
+  const auto decide = [this](const char* action) {
+    return [this, action] { Decide(action, object_->text().trimmed(), reason_->text()); };
+  };
+  connect(exclude_, &QPushButton::clicked, this, decide("exclude"));
+  connect(restore_, &QPushButton::clicked, this, decide("restore"));
+  connect(role_, &QPushButton::clicked, this, decide("role"));
+  connect(undo_, &QPushButton::clicked, this,
+          [this] { Decide("undo", "last", reason_->text().isEmpty() ? tr("taken back") : reason_->text()); });
+  connect(solve_, &QPushButton::clicked, this, &ReviewDesk::Solve);
+  for (QTableWidget* table : {entries_, changes_}) {
+    connect(table, &QTableWidget::itemSelectionChanged, this, [this, table] {
+      const auto items = table->selectedItems();
+      if (!items.isEmpty()) workspace_->Select(items.front()->data(Qt::UserRole).toString());
+    });
+  }
+  connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
+    if (!object.isEmpty()) object_->setText(object);
+  });
+  connect(workspace_, &Workspace::Opened, this, &ReviewDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &ReviewDesk::Refresh);
+  connect(workspace_, &Workspace::UnitChanged, this, &ReviewDesk::ShowChanges);
+  connect(jobs_, &JobController::Started, this, [this] { solve_->setEnabled(false); });
+  connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
+    solve_->setEnabled(true);
+    if (!solving_) return;
+    solving_ = false;
+    if (end == JobController::End::kCancelled) {
+      summary_->setText(tr("Cancelled."));
+      return;
+    }
+    ShowChanges();
+    emit Solved();
+  });
+  Refresh();
+}
+
+ReviewDesk::~ReviewDesk() = default;
+
+void ReviewDesk::Decide(const QString& action, const QString& object, const QString& reason) {
+  if (!workspace_->snapshot() || deciding_) return;
+  if (reason.trimmed().isEmpty()) {
+    emit workspace_->Problem(tr("A decision needs a reason: write it beside 'Reason'."),
+                             tr("Nothing was written to review.jsonl."));
+    reason_->setFocus();
+    return;
+  }
+  deciding_ = true;
+  ReviewRequest request;
+  request.action = action.toStdString();
+  request.object = object.toStdString();
+  request.reason = reason.toStdString();
+  request.user = user_->text().trimmed().toStdString();
+  InBackground(
+      this,
+      [snapshot = workspace_->snapshot(), request] {
+        // As it is now: somebody may have written since the snapshot was made.
+        return AppendReview(Project::Open(snapshot->dir), request).number;
+      },
+      [this](const Attempted<int>& entry) {
+        deciding_ = false;
+        if (!entry.error.isEmpty()) {
+          emit workspace_->Problem(entry.error, tr("Nothing was written to review.jsonl."));
+          return;
+        }
+        reason_->clear();
+        const auto connection = std::make_shared<QMetaObject::Connection>();
+        *connection = connect(workspace_, &Workspace::Opened, this, [this, connection] {
+          disconnect(*connection);
+          emit Reviewed();
+        });
+        workspace_->Reload();
+      });
+}
+
+void ReviewDesk::Solve() {
+  if (!workspace_->snapshot() || jobs_->running()) return;
+  solving_variant_ = variant_->currentData().toString().toStdString();
+  before_ = ErrorsOf(*workspace_->snapshot()->project, solving_variant_);
+  solving_ = true;
+  summary_->setText(tr("Solving ..."));
+  changes_->setRowCount(0);
+  jobs_->Start(workspace_->dir(), ReviewQuery(solving_variant_), 0, 1);
+}
+
+void ReviewDesk::Refresh() {
+  entries_->setRowCount(0);
+  const auto& snapshot = workspace_->snapshot();
+  setEnabled(snapshot != nullptr);
+  const QSignalBlocker block(variant_);
+  const QString before = variant_->currentData().toString();
+  variant_->clear();
+  if (!snapshot) return;
+  for (const std::string& name : snapshot->variants) {
+    variant_->addItem(name.empty() ? tr("first results") : QString::fromStdString(name), QString::fromStdString(name));
+  }
+  variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
+  for (const ReviewEntry& entry : snapshot->project->review().entries()) {
+    QString action = QString::fromStdString(entry.action);
+    if (entry.action == "role") action = tr("role %1").arg(QString::fromStdString(entry.role));
+    if (entry.action == "undo") action = tr("undo %1").arg(entry.undoes);
+    AddRow(entries_,
+           {QString::number(entry.number), QString::fromStdString(entry.time), QString::fromStdString(entry.user),
+            action, QString::fromStdString(entry.object), QString::fromStdString(entry.reason)},
+           QString::fromStdString(entry.object), !entry.in_force);
+  }
+  entries_->scrollToBottom();
+}
+
+void ReviewDesk::ShowChanges() {
+  if (!workspace_->snapshot() || solving_ || before_.empty()) return;
+  changes_->setRowCount(0);
+  const auto text = [this](const std::optional<double>& metres) {
+    return metres ? workspace_->Length(*metres, 4) : QString("-");
+  };
+  const auto changed = ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_));
+  for (const ReviewedError& row : changed) {
+    AddRow(changes_,
+           {QString::fromStdString(row.reference), QString::fromStdString(row.method), QString::fromStdString(row.run),
+            QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
+            QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
+           QString::fromStdString("station:" + row.station), false);
+  }
+  summary_->setText(changed.empty() ? tr("Nothing changed at stations and check points.")
+                                    : tr("%1 3D errors changed").arg(changed.size()));
+}
+
+}  // namespace trigpoint

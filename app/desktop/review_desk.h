@@ -1,0 +1,53 @@
+// The review: decide, take back, re-solve, and see what that changed at stations and check points.
+#pragma once
+
+#include <QWidget>
+#include <vector>
+
+#include "app/desktop/job_controller.h"
+#include "app/desktop/workspace.h"
+
+class QComboBox;
+class QLabel;
+class QLineEdit;
+class QPushButton;
+class QTableWidget;
+
+namespace trigpoint {
+
+struct ErrorRow;
+
+class ReviewDesk : public QWidget {
+  Q_OBJECT
+
+ public:
+  ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
+  ~ReviewDesk() override;
+
+  // The same as `trigpoint review`; Reviewed or a Problem follows.
+  void Decide(const QString& action, const QString& object, const QString& reason);
+
+ public slots:
+  void Solve();
+
+ signals:
+  void Reviewed();  // review.jsonl has a new entry, and the project was read again
+  void Solved();    // the changes are shown
+
+ private:
+  void Refresh();
+  void ShowChanges();
+
+  Workspace* workspace_;
+  JobController* jobs_;
+  QLineEdit *object_, *reason_, *user_;
+  QComboBox* variant_;
+  QPushButton *exclude_, *restore_, *role_, *undo_, *solve_;
+  QTableWidget *entries_, *changes_;
+  QLabel* summary_;
+  std::vector<ErrorRow> before_;
+  std::string solving_variant_;
+  bool solving_ = false, deciding_ = false;
+};
+
+}  // namespace trigpoint

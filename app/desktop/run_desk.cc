@@ -1,0 +1,277 @@
+#include "app/desktop/run_desk.h"
+
+#include <QApplication>
+#include <QClipboard>
+#include <QComboBox>
+#include <QFormLayout>
+#include <QHBoxLayout>
+#include <QLabel>
+#include <QLineEdit>
+#include <QListWidget>
+#include <QPlainTextEdit>
+#include <QProgressBar>
+#include <QPushButton>
+#include <QScrollArea>
+#include <QSpinBox>
+#include <QSplitter>
+#include <QTime>
+#include <QVBoxLayout>
+
+#include "app/desktop/stage_form.h"
+#include "app/pipeline/command_line.h"
+
+namespace trigpoint {
+
+namespace {
+
+QString Duration(double seconds) {
+  const int s = static_cast<int>(seconds + 0.5);
+  return s >= 3600
+             ? QString("%1:%2:%3").arg(s / 3600).arg(s / 60 % 60, 2, 10, QChar('0')).arg(s % 60, 2, 10, QChar('0'))
+             : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));
+}
+
+template <typename Widget>
+Widget* Named(Widget* widget, const char* object, const QString& accessible) {
+  widget->setObjectName(object);
+  widget->setAccessibleName(accessible);
+  return widget;
+}
+
+}  // namespace
+
+RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
+    : QWidget(parent), workspace_(workspace), jobs_(jobs) {
+  stage_ = Named(new QComboBox, "run.stage", tr("Stage"));
+  runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
+  runs_->setMaximumHeight(5 * fontMetrics().height());
+  variant_ = Named(new QComboBox, "run.variant", tr("Variant"));
+  variant_->setEditable(true);
+  variant_->setToolTip(tr("A second set of results beside the first; empty: the first"));
+  threads_ = Named(new QSpinBox, "run.threads", tr("Threads"));
+  threads_->setRange(0, 4096);
+  threads_->setSpecialValueText(tr("all cores"));
+  seed_ = Named(new QSpinBox, "run.seed", tr("Seed"));
+  seed_->setRange(0, 1 << 30);
+  seed_->setValue(1);
+  form_ = new StageForm;
+  auto* scroll = Named(new QScrollArea, "run.form", tr("Options"));
+  scroll->setWidget(form_);
+  scroll->setWidgetResizable(true);
+  command_ = Named(new QLineEdit, "run.command", tr("Equivalent command line"));
+  command_->setReadOnly(true);
+  auto* copy = Named(new QPushButton(tr("Copy")), "run.copy", tr("Copy the command line"));
+  problem_ = Named(new QLabel, "run.problem", tr("What is wrong with the options"));
+  problem_->setWordWrap(true);
+  run_ = Named(new QPushButton(tr("&Run")), "run.run", tr("Run"));
+  cancel_ = Named(new QPushButton(tr("&Cancel")), "run.cancel", tr("Cancel the run"));
+  cancel_->setEnabled(false);
+  auto* reset = Named(new QPushButton(tr("Reset options")), "run.reset", tr("Reset options"));
+  bar_ = Named(new QProgressBar, "run.progress", tr("Progress"));
+  status_ = Named(new QLabel(tr("Nothing runs.")), "run.status", tr("State of the run"));
+  log_ = Named(new QPlainTextEdit, "run.log", tr("Log"));
+  log_->setReadOnly(true);
+  log_->setMaximumBlockCount(5000);
+
+  auto* choice = new QWidget;
+  auto* choices = new QFormLayout(choice);
+  choices->addRow(tr("Stage"), stage_);
+  choices->addRow(tr("Runs"), runs_);
+  choices->addRow(tr("Variant"), variant_);
+  choices->addRow(tr("Threads"), threads_);
+  choices->addRow(tr("Seed"), seed_);
+  auto* options = new QWidget;
+  auto* left = new QVBoxLayout(options);
+  left->addWidget(choice);
+  left->addWidget(scroll, 1);
+  left->addWidget(problem_);
+  auto* line = new QHBoxLayout;
+  line->addWidget(new QLabel(tr("Command")));
+  line->addWidget(command_, 1);
+  line->addWidget(copy);
+  left->addLayout(line);
+  auto* buttons = new QHBoxLayout;
+  buttons->addWidget(run_);
+  buttons->addWidget(cancel_);
+  buttons->addStretch();
+  buttons->addWidget(reset);
+  left->addLayout(buttons);
+  auto* progress = new QWidget;
+  auto* right = new QVBoxLayout(progress);
+  right->addWidget(status_);
+  right->addWidget(bar_);
+  right->addWidget(log_, 1);
+  auto* split = new QSplitter;
+  split->addWidget(options);
+  split->addWidget(progress);
+  split->setSizes({600, 400});
+  auto* all = new QVBoxLayout(this);
+  all->setContentsMargins(0, 0, 0, 0);
+  all->addWidget(split);
+
+  stage_->addItem(tr("all that is out of date"), "");
+  for (const StageInfo& stage : Stages()) {
+    const QString name = QString::fromStdString(stage.name);
+    stage_->addItem(name + ": " + QString::fromStdString(stage.help), name);
+  }
+  connect(stage_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &RunDesk::ShowStage);
+  connect(runs_, &QListWidget::itemChanged, this, &RunDesk::ShowCommand);
+  connect(variant_, &QComboBox::currentTextChanged, this, &RunDesk::ShowStage);
+  connect(threads_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
+  connect(seed_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
+  connect(form_, &StageForm::Changed, this, &RunDesk::ShowCommand);
+  connect(copy, &QPushButton::clicked, this, [this] { QApplication::clipboard()->setText(command_->text()); });
+  connect(reset, &QPushButton::clicked, form_, &StageForm::Reset);
+  connect(run_, &QPushButton::clicked, this, &RunDesk::Run);
+  connect(cancel_, &QPushButton::clicked, this, [this] {
+    status_->setText(tr("Stopping ..."));
+    jobs_->Cancel();
+  });
+  connect(jobs_, &JobController::Started, this, [this](const QString& command) {
+    run_->setEnabled(false);
+    cancel_->setEnabled(true);
+    bar_->setRange(0, 0);
+    Say("$ " + command);
+  });
+  connect(jobs_, &JobController::Progress, this, &RunDesk::ShowProgress);
+  connect(jobs_, &JobController::Log, this, [this](int level, const QString& text) {
+    static const char* kLevels[] = {"debug", "info", "warning", "error"};
+    if (level > 0) Say(QString(kLevels[level]) + ": " + text);
+  });
+  connect(jobs_, &JobController::JobEnded, this, [this](const QString& job, const QString& end, const QString& why) {
+    Say(job + ": " + end + (why.isEmpty() ? "" : ": " + why));
+  });
+  connect(jobs_, &JobController::Finished, this, &RunDesk::ShowEnd);
+  connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
+  Refresh();
+}
+
+void RunDesk::Choose(const QString& stage, const QString& run) {
+  stage_->setCurrentIndex(std::max(0, stage_->findData(stage)));
+  for (int i = 0; i < runs_->count(); ++i) {
+    const bool on = run.isEmpty() || runs_->item(i)->text() == run;
+    runs_->item(i)->setCheckState(on ? Qt::Checked : Qt::Unchecked);
+  }
+}
+
+JobQuery RunDesk::Query() const {
+  JobQuery query;
+  const std::string stage = stage_->currentData().toString().toStdString();
+  if (!stage.empty()) query.stages = {stage};
+  int checked = 0;
+  for (int i = 0; i < runs_->count(); ++i) {
+    if (runs_->item(i)->checkState() != Qt::Checked) continue;
+    ++checked;
+    query.runs.push_back(runs_->item(i)->text().toStdString());
+  }
+  if (checked == runs_->count()) query.runs.clear();
+  const std::string variant = variant_->currentText().trimmed().toStdString();
+  query.variants = {variant};
+  if (stage.empty() && variant.empty() && workspace_->snapshot()) {
+    for (const auto& [name, stages] : workspace_->snapshot()->project->variants().items()) {
+      query.variants.push_back(name);
+    }
+  }
+  if (!stage.empty()) {
+    const nlohmann::json changes = form_->Changes();
+    if (!changes.empty()) query.overrides[stage] = changes;
+  }
+  return query;
+}
+
+void RunDesk::Refresh() {
+  const auto& snapshot = workspace_->snapshot();
+  setEnabled(snapshot != nullptr);
+  QStringList unchecked;
+  for (int i = 0; i < runs_->count(); ++i) {
+    if (runs_->item(i)->checkState() != Qt::Checked) unchecked << runs_->item(i)->text();
+  }
+  const QSignalBlocker block_runs(runs_), block_variant(variant_);
+  const QString variant = variant_->currentText();
+  runs_->clear();
+  variant_->clear();
+  if (snapshot) {
+    for (const SnapshotRun& run : snapshot->runs) {
+      auto* item = new QListWidgetItem(QString::fromStdString(run.name), runs_);
+      item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
+      item->setCheckState(unchecked.contains(item->text()) ? Qt::Unchecked : Qt::Checked);
+      item->setToolTip(QString::fromStdString(run.broken));
+    }
+    for (const std::string& name : snapshot->variants) variant_->addItem(QString::fromStdString(name));
+    variant_->setCurrentText(variant);
+  }
+  ShowStage();
+}
+
+void RunDesk::ShowStage() {
+  const std::string stage = stage_->currentData().toString().toStdString();
+  form_->setVisible(!stage.empty());
+  if (!stage.empty() && workspace_->snapshot()) {
+    nlohmann::json values;
+    try {
+      const StageInfo& info = StageNamed(stage);
+      StageTarget target;
+      const auto& runs = workspace_->snapshot()->runs;
+      for (const SnapshotRun& run : runs) {
+        if (run.broken.empty() && target.run.empty()) target.run = run.name;
+      }
+      target.variant = info.variants ? variant_->currentText().trimmed().toStdString() : "";
+      values = MakeRequest(*workspace_->snapshot()->project, info, target).options;
+    } catch (const Error&) {  // what is wrong with the project is shown when it is opened; the defaults serve here
+    }
+    form_->SetStage(stage, values);
+  }
+  ShowCommand();
+}
+
+void RunDesk::ShowCommand() {
+  if (!workspace_->snapshot()) {
+    command_->clear();
+    return;
+  }
+  std::vector<std::string> problems;
+  if (!stage_->currentData().toString().isEmpty()) problems = form_->Problems();
+  QString text;
+  for (const std::string& problem : problems) text += (text.isEmpty() ? "" : "\n") + QString::fromStdString(problem);
+  problem_->setText(text);
+  problem_->setVisible(!text.isEmpty());
+  run_->setEnabled(problems.empty() && !jobs_->running());
+  const JobQuery query = Query();
+  command_->setText(QString::fromStdString(
+      CommandLine(workspace_->dir().toStdString(), query, threads_->value(), static_cast<uint64_t>(seed_->value()))));
+}
+
+void RunDesk::Run() {
+  if (!workspace_->snapshot() || !run_->isEnabled()) return;
+  jobs_->Start(workspace_->dir(), Query(), threads_->value(), static_cast<quint64>(seed_->value()));
+}
+
+void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left) {
+  bar_->setRange(0, total > 0 ? 1000 : 0);
+  if (total > 0) bar_->setValue(static_cast<int>(1000 * done / total));
+  QString text = job + ": " + task;
+  if (total > 0) text += tr(", %1 of %2").arg(done).arg(total);
+  if (seconds_left >= 0) text += tr(", %1 left").arg(Duration(seconds_left));
+  status_->setText(text);
+}
+
+void RunDesk::ShowEnd(JobController::End end, const QString& error) {
+  cancel_->setEnabled(false);
+  bar_->setRange(0, 1000);
+  bar_->setValue(end == JobController::End::kDone ? 1000 : 0);
+  switch (end) {
+    case JobController::End::kDone: status_->setText(tr("Done.")); break;
+    case JobController::End::kCancelled: status_->setText(tr("Cancelled; finished stages are kept.")); break;
+    case JobController::End::kFailed:
+      status_->setText(tr("Failed: %1").arg(error));
+      emit workspace_->Problem(error, log_->toPlainText());
+      break;
+  }
+  Say(status_->text());
+  ShowCommand();
+}
+
+void RunDesk::Say(const QString& line) { log_->appendPlainText(QTime::currentTime().toString("HH:mm:ss ") + line); }
+
+}  // namespace trigpoint

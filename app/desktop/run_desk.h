@@ -1,0 +1,60 @@
+// Stages from the window: what to run, with which options, how far it is, its log, and the same as a command line.
+#pragma once
+
+#include <QWidget>
+
+#include "app/desktop/job_controller.h"
+#include "app/desktop/workspace.h"
+
+class QComboBox;
+class QLabel;
+class QLineEdit;
+class QListWidget;
+class QPlainTextEdit;
+class QProgressBar;
+class QPushButton;
+class QSpinBox;
+
+namespace trigpoint {
+
+class StageForm;
+
+class RunDesk : public QWidget {
+  Q_OBJECT
+
+ public:
+  RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
+
+  // Chooses a stage (empty: all that are out of date) and a run (empty: all).
+  void Choose(const QString& stage, const QString& run);
+
+ public slots:
+  void Run();
+
+ private:
+  JobQuery Query() const;
+  void Refresh();    // after a project was opened
+  void ShowStage();  // the form of the chosen stage
+  void ShowCommand();
+  void ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left);
+  void ShowEnd(JobController::End end, const QString& error);
+  void Say(const QString& line);
+
+  Workspace* workspace_;
+  JobController* jobs_;
+  QComboBox* stage_;
+  QListWidget* runs_;
+  QComboBox* variant_;
+  QSpinBox* threads_;
+  QSpinBox* seed_;
+  StageForm* form_;
+  QLineEdit* command_;
+  QLabel* problem_;
+  QPushButton* run_;
+  QPushButton* cancel_;
+  QProgressBar* bar_;
+  QLabel* status_;
+  QPlainTextEdit* log_;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,654 @@
+#include "app/desktop/scene_desk.h"
+
+#include <vtkCallbackCommand.h>
+#include <vtkCamera.h>
+#include <vtkInteractorStyleFlight.h>
+#include <vtkInteractorStyleTerrain.h>
+#include <vtkInteractorStyleTrackballCamera.h>
+#include <vtkObjectFactory.h>
+#include <vtkRenderWindowInteractor.h>
+
+#include <QCheckBox>
+#include <QComboBox>
+#include <QEvent>
+#include <QFileDialog>
+#include <QHBoxLayout>
+#include <QInputDialog>
+#include <QKeyEvent>
+#include <QLabel>
+#include <QListWidget>
+#include <QMouseEvent>
+#include <QPushButton>
+#include <QSlider>
+#include <QSplitter>
+#include <QVBoxLayout>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "app/desktop/background.h"
+#include "app/desktop/inspector.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/pictures.h"
+#include "app/desktop/scene_vtk.h"
+#include "datasets/io/image.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kMostPoints = 1000000;
+constexpr int kMostCameras = 2000;
+constexpr int kMovingPoints = 50000;  // drawn while the view moves
+constexpr size_t kMostTextures = 40;  // panoramas drawn with their pictures; with more they are plain
+constexpr int kMostNames = 8;         // images listed of a point
+constexpr int kSkyWidth = 4096;       // px, of the panorama one stands in
+
+// Looks straight down: dragging moves, the wheel zooms.
+class PlanStyle : public vtkInteractorStyleTrackballCamera {
+ public:
+  static PlanStyle* New();
+  vtkTypeMacro(PlanStyle, vtkInteractorStyleTrackballCamera) void Rotate() override { Pan(); }
+};
+vtkStandardNewMacro(PlanStyle)
+
+    std::string ObjectOf(const ScenePick& pick) {
+  if (pick.layer == "cameras") return "image:" + pick.run + "/" + pick.name;
+  if (pick.layer == "panoramas" || pick.layer == "geotags" || pick.layer == "errors" || pick.layer == "ellipsoids") {
+    return "panorama:" + pick.name;
+  }
+  if (pick.layer == "tags") return "tag:" + pick.name;
+  if (pick.layer == "points") return "point:" + pick.run + "/" + pick.name;
+  return "";
+}
+
+}  // namespace
+
+SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
+    : QWidget(parent), workspace_(workspace), vtk_(std::make_unique<Vtk>()) {
+  mode_ = new QComboBox;
+  mode_->setObjectName("scene.mode");
+  mode_->setAccessibleName(tr("How the mouse moves the view"));
+  mode_->addItem(tr("orbit"), "orbit");
+  mode_->addItem(tr("fly"), "fly");
+  mode_->addItem(tr("plan"), "plan");
+  colour_ = new QComboBox;
+  colour_->setObjectName("scene.colour");
+  colour_->setAccessibleName(tr("Colour of the points"));
+  colour_->addItem(tr("points by height"), static_cast<int>(PointColour::kHeight));
+  colour_->addItem(tr("points by track length"), static_cast<int>(PointColour::kTrackLength));
+  colour_->addItem(tr("points by uncertainty"), static_cast<int>(PointColour::kUncertainty));
+  variant_ = new QComboBox;
+  variant_->setObjectName("scene.variant");
+  variant_->setAccessibleName(tr("Variant"));
+  run_ = new QComboBox;
+  run_->setObjectName("scene.run");
+  run_->setAccessibleName(tr("Run to move along"));
+  layers_ = new QListWidget;
+  layers_->setObjectName("scene.layers");
+  layers_->setAccessibleName(tr("Layers"));
+  follow_ = new QCheckBox(tr("follow camera"));
+  follow_->setObjectName("scene.follow");
+  measure_ = new QCheckBox(tr("measure"));
+  measure_->setObjectName("scene.measure");
+  measure_->setToolTip(tr("Two clicks on things of the scene: the distance between them"));
+  step_ = new QPushButton(tr("Step &inside"));
+  step_->setObjectName("scene.inside");
+  step_->setToolTip(tr("Stand in the selected panorama and see points and tags drawn over it"));
+  screenshot_ = new QPushButton(tr("Screen&shot ..."));
+  screenshot_->setObjectName("scene.screenshot");
+  time_ = new QSlider(Qt::Horizontal);
+  time_->setObjectName("scene.time");
+  time_->setAccessibleName(tr("Place along the run"));
+  text_ = new QLabel;
+  text_->setObjectName("scene.text");
+  text_->setWordWrap(true);
+  text_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  camera_ = new QLabel;
+  picture_ = new PictureView;
+  picture_->setAccessibleName(tr("Image of what is picked"));
+
+  vtk_->widget = new QVTKOpenGLNativeWidget;
+  vtk_->widget->setObjectName("scene.view");
+  vtk_->widget->setAccessibleName(tr("Scene"));
+  vtk_->widget->setFocusPolicy(Qt::StrongFocus);
+  vtk_->widget->setRenderWindow(vtk_->window);
+  vtk_->window->SetNumberOfLayers(2);
+  vtk_->window->SetMultiSamples(0);
+  vtk_->sky->SetLayer(0);
+  vtk_->sky->SetBackground(1, 1, 1);
+  vtk_->sky->InteractiveOff();
+  vtk_->window->AddRenderer(vtk_->renderer);
+  vtkNew<vtkCallbackCommand> sync;
+  sync->SetClientData(vtk_.get());
+  sync->SetCallback([](vtkObject*, unsigned long, void* vtk, void*) { static_cast<Vtk*>(vtk)->SyncSky(); });
+  vtk_->sky->AddObserver(vtkCommand::StartEvent, sync);
+  vtkNew<vtkCallbackCommand> moved;
+  moved->SetClientData(this);
+  moved->SetCallback([](vtkObject*, unsigned long, void* desk, void*) {
+    const SceneDesk* twin = static_cast<SceneDesk*>(desk)->twin_;
+    if (twin != nullptr && twin->isVisible()) twin->vtk_->window->Render();
+  });
+  vtk_->window->GetInteractor()->AddObserver(vtkCommand::InteractionEvent, moved);
+  // Fewer points while the view moves.
+  vtkNew<vtkCallbackCommand> detail;
+  detail->SetClientData(vtk_.get());
+  detail->SetCallback([](vtkObject*, unsigned long event, void* parts, void*) {
+    auto* vtk = static_cast<Vtk*>(parts);
+    if (vtk->view) vtk->view->DrawAtMost(event == vtkCommand::StartInteractionEvent ? kMovingPoints : 0);
+    if (event == vtkCommand::EndInteractionEvent) vtk->window->Render();
+  });
+  vtk_->detail = detail;
+  vtk_->widget->installEventFilter(this);
+  SetMode("orbit");
+
+  auto* panel = new QWidget;
+  auto* column = new QVBoxLayout(panel);
+  column->setContentsMargins(0, 0, 0, 0);
+  column->addWidget(layers_, 2);
+  column->addWidget(text_);
+  column->addWidget(picture_, 2);
+  auto* top = new QHBoxLayout;
+  for (QWidget* w : std::initializer_list<QWidget*>{mode_, colour_, variant_, measure_, step_, screenshot_}) {
+    top->addWidget(w);
+  }
+  top->addStretch();
+  auto* bottom = new QHBoxLayout;
+  bottom->addWidget(run_);
+  bottom->addWidget(time_, 1);
+  bottom->addWidget(camera_);
+  bottom->addWidget(follow_);
+  auto* middle = new QWidget;
+  auto* rows = new QVBoxLayout(middle);
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addLayout(top);
+  rows->addWidget(vtk_->widget, 1);
+  rows->addLayout(bottom);
+  auto* split = new QSplitter;
+  split->addWidget(middle);
+  split->addWidget(panel);
+  split->setStretchFactor(0, 1);
+  split->setSizes({800, 220});
+  auto* all = new QVBoxLayout(this);
+  all->addWidget(split);
+  if (kind == Kind::kCompact) {
+    panel->hide();
+    all->setContentsMargins(0, 0, 0, 0);
+    for (QWidget* w : std::initializer_list<QWidget*>{variant_, measure_, step_, screenshot_, run_, time_, follow_}) {
+      w->hide();
+    }
+  }
+
+  connect(mode_, QOverload<int>::of(&QComboBox::activated), this, [this] { SetMode(mode_->currentData().toString()); });
+  connect(colour_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] {
+    if (!vtk_->view) return;
+    vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
+    Render();
+  });
+  connect(variant_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &SceneDesk::Load);
+  connect(layers_, &QListWidget::itemChanged, this, [this](QListWidgetItem* item) {
+    if (!vtk_->view) return;
+    vtk_->view->SetVisible(item->data(Qt::UserRole).toString().toStdString(), item->checkState() == Qt::Checked);
+    Render();
+  });
+  connect(run_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] {
+    vtk_->cameras.clear();
+    const SceneModel* model = vtk_->model();
+    for (size_t i = 0; model != nullptr && i < model->cameras.size(); ++i) {
+      if (QString::fromStdString(model->cameras[i].run) == run_->currentText()) {
+        vtk_->cameras.push_back(static_cast<int>(i));
+      }
+    }
+    time_->setRange(0, std::max(0, static_cast<int>(vtk_->cameras.size()) - 1));
+  });
+  connect(time_, &QSlider::valueChanged, this, &SceneDesk::ShowCamera);
+  connect(follow_, &QCheckBox::toggled, this, [this] { ShowCamera(time_->value()); });
+  connect(measure_, &QCheckBox::toggled, this, [this](bool on) {
+    vtk_->measured_from.reset();
+    if (!on) vtk_->Clear(vtk_->measure);
+    Render();
+  });
+  connect(step_, &QPushButton::clicked, this, [this] {
+    if (inside()) return StepOutside();
+    for (const std::string& object : workspace_->related()) {
+      if (object.starts_with("panorama:") && StepInside(QString::fromStdString(object.substr(9)))) return;
+    }
+    Say(tr("Select a localized panorama first."));
+  });
+  connect(screenshot_, &QPushButton::clicked, this, [this] {
+    bool ok = false;
+    const QString size = QInputDialog::getText(this, tr("Screenshot"), tr("Width x height, pixels"), QLineEdit::Normal,
+                                               "1920x1080", &ok);
+    if (!ok) return;
+    const int width = size.section('x', 0, 0).toInt(), height = size.section('x', 1, 1).toInt();
+    if (width < 1 || height < 1 || width > 16384 || height > 16384) {
+      emit workspace_->Problem(tr("'%1' is no size; expected something like 1920x1080").arg(size), "");
+      return;
+    }
+    const QString file = QFileDialog::getSaveFileName(this, tr("Save the screenshot"), "scene.png", "PNG (*.png)");
+    if (file.isEmpty()) return;
+    if (!Screenshot(width, height).save(file)) emit workspace_->Problem(tr("%1: cannot be written").arg(file), "");
+  });
+  connect(workspace_, &Workspace::Opened, this, [this] {
+    {
+      const QSignalBlocker block(variant_);
+      const QString before = variant_->currentData().toString();
+      variant_->clear();
+      for (const std::string& name : workspace_->snapshot()->variants) {
+        variant_->addItem(name.empty() ? tr("first results") : QString::fromStdString(name),
+                          QString::fromStdString(name));
+      }
+      variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
+      variant_->setVisible(variant_->count() > 1);
+    }
+    if (!(HasScene() && vtk_->scene->dir != workspace_->snapshot()->dir)) return Load();
+    vtk_->looked = false;
+    Load();
+  });
+  connect(workspace_, &Workspace::Closed, this, &SceneDesk::Load);
+  connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
+  connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowSelected);
+}
+
+SceneDesk::~SceneDesk() {
+  vtk_->widget->makeCurrent();  // what VTK holds on the graphics card goes while its context is current
+  vtk_->Clear(vtk_->highlights);
+  vtk_->Clear(vtk_->measure);
+  vtk_->HideSky();
+  if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
+  vtk_->view.reset();
+  vtk_->sky->RemoveAllObservers();
+  vtk_->window->GetInteractor()->RemoveObservers(vtkCommand::InteractionEvent);
+}
+
+bool SceneDesk::HasScene() const { return vtk_->view != nullptr; }
+QStringList SceneDesk::Highlighted() const { return vtk_->highlighted; }
+bool SceneDesk::inside() const { return vtk_->sphere != nullptr; }
+
+void SceneDesk::showEvent(QShowEvent* event) {
+  QWidget::showEvent(event);
+  if (stale_) Load();
+}
+
+void SceneDesk::ShowVariant(const QString& variant) {
+  if (variant_->findData(variant) < 0) variant_->addItem(variant, variant);
+  variant_->setCurrentIndex(variant_->findData(variant));
+  if (!HasScene()) Load();
+}
+
+void SceneDesk::ShareCamera(SceneDesk* other) {
+  if (twin_ == other) return;
+  twin_ = other;
+  other->twin_ = this;
+  vtk_->renderer->SetActiveCamera(other->vtk_->renderer->GetActiveCamera());
+}
+
+void SceneDesk::Load() {
+  // Two views of a million points are made when they are looked at, not before.
+  stale_ = workspace_->snapshot() && !isVisible();
+  if (stale_) return;
+  const int generation = ++generation_;
+  const auto clear = [this] {
+    vtk_->widget->makeCurrent();
+    vtk_->Clear(vtk_->highlights);
+    vtk_->Clear(vtk_->measure);
+    vtk_->highlighted.clear();
+    vtk_->HideSky();
+    if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
+    vtk_->view.reset();
+    vtk_->scene.reset();
+  };
+  if (!workspace_->snapshot()) {
+    clear();
+    vtk_->looked = false;
+    layers_->clear();
+    Say("");
+    Render();
+    return;
+  }
+  // Everything but the points is there at once; these follow.
+  for (const int points : {0, kMostPoints}) {
+    InBackground(
+        this,
+        [snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(), points] {
+          SceneOptions options;
+          options.variant = variant;
+          options.max_points = points;
+          options.max_cameras = kMostCameras;
+          if (points == 0) options.aerial_px = 0;
+          if (points == 0 || snapshot->references.size() > kMostTextures) options.panorama_width_px = 0;
+          const auto scene = std::make_shared<LoadedScene>();
+          scene->dir = snapshot->dir;
+          scene->model = LoadScene(*snapshot->project, options);
+          return std::shared_ptr<const LoadedScene>(scene);
+        },
+        [this, generation, clear, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {
+          if (generation != generation_) return;
+          if (!loaded.value) {
+            emit workspace_->Problem(loaded.error, tr("The scene is not shown."));
+            return;
+          }
+          if (points == 0 && vtk_->scene && !vtk_->scene->model.points.empty() && vtk_->looked) return;
+          clear();
+          vtk_->scene = loaded.value;
+          SceneStyle style;
+          style.text_px = fontMetrics().height() * devicePixelRatioF();
+          vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
+          vtk_->view->AddTo(vtk_->renderer);
+          vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
+          if (!vtk_->looked) {
+            vtk_->view->LookOblique(vtk_->renderer);
+            vtk_->looked = !vtk_->scene->model.Empty();
+          }
+          ShowLayers();
+          ShowSelected();
+          Render();
+          QStringList notes;
+          for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
+          if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
+          if (!notes.isEmpty()) Say(notes.join("\n"));
+          emit Loaded();
+        });
+  }
+}
+
+void SceneDesk::ShowLayers() {
+  const QSignalBlocker block(layers_);
+  QStringList off;
+  for (int i = 0; i < layers_->count(); ++i) {
+    if (layers_->item(i)->checkState() != Qt::Checked) off << layers_->item(i)->data(Qt::UserRole).toString();
+  }
+  layers_->clear();
+  for (const std::string& layer : SceneView::Layers()) {
+    if (!vtk_->view->HasContent(layer)) continue;
+    const QString name = QString::fromStdString(layer);
+    auto* item = new QListWidgetItem(tr(layer.c_str()), layers_);
+    item->setData(Qt::UserRole, name);
+    item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
+    item->setCheckState(off.contains(name) ? Qt::Unchecked : Qt::Checked);
+    vtk_->view->SetVisible(layer, !off.contains(name));
+  }
+  const QString run = run_->currentText();
+  const QSignalBlocker block_run(run_);
+  run_->clear();
+  for (const std::string& name : vtk_->scene->model.runs) run_->addItem(QString::fromStdString(name));
+  run_->setCurrentIndex(-1);
+  run_->blockSignals(false);
+  run_->setCurrentIndex(std::max(0, run_->findText(run)));
+}
+
+void SceneDesk::ShowSelected() {
+  vtk_->Clear(vtk_->highlights);
+  vtk_->highlighted.clear();
+  if (!vtk_->view) return;
+  vtk_->view->SetUnit({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+  QStringList texts;
+  for (const std::string& object : workspace_->related()) {
+    const std::vector<ScenePick> found = vtk_->Find(object);
+    if (found.empty()) continue;
+    vtk_->highlighted << QString::fromStdString(object);
+    const bool small = object.starts_with("image:") || object.starts_with("point:");
+    for (const ScenePick& pick : found) {
+      // From inside a panorama its own mark would be a cage.
+      if (pick.layer != "errors" && !inside()) vtk_->AddSphere(vtk_->highlights, pick.position, small ? 0.4 : 0.8);
+      const QString text = QString::fromStdString(pick.text);
+      if (!texts.contains(text)) texts << text;
+    }
+  }
+  texts.sort();
+  if (!texts.isEmpty())
+    Say(texts.join("\n") + "\n" + tr("frame: %1").arg(QString::fromStdString(vtk_->scene->model.frame)));
+  Render();
+  ShowPicture();
+}
+
+void SceneDesk::ShowPicture() {
+  const std::string selected = workspace_->selected().toStdString();
+  if (selected.starts_with("point:")) return ShowPointPicture(selected.substr(6));
+  for (const std::string& object : workspace_->related()) {
+    if (!object.starts_with("image:") && !object.starts_with("panorama:")) continue;
+    InBackground(
+        this,
+        [snapshot = workspace_->snapshot(), object]() -> QImage {
+          const std::string name = object.substr(object.find(':') + 1);
+          if (object.starts_with("image:")) {
+            return LoadRunPicture(*snapshot->project, name.substr(0, name.find('/')), name.substr(name.find('/') + 1));
+          }
+          for (const SnapshotReference& reference : snapshot->references) {
+            if (reference.name == name && !reference.files.empty())
+              return LoadAnyPicture(reference.files.front(), 1024);
+          }
+          return {};
+        },
+        [this, object, of = workspace_->selected()](const Attempted<QImage>& image) {
+          if (workspace_->selected() != of) return;
+          picture_->SetMarks({});
+          picture_->SetPicture(image.value, image.error.isEmpty() ? QString::fromStdString(object) : image.error);
+        });
+    return;
+  }
+}
+
+// The images that see the point, and the first of them with the point marked.
+void SceneDesk::ShowPointPicture(const std::string& name) {
+  const std::string run = name.substr(0, name.find('/'));
+  const int64_t id = QString::fromStdString(name.substr(name.find('/') + 1)).toLongLong();
+  struct Seen {
+    std::vector<std::string> images;
+    QImage picture;
+    QPointF at;
+  };
+  std::shared_ptr<SharedInspector> inspector;
+  try {
+    inspector = workspace_->InspectorOf(run, variant_->currentData().toString().toStdString());
+  } catch (const Error& e) {
+    Say(QString::fromUtf8(e.what()));
+    return;
+  }
+  InBackground(
+      this,
+      [snapshot = workspace_->snapshot(), inspector, run, id] {
+        Seen seen;
+        const std::lock_guard guard(inspector->mutex);
+        seen.images = inspector->inspector.ImagesOf(id);
+        if (seen.images.empty()) return seen;
+        for (const InspectedPoint& point : inspector->inspector.Image(seen.images.front()).points) {
+          if (point.id == id) seen.at = {point.seen.x(), point.seen.y()};
+        }
+        seen.picture = LoadRunPicture(*snapshot->project, run, seen.images.front());
+        return seen;
+      },
+      [this, of = workspace_->selected()](const Attempted<Seen>& seen) {
+        if (workspace_->selected() != of) return;
+        if (seen.value.images.empty()) return Say(text_->text() + "\n" + seen.error);
+        QStringList images;
+        for (const std::string& image : seen.value.images) images << QString::fromStdString(image);
+        const QString shown = images.front();
+        if (images.size() > kMostNames) images = images.mid(0, kMostNames) << "...";
+        Say(text_->text() + "\n" + tr("seen by %1").arg(images.join(", ")));
+        picture_->SetPicture(seen.value.picture, shown);
+        PictureMark mark;
+        mark.kind = PictureMark::Kind::kCircle;
+        mark.points << seen.value.at << QPointF(6, 0);
+        mark.colour = QColor(213, 94, 0);
+        picture_->SetMarks({mark});
+      });
+}
+
+QString SceneDesk::PickAt(double x, double y) {
+  if (!vtk_->view) return "";
+  const auto pick = vtk_->view->Pick(vtk_->renderer, x, vtk_->window->GetSize()[1] - 1 - y);
+  if (!pick) return "";
+  const QString text = QString::fromStdString(pick->text);
+  if (measure_->isChecked()) {
+    if (!vtk_->measured_from) {
+      vtk_->Clear(vtk_->measure);
+      vtk_->measured_from = pick->position;
+      vtk_->AddSphere(vtk_->measure, pick->position, 0.15);
+      Say(tr("from %1").arg(text));
+    } else {
+      const double distance = (pick->position - *vtk_->measured_from).norm();
+      const QString length = workspace_->Length(distance);
+      vtk_->AddLine(*vtk_->measured_from, pick->position, length.toStdString());
+      vtk_->measured_from.reset();
+      Say(tr("%1 to %2").arg(length, text));
+    }
+    Render();
+    return text_->text();
+  }
+  Say(text);
+  const std::string object = ObjectOf(*pick);
+  if (!object.empty()) workspace_->Select(QString::fromStdString(object));  // says what belongs to it, too
+  return text;
+}
+
+QPointF SceneDesk::PlaceOf(const QString& object) const {
+  const std::vector<ScenePick> found = vtk_->Find(object.toStdString());
+  if (found.empty()) return {-1, -1};
+  const Eigen::Vector3d& at = found.front().position;
+  vtk_->renderer->SetWorldPoint(at.x(), at.y(), at.z(), 1);
+  vtk_->renderer->WorldToDisplay();
+  const double* d = vtk_->renderer->GetDisplayPoint();
+  return {d[0], vtk_->window->GetSize()[1] - 1 - d[1]};
+}
+
+QImage SceneDesk::Screenshot(int width, int height) {
+  const cv::Mat picture = vtk_->Picture(width, height);
+  Render();
+  return QImage(picture.data, picture.cols, picture.rows, static_cast<int>(picture.step), QImage::Format_RGB888).copy();
+}
+
+bool SceneDesk::StepInside(const QString& panorama) {
+  const SceneModel* model = vtk_->model();
+  for (size_t i = 0; model != nullptr && i < model->panoramas.size(); ++i) {
+    const ScenePanorama& p = model->panoramas[i];
+    if (p.panorama != panorama.toStdString() || p.file.empty() || p.kind != ReferenceKind::kPanorama) continue;
+    const int generation = generation_;
+    InBackground(
+        this,
+        [file = p.file]() -> cv::Mat {
+          cv::Mat picture = LoadPanorama(file, false);
+          if (picture.cols > kSkyWidth)
+            cv::resize(picture.clone(), picture, {kSkyWidth, kSkyWidth / 2}, 0, 0, cv::INTER_AREA);
+          return picture;
+        },
+        [this, i, generation, panorama](const Attempted<cv::Mat>& picture) {
+          if (generation != generation_) return;
+          if (!picture.error.isEmpty()) {
+            emit workspace_->Problem(picture.error, tr("The panorama is not shown."));
+            return;
+          }
+          const ScenePanorama& shown = vtk_->scene->model.panoramas[i];
+          vtk_->widget->makeCurrent();
+          vtk_->ShowSky(shown, picture.value);
+          vtk_->Clear(vtk_->highlights);
+          for (const char* layer : {"panoramas", "aerial", "labels", "legend", "axes"})
+            vtk_->view->SetVisible(layer, false);
+          step_->setText(tr("Step &outside"));
+          Say(tr("inside %1, as localized by %2").arg(panorama, QString::fromStdString(shown.run)));
+          Render();
+          emit SteppedInside();
+        });
+    return true;
+  }
+  return false;
+}
+
+void SceneDesk::StepOutside() {
+  vtk_->widget->makeCurrent();
+  vtk_->HideSky();
+  step_->setText(tr("Step &inside"));
+  if (!vtk_->view) return;
+  for (int i = 0; i < layers_->count(); ++i) {
+    vtk_->view->SetVisible(layers_->item(i)->data(Qt::UserRole).toString().toStdString(),
+                           layers_->item(i)->checkState() == Qt::Checked);
+  }
+  SetMode(mode_->currentData().toString());
+}
+
+int SceneDesk::Turn(int steps) {
+  if (!vtk_->view) return 0;
+  vtk_->view->DrawAtMost(kMovingPoints);
+  for (int i = 0; i < steps; ++i) {
+    vtk_->renderer->GetActiveCamera()->Azimuth(2);
+    vtk_->renderer->ResetCameraClippingRange();
+    vtk_->window->Render();
+  }
+  vtk_->view->DrawAtMost(0);
+  Render();
+  return steps;
+}
+
+void SceneDesk::SetMode(const QString& mode) {
+  mode_->setCurrentIndex(mode_->findData(mode));
+  vtkRenderWindowInteractor* interactor = vtk_->window->GetInteractor();
+  vtkSmartPointer<vtkInteractorStyle> style;
+  if (mode == "plan") {
+    style = vtkSmartPointer<PlanStyle>::New();
+  } else if (mode == "fly") {
+    style = vtkSmartPointer<vtkInteractorStyleFlight>::New();
+  } else {
+    style = vtkSmartPointer<vtkInteractorStyleTerrain>::New();
+  }
+  style->SetDefaultRenderer(vtk_->renderer);
+  style->AddObserver(vtkCommand::StartInteractionEvent, vtk_->detail);
+  style->AddObserver(vtkCommand::EndInteractionEvent, vtk_->detail);
+  if (interactor != nullptr) interactor->SetInteractorStyle(style);
+  if (!vtk_->view) return;
+  if (mode == "plan") {
+    vtk_->view->LookDown(vtk_->renderer);
+  } else {
+    vtk_->view->LookOblique(vtk_->renderer);
+  }
+  Render();
+}
+
+void SceneDesk::ShowCamera(int index) {
+  const SceneModel* model = vtk_->model();
+  if (model == nullptr || index < 0 || index >= static_cast<int>(vtk_->cameras.size())) return;
+  const SceneCamera& camera = model->cameras[static_cast<size_t>(vtk_->cameras[static_cast<size_t>(index)])];
+  camera_->setText(QString::fromStdString(camera.image));
+  workspace_->Select(QString::fromStdString("image:" + camera.run + "/" + camera.image));
+  if (!follow_->isChecked()) return;
+  vtk_->LookThrough(camera);
+  Render();
+}
+
+bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
+  const double ratio = vtk_->widget->devicePixelRatioF();
+  if (event->type() == QEvent::MouseButtonPress) {
+    pressed_ = static_cast<QMouseEvent*>(event)->localPos();
+  } else if (event->type() == QEvent::MouseButtonRelease) {
+    const auto* mouse = static_cast<QMouseEvent*>(event);
+    if (mouse->button() == Qt::LeftButton && (mouse->localPos() - pressed_).manhattanLength() < 4) {
+      PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y());
+    }
+  } else if (event->type() == QEvent::MouseButtonDblClick) {
+    if (!workspace_->selected().isEmpty()) emit Activated(workspace_->selected());
+  } else if (event->type() == QEvent::KeyPress) {
+    vtkCamera* camera = vtk_->renderer->GetActiveCamera();
+    switch (static_cast<QKeyEvent*>(event)->key()) {
+      case Qt::Key_Left: camera->Azimuth(5); break;
+      case Qt::Key_Right: camera->Azimuth(-5); break;
+      case Qt::Key_Up: camera->Elevation(-3); break;
+      case Qt::Key_Down: camera->Elevation(3); break;
+      case Qt::Key_Plus: camera->GetParallelProjection() ? camera->Zoom(1.2) : camera->Dolly(1.2); break;
+      case Qt::Key_Minus: camera->GetParallelProjection() ? camera->Zoom(1 / 1.2) : camera->Dolly(1 / 1.2); break;
+      default: return QWidget::eventFilter(watched, event);
+    }
+    camera->OrthogonalizeViewUp();
+    vtk_->renderer->ResetCameraClippingRange();
+    Render();
+    return true;
+  }
+  return QWidget::eventFilter(watched, event);
+}
+
+void SceneDesk::Render() {
+  if (vtk_->widget->isVisible()) vtk_->window->Render();
+  if (twin_ != nullptr && twin_->vtk_->widget->isVisible()) twin_->vtk_->window->Render();
+}
+
+void SceneDesk::Say(const QString& text) { text_->setText(text); }
+
+}  // namespace trigpoint

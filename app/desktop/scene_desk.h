@@ -1,0 +1,86 @@
+// The scene in three dimensions: the report's own scene, with a mouse. Orbit, fly, plan; layers; picking; scrubbing
+// along a run; measuring; stepping inside a panorama; screenshots.
+#pragma once
+
+#include <QImage>
+#include <QWidget>
+#include <memory>
+#include <vector>
+
+#include "app/desktop/workspace.h"
+
+class QCheckBox;
+class QComboBox;
+class QLabel;
+class QListWidget;
+class QPushButton;
+class QSlider;
+
+namespace trigpoint {
+
+class PictureView;
+
+class SceneDesk : public QWidget {
+  Q_OBJECT
+
+ public:
+  enum class Kind { kFull, kCompact };  // compact: the view and little else, for two side by side
+  explicit SceneDesk(Workspace* workspace, Kind kind = Kind::kFull, QWidget* parent = nullptr);
+  ~SceneDesk() override;
+
+  bool HasScene() const;
+  // Objects that are highlighted now: the selected one and what belongs to it, as far as the scene has them.
+  QStringList Highlighted() const;
+  // Selects what lies under a pixel of the view (device pixels from its top left); returns its line of text.
+  QString PickAt(double x, double y);
+  // Where an object of the scene is drawn, for tests and for jumping to it; negative: not in the scene.
+  QPointF PlaceOf(const QString& object) const;
+  // Whatever size the window has. Throws IoError.
+  QImage Screenshot(int width, int height);
+  bool StepInside(const QString& panorama);
+  void StepOutside();
+  bool inside() const;
+  // Turns the view in steps, as dragging does, and draws each; returns how many were drawn.
+  int Turn(int steps);
+  void ShowVariant(const QString& variant);
+  // Both views are turned and moved together from now on.
+  void ShareCamera(SceneDesk* other);
+  // "orbit", "fly", "plan".
+  void SetMode(const QString& mode);
+
+ signals:
+  void Loaded();                          // a scene is on the screen
+  void SteppedInside();                   // the panorama is around the viewer
+  void Activated(const QString& object);  // show its image
+
+ protected:
+  bool eventFilter(QObject* watched, QEvent* event) override;
+  void showEvent(QShowEvent* event) override;
+
+ private:
+  struct Vtk;
+  void Load();
+  void ShowLayers();
+  void ShowSelected();
+  void ShowPicture();
+  void ShowPointPicture(const std::string& name);
+  void ShowCamera(int index);
+  void Render();
+  void Say(const QString& text);
+
+  Workspace* workspace_;
+  std::unique_ptr<Vtk> vtk_;
+  QComboBox *mode_, *colour_, *variant_, *run_;
+  QListWidget* layers_;
+  QCheckBox *follow_, *measure_;
+  QPushButton *step_, *screenshot_;
+  QSlider* time_;
+  QLabel *text_, *camera_;
+  PictureView* picture_;
+  QPointF pressed_;
+  SceneDesk* twin_ = nullptr;
+  bool stale_ = false;  // to be loaded when it is seen
+  int generation_ = 0;
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,187 @@
+#include "app/desktop/scene_vtk.h"
+
+#include <vtkCamera.h>
+#include <vtkImageData.h>
+#include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
+#include <vtkSphereSource.h>
+#include <vtkTextProperty.h>
+#include <vtkUnsignedCharArray.h>
+#include <vtkWindowToImageFilter.h>
+
+#include <opencv2/core.hpp>
+
+#include "calib/camera/camera.h"
+#include "datasets/io/text.h"
+#include "eval/scene/props.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kSkyColumns = 128, kSkyRows = 64;
+
+}  // namespace
+
+std::vector<ScenePick> SceneDesk::Vtk::Find(const std::string& object) const {
+  std::vector<ScenePick> picks;
+  if (!view) return picks;
+  const SceneModel& m = scene->model;
+  const auto gather = [&](const char* layer, const auto& entries, const auto& matches) {
+    for (size_t i = 0; i < entries.size(); ++i) {
+      if (matches(entries[i])) picks.push_back(view->Describe(layer, static_cast<int>(i)));
+    }
+  };
+  const std::string kind = object.substr(0, object.find(':')), name = object.substr(object.find(':') + 1);
+  if (kind == "tag") gather("tags", m.tags, [&](const SceneTag& t) { return std::to_string(t.id) == name; });
+  if (kind == "image")
+    gather("cameras", m.cameras, [&](const SceneCamera& c) { return c.run + "/" + c.image == name; });
+  if (kind == "panorama" || kind == "station") {
+    const auto matches = [&](const auto& p) { return (kind == "panorama" ? p.panorama : p.station) == name; };
+    gather("panoramas", m.panoramas, matches);
+    gather("errors", m.errors, matches);
+  }
+  if (kind == "point") {
+    gather("points", m.points, [&](const ScenePoint& p) {
+      return name == m.runs[static_cast<size_t>(p.run)] + "/" + std::to_string(p.id);
+    });
+  }
+  return picks;
+}
+
+void SceneDesk::Vtk::Clear(std::vector<vtkSmartPointer<vtkProp>>& props) {
+  for (const auto& prop : props) {
+    prop->ReleaseGraphicsResources(window);
+    renderer->RemoveViewProp(prop);
+  }
+  props.clear();
+}
+
+void SceneDesk::Vtk::AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius) {
+  vtkNew<vtkSphereSource> source;
+  source->SetRadius(radius);
+  source->SetCenter(at.x(), at.y(), at.z());
+  source->SetThetaResolution(24);
+  source->SetPhiResolution(12);
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetInputConnection(source->GetOutputPort());
+  const auto actor = vtkSmartPointer<vtkActor>::New();
+  actor->SetMapper(mapper);
+  actor->GetProperty()->SetRepresentationToWireframe();
+  actor->GetProperty()->SetColor(0.835, 0.369, 0.0);
+  actor->GetProperty()->SetLighting(false);
+  actor->GetProperty()->SetLineWidth(2);
+  actor->PickableOff();
+  renderer->AddActor(actor);
+  props.emplace_back(actor);
+}
+
+void SceneDesk::Vtk::AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text) {
+  const auto line = FlatActor(Lines({{from, to}}), kVermilion, 3);
+  line->PickableOff();
+  const auto label = Label(text, 0.5 * (from + to), 18);
+  label->PickableOff();
+  renderer->AddViewProp(line);
+  renderer->AddViewProp(label);
+  measure.emplace_back(line);
+  measure.emplace_back(label);
+}
+
+void SceneDesk::Vtk::LookThrough(const SceneCamera& shown) {
+  const Eigen::Vector3d eye = shown.world_from_cam.translation;
+  const Eigen::Vector3d ahead = eye + shown.world_from_cam.rotation * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d up = shown.world_from_cam.rotation * -Eigen::Vector3d::UnitY();
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOff();
+  camera->SetPosition(eye.x(), eye.y(), eye.z());
+  camera->SetFocalPoint(ahead.x(), ahead.y(), ahead.z());
+  camera->SetViewUp(up.x(), up.y(), up.z());
+  double angle = 60;
+  if (shown.corner_rays.size() == 4) {
+    const Eigen::Vector3d& top = shown.corner_rays[3];
+    const Eigen::Vector3d& bottom = shown.corner_rays[0];
+    if (top.z() > 0 && bottom.z() > 0) {
+      angle = (std::atan2(bottom.y(), bottom.z()) - std::atan2(top.y(), top.z())) * 180 / M_PI;
+    }
+  }
+  camera->SetViewAngle(std::clamp(angle, 10.0, 120.0));
+  renderer->ResetCameraClippingRange();
+}
+
+void SceneDesk::Vtk::ShowSky(const ScenePanorama& panorama, const cv::Mat& picture) {
+  HideSky();
+  const Camera lens = Camera::Equirectangular(kSkyColumns, kSkyRows);
+  std::vector<Eigen::Vector3d> vertices;
+  for (int row = 0; row <= kSkyRows; ++row) {
+    for (int column = 0; column <= kSkyColumns; ++column) {
+      const Eigen::Vector2d pixel(column - 0.5, std::clamp(row - 0.5, -0.499, kSkyRows - 0.501));
+      const auto ray = lens.Unproject(pixel);
+      vertices.push_back(panorama.world_from_pano.rotation * ray.value_or(Eigen::Vector3d::UnitZ()));
+    }
+  }
+  sphere = TexturedActor(TexturedGrid(vertices, kSkyColumns + 1, kSkyRows + 1), picture, false);
+  sphere->PickableOff();
+  sky->AddActor(sphere);
+  window->AddRenderer(sky);
+  renderer->SetLayer(1);
+  const Eigen::Vector3d eye = panorama.world_from_pano.translation;
+  const Eigen::Vector3d ahead = eye + panorama.world_from_pano.rotation * Eigen::Vector3d::UnitZ();
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOff();
+  camera->SetPosition(eye.x(), eye.y(), eye.z());
+  camera->SetFocalPoint(ahead.x(), ahead.y(), ahead.z());
+  camera->SetViewUp(0, 0, 1);
+  camera->SetViewAngle(75);
+  renderer->ResetCameraClippingRange();
+  SyncSky();
+}
+
+void SceneDesk::Vtk::HideSky() {
+  if (!sphere) return;
+  sphere->ReleaseGraphicsResources(window);
+  sky->RemoveActor(sphere);
+  sphere = nullptr;
+  renderer->SetLayer(0);
+  window->RemoveRenderer(sky);
+}
+
+void SceneDesk::Vtk::SyncSky() {
+  if (!sphere) return;
+  vtkCamera* from = renderer->GetActiveCamera();
+  vtkCamera* to = sky->GetActiveCamera();
+  double direction[3], up[3];
+  from->GetDirectionOfProjection(direction);
+  from->GetViewUp(up);
+  to->SetPosition(0, 0, 0);
+  to->SetFocalPoint(direction);
+  to->SetViewUp(up);
+  to->SetViewAngle(from->GetViewAngle());
+  to->SetClippingRange(0.1, 10);
+}
+
+cv::Mat SceneDesk::Vtk::Picture(int width, int height) {
+  const int* before = window->GetSize();
+  const int old_width = before[0], old_height = before[1];
+  widget->makeCurrent();
+  window->SetSize(width, height);
+  window->Render();
+  vtkNew<vtkWindowToImageFilter> filter;
+  filter->SetInput(window);
+  filter->SetInputBufferTypeToRGB();
+  filter->ReadFrontBufferOff();
+  filter->ShouldRerenderOff();
+  filter->Update();
+  vtkImageData* image = filter->GetOutput();
+  const int* size = image->GetDimensions();
+  cv::Mat picture(size[1], size[0], CV_8UC3);
+  for (int y = 0; y < size[1]; ++y) {
+    for (int x = 0; x < size[0]; ++x) {
+      const auto* p = static_cast<const unsigned char*>(image->GetScalarPointer(x, size[1] - 1 - y, 0));
+      picture.at<cv::Vec3b>(y, x) = cv::Vec3b(p[0], p[1], p[2]);
+    }
+  }
+  window->SetSize(old_width, old_height);
+  return picture;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,59 @@
+// VTK's side of the scene desk.
+#pragma once
+
+#include <QVTKOpenGLNativeWidget.h>
+#include <vtkActor.h>
+#include <vtkBillboardTextActor3D.h>
+#include <vtkCommand.h>
+#include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkNew.h>
+#include <vtkRenderer.h>
+#include <vtkSmartPointer.h>
+
+#include <memory>
+#include <optional>
+
+#include "app/desktop/scene_desk.h"
+#include "eval/scene/scene_view.h"
+
+namespace trigpoint {
+
+// What is loaded in the background.
+struct LoadedScene {
+  std::filesystem::path dir;  // of the project
+  SceneModel model;
+};
+
+struct SceneDesk::Vtk {
+  QVTKOpenGLNativeWidget* widget = nullptr;
+  vtkNew<vtkGenericOpenGLRenderWindow> window;
+  vtkNew<vtkRenderer> renderer;
+  vtkNew<vtkRenderer> sky;  // behind the scene: the panorama one stands in
+  std::shared_ptr<const LoadedScene> scene;
+  std::unique_ptr<SceneView> view;  // of scene->model
+  std::vector<vtkSmartPointer<vtkProp>> highlights;
+  std::vector<vtkSmartPointer<vtkProp>> measure;
+  std::optional<Eigen::Vector3d> measured_from;
+  vtkSmartPointer<vtkActor> sphere;
+  vtkSmartPointer<vtkCommand> detail;
+  QStringList highlighted;
+  std::vector<int> cameras;  // indices into the model, of the run that is scrubbed, by time
+  bool looked = false;       // the user's view is kept over reloads
+
+  const SceneModel* model() const { return scene ? &scene->model : nullptr; }
+  // What the scene has of an object: a panorama's answers and their errors, a tag's poses; the main one first.
+  std::vector<ScenePick> Find(const std::string& object) const;
+  void Clear(std::vector<vtkSmartPointer<vtkProp>>& props);
+  void AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
+  void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
+  // The camera of an image.
+  void LookThrough(const SceneCamera& camera);
+  // A sphere about the viewer with the panorama on it.
+  void ShowSky(const ScenePanorama& panorama, const cv::Mat& picture);
+  void HideSky();
+  // The sky turns with the scene's camera and never moves.
+  void SyncSky();
+  cv::Mat Picture(int width, int height);
+};
+
+}  // namespace trigpoint

@@ -1,0 +1,201 @@
+#include "app/desktop/site_tree.h"
+
+#include <QHeaderView>
+#include <QMenu>
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kObject = Qt::UserRole, kStage = Qt::UserRole + 1, kRun = Qt::UserRole + 2;
+constexpr int kMostImages = 20000;  // listed below a run
+
+QColor ColourOf(const std::string& state) {
+  if (state == "done") return QColor(0, 158, 115);
+  if (state == "failed") return QColor(213, 94, 0);
+  if (state == "out of date") return QColor(230, 159, 0);
+  if (state == "running") return QColor(0, 114, 178);
+  return QColor(128, 128, 128);
+}
+
+}  // namespace
+
+SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent), workspace_(workspace) {
+  setObjectName("site.tree");
+  setAccessibleName(tr("Site"));
+  setColumnCount(2);
+  setHeaderLabels({tr("site"), tr("state")});
+  header()->setStretchLastSection(false);
+  header()->setSectionResizeMode(0, QHeaderView::Stretch);
+  header()->setSectionResizeMode(1, QHeaderView::ResizeToContents);
+  setTextElideMode(Qt::ElideLeft);  // of a path the end tells
+  setUniformRowHeights(true);
+  setContextMenuPolicy(Qt::CustomContextMenu);
+  connect(this, &QTreeWidget::customContextMenuRequested, this, &SiteTree::Menu);
+  connect(this, &QTreeWidget::currentItemChanged, this, [this](QTreeWidgetItem* item) {
+    if (!showing_ && item != nullptr && !item->data(0, kObject).toString().isEmpty()) {
+      workspace_->Select(item->data(0, kObject).toString());
+    }
+  });
+  connect(this, &QTreeWidget::itemActivated, this, [this](QTreeWidgetItem* item) {
+    if (!item->data(0, kStage).toString().isEmpty()) {
+      emit RunRequested(item->data(0, kStage).toString(), item->data(0, kRun).toString());
+    } else if (!item->data(0, kObject).toString().isEmpty()) {
+      emit Activated(item->data(0, kObject).toString());
+    }
+  });
+  connect(workspace_, &Workspace::Opened, this, &SiteTree::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &SiteTree::Refresh);
+  connect(workspace_, &Workspace::ResultsChanged, this, &SiteTree::ShowStates);
+  connect(workspace_, &Workspace::Selected, this, &SiteTree::ShowSelected);
+}
+
+QTreeWidgetItem* SiteTree::AddGroup(const QString& text) {
+  auto* group = new QTreeWidgetItem(this, {text});
+  group->setFlags(group->flags() & ~Qt::ItemIsSelectable);
+  return group;
+}
+
+QTreeWidgetItem* SiteTree::AddObject(QTreeWidgetItem* group, const QString& text, const QString& object) {
+  auto* item = new QTreeWidgetItem(group, {text});
+  item->setData(0, kObject, object);
+  if (workspace_->snapshot()->excluded.count(object.toStdString()) > 0) {
+    item->setText(1, tr("excluded"));
+    item->setForeground(1, ColourOf("out of date"));
+  }
+  return item;
+}
+
+void SiteTree::Refresh() {
+  showing_ = true;
+  QStringList open;
+  for (int i = 0; i < topLevelItemCount(); ++i) {
+    if (topLevelItem(i)->isExpanded()) open << topLevelItem(i)->text(0).section(' ', 0, 0);
+  }
+  const bool first = topLevelItemCount() == 0;
+  clear();
+  results_ = nullptr;
+  const auto& snapshot = workspace_->snapshot();
+  if (!snapshot) {
+    showing_ = false;
+    return;
+  }
+  const auto text = [](const std::string& s) { return QString::fromStdString(s); };
+  auto* runs = AddGroup(tr("runs (%1)").arg(snapshot->runs.size()));
+  for (const SnapshotRun& run : snapshot->runs) {
+    auto* item = new QTreeWidgetItem(runs, {text(run.name)});
+    item->setToolTip(0, text(run.broken));
+    item->setText(1, run.broken.empty() ? tr("%1 images").arg(run.images.size()) : tr("broken"));
+    if (!run.broken.empty()) item->setForeground(1, ColourOf("failed"));
+    if (run.images.size() > kMostImages) continue;
+    for (const SnapshotImage& image : run.images) {
+      AddObject(item, text(image.file), text("image:" + run.name + "/" + image.file));
+    }
+  }
+  const struct {
+    QString title;
+    const char* kind;
+  } kKinds[] = {{tr("panoramas (%1)"), "panorama"}, {tr("photos (%1)"), "photo"}, {tr("sets (%1)"), "photo set"}};
+  for (const auto& [title, kind] : kKinds) {
+    std::vector<const SnapshotReference*> of_kind;
+    for (const SnapshotReference& reference : snapshot->references) {
+      if (reference.kind == kind) of_kind.push_back(&reference);
+    }
+    if (of_kind.empty()) continue;
+    auto* group = AddGroup(title.arg(of_kind.size()));
+    for (const SnapshotReference* reference : of_kind) {
+      auto* item = AddObject(group, text(reference->name), text("panorama:" + reference->name));
+      if (item->text(1).isEmpty()) item->setText(1, text(reference->station));
+    }
+  }
+  if (!snapshot->stations.empty()) {
+    auto* group = AddGroup(tr("stations (%1)").arg(snapshot->stations.size()));
+    for (const SnapshotStation& station : snapshot->stations) {
+      auto* item = AddObject(group, text(station.name), text("station:" + station.name));
+      if (item->text(1).isEmpty()) item->setText(1, tr("tag %1").arg(station.tag_id));
+    }
+  }
+  if (!snapshot->tags.empty()) {
+    auto* group = AddGroup(tr("tags (%1)").arg(snapshot->tags.size()));
+    for (const int tag : snapshot->tags) AddObject(group, QString::number(tag), "tag:" + QString::number(tag));
+  }
+  if (!snapshot->controls.empty()) {
+    auto* group = AddGroup(tr("control (%1)").arg(snapshot->controls.size()));
+    for (const SnapshotControl& control : snapshot->controls) {
+      AddObject(group, text(control.name), text(control.object))->setText(1, text(control.role));
+    }
+  }
+  results_ = AddGroup(tr("results"));
+  for (int i = 0; i < topLevelItemCount(); ++i) {
+    QTreeWidgetItem* group = topLevelItem(i);
+    group->setExpanded(first ? group != runs || snapshot->runs.size() < 10
+                             : open.contains(group->text(0).section(' ', 0, 0)));
+  }
+  showing_ = false;
+  ShowStates();
+  ShowSelected();
+}
+
+void SiteTree::ShowStates() {
+  if (results_ == nullptr) return;
+  qDeleteAll(results_->takeChildren());
+  for (const SnapshotResult& result : workspace_->results()) {
+    const QString state = result.state.empty() ? tr("checking ...") : tr(result.state.c_str());
+    auto* item = new QTreeWidgetItem(results_, {QString::fromStdString(result.title), state});
+    item->setData(0, kStage, QString::fromStdString(result.stage));
+    item->setData(0, kRun, QString::fromStdString(result.run));
+    item->setForeground(1, ColourOf(result.state));
+    item->setToolTip(0, QString::fromStdString(result.metric));
+    item->setToolTip(1, QString::fromStdString(result.reason));
+  }
+  results_->setExpanded(true);
+}
+
+QTreeWidgetItem* SiteTree::ResultItem(const QString& title) const {
+  for (int i = 0; results_ != nullptr && i < results_->childCount(); ++i) {
+    if (results_->child(i)->text(0) == title) return results_->child(i);
+  }
+  return nullptr;
+}
+
+QString SiteTree::StateOf(const QString& title) const {
+  const QTreeWidgetItem* item = ResultItem(title);
+  return item == nullptr ? "" : item->text(1);
+}
+
+void SiteTree::SetState(const QString& title, const QString& state) {
+  QTreeWidgetItem* item = ResultItem(title);
+  if (item == nullptr) return;
+  const std::string name = state.toStdString();
+  item->setText(1, tr(name.c_str()));
+  item->setForeground(1, ColourOf(name));
+}
+
+void SiteTree::ShowSelected() {
+  if (showing_) return;
+  const QString object = workspace_->selected();
+  if (object.isEmpty() || (currentItem() != nullptr && currentItem()->data(0, kObject).toString() == object)) return;
+  showing_ = true;
+  for (QTreeWidgetItemIterator it(this); *it != nullptr; ++it) {
+    if ((*it)->data(0, kObject).toString() != object) continue;
+    setCurrentItem(*it);
+    break;
+  }
+  showing_ = false;
+}
+
+void SiteTree::Menu(const QPoint& at) {
+  QTreeWidgetItem* item = itemAt(at);
+  if (item == nullptr) return;
+  const QString object = item->data(0, kObject).toString(), stage = item->data(0, kStage).toString();
+  QMenu menu;
+  if (!stage.isEmpty()) {
+    menu.addAction(tr("Run ..."), this, [=, this] { emit RunRequested(stage, item->data(0, kRun).toString()); });
+  } else if (!object.isEmpty()) {
+    menu.addAction(tr("Show"), this, [=, this] { emit Activated(object); });
+    menu.addAction(tr("Review ..."), this, [=, this] { emit ReviewRequested(object); });
+  }
+  if (!menu.isEmpty()) menu.exec(viewport()->mapToGlobal(at));
+}
+
+}  // namespace trigpoint

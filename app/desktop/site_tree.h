@@ -1,0 +1,40 @@
+// The tree of a project: runs, panoramas, photo sets, stations, tags, control points, results with their state.
+#pragma once
+
+#include <QTreeWidget>
+
+#include "app/desktop/workspace.h"
+
+namespace trigpoint {
+
+class SiteTree : public QTreeWidget {
+  Q_OBJECT
+
+ public:
+  explicit SiteTree(Workspace* workspace, QWidget* parent = nullptr);
+
+  // The state shown for a result ("localize/run1"), for tests; empty if it isn't listed.
+  QString StateOf(const QString& title) const;
+  // Of a result while a run goes on; the next reading of the project has the last word.
+  void SetState(const QString& title, const QString& state);
+
+ signals:
+  void Activated(const QString& object);                        // show it
+  void RunRequested(const QString& stage, const QString& run);  // a result was opened
+  void ReviewRequested(const QString& object);
+
+ private:
+  void Refresh();
+  void ShowStates();
+  void ShowSelected();
+  QTreeWidgetItem* ResultItem(const QString& title) const;
+  QTreeWidgetItem* AddGroup(const QString& text);
+  QTreeWidgetItem* AddObject(QTreeWidgetItem* group, const QString& text, const QString& object);
+  void Menu(const QPoint& at);
+
+  Workspace* workspace_;
+  QTreeWidgetItem* results_ = nullptr;
+  bool showing_ = false;
+};
+
+}  // namespace trigpoint

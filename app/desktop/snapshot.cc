@@ -1,0 +1,171 @@
+#include "app/desktop/snapshot.h"
+
+#include <fmt/format.h>
+
+#include "app/pipeline/jobs.h"
+#include "app/pipeline/stages.h"
+#include "datasets/io/csv.h"
+
+namespace trigpoint {
+
+namespace {
+
+const char* KindName(ReferenceKind kind) {
+  switch (kind) {
+    case ReferenceKind::kPanorama: return "panorama";
+    case ReferenceKind::kPhoto: return "photo";
+    case ReferenceKind::kPhotoSet: return "photo set";
+  }
+  return "";
+}
+
+std::string Metric(const StageInfo& stage, const nlohmann::json& manifest) {
+  if (!manifest.is_object() || stage.metric.empty()) return "";
+  const nlohmann::json metrics = manifest.value("metrics", nlohmann::json::object());
+  const auto it = metrics.find(stage.metric);
+  if (it == metrics.end() || it->is_null()) return "";
+  if (stage.metric.ends_with("_m") && it->is_number()) {
+    return fmt::format("{} {:.3f} m", stage.metric.substr(0, stage.metric.size() - 2), it->get<double>());
+  }
+  return stage.metric + " " + (it->is_string() ? it->get<std::string>() : it->dump());
+}
+
+// Tags that no station and no control point names, but a survey found.
+void AddSurveyedTags(const Project& project, std::set<int>* tags) {
+  const std::filesystem::path file = ResultOf(project, "survey", {}) / "tags.csv";
+  if (!std::filesystem::exists(file)) return;
+  try {
+    const CsvTable table = CsvTable::Read(file, {"tag_id"});
+    for (const CsvRow& row : table.rows()) tags->insert(static_cast<int>(row.Integer("tag_id")));
+  } catch (const Error&) {  // a broken table is named where it is shown
+  }
+}
+
+void FillSite(const Project& project, Snapshot& snapshot) {
+  const Site& site = project.site();
+  for (const Run& run : site.runs) {
+    SnapshotRun r;
+    r.name = run.name, r.role = run.config.role, r.date = run.config.date, r.mirrored = run.config.mirrored;
+    for (const ImageEntry& image : run.images) {
+      r.images.push_back({image.file, image.path, image.stamp_ns, image.camera, image.video_frame});
+    }
+    for (const BodyCamera& camera : run.cameras) r.cameras.push_back(camera.name);
+    snapshot.runs.push_back(std::move(r));
+  }
+  for (const auto& [name, reason] : site.broken_runs) {
+    SnapshotRun r;
+    r.name = name, r.broken = reason;
+    snapshot.runs.push_back(std::move(r));
+  }
+  for (const Reference& reference : site.references) {
+    snapshot.references.push_back({KindName(reference.kind), reference.name, reference.station, reference.files});
+  }
+  std::set<int> tags;
+  for (const Station& station : site.stations) {
+    snapshot.stations.push_back({station.name, station.tag_id});
+    if (station.tag_id >= 0) tags.insert(station.tag_id);
+  }
+  for (const ControlPoint& point : site.control_points) {
+    const std::string name = ReviewControlName(point);
+    snapshot.controls.push_back({"control:" + name, name, point.control ? "control" : "check"});
+    if (point.tag_id >= 0) tags.insert(point.tag_id);
+  }
+  AddSurveyedTags(project, &tags);
+  snapshot.excluded = project.review().excluded();
+  snapshot.tags.assign(tags.begin(), tags.end());
+}
+
+std::vector<Job> JobsOf(const Snapshot& snapshot) {
+  JobQuery query;
+  query.variants = snapshot.variants;
+  return PlanJobs(*snapshot.project, query);
+}
+
+SnapshotResult Describe(const Job& job) {
+  SnapshotResult result;
+  result.stage = job.stage->name;
+  result.run = job.stage->per_run ? job.target.run : "";
+  result.variant = job.stage->variants ? job.target.variant : "";
+  result.title = job.Title();
+  return result;
+}
+
+}  // namespace
+
+const SnapshotRun* Snapshot::FindRun(const std::string& run) const {
+  for (const SnapshotRun& r : runs) {
+    if (r.name == run) return &r;
+  }
+  return nullptr;
+}
+
+std::set<std::string> Snapshot::Related(const std::string& object) const {
+  std::set<std::string> related = {object};
+  if (object.starts_with("detection:")) {
+    const size_t hash = object.rfind('#');
+    related.insert("image:" + object.substr(10, hash - 10));
+  }
+  for (const SnapshotStation& station : stations) {
+    std::set<std::string> group = {"station:" + station.name};
+    if (station.tag_id >= 0) group.insert("tag:" + std::to_string(station.tag_id));
+    for (const SnapshotReference& reference : references) {
+      if (reference.station == station.name) group.insert("panorama:" + reference.name);
+    }
+    if (group.count(object) > 0) related.insert(group.begin(), group.end());
+  }
+  for (const SnapshotReference& reference : references) {  // stations that stations.csv doesn't list
+    const std::string station = "station:" + reference.station, panorama = "panorama:" + reference.name;
+    if (object == station) related.insert(panorama);
+    if (object == panorama && !reference.station.empty()) related.insert(station);
+  }
+  return related;
+}
+
+std::shared_ptr<const Snapshot> OpenSnapshot(const std::filesystem::path& dir) {
+  const auto snapshot = std::make_shared<Snapshot>();
+  const auto project = std::make_shared<Project>(Project::OpenTolerant(dir, &snapshot->problems));
+  snapshot->project = project;
+  snapshot->dir = project->dir();
+  snapshot->name = project->name();
+  snapshot->warnings = project->warnings();
+  FillSite(*project, *snapshot);
+  try {
+    CheckProjectOptions(*project);
+  } catch (const Error& e) {
+    snapshot->problems.emplace_back(e.what());
+  }
+  snapshot->variants = KnownVariants(*project);
+  return snapshot;
+}
+
+std::vector<SnapshotResult> StatesOfSnapshot(const Snapshot& snapshot) {
+  std::vector<SnapshotResult> results;
+  for (const JobState& state : StatesOf(*snapshot.project, JobsOf(snapshot), 1)) {
+    SnapshotResult result = Describe(state.job);
+    result.state = state.needed ? std::string(StageStateName(state.state)) : "not needed";
+    result.reason = state.reason;
+    result.metric = Metric(*state.job.stage, state.manifest);
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot) {
+  std::vector<SnapshotResult> results;
+  for (const Job& job : JobsOf(snapshot)) {
+    SnapshotResult result = Describe(job);
+    const std::string name = ResultName(*job.stage, job.target);
+    if (const auto manifest = ReadManifest(*snapshot.project, job.stage->name, name)) {
+      result.metric = Metric(*job.stage, *manifest);
+    } else if (const auto failure = ReadFailure(*snapshot.project, job.stage->name, name)) {
+      result.state = "failed";
+      result.reason = failure->value("error", "");
+    } else {
+      result.state = "missing";
+    }
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+}  // namespace trigpoint

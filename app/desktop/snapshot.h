@@ -1,0 +1,79 @@
+// What the desktop knows of a project at one moment: plain values, read in the background, never changed. No Qt here.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace trigpoint {
+
+class Project;
+
+struct SnapshotImage {
+  std::string file;  // as in images.txt
+  std::filesystem::path path;
+  int64_t stamp_ns = 0;
+  int camera = 0;
+  int video_frame = -1;
+};
+
+struct SnapshotRun {
+  std::string name, role, date;
+  std::string broken;  // why nothing of it can be used
+  bool mirrored = false;
+  std::vector<SnapshotImage> images;
+  std::vector<std::string> cameras;
+};
+
+struct SnapshotReference {
+  std::string kind;  // panorama, photo, photo set
+  std::string name, station;
+  std::vector<std::filesystem::path> files;
+};
+
+struct SnapshotStation {
+  std::string name;
+  int tag_id = -1;
+};
+
+struct SnapshotControl {
+  std::string object, name, role;  // control or check, review included
+};
+
+struct SnapshotResult {
+  std::string stage, run, variant, title;
+  std::string state;   // done, out of date, failed, running, missing, not needed; empty: not looked at yet
+  std::string reason;  // of a failure
+  std::string metric;  // the main one, with its value, metres
+};
+
+struct Snapshot {
+  std::filesystem::path dir;
+  std::string name;
+  std::vector<std::string> problems;  // what keeps parts of it from opening, one sentence each
+  std::vector<std::string> warnings;
+  std::vector<SnapshotRun> runs;
+  std::vector<SnapshotReference> references;
+  std::vector<SnapshotStation> stations;
+  std::vector<SnapshotControl> controls;
+  std::vector<int> tags;
+  std::set<std::string> excluded;  // objects that the review leaves out
+  std::vector<std::string> variants;
+  std::shared_ptr<const Project> project;
+
+  const SnapshotRun* FindRun(const std::string& run) const;
+  // The object itself and what belongs to it: a station's tag and panoramas, and back; an image of a detection.
+  std::set<std::string> Related(const std::string& object) const;
+};
+
+// Opens a project as far as it can be opened; what cannot is in `problems`. Throws InputError if there is no folder.
+std::shared_ptr<const Snapshot> OpenSnapshot(const std::filesystem::path& dir);
+// The state of every result; reads and hashes inputs that were never hashed before.
+std::vector<SnapshotResult> StatesOfSnapshot(const Snapshot& snapshot);
+// Stage, title and metric of what is there, without asking whether it is out of date: fast.
+std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot);
+
+}  // namespace trigpoint

@@ -1,0 +1,86 @@
+#include "app/desktop/workspace.h"
+
+#include "app/desktop/background.h"
+#include "app/desktop/inspector.h"
+#include "app/pipeline/display_unit.h"
+
+namespace trigpoint {
+
+QString Workspace::dir() const { return snapshot_ ? QString::fromStdString(snapshot_->dir.string()) : QString(); }
+
+void Workspace::Open(const QString& dir) { Load(dir, false); }
+
+void Workspace::Reload() {
+  if (snapshot_) Load(dir(), true);
+}
+
+void Workspace::Close() {
+  ++generation_;
+  snapshot_.reset();
+  results_.clear();
+  inspectors_.clear();
+  Select("");
+  emit Closed();
+}
+
+void Workspace::Load(const QString& dir, bool again) {
+  const int generation = ++generation_;
+  ++opening_;
+  InBackground(
+      this, [path = dir.toStdString()] { return OpenSnapshot(path); },
+      [this, generation, again](const Attempted<std::shared_ptr<const Snapshot>>& opened) {
+        --opening_;
+        if (generation != generation_) return;  // another project was asked for meanwhile
+        if (!opened.value) {
+          emit Problem(opened.error, tr("The project was not opened."));
+          return;
+        }
+        snapshot_ = opened.value;
+        inspectors_.clear();
+        results_ = ResultsOfSnapshot(*snapshot_);
+        if (!again) selected_.clear();
+        related_ = snapshot_->Related(selected_.toStdString());
+        for (const std::string& problem : snapshot_->problems) {
+          emit Problem(QString::fromStdString(problem), tr("The rest of the project is open."));
+        }
+        emit Opened();
+        InBackground(
+            this, [snapshot = snapshot_] { return StatesOfSnapshot(*snapshot); },
+            [this, generation](const Attempted<std::vector<SnapshotResult>>& states) {
+              if (generation != generation_) return;
+              if (!states.error.isEmpty()) {
+                emit Problem(states.error, tr("What is out of date is not known."));
+                return;
+              }
+              results_ = states.value;
+              emit ResultsChanged();
+            });
+      });
+}
+
+std::shared_ptr<SharedInspector> Workspace::InspectorOf(const std::string& run, const std::string& variant) {
+  std::shared_ptr<SharedInspector>& pointer = inspectors_[run + "@" + variant];
+  if (!pointer) pointer = std::make_shared<SharedInspector>(*snapshot_->project, run, variant);
+  return pointer;
+}
+
+void Workspace::Select(const QString& object) {
+  if (object == selected_) return;
+  selected_ = object;
+  related_.clear();
+  if (snapshot_ && !object.isEmpty()) related_ = snapshot_->Related(object.toStdString());
+  emit Selected(object);
+}
+
+void Workspace::SetUnit(const QString& name) {
+  if (name == unit_) return;
+  metres_ = DisplayUnitNamed(name.toStdString()).metres;
+  unit_ = name;
+  emit UnitChanged();
+}
+
+QString Workspace::Length(double metres, int decimals) const {
+  return QString::number(metres / metres_, 'f', decimals) + " " + unit_;
+}
+
+}  // namespace trigpoint

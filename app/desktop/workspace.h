@@ -1,0 +1,74 @@
+// What all desks share: the open project, the selected object, the unit lengths are shown in. Lives in the window's
+// thread.
+#pragma once
+
+#include <QObject>
+#include <QString>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "app/desktop/snapshot.h"
+
+namespace trigpoint {
+
+struct SharedInspector;
+
+class Workspace : public QObject {
+  Q_OBJECT
+
+ public:
+  explicit Workspace(QObject* parent = nullptr) : QObject(parent) {}
+
+  // Reads the folder in the background; Opened or Problem follows.
+  void Open(const QString& dir);
+  // Again, after a run or a review: keeps the selection.
+  void Reload();
+  void Close();
+
+  // Null while nothing is open.
+  const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
+  const std::vector<SnapshotResult>& results() const { return results_; }
+  QString dir() const;
+  bool opening() const { return opening_ > 0; }
+  // Of the snapshot's results; the same one until a new snapshot is there. Throws InputError for an unknown run.
+  std::shared_ptr<SharedInspector> InspectorOf(const std::string& run, const std::string& variant = "");
+
+  const QString& selected() const { return selected_; }
+  // The selected object and what belongs to it.
+  const std::set<std::string>& related() const { return related_; }
+  void Select(const QString& object);
+
+  // "m", "ft", "us-ft".
+  const QString& unit() const { return unit_; }
+  double metres_per_unit() const { return metres_; }
+  void SetUnit(const QString& name);
+  // "1.234 m" in the unit shown.
+  QString Length(double metres, int decimals = 3) const;
+
+ signals:
+  void Opened();          // a snapshot is there, or a new one of the same project
+  void ResultsChanged();  // states of results are known
+  void Closed();
+  void Selected(const QString& object);
+  void UnitChanged();
+  // One readable sentence and what stands behind it.
+  void Problem(const QString& sentence, const QString& details);
+
+ private:
+  void Load(const QString& dir, bool again);
+
+  std::shared_ptr<const Snapshot> snapshot_;
+  std::vector<SnapshotResult> results_;
+  std::map<std::string, std::shared_ptr<SharedInspector>> inspectors_;  // by run@variant
+  QString selected_;
+  std::set<std::string> related_;
+  QString unit_ = "m";
+  double metres_ = 1;
+  int opening_ = 0;
+  int generation_ = 0;
+};
+
+}  // namespace trigpoint

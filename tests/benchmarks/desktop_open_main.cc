@@ -1,0 +1,86 @@
+// How fast a large project opens: time to the first picture, time until all points are there, frames a second while the
+// view turns, peak memory.
+//
+//   desktop_open DIR [IMAGES POINTS PANORAMAS]   DIR is made if it isn't there
+#include <QVTKOpenGLNativeWidget.h>
+
+#include <QApplication>
+#include <QElapsedTimer>
+#include <QSettings>
+#include <QSignalSpy>
+#include <QSurfaceFormat>
+#include <QTemporaryDir>
+#include <QTest>
+#include <QThreadPool>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+
+#include "app/desktop/main_window.h"
+#include "app/desktop/scene_desk.h"
+#include "tests/support/results_site.h"
+
+namespace {
+
+double PeakMiB() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind("VmHWM:", 0) == 0) return std::stod(line.substr(6)) / 1024;
+  }
+  return 0;
+}
+
+constexpr int kPatience = 600000;  // ms
+
+bool WaitFor(const std::function<bool()>& condition) { return QTest::qWaitFor(condition, kPatience); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    std::puts("desktop_open DIR [IMAGES POINTS PANORAMAS]");
+    return 2;
+  }
+  const std::string dir = argv[1];
+  if (!std::filesystem::exists(dir)) {
+    trigpoint::ResultsSiteSize size;
+    size.images = argc > 2 ? std::atoi(argv[2]) : 5000;
+    size.points = argc > 3 ? std::atoi(argv[3]) : 1000000;
+    size.panoramas = argc > 4 ? std::atoi(argv[4]) : 200;
+    size.image_width = 960, size.image_height = 600, size.panorama_width = 4096;
+    trigpoint::WriteResultsSite(dir, size);
+    std::puts("made");
+    return 0;
+  }
+  const QTemporaryDir settings;
+  QSettings::setDefaultFormat(QSettings::IniFormat);
+  QSettings::setPath(QSettings::IniFormat, QSettings::UserScope, settings.path());
+  QSurfaceFormat::setDefaultFormat(QVTKOpenGLNativeWidget::defaultFormat());
+  QElapsedTimer timer;
+  timer.start();
+  QApplication app(argc, argv);
+  QApplication::setOrganizationName("Trigpoint");
+  {
+    trigpoint::MainWindow window;
+    window.show();
+    window.ShowDesk("scene");
+    QSignalSpy loaded(window.scene(), &trigpoint::SceneDesk::Loaded);
+    window.OpenProject(QString::fromStdString(dir));
+    WaitFor([&] { return loaded.count() >= 1; });
+    QApplication::processEvents();
+    std::printf("first picture after %.2f s\n", 1e-3 * static_cast<double>(timer.elapsed()));
+    WaitFor([&] { return loaded.count() >= 2; });
+    QApplication::processEvents();
+    std::printf("all points after %.2f s\n", 1e-3 * static_cast<double>(timer.elapsed()));
+    QElapsedTimer turning;
+    turning.start();
+    const int frames = window.scene()->Turn(20);
+    std::printf("turning: %.1f frames a second\n", 1e3 * frames / static_cast<double>(turning.elapsed()));
+    std::printf("peak memory %.0f MiB\n", PeakMiB());
+  }
+  QThreadPool::globalInstance()->waitForDone();
+  return 0;
+}

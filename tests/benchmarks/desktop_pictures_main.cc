@@ -1,0 +1,121 @@
+// Pictures of every desk on a project with results, for docs/pictures and for looking at.
+//
+//   desktop_pictures DIR OUT [STATION]   in an X server, such as that of xvfb-run
+#include <QVTKOpenGLNativeWidget.h>
+
+#include <QAbstractButton>
+#include <QApplication>
+#include <QComboBox>
+#include <QSettings>
+#include <QSignalSpy>
+#include <QSurfaceFormat>
+#include <QTabWidget>
+#include <QTemporaryDir>
+#include <QTest>
+#include <QThreadPool>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+
+#include "app/desktop/compare_desk.h"
+#include "app/desktop/images_desk.h"
+#include "app/desktop/main_window.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/run_desk.h"
+#include "app/desktop/scene_desk.h"
+#include "app/desktop/tables_desk.h"
+
+namespace {
+
+constexpr int kPatience = 120000;  // ms
+
+void Save(trigpoint::MainWindow& window, const QString& out, const char* name) {
+  QTest::qWait(1500);
+  const QString file = out + "/" + name + ".png";
+  if (!window.grab().save(file)) std::fprintf(stderr, "%s: cannot be written\n", qPrintable(file));
+}
+
+// Whatever comes of it: what is missing is seen in the picture.
+bool WaitFor(const std::function<bool()>& condition) { return QTest::qWaitFor(condition, kPatience); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 3) {
+    std::puts("desktop_pictures DIR OUT [STATION]");
+    return 2;
+  }
+  const QTemporaryDir settings;
+  QSettings::setDefaultFormat(QSettings::IniFormat);
+  QSettings::setPath(QSettings::IniFormat, QSettings::UserScope, settings.path());
+  QSurfaceFormat::setDefaultFormat(QVTKOpenGLNativeWidget::defaultFormat());
+  QApplication app(argc, argv);
+  QApplication::setOrganizationName("Trigpoint");
+  const QString out = argv[2];
+  std::filesystem::create_directories(argv[2]);
+  {
+    trigpoint::MainWindow window;
+    window.resize(1280, 800);
+    window.show();
+    window.OpenProject(argv[1]);
+    if (!WaitFor([&] { return window.workspace()->snapshot() != nullptr; })) return 1;
+    const auto& stations = window.workspace()->snapshot()->stations;
+    const QString station = argc > 3 ? argv[3] : stations.empty() ? "" : stations.front().name.c_str();
+    window.run_desk()->Choose("localize", "");
+    Save(window, out, "run");
+    QSignalSpy loaded(window.scene(), &trigpoint::SceneDesk::Loaded);
+    window.ShowDesk("scene");
+    WaitFor([&] { return loaded.count() >= 2; });
+    window.workspace()->Select("station:" + station);
+    Save(window, out, "scene");
+    window.scene()->SetMode("plan");
+    Save(window, out, "plan");
+    window.scene()->SetMode("orbit");
+    for (const std::string& object : window.workspace()->related()) {
+      if (object.rfind("panorama:", 0) != 0) continue;
+      QSignalSpy inside(window.scene(), &trigpoint::SceneDesk::SteppedInside);
+      if (window.scene()->StepInside(QString::fromStdString(object.substr(9)))) {
+        WaitFor([&] { return inside.count() > 0; });
+        Save(window, out, "inside");
+        window.scene()->StepOutside();
+      }
+      break;
+    }
+    window.ShowDesk("images");
+    window.images()->ShowObject("station:" + station);
+    WaitFor([&] { return window.images()->left()->scale() > 4; });
+    Save(window, out, "tag");
+    window.images()->left()->Fit();
+    if (auto* match = window.findChild<QAbstractButton*>("images.match")) {
+      QTest::mouseClick(match, Qt::LeftButton);
+      WaitFor([&] { return !window.images()->right()->marks().empty(); });
+    }
+    Save(window, out, "images");
+    window.ShowDesk("tables");
+    window.tables()->Choose("evaluate/errors");
+    Save(window, out, "tables");
+    window.ShowDesk("compare");
+    auto* a = window.findChild<QComboBox*>("compare.run_a");
+    auto* b = window.findChild<QComboBox*>("compare.run_b");
+    if (a != nullptr && b != nullptr && a->count() > 2) {
+      a->setCurrentIndex(1);
+      b->setCurrentIndex(2);
+    }
+    Save(window, out, "compare");
+    if (auto* tabs = window.compare()->findChild<QTabWidget*>()) {
+      for (int i = 1; i < tabs->count(); ++i) {
+        tabs->setCurrentIndex(i);
+        Save(window, out, qPrintable(QString("compare_%1").arg(i)));
+      }
+    }
+    for (const char* desk : {"review", "panoramas", "calibration"}) {
+      window.ShowDesk(desk);
+      Save(window, out, desk);
+    }
+    window.SetTheme("dark");
+    window.ShowDesk("tables");
+    Save(window, out, "dark");
+  }
+  QThreadPool::globalInstance()->waitForDone();
+  return 0;
+}

@@ -1,0 +1,81 @@
+// What the GUI tests share: a window on a project, waiting for what comes by signal, pictures of the desks.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <QAbstractButton>
+#include <QAbstractItemView>
+#include <QApplication>
+#include <QDir>
+#include <QLineEdit>
+#include <QTest>
+#include <functional>
+#include <memory>
+
+#include "app/desktop/main_window.h"
+#include "app/desktop/problem_bar.h"
+
+namespace trigpoint {
+
+constexpr int kPatience = 60000;  // ms; machines that are busy with other things are slow
+
+inline bool WaitFor(const std::function<bool()>& condition, int ms = kPatience) {
+  return QTest::qWaitFor(condition, ms);
+}
+
+template <typename Widget>
+Widget* Child(QWidget* parent, const char* name) {
+  Widget* widget = parent->findChild<Widget*>(name);
+  EXPECT_NE(widget, nullptr) << name;
+  return widget;
+}
+
+inline void Click(QWidget* parent, const char* button) {
+  QTest::mouseClick(Child<QAbstractButton>(parent, button), Qt::LeftButton);
+}
+
+inline void Type(QWidget* parent, const char* edit, const QString& text) {
+  QLineEdit* line = Child<QLineEdit>(parent, edit);
+  line->selectAll();
+  QTest::keyClicks(line, text);
+}
+
+// A row whose cells hold a text; -1: none.
+inline int RowWith(const QAbstractItemView* view, const QString& text) {
+  for (int row = 0; row < view->model()->rowCount(); ++row) {
+    for (int column = 0; column < view->model()->columnCount(); ++column) {
+      if (view->model()->index(row, column).data().toString() == text) return row;
+    }
+  }
+  return -1;
+}
+
+inline void ClickRow(QAbstractItemView* view, int row) {
+  const QModelIndex index = view->model()->index(row, 0);
+  view->scrollTo(index);
+  QTest::mouseClick(view->viewport(), Qt::LeftButton, {}, view->visualRect(index).center());
+}
+
+// A picture of the window, where TRIGPOINT_SCREENSHOTS names a folder for it.
+inline void Screenshot(QWidget* window, const QString& name) {
+  const QString folder = qEnvironmentVariable("TRIGPOINT_SCREENSHOTS");
+  if (folder.isEmpty()) return;
+  QDir().mkpath(folder);
+  QTest::qWait(300);
+  EXPECT_TRUE(window->grab().save(folder + "/" + name + ".png"));
+}
+
+inline std::unique_ptr<MainWindow> OpenWindow(const QString& dir) {
+  auto window = std::make_unique<MainWindow>();
+  window->resize(1280, 800);
+  window->show();
+  EXPECT_TRUE(QTest::qWaitForWindowExposed(window.get()));
+  QApplication::setActiveWindow(window.get());  // without a window manager nobody else does
+  if (!dir.isEmpty()) {
+    window->OpenProject(dir);
+    EXPECT_TRUE(WaitFor([&] { return window->workspace()->snapshot() != nullptr; }));
+  }
+  return window;
+}
+
+}  // namespace trigpoint

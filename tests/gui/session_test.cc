@@ -1,0 +1,161 @@
+// A whole session on a real site: run, cancel, run again, look, exclude, re-solve, undo, export, quit during a run.
+//
+// On the embedded site's shorter run; TRIGPOINT_GUI_SITE names another one (a copy: results are written into it), and
+// TRIGPOINT_GUI_RUN its run.
+#include <gmock/gmock.h>
+
+#include <QCheckBox>
+#include <QComboBox>
+#include <QElapsedTimer>
+#include <QLabel>
+#include <QPlainTextEdit>
+#include <QProgressBar>
+#include <QSettings>
+#include <QSignalSpy>
+#include <QTableView>
+#include <QTableWidget>
+#include <QTemporaryDir>
+
+#include "app/desktop/images_desk.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/review_desk.h"
+#include "app/desktop/run_desk.h"
+#include "app/desktop/scene_desk.h"
+#include "app/desktop/site_tree.h"
+#include "app/desktop/tables_desk.h"
+#include "datasets/io/text.h"
+#include "datasets/project/lock.h"
+#include "tests/gui/gui_driver.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr int kLong = 1800000;  // ms, for a run
+
+class SessionTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    QSettings().clear();
+    dir_ = qEnvironmentVariable("TRIGPOINT_GUI_SITE");
+    run_ = qEnvironmentVariable("TRIGPOINT_GUI_RUN", "run2");
+    if (!dir_.isEmpty()) return;
+    dir_ = temporary_.filePath("site");
+    fs::copy(fs::path(TRIGPOINT_SOURCE_DIR) / "datasets/parking_lot", dir_.toStdString(), fs::copy_options::recursive);
+    fs::remove_all(dir_.toStdString() + "/runs/run1");
+  }
+  // Starts a stage from the form and waits for its end.
+  JobController::End RunStage(const char* stage, bool cancel) {
+    window_->ShowDesk("run");
+    window_->run_desk()->Choose(stage, run_);
+    QSignalSpy ended(window_->jobs(), &JobController::Finished);
+    QSignalSpy progress(window_->jobs(), &JobController::Progress);
+    Click(window_.get(), "run.run");
+    EXPECT_TRUE(window_->jobs()->running());
+    if (cancel) {
+      EXPECT_TRUE(WaitFor([&] { return progress.count() > 5; }, kLong));
+      QElapsedTimer timer;
+      timer.start();
+      Click(window_.get(), "run.cancel");
+      EXPECT_TRUE(WaitFor([&] { return ended.count() == 1; }));
+      std::printf("cancelled after %lld ms\n", static_cast<long long>(timer.elapsed()));
+    } else {
+      EXPECT_TRUE(WaitFor([&] { return progress.count() > 5; }, kLong));
+      Screenshot(window_.get(), QString("running_") + stage);
+      EXPECT_TRUE(WaitFor([&] { return ended.count() == 1; }, kLong));
+    }
+    return ended.isEmpty() ? JobController::End::kFailed : ended[0][0].value<JobController::End>();
+  }
+  std::string Errors() const { return ReadTextFile(dir_.toStdString() + "/results/evaluate/errors.csv"); }
+
+  QTemporaryDir temporary_;
+  QString dir_, run_;
+  std::unique_ptr<MainWindow> window_;
+};
+
+TEST_F(SessionTest, FromTheFirstRunToTheLastQuit) {
+  window_ = OpenWindow(dir_);
+  ASSERT_EQ(RunStage("localize", true), JobController::End::kCancelled);
+  EXPECT_THAT(Child<QLabel>(window_.get(), "run.status")->text().toStdString(), HasSubstr("Cancelled"));
+  ASSERT_EQ(RunStage("localize", false), JobController::End::kDone);
+  EXPECT_TRUE(WaitFor([&] { return window_->tree()->StateOf("localize/" + run_) == "done"; }, kLong));
+  ASSERT_EQ(RunStage("evaluate", false), JobController::End::kDone);
+
+  // A station of the table in the scene.
+  window_->ShowDesk("scene");
+  ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));
+  window_->ShowDesk("tables");
+  ASSERT_TRUE(WaitFor([&] { return window_->tables()->Choose("evaluate/errors"); }));
+  auto* view = Child<QTableView>(window_.get(), "tables.view");
+  Type(window_.get(), "tables.filter", "localized");
+  ASSERT_TRUE(WaitFor([&] { return view->model()->rowCount() > 0; }));
+  ClickRow(view, 0);
+  const QString station = window_->workspace()->selected();
+  ASSERT_TRUE(station.startsWith("station:")) << station.toStdString();
+  EXPECT_TRUE(window_->scene()->Highlighted().contains(station));
+  Screenshot(window_.get(), "session_tables");
+  window_->ShowDesk("scene");
+  Screenshot(window_.get(), "session_scene");
+  const QTemporaryDir out;
+  window_->tables()->Export(out.filePath("errors.csv"));
+  EXPECT_THAT(ReadTextFile(out.filePath("errors.csv").toStdString()), HasSubstr("error_3d_m"));
+  EXPECT_TRUE(window_->scene()->Screenshot(800, 450).save(out.filePath("scene.png")));
+
+  // The best image of its tag; the detection in it is excluded.
+  window_->ShowDesk("images");
+  ASSERT_TRUE(window_->images()->ShowObject(station));
+  PictureView* picture = window_->images()->left();
+  QString detection;
+  ASSERT_TRUE(WaitFor([&] {
+    for (const PictureMark& mark : picture->marks()) {
+      if (mark.layer == "detections") detection = mark.object;
+    }
+    return !detection.isEmpty() && picture->scale() > 4;
+  }));
+  Screenshot(window_.get(), "session_images");
+  const QString panorama = Child<QComboBox>(window_.get(), "images.reference")->currentText();
+  Click(window_.get(), "images.match");
+  EXPECT_TRUE(WaitFor([&] { return !window_->images()->right()->marks().empty(); }, kLong)) << panorama.toStdString();
+  picture->Fit();
+  Screenshot(window_.get(), "session_matches");
+
+  const std::string before = Errors();
+  window_->ShowDesk("review");
+  window_->workspace()->Select(detection);
+  QSignalSpy reviewed(window_->review(), &ReviewDesk::Reviewed), solved(window_->review(), &ReviewDesk::Solved);
+  Type(window_.get(), "review.reason", "half hidden");
+  Click(window_.get(), "review.exclude");
+  ASSERT_TRUE(WaitFor([&] { return reviewed.count() == 1; }));
+  Click(window_.get(), "review.solve");
+  ASSERT_TRUE(WaitFor([&] { return solved.count() == 1; }, kLong));
+  EXPECT_NE(Errors(), before);
+  EXPECT_GT(Child<QTableWidget>(window_.get(), "review.changes")->rowCount(), 0);
+  Screenshot(window_.get(), "session_review");
+  ASSERT_TRUE(WaitFor([&] { return !window_->workspace()->opening(); }));
+  Click(window_.get(), "review.undo");
+  ASSERT_TRUE(WaitFor([&] { return reviewed.count() == 2; }));
+  Click(window_.get(), "review.solve");
+  ASSERT_TRUE(WaitFor([&] { return solved.count() == 2; }, kLong));
+  EXPECT_EQ(Errors(), before);  // as if nothing had been
+  EXPECT_EQ(std::count(before.begin(), before.end(), '\n') > 2, true);
+
+  // Quit during a run: the window goes at once when the worker has, and nothing half-made is taken for a result.
+  window_->ShowDesk("run");
+  window_->run_desk()->Choose("localize", run_);
+  Child<QComboBox>(window_.get(), "run.variant")->setCurrentText("trial");
+  QSignalSpy progress(window_->jobs(), &JobController::Progress);
+  Click(window_.get(), "run.run");
+  ASSERT_TRUE(WaitFor([&] { return progress.count() > 5; }, kLong));
+  window_->close();
+  EXPECT_TRUE(WaitFor([&] { return !window_->isVisible(); }));
+  EXPECT_FALSE(window_->jobs()->running());
+  window_.reset();
+  EXPECT_FALSE(fs::exists(dir_.toStdString() + "/results/localize/" + run_.toStdString() + "@trial"));
+  EXPECT_FALSE(ProjectLock::Holder(dir_.toStdString() + "/results").has_value());
+  EXPECT_EQ(Errors(), before);
+}
+
+}  // namespace
+}  // namespace trigpoint
