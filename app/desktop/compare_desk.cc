@@ -197,7 +197,7 @@ void CompareDesk::Compare() {
         c.differences = DifferencesOf(ManifestIn(a), ManifestIn(b));
         return c;
       },
-      [this, generation](const Attempted<Comparison>& compared) {
+      [this, generation, single = !runs[0].empty()](const Attempted<Comparison>& compared) {
         if (generation != generation_) return;
         if (!compared.error.isEmpty()) {
           text_->setPlainText(compared.error);
@@ -209,8 +209,9 @@ void CompareDesk::Compare() {
         };
         const QSignalBlocker block(errors_);
         errors_->setSortingEnabled(false);
-        errors_->setColumnCount(8);
-        errors_->setHorizontalHeaderLabels({tr("reference"), tr("method"), tr("run"), tr("station"),
+        errors_->setColumnCount(9);
+        errors_->setColumnHidden(2, single);
+        errors_->setHorizontalHeaderLabels({tr("reference"), tr("method"), tr("run"), tr("station"), tr("panorama"),
                                             tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
                                             tr("B - A (%1)").arg(unit), tr("status A / B")});
         for (const ReviewedError& row : compared.value.rows) {
@@ -224,12 +225,13 @@ void CompareDesk::Compare() {
                                   QString::fromStdString(row.method),
                                   QString::fromStdString(row.run),
                                   QString::fromStdString(row.station),
+                                  QString::fromStdString(row.panorama),
                                   length(row.before_m),
                                   length(row.after_m),
                                   length(difference),
                                   status};
           for (int c = 0; c < cells.size(); ++c) {
-            auto* item = c >= 4 && c <= 6 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
+            auto* item = c >= 5 && c <= 7 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
             item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
             errors_->setItem(r, c, item);
           }
@@ -256,7 +258,7 @@ void CompareDesk::ShowScenes() {
   for (int i = 0; i < 2; ++i) {
     if (scene_[i] == nullptr) {
       scene_[i] = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
-      scenes_->layout()->addWidget(scene_[i]);
+      static_cast<QHBoxLayout*>(scenes_->layout())->addWidget(scene_[i], 1);
     }
     scene_[i]->ShowVariant(QString::fromStdString(sides_[i].variant));
   }

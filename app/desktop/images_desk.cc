@@ -24,7 +24,8 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kTagZoom = 6;  // screen pixels a picture pixel when a tag is looked at
+constexpr double kMostTagZoom = 6;  // screen pixels a picture pixel when a tag is looked at
+constexpr double kTagShare = 0.4;   // of the view that it then fills
 
 QPointF Point(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
@@ -65,18 +66,22 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   images_->setObjectName("images.list");
   images_->setAccessibleName(tr("Images of the run"));
   images_->setUniformItemSizes(true);
+  images_->setMinimumWidth(images_->fontMetrics().horizontalAdvance("images/000000.jpg") + 40);
   images_->setTextElideMode(Qt::ElideLeft);
   images_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
   slider_ = new QSlider(Qt::Horizontal);
   slider_->setAccessibleName(tr("Image by time"));
   reference_ = new QComboBox;
   reference_->setObjectName("images.reference");
+  reference_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+  reference_->setMinimumContentsLength(14);
   reference_->setAccessibleName(tr("Panorama or photo"));
   auto* match = new QPushButton(tr("&Match"));
   match->setObjectName("images.match");
   match->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
+  // Reprojection errors are drawn ten times as long as they are.
   detections_ = LayerBox(tr("detections"), "images.detections", true);
-  tracks_ = LayerBox(tr("tracks and reprojection errors (10 x)"), "images.tracks", true);
+  tracks_ = LayerBox(tr("tracks, errors x 10"), "images.tracks", true);
   inliers_ = LayerBox(tr("inlier matches"), "images.inliers", true);
   outliers_ = LayerBox(tr("outlier matches"), "images.outliers", false);
   point_ = new QComboBox;
@@ -269,7 +274,7 @@ void ImagesDesk::ShowImage() {
         if (!inspected.error.isEmpty()) {
           status_->setText(inspected.error);
         } else {
-          QString text = tr("%1 tags, %2 points").arg(inspected_->tags.size()).arg(inspected_->points.size());
+          QString text = tr("tags: %1, points: %2").arg(inspected_->tags.size()).arg(inspected_->points.size());
           if (inspected_->rms_px) text += tr(", reprojection RMS %1 px").arg(*inspected_->rms_px, 0, 'f', 2);
           if (inspected_->excluded) text += tr("; excluded by the review");
           status_->setText(text);
@@ -395,9 +400,10 @@ void ImagesDesk::Redraw() {
   if (inspected_ && !left_->image().isNull() && !wanted_.startsWith("image:")) {
     for (const PictureMark& mark : left_->marks()) {
       if (wanted_.isEmpty() || mark.object != wanted_) continue;
-      const QPointF middle = mark.points.boundingRect().center();
+      const QRectF box = mark.points.boundingRect();
       wanted_.clear();
-      left_->LookAt(middle, kTagZoom);
+      const double side = std::max({1.0, box.width(), box.height()});
+      left_->LookAt(box.center(), std::min(kMostTagZoom, kTagShare * std::min(left_->width(), left_->height()) / side));
       break;
     }
   }

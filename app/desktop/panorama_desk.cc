@@ -91,6 +91,8 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(panorama_);
   split->addWidget(lower);
+  split->setSizes({350, 350});
+  lower->setSizes({250, 400, 250});
   auto* all = new QVBoxLayout(this);
   all->addLayout(top);
   all->addWidget(split, 1);
@@ -151,6 +153,8 @@ void PanoramaDesk::ShowSet() {
     text_->clear();
     return;
   }
+  panorama_->SetPicture({}, tr("reading %1 ...").arg(set_->currentText()));
+  graph_->SetPicture({}, "");
   const SnapshotReference reference = snapshot->references[static_cast<size_t>(set_->currentData().toInt())];
   const bool is_set = reference.kind == "photo set";
   std::vector<std::string> names;

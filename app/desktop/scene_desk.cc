@@ -332,7 +332,7 @@ void SceneDesk::Load() {
           clear();
           vtk_->scene = loaded.value;
           SceneStyle style;
-          style.text_px = fontMetrics().height() * devicePixelRatioF();
+          style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
           vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
@@ -542,8 +542,9 @@ bool SceneDesk::StepInside(const QString& panorama) {
           vtk_->widget->makeCurrent();
           vtk_->ShowSky(shown, picture.value);
           vtk_->Clear(vtk_->highlights);
-          for (const char* layer : {"panoramas", "aerial", "labels", "legend", "axes"})
-            vtk_->view->SetVisible(layer, false);
+          for (const std::string& layer : SceneView::Layers()) {  // over the picture points and tags alone
+            if (layer != "points" && layer != "tags") vtk_->view->SetVisible(layer, false);
+          }
           step_->setText(tr("Step &outside"));
           Say(tr("inside %1, as localized by %2").arg(panorama, QString::fromStdString(shown.run)));
           Render();

@@ -30,6 +30,7 @@ SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent),
   header()->setSectionResizeMode(1, QHeaderView::ResizeToContents);
   setTextElideMode(Qt::ElideLeft);  // of a path the end tells
   setUniformRowHeights(true);
+  setMinimumWidth(30 * fontMetrics().averageCharWidth());
   setContextMenuPolicy(Qt::CustomContextMenu);
   connect(this, &QTreeWidget::customContextMenuRequested, this, &SiteTree::Menu);
   connect(this, &QTreeWidget::currentItemChanged, this, [this](QTreeWidgetItem* item) {

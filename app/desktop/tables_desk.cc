@@ -21,6 +21,8 @@ namespace trigpoint {
 
 namespace {
 
+constexpr int kWidestColumn = 30;  // characters, until somebody widens it
+
 bool IsLength(const std::string& column) {
   static const std::set<std::string> kPlain = {"x", "y", "z", "odom_x", "odom_y", "odom_z", "tx", "ty", "tz"};
   return column.ends_with("_m") || kPlain.count(column) > 0;
@@ -86,10 +88,11 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
     case kObjectRole: return QString::fromStdString(table_->objects[r]);
     case Qt::TextAlignmentRole:
       return static_cast<int>((numeric_[c] ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignVCenter);
-    case Qt::FontRole: {
-      QFont font;
-      font.setBold(!table_->objects[r].empty() && workspace_->related().count(table_->objects[r]) > 0);
-      return font;
+    case Qt::BackgroundRole: {  // what belongs to the selection
+      if (table_->objects[r].empty() || workspace_->related().count(table_->objects[r]) == 0) return {};
+      QColor tint = QApplication::palette().color(QPalette::Highlight);
+      tint.setAlpha(70);
+      return tint;
     }
     case Qt::ForegroundRole: {
       const std::string& object = table_->objects[r];
@@ -224,12 +227,15 @@ void TablesDesk::ShowTable() {
         model_->SetTable(table.value);
         count_->setText(tr("%1 of %2 rows").arg(proxy_->rowCount()).arg(model_->rowCount()));
         if (model_->rowCount() < 2000) view_->resizeColumnsToContents();
+        for (int c = 0; c < model_->columnCount(); ++c) {
+          view_->setColumnWidth(c, std::min(view_->columnWidth(c), kWidestColumn * fontMetrics().averageCharWidth()));
+        }
         ShowSelected();
       });
 }
 
 void TablesDesk::ShowSelected() {
-  view_->viewport()->update();  // what belongs to the selection is bold
+  view_->viewport()->update();  // what belongs to the selection is tinted
   if (view_->hasFocus() && view_->currentIndex().isValid() &&
       view_->currentIndex().data(DataTableModel::kObjectRole).toString() == workspace_->selected()) {
     return;

@@ -254,9 +254,9 @@ TEST_F(DesksTest, VariantsAreComparedStationByStation) {
   ASSERT_TRUE(WaitFor([&] { return errors->rowCount() == 4; }));
   const int row = RowWith(errors, "S1");
   ASSERT_GE(row, 0);
-  EXPECT_EQ(errors->item(row, 4)->text(), "0.0200");
-  EXPECT_EQ(errors->item(row, 5)->text(), "0.0400");
-  EXPECT_EQ(errors->item(row, 6)->text(), "0.0200");
+  EXPECT_EQ(errors->item(row, 5)->text(), "0.0200");
+  EXPECT_EQ(errors->item(row, 6)->text(), "0.0400");
+  EXPECT_EQ(errors->item(row, 7)->text(), "0.0200");
   EXPECT_THAT(Child<QPlainTextEdit>(window_.get(), "compare.text")->toPlainText().toStdString(), HasSubstr("control"));
   ClickRow(errors, row);
   EXPECT_EQ(window_->workspace()->selected(), "station:S1");

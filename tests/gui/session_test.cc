@@ -112,7 +112,7 @@ TEST_F(SessionTest, FromTheFirstRunToTheLastQuit) {
     for (const PictureMark& mark : picture->marks()) {
       if (mark.layer == "detections") detection = mark.object;
     }
-    return !detection.isEmpty() && picture->scale() > 4;
+    return !detection.isEmpty() && picture->scale() > 1.5;  // on the tag
   }));
   Screenshot(window_.get(), "session_images");
   const QString panorama = Child<QComboBox>(window_.get(), "images.reference")->currentText();

@@ -34,7 +34,7 @@ SceneModel Ring() {
                                {{-0.8, 0.6, 1}, {0.8, 0.6, 1}, {0.8, -0.6, 1}, {-0.8, -0.6, 1}},
                                {}});
     }
-    model.points.push_back({0, {15 * std::cos(a), 11 * std::sin(a), 0.1 * i}, 2 + i % 7, 0.01 * (1 + i)});
+    model.points.push_back({0, i, {15 * std::cos(a), 11 * std::sin(a), 0.1 * i}, 2 + i % 7, 0.01 * (1 + i)});
   }
   model.paths = {optimised, odometry};
   for (int k = 0; k < 4; ++k) {
