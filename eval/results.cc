@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -166,6 +167,14 @@ std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras
 LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir) {
   LocalizeResult result;
   result.panoramas = ReadPanoramaResults(dir / "panoramas.csv");
+  const auto placed = [](const PanoramaResult& p) { return p.status == "localized" && p.world_from_pano; };
+  const auto bare = [&](const PanoramaResult& p) { return placed(p) && !p.sigma_m; };
+  if (const auto n = std::count_if(result.panoramas.begin(), result.panoramas.end(), bare); n > 0) {
+    result.warnings.push_back(fmt::format(
+        "panoramas.csv: {} of {} answers have no finite sigma_x_m, sigma_y_m, sigma_z_m: nothing can be said "
+        "of their consistency",
+        n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
+  }
   if (std::filesystem::exists(dir / "views.csv")) result.views = ReadViewResults(dir / "views.csv");
   result.cameras_odom = ReadPosesIfThere(dir / "cameras_odom.tum", &result.warnings);
   result.cameras = ReadPosesIfThere(dir / "cameras.tum", &result.warnings);

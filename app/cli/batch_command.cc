@@ -18,6 +18,7 @@
 #include "app/cli/command.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
+#include "eval/report/overview.h"
 
 namespace trigpoint {
 namespace {
@@ -94,6 +95,7 @@ class Batch {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
     WriteBatchSummary(results_, out_);
+    WriteOverviewPage();
     return ExitCode();
   }
   const std::vector<BatchResult>& results() const { return results_; }
@@ -202,9 +204,15 @@ class Batch {
       most_ = std::max(most_, child.peak);
       const nlohmann::json said = nlohmann::json::parse(ReadTextFile(LogOf(child.index, "json")), nullptr, false);
       if (said.is_object()) r.stages = said.value("stages", nlohmann::json::array());
+      if (WIFSIGNALED(status) && r.attempts < 2) {  // once more: what it had finished is kept
+        terminal_.Say(fmt::format("{}: was ended by signal {} ({}); begun again", r.entry.name, WTERMSIG(status),
+                                  strsignal(WTERMSIG(status))));
+        started_.erase(child.index);
+        return;
+      }
       if (WIFSIGNALED(status)) {
         r.exit_code = 128 + WTERMSIG(status);
-        r.error = fmt::format("was ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
+        r.error = fmt::format("was ended by signal {} ({}), twice", WTERMSIG(status), strsignal(WTERMSIG(status)));
       } else {
         r.exit_code = WEXITSTATUS(status);
         if (r.exit_code != 0 && r.exit_code != kGateExitCode) r.error = ErrorOf(said, child.index);
@@ -266,6 +274,19 @@ class Batch {
     throw Cancelled();
   }
 
+  // index.html: a row for every line of the list, linked to the projects' own reports.
+  void WriteOverviewPage() const {
+    std::vector<OverviewProject> projects;
+    for (const BatchResult& r : results_) {
+      OverviewProject project{r.entry.dir, r.status, r.error, r.entry.name, ""};
+      const auto& words = r.entry.arguments;
+      const auto variant = std::find(words.begin(), words.end(), "--variant");
+      if (variant != words.end() && variant + 1 != words.end()) project.variant = variant[1];
+      projects.push_back(std::move(project));
+    }
+    WriteOverview(projects, DisplayUnitNamed(session_.options.units), out_ / "index.html");
+  }
+
   int ExitCode() const {
     int code = 0;
     for (const BatchResult& r : results_) {
@@ -294,7 +315,8 @@ int RunBatch(const Session& session, BatchArguments arguments) {
   }
   Batch batch(session, std::move(entries), arguments);
   const int exit_code = batch.Run();
-  session.Print(FormatBatch(batch.results()) + "Summary: " + (fs::path(arguments.out) / "summary.md").string() + "\n");
+  session.Print(FormatBatch(batch.results()) + "Summary: " + (fs::path(arguments.out) / "summary.md").string() + "\n" +
+                "Reports: " + (fs::path(arguments.out) / "index.html").string() + "\n");
   nlohmann::json summary = BatchJson(batch.results());
   summary["command"] = "batch";
   summary["ok"] = exit_code == 0;
@@ -313,7 +335,9 @@ void AddBatchCommand(CLI::App& app, Session& session) {
       "Every project runs in a process of its own, --jobs at a time within --memory; one that fails doesn't stop the\n"
       "others. After a kill the same command goes on: what is up to date is not computed again. summary.json, .csv "
       "and\n"
-      ".md are in --out. The exit code is 1 if one failed, else 3 if a gate of one is not passed.\n\n"
+      ".md are in --out, and index.html, a page that links to all reports. One that is ended by a signal is begun "
+      "once\n"
+      "more. The exit code is 1 if one failed, else 3 if a gate of one is not passed.\n\n"
       "Examples:\n"
       "  trigpoint batch sites.txt --jobs 2 --memory 6G\n"
       "  trigpoint batch \"/data/sites/*\"\n"

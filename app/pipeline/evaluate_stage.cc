@@ -1,5 +1,6 @@
 // evaluate: the localized panoramas of all runs against tags and control points.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -156,20 +157,27 @@ std::vector<std::string> EvaluatedVariants(const Project& project, const std::st
 // The maps to hold results against. One that cannot be read is named and left out, unless it was asked for.
 std::vector<ReferenceMap> ReferencesFor(const Project& project, const std::string& asked, ProgressSink& progress) {
   std::vector<ReferenceMap> maps;
+  const auto add = [&](const std::string& name) {
+    const fs::path folder = ReferenceMapFolder(project, name);
+    maps.push_back(ReadReferenceMap(project, folder, name));
+    const std::string missing = MissingCovariances(maps.back(), folder);
+    if (!missing.empty()) progress.Log(LogLevel::kWarning, missing);
+  };
   if (asked == "self") return maps;
   if (!asked.empty() && asked != "control") {
     const std::vector<std::string> names = ReferenceNames(project);
     if (std::find(names.begin(), names.end(), asked) == names.end()) {
-      throw InputError("there is no reference '" + asked + "'; nearest: '" + NearestName(asked, names) + "'");
+      throw InputError("there is no reference '" + asked + "'; nearest: '" + NearestName(asked, names) +
+                       "' (there are " + fmt::format("{}", fmt::join(names, ", ")) + ")");
     }
-    maps.push_back(ReadReferenceMap(project, ReferenceMapFolder(project, asked), asked));
+    add(asked);
     return maps;
   }
   if (ReferenceMap control = ControlMap(project); !control.tags.empty()) maps.push_back(std::move(control));
   if (asked == "control" && maps.empty()) throw InputError("there is no reference 'control': no control_points.csv");
   if (asked.empty() && fs::exists(ReferenceMapFolder(project, "survey") / "tags.csv")) {
     try {
-      maps.push_back(ReadReferenceMap(project, ReferenceMapFolder(project, "survey"), "survey"));
+      add("survey");
     } catch (const InputError& e) {
       progress.Log(LogLevel::kWarning, std::string("the survey is no reference: ") + e.what());
     }

@@ -139,6 +139,17 @@ ReferenceMap ReadReferenceMap(const Project& project, const fs::path& folder, co
   return map;
 }
 
+std::string MissingCovariances(const ReferenceMap& map, const fs::path& folder) {
+  std::string tags;
+  if (!fs::exists(folder / "tags_cov.csv")) return tags;
+  for (const TagResult& tag : map.tags) {
+    if (tag.map_from_tag && !tag.covariance) tags += " " + std::to_string(tag.tag_id);
+  }
+  if (tags.empty()) return tags;
+  return (folder / "tags_cov.csv").string() + ": no finite covariance of tag" + tags +
+         "; the sigmas of tags.csv stand in, axes taken as independent";
+}
+
 std::string TagMapFrame(const fs::path& tags_csv) {
   return CommentValue(CsvTable::Read(tags_csv, {"tag_id"}).comments(), "frame");
 }

@@ -18,6 +18,8 @@ ReferenceMap ControlMap(const Project& project);
 // (release.json). Tags that moved, stand twice, or have no certain pose are unusable. Throws InputError if it is not
 // there, not in the site's frame, or was changed after it was published.
 ReferenceMap ReadReferenceMap(const Project& project, const std::filesystem::path& folder, const std::string& name);
+// One sentence on tags whose covariance tags_cov.csv should give and does not; empty if all is well.
+std::string MissingCovariances(const ReferenceMap& map, const std::filesystem::path& folder);
 
 // What a tags.csv says of its frame ("enu", "map"), empty if nothing.
 std::string TagMapFrame(const std::filesystem::path& tags_csv);

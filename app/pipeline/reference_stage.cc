@@ -81,6 +81,8 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
   if (run.cameras.empty()) throw InputError("run " + run.name + " has no calibrated camera; expected camchain.yaml");
   const fs::path folder = ReferenceMapFolder(project, options.map);
   const ReferenceMap map = ReadReferenceMap(project, folder, options.map);
+  const std::string missing = MissingCovariances(map, folder);
+  if (!missing.empty()) context.progress.Log(LogLevel::kWarning, missing);
   ReferencePoseInput input;
   input.cameras = run.cameras;
   input.images = run.images;

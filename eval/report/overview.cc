@@ -39,8 +39,7 @@ nlohmann::json ReadJson(const fs::path& file) {
 void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUnit& unit, const fs::path& file) {
   const std::string u = " (" + unit.name + ")";
   Table table{"projects",
-              "A row a project, its first set of results; press a name to open its report. Median and P90 of 3D "
-              "differences over answers, "
+              "A row a project; press a name to open its report. Median and P90 of 3D differences over answers, "
               "against what the column says; independent: the reference shares no data with the answers.",
               {{"project"},
                {"status"},
@@ -58,9 +57,11 @@ void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUn
   std::vector<std::pair<std::string, double>> medians;
   for (const OverviewProject& project : projects) {
     const fs::path dir = fs::absolute(project.dir).lexically_normal();
-    const std::string name = (dir.has_filename() ? dir : dir.parent_path()).filename().string();
+    const std::string folder = (dir.has_filename() ? dir : dir.parent_path()).filename().string();
+    const std::string name = project.name.empty() ? folder : project.name;
+    const std::string evaluate = project.variant.empty() ? "evaluate" : "evaluate@" + project.variant;
     ReportData data;
-    data.variants.push_back({"", ReadJson(dir / "results" / "evaluate" / "summary.json"), {}, {}});
+    data.variants.push_back({project.variant, ReadJson(dir / "results" / evaluate / "summary.json"), {}, {}});
     if (!data.variants.front().summary.is_object()) data.variants.front().summary = nlohmann::json::object();
     const Headline headline = FindHeadline(data);
     const nlohmann::json& g = headline.group;

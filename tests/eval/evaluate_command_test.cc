@@ -204,6 +204,7 @@ TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
   const Finished nan = Trigpoint({"evaluate", site.dir(), "--min-answered", "0.1"});
   EXPECT_EQ(nan.exit_code, 0) << nan.err;
   EXPECT_EQ(GroupOf(site.Summary(), "single")["attempts"], 18);
+  EXPECT_THAT(nan.err, HasSubstr("1 of 1 answers have no finite sigma_x_m"));
   const Finished unknown = Trigpoint({"evaluate", site.dir(), "--reference", "contrl"});
   EXPECT_EQ(unknown.exit_code, 1);
   EXPECT_THAT(unknown.err, HasSubstr("nearest: 'control'"));
@@ -214,6 +215,15 @@ TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
   EXPECT_EQ(estimate.exit_code, 0) << estimate.err;
   EXPECT_THAT(estimate.err, HasSubstr("there are no reference poses of run1"));
   EXPECT_THAT(estimate.err, HasSubstr("there is no run 'run9'"));
+}
+
+TEST(EvaluateCommand, OneStationDecidesNothing) {
+  const Site site;
+  site.Write("stations.csv", "station,tag_id,east_m,north_m,up_m,sigma_m\nS3,3,0,0,1,0.01\n");
+  const Finished one = Trigpoint({"evaluate", site.dir(), "--max-median", "0.2"});
+  EXPECT_EQ(one.exit_code, 3) << one.err;
+  EXPECT_THAT(one.out, HasSubstr("UNDECIDED"));
+  EXPECT_EQ(GroupOf(site.Summary(), "single")["answers"], 2);
 }
 
 TEST(PublishCommand, FreezesAMapThatLaterRunsAreHeldAgainst) {
@@ -294,6 +304,7 @@ TEST(BatchCommand, KeepsFailuresApartAndGoesOn) {
   EXPECT_EQ(summary["entries"][2]["exit_code"], 3);
   EXPECT_THAT(ReadTextFile(out + "/summary.md"), HasSubstr("3 of 4 done"));
   EXPECT_TRUE(fs::exists(out + "/summary.csv"));
+  EXPECT_THAT(ReadTextFile(out + "/index.html"), HasSubstr("4 projects"));
 
   // The same again: nothing is computed twice.
   sites[1]->Write("trigpoint.yaml", "schema: 1\n");
