@@ -528,6 +528,17 @@ Eigen::MatrixXd BlockSolver::Jacobian(int factor) const {
   return Eigen::Map<const Eigen::MatrixXd>(&jacobians_[jacobian_at_[i]], factors[i].cost->num_residuals(), columns_[i]);
 }
 
+void BlockSolver::AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const {
+  const Eigen::MatrixXd product = Jacobian(factor).transpose() * a;
+  Eigen::Index from = 0;
+  for (int u : factors[static_cast<size_t>(factor)].unknowns) {
+    if (slot_[static_cast<size_t>(u)] < 0) continue;
+    const Eigen::Index size = unknowns[static_cast<size_t>(u)].Tangent();
+    into->middleRows(Offset(u), size) += product.middleRows(from, size);
+    from += size;
+  }
+}
+
 Eigen::MatrixXd BlockSolver::Absorbed(int factor) const {
   const auto i = static_cast<size_t>(factor);
   std::vector<int> index;

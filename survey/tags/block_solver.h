@@ -82,11 +82,14 @@ class BlockSolver {
   void Linearise(int threads, const CancelToken& cancel, bool open = false);
   int Offset(int unknown) const { return offset_[static_cast<size_t>(unknown)]; }  // -1: not estimated
   const SelectedInverse& inverse() const { return *inverse_; }
-  Matrix6d PoseCovariance(int unknown) const;     // zero for one that is held
-  Eigen::VectorXd Residual(int factor) const;     // whitened, before the robust weight
-  double Weight(int factor) const;                // rho'
-  Eigen::MatrixXd Absorbed(int factor) const;     // J Q J', weighted: the part of the unit covariance the fit takes
-  Eigen::MatrixXd Jacobian(int factor) const;     // weighted; columns of its free unknowns in order
+  Matrix6d PoseCovariance(int unknown) const;  // zero for one that is held
+  Eigen::VectorXd Residual(int factor) const;  // whitened, before the robust weight
+  double Weight(int factor) const;             // rho'
+  Eigen::MatrixXd Absorbed(int factor) const;  // J Q J', weighted: the part of the unit covariance the fit takes
+  Eigen::MatrixXd Jacobian(int factor) const;  // weighted; columns of its free unknowns in order
+  // into += J' a, J as in Jacobian, at the rows of its unknowns.
+  void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
+  int Equations() const { return equations_; }
   double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
 
  private:

@@ -124,7 +124,7 @@ void MapSolver::CollectTags() {
     tag.size_m = input_.sizes.SizeOf(tag.tag_id);
     const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
     RunAgreement& run = result_.runs[static_cast<size_t>(frame.run)];
-    if (!Usable(s)) {
+    if (!Usable(s) || s.place < 0) {
       ++tag.rejected;
       ++run.rejected;
       continue;
@@ -132,7 +132,7 @@ void MapSolver::CollectTags() {
     const BodyCamera& camera = input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)];
     const double shift = run_states_[static_cast<size_t>(frame.run)].shift[static_cast<size_t>(s.camera)];
     const Vector8d r =
-        TagResidual(s.sight, tag.size_m, camera.cam_from_body, *frame.world_from_body, tags_.at(tag.tag_id)) -
+        TagResidual(s.sight, SizeOf(s.place), camera.cam_from_body, *frame.world_from_body, tags_.at(tag.tag_id)) -
         shift * s.sight.outward;
     const double px = ResidualPx(s.sight, r);
     ++tag.images;
@@ -156,6 +156,7 @@ void MapSolver::CollectTags() {
       tag.reason = judged.count(id) > 0 ? judged[id].reason : "";
     }
     JudgeShape(&tag);
+    JudgePlaces(&tag);
     if (!tag.reason.empty()) {
       result_.warnings.push_back(fmt::format("tag {} ({}): {}", id, tag.status, tag.reason));
     }
@@ -370,7 +371,7 @@ void MapSolver::FitMapToPoints() {
 void MapSolver::CrossCovariances() {
   for (auto a = tag_unknown_.begin(); a != tag_unknown_.end(); ++a) {
     const int offset = solver_.Offset(a->second);
-    if (offset < 0) continue;
+    if (offset < 0 || a->first < 0) continue;
     cancel_.ThrowIfCancelled();
     const Eigen::MatrixXd columns = solver_.inverse().Columns(offset, 6);
     for (auto b = std::next(a); b != tag_unknown_.end(); ++b) {

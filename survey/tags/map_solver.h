@@ -58,6 +58,14 @@ class MapSolver {
   void UpdateFactors();
   bool SnoopSights();
   bool SnoopOdometry();
+  // map_hypotheses.cc
+  struct Hypothesis;
+  bool SnoopTags();
+  void Test(Hypothesis* h, bool exact) const;
+  Eigen::MatrixXd DerivativeOf(const Hypothesis& h, int observation) const;
+  void JudgePlaces(TagEstimate* tag) const;
+  int IdOf(int place) const;
+  double SizeOf(int place) const;
   bool SnoopControl();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
   double SightChi2(const MapSight& s) const;
@@ -88,7 +96,15 @@ class MapSolver {
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
   int shift_unknown_ = -1;
   std::vector<RunState> run_states_;
-  std::map<int, Rigid3d> tags_;
+  std::map<int, Rigid3d> tags_;  // by place: a tag's id, or below zero an entry of moved_
+  struct MovedTag {
+    int tag_id = 0, run = 0;
+  };
+  std::vector<MovedTag> moved_;  // place -1 - k: where the tag stands in that run
+  struct SizeFound {
+    double log_ratio = 0, sigma = 0;  // to the stated size
+  };
+  std::map<int, SizeFound> sizes_found_;  // by place
   std::map<std::string, Eigen::Vector3d> marked_;
   std::vector<TiePoint> tie_points_;  // of all runs, kept between solutions
   HuberChi2Loss huber_, geotag_loss_, mark_loss_;

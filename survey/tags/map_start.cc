@@ -320,6 +320,7 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
           } catch (const NumericError&) {
             continue;  // outside the camera model
           }
+          s.place = s.detection.id;
           frame.sights.push_back(static_cast<int>(start.sights.size()));
           start.sights.push_back(s);
         }

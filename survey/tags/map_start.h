@@ -14,6 +14,7 @@ namespace trigpoint {
 struct MapSight {
   int frame = 0;
   int camera = 0;
+  int place = 0;  // of its tag: the id, until a tag is found to stand in several places
   TagDetection detection;
   TagSight sight;
   bool rejected = false;

@@ -16,6 +16,7 @@ class SelectedInverse {
   // Entry of the inverse; (row, column) must be on the pattern of `normal` (or of its factor), else std::logic_error.
   double At(int row, int column) const;
   Eigen::MatrixXd Block(int row, int column, int rows, int columns) const;
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& right) const { return llt_.solve(right); }
   // Columns [first, first + count) of the whole inverse, by back-substitution.
   Eigen::MatrixXd Columns(int first, int count) const;
 

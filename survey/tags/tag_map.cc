@@ -30,7 +30,7 @@ constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their 
 constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
 constexpr double kSlipChi2 = 30;                  // 99.996 % of chi-square with 6 degrees of freedom: odometry jumped
 constexpr double kSlip = 30;                      // factor on the sigma of a step that jumped
-constexpr int kExtraRounds = 3;
+constexpr int kExtraRounds = 3, kMostTagRounds = 8;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
 
@@ -92,6 +92,7 @@ SurveyResult MapSolver::Run() {
   progress_.Begin("tag map", 0);
   // Each round: solve, reject what contradicts, weigh the groups by their own residuals. The last solve has the final
   // weights.
+  int rounds = options_.variance_rounds;
   for (int round = 0;; ++round) {
     Build();
     const BlockSolver::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
@@ -100,12 +101,15 @@ SurveyResult MapSolver::Run() {
     result_.iterations += summary.iterations;
     solver_.Linearise(threads_, cancel_, true);
     StoreState();
-    const bool last = round >= options_.variance_rounds;
-    const bool may_reject = round < options_.variance_rounds + kExtraRounds;
-    const bool sights = may_reject && SnoopSights();
+    const bool last = round >= rounds;
+    const bool may_reject = round < rounds + kExtraRounds;
+    const bool tags = may_reject && round > 0 && SnoopTags();
+    const bool sights = may_reject && !tags && SnoopSights();
     const bool odometry = may_reject && round > 0 && SnoopOdometry();
-    const bool points = may_reject && round > 0 && !sights && !odometry && SnoopControl();
-    if (last && !sights && !odometry && !points) break;
+    const bool points = may_reject && round > 0 && !tags && !sights && !odometry && SnoopControl();
+    // Weights that made room for a moved tag are found anew.
+    if (tags) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
+    if (last && !tags && !sights && !odometry && !points) break;
     if (!last) UpdateFactors();
   }
   for (int f : unlinked_frames_) start_.frames[static_cast<size_t>(f)].world_from_body.reset();
@@ -168,19 +172,25 @@ void MapSolver::LoadState() {
   }
   // What is far off from the start would only pull: it is looked at again after the first solution.
   for (MapSight& s : start_.sights) {
-    const auto tag = tags_.find(s.detection.id);
+    const auto tag = tags_.find(s.place);
     const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
     if (tag == tags_.end() || !frame.world_from_body) continue;
     const BodyCamera& camera = input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)];
-    const Vector8d r = TagResidual(s.sight, input_.sizes.SizeOf(s.detection.id), camera.cam_from_body,
-                                   *frame.world_from_body, tag->second);
+    const Vector8d r = TagResidual(s.sight, SizeOf(s.place), camera.cam_from_body, *frame.world_from_body, tag->second);
     s.rejected = ResidualPx(s.sight, r) > kStartGatePx;
   }
 }
 
+int MapSolver::IdOf(int place) const { return place >= 0 ? place : moved_[static_cast<size_t>(-1 - place)].tag_id; }
+
+double MapSolver::SizeOf(int place) const {
+  const auto found = sizes_found_.find(place);
+  return input_.sizes.SizeOf(IdOf(place)) * (found == sizes_found_.end() ? 1 : std::exp(found->second.log_ratio));
+}
+
 bool MapSolver::Usable(const MapSight& s) const {
-  return !s.rejected && Placed(s.frame) && tags_.count(s.detection.id) > 0 &&
-         unlinked_tags_.count(s.detection.id) == 0 && unlinked_frames_.count(s.frame) == 0;
+  return !s.rejected && Placed(s.frame) && tags_.count(s.place) > 0 && unlinked_tags_.count(s.place) == 0 &&
+         unlinked_frames_.count(s.frame) == 0;
 }
 
 // Frames and tags that sights, odometry and scene points tie to the largest part of the map; the others wait outside.
@@ -214,7 +224,7 @@ void MapSolver::FindLinked() {
   }
   for (const MapSight& s : start_.sights) {
     if (!Usable(s)) continue;
-    const auto [it, fresh] = tag_frame.try_emplace(s.detection.id, s.frame);
+    const auto [it, fresh] = tag_frame.try_emplace(s.place, s.frame);
     if (!fresh) join(s.frame, it->second);
   }
   for (const MapSight& s : start_.sights) {
@@ -288,19 +298,17 @@ void MapSolver::Build() {
     const auto camera = static_cast<size_t>(s.camera);
     if (options_.self_calibrate) {
       Add(Kind::kTag, static_cast<int>(i),
-          new TagPixelCost(run_states_[run].cameras[camera], s.detection, s.sight.sigma_px,
-                           input_.sizes.SizeOf(s.detection.id), input_.runs[run].cameras[camera].cam_from_body,
-                           &run_states_[run].corner),
+          new TagPixelCost(run_states_[run].cameras[camera], s.detection, s.sight.sigma_px, SizeOf(s.place),
+                           input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
           &huber_,
-          {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.detection.id),
+          {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
            run_states_[run].camera_unknown[camera]});
       continue;
     }
     Add(Kind::kTag, static_cast<int>(i),
-        new TagCost(s.sight, input_.sizes.SizeOf(s.detection.id), input_.runs[run].cameras[camera].cam_from_body,
-                    &run_states_[run].corner),
+        new TagCost(s.sight, SizeOf(s.place), input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
         &huber_,
-        {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.detection.id),
+        {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
          run_states_[run].shift_unknown[camera]});
   }
   AddTies();
@@ -572,13 +580,12 @@ double MapSolver::SightChi2(const MapSight& s) const {
   const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
   const auto run = static_cast<size_t>(frame.run), camera = static_cast<size_t>(s.camera);
   const Rigid3d& cam_from_body = input_.runs[run].cameras[camera].cam_from_body;
-  const Rigid3d& tag = tags_.at(s.detection.id);
-  if (!TagFaces(s.sight, input_.sizes.SizeOf(s.detection.id), cam_from_body * frame.world_from_body->Inverse() * tag)) {
+  const Rigid3d& tag = tags_.at(s.place);
+  if (!TagFaces(s.sight, SizeOf(s.place), cam_from_body * frame.world_from_body->Inverse() * tag)) {
     return std::numeric_limits<double>::infinity();
   }
-  const Vector8d r =
-      TagResidual(s.sight, input_.sizes.SizeOf(s.detection.id), cam_from_body, *frame.world_from_body, tag) -
-      run_states_[run].shift[camera] * s.sight.outward;
+  const Vector8d r = TagResidual(s.sight, SizeOf(s.place), cam_from_body, *frame.world_from_body, tag) -
+                     run_states_[run].shift[camera] * s.sight.outward;
   return r.squaredNorm() / (run_states_[run].corner * run_states_[run].corner);
 }
 
@@ -589,7 +596,7 @@ bool MapSolver::SnoopSights() {
   std::map<int, int> of_tag, of_frame;
   for (size_t i = 0; i < chi2.size(); ++i) {
     const MapSight& s = start_.sights[i];
-    if (!Placed(s.frame) || tags_.count(s.detection.id) == 0) continue;
+    if (!Placed(s.frame) || tags_.count(s.place) == 0) continue;
     chi2[i] = SightChi2(s);
     if (!s.rejected) used.push_back(chi2[i]);
   }
@@ -602,7 +609,7 @@ bool MapSolver::SnoopSights() {
     if (chi2[i] < 0) continue;
     const MapSight& s = start_.sights[i];
     if (chi2[i] > gate) continue;
-    ++of_tag[s.detection.id];
+    ++of_tag[s.place];
     ++of_frame[s.frame];
   }
   for (size_t i = 0; i < chi2.size(); ++i) {
@@ -610,8 +617,7 @@ bool MapSolver::SnoopSights() {
     MapSight& s = start_.sights[i];
     const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
     // A tag or a frame is not left without any observation.
-    const bool needed =
-        of_tag[s.detection.id] == 0 || (of_frame[s.frame] == 0 && !frame.odom_from_body && !frame.has_ties);
+    const bool needed = of_tag[s.place] == 0 || (of_frame[s.frame] == 0 && !frame.odom_from_body && !frame.has_ties);
     const bool rejected = chi2[i] > gate && (!needed || s.rejected);
     any |= rejected != s.rejected;
     s.rejected = rejected;

@@ -144,6 +144,7 @@ TEST(TagMap, RecoversTheYardAndItsUncertaintyIsReal) {
     ASSERT_EQ(map.tags.size(), 8U);
     for (const TagEstimate& tag : map.tags) {
       ASSERT_TRUE(tag.HasPose()) << tag.tag_id << " " << tag.reason;
+      EXPECT_EQ(tag.status, "ok") << tag.tag_id << " " << tag.reason;
       const Vector6d e = tag.world_from_tag->Minus(yard.tags[tag.tag_id]);
       worst = std::max(worst, e.tail<3>().norm());
       nees += e.dot(tag.covariance.inverse() * e);
@@ -220,7 +221,7 @@ TEST(TagMap, HeadingDriftIsEstimatedWithTheScale) {
   }
 }
 
-TEST(TagMap, DISABLED_AMovedTagIsNamedAndNotAveraged) {
+TEST(TagMap, AMovedTagIsNamedAndNotAveraged) {
   Yard yard = MakeYard(7);
   const Eigen::Vector3d shift(0.4, 0.3, 0);
   const Rigid3d moved(yard.tags[4].rotation, yard.tags[4].translation + shift);
@@ -246,7 +247,7 @@ TEST(TagMap, DISABLED_AMovedTagIsNamedAndNotAveraged) {
   for (int i : {1, 2, 6}) EXPECT_LT((map.tags[i].world_from_tag->translation - yard.tags[i].translation).norm(), 0.08);
 }
 
-TEST(TagMap, DISABLED_AWrongSizeIsNamed) {
+TEST(TagMap, AWrongSizeIsNamed) {
   Yard yard = MakeYard(8);
   yard.input.sizes.sizes_m[6] = 0.55;  // printed 0.5
   const SurveyResult map = Survey(yard.input);
@@ -254,7 +255,7 @@ TEST(TagMap, DISABLED_AWrongSizeIsNamed) {
   for (int i : {0, 1, 2, 3, 4, 5, 7}) EXPECT_NE(map.tags[i].status, "size") << i << map.tags[i].reason;
 }
 
-TEST(TagMap, DISABLED_WrongControlIsTakenOutAndNamed) {
+TEST(TagMap, WrongControlIsTakenOutAndNamed) {
   Yard yard = MakeYard(9);
   for (int t : {1, 7}) {
     SurveyPoint p = yard.input.points[0];

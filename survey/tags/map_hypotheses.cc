@@ -1,0 +1,186 @@
+// What a single tag may have done to contradict the rest of a map: stand elsewhere in one of the runs, or be of another
+// size than stated. Each is tested as an extra parameter of the present solution (Baarda 1968, Teunissen 2006): with
+// A its derivative of the tag's whitened residuals, J the design and Q the inverse normal matrix,
+//   N = A'A - A'J Q J'A,   estimate = -N^-1 A'r,   T = (A'r)' N^-1 (A'r) ~ chi-square.
+// Residuals alone don't show it: odometry bends and cameras step aside, and every picture looks a little wrong.
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/parallel.h"
+#include "calib/geo/geodetic.h"
+#include "survey/tags/map_solver.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kMoveChi2 = 35.0;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
+constexpr double kSizeChi2 = 21.0;  // 5e-6 at 1
+constexpr double kLeastMove_m = 0.02, kLeastTurn_rad = 2 * kDegToRad;  // less is no move but a weakness of the model
+constexpr double kLeastSizeError = 0.02;                               // printers and rulers are no worse
+constexpr size_t kMostExact = 48;                                      // hypotheses looked at closely each round
+constexpr int kLeastSights = 3;
+
+}  // namespace
+
+struct MapSolver::Hypothesis {
+  int place = 0;
+  int run = -1;  // of a move; -1: size
+  std::vector<int> observations;
+  double quick = 0;  // T without the other unknowns' part: a lower bound
+  double chi2 = 0;
+  Eigen::VectorXd estimate;
+  Eigen::MatrixXd covariance;
+};
+
+// Weighted derivative of an observation's residual by the hypothesis, from that by the tag's pose.
+Eigen::MatrixXd MapSolver::DerivativeOf(const Hypothesis& h, int observation) const {
+  const MapSight& s = start_.sights[static_cast<size_t>(observations_[static_cast<size_t>(observation)].index)];
+  const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+  const auto run = static_cast<size_t>(frame.run);
+  const Rigid3d& tag = tags_.at(s.place);
+  const double size = SizeOf(s.place);
+  Matrix86d by_tag;
+  TagResidual(s.sight, size, input_.runs[run].cameras[static_cast<size_t>(s.camera)].cam_from_body,
+              *frame.world_from_body, tag, nullptr, &by_tag);
+  by_tag *= std::sqrt(solver_.Weight(observation)) / run_states_[run].corner;
+  if (h.run >= 0) return by_tag;
+  Vector8d by_log_size;
+  for (int k = 0; k < 4; ++k) {
+    by_log_size.segment<2>(2 * k) = by_tag.block<2, 3>(2 * k, 3) * (tag.rotation * TagCorner(size, k));
+  }
+  return by_log_size;
+}
+
+void MapSolver::Test(Hypothesis* h, bool exact) const {
+  Eigen::MatrixXd normal, coupling;
+  Eigen::VectorXd gradient;
+  for (int i : h->observations) {
+    const Eigen::MatrixXd a = DerivativeOf(*h, i);
+    if (normal.size() == 0) {
+      normal = Eigen::MatrixXd::Zero(a.cols(), a.cols());
+      gradient = Eigen::VectorXd::Zero(a.cols());
+      if (exact) coupling = Eigen::MatrixXd::Zero(solver_.Equations(), a.cols());
+    }
+    normal += a.transpose() * a;
+    gradient += a.transpose() * (std::sqrt(solver_.Weight(i)) * solver_.Residual(i));
+    if (exact) solver_.AddTransposed(i, a, &coupling);
+  }
+  if (exact) normal -= coupling.transpose() * solver_.inverse().Solve(coupling);
+  // What the rest of the map takes in entirely cannot be tested.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
+  const Eigen::VectorXd& values = eigen.eigenvalues();
+  Eigen::VectorXd inverse = Eigen::VectorXd::Zero(values.size());
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    if (values[k] > 1e-6 * std::max(1.0, values.maxCoeff())) inverse[k] = 1 / values[k];
+  }
+  h->covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  h->estimate = -h->covariance * gradient;
+  (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
+}
+
+// Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
+// each run at a time. True if there was one.
+bool MapSolver::SnoopTags() {
+  std::map<int, std::map<int, std::vector<int>>> of_place;  // place, run: observations
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    if (observations_[i].kind != Kind::kTag) continue;
+    const MapSight& s = start_.sights[static_cast<size_t>(observations_[i].index)];
+    of_place[s.place][start_.frames[static_cast<size_t>(s.frame)].run].push_back(static_cast<int>(i));
+  }
+  std::vector<Hypothesis> hypotheses;
+  for (const auto& [place, runs] : of_place) {
+    Hypothesis size;
+    size.place = place;
+    for (const auto& [run, observations] : runs) {
+      size.observations.insert(size.observations.end(), observations.begin(), observations.end());
+    }
+    // Of two runs that disagree the one with fewer pictures, else the later, is said to see the other place.
+    for (auto it = runs.rbegin(); runs.size() > 1 && it != runs.rend(); ++it) {
+      if (it->second.size() < kLeastSights || size.observations.size() - it->second.size() < kLeastSights) continue;
+      if (runs.size() == 2) {
+        const size_t first = runs.begin()->second.size(), last = runs.rbegin()->second.size();
+        if ((it == runs.rbegin()) != (last <= first)) continue;
+      }
+      Hypothesis move;
+      move.place = place;
+      move.run = it->first;
+      move.observations = it->second;
+      hypotheses.push_back(std::move(move));
+    }
+    if (size.observations.size() > kLeastSights) hypotheses.push_back(std::move(size));
+  }
+  ParallelFor(static_cast<int64_t>(hypotheses.size()), threads_, cancel_,
+              [&](int64_t i) { Test(&hypotheses[static_cast<size_t>(i)], false); });
+  const auto threshold = [](const Hypothesis& h) { return h.run >= 0 ? kMoveChi2 : kSizeChi2; };
+  std::stable_sort(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& a, const Hypothesis& b) {
+    return a.quick / threshold(a) > b.quick / threshold(b);
+  });
+  hypotheses.resize(std::min(hypotheses.size(), kMostExact));
+  ParallelFor(static_cast<int64_t>(hypotheses.size()), threads_, cancel_,
+              [&](int64_t i) { Test(&hypotheses[static_cast<size_t>(i)], true); });
+  std::stable_sort(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& a, const Hypothesis& b) {
+    return a.chi2 / threshold(a) > b.chi2 / threshold(b);
+  });
+  std::set<int> disturbed;  // runs
+  bool any = false;
+  for (const Hypothesis& h : hypotheses) {
+    if (h.chi2 <= threshold(h)) break;
+    std::set<int> its_runs;
+    for (int i : h.observations) {
+      const MapSight& s = start_.sights[static_cast<size_t>(observations_[static_cast<size_t>(i)].index)];
+      its_runs.insert(start_.frames[static_cast<size_t>(s.frame)].run);
+    }
+    if (std::any_of(its_runs.begin(), its_runs.end(), [&](int r) { return disturbed.contains(r); })) continue;
+    if (h.run < 0) {
+      if (std::abs(h.estimate[0]) < kLeastSizeError && sizes_found_.count(h.place) == 0) continue;
+      SizeFound& found = sizes_found_[h.place];
+      found.log_ratio += std::clamp(h.estimate[0], -0.7, 0.7);
+      found.sigma = std::sqrt(h.covariance(0, 0));
+      if (std::abs(h.estimate[0]) < 0.1 * found.sigma) continue;
+    } else {
+      if (h.estimate.tail<3>().norm() < kLeastMove_m && h.estimate.head<3>().norm() < kLeastTurn_rad) continue;
+      const int id = IdOf(h.place);
+      const int place = -1 - static_cast<int>(moved_.size());
+      moved_.push_back({id, h.run});
+      tags_[place] = tags_.at(h.place).Plus(h.estimate);
+      for (MapSight& s : start_.sights) {
+        if (s.place != h.place || start_.frames[static_cast<size_t>(s.frame)].run != h.run) continue;
+        s.place = place;
+        s.rejected = false;
+      }
+    }
+    disturbed.insert(its_runs.begin(), its_runs.end());
+    any = true;
+  }
+  return any;
+}
+
+// Names what SnoopTags found.
+void MapSolver::JudgePlaces(TagEstimate* tag) const {
+  const auto size = sizes_found_.find(tag->tag_id);
+  if (size != sizes_found_.end()) {
+    const double stated = input_.sizes.SizeOf(tag->tag_id), found = stated * std::exp(size->second.log_ratio);
+    tag->status = "size";
+    tag->reason = fmt::format("its edge is {:.4f} +- {:.4f} m (1 sigma) by the pictures, stated are {:.4f} m", found,
+                              found * size->second.sigma, stated);
+  }
+  std::string text;
+  for (size_t k = 0; k < moved_.size(); ++k) {
+    const auto at = tags_.find(-1 - static_cast<int>(k));
+    if (moved_[k].tag_id != tag->tag_id || at == tags_.end() || !tag->world_from_tag) continue;
+    const Eigen::Vector3d& a = tag->world_from_tag->translation;
+    const Eigen::Vector3d& b = at->second.translation;
+    text += fmt::format("{}in {} it stands at ({:.2f}, {:.2f}, {:.2f}), {:.2f} m from ({:.2f}, {:.2f}, {:.2f})",
+                        text.empty() ? "" : "; ", input_.runs[static_cast<size_t>(moved_[k].run)].name, b.x(), b.y(),
+                        b.z(), (b - a).norm(), a.x(), a.y(), a.z());
+  }
+  if (text.empty()) return;
+  tag->status = "moved";
+  tag->reason = text;
+}
+
+}  // namespace trigpoint
