@@ -89,6 +89,7 @@ class BlockSolver {
   Eigen::MatrixXd Jacobian(int factor) const;  // weighted; columns of its free unknowns in order
   // into += J' a, J as in Jacobian, at the rows of its unknowns.
   void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
+  Eigen::VectorXd Product(int factor, const Eigen::VectorXd& all) const;  // J all
   int Equations() const { return equations_; }
   double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
 

@@ -20,9 +20,16 @@ namespace {
 constexpr double kMoveChi2 = 35.0;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
 constexpr double kSizeChi2 = 21.0;  // 5e-6 at 1
 constexpr double kLeastMove_m = 0.02, kLeastTurn_rad = 2 * kDegToRad;  // less is no move but a weakness of the model
-constexpr double kLeastSizeError = 0.02;                               // printers and rulers are no worse
-constexpr size_t kMostExact = 48;                                      // hypotheses looked at closely each round
+constexpr double kLeastSizeError = 0.035;  // odometry, whose scale wanders along its way, can show no less
+constexpr size_t kMostExact = 48;          // hypotheses looked at closely each round
 constexpr int kLeastSights = 3;
+constexpr double kMostLeft = 0.7;  // of the median squared residual
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 }  // namespace
 
@@ -34,6 +41,7 @@ struct MapSolver::Hypothesis {
   double chi2 = 0;
   Eigen::VectorXd estimate;
   Eigen::MatrixXd covariance;
+  Eigen::VectorXd others;  // what the other unknowns do with it
 };
 
 // Weighted derivative of an observation's residual by the hypothesis, from that by the tag's pose.
@@ -69,7 +77,11 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
     gradient += a.transpose() * (std::sqrt(solver_.Weight(i)) * solver_.Residual(i));
     if (exact) solver_.AddTransposed(i, a, &coupling);
   }
-  if (exact) normal -= coupling.transpose() * solver_.inverse().Solve(coupling);
+  Eigen::MatrixXd follow;
+  if (exact) {
+    follow = solver_.inverse().Solve(coupling);
+    normal -= coupling.transpose() * follow;
+  }
   // What the rest of the map takes in entirely cannot be tested.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
   const Eigen::VectorXd& values = eigen.eigenvalues();
@@ -79,7 +91,19 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   }
   h->covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   h->estimate = -h->covariance * gradient;
+  if (exact) h->others = -follow * h->estimate;
   (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
+}
+
+// Are most of its pictures better off by a move, or has it taken after a few that are wrong?
+bool MapSolver::Explains(const Hypothesis& h) const {
+  std::vector<double> before, after;
+  for (int i : h.observations) {
+    const Eigen::VectorXd r = std::sqrt(solver_.Weight(i)) * solver_.Residual(i);
+    before.push_back(r.squaredNorm());
+    after.push_back((r + DerivativeOf(h, i) * h.estimate + solver_.Product(i, h.others)).squaredNorm());
+  }
+  return Median(std::move(after)) < kMostLeft * Median(std::move(before));
 }
 
 // Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
@@ -129,6 +153,7 @@ bool MapSolver::SnoopTags() {
   bool any = false;
   for (const Hypothesis& h : hypotheses) {
     if (h.chi2 <= threshold(h)) break;
+    if (h.run >= 0 && !Explains(h)) continue;
     std::set<int> its_runs;
     for (int i : h.observations) {
       const MapSight& s = start_.sights[static_cast<size_t>(observations_[static_cast<size_t>(i)].index)];

@@ -41,6 +41,7 @@ class MapSolver {
 
   void ChooseDatum();
   void LoadState();
+  void GateStart();
   void FindLinked();
   bool Usable(const MapSight& s) const;
   bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }
@@ -56,19 +57,22 @@ class MapSolver {
   void StoreState();
   void StoreCameras();
   void UpdateFactors();
-  bool SnoopSights();
+  bool SnoopSights(int round);
   bool SnoopOdometry();
   // map_hypotheses.cc
   struct Hypothesis;
   bool SnoopTags();
   void Test(Hypothesis* h, bool exact) const;
+  bool Explains(const Hypothesis& h) const;
   Eigen::MatrixXd DerivativeOf(const Hypothesis& h, int observation) const;
   void JudgePlaces(TagEstimate* tag) const;
   int IdOf(int place) const;
   double SizeOf(int place) const;
   bool SnoopControl();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
+  bool ResidualOf(const MapSight& s, Vector8d* residual) const;
   double SightChi2(const MapSight& s) const;
+  double SightPx(const MapSight& s) const;
 
   // map_result.cc
   void Collect();
@@ -106,8 +110,9 @@ class MapSolver {
   };
   std::map<int, SizeFound> sizes_found_;  // by place
   std::map<std::string, Eigen::Vector3d> marked_;
-  std::vector<TiePoint> tie_points_;  // of all runs, kept between solutions
-  HuberChi2Loss huber_, geotag_loss_, mark_loss_;
+  std::vector<TiePoint> tie_points_;      // of all runs, kept between solutions
+  std::unique_ptr<HuberChi2Loss> huber_;  // of the corners
+  HuberChi2Loss odometry_loss_, geotag_loss_, mark_loss_;
   std::vector<std::unique_ptr<HuberChi2Loss>> tie_losses_;
   BlockSolver solver_;
   std::vector<Observation> observations_;  // one a factor

@@ -361,8 +361,8 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
         if (frame.run != run) continue;
         frame.world_from_body =
             input.runs[r].start.At(frame.stamp_ns, static_cast<int64_t>(input.runs[r].max_gap_s * 1e9));
-        if (input.runs[r].start.poses.empty()) frame.world_from_body = frame.odom_from_body;
       }
+      if (input.runs[r].start.poses.empty()) FollowOdometry(input, run, start);
       run_tags[r] = TagsOf(input, *start, run, threads, cancel);
     }
   }

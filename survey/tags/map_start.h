@@ -54,6 +54,10 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options);
 void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_points, int threads,
                const CancelToken& cancel, MapStart* start);
 
+// Body poses of a run along its odometry, tied anew to tags seen before wherever it comes back to them elsewhere:
+// drift that is left in would make the pictures of whole visits look wrong. For FindStart.
+void FollowOdometry(const SurveyInput& input, int run, MapStart* start);
+
 // The pictures of a map as views of EstimateTagPoses; `run` < 0: all.
 std::vector<TagView> ViewsOf(const SurveyInput& input, const MapStart& start, int run);
 

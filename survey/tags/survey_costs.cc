@@ -107,10 +107,10 @@ bool OdometryCost::Evaluate(double const* const* parameters, double* residuals, 
   const Eigen::Matrix3d at = a.rotation.conjugate().toRotationMatrix();
   const Eigen::Vector3d step = b.translation - a.translation;
   const Eigen::Vector3d turn = LogSO3(a_from_b_.rotation.conjugate() * a.rotation.conjugate() * b.rotation);
-  const Eigen::Vector3d turned = length_m_ * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d& turned = way_;
   Eigen::Map<Vector6d> r(residuals);
   r.head<3>() = inverse_rot * (turn - drift * turned);
-  r.tail<3>() = inverse_m * (at * step - s * a_from_b_.translation);
+  r.tail<3>() = inverse_m * (at * step / s - a_from_b_.translation);
   if (jacobians == nullptr) return true;
   // Log(E Exp(w)) = Log(E) + Jr^-1 w, Jr^-1(x) = Jl^-1(x)'.
   const Eigen::Matrix3d by_turn =
@@ -118,20 +118,20 @@ bool OdometryCost::Evaluate(double const* const* parameters, double* residuals, 
   Eigen::Matrix<double, 6, 6> j = Eigen::Matrix<double, 6, 6>::Zero();
   if (jacobians[0] != nullptr) {
     j.topLeftCorner<3, 3>() = -by_turn;
-    j.bottomLeftCorner<3, 3>() = inverse_m * (at * Skew(step));
-    j.bottomRightCorner<3, 3>() = -(inverse_m * at);
+    j.bottomLeftCorner<3, 3>() = inverse_m * (at * Skew(step)) / s;
+    j.bottomRightCorner<3, 3>() = -(inverse_m * at) / s;
     ToAmbient<6>(j, parameters[0], jacobians[0]);
   }
   if (jacobians[1] != nullptr) {
     j.setZero();
     j.topLeftCorner<3, 3>() = by_turn;
-    j.bottomRightCorner<3, 3>() = inverse_m * at;
+    j.bottomRightCorner<3, 3>() = inverse_m * at / s;
     ToAmbient<6>(j, parameters[1], jacobians[1]);
   }
   if (jacobians[2] != nullptr) {
     Eigen::Map<Vector6d> by_scale(jacobians[2]);
     by_scale.setZero();
-    by_scale.tail<3>() = -(inverse_m * a_from_b_.translation);
+    by_scale.tail<3>() = -(inverse_m * (at * step)) / (s * s);
   }
   if (jacobians[3] != nullptr) {
     Eigen::Map<Vector6d> by_drift(jacobians[3]);

@@ -58,19 +58,20 @@ class TagPixelCost final : public ceres::SizedCostFunction<8, 7, 7, kCameraNumbe
 };
 
 // Odometry between two body poses: world_from_a, world_from_b, scale of the odometry, drift of its heading -> 6:
-//   r_R = (Log(Rm' Ra' Rb) - drift * length * z) / sigma_R   (rad)
-//   r_t = (Ra' (tb - ta) - s tm) / sigma_t                   (m)
-// length: of the way between them, m; drift: rad/m about the body's z axis.
+//   r_R = (Log(Rm' Ra' Rb) - drift * way) / sigma_R           (rad)
+//   r_t = (Ra' (tb - ta) / s - tm) / sigma_t                 (m of the odometry)
+// It is what was measured that is noisy: s tm would take the noise of many short steps for a scale that is too small.
+// way: length of the way between them, m, along odometry's z axis in the body's frame at b; drift: rad/m about it.
 class OdometryCost final : public ceres::SizedCostFunction<6, 7, 7, 1, 1> {
  public:
   // `factor`: six factors on the sigmas.
-  OdometryCost(const Rigid3d& a_from_b, double length_m, const Vector6d& sigma, const double* factor)
-      : a_from_b_(a_from_b), length_m_(length_m), sigma_(sigma), factor_(factor) {}
+  OdometryCost(const Rigid3d& a_from_b, const Eigen::Vector3d& way, const Vector6d& sigma, const double* factor)
+      : a_from_b_(a_from_b), way_(way), sigma_(sigma), factor_(factor) {}
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
   Rigid3d a_from_b_;
-  double length_m_;
+  Eigen::Vector3d way_;
   Vector6d sigma_;
   const double* factor_;
 };

@@ -14,6 +14,7 @@
 #include "survey/tags/control.h"
 #include "survey/tags/conventions.h"
 #include "survey/tags/map_solver.h"
+#include "survey/tags/planar_pose.h"
 #include "survey/tags/survey_costs.h"
 
 namespace trigpoint {
@@ -21,15 +22,24 @@ namespace {
 
 constexpr double kHuberChi2 = 15.5;       // 95 % of chi-square with 8 degrees of freedom
 constexpr double kGeotagChi2 = 7.8;       // 95 %, 3 degrees of freedom
+constexpr double kOdometryChi2 = 12.6;    // 95 %, 6 degrees of freedom
 constexpr double kMarkChi2 = 5.99;        // 95 %, 2 degrees of freedom
 constexpr double kPointChi2 = 16.3;       // 99.9 %, 3 degrees of freedom
 constexpr double kLeastRedundancy = 20;   // observations to spare before a variance component is believed
+constexpr double kVisitPx = 15;           // agreement of a visit's pictures
 constexpr double kStartGatePx = 60;       // a sight that the start contradicts by more waits for the first solution
 constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
 constexpr double kSlipChi2 = 30;                  // 99.996 % of chi-square with 6 degrees of freedom: odometry jumped
 constexpr double kSlip = 30;                      // factor on the sigma of a step that jumped
+// Gates of the first rounds; a sight within one is not rejected yet.
+constexpr std::array<double, 4> kWideGatePx = {60, 60, 20, 7};
+// Factors on the threshold of the corners' robust loss: a loop that odometry missed is closed by a few pictures, if
+// these may pull with their full weight at first.
+constexpr std::array<double, 4> kWideLoss = {4000, 200, 20, 1};
+constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
+constexpr size_t kLeastVisit = 3;                // pictures that may place a tag by themselves
 constexpr int kExtraRounds = 3, kMostTagRounds = 8;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
@@ -59,7 +69,7 @@ MapSolver::MapSolver(const SurveyInput& input, const SurveyOptions& options, int
       threads_(ResolveThreads(threads)),
       progress_(progress),
       cancel_(cancel),
-      huber_(kHuberChi2),
+      odometry_loss_(kOdometryChi2),
       geotag_loss_(kGeotagChi2),
       mark_loss_(kMarkChi2) {}
 
@@ -94,6 +104,8 @@ SurveyResult MapSolver::Run() {
   // weights.
   int rounds = options_.variance_rounds;
   for (int round = 0;; ++round) {
+    huber_ = std::make_unique<HuberChi2Loss>(kHuberChi2 *
+                                             kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
     Build();
     const BlockSolver::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
     if (round == 0) result_.cost_before = summary.cost_before;
@@ -104,7 +116,7 @@ SurveyResult MapSolver::Run() {
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
     const bool tags = may_reject && round > 0 && SnoopTags();
-    const bool sights = may_reject && !tags && SnoopSights();
+    const bool sights = may_reject && !tags && SnoopSights(round);
     const bool odometry = may_reject && round > 0 && SnoopOdometry();
     const bool points = may_reject && round > 0 && !tags && !sights && !odometry && SnoopControl();
     // Weights that made room for a moved tag are found anew.
@@ -170,14 +182,49 @@ void MapSolver::LoadState() {
     result_.warnings.push_back(std::to_string(lost) +
                                " picture(s) cannot be placed by odometry or tags and are left out");
   }
-  // What is far off from the start would only pull: it is looked at again after the first solution.
+  GateStart();
+}
+
+// What is far off from the start would only pull: it is looked at again after the first solution. Not so the pictures
+// of a whole visit that agree among themselves: there it is odometry that has come back elsewhere.
+void MapSolver::GateStart() {
+  std::map<std::pair<int, int>, std::vector<MapSight*>> of_tag;  // run and place, ascending time
   for (MapSight& s : start_.sights) {
-    const auto tag = tags_.find(s.place);
-    const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
-    if (tag == tags_.end() || !frame.world_from_body) continue;
-    const BodyCamera& camera = input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)];
-    const Vector8d r = TagResidual(s.sight, SizeOf(s.place), camera.cam_from_body, *frame.world_from_body, tag->second);
-    s.rejected = ResidualPx(s.sight, r) > kStartGatePx;
+    if (!Placed(s.frame) || tags_.count(s.place) == 0) continue;
+    s.rejected = SightPx(s) > kStartGatePx;
+    of_tag[{start_.frames[static_cast<size_t>(s.frame)].run, s.place}].push_back(&s);
+  }
+  const auto stamp = [&](const MapSight* s) { return start_.frames[static_cast<size_t>(s->frame)].stamp_ns; };
+  for (auto& [key, sights] : of_tag) {
+    for (size_t first = 0, last = 0; first < sights.size(); first = last) {
+      bool any_fits = false;
+      for (last = first; last < sights.size(); ++last) {
+        if (last > first && stamp(sights[last]) - stamp(sights[last - 1]) > kVisitGap_ns) break;
+        any_fits |= !sights[last]->rejected;
+      }
+      if (any_fits || last - first < kLeastVisit) continue;
+      // The planar solution of one of them that fits most.
+      const Rigid3d in_map = tags_.at(key.second);
+      std::vector<MapSight*> most;
+      for (size_t k = first; k < last; ++k) {
+        const MapSight& s = *sights[k];
+        const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+        const Rigid3d world_from_cam =
+            *frame.world_from_body *
+            input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
+        for (const PlanarPose& pose : EstimatePlanarPoses(s.sight, SizeOf(s.place))) {
+          tags_[key.second] = world_from_cam * pose.cam_from_tag;
+          std::vector<MapSight*> fitting;
+          for (size_t i = first; i < last; ++i) {
+            if (SightPx(*sights[i]) < kVisitPx) fitting.push_back(sights[i]);
+          }
+          if (fitting.size() > most.size()) most = fitting;
+        }
+      }
+      tags_[key.second] = in_map;
+      if (most.size() < kLeastVisit) continue;
+      for (MapSight* s : most) s->rejected = false;
+    }
   }
 }
 
@@ -300,14 +347,14 @@ void MapSolver::Build() {
       Add(Kind::kTag, static_cast<int>(i),
           new TagPixelCost(run_states_[run].cameras[camera], s.detection, s.sight.sigma_px, SizeOf(s.place),
                            input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
-          &huber_,
+          huber_.get(),
           {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
            run_states_[run].camera_unknown[camera]});
       continue;
     }
     Add(Kind::kTag, static_cast<int>(i),
         new TagCost(s.sight, SizeOf(s.place), input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
-        &huber_,
+        huber_.get(),
         {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
          run_states_[run].shift_unknown[camera]});
   }
@@ -355,10 +402,11 @@ void MapSolver::AddOdometry() {
       Vector6d sigma;
       sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
           Eigen::Vector3d::Constant(options_.odometry_m * root);
+      const Eigen::Vector3d way = length * (frame.odom_from_body->rotation.conjugate() * Eigen::Vector3d::UnitZ());
       RunState& state = run_states_[r];
       const int index = static_cast<int>(f);
       if (slipped_.count(index) > 0) sigma *= kSlip;
-      Add(Kind::kOdometry, index, new OdometryCost(a_from_b, length, sigma, state.odometry.data()), nullptr,
+      Add(Kind::kOdometry, index, new OdometryCost(a_from_b, way, sigma, state.odometry.data()), &odometry_loss_,
           {frame_unknown_[static_cast<size_t>(before)], frame_unknown_[f], state.scale_unknown, state.drift_unknown});
       has_odometry[r] = true;
     }
@@ -576,23 +624,36 @@ void MapSolver::UpdateFactors() {
   }
 }
 
-double MapSolver::SightChi2(const MapSight& s) const {
+// False: the tag's back is seen.
+bool MapSolver::ResidualOf(const MapSight& s, Vector8d* residual) const {
   const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
   const auto run = static_cast<size_t>(frame.run), camera = static_cast<size_t>(s.camera);
   const Rigid3d& cam_from_body = input_.runs[run].cameras[camera].cam_from_body;
   const Rigid3d& tag = tags_.at(s.place);
-  if (!TagFaces(s.sight, SizeOf(s.place), cam_from_body * frame.world_from_body->Inverse() * tag)) {
-    return std::numeric_limits<double>::infinity();
-  }
-  const Vector8d r = TagResidual(s.sight, SizeOf(s.place), cam_from_body, *frame.world_from_body, tag) -
-                     run_states_[run].shift[camera] * s.sight.outward;
+  if (!TagFaces(s.sight, SizeOf(s.place), cam_from_body * frame.world_from_body->Inverse() * tag)) return false;
+  *residual = TagResidual(s.sight, SizeOf(s.place), cam_from_body, *frame.world_from_body, tag) -
+              run_states_[run].shift[camera] * s.sight.outward;
+  return true;
+}
+
+double MapSolver::SightPx(const MapSight& s) const {
+  Vector8d r;
+  return ResidualOf(s, &r) ? ResidualPx(s.sight, r) : std::numeric_limits<double>::infinity();
+}
+
+double MapSolver::SightChi2(const MapSight& s) const {
+  Vector8d r;
+  if (!ResidualOf(s, &r)) return std::numeric_limits<double>::infinity();
+  const auto run = static_cast<size_t>(start_.frames[static_cast<size_t>(s.frame)].run);
   return r.squaredNorm() / (run_states_[run].corner * run_states_[run].corner);
 }
 
 // Pictures of tags whose residual is beyond the gate are rejected, rejected ones that fit come back. True if anything
-// changed.
-bool MapSolver::SnoopSights() {
+// changed. The gate is wide at first: where odometry has drifted or jumped, the pictures of the next tags are all far
+// off, and to reject them would be to believe odometry.
+bool MapSolver::SnoopSights(int round) {
   std::vector<double> chi2(start_.sights.size(), -1), used;
+  const double wide_px = round < std::ssize(kWideGatePx) ? kWideGatePx[static_cast<size_t>(round)] : 0;
   std::map<int, int> of_tag, of_frame;
   for (size_t i = 0; i < chi2.size(); ++i) {
     const MapSight& s = start_.sights[i];
@@ -604,11 +665,12 @@ bool MapSolver::SnoopSights() {
   std::nth_element(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(used.size() / 2), used.end());
   // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
   const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
+  const auto beyond = [&](size_t i) { return chi2[i] > gate && SightPx(start_.sights[i]) > wide_px; };
   bool any = false;
   for (size_t i = 0; i < chi2.size(); ++i) {
     if (chi2[i] < 0) continue;
     const MapSight& s = start_.sights[i];
-    if (chi2[i] > gate) continue;
+    if (beyond(i)) continue;
     ++of_tag[s.place];
     ++of_frame[s.frame];
   }
@@ -618,7 +680,7 @@ bool MapSolver::SnoopSights() {
     const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
     // A tag or a frame is not left without any observation.
     const bool needed = of_tag[s.place] == 0 || (of_frame[s.frame] == 0 && !frame.odom_from_body && !frame.has_ties);
-    const bool rejected = chi2[i] > gate && (!needed || s.rejected);
+    const bool rejected = beyond(i) && (!needed || s.rejected);
     any |= rejected != s.rejected;
     s.rejected = rejected;
   }

@@ -113,7 +113,7 @@ struct SurveyOptions {
   double heading_drift_deg_m = 0.05;  // 1 sigma of a constant drift of odometry's heading, estimated for each run
   double gravity_deg = 0.5;           // 1 sigma of what levelled odometry calls up, a common error of a run
   double corner_shift_px = 0;         // 1 sigma of a shift of all corners towards the tag's centre; 0: there is none
-  int variance_rounds = 3;            // rounds of variance component estimation; 0: stated sigmas are believed
+  int variance_rounds = 5;            // rounds of variance component estimation; 0: stated sigmas are believed
   double snooping_chi2 = 31.8;        // a picture of a tag beyond this (8 degrees of freedom) is rejected: 99.99 %
   bool cross_covariances = false;
   bool self_calibrate = false;    // focal length, principal point and k1, k2 of every camera from the tags, too

@@ -300,6 +300,8 @@ class OneTag {
       shared = shared || runs.count(run) > 0;
     }
     const Eigen::Vector3d a = fit.world_from_tag.translation, b = others.front().world_from_tag.translation;
+    // Two sheets don't overlap: what stands nearer in one run are pictures that are wrong alike.
+    if (shared && (a - b).norm() < size_m_) return;
     std::ostringstream text;
     text.precision(2);
     text << std::fixed << "seen at (" << a.x() << ", " << a.y() << ", " << a.z() << ") in " << fit.used.size()
