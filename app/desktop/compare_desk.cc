@@ -260,7 +260,7 @@ void CompareDesk::ShowScenes() {
       scene_[i] = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
       static_cast<QHBoxLayout*>(scenes_->layout())->addWidget(scene_[i], 1);
     }
-    scene_[i]->ShowVariant(QString::fromStdString(sides_[i].variant));
+    scene_[i]->ShowVariant(QString::fromStdString(sides_[i].variant), sides_[i].run->currentData().toString());
   }
   scene_[1]->ShareCamera(scene_[0]);
 }

@@ -27,7 +27,13 @@ constexpr int kLongestPanorama = 8192;
 std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
   std::vector<PictureMark> marks;
   std::map<std::string, QPointF> places;
-  const double middle = kGraphSize / 2.0, radius = 0.42 * kGraphSize;
+  const double middle = kGraphSize / 2.0, radius = 0.4 * kGraphSize;
+  // What all names begin with says nothing: IMG_0015.jpg is 15.
+  std::string common = set.photos.empty() ? "" : std::filesystem::path(set.photos.front().name).stem().string();
+  for (const PlacedPhoto& photo : set.photos) {
+    const std::string stem = std::filesystem::path(photo.name).stem().string();
+    while (!stem.starts_with(common)) common.pop_back();
+  }
   for (size_t i = 0; i < set.photos.size(); ++i) {
     const PlacedPhoto& photo = set.photos[i];
     const double angle =
@@ -39,7 +45,7 @@ std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
     mark.kind = PictureMark::Kind::kCircle;
     mark.points << at << QPointF(7, 0);
     mark.colour = photo.placed ? QColor(0, 114, 178) : QColor(213, 94, 0);
-    mark.text = QString::fromStdString(std::filesystem::path(name).stem().string());
+    mark.text = QString::fromStdString(std::filesystem::path(name).stem().string().substr(common.size()));
     marks.push_back(mark);
   }
   int most = 1;
@@ -77,6 +83,7 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   panorama_ = new PictureView;
   panorama_->setAccessibleName(tr("Panorama"));
   graph_ = new PictureView;
+  graph_->setObjectName("panorama.graph");
   graph_->setAccessibleName(tr("Which photos match, by where they look"));
   photo_ = new PictureView;
   photo_->setAccessibleName(tr("Photo"));

@@ -56,10 +56,10 @@ PhotoSetView LoadPhotoSet(const fs::path& dir, const std::vector<std::string>& p
       }
     }
   });
-  attempt("held_out.csv", [&](const fs::path& file) {
-    const CsvTable table = CsvTable::Read(file, {"photo_a", "photo_b"});
+  attempt("pairs.csv", [&](const fs::path& file) {
+    const CsvTable table = CsvTable::Read(file, {"photo_a", "photo_b", "matches"});
     for (const CsvRow& row : table.rows()) {
-      ++view.pairs[{row.Text("photo_a"), row.Text("photo_b")}];
+      view.pairs[{row.Text("photo_a"), row.Text("photo_b")}] = static_cast<int>(row.Integer("matches"));
     }
   });
   attempt("rig.json", [&](const fs::path& file) {

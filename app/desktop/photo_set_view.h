@@ -22,7 +22,7 @@ struct PlacedPhoto {
 struct PhotoSetView {
   std::filesystem::path panorama;  // empty: not stitched yet
   std::vector<PlacedPhoto> photos;
-  std::map<std::pair<std::string, std::string>, int> pairs;  // held-out matches between two photos
+  std::map<std::pair<std::string, std::string>, int> pairs;  // matches between two photos
   std::optional<double> closure_deg, covered_share, parallax_median_px;
   std::vector<std::string> problems;
 };

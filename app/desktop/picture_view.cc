@@ -130,10 +130,11 @@ void PictureView::paintEvent(QPaintEvent*) {
       painter.drawText(place, mark.text);
     }
   }
-  const QRectF plate(0, 0, painter.fontMetrics().horizontalAdvance(title_) + 8.0, painter.fontMetrics().height() + 4.0);
+  const QString title = painter.fontMetrics().elidedText(title_, Qt::ElideLeft, width() - 8);
+  const QRectF plate(0, 0, painter.fontMetrics().horizontalAdvance(title) + 8.0, painter.fontMetrics().height() + 4.0);
   painter.fillRect(plate, QColor(255, 255, 255, 200));
   painter.setPen(Qt::black);
-  painter.drawText(QPointF(4, painter.fontMetrics().ascent() + 2), title_);
+  painter.drawText(QPointF(4, painter.fontMetrics().ascent() + 2), title);
   if (hasFocus()) {
     painter.setPen(QPen(palette().color(QPalette::Highlight), 2));
     painter.drawRect(rect().adjusted(1, 1, -1, -1));

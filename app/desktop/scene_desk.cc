@@ -270,10 +270,12 @@ void SceneDesk::showEvent(QShowEvent* event) {
   if (stale_) Load();
 }
 
-void SceneDesk::ShowVariant(const QString& variant) {
+void SceneDesk::ShowVariant(const QString& variant, const QString& run) {
+  const bool other_run = only_run_ != run;
+  only_run_ = run;
   if (variant_->findData(variant) < 0) variant_->addItem(variant, variant);
   variant_->setCurrentIndex(variant_->findData(variant));
-  if (!HasScene()) Load();
+  if (!HasScene() || other_run) Load();
 }
 
 void SceneDesk::ShareCamera(SceneDesk* other) {
@@ -310,8 +312,10 @@ void SceneDesk::Load() {
   for (const int points : {0, kMostPoints}) {
     InBackground(
         this,
-        [snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(), points] {
+        [snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(),
+         run = only_run_.toStdString(), points] {
           SceneOptions options;
+          if (!run.empty()) options.runs = {run};
           options.variant = variant;
           options.max_points = points;
           options.max_cameras = kMostCameras;
@@ -423,7 +427,9 @@ void SceneDesk::ShowPicture() {
         [this, object, of = workspace_->selected()](const Attempted<QImage>& image) {
           if (workspace_->selected() != of) return;
           picture_->SetMarks({});
-          picture_->SetPicture(image.value, image.error.isEmpty() ? QString::fromStdString(object) : image.error);
+          picture_->SetPicture(image.value, image.error.isEmpty()
+                                                ? QString::fromStdString(object.substr(object.find(':') + 1))
+                                                : image.error);
         });
     return;
   }

@@ -42,7 +42,8 @@ class SceneDesk : public QWidget {
   bool inside() const;
   // Turns the view in steps, as dragging does, and draws each; returns how many were drawn.
   int Turn(int steps);
-  void ShowVariant(const QString& variant);
+  // One run's alone if `run` isn't empty.
+  void ShowVariant(const QString& variant, const QString& run = {});
   // Both views are turned and moved together from now on.
   void ShareCamera(SceneDesk* other);
   // "orbit", "fly", "plan".
@@ -79,6 +80,7 @@ class SceneDesk : public QWidget {
   PictureView* picture_;
   QPointF pressed_;
   SceneDesk* twin_ = nullptr;
+  QString only_run_;
   bool stale_ = false;  // to be loaded when it is seen
   int generation_ = 0;
 };

@@ -118,7 +118,8 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   choice_ = new QComboBox;
   choice_->setObjectName("tables.choice");
   choice_->setAccessibleName(tr("Table"));
-  choice_->setSizeAdjustPolicy(QComboBox::AdjustToContents);
+  choice_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+  choice_->setMinimumContentsLength(28);
   filter_ = new QLineEdit;
   filter_->setObjectName("tables.filter");
   filter_->setAccessibleName(tr("Filter of the rows"));

@@ -159,6 +159,7 @@ StageInfo StitchStage() {
           StitchPhotos(set, load(true), options.rig, context.threads, context.seed, context.progress, context.cancel);
       for (const std::string& w : rig.warnings) context.progress.Log(LogLevel::kWarning, w);
       context.metrics.update(Metrics(rig, static_cast<int>(set.photos.size() + set.left_out.size())));
+      WritePairs(rig, context.out);
       if (!rig.held_out.empty()) WriteHeldOut(rig, context.out);
       if (!options.compose) {
         WriteRigFiles(rig, nullptr, context.out);

@@ -156,6 +156,20 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
   WriteFileAtomically(dir / "rig.json", sidecar.dump(1) + "\n");
 }
 
+void WritePairs(const StitchedRig& rig, const std::filesystem::path& dir) {
+  CsvWriter csv(
+      {"photo_a", "photo_b", "matches", "candidates"},
+      {"trigpoint pairs 1; matches: those that agree with the turn between the two; candidates: before that"});
+  for (const PhotoPair& pair : rig.pairs) {
+    csv.Text(rig.photos[static_cast<size_t>(pair.a)].name)
+        .Text(rig.photos[static_cast<size_t>(pair.b)].name)
+        .Integer(static_cast<int64_t>(pair.matches.size()))
+        .Integer(pair.candidates)
+        .EndRow();
+  }
+  csv.Save(dir / "pairs.csv");
+}
+
 void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
   const DistanceField field(rig.state);
   CsvWriter csv(

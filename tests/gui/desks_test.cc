@@ -26,41 +26,13 @@
 #include "app/desktop/tables_desk.h"
 #include "datasets/io/text.h"
 #include "tests/gui/gui_driver.h"
-#include "tests/support/results_site.h"
 
 namespace trigpoint {
 namespace {
 
 using testing::HasSubstr;
 
-class DesksTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    site_ = new QTemporaryDir;
-    WriteResultsSite(site_->path().toStdString(), {});
-  }
-  static void TearDownTestSuite() { delete site_; }
-  void SetUp() override {
-    QSettings().clear();
-    window_ = OpenWindow(site_->path());
-  }
-  QString Path(const char* file) const { return site_->path() + "/" + file; }
-  void ShowScene() {
-    window_->ShowDesk("scene");
-    ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));
-  }
-  void ShowErrors() {
-    window_->ShowDesk("tables");
-    ASSERT_TRUE(WaitFor([&] { return window_->tables()->Choose("evaluate/errors"); }));
-    view_ = Child<QTableView>(window_.get(), "tables.view");
-    ASSERT_TRUE(WaitFor([&] { return RowWith(view_, "S2") >= 0; }));
-  }
-
-  static QTemporaryDir* site_;
-  std::unique_ptr<MainWindow> window_;
-  QTableView* view_ = nullptr;
-};
-QTemporaryDir* DesksTest::site_ = nullptr;
+class DesksTest : public ResultsWindowTest {};
 
 TEST_F(DesksTest, TreeListsTheSiteAndTheStatesOfResults) {
   SiteTree* tree = window_->tree();

@@ -8,12 +8,18 @@
 #include <QApplication>
 #include <QDir>
 #include <QLineEdit>
+#include <QSettings>
+#include <QTableView>
+#include <QTemporaryDir>
 #include <QTest>
 #include <functional>
 #include <memory>
 
 #include "app/desktop/main_window.h"
 #include "app/desktop/problem_bar.h"
+#include "app/desktop/scene_desk.h"
+#include "app/desktop/tables_desk.h"
+#include "tests/support/results_site.h"
 
 namespace trigpoint {
 
@@ -77,5 +83,34 @@ inline std::unique_ptr<MainWindow> OpenWindow(const QString& dir) {
   }
   return window;
 }
+
+// A window on a small project whose results are in place, made once for all tests of a suite.
+class ResultsWindowTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    site_ = new QTemporaryDir;
+    WriteResultsSite(site_->path().toStdString(), {});
+  }
+  static void TearDownTestSuite() { delete site_; }
+  void SetUp() override {
+    QSettings().clear();
+    window_ = OpenWindow(site_->path());
+  }
+  QString Path(const char* file) const { return site_->path() + "/" + file; }
+  void ShowScene() {
+    window_->ShowDesk("scene");
+    ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));
+  }
+  void ShowErrors() {
+    window_->ShowDesk("tables");
+    ASSERT_TRUE(WaitFor([&] { return window_->tables()->Choose("evaluate/errors"); }));
+    view_ = Child<QTableView>(window_.get(), "tables.view");
+    ASSERT_TRUE(WaitFor([&] { return RowWith(view_, "S2") >= 0; }));
+  }
+
+  static inline QTemporaryDir* site_ = nullptr;
+  std::unique_ptr<MainWindow> window_;
+  QTableView* view_ = nullptr;
+};
 
 }  // namespace trigpoint
