@@ -5,6 +5,7 @@
 #include <QHeaderView>
 #include <QLabel>
 #include <QPainter>
+#include <QPushButton>
 #include <QSplitter>
 #include <QTableWidget>
 #include <QVBoxLayout>
@@ -62,6 +63,8 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   next_->setObjectName("calibration.next");
   next_->setWordWrap(true);
   next_->setAlignment(Qt::AlignTop);
+  next_->setMinimumWidth(30 * fontMetrics().averageCharWidth());
+  text_->setWordWrap(true);
   residuals_ = new PictureView;
   residuals_->setAccessibleName(tr("Residuals over the image"));
   coverage_ = new PictureView;
@@ -74,10 +77,14 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   parameters_->setHorizontalHeaderLabels({tr("parameter"), tr("value"), tr("1 sigma")});
   parameters_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   parameters_->verticalHeader()->setDefaultSectionSize(parameters_->fontMetrics().height() + 6);
+  auto* calibrate = new QPushButton(tr("Calibra&te ..."));
+  calibrate->setObjectName("calibration.calibrate");
+  connect(calibrate, &QPushButton::clicked, this, &CalibrationDesk::CalibrateRequested);
   auto* top = new QHBoxLayout;
   top->addWidget(name_);
   top->addWidget(camera_);
   top->addWidget(text_, 1);
+  top->addWidget(calibrate);
   auto* upper = new QSplitter;
   upper->addWidget(coverage_);
   upper->addWidget(residuals_);
@@ -88,6 +95,8 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(upper);
   split->addWidget(lower);
+  split->setSizes({350, 350});
+  lower->setSizes({300, 350, 350});
   auto* all = new QVBoxLayout(this);
   all->addLayout(top);
   all->addWidget(split, 1);
@@ -175,7 +184,7 @@ void CalibrationDesk::ShowCamera() {
   next_->setText(tr("What to photograph next") + "\n" +
                  (next.isEmpty() ? tr("Every part of the image has points.") : next.join("\n")));
   if (camera.width > 0 && camera.height > 0) {
-    coverage_->SetPicture(CoveragePicture(camera), tr("points in each cell, mean residual"));
+    coverage_->SetPicture(CoveragePicture(camera), tr("points, mean residual"));
     QImage paper(camera.width, camera.height, QImage::Format_RGB32);
     paper.fill(Qt::white);
     residuals_->SetPicture(paper, tr("residuals, %1 x").arg(kResidualScale));

@@ -22,6 +22,9 @@ class CalibrationDesk : public QWidget {
   explicit CalibrationDesk(Workspace* workspace, QWidget* parent = nullptr);
   PictureView* residuals() const { return residuals_; }
 
+ signals:
+  void CalibrateRequested();
+
  private:
   void Refresh();
   void Load();

@@ -78,7 +78,8 @@ Ending Work(JobController* controller, const std::string& dir, const JobQuery& q
   try {
     const Project project = Project::Open(dir);
     CheckProjectOptions(project);
-    for (const JobResult& result : RunJobs(project, PlanJobs(project, query), threads, seed, sink, cancel, callbacks)) {
+    for (const JobResult& result :
+         RunJobs(project, AskedJobs(project, query), threads, seed, sink, cancel, callbacks)) {
       if (result.end != JobEnd::kFailed) continue;
       ending.end = JobController::End::kFailed;
       if (ending.error.isEmpty()) {

@@ -171,6 +171,10 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
+  connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] {
+    run_->Choose("calibrate", "");
+    ShowDesk("run");
+  });
   connect(panoramas_, &PanoramaDesk::StitchRequested, this, [this] {
     run_->Choose("stitch", "");
     ShowDesk("run");

@@ -17,6 +17,7 @@
 #include <QTime>
 #include <QVBoxLayout>
 
+#include "app/desktop/calibration_sheet.h"
 #include "app/desktop/stage_form.h"
 #include "app/pipeline/command_line.h"
 
@@ -76,8 +77,10 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   auto* choice = new QWidget;
   auto* choices = new QFormLayout(choice);
   choices->addRow(tr("Stage"), stage_);
-  choices->addRow(tr("Runs"), runs_);
-  choices->addRow(tr("Variant"), variant_);
+  runs_label_ = new QLabel;
+  variant_label_ = new QLabel;
+  choices->addRow(runs_label_, runs_);
+  choices->addRow(variant_label_, variant_);
   choices->addRow(tr("Threads"), threads_);
   choices->addRow(tr("Seed"), seed_);
   auto* options = new QWidget;
@@ -110,9 +113,9 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   all->addWidget(split);
 
   stage_->addItem(tr("all that is out of date"), "");
-  for (const StageInfo& stage : Stages()) {
-    const QString name = QString::fromStdString(stage.name);
-    stage_->addItem(name + ": " + QString::fromStdString(stage.help), name);
+  for (const StageInfo* stage : AllStages()) {
+    const QString name = QString::fromStdString(stage->name);
+    stage_->addItem(name + ": " + QString::fromStdString(stage->help), name);
   }
   connect(stage_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &RunDesk::ShowStage);
   connect(runs_, &QListWidget::itemChanged, this, &RunDesk::ShowCommand);
@@ -168,6 +171,7 @@ JobQuery RunDesk::Query() const {
   if (checked == runs_->count()) query.runs.clear();
   const std::string variant = variant_->currentText().trimmed().toStdString();
   query.variants = {variant};
+  if (stage == "calibrate") query.runs = {variant.empty() ? "cam" : variant}, query.variants = {""};
   if (stage.empty() && variant.empty() && workspace_->snapshot()) {
     for (const auto& [name, stages] : workspace_->snapshot()->project->variants().items()) {
       query.variants.push_back(name);
@@ -183,28 +187,53 @@ JobQuery RunDesk::Query() const {
 void RunDesk::Refresh() {
   const auto& snapshot = workspace_->snapshot();
   setEnabled(snapshot != nullptr);
-  QStringList unchecked;
-  for (int i = 0; i < runs_->count(); ++i) {
-    if (runs_->item(i)->checkState() != Qt::Checked) unchecked << runs_->item(i)->text();
-  }
-  const QSignalBlocker block_runs(runs_), block_variant(variant_);
-  const QString variant = variant_->currentText();
-  runs_->clear();
-  variant_->clear();
-  if (snapshot) {
-    for (const SnapshotRun& run : snapshot->runs) {
-      auto* item = new QListWidgetItem(QString::fromStdString(run.name), runs_);
-      item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
-      item->setCheckState(unchecked.contains(item->text()) ? Qt::Unchecked : Qt::Checked);
-      item->setToolTip(QString::fromStdString(run.broken));
-    }
-    for (const std::string& name : snapshot->variants) variant_->addItem(QString::fromStdString(name));
-    variant_->setCurrentText(variant);
-  }
+  ListNames();
   ShowStage();
 }
 
+void RunDesk::ListNames() {
+  const QString stage = stage_->currentData().toString();
+  const bool stitch = stage == "stitch", calibrate = stage == "calibrate";
+  const bool same = stage == listed_ || !(stitch || calibrate || listed_ == "stitch" || listed_ == "calibrate");
+  listed_ = stage;
+  QStringList unchecked;
+  for (int i = 0; same && i < runs_->count(); ++i) {
+    if (runs_->item(i)->checkState() != Qt::Checked) unchecked << runs_->item(i)->text();
+  }
+  const QSignalBlocker block_runs(runs_), block_variant(variant_);
+  const QString variant = same ? variant_->currentText() : QString();
+  runs_->clear();
+  variant_->clear();
+  runs_label_->setText(stitch ? tr("Photo sets") : tr("Runs"));
+  variant_label_->setText(calibrate ? tr("Name") : tr("Variant"));
+  runs_->setEnabled(!calibrate);
+  variant_->setEnabled(!stitch);
+  const auto& snapshot = workspace_->snapshot();
+  if (!snapshot) return;
+  const auto add = [&](const std::string& name, const std::string& broken) {
+    auto* item = new QListWidgetItem(QString::fromStdString(name), runs_);
+    item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
+    item->setCheckState(unchecked.contains(item->text()) ? Qt::Unchecked : Qt::Checked);
+    item->setToolTip(QString::fromStdString(broken));
+  };
+  for (const SnapshotReference& reference : snapshot->references) {
+    if (stitch && reference.kind == "photo set") add(reference.name, "");
+  }
+  for (const SnapshotRun& run : snapshot->runs) {
+    if (!stitch && !calibrate) add(run.name, run.broken);
+  }
+  if (calibrate) {
+    for (const std::string& name : CalibrationNames(snapshot->dir / "results")) {
+      variant_->addItem(QString::fromStdString(name));
+    }
+  } else {
+    for (const std::string& name : snapshot->variants) variant_->addItem(QString::fromStdString(name));
+  }
+  variant_->setCurrentText(variant);
+}
+
 void RunDesk::ShowStage() {
+  if (stage_->currentData().toString() != listed_) ListNames();
   const std::string stage = stage_->currentData().toString().toStdString();
   form_->setVisible(!stage.empty());
   if (!stage.empty() && workspace_->snapshot()) {
@@ -216,6 +245,7 @@ void RunDesk::ShowStage() {
       for (const SnapshotRun& run : runs) {
         if (run.broken.empty() && target.run.empty()) target.run = run.name;
       }
+      if (stage == "stitch" || stage == "calibrate") throw OptionError("these have no runs");
       target.variant = info.variants ? variant_->currentText().trimmed().toStdString() : "";
       values = MakeRequest(*workspace_->snapshot()->project, info, target).options;
     } catch (const Error&) {  // what is wrong with the project is shown when it is opened; the defaults serve here

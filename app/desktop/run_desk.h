@@ -25,7 +25,7 @@ class RunDesk : public QWidget {
  public:
   RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
 
-  // Chooses a stage (empty: all that are out of date) and a run (empty: all).
+  // Chooses a stage (empty: all that are out of date) and a run or photo set (empty: all).
   void Choose(const QString& stage, const QString& run);
 
  public slots:
@@ -35,6 +35,7 @@ class RunDesk : public QWidget {
   JobQuery Query() const;
   void Refresh();    // after a project was opened
   void ShowStage();  // the form of the chosen stage
+  void ListNames();  // runs, photo sets or calibrations, whatever the chosen stage has results for
   void ShowCommand();
   void ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left);
   void ShowEnd(JobController::End end, const QString& error);
@@ -43,6 +44,9 @@ class RunDesk : public QWidget {
   Workspace* workspace_;
   JobController* jobs_;
   QComboBox* stage_;
+  QLabel* runs_label_;
+  QLabel* variant_label_;
+  QString listed_;  // of which stage the names are listed
   QListWidget* runs_;
   QComboBox* variant_;
   QSpinBox* threads_;

@@ -337,6 +337,8 @@ void SceneDesk::Load() {
           vtk_->scene = loaded.value;
           SceneStyle style;
           style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
+          // Two that stand side by side are drawn at one scale.
+          if (twin_ != nullptr && twin_->vtk_->view) style.error_scale = twin_->vtk_->view->ErrorScale();
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
           vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));

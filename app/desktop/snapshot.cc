@@ -4,6 +4,7 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/stages.h"
+#include "app/pipeline/stitch_stage.h"
 #include "datasets/io/csv.h"
 
 namespace trigpoint {
@@ -78,7 +79,9 @@ void FillSite(const Project& project, Snapshot& snapshot) {
 std::vector<Job> JobsOf(const Snapshot& snapshot) {
   JobQuery query;
   query.variants = snapshot.variants;
-  return PlanJobs(*snapshot.project, query);
+  std::vector<Job> jobs = PlanJobs(*snapshot.project, query);
+  for (Job& job : StitchJobs(*snapshot.project, {}, nlohmann::json::object())) jobs.push_back(std::move(job));
+  return jobs;
 }
 
 SnapshotResult Describe(const Job& job) {

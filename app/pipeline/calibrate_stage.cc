@@ -242,7 +242,7 @@ StageInfo CalibrateStage() {
   info.name = "calibrate";
   info.help = "calibrate cameras from pictures of a board";
   info.metric = "rms_px";
-  info.per_run = false;
+  info.per_run = true;  // a calibration's name stands in place of a run's
   UseOptions<CalibrateStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
     const CalibrateStageOptions options = OptionsFor(project, target);

@@ -1,5 +1,6 @@
 #include "app/pipeline/command_line.h"
 
+#include "app/pipeline/stitch_stage.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
@@ -15,7 +16,32 @@ void AddSettings(const nlohmann::json& values, const std::string& prefix, std::s
   }
 }
 
+// How the command names what its results are named after.
+const char* NameFlag(const std::string& stage) {
+  if (stage == "stitch") return " --set ";
+  return stage == "calibrate" ? " --name " : " --run ";
+}
+
 }  // namespace
+
+std::vector<const StageInfo*> AllStages() {
+  std::vector<const StageInfo*> all;
+  for (const StageInfo& stage : Stages()) all.push_back(&stage);
+  for (const char* other : {"stitch", "calibrate"}) all.push_back(&StageNamed(other));
+  return all;
+}
+
+std::vector<Job> AskedJobs(const Project& project, const JobQuery& query) {
+  const std::string stage = query.stages.size() == 1 ? query.stages.front() : "";
+  if (stage == "stitch") return StitchJobs(project, query.runs, query.overrides);
+  if (stage != "calibrate") return PlanJobs(project, query);
+  std::vector<Job> jobs;
+  for (const std::string& name : query.runs) {
+    CheckVariantName(name);
+    jobs.push_back({&StageNamed(stage), {name, "", query.overrides}});
+  }
+  return jobs;
+}
 
 std::string ShellWord(const std::string& word) {
   const std::string plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./=:@%+,";
@@ -29,7 +55,8 @@ std::string CommandLine(const std::string& dir, const JobQuery& query, int threa
   const bool single = query.stages.size() == 1;
   const StageInfo* stage = single ? &StageNamed(query.stages.front()) : nullptr;
   std::string line = "trigpoint " + (single ? query.stages.front() : "run") + " " + ShellWord(dir);
-  for (const std::string& run : query.runs) line += " --run " + ShellWord(run);
+  const char* flag = NameFlag(single ? query.stages.front() : "");
+  for (const std::string& run : query.runs) line += flag + ShellWord(run);
   if (!single || stage->variants) {
     for (const std::string& variant : query.variants) {
       if (!variant.empty()) line += " --variant " + ShellWord(variant);

@@ -11,6 +11,12 @@ namespace trigpoint {
 // A word as a POSIX shell needs it: quoted only where it must be.
 std::string ShellWord(const std::string& word);
 
+// What can be asked for: the stages of a run, then stitch and calibrate, whose results have names of their own (photo
+// sets, calibrations) that stand in place of the runs in a query.
+std::vector<const StageInfo*> AllStages();
+// The jobs of a query for any of these. Throws InputError for a run or a photo set that isn't there.
+std::vector<Job> AskedJobs(const Project& project, const JobQuery& query);
+
 // What a person would type: `trigpoint <stage> DIR ...` for one stage, `trigpoint run DIR ...` for all.
 std::string CommandLine(const std::string& dir, const JobQuery& query, int threads, uint64_t seed);
 

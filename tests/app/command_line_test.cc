@@ -24,6 +24,19 @@ TEST(CommandLine, StagesWithoutVariantsGetNone) {
   EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint detect s");
 }
 
+TEST(CommandLine, PhotoSetsAndCalibrationsHaveNamesOfTheirOwn) {
+  JobQuery query;
+  query.stages = {"stitch"};
+  query.runs = {"corner"};
+  query.overrides = {{"stitch", {{"panorama", {{"width", 4096}}}}}};
+  EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint stitch s --set corner --set panorama.width=4096");
+  query.stages = {"calibrate"};
+  query.runs = {"phone"};
+  query.overrides = {{"calibrate", {{"images", "board/*.jpg"}}}};
+  EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint calibrate s --name phone --set 'images=\"board/*.jpg\"'");
+  EXPECT_EQ(AllStages().back()->name, "calibrate");
+}
+
 TEST(CommandLine, QuotesForTheShell) {
   EXPECT_EQ(ShellWord("a-b_c/d.e"), "a-b_c/d.e");
   EXPECT_EQ(ShellWord(""), "''");

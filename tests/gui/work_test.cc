@@ -231,6 +231,10 @@ TEST_F(WorkTest, CalibrationSaysWhatToPhotographNext) {
   EXPECT_THAT(next, HasSubstr("hold the board into the corners"));
   EXPECT_THAT(next, HasSubstr("bottom right"));
   Screenshot(window_.get(), "calibration");
+  Click(window_.get(), "calibration.calibrate");
+  Type(window_.get(), "option.images", "board/*.jpg");
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(),
+              HasSubstr("trigpoint calibrate " + site_->path().toStdString() + " --name cam --set 'images="));
 }
 
 }  // namespace
