@@ -135,8 +135,8 @@ TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, doub
 double PathLength(const std::vector<PosePair>& pairs);
 
 struct ClockOffset {
-  double offset_s = 0;       // to be added to the estimate's stamps
-  double sigma_s = 0;        // 1 sigma, with what the alignment leaves open and as many errors as are independent in time
+  double offset_s = 0;  // to be added to the estimate's stamps
+  double sigma_s = 0;   // 1 sigma, with what the alignment leaves open and as many errors as are independent in time
   double rmse_before_m = 0;  // without the offset
   double rmse_after_m = 0;
   bool significant = false;  // more than three sigma and two percent of a reference interval away from zero
