@@ -293,7 +293,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
                 fmt::format("{:g} % error ellipses, horizontal", 100 * request.confidence),
                 LayerGeometry::kPolygon,
                 "#ff7f0e",
-                {Text("layer"), Text("run"), Real("confidence"), Real("semi_major_m", 5), Real("semi_minor_m", 5),
+                {Text("of"), Text("run"), Real("confidence"), Real("semi_major_m", 5), Real("semi_minor_m", 5),
                  Real("azimuth_deg", 2), Text("correlation"), Real("drawn_scale", 1)},
                 {}};
   s.residuals = {

@@ -66,8 +66,9 @@ TEST(SurveyCosts, GradientsAreRight) {
       const TagSight sight = MakeTagSight(kCamera, d);
       ExpectGradients(TagCost(sight, 0.5, cam_from_body, &factor), {body, tag}, {{0.2}});
       // Away from a difference of pi, where the logarithm has two values.
-      ExpectGradients(OdometryCost(Rigid3d(ExpSO3({0.01, 0.02, -0.3}), {1, 0.1, 0}), {0.1, -0.2, 0.98}, sigma, factors.data()),
-                      {body, body * Rigid3d(ExpSO3({0.1, 0, 0.2}), turn.translation)}, {{1.01}, {0.003}});
+      ExpectGradients(
+          OdometryCost(Rigid3d(ExpSO3({0.01, 0.02, -0.3}), {1, 0.1, 0}), {0.1, -0.2, 0.98}, sigma, factors.data()),
+          {body, body * Rigid3d(ExpSO3({0.1, 0, 0.2}), turn.translation)}, {{1.01}, {0.003}});
       ExpectGradients(PointCost({0.1, 0.2, 0.3}, {1, 0, 0}, {1, 2, 3}, {0.1, 0.1, 0.2}), {turn});
       ExpectGradients(ShiftedPointCost({0.1, 0.2, 0.3}, {1, 0, 0}, {1, 2, 3}, {0.1, 0.1, 0.2}), {turn}, {{1, -2, 3}});
       ExpectGradients(DistanceCost(3, 0.01), {body, body * Rigid3d(turn.rotation, {1, 2, 3})});
