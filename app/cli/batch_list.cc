@@ -62,12 +62,14 @@ std::vector<std::string> Words(const std::string& line, const std::string& where
   return words;
 }
 
-void Add(const fs::path& dir, const std::vector<std::string>& arguments, std::vector<BatchEntry>* entries,
-         std::set<std::string>* names) {
+// `base` is left out of the name of a folder below it; empty: the name is the whole path.
+void Add(const fs::path& dir, const fs::path& base, const std::vector<std::string>& arguments,
+         std::vector<BatchEntry>* entries, std::set<std::string>* names) {
   BatchEntry entry;
   entry.dir = dir;
   entry.arguments = arguments;
-  entry.name = dir.string();
+  const fs::path below = base.empty() ? fs::path() : dir.lexically_relative(base);
+  entry.name = below.empty() ? dir.string() : below.string();
   for (const std::string& argument : arguments) entry.name += " " + argument;
   if (names->insert(entry.name).second) entries->push_back(std::move(entry));
 }
@@ -110,7 +112,7 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
   std::vector<BatchEntry> entries;
   std::set<std::string> names;
   if (IsPattern(list) && !fs::exists(list)) {
-    for (const fs::path& dir : Matching(list)) Add(dir, {}, &entries, &names);
+    for (const fs::path& dir : Matching(list)) Add(dir, {}, {}, &entries, &names);
     if (entries.empty()) throw InputError(list + ": no folder matches");
     return entries;
   }
@@ -132,13 +134,14 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
     const fs::path written = words.front();
     const fs::path dir = (written.is_absolute() ? written : base / written).lexically_normal();
     words.erase(words.begin());
+    const fs::path shown = written.is_absolute() ? fs::path() : base;
     if (!IsPattern(dir.string()) || fs::exists(dir)) {
-      Add(dir, words, &entries, &names);
+      Add(dir, shown, words, &entries, &names);
       continue;
     }
     const std::vector<fs::path> matching = Matching(dir.string());
     if (matching.empty()) throw InputError(where + ": no folder matches " + dir.string());
-    for (const fs::path& match : matching) Add(match, words, &entries, &names);
+    for (const fs::path& match : matching) Add(match, shown, words, &entries, &names);
   }
   if (entries.empty()) throw InputError(list + ": expected one project's folder a line, found none");
   return entries;

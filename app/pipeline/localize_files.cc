@@ -301,8 +301,9 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
       const auto pixel = camera.Project(r.problem.observations[it->second].ray.cast<double>());
       if (!pixel) continue;
       csv.Text(reference.name);
-      csv.Text(reference.kind == ReferenceKind::kPhotoSet ? prepared.name
-                                                          : prepared.rig.views[static_cast<size_t>(o.view)].name);
+      // A set's photo, whether it stands by itself or is a view of the set's rig.
+      const bool alone = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
+      csv.Text(alone ? prepared.name : prepared.rig.views[static_cast<size_t>(o.view)].name);
       csv.Text(image.name).Number(pixel->x(), 2).Number(pixel->y(), 2);
       csv.Number(o.pixel.x(), 2).Number(o.pixel.y(), 2).EndRow();
     }

@@ -65,7 +65,9 @@ void RequireUpToDate(const Project& project, const std::string& variant) {
 }  // namespace
 
 Release Publish(const Project& project, const std::string& name, const std::string& variant, uint64_t /*seed*/) {
-  CheckVariantName(name);
+  if (name.empty() || name.front() == '.' || name.find_first_of(std::string("/\\@\n\0", 5)) != std::string::npos) {
+    throw OptionError("the release's name '" + name + "' cannot be a folder's; use letters, digits, '-' and '_'");
+  }
   for (const char* taken : {"self", "control", "survey"}) {
     if (name == taken) throw OptionError("the name '" + name + "' has a meaning of its own; choose another one");
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "datasets/io/text.h"
 #include "eval/distributions.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
@@ -58,9 +59,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
               "over answers; "
               "the attempts' median counts an abstention as worse than any number.",
               {{"method"},
-               {"reference"},
-               {"kind"},
-               {"variant"},
+               {"against"},
                {"answers", true},
                {"attempts", true},
                {"median" + u, true},
@@ -82,10 +81,8 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
     }
     const auto anees = At(g, {"nees", "mean_per_dof"});
     const bool shared = FlagAt(g, "shares_evidence");
-    table.rows.push_back({{TextAt(g, "method")},
-                          {TextAt(g, "reference")},
-                          {TextAt(g, "kind")},
-                          {c.VariantName(TextAt(g, "variant"))},
+    table.rows.push_back({{c.RunName(TextAt(g, "method"), TextAt(g, "variant"))},
+                          {TextAt(g, "reference") + ", " + TextAt(g, "kind")},
                           {fmt::format("{:.0f}", At(g, {"answers"}).value_or(0)), At(g, {"answers"})},
                           {fmt::format("{:.0f}", At(g, {"attempts"}).value_or(0)), At(g, {"attempts"})},
                           number("over_answers", "median_m"),
@@ -320,9 +317,15 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
           {},
           {}};
       for (const std::string& column : f.columns) table.columns.push_back({column});
+      const auto shown = [](const std::string& text) {  // the file has all digits
+        constexpr size_t kLong = 6;
+        const auto number =
+            text.size() > kLong && text.find('.') != std::string::npos ? ParseDouble(text) : std::nullopt;
+        return number ? fmt::format("{:.4f}", *number) : text;
+      };
       for (const auto& row : f.rows) {
         std::vector<TableCell>& cells = table.rows.emplace_back();
-        for (const std::string& text : row) cells.push_back({text});
+        for (const std::string& text : row) cells.push_back({shown(text)});
       }
       blocks->push_back(FoldBegin{name});
       blocks->push_back(table);

@@ -21,7 +21,6 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
               "their mean reprojection "
               "error.",
               {{"run"},
-               {"variant"},
                {"images", true},
                {"answers", true},
                {"rejected", true},
@@ -48,8 +47,7 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
       const double median = Quantile(run.residuals_px, 0.5);
       residual = {fmt::format("{:.2f}", median), median};
     }
-    table.rows.push_back({{run.run},
-                          {c.VariantName(run.variant)},
+    table.rows.push_back({{c.RunName(run.run, run.variant)},
                           {Count(number("images")), number("images")},
                           {std::to_string(localized), localized, localized == 0 ? Tone::kBad : Tone::kPlain},
                           {std::to_string(rejected), rejected},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "eval/report/chapters.h"
 
@@ -21,39 +22,44 @@ std::string SigmaText(const ChapterContext& c, const ErrorRecord& e) {
   return c.Length(e.sigma_e_m, 3) + " " + c.Length(e.sigma_n_m, 3) + " " + c.Length(e.sigma_u_m, 3);
 }
 
+// "localized", "rejected: why".
+TableCell AnswerCell(const std::string& status, const std::string& reason) {
+  return {reason.empty() ? status : status + ": " + reason, {}, status == "localized" ? Tone::kPlain : Tone::kWarning};
+}
+
 Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{"",
               "Differences of the answers from their reference. Sigma: 1 sigma of the difference; east, north, up.",
               {{"run"},
-               {"variant"},
                {"method"},
-               {"reference"},
-               {"kind"},
-               {"status"},
+               {"against"},
                {"3D" + u, true},
                {"horizontal" + u, true},
                {"vertical" + u, true},
                {"sigma e n u" + u},
                {"NEES", true},
                {"largest part"},
-               {"reason"}},
+               {"answer"}},
               {}};
+  // A station may have a panorama and photo sets.
+  std::set<std::string> panoramas;
+  for (const ErrorRecord* e : part.errors) panoramas.insert(e->panorama);
+  const bool several = panoramas.size() > 1;
+  if (several) table.columns.insert(table.columns.begin() + 1, {"panorama"});
   for (const ErrorRecord* e : part.errors) {
     const bool beyond = e->nees && e->dof > 0 && *e->nees > 5.5 * e->dof;
-    table.rows.push_back({{e->run},
-                          {c.VariantName(e->variant)},
+    table.rows.push_back({{c.RunName(e->run, e->variant)},
                           {e->method},
-                          {e->reference},
-                          {e->kind},
-                          {e->status, {}, e->status == "localized" ? Tone::kPlain : Tone::kWarning},
+                          {e->reference + ", " + e->kind},
                           c.LengthCell(e->error_3d_m),
                           c.LengthCell(e->error_h_m),
                           c.LengthCell(e->error_v_m),
                           {SigmaText(c, *e)},
                           {e->nees ? fmt::format("{:.1f}", *e->nees) : "", e->nees, beyond ? Tone::kBad : Tone::kPlain},
                           {e->dominant},
-                          {e->reason}});
+                          AnswerCell(e->status, e->reason)});
+    if (several) table.rows.back().insert(table.rows.back().begin() + 1, TableCell{e->panorama});
   }
   return table;
 }
@@ -65,29 +71,25 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
               "horizontal distance of "
               "what the picture says about itself from the answer.",
               {{"run"},
-               {"variant"},
                {"panorama"},
-               {"status"},
                {"inliers", true},
                {"matches", true},
                {"views", true},
                {"sigma" + u, true},
                {"geotag off" + u, true},
                {"geotag"},
-               {"reason"}},
+               {"answer"}},
               {}};
   for (const auto& [run, a] : part.answers) {
-    table.rows.push_back({{run->run},
-                          {c.VariantName(run->variant)},
+    table.rows.push_back({{c.RunName(run->run, run->variant)},
                           {a->panorama},
-                          {a->status, {}, a->status == "localized" ? Tone::kPlain : Tone::kWarning},
                           {std::to_string(a->inliers), a->inliers},
                           {std::to_string(a->matches), a->matches},
                           {std::to_string(a->views), a->views},
                           c.LengthCell(a->sigma_m),
                           c.LengthCell(a->geotag_off_m),
                           {a->geotag_status, {}, a->geotag_status == "outlier" ? Tone::kWarning : Tone::kPlain},
-                          {a->reason}});
+                          AnswerCell(a->status, a->reason)});
   }
   return table;
 }

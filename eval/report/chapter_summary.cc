@@ -205,14 +205,7 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
     Table table{
         "worst_cells",
         "The cells with the largest differences, those beyond a gate or a 99.9 % bound of their own sigmas first.",
-        {{"station"},
-         {"run"},
-         {"variant"},
-         {"method"},
-         {"reference"},
-         {"kind"},
-         {"3D (" + c.unit.name + ")", true},
-         {"NEES / dof", true}},
+        {{"station"}, {"run"}, {"method"}, {"against"}, {"3D (" + c.unit.name + ")", true}, {"NEES / dof", true}},
         {}};
     for (size_t i = 0; i < std::min<size_t>(8, worst.size()); ++i) {
       const ErrorRecord& e = *worst[i];
@@ -221,11 +214,9 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
       TableCell nees;
       if (e.nees && e.dof > 0) nees = {fmt::format("{:.1f}", *e.nees / e.dof), *e.nees / e.dof};
       table.rows.push_back({station,
-                            {e.run},
-                            {c.VariantName(e.variant)},
+                            {c.RunName(e.run, e.variant)},
                             {e.method},
-                            {e.reference},
-                            {e.kind},
+                            {e.reference + ", " + e.kind},
                             c.LengthCell(e.error_3d_m),
                             nees});
     }
@@ -233,7 +224,9 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   if (!c.data.notes.empty()) {
     blocks->push_back(
-        FoldBegin{fmt::format("Notes: {} things could not be used or deserve a look", c.data.notes.size())});
+        FoldBegin{fmt::format("Notes: {} could not be used or {} a look",
+                              c.data.notes.size() == 1 ? "one thing" : std::to_string(c.data.notes.size()) + " things",
+                              c.data.notes.size() == 1 ? "deserves" : "deserve")});
     for (size_t i = 0; i < std::min<size_t>(40, c.data.notes.size()); ++i)
       blocks->push_back(Paragraph{c.data.notes[i]});
     if (c.data.notes.size() > 40)

@@ -12,7 +12,7 @@ constexpr std::string_view kStyle = R"css(
 *{box-sizing:border-box}
 html{scroll-padding-top:3.2rem}
 body{margin:0;background:var(--ground);color:var(--ink);font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
-header,main,footer{max-width:70rem;margin:0 auto;padding:0 1.25rem}
+header,main,footer{max-width:74rem;margin:0 auto;padding:0 1.25rem}
 header{padding-top:1.75rem}
 h1{font-size:1.9rem;line-height:1.2;margin:0 0 .3rem;overflow-wrap:anywhere}
 h2{font-size:1.4rem;line-height:1.25;margin:2.6rem 0 .7rem;padding-top:.7rem;border-top:2px solid var(--ink);overflow-wrap:anywhere}
@@ -21,7 +21,7 @@ p{margin:.5rem 0;max-width:46rem;overflow-wrap:anywhere}
 a{color:var(--accent)}
 .sub{color:var(--soft);margin:0}
 nav{position:sticky;top:0;z-index:2;background:var(--ground);border-bottom:1px solid var(--line);margin-top:1rem}
-nav div{max-width:70rem;margin:0 auto;padding:.45rem 1.25rem;display:flex;gap:1.1rem;overflow-x:auto;white-space:nowrap;font-size:.92rem}
+nav div{max-width:74rem;margin:0 auto;padding:.45rem 1.25rem;display:flex;gap:1.1rem;overflow-x:auto;white-space:nowrap;font-size:.92rem}
 nav a{text-decoration:none}
 .facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(11rem,1fr));gap:.8rem;margin:1rem 0}
 .fact{background:var(--panel);border-left:4px solid var(--line);border-radius:3px;padding:.65rem .85rem}
@@ -38,20 +38,22 @@ figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;o
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:40rem;overflow-y:auto}
 .cap{font-size:.9rem;color:var(--soft);margin:1rem 0 .3rem;max-width:52rem;overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}
-th,td{padding:.32rem .6rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
-td{min-width:3.2rem;max-width:24rem;overflow-wrap:anywhere}
-th{position:sticky;top:0;background:var(--panel);white-space:nowrap;z-index:1}
-th button{font:inherit;font-weight:600;border:0;background:none;padding:0;color:inherit;cursor:pointer}
+th,td{padding:.32rem .55rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
+td{min-width:3.2rem;max-width:26rem;overflow-wrap:break-word}
+td:first-child{position:sticky;left:0;background:var(--ground)}
+th:first-child{left:0;z-index:2}
+th{position:sticky;top:0;background:var(--panel);vertical-align:bottom;z-index:1}
+th button{font:inherit;text-align:inherit;font-weight:600;border:0;background:none;padding:0;color:inherit;cursor:pointer}
 th button::after{content:" \2195";color:#9aa4ad}
 th[aria-sort=ascending] button::after{content:" \2191";color:var(--ink)}
 th[aria-sort=descending] button::after{content:" \2193";color:var(--ink)}
 td.good{color:var(--good)}td.warn{color:var(--warn)}td.bad{color:var(--bad);font-weight:600}
-tbody tr:hover{background:#f5f9fc}
+tbody tr:hover,tbody tr:hover td:first-child{background:#f5f9fc}
 details{margin:.8rem 0;border:1px solid var(--line);border-radius:3px;padding:0 .8rem}
 summary{cursor:pointer;padding:.55rem 0;font-weight:600;overflow-wrap:anywhere}
 footer{color:var(--soft);font-size:.85rem;padding-top:2rem;padding-bottom:2.5rem}
 @media(max-width:40rem){body{font-size:15px}h1{font-size:1.5rem}h2{font-size:1.25rem}header,main,footer,nav div{padding-left:.9rem;padding-right:.9rem}.facts{grid-template-columns:1fr 1fr;gap:.5rem}.fact b{font-size:1.2rem}figure svg{min-width:30rem}details{padding:0 .5rem}}
-@media print{nav{display:none}.table{max-height:none;overflow:visible}th{position:static}figure,tr{break-inside:avoid}}
+@media print{nav{display:none}.table{max-height:none;overflow:visible}th,td:first-child{position:static}figure,tr{break-inside:avoid}}
 )css";
 
 // Sorts a table by the column whose header is pressed. Reads the page, writes only the order of rows.
@@ -77,7 +79,7 @@ std::string AlignmentStyle() {
   for (size_t k = 1; k <= kAlignedColumns; ++k) {
     names += fmt::format("{0}.c{1} td:nth-child({1}),.c{1} th:nth-child({1})", k == 1 ? "" : ",", k);
   }
-  return names + "{text-align:right;white-space:nowrap}";
+  return names + "{text-align:right}";
 }
 
 const char* ClassOf(Tone tone) {

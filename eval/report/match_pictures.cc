@@ -58,7 +58,13 @@ cv::Mat LoadImage(const Run& run, const std::string& name) {
 cv::Mat LoadView(const Project& project, const std::string& panorama, const std::string& view) {
   for (const Reference& reference : project.site().references) {
     if (reference.name != panorama) continue;
-    if (reference.kind == ReferenceKind::kPhotoSet) return LoadPicture(project.dir() / view, false);
+    if (reference.kind == ReferenceKind::kPhotoSet) {
+      const std::string photo = fs::path(view).filename().string();
+      for (const fs::path& file : reference.files) {
+        if (file.filename() == photo) return LoadPicture(file, false);
+      }
+      break;
+    }
     if (reference.kind == ReferenceKind::kPhoto) return LoadPicture(reference.files.front(), false);
     const cv::Mat picture = LoadPanorama(reference.files.front(), false);
     for (const View& v : PanoramaViews(panorama, picture.cols, ViewsOf(project)).views) {

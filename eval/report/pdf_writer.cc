@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kMargin = 46;  // points
 constexpr double kFoot = 26;
-constexpr double kTextPt = 9.5, kTablePt = 7.6, kSmallestPt = 5.2;
+constexpr double kTextPt = 9.5, kTablePt = 7.6, kSmallestPt = 5;
 
 class Pages {
  public:
@@ -58,7 +58,7 @@ class Pages {
   void operator()(const Heading& h) {
     const double size = h.level == 2 ? 15 : 11.5;
     if (h.new_page && y_ > kMargin + 60) Turn();
-    Need(size * 2 + 60);
+    Need(size * 2 + (h.level == 2 ? 60 : 110));
     y_ += y_ > kMargin ? (h.level == 2 ? 16 : 10) : 0;
     if (h.level == 2) {
       cairo_tag_begin(cairo_.get(), CAIRO_TAG_DEST, ("name='" + h.anchor + "'").c_str());
@@ -78,7 +78,7 @@ class Pages {
     Words(p.text, kTextPt, false, p.tone == Tone::kBad ? kBad : p.tone == Tone::kWarning ? kWarn : kInk, 5);
   }
   void operator()(const FoldBegin& fold) {
-    Need(60);
+    Need(110);
     Words(fold.title, kTextPt, true, kInk, 4);
   }
   void operator()(const FoldEnd&) {}
@@ -104,7 +104,8 @@ class Pages {
     } else {
       const Picture& picture = std::get<Picture>(figure.content);
       w = picture.width, h = picture.height;
-      const double fit = Room() / std::max(1.0, w);
+      // Two go on a page, under a heading too.
+      const double fit = std::min(Room() / std::max(1.0, w), (0.5 * (height_ - 2 * kMargin) - 72) / std::max(1.0, h));
       w *= fit, h *= fit;
     }
     const double scale = std::min({1.0, Room() / std::max(1.0, w), (height_ - 2 * kMargin - 110) / std::max(1.0, h)});
@@ -127,33 +128,33 @@ class Pages {
 
   void operator()(const Table& table) {
     if (!table.caption.empty()) {
-      Need(60);
+      Need(80);
       Words(table.caption, 8, false, kSoft, 3);
     }
     if (table.columns.empty()) return;
-    // As wide as their widest cell; too wide altogether: smaller letters; still too wide: in parts that repeat the
-    // first column; a single long column is broken into lines.
+    // As wide as their widest cell where there is room; else lines are broken between words, then letters get smaller,
+    // then the table comes in parts that repeat the first column.
     const size_t n = table.columns.size();
-    std::vector<double> wide(n);
+    std::vector<Ems> wide(n);
     for (size_t k = 0; k < n; ++k) {
-      wide[k] = TextWidth(table.columns[k].name, 1) * 1.06;
+      wide[k].Add(table.columns[k].name, kBoldWider);
       for (const auto& row : table.rows) {
-        if (k < row.size()) wide[k] = std::max(wide[k], std::min(46.0, TextWidth(row[k].text, 1)));
+        if (k < row.size()) wide[k].Add(row[k].text, 1);
       }
     }
-    double total = 0;
-    for (double w : wide) total += w;
     const double gap = 7;
-    double size = std::clamp((Room() - gap * static_cast<double>(n)) / std::max(1.0, total), kSmallestPt, kTablePt);
-    std::vector<size_t> part;
-    for (size_t k = 1; k <= n || !part.empty();) {
-      double used = wide[0] * size + gap;
-      part = {0};
-      while (k < n && (part.size() == 1 || used + wide[k] * size + gap <= Room())) {
-        used += wide[k] * size + gap;
+    double least = 0;
+    for (const Ems& w : wide) least += w.least;
+    const double size =
+        std::clamp((Room() - gap * static_cast<double>(n)) / std::max(1.0, least), kSmallestPt, kTablePt);
+    for (size_t k = 1; k <= n;) {
+      double used = wide[0].least * size + gap;
+      std::vector<size_t> part = {0};
+      while (k < n && (part.size() == 1 || used + wide[k].least * size + gap <= Room())) {
+        used += wide[k].least * size + gap;
         part.push_back(k++);
       }
-      DrawRows(table, part, wide, size, gap, std::min(1.0, Room() / used));
+      DrawRows(table, part, WidthsOf(table, part, wide, size, gap), size, gap);
       if (k >= n) break;
     }
     y_ += 8;
@@ -165,6 +166,55 @@ class Pages {
   static constexpr const char* kBad = "#a8420a";
   static constexpr const char* kWarn = "#8a5a00";
   static constexpr const char* kGoodInk = "#00694d";
+
+  static constexpr double kBoldWider = 1.12;
+
+  // A column's width in ems: so that no word is broken (long ones are), and so that no line is.
+  struct Ems {
+    static constexpr double kLongestWord = 17, kLongestLine = 46;
+    double least = 1, all = 1;
+    void Add(const std::string& text, double wider) {
+      constexpr double kAir = 0.25;  // letters are set on whole fractions of a point
+      double line = kAir, word = kAir;
+      for (const char c : text) {
+        const double letter = wider * WidthOf(c);
+        line += letter;
+        word = c == ' ' ? kAir : word + letter;
+        least = std::max(least, std::min(kLongestWord, word));
+        if (line > kLongestLine) break;
+      }
+      all = std::max(all, std::min(kLongestLine, line));
+    }
+    // Of the pages' sans-serif letters, a little on the safe side.
+    static double WidthOf(char c) {
+      if (std::string_view(" .,:;'|!()[]/ijlIftr-").find(c) != std::string_view::npos) return 0.42;
+      if (std::string_view("mwMW%@").find(c) != std::string_view::npos) return 0.98;
+      if ((c >= 'A' && c <= 'Z') || (static_cast<unsigned char>(c) & 0xC0U) == 0xC0U) return 0.73;
+      return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U ? 0 : 0.65;
+    }
+  };
+
+  // What the columns need least, and of the rest to each as it is short of a whole line; what is left then goes to the
+  // last column of words.
+  std::vector<double> WidthsOf(const Table& table, const std::vector<size_t>& part, const std::vector<Ems>& wide,
+                               double size, double gap) const {
+    std::vector<double> widths(wide.size());
+    double least = 0, all = 0;
+    for (size_t k : part) least += wide[k].least * size + gap, all += wide[k].all * size + gap;
+    const double squeeze = std::min(1.0, Room() / least);
+    const double share = all > least ? std::clamp((Room() - least) / (all - least), 0.0, 1.0) : 1;
+    double used = 0;
+    for (size_t k : part) {
+      widths[k] = (squeeze * wide[k].least + share * (wide[k].all - wide[k].least)) * size;
+      used += widths[k] + gap;
+    }
+    for (size_t i = part.size(); i-- > 0;) {
+      if (table.columns[part[i]].number || used >= Room()) continue;
+      widths[part[i]] += Room() - used;
+      break;
+    }
+    return widths;
+  }
 
   double Room() const { return width_ - 2 * kMargin; }
 
@@ -247,37 +297,31 @@ class Pages {
 
   void Header(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
               double gap) {
-    const double h = size * 1.6;
+    double h = size * 1.6;
+    for (size_t k : part) {
+      h = std::max(h, painter_->Height(table.columns[k].name, size, true, widths[k]) + 0.3 * size);
+    }
     SetColour(cairo_.get(), "#eef1f4", 1);
     cairo_rectangle(cairo_.get(), kMargin, y_, Room(), h);
     cairo_fill(cairo_.get());
     double x = kMargin + 2;
     for (size_t k : part) {
-      painter_->Draw(table.columns[k].name, x, y_ + 0.12 * size, size, true, kInk, widths[k],
-                     table.columns[k].number ? 1 : -1, 1);
+      const double above = h - 0.15 * size - painter_->Height(table.columns[k].name, size, true, widths[k]);
+      painter_->Draw(table.columns[k].name, x, y_ + above, size, true, kInk, widths[k],
+                     table.columns[k].number ? 1 : -1, 0);
       x += widths[k] + gap;
     }
     y_ += h;
   }
 
-  void DrawRows(const Table& table, const std::vector<size_t>& part, const std::vector<double>& wide, double size,
-                double gap, double squeeze) {
-    std::vector<double> widths(wide.size());
-    for (size_t k : part) widths[k] = wide[k] * size * squeeze;
-    // What is left goes to the last column of words.
-    double used = 0;
-    for (size_t k : part) used += widths[k] + gap;
-    for (size_t i = part.size(); i-- > 0;) {
-      if (table.columns[part[i]].number || used >= Room()) continue;
-      widths[part[i]] += Room() - used;
-      break;
-    }
+  void DrawRows(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
+                double gap) {
     Need(size * 1.6 * 3);
     Header(table, part, widths, size, gap);
     for (const auto& row : table.rows) {
       double h = size * 1.45;
       for (size_t k : part) {
-        if (k < row.size() && TextWidth(row[k].text, size) > 0.9 * widths[k]) {
+        if (k < row.size() && TextWidth(row[k].text, size) > 0.8 * widths[k]) {
           h = std::max(h, painter_->Height(row[k].text, size, false, widths[k]) + 0.2 * size);
         }
       }

@@ -10,6 +10,7 @@
 #include "datasets/colmap/model.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "eval/evaluate.h"
 
 namespace trigpoint {
 namespace {
@@ -174,6 +175,9 @@ class Reader {
         RunData::Answer a;
         a.panorama = row.Text("panorama"), a.status = row.Text("status");
         a.station = Text(table, row, "station"), a.reason = Text(table, row, "reason");
+        // A photo set goes with the station it is of, as in the evaluation.
+        if (const std::string meant = StationNamed(a.station, project_.site().stations); !meant.empty())
+          a.station = meant;
         a.geotag_status = Text(table, row, "geotag_status");
         a.inliers = Whole(table, row, "inliers", 0), a.matches = Whole(table, row, "view_matches", 0);
         a.views = Whole(table, row, "views", 0);
