@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <set>
 
 #include "eval/report/chapters.h"
@@ -59,7 +60,9 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
                           {e->nees ? fmt::format("{:.1f}", *e->nees) : "", e->nees, beyond ? Tone::kBad : Tone::kPlain},
                           {e->dominant},
                           AnswerCell(e->status, e->reason)});
-    if (several) table.rows.back().insert(table.rows.back().begin() + 1, TableCell{e->panorama});
+    if (several)
+      table.rows.back().insert(table.rows.back().begin() + 1,
+                               TableCell{std::filesystem::path(e->panorama).filename().string()});
   }
   return table;
 }
