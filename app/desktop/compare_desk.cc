@@ -258,6 +258,7 @@ void CompareDesk::ShowScenes() {
   for (int i = 0; i < 2; ++i) {
     if (scene_[i] == nullptr) {
       scene_[i] = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
+      scene_[i]->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Expanding);  // both get half
       static_cast<QHBoxLayout*>(scenes_->layout())->addWidget(scene_[i], 1);
     }
     scene_[i]->ShowVariant(QString::fromStdString(sides_[i].variant), sides_[i].run->currentData().toString());

@@ -39,7 +39,6 @@ namespace {
 
 constexpr int kMostPoints = 1000000;
 constexpr int kMostCameras = 2000;
-constexpr int kMovingPoints = 50000;  // drawn while the view moves
 constexpr size_t kMostTextures = 40;  // panoramas drawn with their pictures; with more they are plain
 constexpr int kMostNames = 8;         // images listed of a point
 constexpr int kSkyWidth = 4096;       // px, of the panorama one stands in
@@ -135,7 +134,7 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   detail->SetClientData(vtk_.get());
   detail->SetCallback([](vtkObject*, unsigned long event, void* parts, void*) {
     auto* vtk = static_cast<Vtk*>(parts);
-    if (vtk->view) vtk->view->DrawAtMost(event == vtkCommand::StartInteractionEvent ? kMovingPoints : 0);
+    vtk->DrawMoving(event == vtkCommand::StartInteractionEvent);
     if (event == vtkCommand::EndInteractionEvent) vtk->window->Render();
   });
   vtk_->detail = detail;
@@ -297,6 +296,7 @@ void SceneDesk::Load() {
     vtk_->highlighted.clear();
     vtk_->HideSky();
     if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
+    vtk_->resting.clear();
     vtk_->view.reset();
     vtk_->scene.reset();
   };
@@ -577,13 +577,13 @@ void SceneDesk::StepOutside() {
 
 int SceneDesk::Turn(int steps) {
   if (!vtk_->view) return 0;
-  vtk_->view->DrawAtMost(kMovingPoints);
+  vtk_->DrawMoving(true);
   for (int i = 0; i < steps; ++i) {
     vtk_->renderer->GetActiveCamera()->Azimuth(2);
     vtk_->renderer->ResetCameraClippingRange();
     vtk_->window->Render();
   }
-  vtk_->view->DrawAtMost(0);
+  vtk_->DrawMoving(false);
   Render();
   return steps;
 }

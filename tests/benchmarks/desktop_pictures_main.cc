@@ -10,6 +10,7 @@
 #include <QSignalSpy>
 #include <QSurfaceFormat>
 #include <QTabWidget>
+#include <QTableWidget>
 #include <QTemporaryDir>
 #include <QTest>
 #include <QThreadPool>
@@ -105,11 +106,15 @@ int main(int argc, char** argv) {
     if (auto* tabs = window.compare()->findChild<QTabWidget*>()) {
       for (int i = 1; i < tabs->count(); ++i) {
         tabs->setCurrentIndex(i);
+        if (i + 1 == tabs->count()) QTest::qWait(8000);  // both scenes with their points
         Save(window, out, qPrintable(QString("compare_%1").arg(i)));
       }
     }
     for (const char* desk : {"review", "panoramas", "calibration"}) {
       window.ShowDesk(desk);
+      if (auto* photos = window.findChild<QTableWidget*>("panorama.photos"); desk == std::string("panoramas")) {
+        WaitFor([&] { return photos->rowCount() > 0; });
+      }
       Save(window, out, desk);
     }
     window.SetTheme("dark");
