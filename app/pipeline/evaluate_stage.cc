@@ -232,8 +232,9 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
 }
 
 // All localized runs of all variants side by side; one that cannot be read is named, and the others go on.
+// A result whose newest attempt failed is an older one: said in the tables too, so that it does not pass for the new.
 std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options, const std::string& variant,
-                                            StageContext& context) {
+                                            StageContext& context, std::vector<std::string>* notes) {
   std::vector<EvaluatedRun> runs;
   for (const std::string& each : EvaluatedVariants(context.project, variant)) {
     for (const Run* run : EvaluatedRuns(context.project)) {
@@ -243,6 +244,11 @@ std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options,
       if (!manifest) {
         context.progress.Log(LogLevel::kWarning, "run " + name + " is not localized and takes no part");
         continue;
+      }
+      if (const auto failure = ReadFailure(context.project, "localize", name)) {
+        notes->push_back("The numbers of run " + name + " are of an older result, made " + manifest->value("end", "") +
+                         ": localizing it again failed.");
+        context.progress.Log(LogLevel::kWarning, notes->back());
       }
       try {
         runs.push_back(ReadEvaluatedRun(options, *run, target, *manifest, context));
@@ -306,7 +312,8 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   input.stations = context.project.site().stations;
   std::erase_if(input.stations, [&](const Station& s) { return context.project.review().ExcludesStation(s.name); });
   input.references = ReferencesFor(context.project, options.reference, context.progress);
-  input.runs = ReadEvaluatedRuns(options, variant, context);
+  EvaluationExtras extras;
+  input.runs = ReadEvaluatedRuns(options, variant, context, &extras.notes);
   const std::vector<EstimateReport> estimates = ScoreEstimates(context.project, options.estimates, context.progress);
   if (input.runs.empty() && estimates.empty()) {
     throw InputError("no run is localized; expected at least one result of `trigpoint localize`");
@@ -316,7 +323,6 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   evaluation.options = options.errors;
   if (!input.runs.empty()) evaluation = Evaluate(input, options.errors);
   for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
-  EvaluationExtras extras;
   extras.comparisons = CompareWithin(evaluation);
   extras.gates = CheckGates(evaluation, options.gates, variant);
   if (!options.truth.empty()) ScoreTruth(options, input.runs, context, &extras.notes);
@@ -381,7 +387,10 @@ StageInfo EvaluateStage() {
     }
     for (const Run* run : EvaluatedRuns(project)) {
       for (const std::string& variant : EvaluatedVariants(project, target.variant)) {
-        request.inputs.push_back(ManifestOf(project, "localize", TargetOf(run->name, variant)));
+        const StageTarget localized = TargetOf(run->name, variant);
+        request.inputs.push_back(ManifestOf(project, "localize", localized));
+        const std::string name = ResultName(StageNamed("localize"), localized);
+        if (ReadFailure(project, "localize", name)) request.values["failed"].push_back(name);
       }
       request.inputs.push_back(ManifestOf(project, "detect", TargetOf(run->name, target.variant)));
       request.values["runs"].push_back(run->name);

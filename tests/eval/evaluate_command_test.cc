@@ -205,6 +205,12 @@ TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
   EXPECT_EQ(nan.exit_code, 0) << nan.err;
   EXPECT_EQ(GroupOf(site.Summary(), "single")["attempts"], 18);
   EXPECT_THAT(nan.err, HasSubstr("1 of 1 answers have no finite sigma_x_m"));
+  // An older result whose repetition failed does not pass for the new one.
+  site.Write("results/localize/.failed-run1/manifest.json", R"({"schema":1,"status":"failed"})");
+  const Finished older = Trigpoint({"evaluate", site.dir()});
+  EXPECT_THAT(older.err, HasSubstr("run run1 are of an older result"));
+  EXPECT_THAT(older.out, HasSubstr("run run1 are of an older result"));
+  fs::remove_all(site.dir() + "/results/localize/.failed-run1");
   const Finished unknown = Trigpoint({"evaluate", site.dir(), "--reference", "contrl"});
   EXPECT_EQ(unknown.exit_code, 1);
   EXPECT_THAT(unknown.err, HasSubstr("nearest: 'control'"));
