@@ -47,7 +47,8 @@ class Detector {
       for (int k = 0; k < 4; ++k) tag.corners[k] = FromAprilTagPixel({d->p[k][0], d->p[k][1]});
       for (int k = 0; k < 4; ++k) side = std::min(side, (tag.corners[(k + 1) % 4] - tag.corners[k]).norm());
       tag.corner_sigma_px.fill(options_.raw_sigma_px * std::max(1.0, options_.quad_decimate));
-      if (tag.hamming > options_.max_hamming || tag.margin < options_.min_margin || side < options_.min_side_px) {
+      if (tag.hamming > std::min(options_.max_hamming, family_.Correctable()) || tag.margin < options_.min_margin ||
+          side < options_.min_side_px) {
         ++*refused;
         continue;
       }

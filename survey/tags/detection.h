@@ -37,7 +37,7 @@ struct DetectTagsOptions {
   std::string family = "tag36h11";
   double quad_decimate = 1;   // pictures are searched at 1 / this size; 2 is four times faster and misses small tags
   double quad_sigma = 0;      // Gaussian blur before the search, px; helps noisy pictures
-  int max_hamming = 1;        // more corrected bits than this are not believed
+  int max_hamming = 2;        // more corrected bits than this are not believed; fewer for weak families
   double min_margin = 10;     // decision margin below which a detection is not believed, grey values
   double min_side_px = 8;     // shortest side of a tag that is believed, px
   bool refine = true;         // fit the corners to the picture (survey/tags/corner_refinement.h)
@@ -48,7 +48,8 @@ struct DetectTagsOptions {
     visit(self.quad_decimate,
           {"quad_decimate", "", 1.0, 8.0, "search at 1 / this size (2: faster, misses small tags)"});
     visit(self.quad_sigma, {"quad_sigma", "px", 0.0, 5.0, "blur before the search"});
-    visit(self.max_hamming, {"max_hamming", "", 0, 2, "most corrected bits of a tag that is believed"});
+    visit(self.max_hamming,
+          {"max_hamming", "", 0, 2, "most corrected bits of a tag that is believed; weak families: fewer"});
     visit(self.min_margin, {"min_margin", "", 0.0, 255.0, "least decision margin of a tag that is believed"});
     visit(self.min_side_px, {"min_side_px", "px", 4.0, 1000.0, "shortest side of a tag that is believed"});
     visit(self.refine, {"refine", "", 0, 1, "fit the corners to the picture"});

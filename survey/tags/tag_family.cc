@@ -12,6 +12,8 @@
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
 
+#include <algorithm>
+
 #include "calib/base/error.h"
 
 namespace trigpoint {
@@ -56,6 +58,8 @@ TagFamily::TagFamily(const std::string& name)
     : name_(name), family_(FindMaker(name).create(), FindMaker(name).destroy) {}
 
 int TagFamily::size() const { return static_cast<int>(family_->ncodes); }
+
+int TagFamily::Correctable() const { return std::max(0, (static_cast<int>(family_->h) - 5) / 3); }
 
 TagPattern TagFamily::Pattern(int id) const {
   if (id < 0 || id >= size()) {

@@ -30,6 +30,8 @@ class TagFamily {
 
   const std::string& name() const { return name_; }
   int size() const;  // number of ids
+  // Bits that may be corrected without reading chance as a tag: codes of weak families lie close together.
+  int Correctable() const;
   apriltag_family* get() const { return family_.get(); }
   TagPattern Pattern(int id) const;  // throws InputError for an id the family does not have
 
