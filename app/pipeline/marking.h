@@ -7,17 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "datasets/io/survey_tables.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
 
-// A row of control_observations.csv. `image`: below the project, "runs/run1/images/000012.jpg".
-struct PointMark {
-  std::string point;
-  std::string image;
-  Eigen::Vector2d pixel;  // ours: the centre of the first is (0, 0)
-};
-
+// Rows of control_observations.csv; `image`: below the project, "runs/run1/images/000012.jpg".
 // Empty without the file. Throws InputError naming file and line.
 std::vector<PointMark> ReadPointMarks(const Project& project);
 // Adds a mark, or moves the one of the same point in the same image. `image` may be RUN/FILE or below the project.

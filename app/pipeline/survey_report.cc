@@ -206,7 +206,7 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
     out.Line(line);
   }
   if (findings.epochs) {
-    const EpochTest& test = *findings.epochs;
+    const SurveyEpochs& test = *findings.epochs;
     out.Line(fmt::format("\nAgainst {}{}: {}", findings.against,
                          test.aligned ? " (datums of their own: fitted to each other first)" : "",
                          test.problem.empty() ? fmt::format("{} tags in both", test.tags.size()) : test.problem));

@@ -16,7 +16,7 @@ struct SurveyFindings {
   bool nssda = false;
   std::optional<Repeatability> repeatability;    // maps of all runs but one, against the map of all
   std::optional<Repeatability> reproducibility;  // maps of single days, against each other
-  std::optional<EpochTest> epochs;
+  std::optional<SurveyEpochs> epochs;
   std::string against;  // name of the other survey
 };
 

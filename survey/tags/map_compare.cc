@@ -81,8 +81,8 @@ Matrix6d Turned(const Matrix6d& covariance, const Eigen::Quaterniond& rotation) 
 
 }  // namespace
 
-EpochTest TestEpochs(const std::vector<TagEstimate>& before, const std::vector<TagEstimate>& now, bool same_datum) {
-  EpochTest test;
+SurveyEpochs TestEpochs(const std::vector<TagEstimate>& before, const std::vector<TagEstimate>& now, bool same_datum) {
+  SurveyEpochs test;
   const std::vector<Pair> pairs = Common(before, now);
   if (pairs.empty()) {
     test.problem = "the two maps have no tag in common";

@@ -16,7 +16,7 @@ struct TagChange {
   bool moved = false;
 };
 
-struct EpochTest {
+struct SurveyEpochs {
   bool aligned = false;  // the maps have datums of their own: a rigid fit that most tags agree on was applied first
   std::vector<TagChange> tags;  // in both maps, ascending id
   std::string problem;          // why nothing could be tested
@@ -25,7 +25,7 @@ struct EpochTest {
 // Difference of every common tag against both maps' covariances in quadrature, chi-square at `significance` (two-sided
 // probability of a false alarm of a tag, 0.001). Maps of the same datum are compared as they are, others after a robust
 // rigid fit; then what moved is what most tags do not share.
-EpochTest TestEpochs(const std::vector<TagEstimate>& before, const std::vector<TagEstimate>& now, bool same_datum);
+SurveyEpochs TestEpochs(const std::vector<TagEstimate>& before, const std::vector<TagEstimate>& now, bool same_datum);
 
 // How far maps made of other pictures lie apart.
 struct Repeatability {

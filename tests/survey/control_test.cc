@@ -57,7 +57,7 @@ TEST(Epochs, AMovedTagIsFoundWithAndWithoutACommonDatum) {
     const std::vector<TagEstimate> before = Map({}, 0.005);
     std::vector<TagEstimate> now = Map(same ? Rigid3d() : other, 0.005);
     now[3].world_from_tag->translation += Eigen::Vector3d(0.1, 0, 0);
-    const EpochTest test = TestEpochs(before, now, same);
+    const SurveyEpochs test = TestEpochs(before, now, same);
     EXPECT_EQ(test.aligned, !same);
     ASSERT_EQ(test.tags.size(), 6U);
     for (const TagChange& t : test.tags) EXPECT_EQ(t.moved, t.tag_id == 3) << t.tag_id << " " << t.chi2;
