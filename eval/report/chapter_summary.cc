@@ -41,8 +41,8 @@ Headline FindHeadline(const ReportData& data) {
       const int rank = (absolute && !shared ? 16
                         : absolute          ? 2
                                             : 4) +
-                       (variant.variant.empty() ? 8 : 0) + (TextAt(group, "method") != "g1" ? 4 : 0) +
-                       (TextAt(group, "reference") == "survey" ? 1 : 0);
+                       (variant.variant.empty() && TextAt(group, "variant").empty() ? 8 : 0) +
+                       (TextAt(group, "method") != "g1" ? 4 : 0) + (TextAt(group, "reference") == "survey" ? 1 : 0);
       if (rank > best_rank) best_rank = rank, best = {&variant, group};
     }
   }

@@ -109,8 +109,18 @@ class Reader {
       data_.notes.push_back(name + ": has no summary.json; run `trigpoint evaluate` again");
     }
     if (!v.summary.is_object()) v.summary = nlohmann::json::object();
+    if (const auto groups = v.summary.find("groups"); groups != v.summary.end() && groups->is_array()) {
+      groups->erase(std::remove_if(groups->begin(), groups->end(),
+                                   [&](const nlohmann::json& g) { return HasItsOwn(TextAt(g, "variant"), variant); }),
+                    groups->end());
+    }
     Guard(name, [&] { ReadErrors(dir / "errors.csv", name, &v); });
     Guard(name, [&] { ReadFurther(dir, &v); });
+  }
+
+  // The first evaluation shows all variants side by side; one that has an evaluation of its own is taken from there.
+  bool HasItsOwn(const std::string& variant, const std::string& read) const {
+    return !variant.empty() && variant != read && fs::exists(project_.ResultDir("evaluate", "@" + variant));
   }
 
   void ReadErrors(const fs::path& file, const std::string& name, VariantData* v) {
@@ -118,7 +128,9 @@ class Reader {
     EachRow(table, name + "/errors.csv", [&](const CsvRow& row) {
       ErrorRecord e;
       e.run = row.Text("run"), e.station = row.Text("station"), e.status = row.Text("status");
-      e.variant = v->variant;
+      e.variant = Text(table, row, "variant");
+      if (e.variant.empty()) e.variant = v->variant;
+      if (HasItsOwn(e.variant, v->variant)) return;
       e.method = Text(table, row, "method"), e.panorama = Text(table, row, "panorama");
       e.reference = Text(table, row, "reference"), e.kind = Text(table, row, "kind");
       e.reason = Text(table, row, "reason"), e.dominant = Text(table, row, "dominant");
