@@ -209,7 +209,12 @@ void ImagesDesk::Refresh() {
   }
   FillImages();
   const auto found = images_->findItems(image_before, Qt::MatchExactly);
-  if (!found.isEmpty() && !image_before.isEmpty()) images_->setCurrentItem(found.front());
+  if (!found.isEmpty() && !image_before.isEmpty()) {
+    const QSignalBlocker block(images_), block_slider(slider_);  // nobody selected it anew
+    images_->setCurrentItem(found.front());
+    slider_->setValue(images_->currentRow());
+    ShowImage();
+  }
   ShowReference();
 }
 

@@ -80,6 +80,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
                         tr("status before"), tr("status after")});
   summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
   summary_->setObjectName("review.summary");
+  summary_->setWordWrap(true);
 
   auto* form = new QFormLayout;
   form->addRow(tr("Object"), object_);

@@ -70,6 +70,7 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   auto* reset = Named(new QPushButton(tr("Reset options")), "run.reset", tr("Reset options"));
   bar_ = Named(new QProgressBar, "run.progress", tr("Progress"));
   status_ = Named(new QLabel(tr("Nothing runs.")), "run.status", tr("State of the run"));
+  status_->setWordWrap(true);
   log_ = Named(new QPlainTextEdit, "run.log", tr("Log"));
   log_->setReadOnly(true);
   log_->setMaximumBlockCount(5000);

@@ -128,6 +128,7 @@ TEST_F(SessionTest, FromTheFirstRunToTheLastQuit) {
   Type(window_.get(), "review.reason", "half hidden");
   Click(window_.get(), "review.exclude");
   ASSERT_TRUE(WaitFor([&] { return reviewed.count() == 1; }));
+  EXPECT_EQ(window_->workspace()->selected(), detection);  // over the reload, too
   Click(window_.get(), "review.solve");
   ASSERT_TRUE(WaitFor([&] { return solved.count() == 1; }, kLong));
   EXPECT_NE(Errors(), before);
