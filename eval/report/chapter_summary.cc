@@ -146,7 +146,10 @@ void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
 
 std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data) {
   const nlohmann::json& gates = input.project->gates();
-  const double limit = At(gates, {"max_p90_m"}).value_or(At(gates, {"max_median_m"}).value_or(0));
+  double limit = 0;  // of trigpoint.yaml, with or without the unit in the name
+  for (const char* gate : {"max_median", "max_median_m", "max_p90", "max_p90_m"}) {
+    limit = At(gates, {gate}).value_or(limit);
+  }
   std::vector<std::pair<double, const ErrorRecord*>> ranked;
   for (const VariantData& variant : data.variants) {
     for (const ErrorRecord& e : variant.errors) {
