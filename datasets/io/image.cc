@@ -73,9 +73,21 @@ cv::Mat ToEightBits(const std::filesystem::path& file, const cv::Mat& picture) {
   return eight;
 }
 
+// EXIF 1..8, as stored to as shown.
+cv::Mat Oriented(const cv::Mat& stored, int orientation) {
+  cv::Mat shown = stored;
+  if (orientation >= 5) cv::transpose(stored, shown);
+  if (orientation == 2 || orientation == 6) cv::flip(shown, shown, 1);
+  if (orientation == 3 || orientation == 7) cv::flip(shown, shown, -1);
+  if (orientation == 4 || orientation == 8) cv::flip(shown, shown, 0);
+  return shown;
+}
+
 cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& bytes, bool grey, bool raw_orientation) {
   int flags = (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_ANYDEPTH;
-  if (raw_orientation) flags |= cv::IMREAD_IGNORE_ORIENTATION;
+  // OpenCV does not find the orientation of a JPEG whose EXIF stands beside other application data.
+  const bool jpeg = bytes.size() > 2 && bytes[0] == 0xFF && bytes[1] == 0xD8;
+  if (raw_orientation || jpeg) flags |= cv::IMREAD_IGNORE_ORIENTATION;
   cv::Mat picture;
   try {
     picture = cv::imdecode(bytes, flags);
@@ -84,6 +96,7 @@ cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& byte
   }
   if (picture.empty())
     throw InputError(file.string() + ": not a picture, or a damaged one; expected JPEG, PNG or TIFF");
+  if (jpeg && !raw_orientation) picture = Oriented(picture, ReadPhotoMetadata(file).orientation);
   return ToEightBits(file, picture);
 }
 

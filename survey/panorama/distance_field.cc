@@ -4,30 +4,43 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 namespace trigpoint {
 namespace {
 
 constexpr int kWidth = 360, kHeight = 180;
 constexpr double kPi = std::numbers::pi;
+constexpr double kNearest = 1.0;  // 1/m: nothing is shown as nearer than a metre
+constexpr double kOwn = 0.05;     // 1/m: how much neighbouring points differ
 
 }  // namespace
 
 DistanceField::DistanceField(const RigState& state) {
-  // Weighted sums in cells of a degree, blurred from coarse to fine: where the fine one has nothing, the coarse speaks.
-  cv::Mat sums = cv::Mat::zeros(kHeight, kWidth, CV_64F), weights = cv::Mat::zeros(kHeight, kWidth, CV_64F);
+  struct Sample {
+    int x, y;
+    double inverse_distance, weight;
+  };
+  std::vector<Sample> samples;
   for (const RigPoint& p : state.points) {
     if (!(p.sigma > 0) || p.sigma > 1) continue;
     const double azimuth = std::atan2(p.direction.x(), p.direction.z());
     const double elevation = std::asin(std::clamp(-p.direction.y(), -1.0, 1.0));
-    const int x = static_cast<int>((azimuth / (2 * kPi) + 0.5) * kWidth) % kWidth;
-    const int y = std::min(kHeight - 1, static_cast<int>((0.5 - elevation / kPi) * kHeight));
-    const double weight = 1 / (p.sigma * p.sigma + 1e-4);
-    sums.at<double>(y, x) += weight * p.inverse_distance;
-    weights.at<double>(y, x) += weight;
+    samples.push_back({static_cast<int>((azimuth / (2 * kPi) + 0.5) * kWidth) % kWidth,
+                       std::min(kHeight - 1, static_cast<int>((0.5 - elevation / kPi) * kHeight)),
+                       std::clamp(p.inverse_distance, 0.0, kNearest), 1 / (p.sigma * p.sigma + kOwn * kOwn)});
   }
+  // Sums in cells of a degree, blurred from coarse to fine: where the fine one has nothing, the coarse speaks. A point
+  // far from what the coarser field says counts little: things that are near show many points, a wrong match is alone.
   cv::Mat field = cv::Mat::zeros(kHeight, kWidth, CV_32F);
   for (const double sigma_deg : {30.0, 12.0, 5.0, 2.0}) {
+    cv::Mat sums = cv::Mat::zeros(kHeight, kWidth, CV_64F), weights = cv::Mat::zeros(kHeight, kWidth, CV_64F);
+    for (const Sample& s : samples) {
+      const double said = field.at<float>(s.y, s.x), off = (s.inverse_distance - said) / (kOwn + said);
+      const double weight = s.weight / (1 + off * off);
+      sums.at<double>(s.y, s.x) += weight * s.inverse_distance;
+      weights.at<double>(s.y, s.x) += weight;
+    }
     // Round the ends: padded by three sigmas of what lies on the other side.
     const int pad = std::min(kWidth / 2, static_cast<int>(3 * sigma_deg));
     const auto blurred = [&](const cv::Mat& grid) {

@@ -20,4 +20,16 @@ struct PhotoGraph {
 // say is dropped (but never less than four times the median disagreement).
 PhotoGraph BuildPhotoGraph(int photos, std::vector<PhotoPair> pairs, double limit_rad);
 
+// Whether the pairs go all the way round, and how far they turn in all when laid end to end.
+//
+// Along the tree of the strongest pairs each photo has an azimuth that is not wrapped; a pair off the tree whose own
+// turn contradicts that by about a full circle closes the ring. Turns of narrow photos go as 1 / focal length, so the
+// focal length times `turns` is the one with which the ring closes (Szeliski & Shum 1997, section 5), whatever it was
+// begun with.
+struct RingClosure {
+  bool closed = false;  // pairs worth a fair part of the others close it, and agree with one another
+  double turns = 0;     // full circles that the ring's pairs add up to: 1 with the right focal length
+};
+RingClosure FindClosure(int photos, const std::vector<PhotoPair>& pairs);
+
 }  // namespace trigpoint

@@ -19,6 +19,8 @@
 namespace trigpoint {
 namespace {
 
+constexpr double kScenePoints = 50;  // what all points together are worth in saying how far the scene is
+
 // Residual of one observation: (predicted - observed) px / sigma. Blocks: w (rotation, Exp(w) R0), centre (m), lens
 // (f, k1, k2), point (two tangent components of the direction, inverse distance).
 struct ObservationCost {
@@ -57,6 +59,18 @@ struct CircleCost {
     using std::exp;
     const T inverse = exp(-log_radius[0]);
     for (int k = 0; k < 3; ++k) residual[k] = (centre[k] * inverse - look(k)) * inverse_share;
+    return true;
+  }
+};
+
+// rho * r / sigma: how far a point's distance moves it, as an angle (rad). Seen from a circle, points that are all at
+// one distance are the same as points at infinity and a longer lens; what else holds the two apart is weak in one row.
+struct ParallaxPrior {
+  double inverse_sigma;
+  template <typename T>
+  bool operator()(const T* point, const T* log_radius, T* residual) const {
+    using std::exp;
+    residual[0] = point[2] * exp(log_radius[0]) * inverse_sigma;
     return true;
   }
 };
@@ -149,7 +163,7 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   for (const Lens& l : state->lenses) b.lenses.push_back({l.focal_px, l.k1, l.k2});
   b.points.resize(state->points.size());
   for (size_t j = 0; j < state->points.size(); ++j) b.points[j] = {0, 0, state->points[j].inverse_distance};
-  b.log_radius = std::log(state->radius_m > 0 ? state->radius_m : options.radius_m);
+  b.log_radius = std::log(options.radius_m);
 
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -179,6 +193,9 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   if (problem.NumResidualBlocks() == 0) throw NumericError("no matches between the photos are left to adjust");
   std::vector<double*> cameras, points;
   std::vector<int> held_distance = {2};
+  // One scene has one spread of distances: its points count together as kScenePoints.
+  const double inverse_parallax =
+      std::sqrt(std::min(1.0, kScenePoints / static_cast<double>(state->points.size()))) / options.parallax;
   const bool free_centres = options.centres;
   for (size_t j = 0; j < state->points.size(); ++j) {
     if (state->points[j].observations.empty()) continue;
@@ -186,9 +203,9 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     if (!free_centres) {
       problem.SetManifold(b.points[j].data(), new ceres::SubsetManifold(3, held_distance));
     } else {
-      // Holds a point without parallax; no other has enough of it to notice.
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 0.01}),
-                               nullptr, b.points[j].data());
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<ParallaxPrior, 1, 3, 1>(new ParallaxPrior{inverse_parallax}), nullptr,
+          b.points[j].data(), &b.log_radius);
     }
   }
   bool first = true;
@@ -217,6 +234,8 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 1>(new ScalarPrior{
                                  0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
                              nullptr, &b.log_radius);
+    // Nothing but this prior knows the size, so the answer is its own value; the covariance is taken with it free.
+    problem.SetParameterBlockConstant(&b.log_radius);
   }
   std::vector<int> column_of_lens(state->lenses.size(), -1);
   for (size_t l = 0; l < state->lenses.size(); ++l) {
@@ -246,7 +265,7 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   if (free_centres) ordering->AddElementToGroup(&b.log_radius, 1);
   solve.linear_solver_ordering.reset(ordering);
   solve.max_num_iterations = options.max_iterations;
-  solve.function_tolerance = 1e-7;
+  solve.function_tolerance = 1e-8;
   solve.num_threads = ResolveThreads(threads);
   solve.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
@@ -287,7 +306,10 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   result.rms_px = count > 0 ? std::sqrt(sum / (2 * count)) : 0;
 
   if (with_covariance) {
-    if (free_centres) cameras.push_back(&b.log_radius);
+    if (free_centres) {
+      problem.SetParameterBlockVariable(&b.log_radius);
+      cameras.push_back(&b.log_radius);
+    }
     // Held and reduced blocks still own their columns here: only their Jacobians are zero or absent.
     int columns = 0;
     std::map<const double*, int> column;

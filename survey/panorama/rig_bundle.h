@@ -6,9 +6,12 @@
 //
 // Minimises  sum rho_H(|predicted px - observed px|^2 / sigma^2)
 //          + sum_i |((c_i - 0)/r - a_i) / kappa|^2  +  ((ln r - ln r_0) / sigma_ln_r)^2  +  lens priors
+//          + w sum_j (rho_j r / tau)^2
 // where a_i is the horizontal unit direction in which photo i looks: a phone held in front of a turning person moves on
 // a circle about the holder, whose radius r is not known well. Photos alone give the shape of it, up to scale; the
-// scale is the prior's until distances are known (refine_rig.h).
+// scale is the prior's until distances are known (refine_rig.h). tau is the scene's parallax: from a circle, points
+// that are all at one distance look like points at infinity through a longer lens; w makes the points count as 50 in
+// that.
 //
 // Gauge: the first placed photo's rotation is held; the circle's centre is the origin while solving, the mean of the
 // photos' centres afterwards. Covariances are relative to that.
@@ -65,6 +68,7 @@ struct RigBundleOptions {
   double radius_factor = 2;  // 1 sigma of it, as a factor
   double circle_share =
       0.25;  // 1 sigma of a photo's place off the circle, share of the radius; 0: no circle, an arm's length
+  double parallax = 0.01;  // 1 sigma of a point's parallax, the circle's radius by its distance, rad
   Eigen::Vector3d up = Eigen::Vector3d::UnitY() * -1;  // in the rig frame
   int max_iterations = 30;
 };

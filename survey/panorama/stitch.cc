@@ -19,6 +19,12 @@ namespace {
 
 // How far a pair may be off the others while the focal length is only guessed: 3 % of it opens a ring by 11 deg.
 constexpr double kRingSlack = 14 * kDegToRad;
+// A ring's focal length while distortion is found: held, 1 sigma, share of it.
+constexpr double kRingSigma = 1e-5;
+// Parallax of a scene, radius / distance (rad): a street, which it begins with; none to speak of; a narrow room.
+constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
+// Features are not believed to be better than this: what the model leaves out moves them together.
+constexpr double kLeastNoisePx = 0.3;
 
 int LongSide(const PairView& v) { return std::max(v.width, v.height); }
 
@@ -163,11 +169,34 @@ class Stitcher {
         }
       }
     }
+    CloseRing();
     out_.focal_start_px = out_.state.lenses.front().focal_px;
   }
 
+  // A ring that closes fixes the focal length, which its pairs one by one leave open: they are laid end to end and the
+  // focal length is changed until they make one turn.
+  void CloseRing() {
+    const std::vector<Lens> begun = out_.state.lenses;
+    const std::vector<PhotoPair> accepted = accepted_;
+    const double score = TotalScore();
+    for (int round = 0; round < 6; ++round) {
+      const RingClosure ring = FindClosure(Count(), accepted_);
+      if (!ring.closed) break;
+      ring_closed_ = true;
+      // Parallax opens a ring by a degree or two: no reason to doubt what EXIF says.
+      if (std::abs(ring.turns - 1) < (out_.focal_from_exif ? 0.015 : 0.001)) return;
+      for (Lens& lens : out_.state.lenses) lens.focal_px *= ring.turns;
+      Verify();
+    }
+    if (ring_closed_ && TotalScore() > 0.6 * score) return;
+    ring_closed_ = false;
+    out_.state.lenses = begun, accepted_ = accepted;
+  }
+
   void Orient() {
-    PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, out_.focal_from_exif ? 3 * kDegToRad : kRingSlack);
+    // Parallax leaves a gap in a ring even with the right focal length, and averaging puts it where it costs least.
+    const double limit = !out_.focal_from_exif ? kRingSlack : (ring_closed_ ? 8 : 3) * kDegToRad;
+    PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, limit);
     if (std::none_of(graph.placed.begin(), graph.placed.end(), [](bool p) { return p; })) {
       throw InputError(
           "no two of the " + std::to_string(Count()) +
@@ -199,6 +228,9 @@ class Stitcher {
     for (PhotoPair& p : out_.pairs) {
       const Eigen::Quaterniond said = out_.state.photos[static_cast<size_t>(p.b)].cam_from_rig *
                                       out_.state.photos[static_cast<size_t>(p.a)].cam_from_rig.conjugate();
+      // By the lens as it is known now: distortion turns pairs that meet at their edges by degrees.
+      const PairRotation own = FindRotation(out_.views, p, LensOf(p.a), LensOf(p.b), Threshold(p.b), 500, seed_);
+      if (own.accepted) p.b_from_a = own.b_from_a;
       if (said.angularDistance(p.b_from_a) < 6 * kDegToRad) {
         kept.push_back(std::move(p));
       } else {
@@ -363,21 +395,36 @@ class Stitcher {
     RigBundleOptions b = BundleOptionsOfSet();
     b.huber_px = 4;
     progress_.Begin("rotations", 0);
+    const std::vector<LensPrior> priors = HoldRing();
     RigBundleResult central = SolveRig(out_.views, b, false, threads_, cancel_, &s);
+    s.lens_priors = priors;
     out_.parallax.rms_central_px = central.rms_px;
     DropOutliers(o_.guided_share * 1600);
     progress_.Begin("rig", 0);
     b.centres = true;
     s.radius_m = o_.radius_m;
-    for (double huber : {4.0, 2.0, 2.0}) {
+    for (int round = 0; round < 4; ++round) {
+      const double huber = round == 0 ? 4.0 : std::min(2.0, 3 * NoisePx());
       b.huber_px = huber;
       b.up = UpFromPhotos(s);
       if (s.photos.empty()) break;
-      if (huber == 4.0) StartOnCircle(b.up);
+      if (round == 0) StartOnCircle(b.up);
+      b.parallax = parallax_;
       SolveRig(out_.views, b, false, threads_, cancel_, &s);
       DropOutliers(2.5 * huber);
+      MeasureParallax();
     }
     RequireSupport();
+  }
+
+  // The scene's own spread of parallax becomes its prior: without any, distances die out instead of fitting the noise.
+  // Not in an open sweep, where a longer lens and a nearer scene look alike: there both stay as free as they are.
+  void MeasureParallax() {
+    std::vector<double> angles;
+    for (const RigPoint& p : out_.state.points) angles.push_back(std::abs(p.inverse_distance) * out_.state.radius_m);
+    if (angles.empty() || !ring_closed_) return;
+    std::nth_element(angles.begin(), angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2), angles.end());
+    parallax_ = std::clamp(1.4826 * angles[angles.size() / 2], kLeastParallax, kMostParallax);
   }
 
   void Finish(const std::function<cv::Mat(const Photo&)>& load_grey) {
@@ -390,9 +437,10 @@ class Stitcher {
     LevelRig(load_grey, o_.level, threads_, cancel_, &out_);
     RigBundleOptions b = BundleOptionsOfSet();
     b.centres = true;
-    b.huber_px = 2;
+    b.huber_px = std::min(2.0, 3 * NoisePx());
     b.up = -Eigen::Vector3d::UnitY();
     b.sigma_px = NoisePx();
+    b.parallax = parallax_;
     out_.bundle = SolveRig(out_.views, b, true, threads_, cancel_, &s);
     out_.parallax.rms_rig_px = out_.bundle.rms_px;
     CentreRig(&out_);
@@ -482,13 +530,26 @@ class Stitcher {
     RigState& s = out_.state;
     s.points = BuildRigPoints(out_.views, s, pairs);
     RigBundleOptions b = BundleOptionsOfSet();
-    b.distortion = false;
     b.max_iterations = 20;
+    const std::vector<LensPrior> priors = HoldRing();
     for (double knee : knees) {
       b.huber_px = knee;
+      b.distortion = o_.distortion && ring_closed_;
       SolveRig(out_.views, b, false, threads_, cancel_, &s);
       s.points = BuildRigPoints(out_.views, s, pairs);
     }
+    s.lens_priors = priors;
+  }
+
+  // One pair closes a ring, many would be served as well by another focal length and a gap: what the closure said is
+  // kept while distortion, which is what they ask for, is found. Returns the priors to be put back.
+  std::vector<LensPrior> HoldRing() {
+    RigState& s = out_.state;
+    const std::vector<LensPrior> priors = s.lens_priors;
+    for (size_t l = 0; l < s.lenses.size() && ring_closed_ && !out_.focal_from_exif; ++l) {
+      s.lens_priors[l] = {s.lenses[l].focal_px, kRingSigma};
+    }
+    return priors;
   }
 
   void StartOnCircle(const Eigen::Vector3d& up) {
@@ -529,7 +590,7 @@ class Stitcher {
     if (r2.size() < 20 || dof <= 0) return 1;
     const double share = dof / (2.0 * static_cast<double>(r2.size()));  // of the noise that fitting leaves visible
     std::nth_element(r2.begin(), r2.begin() + static_cast<std::ptrdiff_t>(r2.size() / 2), r2.end());
-    return std::clamp(std::sqrt(r2[r2.size() / 2] / 1.386 / std::max(0.2, share)), 0.1, 5.0);
+    return std::clamp(std::sqrt(r2[r2.size() / 2] / 1.386 / std::max(0.2, share)), kLeastNoisePx, 5.0);
   }
 
   std::string WhyNotPlaced(int i) const {
@@ -543,6 +604,10 @@ class Stitcher {
       return "only " + std::to_string(out_.features[static_cast<size_t>(i)].size()) +
              " features (blurred, dark, or of a plain wall)";
     }
+    for (const PhotoPair& p : accepted_) {
+      if (p.a == i || p.b == i)
+        return "fits " + Name(p.a == i ? p.b : p.a) + ", but neither overlaps the photos that are stitched";
+    }
     if (with < 0) return "nothing in it is found in another photo";
     return "does not belong: at most " + std::to_string(best) + " features are found again (in " + Name(with) +
            "), and no turn of the camera explains them";
@@ -555,6 +620,8 @@ class Stitcher {
   const CancelToken& cancel_;
   PairOptions pair_options_;
   std::vector<PhotoPair> tried_, accepted_;
+  double parallax_ = kFirstParallax;
+  bool ring_closed_ = false;  // the photos go all the way round, and their focal length is the one that fits it
   StitchedRig out_;
 };
 
