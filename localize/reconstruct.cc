@@ -15,6 +15,9 @@
 namespace trigpoint {
 namespace {
 
+// Of the mean squared stray of stretches from odometry: well beyond chance and odometry's own small faults.
+constexpr double kMostExcess = 4;
+
 // Adds odometry factors between consecutive body poses, with the noise model of the options times the factors.
 void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o, const Vector6d& noise_factor,
                         BundleProblem* problem) {
@@ -85,6 +88,39 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
   Vector6d factor;
   for (int i = 0; i < 6; ++i) factor(i) = std::sqrt(trimmed_mean(squares[static_cast<size_t>(i)]));
   return factor;
+}
+
+// How far the way along the run strays from odometry's over long stretches, beyond what its noise from step to step
+// allows: mean over stretches of the squared sum of forward residuals, less the scale they share, over its expectation.
+// Images alone let the length of steps drift (forward motion, a distortion that isn't modelled); odometry doesn't, so
+// that an excess is the features' doing.
+double LongWaveExcess(const BundleProblem& p) {
+  constexpr size_t kStretch = 10;
+  std::vector<double> along, length, sigma;
+  for (const PoseFactor& f : p.factors) {
+    const double way = f.measured.translation.norm();
+    if (way < 1e-6) continue;
+    const Eigen::Vector3d unit = f.measured.translation / way;
+    along.push_back(unit.dot(OdometryResidual(p, f).tail<3>()));
+    length.push_back(way);
+    sigma.push_back(1 / (f.sqrt_info.diagonal().tail<3>().cwiseProduct(unit)).norm());
+  }
+  double xx = 0, xy = 0;
+  for (size_t i = 0; i < along.size(); ++i) {
+    xx += length[i] * length[i] / (sigma[i] * sigma[i]);
+    xy += length[i] * along[i] / (sigma[i] * sigma[i]);
+  }
+  double sum = 0;
+  size_t stretches = 0;
+  for (size_t first = 0; first + kStretch <= along.size(); first += kStretch, ++stretches) {
+    double off = 0, variance = 0;
+    for (size_t i = first; i < first + kStretch; ++i) {
+      off += along[i] - xy / xx * length[i];
+      variance += sigma[i] * sigma[i];
+    }
+    sum += off * off / variance;
+  }
+  return stretches >= 4 ? sum / static_cast<double>(stretches) : 0;
 }
 
 void Triangulate(Reconstruction* r, int threads, const CancelToken& cancel) {
@@ -262,6 +298,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
   Triangulate(&r, threads, cancel);
   // Poses straight from odometry explain pixels only roughly: wide gates first.
   const int rounds = paper ? 1 : options.rounds;
+  double long_wave = 1;  // how much wider the features' noise is for contradicting odometry
   double gate = paper ? 100 * options.outlier_chi2 : 400 * options.outlier_chi2;
   Gate(options, gate, &r);
   OptimizePoints(p, 10, threads, cancel);
@@ -288,7 +325,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
         Gate(options, options.outlier_chi2 * (round == 0 ? 9 : 1), &r);
         // sigma_px is of a single observation; the weights count its inflation by correlation, too.
         const double factor = std::clamp(std::sqrt(VarianceFactor(p)), 0.1, 10.0);
-        const double inflation = CorrelationInflation(p);
+        const double inflation = CorrelationInflation(p) * long_wave;
         ScaleObservationNoise(factor * inflation, &p);
         r.sigma_px *= factor * r.correlation_inflation;
         r.correlation_inflation = inflation;
@@ -299,6 +336,14 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
         const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
         noise_factor = noise_factor.cwiseProduct(factor.cwiseMax(0.05).cwiseMin(20.0));
         SetOdometryFactors(input, options, noise_factor, &p);
+        const double excess = LongWaveExcess(p);
+        if (options.estimate_sigma && excess > kMostExcess) {
+          const double wider = std::sqrt(excess);
+          long_wave *= wider;
+          ScaleObservationNoise(wider, &p);
+          r.correlation_inflation *= wider;
+          p.loss = MakeLoss(options.loss, options.loss_chi2 / (r.correlation_inflation * r.correlation_inflation));
+        }
       }
     }
   }

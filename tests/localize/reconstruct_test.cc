@@ -1,0 +1,108 @@
+// A drive straight ahead along a street: what its trajectory is worth when the camera is known well, and when it isn't.
+#include "localize/reconstruct.h"
+
+#include <gtest/gtest.h>
+
+#include "calib/estimation/random.h"
+
+namespace trigpoint {
+namespace {
+
+struct Street {
+  LocalizeInput input;
+  TrackSet tracks;
+  std::vector<Rigid3d> odom_from_body;  // truth
+};
+
+// 120 frames, 0.8 m apart; points on both sides and on the ground. `k1`: distortion of the camera that nobody knows of.
+Street MakeStreet(double k1, uint64_t seed) {
+  Street street;
+  Random random(seed);
+  constexpr int kFrames = 120;
+  constexpr double kStep = 0.8;
+  const Camera truth(CameraModel::kRadtan, 1240, 376, {718, 718, 619.5, 187.5, k1, 0, 0, 0});
+  BodyCamera camera;
+  camera.name = "cam0";
+  camera.camera = Camera(CameraModel::kPinhole, 1240, 376, {718, 718, 619.5, 187.5});
+  Eigen::Matrix3d cam_from_body;  // looks ahead
+  cam_from_body << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  camera.cam_from_body = {Eigen::Quaterniond(cam_from_body), Eigen::Vector3d::Zero()};
+  street.input.cameras = {camera};
+  Rigid3d odom;
+  for (int i = 0; i < kFrames; ++i) {
+    const Rigid3d body(Eigen::Quaterniond::Identity(), {kStep * i, 0, 0});
+    if (i > 0) {
+      const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
+      const Eigen::Vector3d turn(random.Normal(), random.Normal(), random.Normal());
+      odom = odom * Rigid3d(ExpSO3(0.0005 * turn), Eigen::Vector3d(kStep, 0, 0) + 0.012 * noise);
+    }
+    street.odom_from_body.push_back(body);
+    street.input.odom_from_body.push_back(odom);
+    street.input.pose_stamps.push_back(100'000'000LL * i);
+    street.input.images.push_back({100'000'000LL * i, std::to_string(i), 0, i});
+  }
+  for (int j = 0; j < 5000; ++j) {
+    const double side = random.Uniform() < 0.5 ? -1 : 1;
+    const Eigen::Vector3d point(random.Uniform(0, kStep * kFrames + 40), side * random.Uniform(4, 8),
+                                random.Uniform(-1.5, 4));
+    std::vector<TrackObservation> seen;
+    for (int i = 0; i < kFrames; ++i) {
+      const Eigen::Vector3d in_cam =
+          camera.cam_from_body * (street.odom_from_body[static_cast<size_t>(i)].Inverse() * point);
+      if (in_cam.z() < 3 || in_cam.z() > 30) continue;
+      const auto pixel = truth.Project(in_cam);
+      if (!pixel || !truth.Contains(*pixel)) continue;
+      const Eigen::Vector2d noisy = *pixel + 0.3 * Eigen::Vector2d(random.Normal(), random.Normal());
+      seen.push_back({street.tracks.tracks, i, j, noisy.cast<float>()});
+    }
+    if (seen.size() < 3) continue;
+    street.tracks.observations.insert(street.tracks.observations.end(), seen.begin(), seen.end());
+    ++street.tracks.tracks;
+  }
+  return street;
+}
+
+// Root mean square error of the way over ten steps, as a part of it, less the scale that all share.
+double WayError(const std::vector<Rigid3d>& odom_from_body) {
+  std::vector<double> ways;
+  double mean = 0;
+  for (size_t i = 0; i + 10 < odom_from_body.size(); i += 10) {
+    ways.push_back((odom_from_body[i + 10].translation - odom_from_body[i].translation).norm());
+    mean += ways.back();
+  }
+  mean /= static_cast<double>(ways.size());
+  double sum = 0;
+  for (double w : ways) sum += (w / mean - 1) * (w / mean - 1);
+  return std::sqrt(sum / static_cast<double>(ways.size()));
+}
+
+Reconstruction Solve(const Street& street) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  return Reconstruct(street.input, street.tracks, ReconstructOptions(), false, 2, progress, cancel);
+}
+
+std::vector<Rigid3d> Bodies(const Reconstruction& r) {
+  std::vector<Rigid3d> bodies;
+  for (const Rigid3d& pose : r.problem.poses) bodies.push_back(pose.Inverse());
+  return bodies;
+}
+
+TEST(Reconstruct, ImagesOfAKnownCameraMendOdometry) {
+  const Street street = MakeStreet(0, 5);
+  const Reconstruction r = Solve(street);
+  EXPECT_NEAR(r.sigma_px, 0.3, 0.03);
+  EXPECT_LT(r.correlation_inflation, 1.3);
+  EXPECT_LT(WayError(Bodies(r)), 0.7 * WayError(street.input.odom_from_body));
+}
+
+TEST(Reconstruct, ImagesThatDriftInScaleAreBelievedLess) {
+  const Street street = MakeStreet(0.02, 5);  // at the picture's edge 9 px
+  const Reconstruction r = Solve(street);
+  EXPECT_GT(r.correlation_inflation, 2);
+  // No better than odometry, but not much worse either.
+  EXPECT_LT(WayError(Bodies(r)), 2 * WayError(street.input.odom_from_body));
+}
+
+}  // namespace
+}  // namespace trigpoint
