@@ -8,10 +8,10 @@
 #include <numbers>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/camera/projection.h"
 #include "calib/estimation/loss.h"
 #include "calib/target/board_problem.h"
-#include "calib/target/median.h"
 
 namespace trigpoint {
 namespace {

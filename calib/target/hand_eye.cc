@@ -10,9 +10,9 @@
 #include <numbers>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/manifold.h"
-#include "calib/target/median.h"
 
 namespace trigpoint {
 namespace {

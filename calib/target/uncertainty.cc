@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/camera/projection.h"
-#include "calib/target/median.h"
 
 namespace trigpoint {
 namespace {

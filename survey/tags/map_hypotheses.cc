@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
 #include "survey/tags/map_solver.h"
@@ -24,12 +25,6 @@ constexpr double kLeastSizeError = 0.035;  // odometry, whose scale wanders alon
 constexpr size_t kMostExact = 48;          // hypotheses looked at closely each round
 constexpr int kLeastSights = 3;
 constexpr double kMostLeft = 0.7;  // of the median squared residual
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 
