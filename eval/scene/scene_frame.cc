@@ -98,7 +98,11 @@ void SceneView::Parts::BuildLegend() {
   };
   add("optimised", "cameras, optimised", kBlue);
   add("odometry", "odometry, begun at the first camera", kOrange);
-  add("truth", "truth", kBlack);
+  std::set<std::string> truths;
+  for (const ScenePath& path : model.paths) {
+    if (path.kind == ScenePath::Kind::kTruth) truths.insert(path.source);
+  }
+  for (const std::string& name : truths) add("truth", name, kBlack);
   add("estimates", "other systems, fitted rigidly", kPurple);
   add("geotags", "geotags of panoramas", kSky);
   if (!model.errors.empty()) {

@@ -194,7 +194,8 @@ class Loader {
                                   project_.ResultDir("reference", run.name) / "cameras.tum"}) {
       if (!fs::exists(truth)) continue;
       Guard("truth of " + run.name, [&] {
-        model_.paths.push_back({ScenePath::Kind::kTruth, run.name, "truth", ReadTrajectory(truth).poses});
+        const char* name = truth.filename() == "cameras.tum" ? "reference poses from the tag map" : "truth";
+        model_.paths.push_back({ScenePath::Kind::kTruth, run.name, name, ReadTrajectory(truth).poses});
       });
       break;
     }
