@@ -37,7 +37,7 @@ struct ScenePath {
   enum class Kind { kOdometry, kOptimised, kTruth, kEstimate };
   Kind kind = Kind::kOptimised;
   std::string run;
-  std::string source;  // "odometry", "localize", "truth", "reference poses from the tag map", or the other system's name
+  std::string source;  // "odometry", "localize", "truth", "reference poses ...", or the other system's name
   // Scene frame from camera (optimised, truth) or body (odometry, estimates). Odometry is laid onto the optimised
   // pose of its first image, so that what is seen is its drift.
   std::vector<TimedPose> poses;
