@@ -53,7 +53,6 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
 }
 
 int TakeIn(Session& session, const Arguments& a) {
-  fs::create_directories(a.dir);
   const std::string as = a.as.empty() ? Guess(a.from) : a.as;
   Terminal terminal = session.MakeTerminal();
   const ImportReport report = Import(a, as, terminal, *session.cancel);

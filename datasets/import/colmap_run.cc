@@ -10,6 +10,7 @@
 #include "calib/geometry/alignment.h"
 #include "datasets/colmap/database.h"
 #include "datasets/colmap/database_cameras.h"
+#include "datasets/import/made_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/text.h"
@@ -56,8 +57,10 @@ void CheckImages(const std::vector<std::string>& names, const fs::path& images) 
 
 // images.txt, and the link to the pictures.
 void WriteImages(const fs::path& dir, const fs::path& images,
-                 const std::vector<std::tuple<int64_t, std::string, std::string>>& rows, ImportReport* report) {
+                 const std::vector<std::tuple<int64_t, std::string, std::string>>& rows, MadeFiles* made,
+                 ImportReport* report) {
   std::error_code error;
+  made->Making(dir / "images");
   fs::create_directories(dir, error);
   if (!error) fs::create_directory_symlink(fs::canonical(images), dir / "images", error);
   if (error) throw IoError((dir / "images").string() + ": cannot be written: " + error.message());
@@ -65,7 +68,7 @@ void WriteImages(const fs::path& dir, const fs::path& images,
   for (const auto& [stamp, file, camera] : rows) {
     text += FormatNsAsSeconds(stamp, 1) + " \"images/" + file + "\" " + camera + "\n";
   }
-  WriteFileAtomically(dir / "images.txt", text);
+  WriteFileAtomically(made->Making(dir / "images.txt"), text);
   report->files.insert(report->files.end(), {dir / "images.txt", dir / "images"});
 }
 
@@ -189,16 +192,22 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
     }
     world_from_body.translation *= scale.metres;
     if (fresh) odometry.push_back({stamp, world_from_body});
-    rows.emplace_back(stamp, image.name, name_of.at(image.camera_id));
+    const auto camera = name_of.find(image.camera_id);
+    if (camera == name_of.end()) {
+      throw InputError(fmt::format("{}: image {}: its camera {} belongs to no camera of the rig", model_dir.string(),
+                                   image.name, image.camera_id));
+    }
+    rows.emplace_back(stamp, image.name, camera->second);
   }
   std::stable_sort(rows.begin(), rows.end(),
                    [](const auto& a, const auto& b) { return std::get<0>(a) < std::get<0>(b); });
-  WriteImages(dir, options.images, rows, &report);
-  WriteCamchain(dir / "camchain.yaml", cameras, {"cameras of the COLMAP model " + model_dir.string()});
-  WriteTum(dir / "odometry.tum", odometry,
+  MadeFiles made;
+  WriteImages(dir, options.images, rows, &made, &report);
+  WriteCamchain(made.Making(dir / "camchain.yaml"), cameras, {"cameras of the COLMAP model " + model_dir.string()});
+  WriteTum(made.Making(dir / "odometry.tum"), odometry,
            {"poses of a COLMAP model, scaled by " + fmt::format("{:.9g}", scale.metres)});
   WriteFileAtomically(
-      dir / "run.yaml",
+      made.Making(dir / "run.yaml"),
       fmt::format("# Made of a COLMAP model; metres per unit {:.9g}, from {}.\nodometry:\n  levelled: false\n  "
                   "scale_sigma: {:.3g}\n",
                   scale.metres, scale.source, scale.sigma));
@@ -206,9 +215,11 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
   const fs::path kept = site / "models" / options.run;
   std::error_code ignored;
   if (!fs::exists(kept, ignored)) {
+    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) made.Making(kept / name);
     WriteColmapModel(model, kept);
     report.files.push_back(kept);
   }
+  made.Keep();
   report.lines.push_back(fmt::format(
       "run {}: {} images, {} cameras, {} points; {:.6g} m per unit (from {}, +- {:.1f} %, 1 sigma)", options.run,
       model.images.size(), cameras.size(), model.points.size(), scale.metres, scale.source, 100 * scale.sigma));
@@ -245,8 +256,10 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
     }
     rows.emplace_back(static_cast<int64_t>(rows.size()) * 1'000'000'000, image.name, camera->second);
   }
-  WriteImages(dir, options.images, rows, &report);
-  WriteCamchain(dir / "camchain.yaml", cameras, {"cameras of the COLMAP database " + file.string()});
+  MadeFiles made;
+  WriteImages(dir, options.images, rows, &made, &report);
+  WriteCamchain(made.Making(dir / "camchain.yaml"), cameras, {"cameras of the COLMAP database " + file.string()});
+  made.Keep();
   report.files.push_back(dir / "camchain.yaml");
   report.lines.push_back(fmt::format("run {}: {} images, {} cameras", options.run, images.size(), cameras.size()));
   report.warnings.push_back(

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
+#include "datasets/import/made_files.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/text.h"
@@ -87,14 +88,16 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
   }
   std::sort(files.begin(), files.end());
   ImportReport report;
+  MadeFiles made;
   progress.Begin("photos", static_cast<int64_t>(files.size()));
   int converted = 0;
   for (const fs::path& file : files) {
     cancel.ThrowIfCancelled();
     progress.Advance(1);
     try {
-      fs::create_directories(out);
       if (!IsHeicName(file)) {
+        made.Making(out / file.filename());
+        fs::create_directories(out);
         fs::copy_file(file, out / file.filename());
         report.files.push_back(out / file.filename());
         continue;
@@ -118,7 +121,7 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
       Exiv2::BasicIo& io = image->io();
       io.open();
       const Exiv2::DataBuf all = io.read(static_cast<long>(io.size()));
-      WriteFileAtomically(jpeg,
+      WriteFileAtomically(made.Making(jpeg),
                           std::string_view(reinterpret_cast<const char*>(all.pData_), static_cast<size_t>(all.size_)));
       report.files.push_back(jpeg);
       ++converted;
@@ -129,11 +132,10 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
     }
   }
   if (report.files.empty()) {
-    std::error_code ignored;
-    fs::remove(out, ignored);
     throw InputError(folder.string() + ": no photo could be read" +
                      (report.warnings.empty() ? "" : "; the first problem: " + report.warnings.front()));
   }
+  made.Keep();
   report.lines.push_back(
       fmt::format("photo set {}: {} photos, {} of them converted from HEIC", set, report.files.size(), converted));
   return report;

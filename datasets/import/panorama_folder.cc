@@ -9,6 +9,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/import/made_files.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
@@ -269,16 +270,18 @@ ImportReport ImportPanoramas(const fs::path& site, const PanoramaProvider& provi
                 {"trigpoint panoramas; from " + provider.Name()});
   progress.Begin("panoramas", static_cast<int64_t>(records.size()));
   int written = 0;
+  MadeFiles made;
   for (const PanoramaRecord& record : records) {
     cancel.ThrowIfCancelled();
     progress.Advance(1);
     const std::string name = "panoramas/" + record.id + ".jpg";
     try {
+      if (fs::exists(site / name)) throw InputError((site / name).string() + ": is there already");
       const cv::Mat picture = provider.Load(record.id);
-      fs::create_directories(site / "panoramas");
       std::vector<uchar> bytes;
       cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
-      WriteFileAtomically(site / name, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+      WriteFileAtomically(made.Making(site / name),
+                          std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
     } catch (const InputError& e) {
       report.warnings.push_back(std::string(e.what()) + "; the panorama is skipped");
       continue;
@@ -297,7 +300,8 @@ ImportReport ImportPanoramas(const fs::path& site, const PanoramaProvider& provi
     throw InputError(provider.Name() + ": no panorama could be imported" +
                      (report.warnings.empty() ? "" : "; the first problem: " + report.warnings.front()));
   }
-  csv.Save(table);
+  csv.Save(made.Making(table));
+  made.Keep();
   report.files.push_back(table);
   report.lines.push_back(fmt::format("{} of {} panoramas", written, records.size()));
   return report;

@@ -1,7 +1,10 @@
 #include "datasets/io/survey_tables.h"
 
-#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -39,7 +42,7 @@ struct Projection {
   bool north = true;
 };
 
-Projection ReadProjection(const std::string& line, const std::filesystem::path& file) {
+Projection ReadProjection(const std::string& line, const std::filesystem::path& file, int number) {
   Projection projection;
   std::istringstream words(line);
   std::string word;
@@ -55,8 +58,8 @@ Projection ReadProjection(const std::string& line, const std::filesystem::path& 
     projection.zone = static_cast<int>(ParseInt(all[2].substr(0, all[2].size() - 1)).value_or(0));
   }
   if (projection.zone < 1 || projection.zone > 60) {
-    throw InputError(file.string() +
-                     ":1: expected WGS84, \"WGS84 UTM 32N\", EPSG:4326, EPSG:326zz or EPSG:327zz, found '" + line +
+    throw InputError(FileLine(file, number) +
+                     ": expected WGS84, \"WGS84 UTM 32N\", EPSG:4326, EPSG:326zz or EPSG:327zz, found '" + line +
                      "'; convert the points first");
   }
   return projection;
@@ -111,10 +114,13 @@ OpenSfmControl ReadOpenSfmJson(const std::filesystem::path& file, std::vector<st
   for (const nlohmann::json& point : json["points"]) {
     try {
       const std::string name = point.at("id").is_string() ? point["id"].get<std::string>() : point["id"].dump();
-      if (point.contains("position")) {
+      if (point.contains("position") && point["position"].is_object()) {
         const nlohmann::json& p = point["position"];
+        const bool has_height =
+            p.contains("altitude") && p["altitude"].is_number() && point.value("has_altitude", true);
+        if (!has_height) throw InputError(file.string() + ": point " + name + " has no altitude");
         const Geodetic position{p.at("latitude").get<double>(), p.at("longitude").get<double>(),
-                                p.value("altitude", 0.0)};
+                                p["altitude"].get<double>()};
         CheckOnEarth(position, file.string() + ": point " + name);
         control.points.push_back(OpenSfmPoint(name, position));
       }
@@ -137,26 +143,37 @@ OpenSfmControl ReadOpenSfmJson(const std::filesystem::path& file, std::vector<st
 
 OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::istringstream text(ReadTextFile(file));
-  std::string line;
-  if (!std::getline(text, line)) throw InputError(file.string() + ": is empty; expected WGS84 or a projection first");
-  if (!line.empty() && line.back() == '\r') line.pop_back();
-  const Projection projection = ReadProjection(line, file);
+  std::optional<Projection> first;
   OpenSfmControl control;
   std::map<std::array<double, 3>, std::string> unnamed;
   std::set<std::string> known;
-  for (int number = 2; std::getline(text, line); ++number) {
-    std::istringstream words(line);
-    double x = 0, y = 0, z = 0, u = 0, v = 0;
-    std::string image, name;
-    if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
-    if (!(words >> x >> y >> z >> u >> v >> image)) {
-      warnings->push_back(file.string() + ":" + std::to_string(number) +
-                          ": expected x y z u v image [name]; the line is skipped");
+  std::string line;
+  for (int number = 1; std::getline(text, line); ++number) {
+    const std::string_view content = Trim(line);
+    if (content.empty() || content.front() == '#') continue;
+    if (!first) {
+      first = ReadProjection(std::string(content), file, number);
       continue;
     }
-    if (!(words >> name)) {
-      name = unnamed.try_emplace({x, y, z}, "point " + std::to_string(unnamed.size() + 1)).first->second;
+    const Projection& projection = *first;
+    const std::vector<std::string_view> fields = SplitFields(content);
+    std::array<double, 5> values{};
+    bool good = fields.size() >= 6;
+    for (size_t k = 0; good && k < values.size(); ++k) {
+      const std::optional<double> value = ParseDouble(fields[k]);
+      good = value && std::isfinite(*value);
+      if (good) values[k] = *value;
     }
+    if (!good) {
+      warnings->push_back(FileLine(file, number) +
+                          ": expected x y z u v image [name], with numbers for the first five; the line is skipped");
+      continue;
+    }
+    const auto [x, y, z, u, v] = values;
+    const std::string image(fields[5]);
+    const std::string name =
+        fields.size() > 6 ? std::string(fields[6])
+                          : unnamed.try_emplace({x, y, z}, "point " + std::to_string(unnamed.size() + 1)).first->second;
     try {
       if (known.insert(name).second) {
         const Geodetic position =
@@ -169,6 +186,7 @@ OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<st
       warnings->push_back(std::string(e.what()) + "; the line is skipped");
     }
   }
+  if (!first) throw InputError(file.string() + ": is empty; expected WGS84 or a projection first");
   return control;
 }
 

@@ -15,15 +15,16 @@ def program(name="trigpoint"):
     return path
 
 
-def run(command, log):
-    """Runs a command, its output into the open file `log`. Wall and CPU seconds, peak resident memory in MiB."""
+def run(command, log, check=True):
+    """Runs a command, its output into the open file `log`. Wall and CPU seconds, peak resident memory in MiB, exit code; with
+    `check` anything but 0 ends the program."""
     start = time.monotonic()
     process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
+    if check and process.returncode != 0:
         sys.exit(f"{' '.join(command)}: exit code {process.returncode}, see {log.name}")
-    return {"wall": time.monotonic() - start, "cpu": usage.ru_utime + usage.ru_stime, "memory": usage.ru_maxrss / 1024}
+    return {"wall": time.monotonic() - start, "cpu": usage.ru_utime + usage.ru_stime, "memory": usage.ru_maxrss / 1024, "code": process.returncode}
 
 
 def link(source, target):

@@ -365,7 +365,7 @@ class Interchange(unittest.TestCase):
         with open(f"{site}/control_points.csv", encoding="utf-8") as text:
             self.assertIn("p1,control,48.0100000000,7.8300000000,240.5000", text.read())
         with open(f"{site}/control_observations.csv", encoding="utf-8") as text:
-            self.assertIn("p1,a.jpg,100.000,200.000", text.read())
+            self.assertIn("p1,a.jpg,100.500,200.500", text.read())
         write(f"{self.temporary}/bad.txt", "MARS\n1 2 3 4 5 a.jpg\n")
         self.assertIn("MARS", trigpoint("import", self.out("x"), "--from", f"{self.temporary}/bad.txt", expect=1).stderr)
 
