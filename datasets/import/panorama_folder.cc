@@ -265,6 +265,11 @@ ImportReport ImportPanoramas(const fs::path& site, const PanoramaProvider& provi
     throw InputError(table.string() + ": is there already; move it away, or import into another folder");
   report.warnings = provider.Warnings();
   const std::vector<PanoramaRecord> records = provider.Find(options.near, options.radius_m);
+  if (records.empty() && options.near) {
+    throw InputError(fmt::format("{}: no panorama lies within {:g} m of latitude {:.7f}, longitude {:.7f}",
+                                 provider.Name(), options.radius_m, options.near->latitude_deg,
+                                 options.near->longitude_deg));
+  }
   CsvWriter csv({"file", "station", "latitude_deg", "longitude_deg", "height_m", "heading_deg", "pitch_deg", "roll_deg",
                  "sigma_h_m", "sigma_v_m", "sigma_heading_deg", "sigma_tilt_deg"},
                 {"trigpoint panoramas; from " + provider.Name()});

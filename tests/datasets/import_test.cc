@@ -90,6 +90,39 @@ TEST(ImportPanoramas, WholeTilesAndFacesBecomeOneTable) {
   EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
 }
 
+// A failed import leaves the place as it was: not even a folder.
+TEST(ImportFailures, LeaveNothing) {
+  const TempDir dir;
+  const fs::path site = dir / "new/site", from = dir / "street";
+  ProgressSink progress;
+  fs::create_directories(from / "one");
+  dir.Write("street/one.json", R"({"id": "one", "latitude": 48, "longitude": 7})");
+  PanoramaImportOptions options;
+  EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
+  options.near = Geodetic{10, 10, 0};
+  EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
+  dir.Write("phone/a.heic", "no picture");
+  EXPECT_THROW(ImportPhotos(site, dir / "phone", "corner", progress, CancelToken()), InputError);
+  EXPECT_THROW(ImportOpenSfmGcp(site, dir.Write("gcp_list.txt", "WGS84\n"), from), InputError);
+  EXPECT_FALSE(fs::exists(dir / "new"));
+  // Ctrl-C on the way, with one picture written.
+  cv::imwrite((from / "one.jpg").string(), Gradient(64));
+  dir.Write("street/two.json", R"({"id": "two", "latitude": 48, "longitude": 7})");
+  struct CancelAtSecond : ProgressSink {
+    void Advance(int64_t) override {
+      if (++steps == 2) token->Cancel();
+    }
+    int steps = 0;
+    CancelToken* token = nullptr;
+  } cancelling;
+  CancelToken token;
+  cancelling.token = &token;
+  cv::imwrite((from / "two.jpg").string(), Gradient(64));
+  dir.Write("street/x.json", R"({"id": "x", "latitude": 48, "longitude": 7})");
+  EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), {}, cancelling, token), Cancelled);
+  EXPECT_FALSE(fs::exists(dir / "new"));
+}
+
 // A picture cut into faces by rays and put together again is the picture.
 TEST(ImportPanoramas, FacesGoBackToTheirPlaces) {
   std::vector<cv::Mat> faces;

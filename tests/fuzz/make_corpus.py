@@ -59,7 +59,16 @@ def main():
         "nmea": b"\x04$GPGGA,120000.00,4800.00,N,00748.00,E,1,08,1.0,240.0,M,48.0,M,,*6E\n",
         "gps": b"\x05timestamp_s,latitude_deg,longitude_deg\n1,48,7\n",
         "gcp_list": b"\x06WGS84\n7 48 240 1 2 a.jpg p\n",
-        "gcp_json": b"\x07{\"points\":[{\"id\":\"1\",\"position\":{\"latitude\":48,\"longitude\":7,\"altitude\":1},\"observations\":[]}]}"}
+        "gcp_json": b"\x07{\"points\":[{\"id\":\"1\",\"position\":{\"latitude\":48,\"longitude\":7,\"altitude\":1},\"observations\":[]}]}",
+        "euroc": b"\x08#timestamp, p_x, p_y, p_z, q_w, q_x, q_y, q_z\n1403638127245096960,1,2,3,1,0,0,0\n1403638127255096960,1,2,3,1,0,0,0\n",
+        "distances": b"\x09from,to,distance_m,sigma_m,role\n1,2,3.25,0.003,check\n",
+        "marks": b"\x0apoint,image,u,v\nA,x.jpg,1.5,2\n",
+        "tags": b"\x0bfamily: tag36h11\nsize_m: 0.5\nsizes_m: {7: 0.2}\n",
+        "origin": b"\x0c{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240.0}",
+        "run": b"\x0ddate: 2026-05-12\nrole: both\nodometry: {levelled: true, scale_sigma: 0.01}\ngps: {lever_arm_m: [0, 0, 1]}\n",
+        "panoramas": b"\x0efile,station,latitude_deg,longitude_deg,height_m,heading_deg,sigma_h_m\na.jpg,S1,48,7.8,240,12,0.3\n",
+        "stations": b"\x0fstation,tag_id,east_m,north_m,up_m,sigma_m\nS1,57,0,0,1,0.01\n",
+        "photos": b"\x10file,camera,station,latitude_deg,longitude_deg\na.jpg,,S1,48,7.8\n"}
     for name, content in tables.items():
         write(os.path.join(corpus, "tables"), name, content)
     write(os.path.join(corpus, "panorama_json"), "one", b'{"pano_id": "a", "location": {"lat": 48, "lng": 7}, "heading": 12, "date": "2024-06"}')
