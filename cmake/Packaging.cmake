@@ -16,15 +16,25 @@ endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME trigpoint)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_RUNTIME_DESCRIPTION "localizes panoramas and images, and says how well
+ ${CPACK_PACKAGE_DESCRIPTION}
+ .
+ This package has the command line, its manual, and an example site.")
+# Found at run time, so dpkg-shlibdeps does not see them: pictures without a screen, and their letters.
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "libgl1-mesa-dri, fonts-dejavu-core")
 # What the program is linked with, as dpkg-shlibdeps finds it.
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "colmap, geographiclib-tools")
 set(CPACK_DEBIAN_DESKTOP_PACKAGE_NAME trigpoint-desktop)
 set(CPACK_DEBIAN_DESKTOP_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_DESKTOP_DESCRIPTION "workstation of trigpoint
+ The windows in which a project is run, looked at, compared and reviewed.")
 set(CPACK_DEBIAN_DESKTOP_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_DESKTOP_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME trigpoint-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_DESCRIPTION "libraries of trigpoint, to build against
+ Headers, static libraries and what find_package(trigpoint) needs.")
 string(JOIN ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})" libeigen3-dev libceres-dev libopencv-dev
        libopengv-dev libapriltag-dev libgeographiclib-dev libexiv2-dev libexpat1-dev libyaml-cpp-dev nlohmann-json3-dev
        libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev libproj-dev libheif-dev libvtk9-dev libgdal-dev
@@ -33,5 +43,10 @@ include(CPack)
 
 # Licence and the notices of what the program is linked with.
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/trigpoint RENAME copyright)
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/trigpoint-dev RENAME copyright COMPONENT dev)
+if(TARGET trigpoint-desktop)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/trigpoint-desktop RENAME copyright
+          COMPONENT desktop)
+endif()
 install(FILES ${PROJECT_SOURCE_DIR}/NOTICE ${PROJECT_SOURCE_DIR}/README.md DESTINATION share/doc/trigpoint)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/ DESTINATION share/doc/trigpoint/docs)

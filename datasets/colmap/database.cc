@@ -109,7 +109,9 @@ ColmapDatabase ColmapDatabase::OpenRead(const std::filesystem::path& file) {
                     database.file_);
     check.Step();
   } catch (const IoError& e) {
-    throw InputError(std::string(e.what()) + "; expected a COLMAP 3.x database");
+    const bool busy = sqlite3_errcode(db) == SQLITE_BUSY || sqlite3_errcode(db) == SQLITE_LOCKED;
+    throw InputError(std::string(e.what()) + (busy ? ": another program writes it; end that and try again"
+                                                   : "; expected a COLMAP 3.x database"));
   }
   return database;
 }

@@ -98,18 +98,30 @@ Crs Crs::Named(const std::string& code, const Geodetic& near) {
   PJ_AREA* area = proj_area_create();
   proj_area_set_bbox(area, near.longitude_deg - 0.01, near.latitude_deg - 0.01, near.longitude_deg + 0.01,
                      near.latitude_deg + 0.01);
-  PJ* raw = proj_create_crs_to_crs(context, "EPSG:4326", name.c_str(), area);
-  proj_area_destroy(area);
-  if (raw != nullptr) {
+  // Operations that hold here; else, near the border of where they do, any that there is. One that only takes the
+  // numbers over from one datum to the other ("ballpark") is off by up to hundreds of metres.
+  bool ballpark = true;
+  for (PJ_AREA* where : {area, static_cast<PJ_AREA*>(nullptr)}) {
+    if (!ballpark) break;
+    PJ* raw = proj_create_crs_to_crs(context, "EPSG:4326", name.c_str(), where);
+    if (raw == nullptr) continue;
+    proj_destroy(crs.proj_->transform);
     crs.proj_->transform = proj_normalize_for_visualization(context, raw);
     proj_destroy(raw);
+    if (crs.proj_->transform == nullptr) continue;
+    crs.FromGeodetic(near);  // chooses the operation that holds here
+    if (PJ* used = proj_trans_get_last_used_operation(crs.proj_->transform)) {
+      ballpark = proj_coordoperation_has_ballpark_transformation(context, used) != 0;
+      const double accuracy = proj_coordoperation_get_accuracy(context, used);
+      crs.accuracy_m_ = accuracy > 0 ? std::optional<double>(accuracy) : std::nullopt;
+      proj_destroy(used);
+    }
   }
+  proj_area_destroy(area);
   if (crs.proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ has no way to it from WGS 84");
-  crs.FromGeodetic(near);  // chooses the operation that holds here
-  if (PJ* used = proj_trans_get_last_used_operation(crs.proj_->transform)) {
-    const double accuracy = proj_coordoperation_get_accuracy(context, used);
-    if (accuracy > 0) crs.accuracy_m_ = accuracy;
-    proj_destroy(used);
+  if (ballpark) {
+    throw OptionError("--crs " + code + ": PROJ knows no change of datum from WGS 84 to it, without which positions " +
+                      "may be off by hundreds of metres; install its grids (apt install proj-data, or projsync)");
   }
   return crs;
 #else

@@ -29,7 +29,7 @@ void WritePanoramaWithPose(const std::filesystem::path& picture, const std::file
   if (error) throw IoErrorFor(out, "written", error.value());
   std::filesystem::permissions(out, std::filesystem::perms::owner_write, std::filesystem::perm_options::add, error);
   try {
-    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(out.string());
+    const auto image = Exiv2::ImageFactory::open(out.string());
     image->readMetadata();
     Exiv2::XmpData& xmp = image->xmpData();
     const int width = image->pixelWidth(), height = image->pixelHeight();

@@ -107,7 +107,7 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
       const fs::path jpeg = out / (file.stem().string() + ".jpg");
       std::vector<uchar> bytes;
       cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
-      Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
+      const auto image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
       image->readMetadata();
       if (exif.empty()) {
         report.warnings.push_back(file.string() + ": has no EXIF: focal length and position are not known");

@@ -213,7 +213,7 @@ PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
   static_cast<void>(quiet);
   PhotoMetadata metadata;
   try {
-    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+    const auto image = Exiv2::ImageFactory::open(file.string());
     image->readMetadata();
     metadata.width = image->pixelWidth();
     metadata.height = image->pixelHeight();

@@ -178,7 +178,7 @@ void PanoramaWriter::Finish() {
 
 void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMetadata& m) {
   try {
-    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+    const auto image = Exiv2::ImageFactory::open(file.string());
     image->readMetadata();
     Exiv2::XmpData& xmp = image->xmpData();
     const auto put = [&](const char* name, const std::string& value) { xmp[std::string("Xmp.GPano.") + name] = value; };

@@ -14,7 +14,7 @@ PhotoTilt ReadPhotoTilt(const std::filesystem::path& file) {
   const std::lock_guard<std::mutex> lock(mutex);
   PhotoTilt tilt;
   try {
-    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+    const auto image = Exiv2::ImageFactory::open(file.string());
     image->readMetadata();
     const auto xmp = [&](const char* key) -> std::optional<double> {
       for (const Exiv2::Xmpdatum& datum : image->xmpData()) {

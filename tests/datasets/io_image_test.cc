@@ -42,7 +42,7 @@ trigpoint::Run RunWithCamera(int width, int height) {
 ImageEntry Entry(const std::filesystem::path& file) { return {0, file.filename().string(), file, 0, -1}; }
 
 void SetExif(const std::filesystem::path& file, const std::vector<std::pair<std::string, std::string>>& values) {
-  const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+  const auto image = Exiv2::ImageFactory::open(file.string());
   image->readMetadata();
   for (const auto& [key, value] : values) {
     if (key.starts_with("Xmp.")) {
@@ -55,7 +55,7 @@ void SetExif(const std::filesystem::path& file, const std::vector<std::pair<std:
 }
 
 void SetOrientation(const std::filesystem::path& file, uint16_t orientation) {
-  const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open(file.string());
+  const auto image = Exiv2::ImageFactory::open(file.string());
   image->readMetadata();
   image->exifData()["Exif.Image.Orientation"] = orientation;
   image->writeMetadata();

@@ -48,7 +48,7 @@ class SiteTest : public testing::Test {
     cv::imwrite((dir_ / name).string(), cv::Mat(height, width, CV_8U, cv::Scalar(100)));
   }
   void Exif(const std::string& name, const std::vector<std::pair<std::string, std::string>>& values) {
-    const Exiv2::Image::AutoPtr image = Exiv2::ImageFactory::open((dir_ / name).string());
+    const auto image = Exiv2::ImageFactory::open((dir_ / name).string());
     image->readMetadata();
     for (const auto& [key, value] : values) image->exifData()[key] = value;
     image->writeMetadata();

@@ -372,6 +372,7 @@ class Interchange(unittest.TestCase):
     def test_what_cannot_be_is_said_in_one_line(self):
         for arguments, code, part in ((["--to", "shapefile"], 2, "nearest"), (["--to", "gpkg", "--crs", "EPSG:999999"], 2, "EPSG"),
                                       (["--to", "gpkg", "--crs", "utm32"], 2, "EPSG:N"), (["--to", "gpkg", "--crs", "EPSG:4979"], 2, "two axes"),
+                                      (["--to", "gpkg", "--crs", "EPSG:5472"], 2, "no change of datum"),
                                       (["--to", "gpkg", "--heights", "egm2009"], 2, "egm2008"), (["--to", "tum", "--run", "run7"], 1, "run1"),
                                       (["--to", "gpkg", "--what", "tgs"], 2, "tags"), (["--to", "colmap", "--crs", "EPSG:4326"], 2, "--frame"),
                                       (["--to", "tum", "--variant", "none"], 1, "localize")):
