@@ -311,7 +311,6 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
       rig_from_view.emplace(v, p.rig.views[v].rig_from_view);
       (*views)[name] = {reference.name, v};
       for (const auto& [distance, image] : nearest) pairs += name + " " + image + "\n";
-      ++solution.images;
     }
     ++number;
   }
@@ -339,15 +338,32 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
     return solution;
   }
   fs::path last = dir / "adjusted";
-  if (options_.rig) {
+  // Only views of which COLMAP registered one may be members of a rig.
+  std::map<size_t, Rigid3d> rig_from_registered;
+  try {
+    for (const ModelImage& image : ReadColmapModel(last).images) {
+      const auto view = views->find(image.name);
+      if (view != views->end()) rig_from_registered.emplace(view->second.second, rig_from_view.at(view->second.second));
+    }
+  } catch (const InputError& e) {
+    solution.status = "failed";
+    solution.reason = e.what();
+    return solution;
+  }
+  if (rig_from_registered.empty()) {
+    solution.status = "failed";
+    solution.reason = "COLMAP registered no view of a panorama";
+    return solution;
+  }
+  if (options_.rig && rig_from_registered.size() > 1) {
     // Views of one panorama as a rig: one COLMAP camera per view index, found by the images' folders.
     std::map<std::string, uint32_t> camera_of;
     const ColmapDatabase read = ColmapDatabase::OpenRead(database);
     for (const DatabaseImage& image : read.Images()) camera_of[image.name] = image.camera_id;
     nlohmann::json rig;
-    const Rigid3d first_from_rig = rig_from_view.begin()->second.Inverse();
-    rig["ref_camera_id"] = camera_of.at(names.begin()->second.front());
-    for (const auto& [v, pose] : rig_from_view) {
+    const Rigid3d first_from_rig = rig_from_registered.begin()->second.Inverse();
+    rig["ref_camera_id"] = camera_of.at(names.at(rig_from_registered.begin()->first).front());
+    for (const auto& [v, pose] : rig_from_registered) {
       const Rigid3d view_from_first = (first_from_rig * pose).Inverse();
       const Eigen::Quaterniond& q = view_from_first.rotation;
       const Eigen::Vector3d& t = view_from_first.translation;

@@ -26,11 +26,13 @@ using Clock = std::chrono::steady_clock;
 
 double Seconds(const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
 
+// What a program said last; the stack trace of one that gave up says less than the line before it.
 std::string LastLine(const fs::path& log) {
   std::ifstream in(log);
   std::string line, last;
   while (std::getline(in, line)) {
-    if (!Trim(line).empty()) last = Trim(line);
+    const std::string_view text = Trim(line);
+    if (!text.empty() && !text.starts_with("@ ") && !text.starts_with("*** ")) last = text;
   }
   return last.substr(0, 300);
 }

@@ -25,7 +25,7 @@ if sys.argv[1] == "help":
     print("COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo")
 elif sys.argv[1] == "mapper":
     if mode == "fail":
-        print("ERROR: out of luck")
+        print("ERROR: out of luck\n*** Check failure stack trace: ***\n    @     0x564724b203a1  _start")
         sys.exit(3)
     if mode == "sleep":
         print("sleeping", flush=True)
