@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -11,6 +12,7 @@
 #include "calib/geometry/alignment.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
+#include "datasets/io/text.h"
 #include "eval/evaluate.h"
 #include "eval/results.h"
 #include "eval/scene/scene_points.h"
@@ -54,8 +56,18 @@ Sim3d SceneFromOdom(const std::vector<TimedPose>& odom, const std::vector<TimedP
   return result;
 }
 
+// The decoder fills what is missing of a JPEG with grey: no end marker behind its middle (before it there may be that
+// of a thumbnail) means that it was cut off.
+bool IsCutOff(const fs::path& file) {
+  const std::string bytes = ReadTextFile(file);
+  if (!bytes.starts_with("\xFF\xD8")) return false;
+  const size_t end = bytes.rfind("\xFF\xD9");
+  return end == std::string::npos || end < bytes.size() / 2;
+}
+
 // A panorama's picture at about `width`, decoded small where the format allows it. Empty: cannot be read.
 cv::Mat SmallPicture(const fs::path& file, int width) {
+  if (!fs::exists(file) || IsCutOff(file)) return {};
   cv::Mat picture;
   for (const int mode :
        {cv::IMREAD_REDUCED_COLOR_8, cv::IMREAD_REDUCED_COLOR_4, cv::IMREAD_REDUCED_COLOR_2, cv::IMREAD_COLOR}) {
@@ -299,7 +311,8 @@ class Loader {
     if (fresh) {
       cancel_.ThrowIfCancelled();
       it->second = SmallPicture(file, options_.panorama_width_px);
-      if (it->second.empty()) model_.notes.push_back(file.filename().string() + " cannot be read as a picture.");
+      if (it->second.empty())
+        model_.notes.push_back(file.filename().string() + " cannot be read as a picture, or is cut off.");
     }
     return it->second;
   }
@@ -381,9 +394,12 @@ class Loader {
       error.station = row.Text("station"), error.panorama = row.Text("panorama");
       error.reference = row.Text("reference");
       error.difference = {row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")};
-      if (table.HasColumn("sigma_u_m") && row.Has("sigma_e_m") && row.Has("sigma_n_m") && row.Has("sigma_u_m")) {
-        error.sigma_m = {row.Number("sigma_e_m"), row.Number("sigma_n_m"), row.Number("sigma_u_m")};
-      }
+      // A sigma that is no number is one that isn't known; the error is still one.
+      const auto sigma = [&](const char* column) {
+        return table.HasColumn(column) && row.Has(column) ? ParseDouble(row.Text(column)) : std::nullopt;
+      };
+      const auto e = sigma("sigma_e_m"), n = sigma("sigma_n_m"), u = sigma("sigma_u_m");
+      if (e && n && u && std::isfinite(*e + *n + *u)) error.sigma_m = {*e, *n, *u};
       const int rank = row.Text("kind") == "absolute" ? (error.reference == "survey" ? 3 : 2) : 1;
       const auto key = std::make_pair(error.run, error.panorama);
       const auto it = best.find(key);
