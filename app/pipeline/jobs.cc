@@ -171,6 +171,9 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
       if (state.state == StageState::kFailed && failure) state.reason = failure->value("error", "");
       if (state.state == StageState::kDone) {
         for (const JobState& earlier : states) {
+          // A variant that was never made is no reason: this one was made without it.
+          if (earlier.state == StageState::kMissing && !job.stage->variants && !earlier.job.target.variant.empty())
+            continue;
           if (earlier.needed && Needs(job, earlier.job) && earlier.state != StageState::kDone) {
             state.state = StageState::kOutOfDate;
             state.reason = earlier.job.Title() + " is " + std::string(StageStateName(earlier.state));

@@ -12,8 +12,10 @@
 namespace trigpoint {
 namespace {
 
-constexpr size_t kCurvePoints = 400;   // of a cumulative histogram that is drawn
-constexpr size_t kChartStations = 40;  // columns of a chart; with more, the worst
+constexpr const char* kCoverageRisk = "coverage_risk";  // the evaluation's table of this name has a chart
+constexpr size_t kFurtherRows = 400;                    // of a further table that are shown
+constexpr size_t kCurvePoints = 400;                    // of a cumulative histogram that is drawn
+constexpr size_t kChartStations = 40;                   // columns of a chart; with more, the worst
 
 std::string Slug(const std::string& text) {
   std::string slug;
@@ -30,20 +32,6 @@ std::string Slug(const std::string& text) {
   return slug;
 }
 
-std::vector<nlohmann::json> Groups(const ReportData& data) {
-  std::vector<nlohmann::json> groups;
-  for (const VariantData& variant : data.variants) {
-    const auto it = variant.summary.find("groups");
-    if (it == variant.summary.end() || !it->is_array()) continue;
-    for (nlohmann::json group : *it) {
-      if (!group.is_object()) continue;
-      if (TextAt(group, "variant").empty()) group["variant"] = variant.variant;
-      groups.push_back(std::move(group));
-    }
-  }
-  return groups;
-}
-
 bool Belongs(const ErrorRecord& e, const nlohmann::json& group) {
   return e.method == TextAt(group, "method") && e.reference == TextAt(group, "reference") &&
          e.kind == TextAt(group, "kind") && e.variant == TextAt(group, "variant") &&
@@ -54,10 +42,9 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
   const std::string u = " (" + c.unit.name + ")";
   Table table{"accuracy",
               "3D differences between answers and references. relative: in the run's own frame, tags seen by the same "
-              "cameras, as in "
-              "the paper; absolute: in site ENU, errors of the global fit included. Median, mean, P90 and largest are "
-              "over answers; "
-              "the attempts' median counts an abstention as worse than any number.",
+              "cameras, as in the paper; absolute: in site ENU, errors of the global fit included. Median, its 95 % "
+              "interval, mean, P90 and largest are over answers; the attempts' median counts an abstention as worse "
+              "than any number. ANEES: mean squared error in its own sigmas, 1 where these are right.",
               {{"method"},
                {"against"},
                {"answers", true},
@@ -98,32 +85,43 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
 }
 
 void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
-  for (const char* kind : {"absolute", "relative"}) {
+  // A chart for each thing that answers are held against.
+  std::vector<std::pair<std::string, std::string>> against;  // reference, kind
+  for (const nlohmann::json& g : groups) {
+    const std::pair<std::string, std::string> its(TextAt(g, "reference"), TextAt(g, "kind"));
+    if (std::find(against.begin(), against.end(), its) == against.end()) against.push_back(its);
+  }
+  std::set<std::string> kinds;
+  for (const auto& [reference, kind] : against) {
     std::vector<Series> series;
     double confidence = 0.95;
+    bool shared = false;
     for (const nlohmann::json& g : groups) {
       const auto curve = g.find("cumulative");
-      if (TextAt(g, "kind") != kind || curve == g.end() || !curve->is_array() || curve->empty()) continue;
-      Series s{GroupName(g), {}};
+      if (TextAt(g, "reference") != reference || TextAt(g, "kind") != kind || curve == g.end() || !curve->is_array() ||
+          curve->empty())
+        continue;
+      shared = shared || FlagAt(g, "shares_evidence");
+      Series s{c.RunName(TextAt(g, "method"), TextAt(g, "variant")), {}};
       const size_t step = curve->size() / kCurvePoints + 1;
       for (size_t i = 0; i < curve->size(); i += step) {
         const nlohmann::json& p = (*curve)[i];
         const auto x = At(p, {"error_m"}), y = At(p, {"share"});
         if (x && y && std::isfinite(*x)) s.points.push_back({*x / c.unit.metres, *y, At(p, {"low"}), At(p, {"high"})});
       }
-      // Our own answers first: theirs is the band.
-      const bool first = TextAt(g, "method") != "g1" && TextAt(g, "variant").empty();
-      series.insert(first ? series.begin() : series.end(), std::move(s));
+      series.push_back(std::move(s));
     }
     if (series.empty()) continue;
     for (const VariantData& v : c.data.variants) confidence = At(v.summary, {"confidence"}).value_or(confidence);
     blocks->push_back(Figure{
-        std::string("cumulative_") + kind,
+        "cumulative_" + kind + (kinds.insert(kind).second ? "" : "_" + Slug(reference)),
         fmt::format(
-            "Cumulative histogram of {} 3D differences: the share of attempts with at most this difference ({}, "
-            "logarithmic). A curve ends where the answers end: the rest are abstentions. Band: pointwise {:.0f} % "
+            "Cumulative histogram of {} 3D differences from {}{}: the share of attempts with at most this difference "
+            "({}, logarithmic). A curve ends where the answers end: the rest are abstentions. Band: pointwise {:.0f} % "
             "confidence of {}, resampled by station and run.",
-            kind, c.unit.name, 100 * confidence, series.front().name),
+            kind, reference == "self" ? "tags seen by the same cameras" : "the reference " + reference,
+            shared ? ", which shares evidence with the answers" : "", c.unit.name, 100 * confidence,
+            series.front().name),
         CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts")});
   }
 }
@@ -213,6 +211,134 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
   blocks->push_back(FoldEnd{});
 }
 
+// "control: 57, 59; images: run1" of ["control:57", "control:59", "images:run1"].
+std::string RestsOn(const nlohmann::json& group, const char* key) {
+  constexpr size_t kMost = 60;  // names of one kind
+  const auto it = group.find(key);
+  if (it == group.end() || !it->is_array()) return "not stated";
+  std::vector<std::pair<std::string, std::vector<std::string>>> kinds;
+  for (const nlohmann::json& name : *it) {
+    if (!name.is_string()) continue;
+    const std::string text = name.get<std::string>();
+    const size_t colon = text.find(':');
+    const std::string kind = colon == std::string::npos ? "" : text.substr(0, colon);
+    auto at = std::find_if(kinds.begin(), kinds.end(), [&](const auto& k) { return k.first == kind; });
+    if (at == kinds.end()) at = kinds.insert(kinds.end(), {kind, {}});
+    at->second.push_back(colon == std::string::npos ? text : text.substr(colon + 1));
+  }
+  std::string text;
+  for (const auto& [kind, names] : kinds) {
+    text += (text.empty() ? "" : "; ") + kind + (kind.empty() ? "" : ": ");
+    for (size_t i = 0; i < std::min(kMost, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
+    if (names.size() > kMost) text += fmt::format(", and {} more", names.size() - kMost);
+  }
+  return text.empty() ? "nothing" : text;
+}
+
+// Numbers that rest on the same things share a row.
+void AddEvidence(const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
+  Table table{"rests_on",
+              "What both sides of each number rest on; images: of runs, tags: seen by runs.",
+              {{"numbers"}, {"the answers rest on"}, {"the reference rests on"}},
+              {}};
+  for (const nlohmann::json& g : groups) {
+    const std::string estimate = RestsOn(g, "estimate_rests_on"), reference = RestsOn(g, "reference_rests_on");
+    const auto same = std::find_if(table.rows.begin(), table.rows.end(), [&](const auto& row) {
+      return row[1].text == estimate && row[2].text == reference;
+    });
+    if (same == table.rows.end()) {
+      table.rows.push_back({{GroupName(g)}, {estimate}, {reference}});
+    } else {
+      (*same)[0].text += "; " + GroupName(g);
+    }
+  }
+  blocks->push_back(FoldBegin{"What both sides of each number rest on"});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
+}
+
+using GroupRecords = std::map<std::string, std::vector<const ErrorRecord*>>;
+
+// What right sigmas of errors in space would give, and what there is.
+void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vector<Block>* blocks) {
+  std::vector<Series> trust;
+  std::vector<Sample> samples;
+  for (const auto& [name, records] : of_group) {
+    if (records.front()->variant != variant) continue;
+    Series s{name, {}};
+    for (int p = 0; p <= 20; ++p) {
+      const double nominal = p / 20.0;
+      int inside = 0;
+      for (const ErrorRecord* e : records) inside += ChiSquareCdf(*e->nees, e->dof) <= nominal;
+      s.points.push_back({nominal, static_cast<double>(inside) / static_cast<double>(records.size()), {}, {}});
+    }
+    trust.push_back(std::move(s));
+    Sample sample{fmt::format("{} (n = {})", name, records.size()), {}};
+    for (const ErrorRecord* e : records) sample.values.push_back(*e->nees / e->dof);
+    samples.push_back(std::move(sample));
+  }
+  const std::string suffix = variant.empty() ? "" : "_" + Slug(variant);
+  const std::string of = variant.empty() ? "" : " of variant " + variant;
+  blocks->push_back(Figure{"trust_curve" + suffix,
+                           "Trust curve" + of +
+                               ": of the errors, the share within the region that should hold the stated share (NEES "
+                               "against chi-square). Rows are taken as independent; few answers make coarse steps.",
+                           LineChart(trust, "stated confidence", "share of errors inside", true)});
+  Series expected{"chi-square, 3 dof", {}};
+  constexpr int kBins = 16;
+  constexpr double kLimit = 8;
+  for (int b = 0; b < kBins; ++b) {
+    const double low = kLimit * b / kBins, high = kLimit * (b + 1) / kBins;
+    expected.points.push_back({0.5 * (low + high), ChiSquareCdf(3 * high, 3) - ChiSquareCdf(3 * low, 3), {}, {}});
+  }
+  blocks->push_back(Figure{"nees" + suffix,
+                           "Normalised errors squared per degree of freedom" + of +
+                               "; the last bin holds everything beyond it. Dashed: what "
+                               "right sigmas would give.",
+                           HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected)});
+}
+
+// How the error of what is kept falls with the share that is: the answers with the best supported depth come first.
+void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::map<std::string, std::vector<Series>> of_variant;
+  for (const VariantData& v : c.data.variants) {
+    for (const FurtherTable& f : v.further) {
+      if (f.name != kCoverageRisk) continue;
+      const auto column = [&](const char* name) {
+        return static_cast<size_t>(std::find(f.columns.begin(), f.columns.end(), name) - f.columns.begin());
+      };
+      const size_t method = column("method"), reference = column("reference"), kind = column("kind"),
+                   variant = column("variant"), coverage = column("coverage"), p90 = column("p90_m");
+      if (std::max({method, reference, kind, variant, coverage, p90}) >= f.columns.size()) continue;
+      for (const auto& row : f.rows) {
+        const auto x = ParseDouble(row[coverage]), y = ParseDouble(row[p90]);
+        if (row[method] == "g1" || !x || !y || !std::isfinite(*y)) continue;
+        const std::string name = row[method] + " against " + row[reference] + ", " + row[kind];
+        std::vector<Series>& series = of_variant[row[variant].empty() ? v.variant : row[variant]];
+        if (series.empty() || series.back().name != name) series.push_back({name, {}});
+        series.back().points.push_back({*x, *y / c.unit.metres, {}, {}});
+      }
+    }
+  }
+  for (auto& [variant, series] : of_variant) {
+    for (Series& s : series) {
+      std::vector<CurvePoint> thinned;
+      const size_t step = s.points.size() / kCurvePoints + 1;
+      for (size_t i = 0; i < s.points.size(); ++i) {
+        if (i % step == 0 || i + 1 == s.points.size()) thinned.push_back(s.points[i]);
+      }
+      s.points = std::move(thinned);
+    }
+    blocks->push_back(
+        Figure{"coverage_risk" + (variant.empty() ? "" : "_" + Slug(variant)),
+               "Coverage and risk" + (variant.empty() ? "" : " of variant " + variant) +
+                   ": the 90th percentile of the 3D errors (" + c.unit.name +
+                   ") of the share of answers with the best supported depth. A rule that refuses the rest pays where "
+                   "the curve falls towards the left.",
+               LineChart(series, "share of answers kept", "P90 of 3D error (" + c.unit.name + ")", false)});
+  }
+}
+
 }  // namespace
 
 void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
@@ -228,28 +354,11 @@ void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
     if (TextAt(group, "method") != "g1" && TextAt(group, "variant").empty()) AddStationChart(c, group, blocks);
   }
   for (const nlohmann::json& group : groups) AddMatrix(c, group, blocks);
-  std::vector<Block> rests;
-  for (const nlohmann::json& g : groups) {
-    const auto list = [&](const char* key) {
-      std::string text;
-      const auto it = g.find(key);
-      if (it == g.end() || !it->is_array()) return std::string("not stated");
-      for (size_t i = 0; i < it->size() && i < 60; ++i) {
-        if ((*it)[i].is_string()) text += (text.empty() ? "" : ", ") + (*it)[i].get<std::string>();
-      }
-      if (it->size() > 60) text += fmt::format(", and {} more", it->size() - 60);
-      return text.empty() ? std::string("nothing") : text;
-    };
-    rests.push_back(Paragraph{GroupName(g) + ": the answers rest on " + list("estimate_rests_on") +
-                              "; the reference on " + list("reference_rests_on") + "."});
-  }
-  blocks->push_back(FoldBegin{"What both sides of each number rest on"});
-  blocks->insert(blocks->end(), rests.begin(), rests.end());
-  blocks->push_back(FoldEnd{});
+  AddEvidence(groups, blocks);
 }
 
 void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
-  std::map<std::string, std::vector<const ErrorRecord*>> of_group;
+  GroupRecords of_group;
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) {
       if (e.Answered() && e.nees && e.dof > 0) {
@@ -271,51 +380,25 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
         "measured in its own "
         "covariance; if every sigma is right it follows a chi-square distribution. In the trust curve an honest system "
         "lies on the diagonal, below it sigmas are too small."});
-    std::vector<Series> trust;
-    std::vector<Sample> samples;
-    for (const auto& [name, records] : of_group) {
-      Series s{name, {}};
-      for (int p = 0; p <= 20; ++p) {
-        const double nominal = p / 20.0;
-        int inside = 0;
-        for (const ErrorRecord* e : records) inside += ChiSquareCdf(*e->nees, e->dof) <= nominal;
-        s.points.push_back({nominal, static_cast<double>(inside) / static_cast<double>(records.size()), {}, {}});
-      }
-      trust.push_back(std::move(s));
-      Sample sample{fmt::format("{} (n = {})", name, records.size()), {}};
-      for (const ErrorRecord* e : records) sample.values.push_back(*e->nees / e->dof);
-      samples.push_back(std::move(sample));
-    }
-    blocks->push_back(Figure{
-        "trust_curve",
-        "Trust curve: of the errors, the share within the region that should hold the stated share (NEES against "
-        "chi-square). Rows are taken as independent; few answers make coarse steps.",
-        LineChart(trust, "stated confidence", "share of errors inside", true)});
-    Series expected{"chi-square, 3 dof", {}};
-    constexpr int kBins = 16;
-    constexpr double kLimit = 8;
-    for (int b = 0; b < kBins; ++b) {
-      const double low = kLimit * b / kBins, high = kLimit * (b + 1) / kBins;
-      expected.points.push_back({0.5 * (low + high), ChiSquareCdf(3 * high, 3) - ChiSquareCdf(3 * low, 3), {}, {}});
-    }
-    blocks->push_back(Figure{
-        "nees",
-        "Normalised errors squared per degree of freedom; the last bin holds everything beyond it. Dashed: what right "
-        "sigmas would give.",
-        HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected)});
+    // A pair of charts a variant.
+    std::set<std::string> variants;
+    for (const auto& [name, records] : of_group) variants.insert(records.front()->variant);
+    for (const std::string& variant : variants) AddTrust(variant, of_group, blocks);
   }
+  AddCoverageRisk(c, blocks);
   if (!further) return;
   blocks->push_back(Heading{3, "Further tables of the evaluation", "further"});
   for (const VariantData& v : c.data.variants) {
     for (const FurtherTable& f : v.further) {
       const std::string name = f.name + (v.variant.empty() ? "" : "@" + v.variant);
-      Table table{
-          Slug(name),
-          f.comment + (f.left_out > 0 ? fmt::format(" The first {} rows; {} more stand in the evaluation's own file.",
-                                                    f.rows.size(), f.left_out)
-                                      : ""),
-          {},
-          {}};
+      const size_t shown_rows = std::min(kFurtherRows, f.rows.size());
+      Table table{Slug(name),
+                  f.comment + (shown_rows < f.rows.size() + f.left_out
+                                   ? fmt::format(" The first {} rows; {} more stand in the evaluation's own file.",
+                                                 shown_rows, f.rows.size() + f.left_out - shown_rows)
+                                   : ""),
+                  {},
+                  {}};
       for (const std::string& column : f.columns) table.columns.push_back({column});
       const auto shown = [](const std::string& text) {  // the file has all digits
         constexpr size_t kLong = 6;
@@ -323,11 +406,11 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
             text.size() > kLong && text.find('.') != std::string::npos ? ParseDouble(text) : std::nullopt;
         return number ? fmt::format("{:.4f}", *number) : text;
       };
-      for (const auto& row : f.rows) {
+      for (size_t r = 0; r < shown_rows; ++r) {
         std::vector<TableCell>& cells = table.rows.emplace_back();
-        for (const std::string& text : row) cells.push_back({shown(text)});
+        for (const std::string& text : f.rows[r]) cells.push_back({shown(text)});
       }
-      blocks->push_back(FoldBegin{name});
+      blocks->push_back(FoldBegin{"Table: " + name, false});
       blocks->push_back(table);
       blocks->push_back(FoldEnd{});
     }

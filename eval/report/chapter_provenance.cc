@@ -126,7 +126,7 @@ void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
       for (const auto& [key, value] : flat) table.rows.push_back({{stage}, {results}, {key}, {value}});
     }
   }
-  blocks->push_back(FoldBegin{fmt::format("Options ({} values)", table.rows.size())});
+  blocks->push_back(FoldBegin{fmt::format("Options ({} values)", table.rows.size()), false});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }

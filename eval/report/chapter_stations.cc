@@ -13,6 +13,8 @@ namespace {
 // With more than this many stations their tables are closed at first, so that the page stays light to read.
 constexpr size_t kOpenStations = 24;
 
+constexpr const char* kNoReference = "no_reference";  // localized, with nothing to hold it against
+
 struct StationPart {
   std::vector<const ErrorRecord*> errors;
   std::vector<std::pair<const RunData*, const RunData::Answer*>> answers;
@@ -28,38 +30,49 @@ TableCell AnswerCell(const std::string& status, const std::string& reason) {
   return {reason.empty() ? status : status + ": " + reason, {}, status == "localized" ? Tone::kPlain : Tone::kWarning};
 }
 
+// The first variant before others, our own answers before G1.
+std::vector<const ErrorRecord*> OwnFirst(std::vector<const ErrorRecord*> errors) {
+  std::stable_sort(errors.begin(), errors.end(), [](const ErrorRecord* a, const ErrorRecord* b) {
+    return std::pair(!a->variant.empty(), a->method == "g1") < std::pair(!b->variant.empty(), b->method == "g1");
+  });
+  return errors;
+}
+
 Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
-  Table table{"",
-              "Differences of the answers from their reference. Sigma: 1 sigma of the difference; east, north, up.",
-              {{"run"},
-               {"method"},
-               {"against"},
-               {"3D" + u, true},
-               {"horizontal" + u, true},
-               {"vertical" + u, true},
-               {"sigma e n u" + u},
-               {"NEES", true},
-               {"largest part"},
-               {"answer"}},
-              {}};
+  Table table{
+      "",
+      "Differences of the answers from what they are held against. self: tags seen by the same cameras, in the run's "
+      "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
+      "its "
+      "error budget. NEES: squared error in its own sigmas, 3 on average where these are right.",
+      {{"run"},
+       {"method"},
+       {"against"},
+       {"3D" + u, true},
+       {"horizontal" + u, true},
+       {"vertical" + u, true},
+       {"sigma e n u" + u},
+       {"NEES", true},
+       {"largest part"}},
+      {}};
   // A station may have a panorama and photo sets.
   std::set<std::string> panoramas;
   for (const ErrorRecord* e : part.errors) panoramas.insert(e->panorama);
   const bool several = panoramas.size() > 1;
   if (several) table.columns.insert(table.columns.begin() + 1, {"panorama"});
-  for (const ErrorRecord* e : part.errors) {
+  for (const ErrorRecord* e : OwnFirst(part.errors)) {
+    if (!e->Answered()) continue;
     const bool beyond = e->nees && e->dof > 0 && *e->nees > 5.5 * e->dof;
     table.rows.push_back({{c.RunName(e->run, e->variant)},
                           {e->method},
-                          {e->reference + ", " + e->kind},
+                          {e->reference},
                           c.LengthCell(e->error_3d_m),
                           c.LengthCell(e->error_h_m),
                           c.LengthCell(e->error_v_m),
                           {SigmaText(c, *e)},
                           {e->nees ? fmt::format("{:.1f}", *e->nees) : "", e->nees, beyond ? Tone::kBad : Tone::kPlain},
-                          {e->dominant},
-                          AnswerCell(e->status, e->reason)});
+                          {e->dominant}});
     if (several)
       table.rows.back().insert(table.rows.back().begin() + 1,
                                TableCell{std::filesystem::path(e->panorama).filename().string()});
@@ -67,12 +80,38 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   return table;
 }
 
+// What no number stands for: "No answer: too few matches (run3 single); ...". Whatever an abstention would be held
+// against, it is said once.
+void AddReasons(const ChapterContext& c, const StationPart& part, std::vector<Block>* blocks) {
+  constexpr size_t kNames = 8;
+  std::map<std::string, std::vector<std::string>> abstained, not_compared;
+  for (const ErrorRecord* e : OwnFirst(part.errors)) {
+    if (e->Answered()) continue;
+    const bool no_reference = e->status == kNoReference;
+    std::vector<std::string>& names =
+        no_reference ? not_compared[e->reason] : abstained[AnswerCell(e->status, e->reason).text];
+    const std::string name = c.RunName(e->run, e->variant) + " " + e->method;
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  const auto say = [&](const std::string& what, const std::map<std::string, std::vector<std::string>>& of_reason,
+                       Tone tone) {
+    std::string text;
+    for (const auto& [reason, names] : of_reason) {
+      text += (text.empty() ? what : "; ") + reason + " (";
+      for (size_t i = 0; i < std::min(kNames, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
+      text += names.size() > kNames ? fmt::format(" and {} more)", names.size() - kNames) : ")";
+    }
+    if (!text.empty()) blocks->push_back(Paragraph{text + ".", tone});
+  };
+  say("No answer: ", abstained, Tone::kWarning);
+  say("Answered, but not compared: ", not_compared, Tone::kPlain);
+}
+
 Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{"",
               "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
-              "horizontal distance of "
-              "what the picture says about itself from the answer.",
+              "horizontal distance of what the picture says about itself from the answer.",
               {{"run"},
                {"panorama"},
                {"inliers", true},
@@ -115,36 +154,64 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
     return;
   }
   const std::string u = " (" + c.unit.name + ")";
-  Table index{"stations",
-              "Every station, over all runs and variants; differences of our own answers (not G1). Press a name to go "
-              "to its page.",
-              {{"station"},
-               {"answers", true},
-               {"refused", true},
-               {"smallest 3D" + u, true},
-               {"largest 3D" + u, true},
-               {"largest NEES / dof", true}},
-              {}};
+  // Numbers are the first variant's, or those of the only ones there are.
+  bool has_first = false;
+  for (const RunData& run : c.data.runs) has_first = has_first || run.variant.empty();
+  std::set<std::string> others;
+  for (const RunData& run : c.data.runs) {
+    if (has_first && !run.variant.empty()) others.insert(run.variant);
+  }
+  Table index{
+      "stations",
+      "Every station, over all runs; the largest 3D differences of our own answers (not G1), absolute in site ENU "
+      "and relative in the run's own frame. Press a name to go to its page.",
+      {{"station"},
+       {"answers", true},
+       {"refused", true},
+       {"absolute" + u, true},
+       {"relative" + u, true},
+       {"largest NEES / dof", true}},
+      {}};
+  for (const std::string& variant : others) {
+    index.columns.push_back({variant + ": answers", true});
+    index.columns.push_back({variant + ": largest" + u, true});
+  }
   for (const std::string& station : c.data.stations) {
     const StationPart& part = parts[station];
-    int answers = 0, refused = 0;
-    for (const auto& [run, a] : part.answers) ++(a->status == "localized" ? answers : refused);
-    std::optional<double> least, most, nees;
+    const auto count = [&](const std::string& variant, bool localized) {
+      return std::count_if(part.answers.begin(), part.answers.end(), [&](const auto& answer) {
+        return (!has_first || answer.first->variant == variant) && (answer.second->status == "localized") == localized;
+      });
+    };
+    const auto largest = [&](const std::string& variant, const std::string& kind) {
+      std::optional<double> most;
+      for (const ErrorRecord* e : part.errors) {
+        if (!e->Answered() || e->method == "g1" || (has_first && e->variant != variant)) continue;
+        if (kind.empty() || e->kind == kind) most = std::max(most.value_or(*e->error_3d_m), *e->error_3d_m);
+      }
+      return most;
+    };
+    std::optional<double> nees;
     for (const ErrorRecord* e : part.errors) {
-      if (!e->Answered() || e->method == "g1") continue;
-      least = std::min(least.value_or(*e->error_3d_m), *e->error_3d_m);
-      most = std::max(most.value_or(*e->error_3d_m), *e->error_3d_m);
+      if (!e->Answered() || e->method == "g1" || (has_first && !e->variant.empty())) continue;
       if (e->nees && e->dof > 0) nees = std::max(nees.value_or(0), *e->nees / e->dof);
     }
     TableCell name{station};
     name.anchor = c.station_anchor.at(station);
-    index.rows.push_back(
-        {name,
-         {std::to_string(answers), answers, answers == 0 ? Tone::kWarning : Tone::kPlain},
-         {std::to_string(refused), refused},
-         c.LengthCell(least),
-         c.LengthCell(most),
-         {nees ? fmt::format("{:.1f}", *nees) : "", nees, nees && *nees > 5.5 ? Tone::kBad : Tone::kPlain}});
+    const auto answers = static_cast<double>(count("", true)), refused = static_cast<double>(count("", false));
+    std::vector<TableCell> row = {
+        name,
+        {fmt::format("{:.0f}", answers), answers, answers == 0 ? Tone::kWarning : Tone::kPlain},
+        {fmt::format("{:.0f}", refused), refused},
+        c.LengthCell(largest("", "absolute")),
+        c.LengthCell(largest("", "relative")),
+        {nees ? fmt::format("{:.1f}", *nees) : "", nees, nees && *nees > 5.5 ? Tone::kBad : Tone::kPlain}};
+    for (const std::string& variant : others) {
+      const auto theirs = static_cast<double>(count(variant, true));
+      row.push_back({fmt::format("{:.0f}", theirs), theirs});
+      row.push_back(c.LengthCell(largest(variant, "")));
+    }
+    index.rows.push_back(std::move(row));
   }
   blocks->push_back(index);
   const bool many = c.data.stations.size() > kOpenStations;
@@ -156,7 +223,8 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
       const auto it = c.match_figures.find(CellKey(run->run, run->variant, a->panorama));
       if (it != c.match_figures.end()) figures.push_back(&it->second);
     }
-    blocks->push_back(Heading{3, "Station " + station, c.station_anchor.at(station), !many});
+    blocks->push_back(
+        Heading{3, "Station " + station, c.station_anchor.at(station), !many && station != c.data.stations.front()});
     for (const Station& s : c.input.project->site().stations) {
       if (s.name != station) continue;
       blocks->push_back(Paragraph{fmt::format(
@@ -167,7 +235,8 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
     if (many)
       blocks->push_back(FoldBegin{
           fmt::format("Numbers of {}: {} answers, {} comparisons", station, part.answers.size(), part.errors.size())});
-    if (!part.errors.empty()) blocks->push_back(ErrorsOf(c, part));
+    if (Table errors = ErrorsOf(c, part); !errors.rows.empty()) blocks->push_back(std::move(errors));
+    AddReasons(c, part, blocks);
     if (!part.answers.empty()) blocks->push_back(AnswersOf(c, part));
     if (part.errors.empty() && part.answers.empty()) blocks->push_back(Paragraph{"No run says anything about it."});
     if (many) blocks->push_back(FoldEnd{});

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <tuple>
 
 #include "eval/report/chapters.h"
 
@@ -23,6 +25,27 @@ std::string GroupName(const nlohmann::json& group) {
   return TextAt(group, "method") + " against " + TextAt(group, "reference") + ", " + TextAt(group, "kind") +
          (FlagAt(group, "shares_evidence") && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
          (variant.empty() ? "" : ", variant " + variant);
+}
+
+std::vector<nlohmann::json> Groups(const ReportData& data) {
+  std::vector<nlohmann::json> groups;
+  for (const VariantData& variant : data.variants) {
+    const auto it = variant.summary.find("groups");
+    if (it == variant.summary.end() || !it->is_array()) continue;
+    for (nlohmann::json group : *it) {
+      if (!group.is_object()) continue;
+      if (TextAt(group, "variant").empty()) group["variant"] = variant.variant;
+      groups.push_back(std::move(group));
+    }
+  }
+  std::stable_sort(groups.begin(), groups.end(), [](const nlohmann::json& a, const nlohmann::json& b) {
+    const auto rank = [](const nlohmann::json& g) {
+      return std::tuple(!TextAt(g, "variant").empty(), TextAt(g, "method") == "g1", TextAt(g, "kind") != "absolute",
+                        FlagAt(g, "shares_evidence"));
+    };
+    return rank(a) < rank(b);
+  });
+  return groups;
 }
 
 std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama) {
@@ -74,10 +97,10 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   const std::string word = accuracy ? "error" : "difference";
   Facts facts;
   if (attempts && answers) {
-    facts.facts.push_back(
-        {"Answered", fmt::format("{:.0f} of {:.0f}", *answers, *attempts),
-         "station visits that got an answer" + (*attempts > 0 ? ", " + Percent(*answers / *attempts) : ""),
-         *answers > 0 ? Tone::kPlain : Tone::kBad});
+    facts.facts.push_back({"Answered", fmt::format("{:.0f} of {:.0f}", *answers, *attempts),
+                           (*attempts > 0 ? Percent(*answers / *attempts) + " " : "") +
+                               "of what could be checked: a run and a station whose place is known",
+                           *answers > 0 ? Tone::kPlain : Tone::kBad});
   }
   facts.facts.push_back(
       {"Median 3D " + word, c.LengthUnit(median, 2), IntervalText(c, g, "median_interval_m", confidence)});
@@ -85,25 +108,27 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   const auto anees = At(g, {"nees", "mean_per_dof"});
   if (anees) {
     const nlohmann::json& bounds = g["nees"].contains("bounds") ? g["nees"]["bounds"] : nlohmann::json();
-    std::string detail = "mean squared error in its own sigmas, 1 is right";
+    std::string detail, value = "not tested";
     Tone tone = Tone::kPlain;
     if (bounds.is_array() && bounds.size() == 2 && bounds[0].is_number() && bounds[1].is_number()) {
-      const bool inside = *anees >= bounds[0].get<double>() && *anees <= bounds[1].get<double>();
-      detail = fmt::format("1 is right; {:.0f} % bounds {:.2f} to {:.2f}", 100 * confidence, bounds[0].get<double>(),
-                           bounds[1].get<double>());
-      tone = inside ? Tone::kGood : Tone::kWarning;
+      const double low = bounds[0].get<double>(), high = bounds[1].get<double>();
+      detail = fmt::format(", {:.0f} % bounds {:.2f} to {:.2f}", 100 * confidence, low, high);
+      value = *anees < low ? "too cautious" : *anees > high ? "too small" : "right";
+      tone = *anees < low || *anees > high ? Tone::kWarning : Tone::kGood;
     }
-    facts.facts.push_back({"Stated sigmas (ANEES)", fmt::format("{:.2f}", *anees), detail, tone});
+    facts.facts.push_back(
+        {"Stated uncertainty", value,
+         fmt::format("mean squared error in its own sigmas (ANEES) {:.2f}; 1 is right", *anees) + detail, tone});
   }
   blocks->push_back(facts);
   std::string text = fmt::format(
-      "These numbers are {} ({}): the place of each localized panorama against the place that its {} gives, in three "
-      "dimensions, over the answers that were given.",
+      "These numbers are {}: the place of each localized panorama against the place that its {} gives, in three "
+      "dimensions, over the answers that were given. The tables call this comparison \"{}\".",
       accuracy ? "accuracy against a reference that the tested runs had no part in"
                : "agreement, not accuracy: both sides rest on the same data, so that errors they share do not show",
-      GroupName(g),
       TextAt(g, "reference") == "self" ? "tag, as seen by the same run's cameras, and the measured offset"
-                                       : "reference and the measured offset");
+                                       : "reference and the measured offset",
+      GroupName(g));
   if (worst) text += " The largest is " + c.LengthUnit(worst, 2) + ".";
   blocks->push_back(Paragraph{text});
   if (worst && median && *worst > 20 * *median && *worst > 1) {
@@ -111,6 +136,51 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
         "At least one answer is wrong by far more than the others; the table of the worst cells below names it.",
         Tone::kWarning});
   }
+}
+
+// What else was held against the headline's reference: G1, other variants.
+void AddRivals(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
+  const std::string u = " (" + c.unit.name + ")";
+  Table table{"side_by_side",
+              "The same comparison for every method and variant. G1: each view of a panorama by itself; \"paper\": the "
+              "published method.",
+              {{"method"}, {"answered"}, {"median 3D" + u, true}, {"90 % are within" + u, true}, {"largest" + u, true}},
+              {}};
+  for (const nlohmann::json& g : Groups(c.data)) {
+    if (TextAt(g, "reference") != TextAt(headline.group, "reference") ||
+        TextAt(g, "kind") != TextAt(headline.group, "kind"))
+      continue;
+    const auto cell = [&](const char* key) { return c.LengthCell(At(g, {"error_3d", "over_answers", key}), 2); };
+    table.rows.push_back(
+        {{c.RunName(TextAt(g, "method"), TextAt(g, "variant"))},
+         {fmt::format("{:.0f} of {:.0f}", At(g, {"answers"}).value_or(0), At(g, {"attempts"}).value_or(0)),
+          At(g, {"answers"})},
+         cell("median_m"),
+         cell("p90_m"),
+         cell("max_m")});
+  }
+  if (table.rows.size() > 1) blocks->push_back(table);
+}
+
+// The cells to look at first: each once, in the headline's comparison where it is one; our first variant before others,
+// then those beyond a gate or their own sigmas, then by size.
+std::vector<const ErrorRecord*> CellsToLookAt(const ChapterContext& c, const Headline& headline) {
+  const std::string variant = headline.group.is_object() ? TextAt(headline.group, "variant") : "";
+  std::vector<const ErrorRecord*> cells = WorstFirst(c.input, c.data);
+  const auto in_headline = [&](const ErrorRecord* e) {
+    return headline.group.is_object() && e->reference == TextAt(headline.group, "reference") &&
+           e->kind == TextAt(headline.group, "kind");
+  };
+  std::map<std::string, const ErrorRecord*> of_cell;
+  for (const ErrorRecord* e : cells) {
+    const ErrorRecord*& kept = of_cell[CellKey(e->run, e->variant, e->panorama + e->station + e->method)];
+    if (kept == nullptr || (in_headline(e) && !in_headline(kept))) kept = e;
+  }
+  std::erase_if(cells, [&](const ErrorRecord* e) {
+    return of_cell[CellKey(e->run, e->variant, e->panorama + e->station + e->method)] != e;
+  });
+  std::stable_partition(cells.begin(), cells.end(), [&](const ErrorRecord* e) { return e->variant == variant; });
+  return cells;
 }
 
 void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
@@ -179,20 +249,29 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
       std::count_if(c.data.runs.begin(), c.data.runs.end(), [](const RunData& r) { return r.variant.empty(); });
   if (c.data.runs.empty()) {
     blocks->push_back(Paragraph{
-        "No run of this project is localized yet, so that there are no results to show. What was found in the "
+        "No run of this project is localized yet, so that there are no answers to show. What was found in the "
         "folder and what failed stands under Provenance. Next: trigpoint run.",
         Tone::kWarning});
   } else {
-    blocks->push_back(
-        Paragraph{fmt::format("{} {} localized against {} references at {} stations: {} answers were given, {} were "
-                              "rejected because the evidence "
-                              "contradicted itself or was too thin, {} references were not recognised by the run.",
-                              runs, runs == 1 ? "run was" : "runs were", c.input.project->site().references.size(),
-                              c.data.stations.size(), localized, rejected, unmatched)});
+    blocks->push_back(Paragraph{
+        fmt::format("{} {} localized against {} panoramas and photo sets at {} station{}. {} answers were "
+                    "given; {} were refused because the evidence contradicted itself or was too thin; {} "
+                    "times a run did not recognise a place.",
+                    runs, runs == 1 ? "run was" : "runs were", c.input.project->site().references.size(),
+                    c.data.stations.size(), c.data.stations.size() == 1 ? "" : "s", localized, rejected, unmatched)});
+  }
+  for (const ResultRecord& s : c.input.stages) {
+    if (s.stage != "evaluate" || !s.manifest.is_object() || (s.state != "out of date" && s.state != "failed")) continue;
+    blocks->push_back(Paragraph{"The evaluation" + (s.name.empty() ? "" : " " + s.name) +
+                                    " does not stand for the results as they are now (" + s.state +
+                                    (s.reason.empty() ? "" : ": " + s.reason) +
+                                    "): its numbers are those of earlier ones. Next: trigpoint evaluate.",
+                                Tone::kWarning});
   }
   AddGates(c, blocks);
   if (headline.group.is_object()) {
     AddHeadline(c, headline, blocks);
+    AddRivals(c, headline, blocks);
   } else if (c.data.variants.empty()) {
     blocks->push_back(Paragraph{
         "Nothing was evaluated: there is no result of `trigpoint evaluate`. How good the answers are is not known.",
@@ -203,11 +282,12 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
                   "with the stations.",
                   Tone::kWarning});
   }
-  const std::vector<const ErrorRecord*> worst = WorstFirst(c.input, c.data);
+  const std::vector<const ErrorRecord*> worst = CellsToLookAt(c, headline);
   if (!worst.empty()) {
     Table table{
         "worst_cells",
-        "The cells with the largest differences, those beyond a gate or a 99.9 % bound of their own sigmas first.",
+        "Where to look first: the largest differences, those beyond a gate or a 99.9 % bound of their own sigmas "
+        "before the others. NEES / dof: squared error in its own sigmas, 1 on average where these are right.",
         {{"station"}, {"run"}, {"method"}, {"against"}, {"3D (" + c.unit.name + ")", true}, {"NEES / dof", true}},
         {}};
     for (size_t i = 0; i < std::min<size_t>(8, worst.size()); ++i) {

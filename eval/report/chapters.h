@@ -36,6 +36,9 @@ struct Headline {
 };
 Headline FindHeadline(const ReportData& data);
 
+// The groups of all evaluations, our own answers before G1, the first variant before others, absolute and independent
+// before relative and shared.
+std::vector<nlohmann::json> Groups(const ReportData& data);
 // "single against control, absolute [variant paper]".
 std::string GroupName(const nlohmann::json& group);
 // Names an answer.

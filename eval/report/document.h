@@ -63,9 +63,11 @@ struct Figure {
   std::variant<Drawing, Picture> content;
 };
 
-// What stands between the two can be opened and closed on a screen; on paper it is open.
+// What stands between the two can be opened and closed on a screen; on paper it is open, or left to the tables beside
+// the report.
 struct FoldBegin {
   std::string title;
+  bool on_paper = true;
 };
 struct FoldEnd {};
 

@@ -33,20 +33,22 @@ p.warn{border-color:#e69f00}p.bad{border-color:#d55e00}
 figure{margin:1.1rem 0 1.6rem}
 figure>div{overflow-x:auto;border:1px solid var(--line);border-radius:3px;background:#fff}
 figure svg{display:block;width:100%;min-width:34rem;max-width:60rem;height:auto;margin:0 auto;padding:.5rem;font-family:inherit}
-figure img{display:block;max-width:100%;height:auto;margin:0 auto}
+figure img{display:block;max-width:100%;height:auto;margin:0 auto;cursor:zoom-in}
+figure.large img{max-width:none;cursor:zoom-out}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;overflow-wrap:anywhere}
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:40rem;overflow-y:auto}
 .cap{font-size:.9rem;color:var(--soft);margin:1rem 0 .3rem;max-width:52rem;overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}
 th,td{padding:.32rem .55rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 td{min-width:3.2rem;max-width:26rem;overflow-wrap:break-word}
+td.long{min-width:15rem}
 td:first-child{position:sticky;left:0;background:var(--ground)}
 th:first-child{left:0;z-index:2}
 th{position:sticky;top:0;background:var(--panel);vertical-align:bottom;z-index:1}
 th button{font:inherit;text-align:inherit;font-weight:600;border:0;background:none;padding:0;color:inherit;cursor:pointer}
-th button::after{content:" \2195";color:#9aa4ad}
-th[aria-sort=ascending] button::after{content:" \2191";color:var(--ink)}
-th[aria-sort=descending] button::after{content:" \2193";color:var(--ink)}
+th button::after{content:"\a0\2195";color:#9aa4ad}
+th[aria-sort=ascending] button::after{content:"\a0\2191";color:var(--ink)}
+th[aria-sort=descending] button::after{content:"\a0\2193";color:var(--ink)}
 td.good{color:var(--good)}td.warn{color:var(--warn)}td.bad{color:var(--bad);font-weight:600}
 tbody tr:hover,tbody tr:hover td:first-child{background:#f5f9fc}
 details{margin:.8rem 0;border:1px solid var(--line);border-radius:3px;padding:0 .8rem}
@@ -56,9 +58,11 @@ footer{color:var(--soft);font-size:.85rem;padding-top:2rem;padding-bottom:2.5rem
 @media print{nav{display:none}.table{max-height:none;overflow:visible}th,td:first-child{position:static}figure,tr{break-inside:avoid}}
 )css";
 
-// Sorts a table by the column whose header is pressed. Reads the page, writes only the order of rows.
+// Shows a picture that is pressed in its own size, and sorts a table by the column whose header is pressed. Reads the
+// page, writes only the order of rows.
 constexpr std::string_view kScript = R"js(
 document.addEventListener('click',function(e){
+if(e.target.tagName==='IMG'){e.target.closest('figure').classList.toggle('large');return}
 var b=e.target.closest&&e.target.closest('th button');if(!b)return;
 var th=b.parentNode,t=th.closest('table'),k=th.cellIndex,up=th.getAttribute('aria-sort')!=='ascending';
 t.querySelectorAll('th').forEach(function(h){h.removeAttribute('aria-sort')});
@@ -157,7 +161,8 @@ class HtmlWriter {
 
  private:
   void Cell(const TableCell& cell) const {
-    html_ += "<td" + Classes("", cell.tone);
+    constexpr size_t kLong = 40;  // letters that are not to be squeezed into a narrow column
+    html_ += "<td" + Classes(cell.text.size() > kLong ? "long" : "", cell.tone);
     // A number sorts as what it says; anything else brings its value along.
     if (cell.sort && cell.text.find_first_not_of("0123456789.-") != std::string::npos) {
       html_ += fmt::format(" data-v=\"{:.6g}\"", *cell.sort);

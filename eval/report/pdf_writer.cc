@@ -45,9 +45,15 @@ class Pages {
     y_ = kMargin;
     Words(document_.title, 20, true, kInk, 0);
     Words(document_.subtitle, kTextPt, false, kSoft, 10);
-    for (size_t i = 0; i < document_.blocks.size(); ++i) {
-      const Block& block = document_.blocks[i];
-      std::visit(*this, block);
+    const std::vector<Block>& blocks = document_.blocks;
+    for (size_t i = 0; i < blocks.size(); ++i) {
+      if (const auto* fold = std::get_if<FoldBegin>(&blocks[i]); fold != nullptr && !fold->on_paper) {
+        LeaveOut(blocks, &i);
+      } else if (std::holds_alternative<Figure>(blocks[i])) {
+        DrawFigures(blocks, &i);
+      } else {
+        std::visit(*this, blocks[i]);
+      }
     }
     Foot();
     cairo_show_page(cairo_.get());
@@ -98,20 +104,8 @@ class Pages {
   }
 
   void operator()(const Figure& figure) {
-    double w = 0, h = 0;
-    if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
-      w = 0.75 * drawing->width, h = 0.75 * drawing->height;
-    } else {
-      const Picture& picture = std::get<Picture>(figure.content);
-      w = picture.width, h = picture.height;
-      // Two go on a page, under a heading too.
-      const double fit = std::min(Room() / std::max(1.0, w), (0.5 * (height_ - 2 * kMargin) - 72) / std::max(1.0, h));
-      w *= fit, h *= fit;
-    }
-    const double scale = std::min({1.0, Room() / std::max(1.0, w), (height_ - 2 * kMargin - 110) / std::max(1.0, h)});
-    w *= scale, h *= scale;
-    const double caption = painter_->Height(figure.caption, 8, false, Room());
-    Need(h + caption + 16);
+    const auto [w, h] = SizeOf(figure, shrink_);
+    Need(h + CaptionRoom(figure));
     const double x = kMargin + 0.5 * (Room() - w);
     if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
       cairo_save(cairo_.get());
@@ -161,6 +155,60 @@ class Pages {
   }
 
  private:
+  static constexpr double kLeastShrink = 0.75;
+
+  // Width and height on the page, points.
+  std::pair<double, double> SizeOf(const Figure& figure, double shrink) const {
+    double w = 0, h = 0;
+    if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
+      w = 0.75 * drawing->width, h = 0.75 * drawing->height;
+    } else {
+      const Picture& picture = std::get<Picture>(figure.content);
+      w = picture.width, h = picture.height;
+      // Two go on a page, under a heading too.
+      const double fit = std::min(Room() / std::max(1.0, w), (0.5 * (height_ - 2 * kMargin) - 72) / std::max(1.0, h));
+      w *= fit, h *= fit;
+    }
+    const double scale =
+        shrink * std::min({1.0, Room() / std::max(1.0, w), (height_ - 2 * kMargin - 110) / std::max(1.0, h)});
+    return {scale * w, scale * h};
+  }
+  double CaptionRoom(const Figure& figure) const { return painter_->Height(figure.caption, 8, false, Room()) + 16; }
+
+  // Figures that follow each other are drawn as large as they can be without taking a page more than smaller ones
+  // would. `i`: the first; on return the last of them.
+  void DrawFigures(const std::vector<Block>& blocks, size_t* i) {
+    std::vector<const Figure*> figures;
+    for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k)
+      figures.push_back(&std::get<Figure>(blocks[k]));
+    const auto turns = [&](double shrink) {
+      int count = 0;
+      double y = y_;
+      for (const Figure* figure : figures) {
+        const double need = SizeOf(*figure, shrink).second + CaptionRoom(*figure);
+        if (y + need > height_ - kMargin - 6 && y > kMargin) ++count, y = kMargin;
+        y += need;
+      }
+      return count;
+    };
+    const int fewest = turns(kLeastShrink);
+    for (shrink_ = 1; shrink_ > kLeastShrink && turns(shrink_) > fewest;) shrink_ -= 0.04;
+    shrink_ = std::max(shrink_, kLeastShrink);
+    for (const Figure* figure : figures) (*this)(*figure);
+    shrink_ = 1;
+    *i += figures.size() - 1;
+  }
+
+  // A fold that isn't for paper: where its tables are. `i`: its beginning; on return its end.
+  void LeaveOut(const std::vector<Block>& blocks, size_t* i) {
+    std::string text = std::get<FoldBegin>(blocks[*i]).title + ": in index.html";
+    for (++*i; *i < blocks.size() && !std::holds_alternative<FoldEnd>(blocks[*i]); ++*i) {
+      const auto* table = std::get_if<Table>(&blocks[*i]);
+      if (table != nullptr && !table->name.empty()) text += " and tables/" + table->name + ".csv";
+    }
+    Words(text + ".", kTextPt, false, kSoft, 5);
+  }
+
   static constexpr const char* kInk = "#1d2329";
   static constexpr const char* kSoft = "#5a6570";
   static constexpr const char* kBad = "#a8420a";
@@ -171,7 +219,7 @@ class Pages {
 
   // A column's width in ems: so that no word is broken (long ones are), and so that no line is.
   struct Ems {
-    static constexpr double kLongestWord = 17, kLongestLine = 46;
+    static constexpr double kLongestWord = 17, kLongestLine = 150;
     double least = 1, all = 1;
     void Add(const std::string& text, double wider) {
       constexpr double kAir = 0.25;  // letters are set on whole fractions of a point
@@ -194,25 +242,28 @@ class Pages {
     }
   };
 
-  // What the columns need least, and of the rest to each as it is short of a whole line; what is left then goes to the
-  // last column of words.
+  // So wide that no cell has more lines than it must have for the table to fit, and no wider than whole lines.
   std::vector<double> WidthsOf(const Table& table, const std::vector<size_t>& part, const std::vector<Ems>& wide,
                                double size, double gap) const {
+    constexpr double kRagged = 1.15;  // lines that end between words are not full
+    constexpr int kMostLines = 12;
+    const double room = Room() - gap * static_cast<double>(part.size());
+    const auto need = [&](size_t k, int lines) {
+      if (table.columns[k].number || lines == 1) return lines == 1 ? wide[k].all : wide[k].least;
+      return std::max(wide[k].least, std::min(wide[k].all, kRagged * wide[k].all / lines));
+    };
+    const auto sum = [&](int lines) {
+      double all = 0;
+      for (size_t k : part) all += need(k, lines) * size;
+      return all;
+    };
+    int lines = 1;
+    while (lines < kMostLines && sum(lines) > room) ++lines;
+    const double least = sum(lines), all = sum(1);
+    const double squeeze = std::min(1.0, room / least);
+    const double share = all > least ? std::clamp((room - least) / (all - least), 0.0, 1.0) : 0;
     std::vector<double> widths(wide.size());
-    double least = 0, all = 0;
-    for (size_t k : part) least += wide[k].least * size + gap, all += wide[k].all * size + gap;
-    const double squeeze = std::min(1.0, Room() / least);
-    const double share = all > least ? std::clamp((Room() - least) / (all - least), 0.0, 1.0) : 1;
-    double used = 0;
-    for (size_t k : part) {
-      widths[k] = (squeeze * wide[k].least + share * (wide[k].all - wide[k].least)) * size;
-      used += widths[k] + gap;
-    }
-    for (size_t i = part.size(); i-- > 0;) {
-      if (table.columns[part[i]].number || used >= Room()) continue;
-      widths[part[i]] += Room() - used;
-      break;
-    }
+    for (size_t k : part) widths[k] = (squeeze * need(k, lines) + share * (need(k, 1) - need(k, lines))) * size;
     return widths;
   }
 
@@ -295,6 +346,12 @@ class Pages {
     cairo_restore(cairo_.get());
   }
 
+  static double Across(const std::vector<size_t>& part, const std::vector<double>& widths, double gap) {
+    double across = 0;
+    for (size_t k : part) across += widths[k] + gap;
+    return across;
+  }
+
   void Header(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
               double gap) {
     double h = size * 1.6;
@@ -302,7 +359,7 @@ class Pages {
       h = std::max(h, painter_->Height(table.columns[k].name, size, true, widths[k]) + 0.3 * size);
     }
     SetColour(cairo_.get(), "#eef1f4", 1);
-    cairo_rectangle(cairo_.get(), kMargin, y_, Room(), h);
+    cairo_rectangle(cairo_.get(), kMargin, y_, Across(part, widths, gap), h);
     cairo_fill(cairo_.get());
     double x = kMargin + 2;
     for (size_t k : part) {
@@ -346,7 +403,7 @@ class Pages {
       SetColour(cairo_.get(), "#d9dee3", 1);
       cairo_set_line_width(cairo_.get(), 0.4);
       cairo_move_to(cairo_.get(), kMargin, y_);
-      cairo_line_to(cairo_.get(), width_ - kMargin, y_);
+      cairo_line_to(cairo_.get(), kMargin + Across(part, widths, gap), y_);
       cairo_stroke(cairo_.get());
     }
     y_ += 6;
@@ -359,6 +416,7 @@ class Pages {
   std::unique_ptr<cairo_t, void (*)(cairo_t*)> cairo_{nullptr, cairo_destroy};
   std::unique_ptr<TextPainter> painter_;
   double y_ = kMargin;
+  double shrink_ = 1;  // of the figures being drawn
   int page_ = 0;
 };
 

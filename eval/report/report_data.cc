@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kFurtherRows = 400;   // of a table that has no chapter of its own
-constexpr size_t kSampleSize = 20000;  // of the points of a run
+constexpr size_t kFurtherRows = 100000;  // of a table that has no chapter of its own
+constexpr size_t kSampleSize = 20000;    // of the points of a run
 
 // An empty, missing or unusable cell is "not given".
 std::optional<double> Number(const CsvTable& table, const CsvRow& row, const char* column) {

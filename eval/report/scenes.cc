@@ -56,6 +56,11 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   SceneView view(model, style);
   view.AddTo(window->renderer());
   window->Render(kSamples * width, kSamples * height);  // gives the renderer its size
+  const std::string lines = std::string(" Blue: cameras, optimised; ochre: odometry, begun at the first camera") +
+                            (std::any_of(model.paths.begin(), model.paths.end(),
+                                         [](const auto& p) { return p.kind == ScenePath::Kind::kTruth; })
+                                 ? "; black: reference poses."
+                                 : ".");
   const std::string frame =
       "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
   const std::string errors = model.errors.empty() ? ""
@@ -71,8 +76,8 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   view.LookDown(window->renderer());
   blocks.push_back(Figure{"plan",
                           "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
-                              ". Panoramas as spheres at their estimated places, geotags as pale dots." + errors + " " +
-                              frame + ".",
+                              ". Panoramas as spheres at their estimated places, geotags as pale dots." + lines +
+                              errors + " " + frame + ".",
                           Photograph(*window, width, height)});
   cancel.ThrowIfCancelled();
   const std::pair<PointColour, const char*> colours[] = {
@@ -88,12 +93,13 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
     }
     view.ColourPointsBy(colours[i].first);
     view.LookOblique(window->renderer());
-    blocks.push_back(Figure{names[i],
-                            "From the south-west, 33 degrees above the horizon. Points by " +
-                                std::string(colours[i].second) + "; colours from their 2nd to their 95th percentile. " +
-                                (i == 0 ? "The ground is drawn at a height guessed from the points. " : "") + frame +
-                                ".",
-                            Photograph(*window, width, height)});
+    blocks.push_back(
+        Figure{names[i],
+               "From the south-west, 33 degrees above the horizon. Points by " + std::string(colours[i].second) +
+                   "; colours from their 2nd to their 95th percentile." +
+                   (i == 0 && model.aerial ? " The ground is drawn at a height guessed from the points." : "") + lines +
+                   " " + frame + ".",
+               Photograph(*window, width, height)});
     cancel.ThrowIfCancelled();
   }
   show({"points", "ellipsoids", "geotags", "axes"});

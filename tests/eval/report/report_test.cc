@@ -118,7 +118,7 @@ TEST_F(ReportTest, ShowsNumbersReasonsAndProvenance) {
   EXPECT_THAT(html, HasSubstr("trigpoint report site"));
   EXPECT_THAT(html, HasSubstr(std::string(64, 'a')));
   EXPECT_THAT(html, HasSubstr("2026-05-12T09:43:20Z"));
-  EXPECT_THAT(site_.Read("out/tables/stations.csv"), HasSubstr("S1,1,0,0.123,0.123,2.2"));
+  EXPECT_THAT(site_.Read("out/tables/stations.csv"), HasSubstr("S1,1,0,0.123,,2.2"));
   EXPECT_TRUE(fs::exists(site_ / "out/figures/cumulative_absolute.png"));
   EXPECT_FALSE(fs::exists(site_ / "out/report.pdf"));
 }
