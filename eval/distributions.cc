@@ -59,9 +59,21 @@ double ChiSquareQuantile(double p, double dof) {
   if (!(p > 0 && p < 1) || !(dof > 0)) {
     throw NumericError("chi-square quantile: the probability must lie between 0 and 1, the degrees of freedom above 0");
   }
-  double high = dof + 10;
+  // Newton's steps, halving wherever one would leave the bracket, until nothing changes.
+  double low = 0, high = dof + 10;
   while (ChiSquareCdf(high, dof) < p) high *= 2;
-  return Bisect(0, high, [&](double x) { return ChiSquareCdf(x, dof) < p; });
+  const double a = 0.5 * dof, log_scale = -std::lgamma(a) - a * std::numbers::ln2;
+  double x = std::min(dof, 0.5 * high);
+  for (int i = 0; i < 400; ++i) {
+    const double excess = ChiSquareCdf(x, dof) - p;
+    (excess < 0 ? low : high) = x;
+    const double density = std::exp(log_scale + (a - 1) * std::log(x) - 0.5 * x);
+    double next = x - excess / density;
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    if (std::abs(next - x) <= 1e-12 * x) return next;
+    x = next;
+  }
+  return x;
 }
 
 double BinomialCdf(int k, int n, double p) {
