@@ -30,12 +30,32 @@ std::vector<size_t> Dense(const std::vector<ClusteredValue>& values, int Cluster
   return dense;
 }
 
-CrossedModel FitModel(const std::vector<ClusteredValue>& values, BootstrapScale scale) {
-  constexpr double kLeastError = 1e-9;  // an error of zero has no logarithm
-  CrossedModel m;
-  for (const ClusteredValue& v : values) {
-    m.y.push_back(scale == BootstrapScale::kLog ? std::log(std::max(v.value, kLeastError)) : v.value);
+// Where values are nearly normal, and back. Both are monotone: a quantile's interval may be taken there.
+class Transform {
+ public:
+  Transform(const std::vector<ClusteredValue>& values, BootstrapScale scale) : scale_(scale) {
+    if (scale == BootstrapScale::kLog) return;
+    std::vector<double> sizes;
+    for (const ClusteredValue& v : values) sizes.push_back(std::abs(v.value));
+    for (const double q : {0.5, 0.9, 1.0}) {
+      if (unit_ = Quantile(sizes, q); unit_ > 0) return;
+    }
+    unit_ = 1;
   }
+  double operator()(double v) const {
+    constexpr double kLeastError = 1e-9;  // an error of zero has no logarithm
+    return scale_ == BootstrapScale::kLog ? std::log(std::max(v, kLeastError)) : std::asinh(v / unit_);
+  }
+  double Back(double y) const { return scale_ == BootstrapScale::kLog ? std::exp(y) : unit_ * std::sinh(y); }
+
+ private:
+  BootstrapScale scale_;
+  double unit_ = 1;  // the typical size of a difference: linear below it, logarithmic beyond
+};
+
+CrossedModel FitModel(const std::vector<ClusteredValue>& values, const Transform& transform) {
+  CrossedModel m;
+  for (const ClusteredValue& v : values) m.y.push_back(transform(v.value));
   m.station = Dense(values, &ClusteredValue::station, &m.stations);
   m.run = Dense(values, &ClusteredValue::run, &m.runs);
 
@@ -106,7 +126,8 @@ double SideRatio(const std::vector<double>& y, bool upper) {
 std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredValue>& values, double q,
                                                   const BootstrapOptions& options, BootstrapScale scale) {
   if (values.size() < 3 || options.samples < 1) return std::nullopt;
-  const CrossedModel model = FitModel(values, scale);
+  const Transform transform(values, scale);
+  const CrossedModel model = FitModel(values, transform);
   if (!(model.variance > 0)) return std::nullopt;
 
   // Beyond the median half of the values tell the spread.
@@ -127,13 +148,12 @@ std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredVal
   }
   const double centre = Quantile(model.y, q) - bias * spread;
   const double half = spread * Quantile(width, options.confidence);
-  if (scale == BootstrapScale::kLinear) return Interval{centre - half, centre + half};
-  return Interval{std::exp(centre - half), std::exp(centre + half)};
+  return Interval{transform.Back(centre - half), transform.Back(centre + half)};
 }
 
 VarianceShares ClusterShares(const std::vector<ClusteredValue>& values) {
   if (values.size() < 3) return {};
-  const CrossedModel model = FitModel(values, BootstrapScale::kLog);
+  const CrossedModel model = FitModel(values, Transform(values, BootstrapScale::kLog));
   return {model.station_share, model.run_share};
 }
 
@@ -145,7 +165,7 @@ std::vector<CumulativePoint> CumulativeHistogram(const std::vector<ClusteredValu
   sorted.reserve(errors.size());
   for (const ClusteredValue& e : errors) sorted.push_back(e.value);
   std::sort(sorted.begin(), sorted.end());
-  const CrossedModel model = FitModel(errors, BootstrapScale::kLog);
+  const CrossedModel model = FitModel(errors, Transform(errors, BootstrapScale::kLog));
   Random random(options.seed);
   std::vector<std::vector<double>> campaigns;
   for (int i = 0; i < options.samples; ++i) {

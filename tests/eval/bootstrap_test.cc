@@ -71,6 +71,36 @@ TEST(ClusteredQuantileInterval, CoversTheTruthAsStated) {
   }
 }
 
+// One side of a comparison settles on a wrong place in a fifth of its answers: such gross errors say nothing about the
+// median difference, and its interval is not as wide as they are large.
+TEST(ClusteredQuantileInterval, OfDifferencesHoldsTheTruthDespiteGrossErrors) {
+  const auto difference = [](double station, Random* random) {
+    const double fine = 0.2 + 0.1 * station + 0.1 * random->Normal();
+    return random->Uniform() < 0.2 ? fine + 5 - 10 * std::log(1 - random->Uniform()) : fine;
+  };
+  Random random(5);
+  std::vector<double> many;
+  for (int i = 0; i < 100000; ++i) many.push_back(difference(random.Normal(), &random));
+  const double truth = Quantile(many, 0.5);
+  constexpr int kCampaigns = 200;
+  int covered = 0;
+  std::vector<double> widths;
+  for (int i = 0; i < kCampaigns; ++i) {
+    std::vector<ClusteredValue> differences;
+    for (int s = 0; s < 9; ++s) {
+      const double station = random.Normal();
+      for (int r = 0; r < 3; ++r) differences.push_back({difference(station, &random), s, r});
+    }
+    const auto interval = ClusteredQuantileInterval(differences, 0.5, {.samples = 300}, BootstrapScale::kLinear);
+    ASSERT_TRUE(interval);
+    covered += interval->low <= truth && truth <= interval->high;
+    widths.push_back(interval->high - interval->low);
+  }
+  std::printf("%5.1f %%, width %.3f\n", 100.0 * covered / kCampaigns, Quantile(widths, 0.5));
+  EXPECT_GE(covered, 180);
+  EXPECT_LT(Quantile(widths, 0.5), 2);  // gross errors are 5 to 50
+}
+
 TEST(ClusteredQuantileInterval, IsWiderWhereStationsAgreeWithThemselves) {
   // The same 36 numbers, once each station repeating its error in every run, once spread at random.
   std::vector<ClusteredValue> clustered, spread;
