@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <tuple>
 
 #include "calib/base/error.h"
 #include "eval/distributions.h"
@@ -125,7 +126,8 @@ void NameDominant(ErrorRow* row) {
 }
 
 // Fills the errors of a localized row; turns it into no_reference where there is nothing to hold it against.
-void Score(const Answer& answer, const Station* station, const MapView& map, double passed_radius_m,
+// False: the reference doesn't say where the station's centre is.
+bool Score(const Answer& answer, const Station* station, const MapView& map, double passed_radius_m,
            double stitch_sigma_m, ErrorRow* row) {
   std::optional<Eigen::Vector3d> centre;
   const TagResult* tag = nullptr;
@@ -142,7 +144,7 @@ void Score(const Answer& answer, const Station* station, const MapView& map, dou
     centre = StationCentre(*station, *tag->map_from_tag, map.enu_from_map, map.up_in_map, &reason);
   }
   if (centre) row->passed = NearestCamera(*map.cameras, *centre) <= passed_radius_m;
-  if (row->status != kLocalized) return;
+  if (row->status != kLocalized) return centre.has_value();
 
   if (stitch_sigma_m > 0) row->sigma_stitch_m = std::sqrt(3.0) * stitch_sigma_m;
   const bool relative = map.kind == "relative";
@@ -151,12 +153,12 @@ void Score(const Answer& answer, const Station* station, const MapView& map, dou
     row->status = kMissing;
     row->reason = std::string("localized, but the result gives no position in ") +
                   (relative ? "the run's own frame" : "world (no global fit)");
-    return;
+    return centre.has_value();
   }
   if (!centre) {
     row->status = kNoReference;
     row->reason = reason;
-    return;
+    return false;
   }
   const Eigen::Vector3d difference = *position - *centre;
   row->error_3d_m = difference.norm();
@@ -165,7 +167,7 @@ void Score(const Answer& answer, const Station* station, const MapView& map, dou
     row->error_v_m = std::abs(vertical);
     row->error_h_m = (difference - vertical * *map.up_in_map).norm();
   }
-  if (!map.enu_from_map) return;
+  if (!map.enu_from_map) return true;
   row->error_enu_m = *map.enu_from_map * difference;
   const std::optional<Eigen::Vector3d>& sigma = relative ? answer.odom_sigma : answer.world_sigma;
   const Eigen::Matrix3d& enu = *map.enu_from_map;
@@ -181,17 +183,18 @@ void Score(const Answer& answer, const Station* station, const MapView& map, dou
   }
   if (sigma && sigma->allFinite()) row->sigma_localization_m = sigma->norm();
   NameDominant(row);
-  if (!row->sigma_localization_m || !row->reference_covariance_m2) return;
+  if (!row->sigma_localization_m || !row->reference_covariance_m2) return true;
   const double stitch = stitch_sigma_m * stitch_sigma_m;
   const Eigen::Matrix3d c =
       enu * Diagonal(*sigma) * enu.transpose() + *row->reference_covariance_m2 + Eigen::Matrix3d::Identity() * stitch;
   const auto nees = NeesOf<3>(*row->error_enu_m, c, 0);
-  if (!nees) return;
+  if (!nees) return true;
   row->covariance_m2 = c;
   row->nees = nees;
   row->dof = 3;
   row->nees_h = NeesOf<2>(*row->error_enu_m, c, 0);
   row->nees_v = NeesOf<1>(*row->error_enu_m, c, 2);
+  return true;
 }
 
 bool Intersect(const std::vector<std::string>& a, const std::vector<std::string>& b) {
@@ -305,7 +308,12 @@ std::optional<NeesSummary> JointNeesOf(const std::vector<const ErrorRow*>& all, 
   return summary;
 }
 
-void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const EvaluateOptions& options, GroupSummary* summary) {
+// Stations whose place a reference doesn't know: run, variant, reference, station. Whether a run answers there or not,
+// it is no attempt.
+using UnknownPlaces = std::set<std::tuple<std::string, std::string, std::string, std::string>>;
+
+void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const UnknownPlaces& places_unknown,
+                    const EvaluateOptions& options, GroupSummary* summary) {
   std::set<std::string> runs, stations;
   std::map<std::string, int> run_index, station_index;
   std::vector<ClusteredValue> clustered;
@@ -323,6 +331,7 @@ void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const EvaluateOpti
       ++summary->unscored;
       continue;
     }
+    if (places_unknown.count({row->run, row->variant, row->reference, row->station}) > 0) continue;
     ++summary->attempts;
     summary->passed += row->passed;
     if (!row->error_3d_m) continue;
@@ -469,6 +478,7 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
 
   // variant -> run -> what its positions have in common.
   std::map<std::string, std::map<std::string, CommonError>> common;
+  UnknownPlaces places_unknown;
   std::map<ErrorGroup, const ReferenceMap*> group_map;
   std::map<ErrorGroup, std::pair<std::vector<std::string>, std::vector<std::string>>> rests_on;
   for (const ReferenceMap& map : input.references) {
@@ -570,8 +580,9 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
                      .reason = attempt.answer.reason,
                      .shares_evidence = map.shares_evidence};
         const auto stitch = run.stitch_sigma.find(attempt.panorama);
-        Score(attempt.answer, station == stations.end() ? nullptr : station->second, map, options.passed_radius_m,
-              stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);
+        const bool known = Score(attempt.answer, station == stations.end() ? nullptr : station->second, map,
+                                 options.passed_radius_m, stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);
+        if (!known) places_unknown.insert({row.run, row.variant, row.reference, row.station});
         if (const auto it = support.find(attempt.panorama); it != support.end() && row.error_3d_m) {
           row.depth = it->second;
           if (row.depth) row.trusted = row.depth->depth_sigma_m <= options.trust_depth_sigma_m;
@@ -601,7 +612,7 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     while (end < result.rows.size() && GroupOf(result.rows[end]) == group) rows.push_back(&result.rows[end++]);
     GroupSummary summary{.group = group};
     std::tie(summary.estimate_rests_on, summary.reference_rests_on) = rests_on[group];
-    SummarizeGroup(rows, options, &summary);
+    SummarizeGroup(rows, places_unknown, options, &summary);
     summary.nees_joint = JointNeesOf(rows, group_map[group], common[group.variant]);
     result.groups.push_back(std::move(summary));
   }

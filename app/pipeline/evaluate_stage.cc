@@ -380,7 +380,7 @@ StageInfo EvaluateStage() {
     auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     AddProjectGates(project, &options.gates);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);
