@@ -25,7 +25,8 @@ struct ReferenceViews {
   ReferenceKind kind = ReferenceKind::kPanorama;
   ViewRig rig;  // rig frame: x right, y down, z forward at the picture's centre
   GeoTag geotag;
-  int set = -1;  // photos of one hand-held set share it; -1: stands alone
+  int set = -1;           // photos of one hand-held set share it; -1: stands alone
+  bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
 };
 
 struct LocalizeInput {

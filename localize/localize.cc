@@ -32,26 +32,25 @@ struct Joint {
   std::vector<int> pose_of_reference;
 };
 
-// Adds the localized references to the reconstruction: a pose each, their observations, sorted by point.
-Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswer>& answers, double sigma_px,
-                    Reconstruction* r) {
+// Adds the localized ones of the references taken to the reconstruction: a pose each, their observations, sorted by
+// point.
+void AddReferences(const std::vector<ReferenceViews>& references, const std::vector<ReferenceAnswer>& answers,
+                   const std::vector<bool>& taken, double sigma_px, Reconstruction* r, Joint* joint) {
   BundleProblem& p = r->problem;
-  Joint joint;
-  joint.pose_of_reference.assign(answers.size(), -1);
   std::vector<ImageObservation> rows;
   for (size_t i = 0; i < answers.size(); ++i) {
     const Registration& g = answers[i].registration;
-    if (g.status != AnswerStatus::kLocalized) continue;
-    const ReferenceViews& ref = input.references[i];
+    if (!taken[i] || g.status != AnswerStatus::kLocalized) continue;
+    const ReferenceViews& ref = references[i];
     const int first_view = static_cast<int>(p.views.size());
     for (const View& v : ref.rig.views) p.views.push_back(v.rig_from_view.Inverse());
-    joint.pose_of_reference[i] = static_cast<int>(p.poses.size());
+    joint->pose_of_reference[i] = static_cast<int>(p.poses.size());
     for (const ViewObservation& v : g.inliers) {
       if (v.repeated) continue;
       const Camera& camera = ref.rig.views[static_cast<size_t>(v.view)].camera;
       BearingObservation o;
       o.point = v.point;
-      o.pose = joint.pose_of_reference[i];
+      o.pose = joint->pose_of_reference[i];
       o.view = first_view + v.view;
       o.ray = camera.Unproject(v.pixel.cast<double>())->cast<float>();
       o.w = camera.BearingSqrtInfo(v.pixel.cast<double>(), sigma_px).cast<float>();
@@ -62,14 +61,19 @@ Joint AddReferences(const LocalizeInput& input, const std::vector<ReferenceAnswe
     p.pose_constant.push_back(false);
   }
   AddObservations(rows, r);
-  return joint;
 }
 
-// Noise of the references' observations from their residuals (points carry their share): one factor for all.
-double ReferenceNoiseFactor(const Reconstruction& r) {
+// Whether an observation is one of the references taken.
+bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
+  return r.image_of[k] < 0 && taken[static_cast<size_t>(-1 - r.image_of[k])];
+}
+
+// Noise of the observations of the references taken from their residuals (points carry their share): one factor for
+// all.
+double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& taken) {
   std::vector<double> errors;
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
-    if (r.image_of[k] < 0 && r.problem.observations[k].active)
+    if (IsOf(r, k, taken) && r.problem.observations[k].active)
       errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
   }
   if (errors.size() < 50) return 1;
@@ -245,7 +249,8 @@ std::vector<std::string> LocalizeOptions::Check() const {
 }
 
 Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
+                      const RefineReferences& refine) {
   if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
   const bool paper = options.mode == "paper";
   Localization result;
@@ -262,9 +267,9 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   Reconstruction& r = result.reconstruction;
   BundleProblem& p = r.problem;
   const size_t body_poses = p.poses.size();
-  result.retrieval = RetrieveViews(input, options.retrieval, seed, threads, progress, cancel);
+  result.retrieval = RetrieveViews(input, options.retrieval, paper, seed, threads, progress, cancel);
   watch.Lap("retrieval");
-  const std::vector<Registration> registrations =
+  std::vector<Registration> registrations =
       RegisterReferences(input, r, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
   for (const Registration& g : registrations) {
     ReferenceAnswer answer;
@@ -295,17 +300,34 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       p.factors.push_back(held);
     }
   } else {
-    double sigma = options.registration.sigma_px;
-    joint = AddReferences(input, result.references, sigma, &r);
-    SolveBundle(p, bundle, progress, cancel);
-    const double factor = std::clamp(ReferenceNoiseFactor(r), 0.3, 10.0);
-    for (size_t k = 0; k < p.observations.size(); ++k) {
-      BearingObservation& o = p.observations[k];
-      if (r.image_of[k] >= 0) continue;
-      o.w /= static_cast<float>(factor);
-      o.active = r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
+    std::vector<ReferenceViews> references = input.references;
+    joint.pose_of_reference.assign(references.size(), -1);
+    const auto solve_with = [&](const std::vector<bool>& taken) {
+      AddReferences(references, result.references, taken, options.registration.sigma_px, &r, &joint);
+      SolveBundle(p, bundle, progress, cancel);
+      const double factor = std::clamp(ReferenceNoiseFactor(r, taken), 0.3, 10.0);
+      for (size_t k = 0; k < p.observations.size(); ++k) {
+        BearingObservation& o = p.observations[k];
+        if (!IsOf(r, k, taken)) continue;
+        o.w /= static_cast<float>(factor);
+        o.active =
+            r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
+      }
+      r.summary = SolveBundle(p, bundle, progress, cancel);
+    };
+    std::vector<bool> sets(references.size()), others(references.size());
+    for (size_t i = 0; i < references.size(); ++i) {
+      sets[i] = refine && references[i].stitched;
+      others[i] = !sets[i];
     }
-    r.summary = SolveBundle(p, bundle, progress, cancel);
+    solve_with(others);
+    if (std::find(sets.begin(), sets.end(), true) != sets.end()) {
+      refine(r, result.retrieval, &references, &registrations);
+      for (size_t i = 0; i < references.size(); ++i) {
+        if (sets[i]) result.references[i].registration = registrations[i];
+      }
+      solve_with(sets);
+    }
   }
   watch.Lap("joint solution");
 

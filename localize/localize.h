@@ -1,6 +1,7 @@
 // The whole localization: tracks, points, references, Earth. Options in, result out; no files.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -79,7 +80,14 @@ struct GpsPlace {
   int64_t stamp_ns = 0;
 };
 
+// Called when all but the stitched sets have taken part in the solution: it may replace the rigs of these and their
+// registrations. The reconstruction has the other references' observations (image_of < 0) too.
+using RefineReferences =
+    std::function<void(const Reconstruction& reconstruction, const Retrieval& retrieval,
+                       std::vector<ReferenceViews>* references, std::vector<Registration>* registrations)>;
+
 Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
+                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
+                      const RefineReferences& refine = nullptr);
 
 }  // namespace trigpoint

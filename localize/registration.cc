@@ -20,6 +20,12 @@
 namespace trigpoint {
 namespace {
 
+// Photos of one hand-held set that an image is compared with, at most.
+constexpr int kViewsOfSet = 3;
+
+// One of the photos of a hand-held set, or the set as one rig.
+bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
+
 // One matched point: where a view sees it and which point it may be.
 struct Correspondence {
   ViewObservation observation;
@@ -788,8 +794,8 @@ std::string_view AnswerStatusName(AnswerStatus status) {
   return "unmatched";
 }
 
-Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, uint64_t seed, int threads,
-                        ProgressSink& progress, const CancelToken& cancel) {
+Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
+                        int threads, ProgressSink& progress, const CancelToken& cancel) {
   Retrieval result;
   result.of_image.resize(input.images.size());
   std::vector<std::pair<int, int>> documents;
@@ -821,9 +827,29 @@ Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& opti
   progress.Begin("retrieval", static_cast<int64_t>(input.images.size()));
   ParallelFor(static_cast<int64_t>(input.images.size()), threads, cancel, [&](int64_t i) {
     const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
-    for (const RetrievalHit& hit : index.Query(block, options.top_k)) {
+    const std::vector<RetrievalHit> ranked = index.Query(block, index.size());
+    std::vector<Retrieval::Hit>& hits = result.of_image[static_cast<size_t>(i)];
+    std::vector<Retrieval::Hit> sets;
+    // A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
+    // place either: sets are named where they are among the image's best places, by their best photos, with what they
+    // exceed the first place left out by.
+    std::map<int, int> views_of;  // place -> views seen
+    float floor = 0;
+    int alone = 0;
+    for (const RetrievalHit& hit : ranked) {
       const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
-      result.of_image[static_cast<size_t>(i)].push_back({r, v, hit.score});
+      const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
+      if (paper || !OfSet(reference)) {
+        if (++alone <= options.top_k) hits.push_back({r, v, hit.score});
+      }
+      if (static_cast<int>(views_of.size()) > options.top_k) continue;
+      const int place = reference.set < 0 ? r : -1 - reference.set;
+      const auto [views, fresh] = views_of.try_emplace(place, 0);
+      if (fresh) floor = hit.score;
+      if (!paper && OfSet(reference) && ++views->second <= kViewsOfSet) sets.push_back({r, v, hit.score});
+    }
+    for (Retrieval::Hit& hit : sets) {
+      if (hit.score > floor) hits.push_back({hit.reference, hit.view, hit.score - floor});
     }
     progress.Advance(1);
   });

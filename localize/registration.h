@@ -107,18 +107,20 @@ struct Registration {
   double distance_m = 0;     // to the nearest camera
 };
 
-// Top views of every image.
+// The views that every image looks like.
 struct Retrieval {
   struct Hit {
     int reference, view;
-    float score;
+    float score;  // cosine similarity; of a hand-held set: above that of the first place left out
   };
   std::vector<std::vector<Hit>> of_image;
   int words = 0;
   double memory_mib = 0;
 };
-Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, uint64_t seed, int threads,
-                        ProgressSink& progress, const CancelToken& cancel);
+// The top_k views of each image; those of hand-held sets where the set is among the top_k places (paper: no difference
+// is made).
+Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
+                        int threads, ProgressSink& progress, const CancelToken& cancel);
 
 // All references against the points. paper: views by homography, G1 per view, G2 with connected views.
 std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,

@@ -1,6 +1,7 @@
 #include "app/pipeline/feature_store.h"
 
 #include <opencv2/core/utility.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
@@ -12,6 +13,9 @@ namespace {
 
 // Several pictures at a time, written in order, so that the database does not depend on the threads.
 constexpr int kBatch = 16;
+// A photo's focal length in pixels, at most so many times that of the runs' finest camera: what a camera would show
+// from somewhat nearer.
+constexpr double kFinest = 1.3;
 
 std::string ViewName(const PreparedReference& reference, size_t view) {
   return reference.name + "#" + reference.rig.views[view].name;
@@ -148,8 +152,17 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
       }
       ParallelFor(static_cast<int64_t>(features.size()), threads, cancel, [&](int64_t v) {
         const View& view = p.rig.views[static_cast<size_t>(v)];
-        features[static_cast<size_t>(v)] =
-            ExtractFeatures(panorama ? RenderView(picture, view) : picture, cv::Mat(), options.references);
+        FeatureSet& found = features[static_cast<size_t>(v)];
+        if (panorama) {
+          found = ExtractFeatures(RenderView(picture, view), cv::Mat(), options.references);
+        } else {
+          const Camera matched = MatchedCamera(site, view.camera);
+          cv::Mat reduced = picture;
+          if (matched.width() != picture.cols) {
+            cv::resize(picture, reduced, {matched.width(), matched.height()}, 0, 0, cv::INTER_AREA);
+          }
+          found = ResizedFeatures(ExtractFeatures(reduced, cv::Mat(), options.references), matched, view.camera);
+        }
         progress.Advance(1);
       });
     } catch (const InputError& e) {
@@ -166,6 +179,28 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
   }
   database.Commit();
   return report;
+}
+
+double FinestFocal(const Site& site) {
+  double finest = 0;
+  for (const Run& run : site.runs) {
+    for (const BodyCamera& camera : run.cameras) finest = std::max(finest, camera.camera.MeanFocal());
+  }
+  return finest;
+}
+
+Camera MatchedCamera(const Site& site, const Camera& photo) {
+  const double finest = FinestFocal(site);
+  return finest > 0 ? photo.Scaled(std::min(1.0, kFinest * finest / photo.MeanFocal())) : photo;
+}
+
+FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera& to) {
+  if (from.width() == to.width() && from.height() == to.height()) return features;
+  const Eigen::Array2f factor(static_cast<float>(to.width()) / static_cast<float>(from.width()),
+                              static_cast<float>(to.height()) / static_cast<float>(from.height()));
+  for (Eigen::Vector2f& p : features.points) p = (p.array() + 0.5F) * factor - 0.5F;
+  for (float& s : features.scales) s *= factor.x();
+  return features;
 }
 
 FeatureStore::FeatureStore(const std::filesystem::path& file) : database_(ColmapDatabase::OpenRead(file)) {

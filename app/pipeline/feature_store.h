@@ -60,6 +60,15 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
 std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOptions& options,
                                                  std::vector<std::string>* warnings);
 
+// The camera at whose resolution a reference photo is matched: a picture several times finer than every camera of the
+// runs spends its features on detail that none of them can show, so it is reduced first. Its features are stored in
+// the pixels of the picture as it is.
+Camera MatchedCamera(const Site& site, const Camera& photo);
+// Features of a picture of `from`'s size in the pixels of the same picture resized to `to`'s.
+FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera& to);
+// The largest focal length of the runs' cameras, px; 0 without any.
+double FinestFocal(const Site& site);
+
 // Reads features by name; thread safe.
 class FeatureStore {
  public:

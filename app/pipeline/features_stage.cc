@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/stage_list.h"
 
@@ -50,6 +52,11 @@ StageInfo ReferencesStage() {
     StageRequest request;
     request.options = JsonFromOptions(options);
     request.inputs = ReferenceInputs(project);
+    const Site& site = project.site();
+    const auto panorama = [](const Reference& r) { return r.kind == ReferenceKind::kPanorama; };
+    if (!std::all_of(site.references.begin(), site.references.end(), panorama)) {
+      request.values["finest_focal_px"] = FinestFocal(site);  // photos are reduced by it
+    }
     request.body = [options](StageContext& context) {
       context.metrics.update(
           Metrics(ExtractReferenceFeatures(context.project.site(), options, context.out / "features.db",

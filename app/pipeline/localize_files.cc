@@ -305,7 +305,11 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
       const bool alone = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
       csv.Text(alone ? prepared.name : prepared.rig.views[static_cast<size_t>(o.view)].name);
       csv.Text(image.name).Number(pixel->x(), 2).Number(pixel->y(), 2);
-      csv.Number(o.pixel.x(), 2).Number(o.pixel.y(), 2).EndRow();
+      // In the pixels of the view or photo as it is.
+      const Camera& as_is = prepared.rig.views[static_cast<size_t>(o.view)].camera;
+      const Camera& matched = job.input.references[i].rig.views[static_cast<size_t>(o.view)].camera;
+      csv.Number((o.pixel.x() + 0.5) * as_is.width() / matched.width() - 0.5, 2);
+      csv.Number((o.pixel.y() + 0.5) * as_is.height() / matched.height() - 0.5, 2).EndRow();
     }
   }
   csv.Save(dir / "matches.csv");
@@ -376,6 +380,9 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
     r.station = reference.station;
     r.kind = reference.kind;
     r.geotag = reference.geotag;
+    r.stitched = true;
+    ViewRig stitched;
+    stitched.name = reference.name;
     std::vector<std::string> names;
     bool complete = true;
     for (const View& view : file.rig.views) {
@@ -385,7 +392,9 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
       complete = complete && photo != prepared->end() && store.Has(photo->name + "#" + photo->rig.views.front().name);
       if (!complete) break;
       names.push_back(photo->name + "#" + photo->rig.views.front().name);
+      stitched.views.push_back(view);
       r.rig.views.push_back(view);
+      r.rig.views.back().camera = MatchedCamera(site, view.camera);
     }
     if (!complete) {
       job->warnings.push_back("the rig of " + reference.name +
@@ -394,7 +403,7 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
     }
     std::erase_if(*prepared, [&](const PreparedReference& p) { return p.reference == static_cast<int>(k); });
     job->shapes[static_cast<int>(job->references.size())] = {file.shape_covariance, file.radius_log_sigma};
-    job->references.push_back({static_cast<int>(k), reference.name, r.rig});
+    job->references.push_back({static_cast<int>(k), reference.name, std::move(stitched)});
     names_of->push_back(std::move(names));
     job->input.references.push_back(std::move(r));
   }
@@ -476,13 +485,25 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     r.station = reference.station;
     r.kind = reference.kind;
     r.rig = p.rig;
+    if (reference.kind != ReferenceKind::kPanorama) {
+      for (View& view : r.rig.views) view.camera = MatchedCamera(site, view.camera);
+    }
     r.geotag = reference.geotag;
     if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
   }
-  input.view_features = [reference_store, names_of](int reference, int view) {
-    return reference_store->Read(names_of[static_cast<size_t>(reference)][static_cast<size_t>(view)]);
+  // In the pixels of the camera they are matched with.
+  std::vector<std::vector<std::pair<Camera, Camera>>> sizes;
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    sizes.emplace_back();
+    for (size_t v = 0; v < job.references[i].rig.views.size(); ++v) {
+      sizes.back().emplace_back(job.references[i].rig.views[v].camera, input.references[i].rig.views[v].camera);
+    }
+  }
+  input.view_features = [reference_store, names_of, sizes](int reference, int view) {
+    const auto r = static_cast<size_t>(reference), v = static_cast<size_t>(view);
+    return ResizedFeatures(reference_store->Read(names_of[r][v]), sizes[r][v].first, sizes[r][v].second);
   };
 
   if (has_frame) {

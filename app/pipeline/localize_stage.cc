@@ -86,7 +86,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 3;
+    request.version = 4;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -113,10 +113,14 @@ StageInfo LocalizeStage() {
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-      Localization result =
-          Localize(job.input, job.gps, options, context.threads, context.seed, context.progress, context.cancel);
-      const std::vector<SetRefinement> sets = RefineSets(job, options, options.rig, context.threads, context.seed,
-                                                         context.progress, context.cancel, &result);
+      std::vector<SetRefinement> sets;
+      const auto refine = [&](const Reconstruction& reconstruction, const Retrieval& retrieval,
+                              std::vector<ReferenceViews>* placed, std::vector<Registration>* answers) {
+        sets = RefineSets(job, options.registration, options.rig, reconstruction, retrieval, context.seed,
+                          context.progress, context.cancel, placed, answers);
+      };
+      const Localization result = Localize(job.input, job.gps, options, context.threads, context.seed, context.progress,
+                                           context.cancel, refine);
       if (!result.on_earth)
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
       WriteLocalization(site, job, result, context.out);

@@ -1,5 +1,7 @@
 #include "app/pipeline/set_localization.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,7 +13,7 @@
 namespace trigpoint {
 namespace {
 
-// The run's own observations and points, without the references that the joint solution added.
+// The run's own observations, without those of the references; the points as all of them have it.
 Reconstruction RunAlone(const Reconstruction& r) {
   Reconstruction out = r;
   out.problem.observations.clear();
@@ -26,19 +28,21 @@ Reconstruction RunAlone(const Reconstruction& r) {
   return out;
 }
 
+// Sizes of a rig against the stitched one, in sigmas of the stitched size's logarithm: worth a try, and believed.
+constexpr double kLikelySize = 2, kPossibleSize = 3;
+
 // One reference by itself, with another rig.
 class SetRegistrar {
  public:
-  SetRegistrar(const LocalizeJob& job, const Localization& result, const LocalizeOptions& options, size_t reference,
-               uint64_t seed, const CancelToken& cancel)
-      : reconstruction_(RunAlone(result.reconstruction)), options_(options), seed_(seed), cancel_(cancel) {
-    input_ = job.input;
-    input_.references = {job.input.references[reference]};
+  SetRegistrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
+               const RegistrationOptions& options, size_t reference, uint64_t seed, const CancelToken& cancel)
+      : input_(input), reconstruction_(reconstruction), options_(options), seed_(seed), cancel_(cancel) {
+    input_.references = {input.references[reference]};
     const int index = static_cast<int>(reference);
-    input_.view_features = [all = job.input.view_features, index](int, int view) { return all(index, view); };
-    retrieval_.of_image.resize(result.retrieval.of_image.size());
+    input_.view_features = [all = input.view_features, index](int, int view) { return all(index, view); };
+    retrieval_.of_image.resize(retrieval.of_image.size());
     for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
-      for (Retrieval::Hit hit : result.retrieval.of_image[i]) {
+      for (Retrieval::Hit hit : retrieval.of_image[i]) {
         if (hit.reference != index) continue;
         hit.reference = 0;
         retrieval_.of_image[i].push_back(hit);
@@ -48,17 +52,15 @@ class SetRegistrar {
   Registration Register(const ViewRig& rig) {
     input_.references[0].rig = rig;
     ProgressSink silent;
-    return RegisterReferences(input_, reconstruction_, retrieval_, options_.registration, false, 1, seed_, silent,
-                              cancel_)
-        .front();
+    return RegisterReferences(input_, reconstruction_, retrieval_, options_, false, 1, seed_, silent, cancel_).front();
   }
 
  private:
-  Reconstruction reconstruction_;
-  LocalizeOptions options_;
+  LocalizeInput input_;
+  const Reconstruction& reconstruction_;
+  const RegistrationOptions& options_;
   uint64_t seed_;
   const CancelToken& cancel_;
-  LocalizeInput input_;
   Retrieval retrieval_;
 };
 
@@ -67,8 +69,24 @@ ViewRig Scaled(ViewRig rig, double factor) {
   return rig;
 }
 
-RefineRigInput MakeInput(const Localization& result, const Registration& g, const StitchedShape& shape,
-                         const ViewRig& rig, double scale) {
+// Covariance of every point by the run's rays, cameras held: a point far along its rays says little about a photo that
+// sees it from the side.
+std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p) {
+  std::vector<Eigen::Matrix3d> information(p.points.size(), Eigen::Matrix3d::Identity() * 1e-6);
+  for (const BearingObservation& o : p.observations) {
+    if (!o.active) continue;
+    const Rigid3d view_from_world = p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)];
+    const Eigen::Vector3d in_view = view_from_world * p.points[static_cast<size_t>(o.point)];
+    const Eigen::Matrix<double, 2, 3> j =
+        o.w.cast<double>() * view_from_world.rotation.toRotationMatrix() / in_view.norm();
+    information[static_cast<size_t>(o.point)] += j.transpose() * j;
+  }
+  for (Eigen::Matrix3d& m : information) m = m.inverse().eval();
+  return information;
+}
+
+RefineRigInput MakeInput(const Reconstruction& reconstruction, const std::vector<Eigen::Matrix3d>& covariances,
+                         const Registration& g, const StitchedShape& shape, const ViewRig& rig, double scale) {
   RefineRigInput in;
   in.rig = Scaled(rig, scale);
   in.shape_covariance = shape.covariance;
@@ -80,52 +98,80 @@ RefineRigInput MakeInput(const Localization& result, const Registration& g, cons
   in.log_scale_sigma = shape.log_scale_sigma;
   in.rig_from_world = g.rig_from_odom;
   for (const ViewObservation& o : g.inliers) {
-    in.points.push_back(
-        {o.view, o.pixel.cast<double>(), result.reconstruction.problem.points[static_cast<size_t>(o.point)]});
+    const auto point = static_cast<size_t>(o.point);
+    in.points.push_back({o.view, o.pixel.cast<double>(), reconstruction.problem.points[point], covariances[point]});
   }
   return in;
 }
 
 }  // namespace
 
-std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOptions& options, const std::string& mode,
-                                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
-                                      Localization* result) {
-  static_cast<void>(threads);
+std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const RegistrationOptions& options,
+                                      const std::string& mode, const Reconstruction& reconstruction,
+                                      const Retrieval& retrieval, uint64_t seed, ProgressSink& progress,
+                                      const CancelToken& cancel, std::vector<ReferenceViews>* references,
+                                      std::vector<Registration>* registrations) {
   std::vector<SetRefinement> sets;
-  if (mode == "fixed") return sets;
-  for (size_t i = 0; i < job.references.size(); ++i) {
-    const auto shape = job.shapes.find(static_cast<int>(i));
-    if (shape == job.shapes.end()) continue;
+  if (mode == "fixed" || job.shapes.empty()) return sets;
+  const std::vector<Eigen::Matrix3d> covariances = PointCovariances(reconstruction.problem);
+  const Reconstruction run_alone = RunAlone(reconstruction);
+  for (const auto& [index, shape] : job.shapes) {
+    const auto i = static_cast<size_t>(index);
     cancel.ThrowIfCancelled();
     progress.Begin("rig of " + job.references[i].name, 0);
-    const ViewRig& stitched = job.input.references[i].rig;
-    SetRegistrar registrar(job, *result, options, i, seed, cancel);
-    Registration g = result->references[i].registration;
+    const ViewRig stitched = (*references)[i].rig;
+    SetRegistrar registrar(job.input, run_alone, retrieval, options, i, seed, cancel);
+    Registration& answer = (*registrations)[i];
+    Registration g = registrar.Register(stitched);  // the points have moved since
+    std::vector<Registration> attempts = {g};
     double scale = 1;
     if (g.status != AnswerStatus::kLocalized) {
-      for (const double factor : {0.5, 2.0, 0.05, 3.5}) {
+      for (const double factor : {0.5, 2.0, 0.25, 4.0}) {
+        if (std::abs(std::log(factor)) > kLikelySize * shape.log_scale_sigma) continue;
         const Registration other = registrar.Register(Scaled(stitched, factor));
+        attempts.push_back(other);
         if (other.status == AnswerStatus::kLocalized &&
             (g.status != AnswerStatus::kLocalized || other.support > g.support)) {
           g = other, scale = factor;
         }
       }
     }
+    answer = g;
     if (g.status != AnswerStatus::kLocalized) continue;
     try {
       // The size first, and with it again which points are seen.
       for (int round = 0; round < 2; ++round) {
-        const RefinedRig sized = RefineRig(MakeInput(*result, g, shape->second, stitched, scale), RigFreedom::kScaled);
+        const RefinedRig sized =
+            RefineRig(MakeInput(reconstruction, covariances, g, shape, stitched, scale), RigFreedom::kScaled);
         scale = std::clamp(scale * sized.scale, 0.02, 30.0);
         const Registration again = registrar.Register(Scaled(stitched, scale));
         if (again.status != AnswerStatus::kLocalized) break;
         g = again;
       }
+      // A pose elsewhere that another size leads to is a rival like any other.
+      const Eigen::Vector3d centre = g.rig_from_odom.TargetOriginInSource();
+      for (const Registration& other : attempts) {
+        const double apart = (other.rig_from_odom.TargetOriginInSource() - centre).norm();
+        if (apart < 1 || other.agreeing <= options.rival_share * g.agreeing) continue;
+        answer.status = AnswerStatus::kRejected;
+        answer.reason = fmt::format("ambiguous: another pose, {:.1f} m away, explains {} matches against {}", apart,
+                                    other.agreeing, g.agreeing);
+      }
+      if (answer.status == AnswerStatus::kRejected) continue;
+      // At a wrong place the photos fit best with their centres drawn together: the size that stitching found decides.
+      const double possible = std::exp(kPossibleSize * shape.log_scale_sigma);
+      if (scale > possible || scale < 1 / possible) {
+        answer.status = AnswerStatus::kRejected;
+        answer.reason = fmt::format(
+            "its photos would have been taken from {:.2g} times as far apart as stitched, where {:.2g} to {:.2g} times "
+            "is possible (3 sigma)",
+            scale, 1 / possible, possible);
+        continue;
+      }
       SetRefinement set;
-      set.reference = static_cast<int>(i);
+      set.reference = index;
       set.name = job.references[i].name;
-      const RefineRigInput input = MakeInput(*result, g, shape->second, stitched, scale);
+      const RefineRigInput input = MakeInput(reconstruction, covariances, g, shape, stitched, scale);
       set.freedom = mode == "scaled"  ? RigFreedom::kScaled
                     : mode == "prior" ? RigFreedom::kPrior
                     : mode == "free"  ? RigFreedom::kFree
@@ -134,32 +180,10 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOpti
       if (set.freedom == RigFreedom::kFixed) set.freedom = RigFreedom::kScaled;
       set.rig = RefineRig(input, set.freedom);
       set.rig.scale *= scale;
-      ReferenceAnswer& answer = result->references[i];
-      answer.registration = g;
-      answer.registration.rig_from_odom = set.rig.rig_from_world;
-      answer.registration.covariance = set.rig.covariance;
-      if (result->on_earth) {
-        const Rigid3d odom_from_rig = set.rig.rig_from_world.Inverse();
-        answer.world.world_from_x = result->geo.world_from_odom.TransformPose(odom_from_rig);
-        size_t nearest = 0;
-        double least = std::numeric_limits<double>::infinity();
-        for (size_t k = 0; k < result->cameras.size(); ++k) {
-          const double d = (result->cameras[k].world_from_x.translation - answer.world.world_from_x.translation).norm();
-          if (d < least) least = d, nearest = k;
-        }
-        Matrix6d turn = Matrix6d::Zero();
-        turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() =
-            result->geo.world_from_odom.rotation.toRotationMatrix();
-        answer.world.covariance =
-            turn * InverseCovariance(set.rig.rig_from_world, set.rig.covariance) * turn.transpose();
-        if (!result->cameras.empty()) {
-          const PoseEstimate& camera = result->cameras[nearest];
-          Matrix6d carried = Matrix6d::Identity();
-          carried.bottomLeftCorner<3, 3>() =
-              -Skew(answer.world.world_from_x.translation - camera.world_from_x.translation);
-          answer.world.covariance += carried * camera.covariance * carried.transpose();
-        }
-      }
+      answer = g;
+      answer.rig_from_odom = set.rig.rig_from_world;
+      answer.covariance = set.rig.covariance;
+      (*references)[i].rig = set.rig.rig;
       sets.push_back(std::move(set));
     } catch (const NumericError& e) {
       progress.Log(LogLevel::kWarning, "the rig of " + job.references[i].name + " is used as stitched: " + e.what());
@@ -176,6 +200,7 @@ void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& resul
       {"trigpoint rigs 1; tx..qw: rig_from_cam, origin=mean of the photos' centres, metres by the run's points; "
        "x..world_qw: world_from_cam, site ENU, empty if not known; sigma=1, relative to the origin"});
   for (const SetRefinement& set : sets) {
+    const Registration& g = result.references[static_cast<size_t>(set.reference)].registration;
     for (const View& view : set.rig.rig.views) {
       csv.Text(set.name).Text(view.name).Text(RigFreedomName(set.freedom));
       const auto put = [&](const Rigid3d& pose) {
@@ -188,7 +213,7 @@ void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& resul
       put(view.rig_from_view);
       for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, view.covariance(k, k))), 5);
       if (result.on_earth) {
-        put(result.geo.world_from_odom.TransformPose(set.rig.rig_from_world.Inverse() * view.rig_from_view));
+        put(result.geo.world_from_odom.TransformPose(g.rig_from_odom.Inverse() * view.rig_from_view));
       } else {
         csv.Empty(7);
       }

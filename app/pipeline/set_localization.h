@@ -21,13 +21,16 @@ struct SetRefinement {
   RefinedRig rig;
 };
 
-// Refines the rig of every photo set that was localized, and replaces its answer: places of photos relative to each
-// other, size of the whole, pose of its centre (the mean of the photos' centres). One whose rig had the wrong size to
-// be localized at all is tried at others. `mode`: auto, fixed, scaled, prior, free. The world covariance is that of the
-// nearest camera with the set's own in the run's frame.
-std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const LocalizeOptions& options, const std::string& mode,
-                                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
-                                      Localization* result);
+// Refines the rig of every photo set that was registered, against the points of the run and the other references:
+// places of photos relative to each other, size of the whole, pose of its centre (the mean of the photos' centres). It
+// replaces `references` and `registrations`. A set whose rig had the wrong size to be registered at all is tried at
+// others; one that would need a size that stitching rules out is refused. `mode`: auto, fixed (nothing is done),
+// scaled, prior, free.
+std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const RegistrationOptions& options,
+                                      const std::string& mode, const Reconstruction& reconstruction,
+                                      const Retrieval& retrieval, uint64_t seed, ProgressSink& progress,
+                                      const CancelToken& cancel, std::vector<ReferenceViews>* references,
+                                      std::vector<Registration>* registrations);
 
 // rigs.csv: every photo of every refined set, relative to its rig and in the world. Throws IoError.
 void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& result, const std::filesystem::path& dir);

@@ -19,8 +19,18 @@ namespace {
 // Blocks: rig_from_world (7), [w; e] of the photo (6), ln s (1). Analytic: the camera gives its own Jacobian.
 class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
  public:
-  KnownPointCost(const View& view, const KnownPoint& point, double sigma)
-      : view_(view), point_(point), inverse_sigma_(1 / sigma) {}
+  // Whitened by the noise of the pixel and of the point as it shows at the start.
+  KnownPointCost(const View& view, const KnownPoint& point, double sigma, const Rigid3d& rig_from_world)
+      : view_(view), point_(point) {
+    Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity() * sigma * sigma;
+    const Rigid3d cam_from_world = view.rig_from_view.Inverse() * rig_from_world;
+    Eigen::Matrix<double, 2, 3> j;
+    if (view.camera.Project(cam_from_world * point.point, &j)) {
+      const Eigen::Matrix<double, 2, 3> to_pixel = j * cam_from_world.rotation.toRotationMatrix();
+      covariance += to_pixel * point.covariance * to_pixel.transpose();
+    }
+    whitening_ = covariance.llt().matrixL().solve(Eigen::Matrix2d::Identity());
+  }
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const Rigid3d rig_from_world = Rigid3FromBlock(parameters[0]);
     const Eigen::Map<const Eigen::Vector3d> w(parameters[1]), e(parameters[1] + 3);
@@ -43,9 +53,9 @@ class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
       return true;
     }
     Eigen::Map<Eigen::Vector2d> out(residuals);
-    out = (*pixel - point_.pixel) * inverse_sigma_;
+    out = whitening_ * (*pixel - point_.pixel);
     if (jacobians == nullptr) return true;
-    j *= inverse_sigma_;
+    j = (whitening_ * j).eval();
     const Eigen::Matrix3d r = cam_from_rig.toRotationMatrix();
     if (jacobians[0] != nullptr) {
       // Through the manifold: d/d ambient = (d/d tangent) * (d tangent / d ambient), of which Ceres undoes the second.
@@ -73,7 +83,7 @@ class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
  private:
   const View& view_;
   KnownPoint point_;
-  double inverse_sigma_;
+  Eigen::Matrix2d whitening_;
 };
 
 // L * x for the stacked [w; e] of all photos: L^T L is the information.
@@ -150,8 +160,9 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
   for (const KnownPoint& p : points) {
-    problem.AddResidualBlock(new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px), &loss,
-                             pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
+    problem.AddResidualBlock(
+        new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px, input.rig_from_world),
+        &loss, pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
   }
   problem.SetManifold(pose.data(), new Rigid3Manifold);
   const bool shape = freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree;

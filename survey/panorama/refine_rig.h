@@ -23,7 +23,8 @@ namespace trigpoint {
 struct KnownPoint {
   int view = 0;
   Eigen::Vector2d pixel;
-  Eigen::Vector3d point;  // world (the run's frame), m
+  Eigen::Vector3d point;                                 // world (the run's frame), m
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the point, m^2; each observation bears it by itself
 };
 
 enum class RigFreedom { kFixed, kScaled, kPrior, kFree };

@@ -157,7 +157,7 @@ int Main(int argc, char** argv) {
   input.view_features = [&](int r, int v) { return groups[r][v]; };
   retrieval.top_k = 400;
   TaskTimes times;
-  const Retrieval found = RetrieveViews(input, retrieval, 1, 1, times, cancel);
+  const Retrieval found = RetrieveViews(input, retrieval, true, 1, 1, times, cancel);
   const double query_ms = 1e3 * times.CpuSince("retrieval") / static_cast<double>(images.size());
   const double build_s = times.CpuSince("codebook") - times.CpuSince("retrieval");
 

@@ -200,6 +200,55 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
   EXPECT_LT(std::sqrt(places2 / 10), 0.03);
 }
 
+// Half of the points are known badly along the rays of a run that passes 4 m beside: told so, the rig's pose is better
+// and as good as it says.
+TEST(RefineRig, PointsThatAreUncertainInDepthCountForLess) {
+  double blind2 = 0, told2 = 0, nees = 0;
+  constexpr int kRedraws = 20;
+  for (uint64_t redraw = 0; redraw < kRedraws; ++redraw) {
+    const World w = MakeWorld(300 + redraw, 0.12, 300);
+    Random random(redraw);
+    RefineRigInput in;
+    in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
+    for (int i = 0; i < 16; ++i) {
+      View v;
+      v.camera =
+          Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
+      v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(), w.centres[static_cast<size_t>(i)]};
+      in.rig.views.push_back(v);
+    }
+    const Eigen::Vector3d run(4, 0, -1);
+    for (size_t k = 0; k < w.points.size(); ++k) {
+      const Eigen::Vector3d& at = w.points[k];
+      const Eigen::Vector3d ray = (at - run).normalized();
+      const double along = k % 2 == 0 ? 0.3 : 0.005;
+      const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
+      const Eigen::Vector3d known = at + 0.005 * noise + along * random.Normal() * ray;
+      const Eigen::Matrix3d covariance =
+          0.005 * 0.005 * Eigen::Matrix3d::Identity() + along * along * ray * ray.transpose();
+      for (int i = 0; i < 16; ++i) {
+        Eigen::Vector2d pixel;
+        if (!See(w, i, at, &pixel)) continue;
+        in.points.push_back({i, pixel + 0.7 * Eigen::Vector2d(random.Normal(), random.Normal()), known, covariance});
+        break;  // a point is seen by one photo: its error is counted once
+      }
+    }
+    in.sigma_px = 0.7;
+    in.rig_from_world = Rigid3d().Plus(0.01 * Vector6d::Ones());
+    const RefinedRig told = RefineRig(in, RigFreedom::kFixed);
+    for (KnownPoint& p : in.points) p.covariance.setZero();
+    const RefinedRig blind = RefineRig(in, RigFreedom::kFixed);
+    blind2 += blind.rig_from_world.TargetOriginInSource().squaredNorm();
+    told2 += told.rig_from_world.TargetOriginInSource().squaredNorm();
+    Vector6d error;
+    error << told.rig_from_world.rotation.vec() * 2, told.rig_from_world.translation;
+    nees += error.dot(told.covariance.ldlt().solve(error)) / (6 * kRedraws);
+  }
+  EXPECT_LT(told2, 0.7 * blind2);  // the robust loss alone takes some of it
+  EXPECT_GT(nees, 0.6);
+  EXPECT_LT(nees, 1.5);
+}
+
 TEST(RefineRig, TooFewPointsAreRefused) {
   RefineRigInput in;
   in.rig.views.resize(2);
