@@ -90,9 +90,9 @@ inline StitchedRig StitchSet(const MemorySet& set, const StitchOptions& options)
       set.set, [&](const Photo& p) { return set.Grey(p); }, options, 2, 1, progress, cancel);
 }
 
-// Largest error (deg) of the placed photos' turns against the first one's.
-inline double LargestTurnError(const StitchedRig& rig, const MemorySet& set) {
-  double largest = 0;
+// Errors (deg) of the placed photos' turns against the first one's.
+inline std::vector<double> TurnErrors(const StitchedRig& rig, const MemorySet& set) {
+  std::vector<double> errors;
   int first = -1;
   for (int i = 0; i < static_cast<int>(rig.photos.size()); ++i) {
     const RigPhoto& p = rig.state.photos[static_cast<size_t>(i)];
@@ -103,9 +103,21 @@ inline double LargestTurnError(const StitchedRig& rig, const MemorySet& set) {
         p.cam_from_rig * rig.state.photos[static_cast<size_t>(first)].cam_from_rig.conjugate();
     const Eigen::Quaterniond right =
         truth->second * set.truth.at(rig.photos[static_cast<size_t>(first)].name).conjugate();
-    largest = std::max(largest, found.angularDistance(right) * kRadToDeg);
+    errors.push_back(found.angularDistance(right) * kRadToDeg);
   }
-  return largest;
+  return errors;
+}
+
+inline double LargestTurnError(const StitchedRig& rig, const MemorySet& set) {
+  const std::vector<double> errors = TurnErrors(rig, set);
+  return errors.empty() ? 0 : *std::max_element(errors.begin(), errors.end());
+}
+
+inline double RmsTurnError(const StitchedRig& rig, const MemorySet& set) {
+  double sum = 0;
+  const std::vector<double> errors = TurnErrors(rig, set);
+  for (const double e : errors) sum += e * e;
+  return std::sqrt(sum / static_cast<double>(errors.size()));
 }
 
 }  // namespace trigpoint
