@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/random.h"
@@ -177,14 +178,17 @@ class Registrar {
     std::sort(scored.begin(), scored.end());
     if (!paper_) {
       // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at
-      // once fits neither. The stretch of path with the most votes is taken.
-      double best_sum = 0, begin = 0;
+      // once fits neither. The stretch of path with the most votes is taken. Most of what is listed is listed by
+      // chance: a score counts by how far it stands out, or the stretch with the most images would win.
+      const double typical = TypicalScore(reference);
+      double best_sum = -1, begin = 0;
       for (const auto& [score, image] : scored) {
         const double from = travelled_[static_cast<size_t>(image)];
         double sum = 0;
         for (const auto& [other_score, other] : scored) {
           const double at = travelled_[static_cast<size_t>(other)];
-          if (at >= from && at <= from + o_.passage_m) sum -= other_score;
+          const double above = std::max(0.0, -other_score - typical);
+          if (at >= from && at <= from + o_.passage_m) sum += above * above;
         }
         if (sum > best_sum) best_sum = sum, begin = from;
       }
@@ -202,6 +206,18 @@ class Registrar {
       if (kept.size() >= most) break;
     }
     return kept;
+  }
+
+  // The median score of what is listed for the images, of references of the same kind.
+  double TypicalScore(int reference) const {
+    const bool set = OfSet(input_.references[static_cast<size_t>(reference)]);
+    std::vector<double> scores;
+    for (const auto& hits : retrieval_.of_image) {
+      for (const Retrieval::Hit& h : hits) {
+        if (OfSet(input_.references[static_cast<size_t>(h.reference)]) == set) scores.push_back(h.score);
+      }
+    }
+    return Median(std::move(scores));
   }
 
   std::vector<Rigid3d> ViewFromRig(const ViewRig& rig) const {
