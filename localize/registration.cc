@@ -24,6 +24,9 @@ namespace {
 // Photos of one hand-held set that an image is compared with, at most.
 constexpr int kViewsOfSet = 3;
 
+// Passages of the run that a reference is looked for in, at most.
+constexpr int kPassages = 3;
+
 // One of the photos of a hand-held set, or the set as one rig.
 bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
 
@@ -99,23 +102,37 @@ class Registrar {
         input_.references[static_cast<size_t>(reference)], reference, {}, {}, std::numeric_limits<double>::infinity(),
         seed_ + static_cast<uint64_t>(reference)};
     const int n_views = static_cast<int>(job.ref.rig.views.size());
-    for (int image : Candidates(reference)) {
-      // The views that the retrieval named, and their neighbours.
-      std::set<int> chosen;
-      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
-        if (h.reference != reference) continue;
-        for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
-      }
-      job.candidates.push_back({image, {chosen.begin(), chosen.end()}});
-    }
     Registration out;
     out.views.resize(job.ref.rig.views.size());
-    if (job.candidates.empty()) {
+    const std::vector<std::vector<int>> passages = Passages(reference);
+    if (passages.empty()) {
       out.reason = "no image of the run looks like it";
       return Unmatched(out);
     }
     for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
-    return paper_ ? RunPaper(job, std::move(out)) : RunJoint(job, std::move(out));
+    bool first = true;
+    for (const std::vector<int>& images : passages) {
+      job.candidates.clear();
+      for (int image : images) {
+        // The views that the retrieval named, and their neighbours.
+        std::set<int> chosen;
+        for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+          if (h.reference != reference) continue;
+          for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
+        }
+        job.candidates.push_back({image, {chosen.begin(), chosen.end()}});
+      }
+      Registration empty;
+      empty.views.resize(job.ref.rig.views.size());
+      Registration found = paper_ ? RunPaper(job, std::move(empty)) : RunJoint(job, std::move(empty));
+      // The next passage is asked only where this one has no answer; what this one offered is a rival of the next's.
+      const bool better =
+          found.status == AnswerStatus::kLocalized && out.support <= o_.rival_support_share * found.support;
+      if (first || better) out = std::move(found);
+      if (out.status == AnswerStatus::kLocalized) break;
+      first = false;
+    }
+    return out;
   }
 
   // An image of the run itself against the points of an earlier passage.
@@ -165,8 +182,8 @@ class Registrar {
     return out;
   }
 
-  // Images that retrieved a view of this reference, best first, spaced.
-  std::vector<int> Candidates(int reference) const {
+  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest passage first.
+  std::vector<std::vector<int>> Passages(int reference) const {
     std::vector<std::pair<float, int>> scored;
     for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
       float best = 0;
@@ -176,11 +193,16 @@ class Registrar {
       if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
     }
     std::sort(scored.begin(), scored.end());
-    if (!paper_) {
-      // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at
-      // once fits neither. The stretch of path with the most votes is taken. Most of what is listed is listed by
-      // chance: a score counts by how far it stands out, or the stretch with the most images would win.
-      const double typical = TypicalScore(reference);
+    std::vector<std::vector<int>> passages;
+    if (paper_) {
+      if (!scored.empty()) passages.push_back(Spaced(scored, 4 * o_.candidates, 0));
+      return passages;
+    }
+    // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at once
+    // fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by chance:
+    // a score counts by how far it stands out, or the stretch with the most images would win.
+    const double typical = TypicalScore(reference);
+    while (!scored.empty() && static_cast<int>(passages.size()) < kPassages) {
       double best_sum = -1, begin = 0;
       for (const auto& [score, image] : scored) {
         const double from = travelled_[static_cast<size_t>(image)];
@@ -192,18 +214,23 @@ class Registrar {
         }
         if (sum > best_sum) best_sum = sum, begin = from;
       }
-      std::erase_if(scored, [&](const auto& s) {
+      const auto elsewhere = std::stable_partition(scored.begin(), scored.end(), [&](const auto& s) {
         const double at = travelled_[static_cast<size_t>(s.second)];
-        return at < begin || at > begin + o_.passage_m;
+        return at >= begin && at <= begin + o_.passage_m;
       });
+      passages.push_back(Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing));
+      scored.erase(scored.begin(), elsewhere);
     }
+    return passages;
+  }
+
+  static std::vector<int> Spaced(const std::vector<std::pair<float, int>>& scored, int most, int spacing) {
     std::vector<int> kept;
-    const size_t most = static_cast<size_t>(paper_ ? 4 * o_.candidates : o_.candidates);
     for (const auto& [score, image] : scored) {
       const bool near =
-          std::any_of(kept.begin(), kept.end(), [&](int k) { return std::abs(k - image) < o_.candidate_spacing; });
-      if (!near || paper_) kept.push_back(image);
-      if (kept.size() >= most) break;
+          std::any_of(kept.begin(), kept.end(), [&, i = image](int k) { return std::abs(k - i) < spacing; });
+      if (!near) kept.push_back(image);
+      if (static_cast<int>(kept.size()) >= most) break;
     }
     return kept;
   }
@@ -278,11 +305,21 @@ class Registrar {
         // brings the first to a wrong pose, not the second.
         const double share = out.matched_share > 0 ? std::min(1.0, other.matched_share / out.matched_share) : 1.0;
         out.rival_support = std::min(other.support, share * out.support);
+        out.shared_support = Shared(out.inliers, other.inliers);
       }
     }
     Decide(&out);
     AnswerViews(ref, view_from_rig, &out);
     return out;
+  }
+
+  // Points that both explain by the same feature.
+  static int Shared(const std::vector<ViewObservation>& a, const std::vector<ViewObservation>& b) {
+    std::set<std::tuple<int, int, int>> of_a;
+    for (const ViewObservation& o : a) of_a.insert({o.view, o.feature, o.point});
+    return static_cast<int>(std::count_if(b.begin(), b.end(), [&](const ViewObservation& o) {
+      return of_a.count({o.view, o.feature, o.point}) > 0;
+    }));
   }
 
   std::vector<Correspondence> MatchCandidates(const Job& job) const {
@@ -569,10 +606,12 @@ class Registrar {
     } else if (out->rival > o_.rival_share * out->agreeing) {
       std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %d matches against %d",
                     out->rival_distance_m, out->rival, out->agreeing);
-    } else if (out->rival_support > o_.rival_support_share * out->support) {
-      std::snprintf(text, sizeof text,
-                    "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
-                    out->rival_distance_m, out->rival_support, out->support);
+    } else if (out->rival_support - out->shared_support >
+               o_.rival_support_share * (out->support - out->shared_support)) {
+      // What both explain by the same features does not tell them apart.
+      std::snprintf(
+          text, sizeof text, "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
+          out->rival_distance_m, out->rival_support - out->shared_support, out->support - out->shared_support);
     } else if (out->agreeing < o_.min_agreement * out->view_matches) {
       std::snprintf(text, sizeof text, "only %d of %d matches agree on a pose (%.0f %% needed)", out->agreeing,
                     out->view_matches, 100 * o_.min_agreement);
