@@ -110,10 +110,11 @@ class Registrar {
       return Unmatched(out);
     }
     for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
-    bool first = true;
-    for (const std::vector<int>& images : passages) {
+    for (size_t k = 0; k < passages.size(); ++k) {
+      // Two passages always: what one shows may stand elsewhere a second time. A third where neither has an answer.
+      if (k >= 2 && out.status == AnswerStatus::kLocalized) break;
       job.candidates.clear();
-      for (int image : images) {
+      for (int image : passages[k]) {
         // The views that the retrieval named, and their neighbours.
         std::set<int> chosen;
         for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
@@ -122,15 +123,14 @@ class Registrar {
         }
         job.candidates.push_back({image, {chosen.begin(), chosen.end()}});
       }
-      Registration empty;
-      empty.views.resize(job.ref.rig.views.size());
-      Registration found = paper_ ? RunPaper(job, std::move(empty)) : RunJoint(job, std::move(empty));
-      // The next passage is asked only where this one has no answer; what this one offered is a rival of the next's.
-      const bool better =
-          found.status == AnswerStatus::kLocalized && out.support <= o_.rival_support_share * found.support;
-      if (first || better) out = std::move(found);
-      if (out.status == AnswerStatus::kLocalized) break;
-      first = false;
+      Registration found;
+      found.views.resize(job.ref.rig.views.size());
+      found = paper_ ? RunPaper(job, std::move(found)) : RunJoint(job, std::move(found));
+      if (k == 0) {
+        out = std::move(found);
+      } else {
+        out = Stronger(std::move(out), std::move(found));
+      }
     }
     return out;
   }
@@ -151,6 +151,24 @@ class Registrar {
   }
 
  private:
+  // Of what two passages say, the one whose prediction finds more points; the other is its rival.
+  Registration Stronger(Registration a, Registration b) const {
+    const bool both = a.status == AnswerStatus::kLocalized && b.status == AnswerStatus::kLocalized;
+    const bool second = both ? b.support > a.support : b.status == AnswerStatus::kLocalized;
+    if (second) std::swap(a, b);
+    const double apart = (a.rig_from_odom.TargetOriginInSource() - b.rig_from_odom.TargetOriginInSource()).norm();
+    if (a.status == AnswerStatus::kLocalized && apart > 1 && b.support > o_.rival_support_share * a.support) {
+      char text[200];
+      std::snprintf(
+          text, sizeof text,
+          "ambiguous: another passage of the run puts it %.1f m away, where %.0f points are found, against %.0f", apart,
+          b.support, a.support);
+      a.status = AnswerStatus::kRejected;
+      a.reason = text;
+    }
+    return a;
+  }
+
   // What is to be placed, and the images it may be seen from.
   struct Candidate {
     int image;
@@ -305,21 +323,11 @@ class Registrar {
         // brings the first to a wrong pose, not the second.
         const double share = out.matched_share > 0 ? std::min(1.0, other.matched_share / out.matched_share) : 1.0;
         out.rival_support = std::min(other.support, share * out.support);
-        out.shared_support = Shared(out.inliers, other.inliers);
       }
     }
     Decide(&out);
     AnswerViews(ref, view_from_rig, &out);
     return out;
-  }
-
-  // Points that both explain by the same feature.
-  static int Shared(const std::vector<ViewObservation>& a, const std::vector<ViewObservation>& b) {
-    std::set<std::tuple<int, int, int>> of_a;
-    for (const ViewObservation& o : a) of_a.insert({o.view, o.feature, o.point});
-    return static_cast<int>(std::count_if(b.begin(), b.end(), [&](const ViewObservation& o) {
-      return of_a.count({o.view, o.feature, o.point}) > 0;
-    }));
   }
 
   std::vector<Correspondence> MatchCandidates(const Job& job) const {
@@ -606,12 +614,10 @@ class Registrar {
     } else if (out->rival > o_.rival_share * out->agreeing) {
       std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %d matches against %d",
                     out->rival_distance_m, out->rival, out->agreeing);
-    } else if (out->rival_support - out->shared_support >
-               o_.rival_support_share * (out->support - out->shared_support)) {
-      // What both explain by the same features does not tell them apart.
-      std::snprintf(
-          text, sizeof text, "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
-          out->rival_distance_m, out->rival_support - out->shared_support, out->support - out->shared_support);
+    } else if (out->rival_support > o_.rival_support_share * out->support) {
+      std::snprintf(text, sizeof text,
+                    "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
+                    out->rival_distance_m, out->rival_support, out->support);
     } else if (out->agreeing < o_.min_agreement * out->view_matches) {
       std::snprintf(text, sizeof text, "only %d of %d matches agree on a pose (%.0f %% needed)", out->agreeing,
                     out->view_matches, 100 * o_.min_agreement);

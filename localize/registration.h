@@ -101,7 +101,6 @@ struct Registration {
   int agreeing = 0;      // of view_matches, with the best pose
   int rival = 0;         // with the best pose elsewhere
   double rival_support = 0;
-  int shared_support = 0;  // points that both find by the same features
   double rival_distance_m = 0;
   double support = 0;        // points found where the pose predicts them, beyond what chance would find
   double matched_share = 0;  // support as a share of the points that should be seen
