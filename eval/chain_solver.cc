@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "survey/tags/selected_inverse.h"
+#include "eval/selected_inverse.h"
 
 namespace trigpoint {
 namespace {

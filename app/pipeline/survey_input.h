@@ -21,6 +21,7 @@ struct SurveyStageOptions {
   int ties_per_image = 150;    // the longest tracks, until every picture has so many
   bool nssda = false;          // state 95 % values as the NSSDA asks for
   bool repeatability = true;   // maps of fewer runs and of single days, compared
+  bool stations = true;        // offsets of stations from the tags that their panoramas show
   std::string against;         // a tags.csv, or a variant, to test for moved tags
   TrackOptions tracks;
   ReconstructOptions reconstruct;
@@ -37,6 +38,7 @@ struct SurveyStageOptions {
     visit(self.ties_per_image, {"ties_per_image", "", 10, 1e6, "scene points a picture, the longest tracks first"});
     visit(self.nssda, {"nssda", "", 0, 1, "state 95 % values by the NSSDA's rule"});
     visit(self.repeatability, {"repeatability", "", 0, 1, "compare maps of fewer runs and of single days"});
+    visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through a run's pictures"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "their points and poses"});

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 namespace trigpoint {
 namespace {
@@ -167,6 +168,27 @@ void Accuracies(const SurveyResult& result, const SurveyFindings& findings, Repo
   }
 }
 
+void Stations(const SurveyFindings& findings, Report& out) {
+  bool any = false;
+  for (const StationOffset& o : findings.stations) {
+    if (!o.offset_m) continue;
+    if (!std::exchange(any, true)) {
+      out.Line(
+          fmt::format("\n| station, panorama | tags it shows | centre - tag as stated: e, n, u ({0}) | by the tags: e, "
+                      "n, u ({0}) | "
+                      "sigma ({0}, 1 sigma) | standardised |",
+                      out.name()));
+      out.Line("|---|---|---|---|---|---|");
+    }
+    const auto three = [&](const Eigen::Vector3d& v) {
+      return fmt::format("{}, {}, {}", out.Length(v.x()), out.Length(v.y()), out.Length(v.z()));
+    };
+    out.Line(fmt::format("| {}, {} | {}{} | {} | {} | {} | {:.1f} |", o.station, o.panorama, o.tags,
+                         o.own_tag ? ", its own" : "", three(o.stated_m), three(*o.offset_m),
+                         three(o.covariance.diagonal().cwiseSqrt()), std::sqrt(o.chi2)));
+  }
+}
+
 void Others(const SurveyResult& result, const SurveyFindings& findings, Report& out) {
   for (const DistanceAgreement& d : result.distances) {
     out.Line(fmt::format("Distance {} - {} ({}): measured {}, map {}, sigma of the difference {} (1 sigma)",
@@ -304,6 +326,23 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
       summary["rigid_fit_to_points"]["beyond_three_medians"][name] = distance;
     }
   }
+  for (const StationOffset& o : findings.stations) {
+    json station = {{"station", o.station},
+                    {"panorama", o.panorama},
+                    {"tag_id", o.tag_id},
+                    {"reason", o.reason},
+                    {"stated_m", Vector(o.stated_m)}};
+    if (o.offset_m) {
+      station.update({{"estimated_m", Vector(*o.offset_m)},
+                      {"sigma_m", Vector(o.covariance.diagonal().cwiseSqrt())},
+                      {"combined_m", Vector(o.combined_m)},
+                      {"chi2_3dof", o.chi2},
+                      {"tags", o.tags},
+                      {"own_tag", o.own_tag},
+                      {"rejected", o.rejected}});
+    }
+    summary["stations"].push_back(station);
+  }
   if (findings.repeatability) summary["repeatability"] = RepeatabilityJson(*findings.repeatability);
   if (findings.reproducibility) summary["reproducibility_between_days"] = RepeatabilityJson(*findings.reproducibility);
   if (findings.epochs) {
@@ -331,6 +370,7 @@ std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findi
   TagTable(result, out);
   Points(result, out);
   Accuracies(result, findings, out);
+  Stations(findings, out);
   out.Line("");
   Others(result, findings, out);
   return out.text();

@@ -8,6 +8,7 @@
 #include "app/pipeline/display_unit.h"
 #include "app/pipeline/survey_input.h"
 #include "survey/tags/map_compare.h"
+#include "survey/tags/station_offset.h"
 
 namespace trigpoint {
 
@@ -18,6 +19,7 @@ struct SurveyFindings {
   std::optional<Repeatability> reproducibility;  // maps of single days, against each other
   std::optional<SurveyEpochs> epochs;
   std::string against;  // name of the other survey
+  std::vector<StationOffset> stations;
 };
 
 nlohmann::json SurveySummary(const SurveyResult& result, const SurveyFindings& findings);

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <map>
 
+#include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
+#include "app/pipeline/survey_stations.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/results.h"
@@ -29,6 +31,18 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
     if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
   if (!options.against.empty()) inputs.push_back(AgainstFile(project, options));
+  if (options.stations) {
+    for (const Reference& reference : project.site().references) {
+      for (const Station& station : project.site().stations) {
+        if (station.name == reference.station) {
+          inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
+        }
+      }
+    }
+    for (const auto& [set, dir] : StitchedRigs(project)) {
+      if (fs::exists(dir / "manifest.json")) inputs.push_back(dir / "manifest.json");
+    }
+  }
   for (const Run* run : SurveyRuns(project)) {
     StageTarget its = target;
     its.run = run->name;
@@ -141,6 +155,18 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   Repeat(job, options, result, context, &findings);
   CompareEpochs(options, result, context, &findings);
   const std::string frame = result.in_world ? "enu" : "map";
+  if (options.stations && result.in_world) {
+    findings.stations = MeasureStations(context.project, result.tags, context);
+    for (const StationOffset& o : findings.stations) {
+      if (!o.offset_m || !o.Contradicts()) continue;
+      context.progress.Log(
+          LogLevel::kWarning,
+          fmt::format("station {}: its centre is {:.3f} m from where stations.csv puts it, by the tags that {} shows, "
+                      "{:.1f} sigma; measure the offset again",
+                      o.station, (*o.offset_m - o.stated_m).norm(), o.panorama, std::sqrt(o.chi2)));
+    }
+    if (!findings.stations.empty()) WriteStationOffsets(context.out / "stations.csv", findings.stations, frame);
+  }
   WriteTags(context.out / "tags.csv", result.tags, frame, result.datum);
   WriteTagCovariances(context.out / "tags_cov.csv", result.tags, result.cross, frame, result.datum);
   WriteFileAtomically(context.out / "summary.json", DumpJson(SurveySummary(result, findings), 2) + "\n");
@@ -177,6 +203,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);

@@ -29,6 +29,39 @@ void SubtractProducts(const double* a, const double* b, double* c, const int* wh
   }
 }
 
+// What column j of the inverse takes from its column k, z(m) = Z_mk at z + 36 * where[m]:
+// c(m) -= z(m) * u_k, and sum -= (sum over m of z(m)^T * u(m))^T, with u_transposed(m) = u(m)^T.
+TRIGPOINT_WIDE
+void SubtractInverse(const double* z, const int* where, const double* u_k, const double* u_transposed, double* c,
+                     double* sum, int count) {
+  double total[kDim * kDim];
+  for (int i = 0; i < kDim * kDim; ++i) total[i] = sum[i];
+  for (int m = 0; m < count; ++m) {
+    const double* zm = z + static_cast<std::ptrdiff_t>(where[m]) * kDim * kDim;
+    const double* um = u_transposed + static_cast<std::ptrdiff_t>(m) * kDim * kDim;
+    double* cm = c + static_cast<std::ptrdiff_t>(m) * kDim * kDim;
+    for (int q = 0; q < kDim; ++q) {
+      double column[kDim];
+      for (int i = 0; i < kDim; ++i) column[i] = cm[q * kDim + i];
+      for (int p = 0; p < kDim; ++p) {
+        const double w = u_k[q * kDim + p];
+        for (int i = 0; i < kDim; ++i) column[i] -= zm[p * kDim + i] * w;
+      }
+      for (int i = 0; i < kDim; ++i) cm[q * kDim + i] = column[i];
+    }
+    for (int q = 0; q < kDim; ++q) {
+      double column[kDim];
+      for (int i = 0; i < kDim; ++i) column[i] = total[q * kDim + i];
+      for (int p = 0; p < kDim; ++p) {
+        const double w = zm[q * kDim + p];
+        for (int i = 0; i < kDim; ++i) column[i] -= um[p * kDim + i] * w;
+      }
+      for (int i = 0; i < kDim; ++i) total[q * kDim + i] = column[i];
+    }
+  }
+  for (int i = 0; i < kDim * kDim; ++i) sum[i] = total[i];
+}
+
 }  // namespace
 
 BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>& lower) : n_(blocks) {
@@ -149,25 +182,35 @@ BlockCholesky::Inverse BlockCholesky::SelectedInverse() const {
   z.factor_ = this;
   z.diagonal_.resize(static_cast<size_t>(n_));
   z.below_.assign(rows_.size(), Matrix6d::Zero());
-  std::vector<Matrix6d> unit;  // L_kj L_jj^-1
+  std::vector<Matrix6d> unit, transposed;  // L_kj L_jj^-1
+  std::vector<int> where;
   for (int j = n_ - 1; j >= 0; --j) {
     const int begin = start_[static_cast<size_t>(j)], end = start_[static_cast<size_t>(j) + 1];
     const Matrix6d inverse =
         diagonal_[static_cast<size_t>(j)].triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
     unit.clear();
-    for (int k = begin; k < end; ++k) unit.push_back(below_[static_cast<size_t>(k)] * inverse);
+    transposed.clear();
+    for (int k = begin; k < end; ++k) {
+      unit.push_back(below_[static_cast<size_t>(k)] * inverse);
+      transposed.push_back(unit.back().transpose());
+    }
     // Z_ij = - sum_k Z_ik U_kj over the rows k of the column: the pattern is closed under this sum.
     for (int k = begin; k < end; ++k) {
       const int column = rows_[static_cast<size_t>(k)];
       const Matrix6d& u = unit[static_cast<size_t>(k - begin)];
-      z.below_[static_cast<size_t>(k)].noalias() -= z.diagonal_[static_cast<size_t>(column)] * u;
+      where.clear();
       int at = start_[static_cast<size_t>(column)];
       for (int m = k + 1; m < end; ++m) {
         while (rows_[static_cast<size_t>(at)] != rows_[static_cast<size_t>(m)]) ++at;
-        const Matrix6d& zmk = z.below_[static_cast<size_t>(at)];
-        z.below_[static_cast<size_t>(m)].noalias() -= zmk * u;
-        z.below_[static_cast<size_t>(k)].noalias() -= zmk.transpose() * unit[static_cast<size_t>(m - begin)];
+        where.push_back(at);
       }
+      Matrix6d own = (z.diagonal_[static_cast<size_t>(column)] * u).transpose() * -1.0;
+      if (!where.empty()) {
+        SubtractInverse(z.below_[0].data(), where.data(), u.data(),
+                        transposed[static_cast<size_t>(k - begin) + 1].data(),
+                        z.below_[static_cast<size_t>(k) + 1].data(), own.data(), static_cast<int>(where.size()));
+      }
+      z.below_[static_cast<size_t>(k)] += own.transpose();
     }
     Matrix6d d = inverse.transpose() * inverse;
     for (int k = begin; k < end; ++k) {

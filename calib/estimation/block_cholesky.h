@@ -24,7 +24,7 @@ class BlockCholesky {
   void Solve(Eigen::Ref<Eigen::VectorXd> x) const;
 
   // The blocks of A^-1 inside the pattern of the factor, by selected inversion (Takahashi et al. 1973): all pairs that
-  // `lower` names are among them.
+  // `lower` names are among them. Rests on the factor: valid until the next Factorize.
   class Inverse {
    public:
     // Zero outside the factor's pattern.

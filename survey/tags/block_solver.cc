@@ -1,11 +1,10 @@
 #include "survey/tags/block_solver.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
+#include <tuple>
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
@@ -55,7 +54,7 @@ struct BlockSolver::PointTerms {
 };
 
 struct BlockSolver::Chunk {
-  std::vector<double> values;
+  std::vector<Matrix6d> normal;
   Eigen::VectorXd gradient;
   double cost = 0;
 };
@@ -85,9 +84,16 @@ Rigid3d BlockSolver::Pose(int unknown) const {
   return Rigid3FromBlock(unknowns[static_cast<size_t>(unknown)].value.data());
 }
 
-int BlockSolver::PairIndex(int a, int b) const {
-  const std::vector<int>& rows = rows_[static_cast<size_t>(b)];
-  return static_cast<int>(std::lower_bound(rows.begin(), rows.end(), a) - rows.begin());
+int BlockSolver::Offset(int unknown) const {
+  const int slot = slot_[static_cast<size_t>(unknown)];
+  return slot < 0 ? -1 : 6 * slot;
+}
+
+size_t BlockSolver::PairIndex(int a, int b) const {
+  const auto begin = pairs_.begin() + static_cast<std::ptrdiff_t>(first_pair_[static_cast<size_t>(b)]);
+  const auto end = pairs_.begin() + static_cast<std::ptrdiff_t>(first_pair_[static_cast<size_t>(b) + 1]);
+  const auto at = std::lower_bound(begin, end, a, [](const std::pair<int, int>& p, int row) { return p.first < row; });
+  return static_cast<size_t>(at - pairs_.begin());
 }
 
 void BlockSolver::Prepare() {
@@ -96,35 +102,30 @@ void BlockSolver::Prepare() {
     for (int u : f.unknowns) used[static_cast<size_t>(u)] = true;
   }
   for (const TieSight& s : sights) used[static_cast<size_t>(s.pose)] = true;
-  offset_.assign(unknowns.size(), -1);
   slot_.assign(unknowns.size(), -1);
-  slot_size_.clear(), slot_offset_.clear();
-  equations_ = 0;
+  slots_ = 0;
   for (size_t u = 0; u < unknowns.size(); ++u) {
-    if (!used[u] || unknowns[u].constant) continue;
-    slot_[u] = static_cast<int>(slot_size_.size());
-    offset_[u] = equations_;
-    slot_size_.push_back(unknowns[u].Tangent());
-    slot_offset_.push_back(equations_);
-    equations_ += unknowns[u].Tangent();
+    if (used[u] && !unknowns[u].constant) slot_[u] = slots_++;
   }
   first_sight_.assign(points.size() + 1, 0);
   for (const TieSight& s : sights) ++first_sight_[static_cast<size_t>(s.point) + 1];
   for (size_t i = 1; i < first_sight_.size(); ++i) first_sight_[i] += first_sight_[i - 1];
 
-  std::vector<std::set<int>> pairs(slot_size_.size());
-  for (size_t s = 0; s < pairs.size(); ++s) pairs[s].insert(static_cast<int>(s));
+  pairs_.clear();
   const auto couple = [&](int a, int b) {
-    if (a >= 0 && b >= 0) pairs[static_cast<size_t>(std::min(a, b))].insert(std::max(a, b));
+    if (a >= 0 && b >= 0) pairs_.emplace_back(std::max(a, b), std::min(a, b));
   };
+  for (int s = 0; s < slots_; ++s) couple(s, s);
   for (const Factor& f : factors) {
-    for (int a : f.unknowns) {
-      for (int b : f.unknowns) couple(slot_[static_cast<size_t>(a)], slot_[static_cast<size_t>(b)]);
+    for (size_t i = 0; i < f.unknowns.size(); ++i) {
+      for (size_t j = 0; j < i; ++j) {
+        couple(slot_[static_cast<size_t>(f.unknowns[i])], slot_[static_cast<size_t>(f.unknowns[j])]);
+      }
     }
   }
   if (!points.empty()) {
     // Pairs come many times over: a bit each first.
-    const size_t n = slot_size_.size();
+    const auto n = static_cast<size_t>(slots_);
     std::vector<bool> shared(n * n, false);
     for (size_t p = 0; p < points.size(); ++p) {
       for (size_t i = first_sight_[p]; i < first_sight_[p + 1]; ++i) {
@@ -141,26 +142,14 @@ void BlockSolver::Prepare() {
       }
     }
   }
-  // The sparse lower triangle with these blocks, and where their columns begin.
-  rows_.resize(pairs.size());
-  starts_.resize(pairs.size());
-  std::vector<int> outer(1, 0), inner;
-  for (size_t b = 0; b < pairs.size(); ++b) {
-    rows_[b].assign(pairs[b].begin(), pairs[b].end());
-    starts_[b].assign(rows_[b].size(), {});
-    for (int c = 0; c < slot_size_[b]; ++c) {
-      for (size_t k = 0; k < rows_[b].size(); ++k) {
-        const auto a = static_cast<size_t>(rows_[b][k]);
-        const int from = a == b ? c : 0;
-        starts_[b][k][static_cast<size_t>(c)] = static_cast<int>(inner.size());
-        for (int r = from; r < slot_size_[a]; ++r) inner.push_back(slot_offset_[a] + r);
-      }
-      outer.push_back(static_cast<int>(inner.size()));
-    }
-  }
-  std::vector<double> zero(inner.size(), 0.0);
-  normal_ = Eigen::Map<Eigen::SparseMatrix<double>>(equations_, equations_, static_cast<Eigen::Index>(inner.size()),
-                                                    outer.data(), inner.data(), zero.data());
+  std::sort(pairs_.begin(), pairs_.end(),
+            [](const auto& p, const auto& q) { return std::tie(p.second, p.first) < std::tie(q.second, q.first); });
+  pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
+  first_pair_.assign(static_cast<size_t>(slots_) + 1, 0);
+  for (const auto& [a, b] : pairs_) ++first_pair_[static_cast<size_t>(b) + 1];
+  for (size_t b = 1; b < first_pair_.size(); ++b) first_pair_[b] += first_pair_[b - 1];
+  normal_.assign(pairs_.size(), Matrix6d::Zero());
+  cholesky_ = std::make_unique<BlockCholesky>(slots_, pairs_);
 
   residual_at_.clear(), jacobian_at_.clear(), columns_.clear();
   size_t r = 0, j = 0;
@@ -180,7 +169,6 @@ void BlockSolver::Prepare() {
   jacobians_.assign(j, 0);
   weights_.assign(factors.size(), 1);
   costs_.assign(factors.size(), 0);
-  inverse_.reset();
 }
 
 void BlockSolver::EvaluateFactors(bool with_jacobians, int threads, const CancelToken& cancel) {
@@ -239,16 +227,6 @@ void BlockSolver::EvaluateFactors(bool with_jacobians, int threads, const Cancel
   });
 }
 
-void BlockSolver::AddBlock(int a, int b, const Eigen::Ref<const Eigen::MatrixXd>& block,
-                           std::vector<double>* values) const {
-  // block: rows of slot a, columns of slot b, a >= b.
-  const std::array<int, 7>& start = starts_[static_cast<size_t>(b)][static_cast<size_t>(PairIndex(a, b))];
-  for (Eigen::Index c = 0; c < block.cols(); ++c) {
-    double* to = values->data() + start[static_cast<size_t>(c)];
-    for (Eigen::Index r = a == b ? c : 0; r < block.rows(); ++r) *to++ += block(r, c);
-  }
-}
-
 bool BlockSolver::TermsOf(size_t point, double damping, PointTerms* terms) const {
   terms->hessian.setZero();
   terms->gradient.setZero();
@@ -297,8 +275,12 @@ bool BlockSolver::TermsOf(size_t point, double damping, PointTerms* terms) const
 
 double BlockSolver::Build(int threads, const CancelToken& cancel, double damping) {
   EvaluateFactors(true, threads, cancel);
-  std::vector<double> values(static_cast<size_t>(normal_.nonZeros()), 0.0);
-  gradient_ = Eigen::VectorXd::Zero(equations_);
+  normal_.assign(pairs_.size(), Matrix6d::Zero());
+  for (size_t u = 0; u < unknowns.size(); ++u) {
+    if (slot_[u] < 0) continue;
+    normal_[first_pair_[static_cast<size_t>(slot_[u])]].diagonal().tail(6 - unknowns[u].Tangent()).setOnes();
+  }
+  gradient_ = Eigen::VectorXd::Zero(Equations());
   double cost = 0;
   for (size_t i = 0; i < factors.size(); ++i) {
     cost += costs_[i];
@@ -310,19 +292,19 @@ double BlockSolver::Build(int threads, const CancelToken& cancel, double damping
     for (size_t a = 0; a < f.unknowns.size(); ++a) {
       const int slot_a = slot_[static_cast<size_t>(f.unknowns[a])];
       if (slot_a < 0) continue;
-      const int size_a = slot_size_[static_cast<size_t>(slot_a)];
-      gradient_.segment(slot_offset_[static_cast<size_t>(slot_a)], size_a).noalias() +=
-          j.middleCols(column_a, size_a).transpose() * r;
+      const int size_a = unknowns[static_cast<size_t>(f.unknowns[a])].Tangent();
+      const auto of_a = j.middleCols(column_a, size_a);
+      gradient_.segment(6 * slot_a, size_a).noalias() += of_a.transpose() * r;
       int column_b = 0;
       for (size_t b = 0; b <= a; ++b) {
         const int slot_b = slot_[static_cast<size_t>(f.unknowns[b])];
         if (slot_b < 0) continue;
-        const int size_b = slot_size_[static_cast<size_t>(slot_b)];
-        const Eigen::MatrixXd block = j.middleCols(column_a, size_a).transpose() * j.middleCols(column_b, size_b);
+        const int size_b = unknowns[static_cast<size_t>(f.unknowns[b])].Tangent();
+        const auto of_b = j.middleCols(column_b, size_b);
         if (slot_a >= slot_b) {
-          AddBlock(slot_a, slot_b, block, &values);
+          normal_[PairIndex(slot_a, slot_b)].topLeftCorner(size_a, size_b).noalias() += of_a.transpose() * of_b;
         } else {
-          AddBlock(slot_b, slot_a, block.transpose(), &values);
+          normal_[PairIndex(slot_b, slot_a)].topLeftCorner(size_b, size_a).noalias() += of_b.transpose() * of_a;
         }
         column_b += size_b;
       }
@@ -333,8 +315,8 @@ double BlockSolver::Build(int threads, const CancelToken& cancel, double damping
     std::vector<Chunk> chunks(kChunks);
     ParallelFor(kChunks, threads, cancel, [&](int64_t c) {
       Chunk& chunk = chunks[static_cast<size_t>(c)];
-      chunk.values.assign(values.size(), 0.0);
-      chunk.gradient = Eigen::VectorXd::Zero(equations_);
+      chunk.normal.assign(pairs_.size(), Matrix6d::Zero());
+      chunk.gradient = Eigen::VectorXd::Zero(Equations());
       PointTerms t;
       const size_t begin = points.size() * static_cast<size_t>(c) / kChunks;
       const size_t end = points.size() * static_cast<size_t>(c + 1) / kChunks;
@@ -345,26 +327,24 @@ double BlockSolver::Build(int threads, const CancelToken& cancel, double damping
         chunk.cost += t.cost;
         if (!firm) continue;
         const Eigen::Matrix3d inverse = t.hessian.inverse();
-        for (size_t a = 0; a < t.slots.size(); ++a) {
-          const Matrix63d lifted = t.mixed[a] * inverse;
-          chunk.gradient.segment<6>(slot_offset_[static_cast<size_t>(t.slots[a])]) +=
-              t.own_gradient[a] - lifted * t.gradient;
-          for (size_t b = 0; b < a; ++b) {
-            const Matrix6d block = -lifted * t.mixed[b].transpose();
-            AddBlock(t.slots[a], t.slots[b], block, &chunk.values);
+        for (size_t b = 0; b < t.slots.size(); ++b) {
+          const Matrix63d lifted = t.mixed[b] * inverse;
+          chunk.gradient.segment<6>(6 * t.slots[b]) += t.own_gradient[b] - lifted * t.gradient;
+          size_t at = first_pair_[static_cast<size_t>(t.slots[b])];
+          chunk.normal[at] += t.own[b];
+          for (size_t a = b; a < t.slots.size(); ++a) {
+            while (pairs_[at].first != t.slots[a]) ++at;
+            chunk.normal[at].noalias() -= t.mixed[a] * lifted.transpose();
           }
-          const Matrix6d block = t.own[a] - lifted * t.mixed[a].transpose();
-          AddBlock(t.slots[a], t.slots[a], block, &chunk.values);
         }
       }
     });
     for (const Chunk& chunk : chunks) {
-      for (size_t k = 0; k < values.size(); ++k) values[k] += chunk.values[k];
+      for (size_t k = 0; k < normal_.size(); ++k) normal_[k] += chunk.normal[k];
       gradient_ += chunk.gradient;
       cost += chunk.cost;
     }
   }
-  std::copy(values.begin(), values.end(), normal_.valuePtr());
   return cost;
 }
 
@@ -410,8 +390,7 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
   Prepare();
   Summary summary;
   double lambda = 1e-4;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> ldlt;
-  bool analysed = false;
+  bool factorised = false;
   for (int it = 0; it < max_iterations && !summary.converged; ++it) {
     cancel.ThrowIfCancelled();
     bool accepted = false;
@@ -420,18 +399,18 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
       if (!std::isfinite(cost)) throw NumericError("the tag map has a residual that is not finite");
       if (it == 0 && attempt == 0) summary.cost_before = cost;
       summary.cost_after = cost;
-      const Eigen::VectorXd diagonal = normal_.diagonal();
-      Eigen::SparseMatrix<double> damped = normal_;
-      for (int k = 0; k < equations_; ++k) {
-        damped.valuePtr()[damped.outerIndexPtr()[k]] += lambda * std::max(diagonal[k], 1e-12);
+      // What is seen by points alone that say nothing stays where it is.
+      for (int s = 0; s < slots_; ++s) {
+        auto diagonal = normal_[first_pair_[static_cast<size_t>(s)]].diagonal();
+        diagonal = diagonal.cwiseMax(1e-12).eval();
       }
-      if (!analysed) ldlt.analyzePattern(damped), analysed = true;
-      ldlt.factorize(damped);
-      if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) {
+      if (!cholesky_->Factorize(normal_, lambda)) {
         lambda = std::max(lambda, 1e-8) * 10;
         continue;
       }
-      const Eigen::VectorXd step = -ldlt.solve(gradient_);
+      factorised = true;
+      Eigen::VectorXd step = -gradient_;
+      cholesky_->Solve(step);
       if (!step.allFinite()) {
         lambda = std::max(lambda, 1e-8) * 10;
         continue;
@@ -450,7 +429,7 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
             if (first_sight_[p] == first_sight_[p + 1] || !TermsOf(p, lambda, &t)) continue;
             Eigen::Vector3d right = -t.gradient;
             for (size_t a = 0; a < t.slots.size(); ++a) {
-              right -= t.mixed[a].transpose() * step.segment<6>(slot_offset_[static_cast<size_t>(t.slots[a])]);
+              right -= t.mixed[a].transpose() * step.segment<6>(6 * t.slots[a]);
             }
             moved[p] = t.hessian.ldlt().solve(right);
           }
@@ -462,10 +441,11 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
       for (size_t u = 0; u < unknowns.size(); ++u) {
         if (slot_[u] < 0) continue;
         Unknown& unknown = unknowns[u];
+        const int offset = Offset(static_cast<int>(u));
         if (unknown.size == 7) {
-          Rigid3ToBlock(Pose(static_cast<int>(u)).Plus(step.segment<6>(offset_[u])), unknown.value.data());
+          Rigid3ToBlock(Pose(static_cast<int>(u)).Plus(step.segment<6>(offset)), unknown.value.data());
         } else {
-          for (int k = 0; k < unknown.size; ++k) unknown.value[static_cast<size_t>(k)] += step[offset_[u] + k];
+          for (int k = 0; k < unknown.size; ++k) unknown.value[static_cast<size_t>(k)] += step[offset + k];
         }
       }
       const double fresh = Cost(threads, cancel);
@@ -484,7 +464,7 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
     ++summary.iterations;
     progress.Advance(1);
     if (!accepted && !summary.converged) {
-      if (it == 0 && ldlt.info() != Eigen::Success) {
+      if (!factorised) {
         throw NumericError("the survey's equations are singular: something is not tied to the datum");
       }
       break;
@@ -495,24 +475,38 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
 
 void BlockSolver::Linearise(int threads, const CancelToken& cancel, bool open) {
   Build(threads, cancel, 0);
-  inverse_.reset();  // one at a time
-  try {
-    inverse_ = std::make_unique<SelectedInverse>(normal_);
-  } catch (const NumericError&) {
-    if (!open) throw;
+  if (!cholesky_->Factorize(normal_, 0)) {
+    if (!open) throw NumericError("the survey's equations are singular: something is not tied to the datum");
     // Something that the data leave open, such as the way a few tags can turn together: it gets a sigma that says so.
-    Eigen::SparseMatrix<double> damped = normal_;
-    const Eigen::VectorXd diagonal = normal_.diagonal();
-    for (Eigen::Index k = 0; k < damped.cols(); ++k) {
-      damped.valuePtr()[damped.outerIndexPtr()[k]] += 1e-9 * std::max(diagonal(k), 1.0);
+    for (int s = 0; s < slots_; ++s) {
+      auto diagonal = normal_[first_pair_[static_cast<size_t>(s)]].diagonal();
+      diagonal += 1e-9 * diagonal.cwiseMax(1.0);
     }
-    inverse_ = std::make_unique<SelectedInverse>(damped);
+    if (!cholesky_->Factorize(normal_, 0)) {
+      throw NumericError("the survey's equations are singular: something is not tied to the datum");
+    }
   }
+  inverse_ = cholesky_->SelectedInverse();
+}
+
+Eigen::MatrixXd BlockSolver::Covariance(int row, int column, int rows, int columns) const {
+  return inverse_.Block(row / 6, column / 6).block(row % 6, column % 6, rows, columns);
+}
+
+Eigen::MatrixXd BlockSolver::SolveNormal(Eigen::MatrixXd right) const {
+  for (Eigen::Index k = 0; k < right.cols(); ++k) cholesky_->Solve(right.col(k));
+  return right;
+}
+
+Eigen::MatrixXd BlockSolver::CovarianceColumns(int first, int count) const {
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(Equations(), count);
+  for (int i = 0; i < count; ++i) right(first + i, i) = 1;
+  return SolveNormal(std::move(right));
 }
 
 Matrix6d BlockSolver::PoseCovariance(int unknown) const {
-  const int offset = Offset(unknown);
-  return offset < 0 ? Matrix6d(Matrix6d::Zero()) : Matrix6d(inverse_->Block(offset, offset, 6, 6));
+  const int slot = slot_[static_cast<size_t>(unknown)];
+  return slot < 0 ? Matrix6d(Matrix6d::Zero()) : inverse_.Block(slot, slot);
 }
 
 Eigen::VectorXd BlockSolver::Residual(int factor) const {
@@ -553,20 +547,22 @@ Eigen::VectorXd BlockSolver::Product(int factor, const Eigen::VectorXd& all) con
 }
 
 Eigen::MatrixXd BlockSolver::Absorbed(int factor) const {
-  const auto i = static_cast<size_t>(factor);
-  std::vector<int> index;
-  for (int u : factors[i].unknowns) {
-    if (slot_[static_cast<size_t>(u)] < 0) continue;
-    for (int k = 0; k < unknowns[static_cast<size_t>(u)].Tangent(); ++k) index.push_back(Offset(u) + k);
-  }
-  const auto n = static_cast<Eigen::Index>(index.size());
-  Eigen::MatrixXd q(n, n);
-  for (Eigen::Index a = 0; a < n; ++a) {
-    for (Eigen::Index b = 0; b <= a; ++b) {
-      q(a, b) = q(b, a) = inverse_->At(index[static_cast<size_t>(a)], index[static_cast<size_t>(b)]);
-    }
-  }
+  const std::vector<int>& its = factors[static_cast<size_t>(factor)].unknowns;
   const Eigen::MatrixXd j = Jacobian(factor);
+  Eigen::MatrixXd q(j.cols(), j.cols());
+  Eigen::Index row = 0;
+  for (int a : its) {
+    const int slot_a = slot_[static_cast<size_t>(a)], size_a = unknowns[static_cast<size_t>(a)].Tangent();
+    if (slot_a < 0) continue;
+    Eigen::Index column = 0;
+    for (int b : its) {
+      const int slot_b = slot_[static_cast<size_t>(b)], size_b = unknowns[static_cast<size_t>(b)].Tangent();
+      if (slot_b < 0) continue;
+      q.block(row, column, size_a, size_b) = inverse_.Block(slot_a, slot_b).topLeftCorner(size_a, size_b);
+      column += size_b;
+    }
+    row += size_a;
+  }
   return j * q * j.transpose();
 }
 

@@ -12,14 +12,14 @@
 #include <ceres/loss_function.h>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 #include <array>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "calib/base/progress.h"
+#include "calib/estimation/block_cholesky.h"
 #include "calib/geometry/rigid3.h"
-#include "survey/tags/selected_inverse.h"
 
 namespace trigpoint {
 
@@ -80,18 +80,24 @@ class BlockSolver {
 
   // After Linearise, all at the present state. `open`: what nothing holds gets a sigma that says so; else NumericError.
   void Linearise(int threads, const CancelToken& cancel, bool open = false);
-  int Offset(int unknown) const { return offset_[static_cast<size_t>(unknown)]; }  // -1: not estimated
-  const SelectedInverse& inverse() const { return *inverse_; }
-  Matrix6d PoseCovariance(int unknown) const;  // zero for one that is held
-  Eigen::VectorXd Residual(int factor) const;  // whitened, before the robust weight
-  double Weight(int factor) const;             // rho'
+  // Of an unknown's first number among the equations; -1: not estimated. Each unknown has six, of which those it does
+  // not need stand alone.
+  int Offset(int unknown) const;
+  int Equations() const { return 6 * slots_; }
+  // A part of the covariance of all, within two unknowns that share an observation (or that the factor fills in).
+  Eigen::MatrixXd Covariance(int row, int column, int rows, int columns) const;
+  // Columns [first, first + count) of the whole of it.
+  Eigen::MatrixXd CovarianceColumns(int first, int count) const;
+  Eigen::MatrixXd SolveNormal(Eigen::MatrixXd right) const;  // covariance of all * right
+  Matrix6d PoseCovariance(int unknown) const;                // zero for one that is held
+  Eigen::VectorXd Residual(int factor) const;                // whitened, before the robust weight
+  double Weight(int factor) const;                           // rho'
   Eigen::MatrixXd Absorbed(int factor) const;  // J Q J', weighted: the part of the unit covariance the fit takes
   Eigen::MatrixXd Jacobian(int factor) const;  // weighted; columns of its free unknowns in order
   // into += J' a, J as in Jacobian, at the rows of its unknowns.
   void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
   Eigen::VectorXd Product(int factor, const Eigen::VectorXd& all) const;  // J all
-  int Equations() const { return equations_; }
-  double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
+  double TieSquare(const TieSight& sight) const;                          // |W u|^2; infinite behind the camera
 
  private:
   struct Chunk;
@@ -101,24 +107,22 @@ class BlockSolver {
   double Build(int threads, const CancelToken& cancel, double damping);
   double Cost(int threads, const CancelToken& cancel);
   bool TermsOf(size_t point, double damping, PointTerms* terms) const;
-  void AddBlock(int a, int b, const Eigen::Ref<const Eigen::MatrixXd>& block, std::vector<double>* values) const;
-  int PairIndex(int a, int b) const;
+  // The place of the pair of slots a >= b among the normal equations' blocks.
+  size_t PairIndex(int a, int b) const;
 
-  std::vector<int> offset_;  // of an unknown among the equations, -1: none
-  std::vector<int> slot_;    // of an unknown, -1: none
-  std::vector<int> slot_size_, slot_offset_;
-  int equations_ = 0;
-  // Pairs of slots (a >= b) that share an observation: for each b its ascending a, and where each column of the block
-  // begins among the values of the sparse lower triangle.
-  std::vector<std::vector<int>> rows_;
-  std::vector<std::vector<std::array<int, 7>>> starts_;
-  Eigen::SparseMatrix<double> normal_;
+  std::vector<int> slot_;  // of an unknown: its six equations, -1: none
+  int slots_ = 0;
+  // Pairs of slots (a >= b) that share an observation, sorted by b, then a: those of b begin at first_pair_[b].
+  std::vector<std::pair<int, int>> pairs_;
+  std::vector<size_t> first_pair_;
+  std::vector<Matrix6d> normal_;  // of each pair: rows of a, columns of b
+  std::unique_ptr<BlockCholesky> cholesky_;
   Eigen::VectorXd gradient_;
   std::vector<size_t> first_sight_;  // of each point
   std::vector<size_t> residual_at_, jacobian_at_;
   std::vector<int> columns_;  // of each factor's jacobian
   std::vector<double> residuals_, jacobians_, weights_, costs_;
-  std::unique_ptr<SelectedInverse> inverse_;
+  BlockCholesky::Inverse inverse_;
 };
 
 }  // namespace trigpoint

@@ -74,7 +74,7 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   }
   Eigen::MatrixXd follow;
   if (exact) {
-    follow = solver_.inverse().Solve(coupling);
+    follow = solver_.SolveNormal(coupling);
     normal -= coupling.transpose() * follow;
   }
   // What the rest of the map takes in entirely cannot be tested.

@@ -67,7 +67,7 @@ void MapSolver::Collect() {
 void MapSolver::CollectRuns() {
   const auto sigma = [&](int unknown) {
     const int offset = solver_.Offset(unknown);
-    return offset < 0 ? 0.0 : std::sqrt(solver_.inverse().At(offset, offset));
+    return offset < 0 ? 0.0 : std::sqrt(solver_.Covariance(offset, offset, 1, 1)(0, 0));
   };
   for (size_t r = 0; r < run_states_.size(); ++r) {
     const RunState& state = run_states_[r];
@@ -86,7 +86,7 @@ void MapSolver::CollectRuns() {
       const int offset = solver_.Offset(state.camera_unknown.front());
       for (int k = 0; k < 5; ++k) {
         run.camera_sigma[static_cast<size_t>(k)] =
-            offset < 0 ? 0.0 : std::sqrt(solver_.inverse().At(offset + k, offset + k));
+            offset < 0 ? 0.0 : std::sqrt(solver_.Covariance(offset + k, offset + k, 1, 1)(0, 0));
       }
     }
     run.corner_factor = state.corner;
@@ -194,7 +194,7 @@ bool MapSolver::PlaceOf(const SurveyPoint& p, Eigen::Vector3d* place, Eigen::Mat
     if (mark == mark_unknown_.end()) return false;
     *place = marked_.at(p.name);
     const int offset = solver_.Offset(mark->second);
-    if (offset >= 0) *covariance = solver_.inverse().Block(offset, offset, 3, 3);
+    if (offset >= 0) *covariance = solver_.Covariance(offset, offset, 3, 3);
     return true;
   }
   const auto unknown = tag_unknown_.find(p.tag_id);
@@ -281,7 +281,7 @@ void MapSolver::CompareDistances() {
     if (at >= 0) c += solver_.PoseCovariance(a->second).bottomRightCorner<3, 3>();
     if (bt >= 0) c += solver_.PoseCovariance(b->second).bottomRightCorner<3, 3>();
     if (at >= 0 && bt >= 0) {
-      const Eigen::Matrix3d cross = solver_.inverse().Columns(at + 3, 3).middleRows(bt + 3, 3);
+      const Eigen::Matrix3d cross = solver_.CovarianceColumns(at + 3, 3).middleRows(bt + 3, 3);
       c -= cross + cross.transpose();
     }
     const Eigen::Vector3d unit = along.normalized();
@@ -373,7 +373,7 @@ void MapSolver::CrossCovariances() {
     const int offset = solver_.Offset(a->second);
     if (offset < 0 || a->first < 0) continue;
     cancel_.ThrowIfCancelled();
-    const Eigen::MatrixXd columns = solver_.inverse().Columns(offset, 6);
+    const Eigen::MatrixXd columns = solver_.CovarianceColumns(offset, 6);
     for (auto b = std::next(a); b != tag_unknown_.end(); ++b) {
       const int other = solver_.Offset(b->second);
       if (other < 0) continue;

@@ -117,6 +117,30 @@ TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
   }
 }
 
+TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  Row row;
+  Fill(7, 0.3, &row);
+  BlockSolver& s = row.solver;
+  const int scale = s.AddNumbers({1.0});
+  s.AddFactor(new NumberCost(1, 0.1), nullptr, {scale});
+  s.Solve(30, 2, progress, cancel);
+  s.Linearise(2, cancel);
+  EXPECT_EQ(s.Offset(0), -1);
+  EXPECT_NEAR(s.Covariance(s.Offset(scale), s.Offset(scale), 1, 1)(0, 0), 0.01, 1e-12);
+  const Eigen::MatrixXd columns = s.CovarianceColumns(s.Offset(3) + 3, 3);
+  ASSERT_EQ(columns.rows(), s.Equations());
+  for (int i = 2; i < 5; ++i) {
+    EXPECT_LT((columns.middleRows(s.Offset(i), 6) - s.Covariance(s.Offset(i), s.Offset(3) + 3, 6, 3)).norm(),
+              1e-9 * columns.norm());
+  }
+  EXPECT_LT((s.SolveNormal(Eigen::MatrixXd::Identity(s.Equations(), s.Equations())).middleCols(s.Offset(4), 6) -
+             s.CovarianceColumns(s.Offset(4), 6))
+                .norm(),
+            1e-9 * columns.norm());
+}
+
 TEST(BlockSolver, WhatNothingHoldsIsSingular) {
   ProgressSink progress;
   const CancelToken cancel;

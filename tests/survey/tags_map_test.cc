@@ -7,7 +7,6 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
-#include "survey/tags/selected_inverse.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -17,29 +16,6 @@ const Camera kCamera(CameraModel::kPinhole, 960, 600, {400, 400, 479.5, 299.5});
 
 Eigen::Vector3d RandomVector(Random* random, double size) {
   return size * Eigen::Vector3d(random->Normal(), random->Normal(), random->Normal());
-}
-
-TEST(SelectedInverse, EqualsTheInverse) {
-  Random random(8);
-  const int n = 60;
-  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(n, n);
-  for (int k = 0; k < 120; ++k) {
-    Eigen::VectorXd v = Eigen::VectorXd::Zero(n);
-    for (int i = 0; i < 3; ++i) v[random.Below(n)] = random.Normal();
-    dense += v * v.transpose();
-  }
-  dense.diagonal().array() += 0.1;
-  const Eigen::SparseMatrix<double> sparse = dense.sparseView();
-  const SelectedInverse inverse(sparse);
-  const Eigen::MatrixXd expected = dense.inverse();
-  for (int k = 0; k < sparse.outerSize(); ++k) {
-    for (Eigen::SparseMatrix<double>::InnerIterator it(sparse, k); it; ++it) {
-      EXPECT_NEAR(inverse.At(static_cast<int>(it.row()), static_cast<int>(it.col())), expected(it.row(), it.col()),
-                  1e-9);
-    }
-  }
-  EXPECT_LT((inverse.Columns(7, 3) - expected.middleCols(7, 3)).norm(), 1e-8);
-  EXPECT_THROW(SelectedInverse(Eigen::SparseMatrix<double>(3, 3)), NumericError);
 }
 
 // Eight tags round a yard, two runs inside it with drifting odometry.

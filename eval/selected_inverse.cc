@@ -1,4 +1,4 @@
-#include "survey/tags/selected_inverse.h"
+#include "eval/selected_inverse.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -9,7 +9,7 @@ namespace trigpoint {
 
 SelectedInverse::SelectedInverse(const Eigen::SparseMatrix<double>& normal) : llt_(normal) {
   if (llt_.info() != Eigen::Success) {
-    throw NumericError("the survey's equations are singular: something is not tied to the datum");
+    throw NumericError("the equations of the poses are singular: something is not tied to the tag map");
   }
   const int n = static_cast<int>(normal.rows());
   position_.resize(n);

@@ -1,0 +1,236 @@
+#include "survey/tags/station_offset.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "calib/base/error.h"
+#include "calib/estimation/loss.h"
+#include "datasets/io/csv.h"
+#include "survey/tags/block_solver.h"
+#include "survey/tags/map_start.h"
+#include "survey/tags/planar_pose.h"
+#include "survey/tags/survey_costs.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kStartPx = 20;      // a tag that the start contradicts by more is another one
+constexpr double kHuberChi2 = 15.5;  // 95 % of chi-square with 8 degrees of freedom
+constexpr double kGateChi2 = 31.8;   // 99.99 %
+constexpr int kIterations = 50;
+
+struct Sight {
+  TagSight sight;
+  const TagEstimate* tag = nullptr;
+  Rigid3d view_from_pano;
+  Eigen::Matrix3d centre = Eigen::Matrix3d::Zero();  // covariance, panorama's frame
+  bool rejected = false;
+};
+
+// Of each tag of the map its picture nearest the middle of a view.
+std::vector<Sight> ChooseSights(const std::vector<PanoramaTag>& seen, const std::vector<TagEstimate>& map,
+                                const TagPosesOptions& options) {
+  std::map<int, std::pair<double, Sight>> best;
+  for (const PanoramaTag& s : seen) {
+    const auto tag = std::find_if(map.begin(), map.end(), [&](const TagEstimate& t) {
+      return t.tag_id == s.detection.id && t.HasPose() && (t.status == "ok" || t.status == "weak");
+    });
+    if (tag == map.end()) continue;
+    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2d& c : s.detection.corners) middle += 0.25 * c;
+    if ((s.detection.corners[0] - s.detection.corners[2]).norm() < std::sqrt(2.0) * options.min_side_px) continue;
+    const double off = (middle - 0.5 * Eigen::Vector2d(s.camera->width() - 1, s.camera->height() - 1)).norm();
+    const auto it = best.find(tag->tag_id);
+    if (it != best.end() && it->second.first <= off) continue;
+    try {
+      Sight sight;
+      sight.sight = MakeTagSight(*s.camera, s.detection, options.extra_sigma_px);
+      sight.tag = &*tag;
+      sight.view_from_pano = s.pano_from_view.Inverse();
+      sight.centre = s.centre_covariance;
+      best[tag->tag_id] = {off, sight};
+    } catch (const NumericError&) {  // a corner without a ray
+    }
+  }
+  std::vector<Sight> sights;
+  for (auto& [id, entry] : best) sights.push_back(std::move(entry.second));
+  return sights;
+}
+
+double Pixels(const Sight& s, const Rigid3d& world_from_pano, const Rigid3d& world_from_tag) {
+  return ResidualPx(s.sight, TagResidual(s.sight, s.tag->size_m, s.view_from_pano, world_from_pano, world_from_tag));
+}
+
+// The planar solution of one of them that most agree with.
+std::optional<Rigid3d> Start(const std::vector<Sight>& sights) {
+  std::optional<Rigid3d> best;
+  double best_score = -1;
+  for (const Sight& s : sights) {
+    for (const PlanarPose& p : EstimatePlanarPoses(s.sight, s.tag->size_m)) {
+      const Rigid3d pano = *s.tag->world_from_tag * p.cam_from_tag.Inverse() * s.view_from_pano;
+      double score = 0;
+      for (const Sight& t : sights) score += std::max(0.0, 1 - Pixels(t, pano, *t.tag->world_from_tag) / kStartPx);
+      if (score > best_score) best_score = score, best = pano;
+    }
+  }
+  return best;
+}
+
+Vector6d Sigmas(const Matrix6d& covariance) { return covariance.diagonal().cwiseMax(1e-14).cwiseSqrt(); }
+
+}  // namespace
+
+StationOffset EstimateStationOffset(const Station& station, const std::string& panorama,
+                                    const std::vector<PanoramaTag>& seen, const std::vector<TagEstimate>& map,
+                                    const TagPosesOptions& options) {
+  StationOffset out;
+  out.station = station.name;
+  out.panorama = panorama;
+  out.tag_id = station.tag_id;
+  out.stated_sigma_m = station.sigma_m;
+  const auto own = std::find_if(map.begin(), map.end(),
+                                [&](const TagEstimate& t) { return t.tag_id == station.tag_id && t.HasPose(); });
+  if (own == map.end()) {
+    out.reason = fmt::format("tag {} is not in the map", station.tag_id);
+    return out;
+  }
+  SurveyPoint point;
+  point.offset_in_tag_frame = true;
+  for (int k = 0; k < 3; ++k) {
+    point.offset_m = Eigen::Vector3d::Unit(k);
+    out.world_from_level.col(k) = OffsetInWorld(point, *own->world_from_tag);
+  }
+  point.offset_m = station.offset_m;
+  point.offset_in_tag_frame = station.in_tag_frame;
+  out.stated_m = out.combined_m = OffsetInWorld(point, *own->world_from_tag);
+  out.combined = station.sigma_m * station.sigma_m * Eigen::Matrix3d::Identity();
+
+  std::vector<Sight> sights = ChooseSights(seen, map, options);
+  const std::optional<Rigid3d> start = Start(sights);
+  if (!start) {
+    out.reason = "no tag of the map is seen in it";
+    return out;
+  }
+  for (Sight& s : sights) s.rejected = Pixels(s, *start, *s.tag->world_from_tag) > kStartPx;
+  const HuberChi2Loss loss(kHuberChi2);
+  ProgressSink silent;
+  const CancelToken never;
+  const double believed = 1;  // corner factor: stated sigmas
+  Rigid3d pano = *start;
+  for (bool again = true; again;) {
+    again = false;
+    BlockSolver solver;
+    const int body = solver.AddPose(pano);
+    std::map<const TagEstimate*, int> tags;
+    const auto unknown_of = [&](const TagEstimate* tag) {
+      const auto [it, fresh] = tags.try_emplace(tag, 0);
+      if (fresh) {
+        it->second = solver.AddPose(*tag->world_from_tag);
+        solver.AddFactor(new PosePriorCost(*tag->world_from_tag, Sigmas(tag->covariance)), nullptr, {it->second});
+      }
+      return it->second;
+    };
+    const int shift = solver.AddNumbers({0});
+    solver.unknowns.back().constant = true;
+    int used = 0;
+    for (const Sight& s : sights) {
+      if (s.rejected) continue;
+      solver.AddFactor(new TagCost(s.sight, s.tag->size_m, s.view_from_pano, &believed), &loss,
+                       {body, unknown_of(s.tag), shift});
+      ++used;
+    }
+    if (used == 0) {
+      out.reason = "the tags seen in it contradict the map";
+      return out;
+    }
+    const int own_tag = unknown_of(&*own);
+    solver.Solve(kIterations, 1, silent, never);
+    solver.Linearise(1, never, true);
+    pano = solver.Pose(body);
+    out.tags = used;
+    out.own_tag = false;
+    out.rejected = static_cast<int>(sights.size()) - used;
+    double square = 0, worst = kGateChi2;
+    Eigen::Matrix3d centres = Eigen::Matrix3d::Zero();
+    Sight* bad = nullptr;
+    for (Sight& s : sights) {
+      if (s.rejected) continue;
+      const Rigid3d tag = solver.Pose(tags.at(s.tag));
+      const Vector8d r = TagResidual(s.sight, s.tag->size_m, s.view_from_pano, pano, tag);
+      square += std::pow(ResidualPx(s.sight, r), 2);
+      out.own_tag |= s.tag == &*own;
+      centres += s.centre / used;
+      if (used > 1 && r.squaredNorm() > worst) worst = r.squaredNorm(), bad = &s;
+    }
+    out.rms_px = std::sqrt(square / used);
+    if (bad != nullptr) {
+      bad->rejected = again = true;
+      continue;
+    }
+    out.offset_m = pano.translation - solver.Pose(own_tag).translation;
+    const int at = solver.Offset(body), of = solver.Offset(own_tag);
+    const Eigen::MatrixXd columns = solver.CovarianceColumns(at + 3, 3);
+    const Eigen::Matrix3d cross = columns.middleRows(of + 3, 3);
+    out.covariance = columns.middleRows(at + 3, 3) - cross - cross.transpose() +
+                     solver.PoseCovariance(own_tag).bottomRightCorner<3, 3>();
+    // Photos of a hand-held set share the error of their rig: it does not average out.
+    const Eigen::Matrix3d turn = pano.rotation.toRotationMatrix();
+    out.covariance += turn * centres * turn.transpose();
+  }
+  const Eigen::Matrix3d stated = out.combined;
+  const Eigen::Vector3d off = *out.offset_m - out.stated_m;
+  out.chi2 = off.dot((out.covariance + stated).ldlt().solve(off));
+  if (!out.Contradicts()) {
+    const Eigen::Matrix3d gain = stated * (out.covariance + stated).inverse();
+    out.combined_m = out.stated_m + gain * off;
+    out.combined = stated - gain * stated;
+  }
+  return out;
+}
+
+void WriteStationOffsets(const std::filesystem::path& file, const std::vector<StationOffset>& offsets,
+                         const std::string& frame) {
+  std::vector<std::string> columns = {"station", "panorama", "tag_id", "status", "reason"};
+  for (const char* what : {"stated", "estimated", "sigma", "combined", "combined_sigma"}) {
+    for (const char* axis : {"east", "north", "up"}) columns.push_back(fmt::format("{}_{}_m", what, axis));
+  }
+  for (const char* c :
+       {"right_m", "out_m", "up_m", "sigma_right_m", "sigma_out_m", "chi2", "tags", "own_tag", "rejected", "rms_px"}) {
+    columns.emplace_back(c);
+  }
+  CsvWriter csv(columns, {"# trigpoint stations 1; frame=" + frame +
+                          "; sigma=1; centre minus the tag's centre; right_m, out_m, up_m: the estimate in the tag's "
+                          "levelled frame"});
+  const auto vector = [&](const Eigen::Vector3d& v) {
+    for (int k = 0; k < 3; ++k) csv.Number(v[k], 4);
+  };
+  const auto sigma = [](const Eigen::Matrix3d& c) { return Eigen::Vector3d(c.diagonal().cwiseMax(0).cwiseSqrt()); };
+  for (const StationOffset& o : offsets) {
+    csv.Text(o.station).Text(o.panorama).Integer(o.tag_id);
+    csv.Text(!o.offset_m ? "unseen" : o.Contradicts() ? "contradicts" : "agrees").Text(o.reason);
+    vector(o.stated_m);
+    if (!o.offset_m) {
+      for (size_t k = 8; k < columns.size(); ++k) csv.Text("");
+      csv.EndRow();
+      continue;
+    }
+    vector(*o.offset_m);
+    vector(sigma(o.covariance));
+    vector(o.combined_m);
+    vector(sigma(o.combined));
+    const Eigen::Matrix3d level = o.world_from_level.transpose();
+    vector(level * *o.offset_m);
+    const Eigen::Vector3d its = sigma(level * o.covariance * level.transpose());
+    csv.Number(its[0], 4).Number(its[1], 4).Number(o.chi2, 2);
+    csv.Integer(o.tags).Integer(o.own_tag ? 1 : 0).Integer(o.rejected).Number(o.rms_px, 3);
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
+}  // namespace trigpoint
