@@ -203,7 +203,7 @@ void WriteStationOffsets(const std::filesystem::path& file, const std::vector<St
        {"right_m", "out_m", "up_m", "sigma_right_m", "sigma_out_m", "chi2", "tags", "own_tag", "rejected", "rms_px"}) {
     columns.emplace_back(c);
   }
-  CsvWriter csv(columns, {"# trigpoint stations 1; frame=" + frame +
+  CsvWriter csv(columns, {"trigpoint stations 1; frame=" + frame +
                           "; sigma=1; centre minus the tag's centre; right_m, out_m, up_m: the estimate in the tag's "
                           "levelled frame"});
   const auto vector = [&](const Eigen::Vector3d& v) {
