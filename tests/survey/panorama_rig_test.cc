@@ -145,6 +145,15 @@ TEST(RigBundle, MovingTheOriginChangesNoPixel) {
   EXPECT_LT((before - after).norm(), 1e-9);
 }
 
+// Photo i of the world as a view, without distortion.
+View ViewOf(const World& w, int i) {
+  View v;
+  v.name = std::to_string(i);
+  v.camera = Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
+  v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(), w.centres[static_cast<size_t>(i)]};
+  return v;
+}
+
 // A rig of half the right size, seeing known points on one side only, as beside a run: what a central treatment makes
 // of it, and what refinement does.
 TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
@@ -155,13 +164,9 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
     RefineRigInput in;
     in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
     for (int i = 0; i < 16; ++i) {
-      View v;
-      v.name = std::to_string(i);
-      v.camera =
-          Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
+      View v = ViewOf(w, i);
       const Eigen::Vector3d off(random.Normal(), random.Normal(), random.Normal());
-      v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(),
-                         0.5 * w.centres[static_cast<size_t>(i)] + 0.004 * off};
+      v.rig_from_view.translation = 0.5 * v.rig_from_view.translation + 0.004 * off;
       in.rig.views.push_back(v);
       in.shape_covariance.block<3, 3>(6 * i + 3, 6 * i + 3) = Eigen::Matrix3d::Identity() * 0.004 * 0.004;
       in.shape_covariance.block<3, 3>(6 * i, 6 * i) = Eigen::Matrix3d::Identity() * 3e-4 * 3e-4;
@@ -210,13 +215,7 @@ TEST(RefineRig, PointsThatAreUncertainInDepthCountForLess) {
     Random random(redraw);
     RefineRigInput in;
     in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
-    for (int i = 0; i < 16; ++i) {
-      View v;
-      v.camera =
-          Camera(CameraModel::kPinhole, kWidth, kHeight, {kFocal, kFocal, 0.5 * (kWidth - 1), 0.5 * (kHeight - 1)});
-      v.rig_from_view = {w.cam_from_world[static_cast<size_t>(i)].conjugate(), w.centres[static_cast<size_t>(i)]};
-      in.rig.views.push_back(v);
-    }
+    for (int i = 0; i < 16; ++i) in.rig.views.push_back(ViewOf(w, i));
     const Eigen::Vector3d run(4, 0, -1);
     for (size_t k = 0; k < w.points.size(); ++k) {
       const Eigen::Vector3d& at = w.points[k];
