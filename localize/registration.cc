@@ -43,6 +43,12 @@ struct PreparedView {
   std::unique_ptr<FeatureGrid> grid;
 };
 
+// An image's features, ready.
+struct PreparedImage {
+  FeatureSet features;
+  DescriptorBlock descriptors;
+};
+
 // Features of an image that carry believed points.
 struct ImagePoint {
   int feature;
@@ -114,6 +120,7 @@ class Registrar {
       // Two passages always: what one shows may stand elsewhere a second time. A third where neither has an answer.
       if (k >= 2 && out.status == AnswerStatus::kLocalized) break;
       job.candidates.clear();
+      job.images.clear();
       for (int image : passages[k]) {
         // The views that the retrieval named, and their neighbours.
         std::set<int> chosen;
@@ -181,7 +188,18 @@ class Registrar {
     std::vector<Candidate> candidates;
     double latest_m;  // points of images after this length of path are not used
     uint64_t seed;
+    // Images of this passage, read once: matching, and every search about a pose and its rival, ask for the same ones.
+    mutable std::map<int, PreparedImage> images = {};
   };
+
+  const PreparedImage& Image(const Job& job, int image) const {
+    const auto [it, fresh] = job.images.try_emplace(image);
+    if (fresh) {
+      it->second.features = input_.image_features(image);
+      it->second.descriptors = DescriptorBlock(it->second.features.descriptors);
+    }
+    return it->second;
+  }
 
   void Prepare(FeatureSet features, int v, Job* job) const {
     PreparedView view;
@@ -336,8 +354,7 @@ class Registrar {
     std::map<int, int> times;  // a point is matched from at most two images: more say the same again
     for (const auto& [image, chosen] : job.candidates) {
       cancel_.ThrowIfCancelled();
-      const FeatureSet features = input_.image_features(image);
-      const DescriptorBlock full(features.descriptors);
+      const DescriptorBlock& full = Image(job, image).descriptors;
       DescriptorBlock block;
       std::vector<ImagePoint> points;
       for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
@@ -529,8 +546,8 @@ class Registrar {
     const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
     for (int image : images) {
       cancel_.ThrowIfCancelled();
-      const FeatureSet features = input_.image_features(image);
-      const DescriptorBlock block(features.descriptors);
+      const FeatureSet& features = Image(job, image).features;
+      const DescriptorBlock& block = Image(job, image).descriptors;
       const Camera& camera =
           input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(image)].camera)].camera;
       for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
