@@ -19,12 +19,21 @@
 namespace trigpoint {
 void SceneView::Parts::BuildErrors() {
   if (model.errors.empty()) return;
-  std::vector<double> lengths;
-  for (const SceneError& e : model.errors) lengths.push_back(e.difference.norm());
-  error_scale = style.error_scale > 0
-                    ? style.error_scale
-                    : std::max(1.0, RoundNumber(0.06 * extent_m / std::max(1e-4, Quantile(lengths, 0.7))));
-  const double k = std::sqrt(ChiSquareQuantile(style.confidence, 3)) * error_scale;
+  const double radius = std::sqrt(ChiSquareQuantile(style.confidence, 3));  // of an ellipsoid, sigmas
+  std::vector<double> lengths, radii;
+  for (const SceneError& e : model.errors) {
+    lengths.push_back(e.difference.norm());
+    if (e.sigma_m && e.sigma_m->allFinite()) radii.push_back(radius * e.sigma_m->maxCoeff());
+  }
+  if (style.error_scale > 0) {
+    error_scale = style.error_scale;
+  } else {
+    // Errors that are seen, in ellipsoids that do not hide the site.
+    double largest = Quantile(lengths, 0.7);
+    if (!radii.empty()) largest = std::max(largest, Quantile(radii, 0.7));
+    error_scale = std::max(1.0, RoundNumber(0.06 * extent_m / std::max(1e-4, largest)));
+  }
+  const double k = radius * error_scale;
   std::vector<std::vector<Eigen::Vector3d>> lines;
   std::vector<Eigen::Vector3d> tips;
   std::set<std::string> with_ellipsoid;

@@ -104,7 +104,9 @@ void ExpectLikeBaseline(const cv::Mat& picture, const std::string& name) {
 
 TEST_F(SceneTest, LooksLikeItsBaselines) {
   const SceneModel model = Ring();
-  SceneView view(model);
+  SceneStyle style;
+  style.error_scale = 20;
+  SceneView view(model, style);
   view.AddTo(window_->renderer());
   window_->Render(960, 640);
   view.LookDown(window_->renderer());
@@ -120,6 +122,15 @@ TEST_F(SceneTest, LooksLikeItsBaselines) {
   view.SetVisible("panoramas", false);
   EXPECT_GT(Difference(Draw(), plan), kThreshold) << "the threshold sees layers that are gone";
   view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, EllipsoidsAreDrawnAtAScaleThatLeavesTheSiteToBeSeen) {
+  SceneModel model = Ring();
+  const double scale = SceneView(model).ErrorScale();
+  EXPECT_GT(scale, 1);
+  for (SceneError& e : model.errors) e.sigma_m = 10 * e.sigma_m.value();
+  EXPECT_LE(SceneView(model).ErrorScale(), scale / 5);
+  EXPECT_GE(SceneView(model).ErrorScale(), 1);
 }
 
 TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
