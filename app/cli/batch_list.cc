@@ -83,13 +83,15 @@ double MedianOf(const BatchResult& r, const char* key) {
   return std::numeric_limits<double>::quiet_NaN();
 }
 
-std::string VerdictOf(const BatchResult& r) {
+std::string TextOf(const BatchResult& r, const char* key) {
   for (const json& stage : r.stages) {
     const json metrics = stage.value("metrics", json::object());
-    if (metrics.contains("verdict")) return metrics["verdict"];
+    if (metrics.contains(key)) return metrics[key];
   }
   return "";
 }
+
+std::string VerdictOf(const BatchResult& r) { return TextOf(r, "verdict"); }
 
 int Count(const std::vector<BatchResult>& results, const std::string& status) {
   return static_cast<int>(
@@ -149,13 +151,14 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
 
 std::string FormatBatch(const std::vector<BatchResult>& results) {
   std::vector<std::vector<std::string>> lines{
-      {"project", "status", "exit", "median m", "gate", "time", "memory MiB", "error"}};
+      {"project", "status", "exit", "median m", "against", "gate", "time", "memory MiB", "error"}};
   for (const BatchResult& r : results) {
     const double median = MedianOf(r, "median_m");
     std::string error = r.error;
     std::replace(error.begin(), error.end(), '|', '/');
     lines.push_back({r.entry.name, r.status, std::to_string(r.exit_code),
-                     std::isfinite(median) ? fmt::format("{:.3f}", median) : "-", VerdictOf(r), DurationText(r.seconds),
+                     std::isfinite(median) ? fmt::format("{:.3f}", median) : "-", TextOf(r, "median_against"),
+                     VerdictOf(r), DurationText(r.seconds),
                      fmt::format("{:.0f}", static_cast<double>(r.peak_memory_bytes) / (1 << 20)), error});
   }
   return AlignMarkdown(lines) + "\n" + Counts(results) + "\n";

@@ -285,6 +285,7 @@ void ScoreTruth(const EvaluateStageOptions& options, const std::vector<Evaluated
 void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gates, const std::string& variant,
                 nlohmann::json* metrics) {
   nlohmann::json groups = nlohmann::json::array();
+  int best = 0;
   for (const GroupSummary& group : evaluation.groups) {
     nlohmann::json entry = {{"variant", group.group.variant},
                             {"method", group.group.method},
@@ -294,10 +295,14 @@ void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gat
                             {"answers", group.answers},
                             {"median_m", nullptr}};
     if (group.error_3d.median) entry["median_m"] = *group.error_3d.median;
-    // The number a user looks for first: our own answers against the run's own tags, else the first there is.
-    if (group.error_3d.median && group.group.variant == variant && group.group.method != "g1" &&
-        (!metrics->contains("median_m") || group.group.reference == "self")) {
+    // The one number that status and batch show: our own answers against a reference that shares nothing with them,
+    // else against the run's own tags, else the first there is; never the more flattering where there is a better one.
+    const bool independent = group.group.kind == "absolute" && !group.group.shares_evidence;
+    const int rank = independent ? 3 : group.group.reference == "self" ? 2 : 1;
+    if (group.error_3d.median && group.group.variant == variant && group.group.method != "g1" && rank > best) {
+      best = rank;
       (*metrics)["median_m"] = *group.error_3d.median;
+      (*metrics)["median_against"] = group.group.reference + ", " + group.group.kind;
     }
     groups.push_back(std::move(entry));
   }
@@ -380,7 +385,7 @@ StageInfo EvaluateStage() {
     auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     AddProjectGates(project, &options.gates);
     StageRequest request;
-    request.version = 3;
+    request.version = 4;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);
