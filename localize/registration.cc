@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -101,6 +102,13 @@ class Registrar {
       const size_t n = centres_.size();
       travelled_.push_back(n < 2 ? 0 : travelled_.back() + (centres_[n - 1] - centres_[n - 2]).norm());
     }
+    std::array<std::vector<double>, 2> scores;
+    for (const auto& hits : retrieval.of_image) {
+      for (const Retrieval::Hit& h : hits) {
+        scores[OfSet(input.references[static_cast<size_t>(h.reference)]) ? 1 : 0].push_back(h.score);
+      }
+    }
+    for (size_t kind = 0; kind < 2; ++kind) typical_[kind] = Median(std::move(scores[kind]));
   }
 
   Registration Run(int reference) const {
@@ -237,7 +245,7 @@ class Registrar {
     // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at once
     // fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by chance:
     // a score counts by how far it stands out, or the stretch with the most images would win.
-    const double typical = TypicalScore(reference);
+    const double typical = typical_[OfSet(input_.references[static_cast<size_t>(reference)]) ? 1 : 0];
     while (!scored.empty() && static_cast<int>(passages.size()) < kPassages) {
       double best_sum = -1, begin = 0;
       for (const auto& [score, image] : scored) {
@@ -269,18 +277,6 @@ class Registrar {
       if (static_cast<int>(kept.size()) >= most) break;
     }
     return kept;
-  }
-
-  // The median score of what is listed for the images, of references of the same kind.
-  double TypicalScore(int reference) const {
-    const bool set = OfSet(input_.references[static_cast<size_t>(reference)]);
-    std::vector<double> scores;
-    for (const auto& hits : retrieval_.of_image) {
-      for (const Retrieval::Hit& h : hits) {
-        if (OfSet(input_.references[static_cast<size_t>(h.reference)]) == set) scores.push_back(h.score);
-      }
-    }
-    return Median(std::move(scores));
   }
 
   std::vector<Rigid3d> ViewFromRig(const ViewRig& rig) const {
@@ -859,6 +855,7 @@ class Registrar {
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;
   std::vector<double> travelled_;  // path length up to each image, m
+  std::array<double, 2> typical_;  // median score of what is listed for the images: others, hand-held sets
 };
 
 }  // namespace
@@ -902,10 +899,11 @@ Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& opti
     index.Add(DescriptorBlock(input.view_features(r, v).descriptors));
   }
   index.Finish();
+  const bool with_sets = !paper && std::any_of(input.references.begin(), input.references.end(), OfSet);
   progress.Begin("retrieval", static_cast<int64_t>(input.images.size()));
   ParallelFor(static_cast<int64_t>(input.images.size()), threads, cancel, [&](int64_t i) {
     const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
-    const std::vector<RetrievalHit> ranked = index.Query(block, index.size());
+    const std::vector<RetrievalHit> ranked = index.Query(block, with_sets ? index.size() : options.top_k);
     std::vector<Retrieval::Hit>& hits = result.of_image[static_cast<size_t>(i)];
     std::vector<Retrieval::Hit> sets;
     // A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
@@ -917,14 +915,12 @@ Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& opti
     for (const RetrievalHit& hit : ranked) {
       const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
       const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
-      if (paper || !OfSet(reference)) {
-        if (++alone <= options.top_k) hits.push_back({r, v, hit.score});
-      }
-      if (static_cast<int>(views_of.size()) > options.top_k) continue;
+      if ((paper || !OfSet(reference)) && ++alone <= options.top_k) hits.push_back({r, v, hit.score});
+      if (!with_sets || static_cast<int>(views_of.size()) > options.top_k) continue;
       const int place = reference.set < 0 ? r : -1 - reference.set;
       const auto [views, fresh] = views_of.try_emplace(place, 0);
       if (fresh) floor = hit.score;
-      if (!paper && OfSet(reference) && ++views->second <= kViewsOfSet) sets.push_back({r, v, hit.score});
+      if (OfSet(reference) && ++views->second <= kViewsOfSet) sets.push_back({r, v, hit.score});
     }
     for (Retrieval::Hit& hit : sets) {
       if (hit.score > floor) hits.push_back({hit.reference, hit.view, hit.score - floor});
