@@ -155,8 +155,9 @@ bool InAnotherFrame(const EstimateReport& r) {
   return r.aligned_rmse_m && *r.rmse_m > 1 && *r.aligned_rmse_m < 0.2 * *r.rmse_m;
 }
 
-// A clock that is off moves an estimate along its path, and so does a frame that is. With the frame as it stands the
-// clock is found on any path; where a rigid fit at every offset tells the two apart and contradicts, it is right.
+// A clock that is off moves an estimate along its path, and so does a frame that is. A rigid fit at every offset tells
+// the two apart where the path bends; with the frame as it stands the clock is found on any path, as well as the
+// reference lies there. Where they agree the surer one is taken; where they don't, the fit is right.
 struct ClockFinding {
   std::optional<ClockOffset> offset;
   bool or_shifted = false;  // the path does not tell it from a shift
@@ -165,25 +166,22 @@ ClockFinding FindClock(const PoseSequence& truth, const PoseSequence& said, doub
                        double reference_axis_m) {
   ClockFinding found;
   found.offset = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kSE3);
-  if (!fit_first) {
-    const auto as_it_is = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kNone);
-    const auto& fitted = found.offset;
-    if (as_it_is && (!fitted || std::abs(as_it_is->offset_s - fitted->offset_s) <
-                                    3 * std::hypot(as_it_is->sigma_s, fitted->sigma_s))) {
-      found.or_shifted = !fitted || std::abs(as_it_is->offset_s) < 3 * fitted->sigma_s;
-      found.offset = as_it_is;
-    }
-  }
-  // The reference may be off by its sigma all along the path, which looks like a clock that is off.
+  if (fit_first) return found;
+  std::optional<ClockOffset> as_it_is = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kNone);
   double path = 0;
   for (size_t i = 1; i < truth.poses.size(); ++i) {
     path += (truth.poses[i].translation - truth.poses[i - 1].translation).norm();
   }
-  if (found.offset && path > 0) {
-    const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;
-    ClockOffset& offset = *found.offset;
-    offset.sigma_s = std::hypot(offset.sigma_s, reference_axis_m * seconds / path);
-    offset.significant = offset.significant && std::abs(offset.offset_s) > 3 * offset.sigma_s;
+  if (!as_it_is || path <= 0) return found;
+  // The reference may be off by its sigma all along the path, which looks like a clock that is off.
+  const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;
+  as_it_is->sigma_s = std::hypot(as_it_is->sigma_s, reference_axis_m * seconds / path);
+  as_it_is->significant = as_it_is->significant && std::abs(as_it_is->offset_s) > 3 * as_it_is->sigma_s;
+  const std::optional<ClockOffset>& fitted = found.offset;
+  if (!fitted || (as_it_is->sigma_s < fitted->sigma_s && std::abs(as_it_is->offset_s - fitted->offset_s) <
+                                                             3 * std::hypot(as_it_is->sigma_s, fitted->sigma_s))) {
+    found.or_shifted = !fitted || std::abs(as_it_is->offset_s) < 3 * fitted->sigma_s;
+    found.offset = as_it_is;
   }
   return found;
 }

@@ -79,27 +79,41 @@ FileHashes::FileHashes(std::filesystem::path root, std::filesystem::path store)
   }
 }
 
-std::string FileHashes::Of(const std::filesystem::path& file) {
+FileHashes::Entry FileHashes::StatusOf(const std::filesystem::path& file) {
   struct stat info {};
   if (stat(file.c_str(), &info) != 0) throw IoErrorFor(file, "read", errno);
-  const auto size = static_cast<uintmax_t>(info.st_size);
-  const int64_t mtime_ns = int64_t{info.st_mtim.tv_sec} * 1'000'000'000 + info.st_mtim.tv_nsec;
-  const std::string key = RelativeTo(root_, file);
+  return {
+      static_cast<uintmax_t>(info.st_size), int64_t{info.st_mtim.tv_sec} * 1'000'000'000 + info.st_mtim.tv_nsec, {}};
+}
+
+std::string FileHashes::Of(const std::filesystem::path& file) {
+  Entry entry = StatusOf(file);
   {
     const std::lock_guard lock(mutex_);
-    const auto it = entries_.find(key);
-    if (it != entries_.end() && it->second.size == size && it->second.mtime_ns == mtime_ns) return it->second.sha256;
+    const auto it = entries_.find(RelativeTo(root_, file));
+    if (it != entries_.end() && it->second.size == entry.size && it->second.mtime_ns == entry.mtime_ns) {
+      return it->second.sha256;
+    }
   }
-  const std::string sha256 = Sha256OfFile(file);
+  entry.sha256 = Sha256OfFile(file);
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   const int64_t now_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
-  // A line holds one entry, so a name with a line feed is not kept.
-  if (now_ns - mtime_ns > 2'000'000'000 && key.find('\n') == std::string::npos) {
-    const std::lock_guard lock(mutex_);
-    entries_[key] = {size, mtime_ns, sha256};
-    changed_ = true;
-  }
-  return sha256;
+  if (now_ns - entry.mtime_ns > 2'000'000'000) Keep(file, entry);
+  return entry.sha256;
+}
+
+void FileHashes::Keep(const std::filesystem::path& file, const std::string& sha256) {
+  Entry entry = StatusOf(file);
+  entry.sha256 = sha256;
+  Keep(file, entry);
+}
+
+void FileHashes::Keep(const std::filesystem::path& file, const Entry& entry) {
+  const std::string key = RelativeTo(root_, file);
+  if (key.find('\n') != std::string::npos) return;  // a line of the store holds one entry
+  const std::lock_guard lock(mutex_);
+  entries_[key] = entry;
+  changed_ = true;
 }
 
 void FileHashes::Save() {

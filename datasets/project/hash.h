@@ -14,8 +14,8 @@ std::string Sha256(std::string_view text);
 // Throws IoError naming the file.
 std::string Sha256OfFile(const std::filesystem::path& file);
 
-// Hashes of files by path, size and modification time. Thread safe. A file changed within the last two seconds
-// is hashed again next time, since a later change could leave size and time as they are.
+// Hashes of files by path, size and modification time. Thread safe. A file that `Of` finds changed within the last two
+// seconds is hashed again next time, since a later change could leave size and time as they are.
 class FileHashes {
  public:
   // `root`: paths below it are stored relative to it, so that a folder can be moved. Loads `store` if it is there; a
@@ -24,6 +24,8 @@ class FileHashes {
 
   // Throws IoError naming the file.
   std::string Of(const std::filesystem::path& file);
+  // For a file that was just written with a known content.
+  void Keep(const std::filesystem::path& file, const std::string& sha256);
   // Writes the store if something was added. Without a place to write to, the cache is just not kept.
   void Save();
 
@@ -33,6 +35,9 @@ class FileHashes {
     int64_t mtime_ns = 0;
     std::string sha256;
   };
+  static Entry StatusOf(const std::filesystem::path& file);
+  void Keep(const std::filesystem::path& file, const Entry& entry);
+
   std::filesystem::path root_, store_;
   std::mutex mutex_;
   std::map<std::string, Entry> entries_;

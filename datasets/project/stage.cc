@@ -97,17 +97,20 @@ std::string Identity(const StageRequest& request, uint64_t seed, const json& inp
                           {"inputs", inputs}}));
 }
 
-bool IsComplete(const json& manifest, const fs::path& dir) {
-  std::error_code ignored;
+// Files of a result that are gone or no longer what was written.
+std::vector<std::string> ChangedFiles(const Project& project, const json& manifest, const fs::path& dir) {
+  std::vector<std::string> changed;
   const json files = manifest.value("files", json::object());
   for (const auto& [file, hash] : files.items()) {
-    if (!fs::exists(dir / file, ignored)) return false;
+    std::error_code ignored;
+    if (!fs::exists(dir / file, ignored) || hash != project.hashes().Of(dir / file)) changed.push_back(file);
   }
-  return manifest.value("status", "") == "done";
+  return changed;
 }
 
-bool IsUpToDate(const std::optional<json>& manifest, const fs::path& dir, const std::string& identity) {
-  return manifest && manifest->value("identity", "") == identity && IsComplete(*manifest, dir);
+// Made of the same, with success; its files may have changed since.
+bool IsOf(const std::optional<json>& manifest, const std::string& identity) {
+  return manifest && manifest->value("identity", "") == identity && manifest->value("status", "") == "done";
 }
 
 // CPU seconds of this process and of the programs it has run.
@@ -263,6 +266,8 @@ class Attempt {
       fs::remove_all(temporary_, failure);
       throw;
     }
+    for (const auto& [file, hash] : manifest_["files"].items()) project_.hashes().Keep(dir_ / file, hash);
+    project_.hashes().Save();
     fs::remove_all(Beside(dir_, kFailedPrefix), failure);
     return manifest_;
   }
@@ -319,9 +324,15 @@ StageOutcome RunStage(const Project& project, const StageRequest& request, int t
   CallTranslated([&] { inputs = HashInputs(project, request, threads, cancel); });
   project.hashes().Save();
   const std::string identity = Identity(request, seed, inputs);
-  if (const auto manifest = ReadManifestIn(outcome.dir); IsUpToDate(manifest, outcome.dir, identity)) {
-    outcome.manifest = *manifest;
-    return outcome;
+  if (const auto old = ReadManifestIn(outcome.dir); IsOf(old, identity)) {
+    std::vector<std::string> changed;
+    CallTranslated([&] { changed = ChangedFiles(project, *old, outcome.dir); });
+    if (changed.empty()) {
+      outcome.manifest = *old;
+      return outcome;
+    }
+    progress.Log(LogLevel::kWarning, fmt::format("{} is not what was written there any more; {} is computed again",
+                                                 RelativeTo(project.dir(), outcome.dir / changed.front()), title));
   }
   const json manifest = {{"schema", kManifestSchema},
                          {"stage", request.stage},
@@ -353,7 +364,7 @@ StageState StateOf(const Project& project, const StageRequest& request, uint64_t
   const auto failure = ReadManifestIn(Beside(dir, kFailedPrefix));
   if (!manifest && !failure) return StageState::kMissing;
   const std::string identity = Identity(request, seed, HashInputs(project, request, 0, CancelToken()));
-  if (IsUpToDate(manifest, dir, identity)) return StageState::kDone;
+  if (IsOf(manifest, identity) && ChangedFiles(project, *manifest, dir).empty()) return StageState::kDone;
   if (failure && failure->value("identity", "") == identity) return StageState::kFailed;
   return manifest ? StageState::kOutOfDate : StageState::kMissing;
 }

@@ -127,6 +127,7 @@ TEST_F(StageTest, EachPartOfTheIdentityCounts) {
       {"another input", [&] { request_.inputs.push_back(folder_ / "later.csv"); }},
       {"input that comes to be", [&] { folder_.Write("later.csv", "x"); }},
       {"artefact lost", [&] { fs::remove(Result() / "result.txt"); }},
+      {"artefact changed", [&] { std::ofstream(Result() / "result.txt") << "edited"; }},
   };
   Run();
   for (const auto& [what, change] : kChanges) {
