@@ -88,7 +88,7 @@ StageInfo ReportStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<ReportOptions>(project, "report", target);
     StageRequest request;
-    request.version = 3;
+    request.version = 4;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

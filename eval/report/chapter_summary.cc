@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <tuple>
 
@@ -288,7 +289,13 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
         "worst_cells",
         "Where to look first: the largest differences, those beyond a gate or a 99.9 % bound of their own sigmas "
         "before the others. NEES / dof: squared error in its own sigmas, 1 on average where these are right.",
-        {{"station"}, {"run"}, {"method"}, {"against"}, {"3D (" + c.unit.name + ")", true}, {"NEES / dof", true}},
+        {{"station"},
+         {"panorama"},
+         {"run"},
+         {"method"},
+         {"against"},
+         {"3D (" + c.unit.name + ")", true},
+         {"NEES / dof", true}},
         {}};
     for (size_t i = 0; i < std::min<size_t>(8, worst.size()); ++i) {
       const ErrorRecord& e = *worst[i];
@@ -297,6 +304,7 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
       TableCell nees;
       if (e.nees && e.dof > 0) nees = {fmt::format("{:.1f}", *e.nees / e.dof), *e.nees / e.dof};
       table.rows.push_back({station,
+                            {std::filesystem::path(e.panorama).filename().string()},
                             {c.RunName(e.run, e.variant)},
                             {e.method},
                             {e.reference + ", " + e.kind},

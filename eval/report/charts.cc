@@ -76,7 +76,7 @@ class Plot {
   // `bottom`: room for what stands below the frame.
   Plot(Axis x, Axis y, double frame_height, double bottom, const std::vector<std::string>& names)
       : x_(std::move(x)), y_(std::move(y)) {
-    right_ = drawing_.width - 14;
+    right_ = drawing_.width - 24;  // half of the last tick's label stands beyond it
     Legend(names);
     bottom_ = top_ + frame_height;
     drawing_.height = bottom_ + bottom;

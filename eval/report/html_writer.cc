@@ -36,7 +36,7 @@ figure svg{display:block;width:100%;min-width:34rem;max-width:60rem;height:auto;
 figure img{display:block;max-width:100%;height:auto;margin:0 auto;cursor:zoom-in}
 figure.large img{max-width:none;cursor:zoom-out}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;overflow-wrap:anywhere}
-.table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:40rem;overflow-y:auto}
+.table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:max(40rem,85vh);overflow-y:auto}
 .cap{font-size:.9rem;color:var(--soft);margin:1rem 0 .3rem;max-width:52rem;overflow-wrap:anywhere}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}
 th,td{padding:.32rem .55rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}

@@ -69,7 +69,7 @@ void SceneView::Parts::BuildGround() {
   const auto [low, high] = model.Bounds();
   const double z = model.ground_z + 0.02;
   const double margin = 0.03 * extent_m + 0.5;
-  // Scale bar along the southern edge: four parts, dark and light.
+  // Scale bar along the southern edge: four parts, dark and light, framed to be seen on any ground.
   const double length = RoundNumber(0.3 * extent_m), height = 0.012 * extent_m;
   const Eigen::Vector3d corner(low.x(), low.y() - margin, z);
   for (int part = 0; part < 4; ++part) {
@@ -80,6 +80,10 @@ void SceneView::Parts::BuildGround() {
                                    {x, corner.y() + height, z}}),
                           part % 2 == 0 ? kBlack : kWhite, 1));
   }
+  Add("axes",
+      FlatActor(Lines({{corner, corner + Eigen::Vector3d(length, 0, 0), corner + Eigen::Vector3d(length, height, 0),
+                        corner + Eigen::Vector3d(0, height, 0), corner}}),
+                kBlack, 2));
   Add("axes", Label(ShortNumber(length) + " m", corner + Eigen::Vector3d(length, 1.2 * height, 0), style.text_px));
   // Axes beside it; in site ENU they are east, north, up.
   const double arm = 0.09 * extent_m;
@@ -97,6 +101,8 @@ void SceneView::Parts::BuildGround() {
   // Two halves, dark and light, as on a chart.
   Add("axes", FlatActor(Polygon({foot - wide, foot + 0.35 * arm * north, foot + 1.6 * arm * north}), kBlack, 1));
   Add("axes", FlatActor(Polygon({foot + wide, foot + 1.6 * arm * north, foot + 0.35 * arm * north}), kWhite, 1));
+  Add("axes",
+      FlatActor(Lines({{foot + wide, foot + 1.6 * arm * north, foot + 0.35 * arm * north, foot + wide}}), kBlack, 2));
   Add("axes", Label("N", foot + Eigen::Vector3d(0, 1.65 * arm, 0), 1.2 * style.text_px));
 }
 
