@@ -32,8 +32,9 @@ std::string Cut(std::string text, size_t width) {
   return text;
 }
 
+// "0.17", "8 min", "12 of 14"; not a sentence that begins with a number.
 bool LooksLikeNumber(const std::string& text) {
-  return !text.empty() &&
+  return !text.empty() && std::count(text.begin(), text.end(), ' ') <= 2 &&
          (std::isdigit(static_cast<unsigned char>(text.front())) != 0 || (text.size() > 1 && text.front() == '-'));
 }
 
