@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <mutex>
+#include <opencv2/imgproc.hpp>
 #include <tuple>
 
 #include "calib/base/error.h"
@@ -24,15 +25,19 @@ class Detector {
       : options_(options), family_(options.family), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
     apriltag_detector_add_family(detector_.get(), family_.get());
     detector_->nthreads = 1;
-    detector_->quad_decimate = static_cast<float>(options.quad_decimate);
+    detector_->quad_decimate = static_cast<float>(std::max(1.0, options.quad_decimate));
     detector_->quad_sigma = static_cast<float>(options.quad_sigma);
   }
 
   ImageTags Detect(const cv::Mat& grey, const Camera* camera, int64_t* refused) {
     ImageTags out;
     out.usable = true;
+    // The library only shrinks pictures. Enlarged ones show it edges of tags that are a few pixels wide.
+    const double enlarged = 1 / std::min(1.0, options_.quad_decimate);
+    cv::Mat searched = grey;
+    if (enlarged > 1) cv::resize(grey, searched, {}, enlarged, enlarged, cv::INTER_CUBIC);
     // The library works on the picture's own memory and does not write to it.
-    image_u8_t image{grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
+    image_u8_t image{searched.cols, searched.rows, static_cast<int32_t>(searched.step[0]), searched.data};
     const std::unique_ptr<zarray_t, void (*)(zarray_t*)> found(apriltag_detector_detect(detector_.get(), &image),
                                                                apriltag_detections_destroy);
     for (int i = 0; i < zarray_size(found.get()); ++i) {
@@ -44,7 +49,9 @@ class Detector {
       tag.hamming = d->hamming;
       tag.margin = d->decision_margin;
       double side = 1e300;
-      for (int k = 0; k < 4; ++k) tag.corners[k] = FromAprilTagPixel({d->p[k][0], d->p[k][1]});
+      for (int k = 0; k < 4; ++k) {
+        tag.corners[k] = FromAprilTagPixel(Eigen::Vector2d(d->p[k][0], d->p[k][1]) / enlarged);
+      }
       for (int k = 0; k < 4; ++k) side = std::min(side, (tag.corners[(k + 1) % 4] - tag.corners[k]).norm());
       tag.corner_sigma_px.fill(options_.raw_sigma_px * std::max(1.0, options_.quad_decimate));
       if (tag.hamming > std::min(options_.max_hamming, family_.Correctable()) || tag.margin < options_.min_margin ||

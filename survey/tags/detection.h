@@ -35,7 +35,8 @@ Eigen::Vector3d TagCorner(double size_m, int k);
 
 struct DetectTagsOptions {
   std::string family = "tag36h11";
-  double quad_decimate = 1;   // pictures are searched at 1 / this size; 2 is four times faster and misses small tags
+  // Pictures are searched at 1 / this size: 2 is four times faster and misses small tags, 0.5 finds smaller ones.
+  double quad_decimate = 1;
   double quad_sigma = 0;      // Gaussian blur before the search, px; helps noisy pictures
   int max_hamming = 2;        // more corrected bits than this are not believed; fewer for weak families
   double min_margin = 10;     // decision margin below which a detection is not believed, grey values
@@ -45,8 +46,8 @@ struct DetectTagsOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.family, {"family", "", 0, 0, "tag family: tag36h11, tag25h9, tag16h5, tagStandard41h12, ..."});
-    visit(self.quad_decimate,
-          {"quad_decimate", "", 1.0, 8.0, "search at 1 / this size (2: faster, misses small tags)"});
+    visit(self.quad_decimate, {"quad_decimate", "", 0.25, 8.0,
+                               "search at 1 / this size (2: faster, misses small tags; 0.5: finds smaller)"});
     visit(self.quad_sigma, {"quad_sigma", "px", 0.0, 5.0, "blur before the search"});
     visit(self.max_hamming,
           {"max_hamming", "", 0, 2, "most corrected bits of a tag that is believed; weak families: fewer"});
