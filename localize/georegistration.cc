@@ -81,7 +81,26 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   std::vector<double> w_position(n, 1), w_attitude(n, 1);
   const double tilt_sigma = (levelled ? 0.05 : options.tilt_sigma_deg) * kDegToRad;
 
+  const bool heights =
+      std::any_of(obs.begin(), obs.end(), [](const GeoObservation& o) { return o.has_position && o.has_height; });
+
   const auto prior = [&](const Sim3d& s, Matrix7d* h, Vector7d* g) {
+    if (!heights) {
+      Eigen::Matrix<double, 1, 7> j = Eigen::Matrix<double, 1, 7>::Zero();
+      double r = 0;
+      for (const GeoObservation& o : obs) {
+        if (!o.has_position) continue;
+        const Rows rows = Evaluate(o, s);
+        j += rows.j.row(2);
+        r += rows.r(2);
+      }
+      // Divided by their number on both sides: the mean has this sigma, however many there are.
+      if (const double places = j(5); places > 0) {
+        const double w = std::pow(1 / (places * kUnknownHeightSigma), 2);
+        *h += w * j.transpose() * j;
+        *g += w * j.transpose() * r;
+      }
+    }
     // Tilt of the odometry frame: the world's up seen in it, x and y.
     const Eigen::Matrix3d rot = s.rotation.toRotationMatrix();
     const Eigen::Vector3d up = rot.transpose() * Eigen::Vector3d::UnitZ();

@@ -33,7 +33,7 @@ struct GeoRegistrationOptions {
 // A place in the run's frame with what is said about it in the world.
 struct GeoObservation {
   Rigid3d odom_from_rig;     // rotation is used only with has_attitude parts
-  Eigen::Vector3d position;  // said, world (ENU), m
+  Eigen::Vector3d position;  // said, world (ENU), m; without a height z is what is assumed
   bool has_position = true;
   bool has_height = true;
   bool has_heading = false;
@@ -58,7 +58,8 @@ struct GeoRegistration {
 
 // Robust generalised least squares. `odom_covariance` (6n x 6n): of the places' odom_from_rig (left tangent, odom
 // axes), jointly. Gauge: none left where attitudes or three places that are not on a line are given; else the tilt and
-// scale priors. scale prior: 1 +- scale_sigma relative to `odometry_scale` already applied in the run's frame.
+// scale priors. scale prior: 1 +- scale_sigma relative to `odometry_scale` already applied in the run's frame. Where
+// nothing says a height, the mean of the assumed ones stands in, +- kUnknownHeightSigma.
 GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& observations, const Eigen::MatrixXd& odom_covariance,
                                 double scale_prior, double scale_sigma, bool levelled,
                                 const GeoRegistrationOptions& options);

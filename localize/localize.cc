@@ -187,6 +187,7 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
       o.odom_from_rig = p.poses[static_cast<size_t>(joint.pose_of_reference[i])].Inverse();
       o.has_position = tag.has_position;
       if (tag.has_position) o.position = input.frame.EnuFromGeodetic(tag.position);
+      if (!tag.has_height) o.position.z() = 0;  // the site's origin is the best guess
       o.has_height = tag.has_height;
       o.has_heading = tag.has_heading;
       o.has_tilt = tag.has_tilt;
@@ -210,6 +211,8 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
       o.odom_from_rig = p.poses[static_cast<size_t>(g.pose)].Inverse();
       o.odom_from_rig.translation = o.odom_from_rig * g.arm_m;
       o.position = g.position;
+      o.has_height = g.sigma_v_m < kUnknownHeightSigma;
+      if (!o.has_height) o.position.z() = 0;
       o.sigma_h_m = g.sigma_h_m, o.sigma_v_m = g.sigma_v_m;
       e.observations.push_back(o);
       e.poses.push_back(g.pose);

@@ -86,7 +86,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 4;
+    request.version = 5;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -123,6 +123,12 @@ StageInfo LocalizeStage() {
                                            context.cancel, refine);
       if (!result.on_earth)
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
+      // Half of it: a height that one of many GPS fixes has is known.
+      if (result.on_earth && std::sqrt(result.geo.covariance(5, 5)) > 0.5 * kUnknownHeightSigma)
+        context.progress.Log(
+            LogLevel::kWarning,
+            "no geotag says a height: heights are counted from the site's origin, as if the references "
+            "lay there, and are not known (1 sigma 10 km)");
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, result));

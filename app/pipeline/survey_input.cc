@@ -153,8 +153,10 @@ void AddGeotags(const Project& project, SurveyJob* job) {
       p.offset_m = station.offset_m;
       p.offset_in_tag_frame = station.in_tag_frame;
       p.world_m = project.frame().EnuFromGeodetic(reference.geotag.position);
+      if (!reference.geotag.has_height) p.world_m.z() = 0;  // the site's origin is the best guess
       p.sigma_h_m = std::hypot(reference.geotag.sigma_h_m, station.sigma_m);
-      p.sigma_v_m = reference.geotag.has_height ? std::hypot(reference.geotag.sigma_v_m, station.sigma_m) : 100;
+      p.sigma_v_m =
+          reference.geotag.has_height ? std::hypot(reference.geotag.sigma_v_m, station.sigma_m) : kUnknownHeightSigma;
       job->input.points.push_back(p);
     }
   }

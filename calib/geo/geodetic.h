@@ -15,6 +15,9 @@ struct Geodetic {
   double height_m = 0;
 };
 
+// 1 sigma of a height that nobody told, m.
+inline constexpr double kUnknownHeightSigma = 1e4;
+
 Eigen::Vector3d EcefFromGeodetic(const Geodetic& g);
 Geodetic GeodeticFromEcef(const Eigen::Vector3d& ecef);
 

@@ -92,6 +92,24 @@ TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
   EXPECT_LT(mean, 7 + 2.6 * std::sqrt(2 * 7.0 / kRedraws));
 }
 
+TEST(GeoRegistration, AHeightThatNobodyTellsIsAssumedAndUnknown) {
+  Site site = MakeSite(3, 0);
+  for (GeoObservation& o : site.observations) o.has_height = false, o.position.z() = 100;
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_NEAR(std::sqrt(geo.covariance(5, 5)), kUnknownHeightSigma, 0.01 * kUnknownHeightSigma);
+  double mean = 0;
+  for (const GeoObservation& o : site.observations) mean += (geo.world_from_odom * o.odom_from_rig.translation).z() / 8;
+  EXPECT_NEAR(mean, 100, 1);
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (const int k : {0, 1, 2, 3, 4, 6}) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
+  // One height is enough.
+  site.observations[2].has_height = true;
+  const GeoRegistration one = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(one.solved) << one.reason;
+  EXPECT_LT(std::sqrt(one.covariance(5, 5)), 1);
+}
+
 TEST(GeoRegistration, SaysWhyNot) {
   const GeoRegistration none = RegisterToEarth({}, Eigen::MatrixXd(), 1, 0.01, false, {});
   EXPECT_FALSE(none.solved);
