@@ -48,5 +48,16 @@ if(TARGET trigpoint-desktop)
   install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION share/doc/trigpoint-desktop RENAME copyright
           COMPONENT desktop)
 endif()
+install(CODE "execute_process(COMMAND gzip -9nc \"${PROJECT_SOURCE_DIR}/cmake/changelog\"
+                              OUTPUT_FILE \"${PROJECT_BINARY_DIR}/changelog.gz\" COMMAND_ERROR_IS_FATAL ANY)" ALL_COMPONENTS)
+install(FILES ${PROJECT_BINARY_DIR}/changelog.gz DESTINATION share/doc/trigpoint)
+install(FILES ${PROJECT_BINARY_DIR}/changelog.gz DESTINATION share/doc/trigpoint-dev COMPONENT dev)
+if(TARGET trigpoint-desktop)
+  install(FILES ${PROJECT_BINARY_DIR}/changelog.gz DESTINATION share/doc/trigpoint-desktop COMPONENT desktop)
+  install(CODE "execute_process(COMMAND gzip -9nc \"${PROJECT_SOURCE_DIR}/app/desktop/trigpoint-desktop.1\"
+                                OUTPUT_FILE \"${PROJECT_BINARY_DIR}/trigpoint-desktop.1.gz\" COMMAND_ERROR_IS_FATAL ANY)"
+          COMPONENT desktop)
+  install(FILES ${PROJECT_BINARY_DIR}/trigpoint-desktop.1.gz DESTINATION share/man/man1 COMPONENT desktop)
+endif()
 install(FILES ${PROJECT_SOURCE_DIR}/NOTICE ${PROJECT_SOURCE_DIR}/README.md DESTINATION share/doc/trigpoint)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/ DESTINATION share/doc/trigpoint/docs)
