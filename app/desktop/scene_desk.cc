@@ -8,8 +8,10 @@
 #include <vtkObjectFactory.h>
 #include <vtkRenderWindowInteractor.h>
 
+#include <QApplication>
 #include <QCheckBox>
 #include <QComboBox>
+#include <QElapsedTimer>
 #include <QEvent>
 #include <QFileDialog>
 #include <QHBoxLayout>
@@ -296,7 +298,6 @@ void SceneDesk::Load() {
     vtk_->highlighted.clear();
     vtk_->HideSky();
     if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
-    vtk_->resting.clear();
     vtk_->view.reset();
     vtk_->scene.reset();
   };
@@ -575,17 +576,22 @@ void SceneDesk::StepOutside() {
   SetMode(mode_->currentData().toString());
 }
 
-int SceneDesk::Turn(int steps) {
-  if (!vtk_->view) return 0;
+std::vector<double> SceneDesk::Turn(int steps) {
+  std::vector<double> frames_ms;
+  if (!vtk_->view) return frames_ms;
   vtk_->DrawMoving(true);
   for (int i = 0; i < steps; ++i) {
+    QElapsedTimer timer;
+    timer.start();
     vtk_->renderer->GetActiveCamera()->Azimuth(2);
     vtk_->renderer->ResetCameraClippingRange();
     vtk_->window->Render();
+    QApplication::processEvents(QEventLoop::ExcludeUserInputEvents);  // until the widget shows it
+    frames_ms.push_back(1e-6 * static_cast<double>(timer.nsecsElapsed()));
   }
   vtk_->DrawMoving(false);
   Render();
-  return steps;
+  return frames_ms;
 }
 
 void SceneDesk::SetMode(const QString& mode) {

@@ -40,8 +40,8 @@ class SceneDesk : public QWidget {
   bool StepInside(const QString& panorama);
   void StepOutside();
   bool inside() const;
-  // Turns the view in steps, as dragging does, and draws each; returns how many were drawn.
-  int Turn(int steps);
+  // Turns the view in steps, as dragging does, and shows each; returns the milliseconds of each.
+  std::vector<double> Turn(int steps);
   // One run's alone if `run` isn't empty.
   void ShowVariant(const QString& variant, const QString& run = {});
   // Both views are turned and moved together from now on.

@@ -19,8 +19,6 @@ namespace trigpoint {
 
 namespace {
 
-constexpr int kMovingPoints = 50000;  // drawn while the view moves
-constexpr size_t kManyPanoramas = 40;
 constexpr int kSkyColumns = 128, kSkyRows = 64;
 
 }  // namespace
@@ -90,16 +88,7 @@ void SceneDesk::Vtk::AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d&
 }
 
 void SceneDesk::Vtk::DrawMoving(bool moving) {
-  if (!view) return;
-  view->DrawAtMost(moving ? kMovingPoints : 0);
-  for (const std::string& layer : resting) view->SetVisible(layer, true);
-  resting.clear();
-  if (!moving || scene->model.panoramas.size() <= kManyPanoramas) return;
-  for (const char* layer : {"ellipsoids", "labels", "cameras"}) {
-    if (!view->Visible(layer)) continue;
-    view->SetVisible(layer, false);
-    resting.emplace_back(layer);
-  }
+  if (view) view->DrawMoving(moving);
 }
 
 void SceneDesk::Vtk::LookThrough(const SceneCamera& shown) {

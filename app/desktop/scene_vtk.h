@@ -46,10 +46,7 @@ struct SceneDesk::Vtk {
   void Clear(std::vector<vtkSmartPointer<vtkProp>>& props);
   void AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
   void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
-  // Less is drawn while the view moves: some of the points, and of many panoramas neither ellipsoids,
-  // labels nor cameras.
   void DrawMoving(bool moving);
-  std::vector<std::string> resting;  // layers that come back when it stands still
   // The camera of an image.
   void LookThrough(const SceneCamera& camera);
   // A sphere about the viewer with the panorama on it.

@@ -84,7 +84,7 @@ void SceneView::Parts::BuildGround() {
       FlatActor(Lines({{corner, corner + Eigen::Vector3d(length, 0, 0), corner + Eigen::Vector3d(length, height, 0),
                         corner + Eigen::Vector3d(0, height, 0), corner}}),
                 kBlack, 2));
-  Add("axes", Label(ShortNumber(length) + " m", corner + Eigen::Vector3d(length, 1.2 * height, 0), style.text_px));
+  AddLabel("axes", Label(ShortNumber(length) + " m", corner + Eigen::Vector3d(length, 1.2 * height, 0), style.text_px));
   // Axes beside it; in site ENU they are east, north, up.
   const double arm = 0.09 * extent_m;
   const Eigen::Vector3d origin(corner.x() + 1.25 * length, corner.y(), z);
@@ -93,7 +93,7 @@ void SceneView::Parts::BuildGround() {
   for (int k = 0; k < 3; ++k) {
     const Eigen::Vector3d d = Eigen::Vector3d::Unit(k);
     Add("axes", FlatActor(Lines({{origin, origin + arm * d}}), colours[k], 4));
-    Add("axes", Label(names[k], origin + 1.1 * arm * d, 0.9 * style.text_px));
+    AddLabel("axes", Label(names[k], origin + 1.1 * arm * d, 0.9 * style.text_px));
   }
   if (!model.on_earth) return;
   const Eigen::Vector3d foot(high.x() + 0.2 * margin, high.y() - 1.6 * arm, z);
@@ -103,7 +103,7 @@ void SceneView::Parts::BuildGround() {
   Add("axes", FlatActor(Polygon({foot + wide, foot + 1.6 * arm * north, foot + 0.35 * arm * north}), kWhite, 1));
   Add("axes",
       FlatActor(Lines({{foot + wide, foot + 1.6 * arm * north, foot + 0.35 * arm * north, foot + wide}}), kBlack, 2));
-  Add("axes", Label("N", foot + Eigen::Vector3d(0, 1.65 * arm, 0), 1.2 * style.text_px));
+  AddLabel("axes", Label("N", foot + Eigen::Vector3d(0, 1.65 * arm, 0), 1.2 * style.text_px));
 }
 
 void SceneView::Parts::BuildLegend() {

@@ -1,8 +1,8 @@
 // Paths, points, cameras, panoramas and tags.
 #include <vtkBillboardTextActor3D.h>
-#include <vtkCellData.h>
 #include <vtkFloatArray.h>
 #include <vtkNew.h>
+#include <vtkPointData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
 #include <vtkProperty2D.h>
@@ -90,8 +90,8 @@ void SceneView::Parts::BuildPoints() {
   if (model.points.empty()) return;
   std::vector<Eigen::Vector3d> positions;
   for (const ScenePoint& point : model.points) positions.push_back(point.position);
-  all_points = Dots(positions);
-  points = FlatActor(all_points, kBlack, 2);
+  points = FlatActor(Dots(positions), kBlack, 2);
+  all_points = static_cast<vtkPolyDataMapper*>(points->GetMapper());
   Add("points", points);
   vtkNew<vtkScalarBarActor> bar;
   bar->SetOrientationToVertical();
@@ -131,42 +131,50 @@ void SceneView::Parts::ColourPoints(PointColour colour) {
   double low = 0, high = 1;
   if (!sample.empty()) low = Quantile(sample, 0.02), high = Quantile(sample, 0.95);
   if (high <= low) high = low + 1;
-  auto* mapper = static_cast<vtkPolyDataMapper*>(points->GetMapper());
-  all_points->GetCellData()->SetScalars(values);
-  mapper->SetInputData(all_points);
+  point_colours = Viridis(low, high);
+  lowest = low, highest = high;
+  DrawColoured(all_points, values);
   few_points = nullptr;
-  mapper->SetScalarModeToUseCellData();
-  mapper->SetLookupTable(Viridis(low, high));
-  mapper->SetScalarRange(low, high);
-  mapper->ScalarVisibilityOn();
+  points->SetMapper(all_points);
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
-  bar->SetLookupTable(mapper->GetLookupTable());
+  bar->SetLookupTable(point_colours);
   bar->SetTitle(colour == PointColour::kHeight        ? "height (m)"
                 : colour == PointColour::kTrackLength ? "images"
                                                       : "sigma (m)");
 }
 
+// Values of the points, not of the cells they are drawn as: a vertex carries its colour, where a cell's must be looked
+// up for each pixel.
+void SceneView::Parts::DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* values) const {
+  mapper->GetInput()->GetPointData()->SetScalars(values);
+  mapper->SetScalarModeToUsePointData();
+  mapper->SetLookupTable(point_colours);
+  mapper->SetScalarRange(lowest, highest);
+  mapper->ScalarVisibilityOn();
+}
+
 void SceneView::Parts::ThinPoints(int most) {
   if (!points) return;
-  auto* mapper = static_cast<vtkPolyDataMapper*>(points->GetMapper());
   if (most <= 0 || model.points.size() <= static_cast<size_t>(most)) {
-    mapper->SetInputData(all_points);
+    points->SetMapper(all_points);
     return;
   }
+  // A mapper of its own, so that neither is sent to the graphics card again when the view stops or starts to move.
   if (!few_points || few != most) {
     few = most;
     const size_t step = (model.points.size() + static_cast<size_t>(most) - 1) / static_cast<size_t>(most);
     std::vector<Eigen::Vector3d> positions;
     vtkNew<vtkFloatArray> values;
-    vtkDataArray* all = all_points->GetCellData()->GetScalars();
+    vtkDataArray* all = all_points->GetInput()->GetPointData()->GetScalars();
     for (size_t i = 0; i < model.points.size(); i += step) {
       positions.push_back(model.points[i].position);
       values->InsertNextValue(static_cast<float>(all->GetTuple1(static_cast<vtkIdType>(i))));
     }
-    few_points = Dots(positions);
-    few_points->GetCellData()->SetScalars(values);
+    few_points = vtkSmartPointer<vtkPolyDataMapper>::New();
+    few_points->SetInputData(Dots(positions));
+    DrawColoured(few_points, values);
   }
-  mapper->SetInputData(few_points);
+  points->SetMapper(few_points);
 }
 
 void SceneView::Parts::BuildCameras() {
@@ -232,7 +240,7 @@ void SceneView::Parts::BuildPanoramas() {
     });
     if (stations.erase(panorama.station) == 0 || taken) continue;
     labelled.push_back(at);
-    Add("labels", Label(panorama.station, at, style.text_px));
+    AddLabel("labels", Label(panorama.station, at, style.text_px));
   }
 }
 
@@ -255,7 +263,7 @@ void SceneView::Parts::BuildTags() {
           Label(std::to_string(tag.id), tag.world_from_tag.translation - Eigen::Vector3d(0, 0, h), 0.8 * style.text_px);
       label->GetTextProperty()->SetVerticalJustificationToTop();
       label->SetDisplayOffset(0, static_cast<int>(-0.5 * style.text_px));
-      Add("labels", label);
+      AddLabel("labels", label);
     }
   }
 }

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <vtkActor.h>
+#include <vtkBillboardTextActor3D.h>
 #include <vtkLookupTable.h>
 #include <vtkPolyData.h>
+#include <vtkPolyDataMapper.h>
 #include <vtkProp.h>
 #include <vtkSmartPointer.h>
 
@@ -24,13 +26,18 @@ struct SceneView::Parts {
   double extent_m = 10;  // longest side of the scene's box
   std::map<std::string, std::vector<vtkSmartPointer<vtkProp>>> layers;
   std::map<std::string, bool> visible;
+  std::vector<vtkSmartPointer<vtkBillboardTextActor3D>> labels;  // of all layers
+  bool moving = false;
   vtkSmartPointer<vtkActor> points;
   vtkSmartPointer<vtkProp> points_bar;
-  vtkSmartPointer<vtkPolyData> all_points, few_points;  // few: made when they are first asked for
+  vtkSmartPointer<vtkPolyDataMapper> all_points, few_points;  // few: made when they are first asked for
   int few = 0;
+  vtkSmartPointer<vtkLookupTable> point_colours;
+  double lowest = 0, highest = 1;
 
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
   void Add(const std::string& layer, vtkProp* prop);
+  void AddLabel(const std::string& layer, vtkBillboardTextActor3D* label);
 
   // Each fills the layers it is named after.
   void BuildPaths();
@@ -43,6 +50,7 @@ struct SceneView::Parts {
   void BuildLegend();
   void ColourPoints(PointColour colour);
   void ThinPoints(int most);
+  void DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* values) const;
 };
 
 // The layer a path belongs to.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <vtkCamera.h>
 #include <vtkMatrix4x4.h>
+#include <vtkPolyDataMapper.h>
 #include <vtkRenderer.h>
 
 #include <algorithm>
@@ -16,6 +17,7 @@ namespace trigpoint {
 namespace {
 
 constexpr double kPickRadiusPx = 5;
+constexpr int kMovingPoints = 20000;  // drawn while the view moves
 
 // Says what an entry of the model is, lengths in one unit.
 class Words {
@@ -130,6 +132,11 @@ std::string ShortNumber(double value) { return fmt::format("{:g}", value); }
 
 void SceneView::Parts::Add(const std::string& layer, vtkProp* prop) { layers[layer].emplace_back(prop); }
 
+void SceneView::Parts::AddLabel(const std::string& layer, vtkBillboardTextActor3D* label) {
+  labels.emplace_back(label);
+  Add(layer, label);
+}
+
 SceneView::SceneView(const SceneModel& model, const SceneStyle& style) : parts_(std::make_unique<Parts>(model, style)) {
   const auto [low, high] = model.Bounds();
   parts_->extent_m = std::max(2.0, (high - low).head<2>().maxCoeff());
@@ -164,7 +171,8 @@ void SceneView::SetVisible(const std::string& layer, bool visible) {
     throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
   }
   it->second = visible;
-  for (const auto& prop : parts_->layers[layer]) prop->SetVisibility(visible);
+  const bool drawn = visible && !(parts_->moving && layer == "ellipsoids");
+  for (const auto& prop : parts_->layers[layer]) prop->SetVisibility(drawn);
 }
 
 bool SceneView::Visible(const std::string& layer) const {
@@ -186,11 +194,21 @@ void SceneView::RemoveFrom(vtkRenderer* renderer) {
       renderer->RemoveViewProp(prop);
     }
   }
+  // Of the two that draw the points the actor releases only the one it holds.
+  for (const auto& mapper : {parts_->all_points, parts_->few_points}) {
+    if (mapper) mapper->ReleaseGraphicsResources(renderer->GetVTKWindow());
+  }
 }
 
 void SceneView::ColourPointsBy(PointColour colour) { parts_->ColourPoints(colour); }
 
-void SceneView::DrawAtMost(int most) { parts_->ThinPoints(most); }
+void SceneView::DrawMoving(bool moving) {
+  parts_->moving = moving;
+  parts_->ThinPoints(moving ? kMovingPoints : 0);
+  // A single translucent thing costs three pictures of the window's size and their sum.
+  for (const auto& prop : parts_->layers["ellipsoids"]) prop->SetVisibility(!moving && Visible("ellipsoids"));
+  for (const auto& label : parts_->labels) label->SetForceOpaque(moving);
+}
 
 double SceneView::ErrorScale() const { return parts_->error_scale; }
 

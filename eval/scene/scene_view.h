@@ -64,8 +64,9 @@ class SceneView {
   void RemoveFrom(vtkRenderer* renderer);
 
   void ColourPointsBy(PointColour colour);
-  // Draws at most about `most` of the points, evenly thinned, so that the view stays smooth while it moves; 0: all.
-  void DrawAtMost(int most);
+  // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
+  // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.
+  void DrawMoving(bool moving);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;
 

@@ -133,6 +133,29 @@ TEST_F(SceneTest, EllipsoidsAreDrawnAtAScaleThatLeavesTheSiteToBeSeen) {
   EXPECT_GE(SceneView(model).ErrorScale(), 1);
 }
 
+TEST_F(SceneTest, DrawsLessWhileItMovesAndEverythingWhenItStands) {
+  SceneModel model = Ring();
+  for (int i = 0; i < 40000; ++i) {  // a veil along the south, more than are drawn of a scene that moves
+    model.points.push_back({0, 100 + i, {-15 + 0.00075 * i, -11 - 0.2 * (i % 7), 1}, 3, 0.01});
+  }
+  SceneView view(model);
+  view.AddTo(window_->renderer());
+  window_->Render(960, 640);
+  view.LookOblique(window_->renderer());
+  const cv::Mat standing = Draw();
+  view.DrawMoving(true);
+  EXPECT_TRUE(view.Visible("ellipsoids"));  // they only rest
+  EXPECT_GT(cv::norm(Draw(), standing, cv::NORM_INF), 0);
+  view.SetVisible("ellipsoids", false);
+  view.SetVisible("ellipsoids", true);
+  view.ColourPointsBy(PointColour::kTrackLength);
+  view.DrawMoving(true);
+  view.ColourPointsBy(PointColour::kHeight);
+  view.DrawMoving(false);
+  EXPECT_EQ(cv::norm(Draw(), standing, cv::NORM_INF), 0);
+  view.RemoveFrom(window_->renderer());
+}
+
 TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
   const SceneModel model = Ring();
   SceneView view(model);
