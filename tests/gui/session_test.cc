@@ -1,7 +1,7 @@
 // A whole session on a real site: run, cancel, run again, look, exclude, re-solve, undo, export, quit during a run.
 //
-// On the embedded site's shorter run; TRIGPOINT_GUI_SITE names another one (a copy: results are written into it), and
-// TRIGPOINT_GUI_RUN its run.
+// On the embedded site's shorter run, and on a stretch of lot_a where the shared data are. TRIGPOINT_GUI_SITE names
+// another site instead of the first (a copy: results are written into it), and TRIGPOINT_GUI_RUN its run.
 #include <gmock/gmock.h>
 
 #include <QCheckBox>
@@ -15,6 +15,7 @@
 #include <QTableView>
 #include <QTableWidget>
 #include <QTemporaryDir>
+#include <sstream>
 
 #include "app/desktop/images_desk.h"
 #include "app/desktop/picture_view.h"
@@ -25,6 +26,7 @@
 #include "app/desktop/tables_desk.h"
 #include "datasets/io/text.h"
 #include "datasets/project/lock.h"
+#include "tests/eval/shared_data.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
@@ -34,11 +36,12 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 
 constexpr int kLong = 1800000;  // ms, for a run
+constexpr int kStretch = 40;    // images: 20 m
 
 class SessionTest : public testing::Test {
  protected:
-  void SetUp() override {
-    QSettings().clear();
+  void SetUp() override { QSettings().clear(); }
+  void UseEmbeddedSite() {
     dir_ = qEnvironmentVariable("TRIGPOINT_GUI_SITE");
     run_ = qEnvironmentVariable("TRIGPOINT_GUI_RUN", "run2");
     if (!dir_.isEmpty()) return;
@@ -46,6 +49,39 @@ class SessionTest : public testing::Test {
     fs::copy(fs::path(TRIGPOINT_SOURCE_DIR) / "datasets/parking_lot", dir_.toStdString(), fs::copy_options::recursive);
     fs::remove_all(dir_.toStdString() + "/runs/run1");
   }
+  // The first images of lot_a's first run and the panoramas it passes on them. Nothing is copied but what is shortened.
+  void UseStretchOf(const fs::path& lot) {
+    dir_ = temporary_.filePath("lot_a");
+    run_ = "run1";
+    const fs::path here = dir_.toStdString(), run = here / "runs/run1";
+    fs::create_directories(run);
+    fs::create_directories(here / "panoramas");
+    for (const char* file : {"camchain.yaml", "gps.csv", "odometry.tum", "run.yaml", "images"}) {
+      fs::create_symlink(lot / "runs/run1" / file, run / file);
+    }
+    for (const char* file : {"aerial.tif", "control_points.csv", "origin.json", "tags.yaml"}) {
+      fs::create_symlink(lot / file, here / file);
+    }
+    for (const char* panorama : {"pano_057.jpg", "pano_110.jpg"}) {
+      fs::create_symlink(lot / "panoramas" / panorama, here / "panoramas" / panorama);
+    }
+    const auto keep = [](const fs::path& from, const fs::path& to, const auto& wanted) {
+      std::istringstream lines(ReadTextFile(from));
+      std::string kept;
+      int n = 0;
+      for (std::string line; std::getline(lines, line); ++n) {
+        if (wanted(line, n)) kept += line + "\n";
+      }
+      WriteFileAtomically(to, kept);
+    };
+    const auto of_both = [](const std::string& line, int n) {
+      return n < 2 || line.find("S57,") != std::string::npos || line.find("S110,") != std::string::npos;
+    };
+    keep(lot / "runs/run1/images.txt", run / "images.txt", [](const std::string&, int n) { return n <= kStretch; });
+    keep(lot / "panoramas.csv", here / "panoramas.csv", of_both);
+    keep(lot / "stations.csv", here / "stations.csv", of_both);
+  }
+  void FromTheFirstRunToTheLastQuit();
   // Starts a stage from the form and waits for its end.
   JobController::End RunStage(const char* stage, bool cancel) {
     window_->ShowDesk("run");
@@ -75,7 +111,7 @@ class SessionTest : public testing::Test {
   std::unique_ptr<MainWindow> window_;
 };
 
-TEST_F(SessionTest, FromTheFirstRunToTheLastQuit) {
+void SessionTest::FromTheFirstRunToTheLastQuit() {
   window_ = OpenWindow(dir_);
   ASSERT_EQ(RunStage("localize", true), JobController::End::kCancelled);
   EXPECT_THAT(Child<QLabel>(window_.get(), "run.status")->text().toStdString(), HasSubstr("Cancelled"));
@@ -156,6 +192,20 @@ TEST_F(SessionTest, FromTheFirstRunToTheLastQuit) {
   EXPECT_FALSE(fs::exists(dir_.toStdString() + "/results/localize/" + run_.toStdString() + "@trial"));
   EXPECT_FALSE(ProjectLock::Holder(dir_.toStdString() + "/results").has_value());
   EXPECT_EQ(Errors(), before);
+}
+
+TEST_F(SessionTest, EmbeddedSiteFromTheFirstRunToTheLastQuit) {
+  UseEmbeddedSite();
+  FromTheFirstRunToTheLastQuit();
+}
+
+TEST_F(SessionTest, LotFromTheFirstRunToTheLastQuit) {
+  // Only where it is asked for: it takes minutes, as every run of a stage takes its time.
+  if (std::getenv("TRIGPOINT_SHARED_DATA") == nullptr) GTEST_SKIP() << "TRIGPOINT_SHARED_DATA is not set";
+  const std::optional<fs::path> lot = SharedData("lot_a");
+  if (!lot) GTEST_SKIP() << "lot_a is not there";
+  UseStretchOf(fs::absolute(*lot));
+  FromTheFirstRunToTheLastQuit();
 }
 
 }  // namespace
