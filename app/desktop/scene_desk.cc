@@ -63,6 +63,18 @@ vtkStandardNewMacro(PlanStyle)
   return "";
 }
 
+// The names of the layers, for lupdate, which finds no string that is put together elsewhere.
+[[maybe_unused]] constexpr const char* kLayerNames[] = {
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "aerial"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "odometry"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "optimised"), QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "truth"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "estimates"), QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "points"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "cameras"),   QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "panoramas"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "geotags"),   QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "tags"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "errors"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "ellipsoids"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "labels"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "axes"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "legend"),
+};
+
 }  // namespace
 
 SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)

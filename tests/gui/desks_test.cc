@@ -1,6 +1,8 @@
 // Every desk on a small project whose results are in place.
 #include <gmock/gmock.h>
 
+#include <QAbstractButton>
+#include <QAction>
 #include <QApplication>
 #include <QCheckBox>
 #include <QClipboard>
@@ -12,9 +14,11 @@
 #include <QPlainTextEdit>
 #include <QSettings>
 #include <QSignalSpy>
+#include <QTabBar>
 #include <QTableView>
 #include <QTableWidget>
 #include <QTemporaryDir>
+#include <QTranslator>
 
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
@@ -290,6 +294,38 @@ TEST_F(DesksTest, DarkAndLight) {
   window_->SetTheme("light");
   EXPECT_GT(QApplication::palette().color(QPalette::Window).lightness(), 160);
   window_->SetTheme("system");
+}
+
+// Marks whatever goes through tr().
+class Marking : public QTranslator {
+ public:
+  QString translate(const char*, const char* text, const char*, int) const override {
+    return QString::fromUtf8("\xc2\xbb") + QString::fromUtf8(text);
+  }
+  bool isEmpty() const override { return false; }
+};
+
+TEST_F(DesksTest, WhatIsReadOnButtonsMenusAndTabsCanBeTranslated) {
+  Marking marking;
+  QApplication::installTranslator(&marking);
+  {
+    const std::unique_ptr<MainWindow> window = OpenWindow(site_->path());
+    ASSERT_TRUE(WaitFor([&] { return !window->workspace()->opening(); }));
+    const auto check = [](const QString& text, const QObject* of) {
+      if (text.isEmpty() || text.startsWith("/")) return;  // a recent project's folder
+      EXPECT_TRUE(text.startsWith(QChar(0xbb))) << text.toStdString() << ", " << of->metaObject()->className();
+    };
+    for (const auto* button : window->findChildren<QAbstractButton*>()) {
+      check(button->text(), button);
+      check(button->toolTip(), button);
+    }
+    for (const auto* action : window->findChildren<QAction*>()) check(action->text(), action);
+    for (const auto* bar : window->findChildren<QTabBar*>()) {
+      for (int i = 0; i < bar->count(); ++i) check(bar->tabText(i), bar);
+    }
+    for (const auto* widget : window->findChildren<QWidget*>()) check(widget->accessibleName(), widget);
+  }
+  QApplication::removeTranslator(&marking);
 }
 
 TEST_F(DesksTest, SessionComesBackAfterACrash) {
