@@ -280,7 +280,8 @@ bool SceneDesk::inside() const { return vtk_->sphere != nullptr; }
 
 void SceneDesk::showEvent(QShowEvent* event) {
   QWidget::showEvent(event);
-  if (stale_) Load();
+  if (stale_) return Load();
+  if (vtk_->view) Render();  // what was selected on other desks meanwhile
 }
 
 void SceneDesk::ShowVariant(const QString& variant, const QString& run) {
