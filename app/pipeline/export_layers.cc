@@ -6,6 +6,7 @@
 #include <map>
 
 #include "app/pipeline/export.h"
+#include "app/pipeline/reference_maps.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "eval/evaluate.h"
@@ -317,7 +318,13 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   }
   const fs::path survey = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
   if (fs::exists(survey / "tags.csv")) {
-    AddTags(&s, survey);
+    if (const std::string frame = TagMapFrame(survey / "tags.csv"); frame.empty() || frame == "enu") {
+      AddTags(&s, survey);
+    } else {
+      warnings->push_back(
+          "no tags and stations: the tag map is in a frame of its own, not on the Earth (give the "
+          "survey control points or geotags)");
+    }
   } else if (!project.site().stations.empty() || !project.site().control_points.empty()) {
     warnings->push_back("no tags and stations: there is no tag map yet (trigpoint survey)");
   }

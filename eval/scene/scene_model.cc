@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -333,6 +334,14 @@ class Loader {
     model_.points.insert(model_.points.end(), points.begin(), points.end());
   }
 
+  // A map that nothing ties to the Earth ("# ...; frame=map; ...") has a place of its own.
+  static bool IsInSiteFrame(const fs::path& tags_csv) {
+    std::ifstream in(tags_csv);
+    std::string header;
+    std::getline(in, header);
+    return header.find("frame=") == std::string::npos || header.find("frame=enu") != std::string::npos;
+  }
+
   // One square an id: the survey's map first, then what the runs' own cameras say.
   void AddTags() {
     std::set<int> shown;
@@ -353,7 +362,8 @@ class Loader {
     const std::string suffix = options_.variant.empty() ? "" : "@" + options_.variant;
     if (model_.on_earth) {
       for (const std::string& name : {suffix, std::string()}) {
-        add(project_.ResultDir("survey", name) / "tags.csv", "survey", {});
+        const fs::path file = project_.ResultDir("survey", name) / "tags.csv";
+        if (IsInSiteFrame(file)) add(file, "survey", {});
       }
     }
     for (const RunPart& part : runs_) {

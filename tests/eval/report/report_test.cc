@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "eval/scene/scene_model.h"
 #include "tests/datasets/project_folder.h"
 
 namespace trigpoint {
@@ -200,6 +201,17 @@ TEST_F(ReportTest, OlderAndBrokenResultsAreNamedAndTheRestIsShown) {
   site_.Write("results/evaluate/summary.json", "{ cut");
   site_.Write("results/evaluate/errors.csv", "");
   EXPECT_THAT(Report(), HasSubstr("errors.csv"));
+}
+
+TEST_F(ReportTest, TagsOfAMapThatIsNotOnTheEarthAreNotDrawnThere) {
+  WriteResults();
+  const std::string rows =
+      "tag_id,family,size_m,x,y,z,qx,qy,qz,qw,role,status\n1,tag36h11,0.5,3.4,5.0,0.5,0,0,0,1,free,ok\n";
+  const Project project = Project::Open(site_.dir());
+  site_.Write("results/survey/tags.csv", "# trigpoint tags 1; frame=enu; datum=control; sigma=1\n" + rows);
+  EXPECT_EQ(LoadScene(project).tags.size(), 1U);
+  site_.Write("results/survey/tags.csv", "# trigpoint tags 1; frame=map; datum=free; sigma=1\n" + rows);
+  EXPECT_TRUE(LoadScene(project).tags.empty());
 }
 
 TEST_F(ReportTest, ABrokenPictureLeavesTheRest) {
