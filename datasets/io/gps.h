@@ -21,8 +21,8 @@ struct RunClock {
   std::string date;  // YYYY-MM-DD (UTC) for NMEA without RMC or ZDA sentences
 };
 
-// A height nobody measured is 0 with kUnknownHeightSigma; one above the sea, where nobody says how far the sea lies from
-// the ellipsoid (-107 to +86 m), is kept with this sigma.
+// A height nobody measured is 0 with kUnknownHeightSigma; one above the sea, where nobody says how far the sea lies
+// from the ellipsoid (-107 to +86 m), is kept with this sigma.
 constexpr double kUnknownGeoidSigma = 50;
 
 // `timestamp_s` (on the run's clock), `latitude_deg`, `longitude_deg` [, `height_m`, `sigma_h_m`, `sigma_v_m`].

@@ -3,6 +3,7 @@
 
     install_test.py BUILD_DIR SOURCE_DIR
 """
+import gzip
 import os
 import subprocess
 import sys
@@ -30,8 +31,9 @@ def main():
         assert run(program, "--version").strip(), "no version"
         # The program finds its example site beside itself, and its manual is there.
         assert os.path.isdir(os.path.join(prefix, "share/trigpoint/parking_lot/runs"))
-        page = os.path.join(prefix, "share/man/man1/trigpoint-export.1")
-        assert os.path.exists(page), page
+        page = os.path.join(prefix, "share/man/man1/trigpoint-export.1.gz")
+        with gzip.open(page, "rt", encoding="utf-8") as text:
+            assert ".TH" in text.read(), page
         run("bash", "-n", os.path.join(prefix, "share/bash-completion/completions/trigpoint"))
     print("ok")
 
