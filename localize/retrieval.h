@@ -57,7 +57,7 @@ struct RetrievalHit {
 // An inverted file over documents (views). Memory: 8 bytes a distinct word and document.
 class RetrievalIndex {
  public:
-  RetrievalIndex(const Vocabulary& vocabulary)
+  explicit RetrievalIndex(const Vocabulary& vocabulary)
       : vocabulary_(vocabulary), postings_(static_cast<size_t>(vocabulary.size())) {}
   // Documents are numbered in the order added.
   void Add(const DescriptorBlock& descriptors);
