@@ -2,64 +2,132 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/OrderingMethods>
+#include <Eigen/SparseCore>
 #include <algorithm>
 
-#include "calib/base/wide.h"
+#include "calib/base/parallel.h"
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 namespace trigpoint {
 namespace {
 
-constexpr int kDim = 6;
+using Eigen::Index;
+using Strided = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+using ConstStrided = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
-// c(m) -= a(m) * b^T for the blocks m of a column; c(m) at c + 36 * where[m].
-TRIGPOINT_WIDE
-void SubtractProducts(const double* a, const double* b, double* c, const int* where, int count) {
-  for (int m = 0; m < count; ++m) {
-    const double* am = a + static_cast<std::ptrdiff_t>(m) * kDim * kDim;
-    double* cm = c + static_cast<std::ptrdiff_t>(where[m]) * kDim * kDim;
-    for (int q = 0; q < kDim; ++q) {
-      double column[kDim];
-      for (int i = 0; i < kDim; ++i) column[i] = cm[q * kDim + i];
-      for (int p = 0; p < kDim; ++p) {
-        const double w = b[p * kDim + q];
-        for (int i = 0; i < kDim; ++i) column[i] -= am[p * kDim + i] * w;
-      }
-      for (int i = 0; i < kDim; ++i) cm[q * kDim + i] = column[i];
-    }
+constexpr int kDim = 6;
+constexpr int kMostColumns = 16;          // blocks in a panel: what is multiplied at once stays in the cache
+constexpr double kMostZeros = 0.15;       // of a panel's blocks may be zeros that make it one
+constexpr int64_t kWorthThreads = 40000;  // products of blocks
+constexpr int kTileRows = 2 * kDim;
+constexpr int kTileColumns = kDim / 2;
+
+void SubtractColumn(const double* sum, double* const c[2], std::ptrdiff_t at) {
+  for (int row = 0; row < 2 && c[row] != nullptr; ++row) {
+    for (int i = 0; i < kDim; ++i) c[row][at + i] -= sum[row * kDim + i];
   }
 }
 
-// What column j of the inverse takes from its column k, z(m) = Z_mk at z + 36 * where[m]:
-// c(m) -= z(m) * u_k, and sum -= (sum over m of z(m)^T * u(m))^T, with u_transposed(m) = u(m)^T.
-TRIGPOINT_WIDE
-void SubtractInverse(const double* z, const int* where, const double* u_k, const double* u_transposed, double* c,
-                     double* sum, int count) {
-  double total[kDim * kDim];
-  for (int i = 0; i < kDim * kDim; ++i) total[i] = sum[i];
-  for (int m = 0; m < count; ++m) {
-    const double* zm = z + static_cast<std::ptrdiff_t>(where[m]) * kDim * kDim;
-    const double* um = u_transposed + static_cast<std::ptrdiff_t>(m) * kDim * kDim;
-    double* cm = c + static_cast<std::ptrdiff_t>(m) * kDim * kDim;
-    for (int q = 0; q < kDim; ++q) {
-      double column[kDim];
-      for (int i = 0; i < kDim; ++i) column[i] = cm[q * kDim + i];
-      for (int p = 0; p < kDim; ++p) {
-        const double w = u_k[q * kDim + p];
-        for (int i = 0; i < kDim; ++i) column[i] -= zm[p * kDim + i] * w;
+// C -= A B for two rows of blocks of C: for every group g of three columns, with A's rows packed as [depth][12] and B
+// as [group][depth][3]. Row i of C begins at c[i] (null: it is not wanted), its columns of group g at[g] further on,
+// one `stride` apart.
+#if defined(__x86_64__)
+__attribute__((target("avx2,fma"))) void SubtractTilesWide(const double* a, const double* b, int depth, int groups,
+                                                           double* const c[2], const std::ptrdiff_t* at,
+                                                           std::ptrdiff_t stride) {
+  for (int g = 0; g < groups; ++g) {
+    const double* ak = a;
+    const double* bk = b + static_cast<std::ptrdiff_t>(g) * depth * kTileColumns;
+    __m256d s[kTileColumns][3];
+    for (auto& column : s) column[0] = column[1] = column[2] = _mm256_setzero_pd();
+    for (int k = 0; k < depth; ++k, ak += kTileRows, bk += kTileColumns) {
+      const __m256d a0 = _mm256_loadu_pd(ak), a1 = _mm256_loadu_pd(ak + 4), a2 = _mm256_loadu_pd(ak + 8);
+      for (int q = 0; q < kTileColumns; ++q) {
+        const __m256d w = _mm256_broadcast_sd(bk + q);
+        s[q][0] = _mm256_fmadd_pd(a0, w, s[q][0]);
+        s[q][1] = _mm256_fmadd_pd(a1, w, s[q][1]);
+        s[q][2] = _mm256_fmadd_pd(a2, w, s[q][2]);
       }
-      for (int i = 0; i < kDim; ++i) cm[q * kDim + i] = column[i];
     }
-    for (int q = 0; q < kDim; ++q) {
-      double column[kDim];
-      for (int i = 0; i < kDim; ++i) column[i] = total[q * kDim + i];
-      for (int p = 0; p < kDim; ++p) {
-        const double w = zm[q * kDim + p];
-        for (int i = 0; i < kDim; ++i) column[i] -= um[p * kDim + i] * w;
-      }
-      for (int i = 0; i < kDim; ++i) total[q * kDim + i] = column[i];
+    for (int q = 0; q < kTileColumns; ++q) {
+      alignas(32) double sum[kTileRows];
+      for (int i = 0; i < 3; ++i) _mm256_store_pd(sum + 4 * i, s[q][i]);
+      SubtractColumn(sum, c, at[g] + q * stride);
     }
   }
-  for (int i = 0; i < kDim * kDim; ++i) sum[i] = total[i];
+}
+#endif
+
+void SubtractTiles(const double* a, const double* b, int depth, int groups, double* const c[2],
+                   const std::ptrdiff_t* at, std::ptrdiff_t stride) {
+#if defined(__x86_64__)
+  static const bool kWide = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  if (kWide) return SubtractTilesWide(a, b, depth, groups, c, at, stride);
+#endif
+  for (int g = 0; g < groups; ++g) {
+    const double* ak = a;
+    const double* bk = b + static_cast<std::ptrdiff_t>(g) * depth * kTileColumns;
+    double sum[kTileColumns][kTileRows] = {};
+    for (int k = 0; k < depth; ++k, ak += kTileRows, bk += kTileColumns) {
+      for (int q = 0; q < kTileColumns; ++q) {
+        for (int i = 0; i < kTileRows; ++i) sum[q][i] += ak[i] * bk[q];
+      }
+    }
+    for (int q = 0; q < kTileColumns; ++q) SubtractColumn(sum[q], c, at[g] + q * stride);
+  }
+}
+
+// A matrix of blocks of 6 x 6, packed as the right factor of SubtractTiles. Element (i, q) of its row k of blocks is
+// block(k)[stride_i * i + stride_q * q], with 3 * groups columns.
+class PackedRight {
+ public:
+  template <typename Block>
+  PackedRight(int depth, int groups, Index stride_i, Index stride_q, Block&& block)
+      : depth_(depth), groups_(groups), values_(static_cast<size_t>(kDim * depth * groups * kTileColumns)) {
+    double* to = values_.data();
+    for (int g = 0; g < groups; ++g) {
+      for (int k = 0; k < depth; ++k) {
+        const double* from = block(k) + stride_q * g * kTileColumns;
+        for (int i = 0; i < kDim; ++i) {
+          for (int q = 0; q < kTileColumns; ++q) *to++ = from[stride_i * i + stride_q * q];
+        }
+      }
+    }
+  }
+
+  // C -= A B for rows [0, rows) of blocks. Element (p, q) of A's block (i, k) is a(i, k)[stride_p * p + stride_q * q];
+  // row i of C begins at c(i), its groups of three columns at[g] further on, one `stride_c` apart.
+  template <typename BlockA, typename RowC>
+  void SubtractProduct(int rows, Index stride_p, Index stride_q, BlockA&& a, RowC&& c, const std::ptrdiff_t* at,
+                       Index stride_c) const {
+    std::vector<double> packed(static_cast<size_t>(kDim * depth_ * kTileRows));
+    for (int i = 0; i < rows; i += 2) {
+      for (int half = 0; half < 2; ++half) {
+        for (int k = 0; k < depth_; ++k) {
+          const double* from = a(std::min(i + half, rows - 1), k);
+          double* to = packed.data() + static_cast<Index>(k) * kDim * kTileRows + half * kDim;
+          for (int q = 0; q < kDim; ++q) {
+            for (int p = 0; p < kDim; ++p) to[q * kTileRows + p] = from[stride_p * p + stride_q * q];
+          }
+        }
+      }
+      double* const two[2] = {c(i), i + 1 < rows ? c(i + 1) : nullptr};
+      SubtractTiles(packed.data(), values_.data(), kDim * depth_, groups_, two, at, stride_c);
+    }
+  }
+
+ private:
+  int depth_, groups_;
+  std::vector<double> values_;
+};
+
+// The groups of three columns that belong to block columns.
+void AppendGroups(Index column, Index stride, std::vector<std::ptrdiff_t>* at) {
+  at->push_back(kDim * column * stride);
+  at->push_back((kDim * column + kTileColumns) * stride);
 }
 
 }  // namespace
@@ -83,8 +151,9 @@ BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>&
     const int a = place_[static_cast<size_t>(row)], b = place_[static_cast<size_t>(column)];
     if (a != b) rows[static_cast<size_t>(std::min(a, b))].push_back(std::max(a, b));
   }
-  start_.assign(static_cast<size_t>(n_) + 1, 0);
   std::vector<std::vector<int>> children(static_cast<size_t>(n_));
+  panel_of_.resize(static_cast<size_t>(n_));
+  int64_t filled = 0;  // blocks of the open panel's columns that are in the pattern
   for (int j = 0; j < n_; ++j) {
     std::vector<int>& mine = rows[static_cast<size_t>(j)];
     for (int child : children[static_cast<size_t>(j)]) {
@@ -94,139 +163,205 @@ BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>&
     std::sort(mine.begin(), mine.end());
     mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
     if (!mine.empty()) children[static_cast<size_t>(mine.front())].push_back(j);
-    start_[static_cast<size_t>(j) + 1] = start_[static_cast<size_t>(j)] + static_cast<int>(mine.size());
+    // The column before passes all its rows on to this one: both in one panel, if that holds few zeros.
+    const auto mine_count = static_cast<int64_t>(mine.size());
+    const bool follows =
+        j > 0 && !rows[static_cast<size_t>(j) - 1].empty() && rows[static_cast<size_t>(j) - 1].front() == j;
+    if (follows && panels_.back().width < kMostColumns) {
+      const int64_t width = panels_.back().width + 1;
+      const int64_t held = width * (width + 1) / 2 + width * mine_count;
+      if (static_cast<double>(held - filled - mine_count - 1) <= kMostZeros * static_cast<double>(held)) {
+        ++panels_.back().width;
+        panel_of_[static_cast<size_t>(j)] = static_cast<int>(panels_.size()) - 1;
+        filled += mine_count + 1;
+        continue;
+      }
+    }
+    panels_.push_back({j, 1, 0, 0, 0});
+    panel_of_[static_cast<size_t>(j)] = static_cast<int>(panels_.size()) - 1;
+    filled = mine_count + 1;
   }
-  for (const std::vector<int>& mine : rows) rows_.insert(rows_.end(), mine.begin(), mine.end());
+  for (Panel& panel : panels_) {
+    const std::vector<int>& of_last = rows[static_cast<size_t>(panel.end()) - 1];
+    panel.begin = static_cast<int>(rows_.size());
+    panel.rows = static_cast<int>(of_last.size());
+    panel.values = size_;
+    rows_.insert(rows_.end(), of_last.begin(), of_last.end());
+    size_ += static_cast<size_t>(panel.Stride() * kDim * panel.width);
+  }
   for (const auto& [row, column] : lower) {
     const int a = place_[static_cast<size_t>(row)], b = place_[static_cast<size_t>(column)];
-    into_.push_back({a == b ? a : Find(std::max(a, b), std::min(a, b)), a == b, a < b});
+    into_.push_back({Find(std::max(a, b), std::min(a, b)), PanelOf(std::min(a, b)).Stride(), a == b, a < b});
   }
 }
 
-int BlockCholesky::Find(int row, int column) const {
-  const auto begin = rows_.begin() + start_[static_cast<size_t>(column)];
-  const auto end = rows_.begin() + start_[static_cast<size_t>(column) + 1];
-  const auto it = std::lower_bound(begin, end, row);
-  return it != end && *it == row ? static_cast<int>(it - rows_.begin()) : -1;
+size_t BlockCholesky::Find(int row, int column) const {
+  const Panel& panel = PanelOf(column);
+  Index place = row - panel.first;
+  if (row >= panel.end()) {
+    const auto begin = rows_.begin() + panel.begin, end = begin + panel.rows;
+    const auto it = std::lower_bound(begin, end, row);
+    if (it == end || *it != row) return kNowhere;
+    place = panel.width + (it - begin);
+  }
+  return panel.values + static_cast<size_t>(kDim * ((column - panel.first) * panel.Stride() + place));
 }
 
-bool BlockCholesky::Factorize(const std::vector<Matrix6d>& values, double damping) {
-  diagonal_.resize(static_cast<size_t>(n_));
-  below_.assign(rows_.size(), Matrix6d::Zero());
+std::vector<BlockCholesky::Meeting> BlockCholesky::MeetingsOf(const Panel& panel) const {
+  const int* rows = rows_.data() + panel.begin;
+  std::vector<Meeting> meetings;
+  for (int from = 0; from < panel.rows;) {
+    const Panel& other = PanelOf(rows[from]);
+    Meeting& meeting = meetings.emplace_back(Meeting{&other, from, from, {}});
+    const int* below = rows_.data() + other.begin;
+    int at = 0;
+    for (int m = from; m < panel.rows; ++m) {
+      if (rows[m] < other.end()) {
+        meeting.where.push_back(rows[m] - other.first);
+        meeting.to = m + 1;
+        continue;
+      }
+      while (below[at] != rows[m]) ++at;  // the rows of a column are among those of each of them that comes later
+      meeting.where.push_back(other.width + at);
+    }
+    from = meeting.to;
+  }
+  return meetings;
+}
+
+int BlockCholesky::ThreadsFor(const Panel& panel, int threads) const {
+  const int64_t products = static_cast<int64_t>(panel.width) * panel.rows * panel.rows;
+  return products < kWorthThreads ? 1 : threads;
+}
+
+bool BlockCholesky::Factorize(const std::vector<Matrix6d>& values, double damping, int threads) {
+  factor_.assign(size_, 0);
   for (size_t k = 0; k < values.size(); ++k) {
     const Target& t = into_[k];
-    if (t.diagonal) {
-      Matrix6d& d = diagonal_[static_cast<size_t>(t.place)];
-      d = values[k];
-      d.diagonal() += damping * values[k].diagonal().cwiseAbs();
-    } else if (t.transposed) {
-      below_[static_cast<size_t>(t.place)] = values[k].transpose();
+    Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>> block(factor_.data() + t.at, Eigen::OuterStride<>(t.stride));
+    if (t.transposed) {
+      block = values[k].transpose();
     } else {
-      below_[static_cast<size_t>(t.place)] = values[k];
+      block = values[k];
     }
+    if (t.diagonal) block.diagonal() += damping * values[k].diagonal().cwiseAbs();
   }
-  std::vector<int> where;
-  for (int j = 0; j < n_; ++j) {
-    Matrix6d& d = diagonal_[static_cast<size_t>(j)];
-    const Eigen::LLT<Matrix6d, Eigen::Lower> llt(d);
+  for (const Panel& panel : panels_) {
+    const Index stride = panel.Stride(), width = kDim * panel.width;
+    double* const own = factor_.data() + panel.values;
+    Strided square(own, width, width, Eigen::OuterStride<>(stride));
+    Eigen::Ref<Eigen::MatrixXd, 0, Eigen::OuterStride<>> in_place(square);
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd, 0, Eigen::OuterStride<>>, Eigen::Lower> llt(in_place);
     if (llt.info() != Eigen::Success) return false;
-    d = llt.matrixL();
-    const int begin = start_[static_cast<size_t>(j)], end = start_[static_cast<size_t>(j) + 1];
-    for (int k = begin; k < end; ++k) {
-      // L_kj = A_kj L_jj^-T
-      below_[static_cast<size_t>(k)] =
-          d.triangularView<Eigen::Lower>().solve(below_[static_cast<size_t>(k)].transpose()).transpose().eval();
-    }
-    // What this column takes from those to its right.
-    for (int k = begin; k < end; ++k) {
-      const int column = rows_[static_cast<size_t>(k)];
-      const Matrix6d& lk = below_[static_cast<size_t>(k)];
-      diagonal_[static_cast<size_t>(column)].noalias() -= lk * lk.transpose();
-      where.clear();
-      int at = start_[static_cast<size_t>(column)];
-      for (int m = k + 1; m < end; ++m) {
-        while (rows_[static_cast<size_t>(at)] != rows_[static_cast<size_t>(m)]) ++at;
-        where.push_back(at);
-      }
-      if (where.empty()) continue;
-      SubtractProducts(below_[static_cast<size_t>(k) + 1].data(), lk.data(), below_[0].data(), where.data(),
-                       static_cast<int>(where.size()));
-    }
+    if (panel.rows == 0) continue;
+    double* const below = own + width;
+    Strided rows(below, kDim * panel.rows, width, Eigen::OuterStride<>(stride));
+    square.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(rows);
+    // What these columns take from those to their right: each panel from itself alone.
+    const std::vector<Meeting> meetings = MeetingsOf(panel);
+    ParallelFor(static_cast<int64_t>(meetings.size()), ThreadsFor(panel, threads), {}, [&](int64_t index) {
+      const Meeting& meeting = meetings[static_cast<size_t>(index)];
+      const auto block = [&](int m, int k) { return below + kDim * (meeting.from + m + k * stride); };
+      std::vector<std::ptrdiff_t> groups;
+      const int count = meeting.to - meeting.from;
+      for (int m = 0; m < count; ++m)
+        AppendGroups(meeting.where[static_cast<size_t>(m)], meeting.other->Stride(), &groups);
+      double* const theirs = factor_.data() + meeting.other->values;
+      const PackedRight columns(panel.width, 2 * count, stride, 1, [&](int k) { return block(0, k); });
+      columns.SubtractProduct(
+          panel.rows - meeting.from, 1, stride, block,
+          [&](int m) { return theirs + kDim * meeting.where[static_cast<size_t>(m)]; }, groups.data(),
+          meeting.other->Stride());
+    });
   }
   return true;
 }
 
 void BlockCholesky::Solve(Eigen::Ref<Eigen::VectorXd> x) const {
-  Eigen::VectorXd y(x.size());
+  Eigen::VectorXd y(x.size()), part;
   for (int b = 0; b < n_; ++b) y.segment<kDim>(kDim * place_[static_cast<size_t>(b)]) = x.segment<kDim>(kDim * b);
-  for (int j = 0; j < n_; ++j) {
-    auto yj = y.segment<kDim>(kDim * j);
-    diagonal_[static_cast<size_t>(j)].triangularView<Eigen::Lower>().solveInPlace(yj);
-    for (int k = start_[static_cast<size_t>(j)]; k < start_[static_cast<size_t>(j) + 1]; ++k) {
-      y.segment<kDim>(kDim * rows_[static_cast<size_t>(k)]).noalias() -= below_[static_cast<size_t>(k)] * yj;
-    }
+  const auto with = [&](const Panel& panel, auto&& use) {
+    const Index stride = panel.Stride(), width = kDim * panel.width;
+    const double* own = factor_.data() + panel.values;
+    const ConstStrided square(own, width, width, Eigen::OuterStride<>(stride));
+    const ConstStrided below(own + width, kDim * panel.rows, width, Eigen::OuterStride<>(stride));
+    use(square, below, y.segment(kDim * panel.first, width), rows_.data() + panel.begin);
+  };
+  for (const Panel& panel : panels_) {
+    with(panel, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
+      square.template triangularView<Eigen::Lower>().solveInPlace(own);
+      part.noalias() = below * own;
+      for (int m = 0; m < panel.rows; ++m) y.segment<kDim>(kDim * rows[m]) -= part.segment<kDim>(kDim * m);
+    });
   }
-  for (int j = n_ - 1; j >= 0; --j) {
-    auto yj = y.segment<kDim>(kDim * j);
-    for (int k = start_[static_cast<size_t>(j)]; k < start_[static_cast<size_t>(j) + 1]; ++k) {
-      yj.noalias() -=
-          below_[static_cast<size_t>(k)].transpose() * y.segment<kDim>(kDim * rows_[static_cast<size_t>(k)]);
-    }
-    diagonal_[static_cast<size_t>(j)].triangularView<Eigen::Lower>().transpose().solveInPlace(yj);
+  for (auto panel = panels_.rbegin(); panel != panels_.rend(); ++panel) {
+    with(*panel, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
+      part.resize(kDim * panel->rows);
+      for (int m = 0; m < panel->rows; ++m) part.segment<kDim>(kDim * m) = y.segment<kDim>(kDim * rows[m]);
+      own.noalias() -= below.transpose() * part;
+      square.template triangularView<Eigen::Lower>().transpose().solveInPlace(own);
+    });
   }
   for (int b = 0; b < n_; ++b) x.segment<kDim>(kDim * b) = y.segment<kDim>(kDim * place_[static_cast<size_t>(b)]);
 }
 
-BlockCholesky::Inverse BlockCholesky::SelectedInverse() const {
+BlockCholesky::Inverse BlockCholesky::SelectedInverse(int threads) const {
   Inverse z;
   z.factor_ = this;
-  z.diagonal_.resize(static_cast<size_t>(n_));
-  z.below_.assign(rows_.size(), Matrix6d::Zero());
-  std::vector<Matrix6d> unit, transposed;  // L_kj L_jj^-1
-  std::vector<int> where;
-  for (int j = n_ - 1; j >= 0; --j) {
-    const int begin = start_[static_cast<size_t>(j)], end = start_[static_cast<size_t>(j) + 1];
-    const Matrix6d inverse =
-        diagonal_[static_cast<size_t>(j)].triangularView<Eigen::Lower>().solve(Matrix6d::Identity());
-    unit.clear();
-    transposed.clear();
-    for (int k = begin; k < end; ++k) {
-      unit.push_back(below_[static_cast<size_t>(k)] * inverse);
-      transposed.push_back(unit.back().transpose());
+  z.values_.assign(size_, 0);
+  for (auto it = panels_.rbegin(); it != panels_.rend(); ++it) {
+    const Panel& panel = *it;
+    const Index stride = panel.Stride(), width = kDim * panel.width, height = kDim * panel.rows;
+    const double* const factor = factor_.data() + panel.values;
+    const ConstStrided square(factor, width, width, Eigen::OuterStride<>(stride));
+    Strided own(z.values_.data() + panel.values, width, width, Eigen::OuterStride<>(stride));
+    Strided below(z.values_.data() + panel.values + width, height, width, Eigen::OuterStride<>(stride));
+    const Eigen::MatrixXd inverse =
+        square.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(width, width));
+    own.noalias() = inverse.transpose() * inverse;
+    if (panel.rows == 0) continue;
+    Eigen::MatrixXd unit = ConstStrided(factor + width, height, width, Eigen::OuterStride<>(stride));
+    unit *= inverse.triangularView<Eigen::Lower>();  // U = L_B L_D^-1
+    std::vector<std::ptrdiff_t> groups;
+    for (int q = 0; q < panel.width; ++q) AppendGroups(q, stride, &groups);
+    // Z_B = - Z_BB U. Z_BB lies in the panels whose columns these rows are: the pattern is closed under this sum.
+    const std::vector<Meeting> meetings = MeetingsOf(panel);
+    std::vector<PackedRight> right;
+    for (const Meeting& meeting : meetings) {
+      right.emplace_back(meeting.to - meeting.from, 2 * panel.width, 1, height,
+                         [&](int k) { return unit.data() + kDim * (meeting.from + k); });
     }
-    // Z_ij = - sum_k Z_ik U_kj over the rows k of the column: the pattern is closed under this sum.
-    for (int k = begin; k < end; ++k) {
-      const int column = rows_[static_cast<size_t>(k)];
-      const Matrix6d& u = unit[static_cast<size_t>(k - begin)];
-      where.clear();
-      int at = start_[static_cast<size_t>(column)];
-      for (int m = k + 1; m < end; ++m) {
-        while (rows_[static_cast<size_t>(at)] != rows_[static_cast<size_t>(m)]) ++at;
-        where.push_back(at);
+    ParallelFor(static_cast<int64_t>(meetings.size()), ThreadsFor(panel, threads), {}, [&](int64_t index) {
+      const Meeting& mine = meetings[static_cast<size_t>(index)];
+      for (size_t k = 0; k < meetings.size(); ++k) {
+        // Of two panels the one further left has the block; above its diagonal it is seen from the other side.
+        const bool left = meetings[k].from <= mine.from;
+        const Meeting &at_rows = left ? meetings[k] : mine, &of_rows = left ? mine : meetings[k];
+        const Index their_stride = at_rows.other->Stride();
+        const double* const theirs = z.values_.data() + at_rows.other->values;
+        const auto block = [&](int i, int column) {
+          const int row = of_rows.from - at_rows.from + (left ? i : column);
+          const Index of_column = at_rows.where[static_cast<size_t>(left ? column : i)];
+          return theirs + kDim * (at_rows.where[static_cast<size_t>(row)] + of_column * their_stride);
+        };
+        right[k].SubtractProduct(
+            mine.to - mine.from, left ? 1 : their_stride, left ? their_stride : 1, block,
+            [&](int i) { return below.data() + kDim * (mine.from + i); }, groups.data(), stride);
       }
-      Matrix6d own = (z.diagonal_[static_cast<size_t>(column)] * u).transpose() * -1.0;
-      if (!where.empty()) {
-        SubtractInverse(z.below_[0].data(), where.data(), u.data(),
-                        transposed[static_cast<size_t>(k - begin) + 1].data(),
-                        z.below_[static_cast<size_t>(k) + 1].data(), own.data(), static_cast<int>(where.size()));
-      }
-      z.below_[static_cast<size_t>(k)] += own.transpose();
-    }
-    Matrix6d d = inverse.transpose() * inverse;
-    for (int k = begin; k < end; ++k) {
-      d.noalias() -= unit[static_cast<size_t>(k - begin)].transpose() * z.below_[static_cast<size_t>(k)];
-    }
-    z.diagonal_[static_cast<size_t>(j)] = 0.5 * (d + d.transpose());
+    });
+    own.noalias() -= unit.transpose() * below;
+    own = (0.5 * (own + own.transpose())).eval();
   }
   return z;
 }
 
 Matrix6d BlockCholesky::Inverse::Block(int row, int column) const {
   const int a = factor_->place_[static_cast<size_t>(row)], b = factor_->place_[static_cast<size_t>(column)];
-  if (a == b) return diagonal_[static_cast<size_t>(a)];
-  const int k = factor_->Find(std::max(a, b), std::min(a, b));
-  if (k < 0) return Matrix6d::Zero();
-  return a > b ? below_[static_cast<size_t>(k)] : Matrix6d(below_[static_cast<size_t>(k)].transpose());
+  const size_t at = factor_->Find(std::max(a, b), std::min(a, b));
+  if (at == kNowhere) return Matrix6d::Zero();
+  const Matrix6d block = Eigen::Map<const Matrix6d, 0, Eigen::OuterStride<>>(
+      values_.data() + at, Eigen::OuterStride<>(factor_->PanelOf(std::min(a, b)).Stride()));
+  return a >= b ? block : Matrix6d(block.transpose());
 }
 
 }  // namespace trigpoint

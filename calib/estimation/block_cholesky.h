@@ -1,9 +1,10 @@
 // Sparse Cholesky factorisation of a symmetric positive definite matrix of 6 x 6 blocks: the reduced system of a
-// bundle adjustment, a block for each pose. Whole blocks are what makes it several times faster than a scalar sparse
-// factorisation; for a run without loops cost and memory grow linearly with its length.
+// bundle adjustment, a block for each pose. For a run without loops cost and memory grow linearly with its length;
+// where loops tie everything together it is a dense factorisation at the speed of one.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -19,12 +20,13 @@ class BlockCholesky {
 
   // The values of `lower`, in its order; of diagonal blocks the lower triangle is read. `damping` is a part of each
   // diagonal element that is added to it. False if the matrix is not positive definite.
-  bool Factorize(const std::vector<Matrix6d>& values, double damping);
+  // The result does not depend on the number of threads.
+  bool Factorize(const std::vector<Matrix6d>& values, double damping, int threads = 1);
   // x <- A^-1 x; 6 * blocks rows.
   void Solve(Eigen::Ref<Eigen::VectorXd> x) const;
 
   // The blocks of A^-1 inside the pattern of the factor, by selected inversion (Takahashi et al. 1973): all pairs that
-  // `lower` names are among them. Rests on the factor: valid until the next Factorize.
+  // `lower` names are among them. Rests on the factor's pattern: valid while the factor lives.
   class Inverse {
    public:
     // Zero outside the factor's pattern.
@@ -33,25 +35,51 @@ class BlockCholesky {
    private:
     friend class BlockCholesky;
     const BlockCholesky* factor_ = nullptr;
-    std::vector<Matrix6d> diagonal_, below_;
+    std::vector<double> values_;  // laid out as the factor's
   };
-  Inverse SelectedInverse() const;
+  Inverse SelectedInverse(int threads = 1) const;
 
  private:
-  // Position of row `row` among the blocks below the diagonal of column `column` (both in elimination order), -1: none.
-  int Find(int row, int column) const;
+  // Neighbouring columns (in elimination order) of about the same pattern, stored as one dense matrix, column by
+  // column: a square whose lower triangle counts, and the rows below that any of them has.
+  struct Panel {
+    int first = 0, width = 0;  // columns [first, first + width)
+    int begin = 0, rows = 0;   // rows_[begin, begin + rows)
+    size_t values = 0;         // where its values begin
+    Eigen::Index Stride() const { return 6 * static_cast<Eigen::Index>(width + rows); }
+    int end() const { return first + width; }
+  };
+  // The rows of a panel that are columns of another one: its rows [from, to), and where in that one each of its rows
+  // from `from` on stands.
+  struct Meeting {
+    const Panel* other = nullptr;
+    int from = 0, to = 0;
+    std::vector<int> where;
+  };
+  std::vector<Meeting> MeetingsOf(const Panel& panel) const;
+  // Threads are begun for what takes longer than they do.
+  int ThreadsFor(const Panel& panel, int threads) const;
+  // Where the block at (row, column) begins, both in elimination order and row >= column; kNowhere: it is zero.
+  static constexpr size_t kNowhere = static_cast<size_t>(-1);
+  size_t Find(int row, int column) const;
+  const Panel& PanelOf(int column) const {
+    return panels_[static_cast<size_t>(panel_of_[static_cast<size_t>(column)])];
+  }
 
   int n_ = 0;
   std::vector<int> place_;  // block -> its turn in the elimination
-  std::vector<int> start_;  // blocks below the diagonal of column j: [start_[j], start_[j + 1])
-  std::vector<int> rows_;   // their rows, ascending, in elimination order
+  std::vector<Panel> panels_;
+  std::vector<int> panel_of_;  // of each column
+  std::vector<int> rows_;      // ascending within a panel, in elimination order
   struct Target {
-    int place;  // in below_, or in diagonal_
+    size_t at;  // in factor_
+    Eigen::Index stride;
     bool diagonal;
     bool transposed;  // the value's block lies above the diagonal in elimination order
   };
-  std::vector<Target> into_;                // of each value
-  std::vector<Matrix6d> diagonal_, below_;  // the factor L
+  std::vector<Target> into_;  // of each value
+  size_t size_ = 0;
+  std::vector<double> factor_;
 };
 
 }  // namespace trigpoint

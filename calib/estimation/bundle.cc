@@ -13,7 +13,8 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kChunks = 8;  // fixed, so that sums do not depend on the number of threads
+constexpr int kChunks = 8;     // fixed, so that sums do not depend on the number of threads
+constexpr int kBatch = 16384;  // observations whose terms are held at a time
 
 double Rho(const ceres::LossFunction* loss, double s, double* weight) {
   if (loss == nullptr) {
@@ -127,16 +128,30 @@ class Reducer {
   const Layout& layout() const { return layout_; }
   const BlockMatrix& pattern() const { return pattern_; }
 
-  // Builds the reduced system with damping `lambda` on the points' diagonals.
+  // Builds the reduced system with damping `lambda` on the points' diagonals. Points are taken a batch at a time: first
+  // what each of them adds is computed, then every worker adds up the rows that are its own, in the points' order, so
+  // that the sums do not depend on the number of threads and there is one matrix, however many they are.
   Reduced Build(double lambda, std::vector<PoseFactor>* factors_out) {
-    std::vector<Reduced> parts(kChunks);
-    ParallelFor(kChunks, threads_, cancel_,
-                [&](int64_t c) { BuildChunk(static_cast<size_t>(c), lambda, &parts[static_cast<size_t>(c)]); });
-    Reduced sum = std::move(parts[0]);
-    for (size_t c = 1; c < parts.size(); ++c) {
-      for (size_t k = 0; k < sum.blocks.size(); ++k) sum.blocks[k] += parts[c].blocks[k];
-      sum.gradient += parts[c].gradient;
-      sum.cost += parts[c].cost;
+    Reduced sum;
+    sum.blocks.assign(static_cast<size_t>(pattern_.size()), Matrix6d::Zero());
+    sum.gradient = Eigen::VectorXd::Zero(layout_.dimension);
+    const int points = static_cast<int>(p_.points.size()), workers = ResolveThreads(threads_);
+    for (int begin = 0, end = 0; begin < points; begin = end) {
+      const int first = layout_.first[static_cast<size_t>(begin)];
+      while (end < points && layout_.first[static_cast<size_t>(end) + 1] - first <= kBatch) ++end;
+      end = std::max(end, begin + 1);
+      terms_.resize(static_cast<size_t>(layout_.first[static_cast<size_t>(end)] - first));
+      const int count = end - begin;
+      std::vector<double> costs(static_cast<size_t>(count));
+      ParallelFor(workers, threads_, cancel_, [&](int64_t worker) {
+        const auto share = [&](int64_t w) { return static_cast<int>(w * count / workers); };
+        for (int j = share(worker); j < share(worker + 1); ++j)
+          costs[static_cast<size_t>(j)] = Reduce(begin + j, first, lambda);
+      });
+      for (double cost : costs) sum.cost += cost;
+      ParallelFor(workers, threads_, cancel_, [&](int64_t worker) {
+        for (int j = begin; j < end; ++j) AddPoint(j, first, static_cast<int>(worker), workers, &sum);
+      });
     }
     AddFactors(&sum, factors_out);
     return sum;
@@ -201,57 +216,73 @@ class Reducer {
   }
 
  private:
-  void BuildChunk(size_t c, double lambda, Reduced* out) {
-    out->blocks.assign(static_cast<size_t>(pattern_.size()), Matrix6d::Zero());
-    out->gradient = Eigen::VectorXd::Zero(layout_.dimension);
-    struct Term {
-      int slot;
-      Eigen::Matrix<double, 6, 3> hpy;
-      Eigen::Matrix<double, 6, 3> reduced;
-    };
-    std::vector<Term> terms;
-    const auto [begin, end] = layout_.chunk[c];
-    for (int j = begin; j < end; ++j) {
-      if (j % 4096 == 0) cancel_.ThrowIfCancelled();
-      PointSystem& system = points_[static_cast<size_t>(j)];
-      system.h.setZero();
-      system.g.setZero();
-      terms.clear();
-      for (int k = layout_.first[static_cast<size_t>(j)]; k < layout_.first[static_cast<size_t>(j) + 1]; ++k) {
-        const BearingObservation& o = p_.observations[static_cast<size_t>(k)];
-        if (!o.active) continue;
-        ObservationTerms t;
-        double weight = 1;
-        if (!Evaluate<true>(p_, o, p_.points[static_cast<size_t>(j)], &t)) {
-          out->cost += 0.5 * Rho(p_.loss.get(), 1e8, &weight);
-          continue;
-        }
-        out->cost += 0.5 * Rho(p_.loss.get(), t.r.squaredNorm(), &weight);
-        const Eigen::Matrix<double, 2, 3> wjy = weight * t.jy;
-        system.h += t.jy.transpose() * wjy;
-        system.g += wjy.transpose() * t.r;
-        const int slot = layout_.slot[static_cast<size_t>(o.pose)];
-        if (slot < 0) continue;
-        out->blocks[static_cast<size_t>(slot)].noalias() += weight * t.jp.transpose() * t.jp;  // diagonals come first
-        out->gradient.segment<6>(6 * slot) += weight * t.jp.transpose() * t.r;
-        terms.push_back({slot, t.jp.transpose() * wjy, Eigen::Matrix<double, 6, 3>::Zero()});
+  // What an observation adds to the reduced system.
+  struct Term {
+    int slot = -1;                        // -1: nothing
+    Eigen::Matrix<double, 2, 6> jp;       // times the root of its weight
+    Eigen::Matrix<double, 6, 3> hpy;      // pose with point
+    Eigen::Matrix<double, 6, 3> reduced;  // the same times the inverse of the point's block
+    Eigen::Matrix<double, 6, 1> gradient;
+  };
+
+  // The point's system and its observations' terms, which begin at `first` of all observations; its cost.
+  double Reduce(int point, int first, double lambda) {
+    const size_t j = static_cast<size_t>(point);
+    PointSystem& system = points_[j];
+    system.h.setZero();
+    system.g.setZero();
+    double cost = 0;
+    Term* const terms = terms_.data() - first;
+    for (int k = layout_.first[j]; k < layout_.first[j + 1]; ++k) {
+      const BearingObservation& o = p_.observations[static_cast<size_t>(k)];
+      Term& term = terms[k];
+      term.slot = -1;
+      if (!o.active) continue;
+      ObservationTerms t;
+      double weight = 1;
+      if (!Evaluate<true>(p_, o, p_.points[j], &t)) {
+        cost += 0.5 * Rho(p_.loss.get(), 1e8, &weight);
+        continue;
       }
-      if (terms.empty() || p_.points_constant) continue;
-      const Eigen::Matrix3d inverse = Damped(system.h, lambda).inverse();
-      if (!inverse.allFinite()) continue;
-      const Eigen::Vector3d hg = inverse * system.g;
-      for (Term& t : terms) {
-        t.reduced = t.hpy * inverse;
-        out->gradient.segment<6>(6 * t.slot) -= t.hpy * hg;
+      cost += 0.5 * Rho(p_.loss.get(), t.r.squaredNorm(), &weight);
+      const Eigen::Matrix<double, 2, 3> wjy = weight * t.jy;
+      system.h += t.jy.transpose() * wjy;
+      system.g += wjy.transpose() * t.r;
+      term.slot = layout_.slot[static_cast<size_t>(o.pose)];
+      if (term.slot < 0) continue;
+      term.jp = std::sqrt(weight) * t.jp;
+      term.hpy = t.jp.transpose() * wjy;
+      term.gradient = weight * t.jp.transpose() * t.r;
+    }
+    const Eigen::Matrix3d inverse = Damped(system.h, lambda).inverse();
+    const bool free = !p_.points_constant && inverse.allFinite();
+    const Eigen::Vector3d hg = inverse * system.g;
+    for (int k = layout_.first[j]; k < layout_.first[j + 1]; ++k) {
+      Term& term = terms[k];
+      if (term.slot < 0) continue;
+      if (free) {
+        term.reduced = term.hpy * inverse;
+        term.gradient -= term.hpy * hg;
+      } else {
+        term.reduced.setZero();
       }
-      for (size_t a = 0; a < terms.size(); ++a) {
-        const int row = terms[a].slot;
-        for (size_t b = 0; b < terms.size(); ++b) {
-          const int col = terms[b].slot;
-          if (row < col) continue;
-          const int k = row == col ? row : pattern_.Find(row, col);
-          out->blocks[static_cast<size_t>(k)].noalias() -= terms[a].reduced * terms[b].hpy.transpose();
-        }
+    }
+    return cost;
+  }
+
+  // Adds what the point brings to the rows of one worker.
+  void AddPoint(int point, int first, int worker, int workers, Reduced* sum) const {
+    const Term* const begin = terms_.data() + (layout_.first[static_cast<size_t>(point)] - first);
+    const Term* const end = terms_.data() + (layout_.first[static_cast<size_t>(point) + 1] - first);
+    for (const Term* a = begin; a != end; ++a) {
+      if (a->slot < 0 || a->slot % workers != worker) continue;
+      sum->blocks[static_cast<size_t>(a->slot)].noalias() += a->jp.transpose() * a->jp;  // diagonals come first
+      sum->gradient.segment<6>(6 * a->slot) += a->gradient;
+      if (p_.points_constant) continue;
+      for (const Term* b = begin; b != end; ++b) {
+        if (b->slot < 0 || b->slot > a->slot) continue;
+        const int k = a->slot == b->slot ? a->slot : pattern_.Find(a->slot, b->slot);
+        sum->blocks[static_cast<size_t>(k)].noalias() -= a->reduced * b->hpy.transpose();
       }
     }
   }
@@ -299,17 +330,21 @@ class Reducer {
   Layout layout_;
   BlockMatrix pattern_;
   std::vector<PointSystem> points_;
+  std::vector<Term> terms_;  // of a batch
 };
 
 // The reduced system, factored: blocks of poses, bordered by the scale when that is free.
 class ReducedSolver {
  public:
-  ReducedSolver(const BlockMatrix& pattern, const Layout& layout)
-      : poses_(6 * layout.blocks), with_scale_(layout.dimension > poses_), cholesky_(layout.blocks, pattern.blocks()) {}
+  ReducedSolver(const BlockMatrix& pattern, const Layout& layout, int threads)
+      : threads_(threads),
+        poses_(6 * layout.blocks),
+        with_scale_(layout.dimension > poses_),
+        cholesky_(layout.blocks, pattern.blocks()) {}
 
   // With relative damping of the diagonal. False if the system is not positive definite.
   bool Factorize(const Reduced& r, double lambda) {
-    if (!cholesky_.Factorize(r.blocks, lambda)) return false;
+    if (!cholesky_.Factorize(r.blocks, lambda, threads_)) return false;
     if (!with_scale_) return true;
     border_ = r.scale_column;
     cholesky_.Solve(border_);
@@ -330,13 +365,14 @@ class ReducedSolver {
   }
 
   // Blocks of the inverse: of the poses' matrix, and what the border adds to them.
-  BlockCholesky::Inverse SelectedInverse() const { return cholesky_.SelectedInverse(); }
+  BlockCholesky::Inverse SelectedInverse() const { return cholesky_.SelectedInverse(threads_); }
   Matrix6d BorderBlock(int a, int b) const {
     if (!with_scale_) return Matrix6d::Zero();
     return border_.segment<6>(6 * a) * border_.segment<6>(6 * b).transpose() / pivot_;
   }
 
  private:
+  int threads_;
   Eigen::Index poses_;
   bool with_scale_;
   BlockCholesky cholesky_;
@@ -409,7 +445,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
   Reducer reducer(p, options.threads, cancel);
   const Layout& layout = reducer.layout();
   if (layout.dimension == 0) return summary;
-  ReducedSolver solver(reducer.pattern(), layout);
+  ReducedSolver solver(reducer.pattern(), layout, options.threads);
   bool singular = false;
   double lambda = 1e-5;
   summary.initial_cost = summary.final_cost = reducer.Cost(p);
@@ -485,16 +521,16 @@ struct BundleCovariance::Impl {
   bool with_scale = false;
   size_t poses = 0;
   ReducedSolver solver;
-  Impl(const BundleProblem& p, const Reducer& reducer)
+  Impl(const BundleProblem& p, const Reducer& reducer, int threads)
       : layout(reducer.layout()),
         with_scale(!p.scale_constant),
         poses(p.poses.size()),
-        solver(reducer.pattern(), layout) {}
+        solver(reducer.pattern(), layout, threads) {}
 };
 
 BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel) {
   Reducer reducer(problem, threads, cancel);
-  impl_ = std::make_unique<Impl>(problem, reducer);
+  impl_ = std::make_unique<Impl>(problem, reducer, threads);
   if (!impl_->solver.Factorize(reducer.Build(0, nullptr), 0)) {
     throw NumericError("covariance: the system is singular; something is not fixed by the data");
   }
