@@ -6,7 +6,6 @@
 #include "app/cli/stage_command.h"
 #include "app/pipeline/calibrate_stage.h"
 #include "datasets/calibration/calibration_images.h"
-#include "datasets/calibration/target_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -25,14 +24,15 @@ std::string Settled(const fs::path& dir, const fs::path& path) {
   return RelativeTo(fs::absolute(dir).lexically_normal(), fs::absolute(path).lexically_normal());
 }
 
+// What is found in the working directory is meant, else what is below the project.
 std::string SettledPattern(const fs::path& dir, const std::string& argument) {
   const size_t equals = argument.find('=');
   const bool named = equals != std::string::npos && equals > 0 && argument.find('/') > equals;
   const std::string name = named ? argument.substr(0, equals + 1) : "", pattern = argument.substr(name.size());
   if (pattern.empty() || pattern.front() == '~') return argument;
   try {
-    FindCalibrationImages(pattern, "/nowhere");
-  } catch (const InputError&) {  // below the project, then, or nowhere: said when it is looked for there
+    FindCalibrationImages(pattern, fs::current_path());
+  } catch (const InputError&) {  // said when it isn't below the project either
     return argument;
   }
   return name + Settled(dir, pattern);
@@ -69,8 +69,8 @@ StageTarget TargetOf(const Project& project, const Arguments& arguments) {
   }
   if (!images.empty()) target.overrides["calibrate"]["images"] = images;
   if (!arguments.target.empty()) {
-    const fs::path file = TargetFileOf(arguments.target, project.dir());
-    target.overrides["calibrate"]["target"] = file.empty() ? arguments.target : Settled(project.dir(), file);
+    const bool here = fs::is_regular_file(arguments.target);
+    target.overrides["calibrate"]["target"] = here ? Settled(project.dir(), arguments.target) : arguments.target;
   }
   return target;
 }

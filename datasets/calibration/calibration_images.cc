@@ -96,10 +96,9 @@ std::vector<CalibrationImages> FindCalibrationImages(const std::string& patterns
       name = pattern.substr(0, equals);
       pattern = pattern.substr(equals + 1);
     }
-    std::vector<fs::path> files = Matches(pattern);
-    if (files.empty() && pattern.front() != '/' && pattern.front() != '~') files = Matches((base / pattern).string());
+    const std::vector<fs::path> files = Matches(pattern.front() == '~' ? pattern : (base / pattern).string());
     if (files.empty()) {
-      throw InputError("--images " + pattern + ": no such pictures, neither here nor in " + base.string() +
+      throw InputError("--images " + pattern + ": no such pictures in " + base.string() +
                        " (put the pattern in quotes, so that the shell doesn't replace it)");
     }
     auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& c) { return c.camera == name; });

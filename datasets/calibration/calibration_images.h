@@ -14,8 +14,8 @@ struct CalibrationImages {
 };
 
 // `patterns`: shell patterns (or folders) separated by ';', each with `camera=` before it or not; without names each
-// pattern is a camera of its own, cam0, cam1, ... A pattern that isn't absolute is looked for in the working directory,
-// then below `base`. Several patterns of one camera add up. Throws InputError naming a pattern without pictures.
+// pattern is a camera of its own, cam0, cam1, ... A pattern that isn't absolute is looked for below `base`. Several
+// patterns of one camera add up. Throws InputError naming a pattern without pictures.
 std::vector<CalibrationImages> FindCalibrationImages(const std::string& patterns, const std::filesystem::path& base);
 
 // Names of the frames (pictures of one moment) and, in `frame_of`, which each file belongs to. One camera: every file

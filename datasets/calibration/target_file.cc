@@ -177,11 +177,9 @@ void WriteTargetFile(const fs::path& file, const Target& target) {
 
 fs::path TargetFileOf(const std::string& text, const fs::path& base) {
   std::error_code ignored;
-  for (const fs::path& path : {fs::path(text), base / text}) {
-    if (fs::is_regular_file(path, ignored)) return path;
-  }
+  if (const fs::path path = base / text; fs::is_regular_file(path, ignored)) return path;
   if (text.find(':') == std::string::npos && (text.ends_with(".yaml") || text.ends_with(".yml"))) {
-    throw InputError(text + ": there is no such target file, neither here nor in " + base.string());
+    throw InputError(text + ": there is no such target file in " + base.string());
   }
   return {};
 }

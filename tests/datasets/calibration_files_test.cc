@@ -133,6 +133,10 @@ TEST_F(CalibrationFiles, PairsPicturesOfOneMoment) {
   PairFrames(&folders);
   EXPECT_EQ(folders[0].frame_of[0], folders[1].frame_of[0]);
   EXPECT_THAT(MessageOf<Error>([&] { FindCalibrationImages("none*.png", dir()); }), HasSubstr("no such pictures"));
+  // What the working directory has by that name is something else.
+  ASSERT_TRUE(std::filesystem::exists("docs/pictures"));
+  EXPECT_THAT(MessageOf<Error>([&] { FindCalibrationImages("docs/pictures/*.png", dir()); }),
+              HasSubstr("no such pictures"));
 }
 
 }  // namespace
