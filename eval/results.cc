@@ -104,6 +104,20 @@ std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv) 
   return results;
 }
 
+std::string CommentValue(const std::vector<std::string>& comments, const std::string& key) {
+  for (const std::string& comment : comments) {
+    const size_t at = comment.find(key + "=");
+    if (at == std::string::npos) continue;
+    const size_t begin = at + key.size() + 1;
+    return std::string(Trim(std::string_view(comment).substr(begin, comment.find(';', begin) - begin)));
+  }
+  return "";
+}
+
+std::string TagMapFrame(const std::filesystem::path& tags_csv) {
+  return CommentValue(CsvTable::Read(tags_csv, {"tag_id"}).comments(), "frame");
+}
+
 std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
                                       const std::filesystem::path& tags_cov_csv) {
   std::vector<TagResult> results;

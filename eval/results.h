@@ -84,6 +84,10 @@ struct LocalizeResult {
 // number. An empty or NaN number is "not given".
 std::vector<PanoramaResult> ReadPanoramaResults(const std::filesystem::path& panoramas_csv);
 std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv);
+// What a table's comments say: "enu" of "frame" in "trigpoint tags 1; frame=enu; datum=control". Empty if nothing.
+std::string CommentValue(const std::vector<std::string>& comments, const std::string& key);
+// What a tags.csv says of its frame ("enu", "map"), empty if nothing.
+std::string TagMapFrame(const std::filesystem::path& tags_csv);
 // `tags_cov_csv` may be empty or missing: then `covariance` stays unset.
 std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
                                       const std::filesystem::path& tags_cov_csv = {});

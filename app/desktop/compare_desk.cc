@@ -179,8 +179,7 @@ void CompareDesk::Compare() {
     runs[i] = sides_[i].run->currentData().toString().toStdString();
     names[i] = (sides_[i].result->currentText() + (runs[i].empty() ? "" : " ") + QString::fromStdString(runs[i]))
                    .toStdString();
-    const std::string folder = folders[i].filename().string();
-    sides_[i].variant = folder.find('@') == std::string::npos ? "" : folder.substr(folder.find('@') + 1);
+    sides_[i].source = SourceOfEvaluation(folders[i]);
   }
   if (folders[0].empty() || folders[1].empty()) {
     text_->setPlainText(tr("Nothing to compare yet: there is no evaluation."));
@@ -256,14 +255,26 @@ void CompareDesk::Compare() {
 
 void CompareDesk::ShowScenes() {
   for (int i = 0; i < 2; ++i) {
-    if (scene_[i] == nullptr) {
-      scene_[i] = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
-      scene_[i]->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Expanding);  // both get half
-      static_cast<QHBoxLayout*>(scenes_->layout())->addWidget(scene_[i], 1);
+    Side& side = sides_[i];
+    if (side.scene == nullptr) {
+      auto* half = new QWidget;
+      half->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Expanding);  // both get half
+      auto* column = new QVBoxLayout(half);
+      column->setContentsMargins(0, 0, 0, 0);
+      side.title = new QLabel;
+      side.title->setObjectName(QString("compare.title_") + (i == 0 ? "a" : "b"));
+      side.scene = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
+      column->addWidget(side.title);
+      column->addWidget(side.scene, 1);
+      scenes_->layout()->addWidget(half);
     }
-    scene_[i]->ShowVariant(QString::fromStdString(sides_[i].variant), sides_[i].run->currentData().toString());
+    const QString name =
+        QString("%1: %2, %3").arg(i == 0 ? "A" : "B", side.result->currentText(), side.run->currentText());
+    side.title->setText(side.source ? name : tr("%1 (errors alone, no results to draw)").arg(name));
+    side.scene->setVisible(side.source.has_value());
+    if (side.source) side.scene->ShowResults(*side.source, side.run->currentData().toString());
   }
-  scene_[1]->ShareCamera(scene_[0]);
+  sides_[1].scene->ShareCamera(sides_[0].scene);
 }
 
 }  // namespace trigpoint

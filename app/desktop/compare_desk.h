@@ -6,8 +6,10 @@
 #include <vector>
 
 #include "app/desktop/workspace.h"
+#include "eval/scene/scene_model.h"
 
 class QComboBox;
+class QLabel;
 class QPlainTextEdit;
 class QTableWidget;
 class QTabWidget;
@@ -30,7 +32,9 @@ class CompareDesk : public QWidget {
  private:
   struct Side {
     QComboBox *result = nullptr, *run = nullptr;
-    std::string variant;
+    QLabel* title = nullptr;            // of the scene
+    std::optional<SceneSource> source;  // nothing where errors stand alone
+    SceneDesk* scene = nullptr;
   };
   void Refresh();
   void Compare();
@@ -43,7 +47,6 @@ class CompareDesk : public QWidget {
   QTableWidget *errors_, *differences_;
   QPlainTextEdit* text_;
   QWidget* scenes_;
-  SceneDesk* scene_[2] = {nullptr, nullptr};
   int generation_ = 0;
 };
 

@@ -78,7 +78,7 @@ vtkStandardNewMacro(PlanStyle)
 }  // namespace
 
 SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
-    : QWidget(parent), workspace_(workspace), vtk_(std::make_unique<Vtk>()) {
+    : QWidget(parent), workspace_(workspace), vtk_(std::make_unique<Vtk>()), kind_(kind) {
   mode_ = new QComboBox;
   mode_->setObjectName("scene.mode");
   mode_->setAccessibleName(tr("How the mouse moves the view"));
@@ -252,11 +252,10 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
                           QString::fromStdString(name));
       }
       variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
-      variant_->setVisible(variant_->count() > 1);
+      variant_->setVisible(kind_ == Kind::kFull && variant_->count() > 1);
     }
-    if (!(HasScene() && vtk_->scene->dir != workspace_->snapshot()->dir)) return Load();
-    vtk_->looked = false;
-    Load();
+    if (HasScene() && vtk_->scene->dir != workspace_->snapshot()->dir) vtk_->looked = false;
+    if (kind_ == Kind::kFull) Load();  // the others are told which results to show
   });
   connect(workspace_, &Workspace::Closed, this, &SceneDesk::Load);
   connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
@@ -284,12 +283,25 @@ void SceneDesk::showEvent(QShowEvent* event) {
   if (vtk_->view) Render();  // what was selected on other desks meanwhile
 }
 
-void SceneDesk::ShowVariant(const QString& variant, const QString& run) {
-  const bool other_run = only_run_ != run;
+void SceneDesk::changeEvent(QEvent* event) {
+  QWidget::changeEvent(event);
+  if (event->type() != QEvent::PaletteChange && event->type() != QEvent::StyleChange) return;
+  ShowBackground();
+  Render();
+}
+
+void SceneDesk::ShowBackground() {
+  // Grey in the dark theme: the truth's line is black and the scale bar black and white in both.
+  const double grey = palette().color(QPalette::Window).lightness() < 128 ? 0.36 : 1;
+  vtk_->renderer->SetBackground(grey, grey, grey);
+}
+
+void SceneDesk::ShowResults(const SceneSource& source, const QString& run) {
+  if (source_ == source && only_run_ == run && shown_from_ == workspace_->snapshot()) return;
+  source_ = source;
   only_run_ = run;
-  if (variant_->findData(variant) < 0) variant_->addItem(variant, variant);
-  variant_->setCurrentIndex(variant_->findData(variant));
-  if (!HasScene() || other_run) Load();
+  shown_from_ = workspace_->snapshot();
+  Load();
 }
 
 void SceneDesk::ShareCamera(SceneDesk* other) {
@@ -322,22 +334,27 @@ void SceneDesk::Load() {
     Render();
     return;
   }
+  const SceneSource source =
+      source_.value_or(SceneSource{workspace_->snapshot()->dir, variant_->currentData().toString().toStdString(), ""});
   // Everything but the points is there at once; these follow.
   for (const int points : {0, kMostPoints}) {
     InBackground(
         this,
-        [snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(),
-         run = only_run_.toStdString(), points] {
+        [snapshot = workspace_->snapshot(), source, run = only_run_.toStdString(), points] {
           SceneOptions options;
           if (!run.empty()) options.runs = {run};
-          options.variant = variant;
+          options.variant = source.variant;
+          options.release = source.release;
           options.max_points = points;
           options.max_cameras = kMostCameras;
           if (points == 0) options.aerial_px = 0;
           if (points == 0 || snapshot->references.size() > kMostTextures) options.panorama_width_px = 0;
           const auto scene = std::make_shared<LoadedScene>();
           scene->dir = snapshot->dir;
-          scene->model = LoadScene(*snapshot->project, options);
+          std::vector<std::string> problems;
+          scene->model = source.project == snapshot->dir
+                             ? LoadScene(*snapshot->project, options)
+                             : LoadScene(Project::OpenTolerant(source.project, &problems), options);
           return std::shared_ptr<const LoadedScene>(scene);
         },
         [this, generation, clear, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {
@@ -355,6 +372,7 @@ void SceneDesk::Load() {
           if (twin_ != nullptr && twin_->vtk_->view) style.error_scale = twin_->vtk_->view->ErrorScale();
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
+          ShowBackground();
           vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
           if (!vtk_->looked) {
             vtk_->view->LookOblique(vtk_->renderer);
@@ -423,6 +441,7 @@ void SceneDesk::ShowSelected() {
 }
 
 void SceneDesk::ShowPicture() {
+  if (kind_ == Kind::kCompact) return;  // has no place for it
   const std::string selected = workspace_->selected().toStdString();
   if (selected.starts_with("point:")) return ShowPointPicture(selected.substr(6));
   for (const std::string& object : workspace_->related()) {

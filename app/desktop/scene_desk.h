@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "app/desktop/workspace.h"
+#include "eval/scene/scene_model.h"
 
 class QCheckBox;
 class QComboBox;
@@ -42,8 +43,8 @@ class SceneDesk : public QWidget {
   bool inside() const;
   // Turns the view in steps, as dragging does, and shows each; returns the milliseconds of each.
   std::vector<double> Turn(int steps);
-  // One run's alone if `run` isn't empty.
-  void ShowVariant(const QString& variant, const QString& run = {});
+  // Other results than the chosen variant's of the opened project; one run's alone if `run` isn't empty.
+  void ShowResults(const SceneSource& source, const QString& run);
   // Both views are turned and moved together from now on.
   void ShareCamera(SceneDesk* other);
   // "orbit", "fly", "plan".
@@ -57,6 +58,7 @@ class SceneDesk : public QWidget {
  protected:
   bool eventFilter(QObject* watched, QEvent* event) override;
   void showEvent(QShowEvent* event) override;
+  void changeEvent(QEvent* event) override;
 
  private:
   struct Vtk;
@@ -68,6 +70,7 @@ class SceneDesk : public QWidget {
   void ShowCamera(int index);
   void Render();
   void Say(const QString& text);
+  void ShowBackground();
 
   Workspace* workspace_;
   std::unique_ptr<Vtk> vtk_;
@@ -80,7 +83,10 @@ class SceneDesk : public QWidget {
   PictureView* picture_;
   QPointF pressed_;
   SceneDesk* twin_ = nullptr;
+  Kind kind_;
+  std::optional<SceneSource> source_;  // nothing: the opened project's, with the chosen variant
   QString only_run_;
+  std::shared_ptr<const Snapshot> shown_from_;
   bool stale_ = false;  // to be loaded when it is seen
   int generation_ = 0;
 };

@@ -20,17 +20,6 @@ json ReadJson(const fs::path& file) {
   return value;
 }
 
-// "frame=enu; datum=control" of a table's first comment.
-std::string CommentValue(const std::vector<std::string>& comments, const std::string& key) {
-  for (const std::string& comment : comments) {
-    const size_t at = comment.find(key + "=");
-    if (at == std::string::npos) continue;
-    const size_t begin = at + key.size() + 1;
-    return std::string(Trim(std::string_view(comment).substr(begin, comment.find(';', begin) - begin)));
-  }
-  return "";
-}
-
 // What fixes a map to the world, one name each.
 std::vector<std::string> DatumEvidence(const Project& project, const ReferenceMap& map, const std::string& datum) {
   std::set<std::string> evidence;
@@ -107,7 +96,7 @@ ReferenceMap ReadReferenceMap(const Project& project, const fs::path& folder, co
   if (released) CheckRelease(folder.parent_path());
   const std::vector<std::string> comments = CsvTable::Read(tags, {"tag_id"}).comments();
   const std::string frame = CommentValue(comments, "frame");
-  if (!frame.empty() && frame != "enu") {
+  if (!IsSiteFrame(frame)) {
     throw InputError(tags.string() + ": its frame is '" + frame +
                      "', expected the site's (enu); give the survey control points or geotags");
   }
@@ -150,9 +139,7 @@ std::string MissingCovariances(const ReferenceMap& map, const fs::path& folder) 
          "; the sigmas of tags.csv stand in, axes taken as independent";
 }
 
-std::string TagMapFrame(const fs::path& tags_csv) {
-  return CommentValue(CsvTable::Read(tags_csv, {"tag_id"}).comments(), "frame");
-}
+bool IsSiteFrame(const std::string& frame) { return frame.empty() || frame == "enu" || frame == "local"; }
 
 fs::path ReferenceMapFolder(const Project& project, const std::string& name) {
   if (name == "survey") return project.ResultDir("survey", "");

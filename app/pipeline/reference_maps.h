@@ -21,8 +21,8 @@ ReferenceMap ReadReferenceMap(const Project& project, const std::filesystem::pat
 // One sentence on tags whose covariance tags_cov.csv should give and does not; empty if all is well.
 std::string MissingCovariances(const ReferenceMap& map, const std::filesystem::path& folder);
 
-// What a tags.csv says of its frame ("enu", "map"), empty if nothing.
-std::string TagMapFrame(const std::filesystem::path& tags_csv);
+// May a map of this frame (see TagMapFrame) serve as the site's? "enu" or nothing, or the surveyor's own, "local".
+bool IsSiteFrame(const std::string& frame);
 
 // Where the map of this name is: results/survey[@V] for "survey" and "survey@V", else releases/<name>/map.
 std::filesystem::path ReferenceMapFolder(const Project& project, const std::string& name);

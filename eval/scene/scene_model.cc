@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -166,8 +165,17 @@ class Loader {
     items = std::move(kept);
   }
 
+  // Of a run, or of the whole site with an empty `run`.
   fs::path ResultOf(const std::string& stage, const std::string& run) const {
-    return project_.ResultDir(stage, options_.variant.empty() ? run : run + "@" + options_.variant);
+    if (options_.release.empty())
+      return project_.ResultDir(stage, options_.variant.empty() ? run : run + "@" + options_.variant);
+    const fs::path release = project_.dir() / "releases" / options_.release;
+    return stage == "survey" ? release / "map" : run.empty() ? release / stage : release / stage / run;
+  }
+
+  // The poses that the tag map gives have no variants.
+  fs::path ReferencePosesOf(const std::string& run) const {
+    return options_.release.empty() ? project_.ResultDir("reference", run) : ResultOf("reference", run);
   }
 
   void Collect(const Run& run) {
@@ -204,7 +212,7 @@ class Loader {
     }
     if (!part.on_earth) return;
     for (const fs::path& truth : {project_.dir() / "truth" / "runs" / (run.name + "_cameras.tum"),
-                                  project_.ResultDir("reference", run.name) / "cameras.tum"}) {
+                                  ReferencePosesOf(run.name) / "cameras.tum"}) {
       if (!fs::exists(truth)) continue;
       Guard("truth of " + run.name, [&] {
         const char* name = truth.filename() == "cameras.tum" ? "reference poses from the tag map" : "truth";
@@ -334,14 +342,6 @@ class Loader {
     model_.points.insert(model_.points.end(), points.begin(), points.end());
   }
 
-  // A map that nothing ties to the Earth ("# ...; frame=map; ...") has a place of its own.
-  static bool IsInSiteFrame(const fs::path& tags_csv) {
-    std::ifstream in(tags_csv);
-    std::string header;
-    std::getline(in, header);
-    return header.find("frame=") == std::string::npos || header.find("frame=enu") != std::string::npos;
-  }
-
   // One square an id: the survey's map first, then what the runs' own cameras say.
   void AddTags() {
     std::set<int> shown;
@@ -359,17 +359,21 @@ class Loader {
         }
       });
     };
-    const std::string suffix = options_.variant.empty() ? "" : "@" + options_.variant;
     if (model_.on_earth) {
-      for (const std::string& name : {suffix, std::string()}) {
-        const fs::path file = project_.ResultDir("survey", name) / "tags.csv";
-        if (IsInSiteFrame(file)) add(file, "survey", {});
+      std::vector<fs::path> maps = {ResultOf("survey", "")};
+      if (options_.release.empty() && !options_.variant.empty()) maps.push_back(project_.ResultDir("survey", ""));
+      for (const fs::path& map : maps) {
+        const fs::path file = map / "tags.csv";
+        if (!fs::exists(file)) continue;
+        Guard("tags of survey", [&] {
+          // A map that nothing ties to the Earth has a place of its own.
+          if (const std::string frame = TagMapFrame(file); frame.empty() || frame == "enu") add(file, "survey", {});
+        });
       }
     }
     for (const RunPart& part : runs_) {
       if (model_.on_earth && !part.on_earth) continue;
-      add(project_.ResultDir("evaluate", suffix) / ("tags_" + part.run->name + ".csv"), part.run->name,
-          part.scene_from_odom);
+      add(ResultOf("evaluate", "") / ("tags_" + part.run->name + ".csv"), part.run->name, part.scene_from_odom);
     }
   }
 
@@ -390,8 +394,7 @@ class Loader {
 
   // The differences of one group a run: absolute ones against a map, else those in the run's own frame.
   void AddErrors() {
-    const std::string suffix = options_.variant.empty() ? "" : "@" + options_.variant;
-    const fs::path file = project_.ResultDir("evaluate", suffix) / "errors.csv";
+    const fs::path file = ResultOf("evaluate", "") / "errors.csv";
     if (!fs::exists(file)) return;
     const CsvTable table = CsvTable::Read(
         file, {"run", "method", "station", "panorama", "reference", "kind", "status", "de_m", "dn_m", "du_m"});
@@ -461,6 +464,22 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> SceneModel::Bounds() const {
   }
   if (box.isEmpty()) return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   return {box.min(), box.max()};
+}
+
+std::optional<SceneSource> SourceOfEvaluation(const std::filesystem::path& evaluation) {
+  const fs::path folder = evaluation.has_filename() ? evaluation : evaluation.parent_path();  // "a/b/" is "a/b"
+  const fs::path above = folder.parent_path();
+  const std::string name = folder.filename().string();
+  SceneSource source;
+  if (name == "evaluate" && fs::exists(above / "release.json")) {
+    source = {above.parent_path().parent_path(), "", above.filename().string()};
+  } else if (above.filename() == "results" && name == "evaluate") {
+    source.project = above.parent_path();
+  } else if (above.filename() == "results" && name.starts_with("evaluate@")) {
+    source = {above.parent_path(), name.substr(9), ""};
+  }
+  if (source.project.empty()) return std::nullopt;
+  return source;
 }
 
 SceneModel LoadScene(const Project& project, const SceneOptions& options, const CancelToken& cancel) {

@@ -26,6 +26,7 @@ namespace trigpoint {
 struct SceneOptions {
   std::vector<std::string> runs;  // empty: all
   std::string variant;            // whose localize and evaluate results
+  std::string release;            // draws what this release froze, in place of the project's results
   int max_points = 200000;        // of the sparse models, all runs together; more are thinned evenly; 0: not read
   int max_cameras = 400;          // frusta, all runs together; more are thinned evenly
   int panorama_width_px = 512;    // of the spheres' textures; 0: no pictures are read
@@ -116,6 +117,16 @@ struct SceneModel {
   // Corners of the box around paths, panoramas and tags (points reach far); both zero for an empty model.
   std::pair<Eigen::Vector3d, Eigen::Vector3d> Bounds() const;
 };
+
+// The project whose results an evaluation is of, and which of them.
+struct SceneSource {
+  std::filesystem::path project;
+  std::string variant, release;
+  bool operator==(const SceneSource&) const = default;
+};
+
+// Of the folder of an errors.csv: results/evaluate[@V] of a project, or releases/N/evaluate. Nothing for any other.
+std::optional<SceneSource> SourceOfEvaluation(const std::filesystem::path& evaluation);
 
 // Reads what there is. A result that is missing or broken is left out and named in `notes`; nothing here throws for
 // it. Throws Cancelled.

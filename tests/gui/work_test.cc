@@ -168,6 +168,14 @@ TEST_F(WorkTest, RunsStandBesideEachOtherInThreeDimensions) {
     return scenes.size() == 2 && scenes[0]->HasScene() && scenes[1]->HasScene();
   }));
   Screenshot(window_.get(), "compare_3d");
+  // Errors of nobody's project have no scene.
+  const QTemporaryDir alone;
+  QFile::copy(Path("results/evaluate/errors.csv"), alone.filePath("errors.csv"));
+  ASSERT_TRUE(window_->compare()->Add(alone.path()));
+  auto* title = Child<QLabel>(window_.get(), "compare.title_b");
+  EXPECT_TRUE(WaitFor([&] { return title->text().contains("errors alone"); }));
+  const auto scenes = window_->compare()->findChildren<SceneDesk*>();
+  EXPECT_EQ(std::count_if(scenes.begin(), scenes.end(), [](SceneDesk* s) { return s->isVisible(); }), 1);
 }
 
 TEST_F(WorkTest, PhotoSetShowsItsPairsAndCentres) {

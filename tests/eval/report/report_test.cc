@@ -214,6 +214,35 @@ TEST_F(ReportTest, TagsOfAMapThatIsNotOnTheEarthAreNotDrawnThere) {
   EXPECT_TRUE(LoadScene(project).tags.empty());
 }
 
+TEST_F(ReportTest, AReleaseIsDrawnFromWhatItFroze) {
+  WriteResults();
+  const std::string rows =
+      "tag_id,family,size_m,x,y,z,qx,qy,qz,qw,role,status\n1,tag36h11,0.5,3.4,5.0,0.5,0,0,0,1,free,ok\n";
+  site_.Write("releases/v1/release.json", "{}");
+  site_.Write("releases/v1/map/tags.csv", "# trigpoint tags 1; frame=enu; datum=control; sigma=1\n" + rows);
+  fs::copy(site_ / "results/localize", site_ / "releases/v1/localize", fs::copy_options::recursive);
+  fs::copy(site_ / "results/evaluate", site_ / "releases/v1/evaluate", fs::copy_options::recursive);
+  fs::remove_all(site_ / "results");
+  const Project project = Project::Open(site_.dir());
+  EXPECT_TRUE(LoadScene(project).panoramas.empty());
+  SceneOptions options;
+  options.release = "v1";
+  const SceneModel frozen = LoadScene(project, options);
+  EXPECT_EQ(frozen.panoramas.size(), 1U);
+  EXPECT_EQ(frozen.errors.size(), 1U);
+  EXPECT_EQ(frozen.tags.size(), 1U);
+}
+
+TEST_F(ReportTest, AnEvaluationsFolderSaysWhoseItIs) {
+  WriteResults();
+  site_.Write("releases/v1/release.json", "{}");
+  EXPECT_EQ(SourceOfEvaluation(site_ / "results/evaluate/"), (SceneSource{site_.dir(), "", ""}));
+  EXPECT_EQ(SourceOfEvaluation(site_ / "results/evaluate@paper"), (SceneSource{site_.dir(), "paper", ""}));
+  EXPECT_EQ(SourceOfEvaluation(site_ / "releases/v1/evaluate"), (SceneSource{site_.dir(), "", "v1"}));
+  EXPECT_FALSE(SourceOfEvaluation(site_ / "elsewhere/evaluate").has_value());
+  EXPECT_FALSE(SourceOfEvaluation("/").has_value());
+}
+
 TEST_F(ReportTest, ABrokenPictureLeavesTheRest) {
   WriteResults();
   site_.Write("panoramas.csv", "file,station,latitude_deg,longitude_deg,height_m\np1.jpg,S1,48.0001,7.8001,241\n");
