@@ -50,7 +50,9 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
   CLI::App& command = AddCommand(app, session, stage.name, stage.help, OptionTable(stage) + Examples(stage));
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("DIR", arguments->dir, "the project")->required();
-  command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
+  if (stage.per_run) {
+    command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
+  }
   if (stage.variants) {
     command.add_option(
         "--variant", arguments->variant,

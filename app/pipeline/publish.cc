@@ -121,7 +121,7 @@ Release Publish(const Project& project, const std::string& name, const std::stri
     if (fs::exists(map / "tags.csv")) {
       const std::string frame = TagMapFrame(map / "tags.csv");
       record["map"]["frame"] = frame.empty() ? "enu" : frame;
-      if (frame.empty() || frame == "enu") {
+      if (IsSiteFrame(frame)) {
         const ReferenceMap reference = ReadReferenceMap(project, map, "survey" + at);
         release.tags = static_cast<int>(reference.tags.size());
         release.runs = reference.runs;

@@ -180,8 +180,7 @@ StageInfo ReferenceStage() {
     if (!options.map.starts_with("survey")) return "";
     const fs::path tags = ReferenceMapFolder(project, options.map) / "tags.csv";
     if (!fs::exists(tags)) return "no tag map (" + RelativeTo(project.dir(), tags) + ")";
-    const std::string frame = TagMapFrame(tags);
-    return frame.empty() || frame == "enu" ? "" : "the tag map is in its own frame, not in the site's";
+    return IsSiteFrame(TagMapFrame(tags)) ? "" : "the tag map is in its own frame, not in the site's";
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {
     return ReadTextFile(outcome.dir / ("report_" + unit.name + ".md")) +

@@ -8,6 +8,8 @@
 
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/survey_ties.h"
+#include "calib/base/median.h"
+#include "calib/geo/geodetic.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/text.h"
 #include "survey/tags/control.h"
@@ -16,6 +18,11 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kOneSite_m = 50'000;  // surveyed points and satellite fixes of one site are nearer
+constexpr double kSameFrame_m = 100;   // coordinates about the site's origin are nearer
+constexpr double kGeoid_m = 130;       // heights above ellipsoid and sea differ by less, receivers' errors included
+constexpr double kFoot_m = 0.3048;
 
 const std::vector<std::string> kDatums = {"auto", "control", "geotags", "gps", "tag", "plane", "gravity", "none"};
 
@@ -99,9 +106,11 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
   bool roles = false;
   const KnownPoints known = ReadKnownPoints(project, &job->warnings);
   for (const ControlPoint& c : known.points) roles |= c.has_role;
+  bool local = true;
   for (const ControlPoint& c : known.points) {
     const std::optional<Eigen::Vector3d> world = WorldOf(project, c);
     if (!world) continue;
+    local &= c.local_m.has_value();
     SurveyPoint p;
     p.name = ReviewControlName(c);
     p.role = c.control && used ? PointRole::kControl : PointRole::kCheck;
@@ -121,6 +130,7 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
     points.push_back(p);
   }
   if (points.empty()) return;
+  job->local_frame = local;
   if (!used) {
     job->check_note = "control takes no part in this datum: all surveyed points are check points";
   } else if (!roles) {
@@ -229,8 +239,23 @@ void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJ
   input.use_control = datum == "auto" || datum == "control";
   AddControl(project, input.use_control, job);
   AddGeotags(project, job);
-  bool known = false, fixes = false;
+  bool known = false, fixes = false, levelled = false;
   for (const SurveyPoint& p : input.points) known |= p.role != PointRole::kCheck;
+  for (const SurveyRun& run : input.runs) levelled |= run.levelled;
+  // What was asked for and isn't there is never replaced by something else.
+  if (datum == "control" && !known) {
+    throw InputError(
+        "datum control: no surveyed point can be used as control; give control_points.csv, or another datum");
+  }
+  if (datum == "geotags" && !known) {
+    throw InputError(
+        "datum geotags: no panorama with a position belongs to a station of stations.csv; give them, or another datum");
+  }
+  if (datum == "gravity" && !levelled) {
+    throw InputError(
+        "datum gravity: no survey run's odometry is levelled; say odometry: {levelled: true} in its run.yaml, if its z "
+        "axis is up");
+  }
   for (const SurveyRun& run : input.runs) fixes |= !run.gps.empty();
   input.use_gps = datum == "gps" || (datum == "auto" && !known && fixes);
   if (datum == "gps" && !fixes) throw InputError("datum gps: no survey run has GPS fixes at the time of its pictures");
@@ -260,7 +285,70 @@ void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJ
     for (double id : Numbers(options.plane_tags, "plane_tags")) input.level_tags.push_back(static_cast<int>(id));
     if (input.level_tags.size() < 3)
       throw OptionError("datum plane needs three tags or more: --set plane_tags=\"3 6 9\"");
+    for (int id : input.level_tags) {
+      const bool seen = std::any_of(input.runs.begin(), input.runs.end(), [&](const SurveyRun& run) {
+        return std::any_of(run.images.begin(), run.images.end(), [&](const ImageDetections& image) {
+          return std::any_of(image.detections.begin(), image.detections.end(),
+                             [&](const TagDetection& d) { return d.id == id; });
+        });
+      });
+      if (!seen) throw InputError(fmt::format("option plane_tags: no picture shows tag {}", id));
+    }
   }
+}
+
+// Surveyed points and satellites speak of the same site: not of another zone, hemisphere or unit of height. Throws
+// InputError.
+void RequireOneSite(const Project& project, SurveyJob* job) {
+  if (!project.has_frame()) return;
+  SurveyInput& input = job->input;
+  struct Places {
+    std::vector<double> east, north, height;
+    void Add(const LocalFrame& frame, const Eigen::Vector3d& place, double sigma_v_m) {
+      east.push_back(place.x()), north.push_back(place.y());
+      if (sigma_v_m < kUnknownHeightSigma) height.push_back(frame.GeodeticFromEnu(place).height_m);
+    }
+  };
+  Places surveyed, satellites;
+  for (const SurveyPoint& p : input.points) {
+    (p.role == PointRole::kGeotag ? satellites : surveyed).Add(project.frame(), p.world_m, p.sigma_v_m);
+  }
+  for (const SurveyRun& run : input.runs) {
+    for (const SurveyFix& fix : run.gps) satellites.Add(project.frame(), fix.world_m, fix.sigma_v_m);
+  }
+  if (surveyed.east.empty() || satellites.east.empty()) return;
+  const double apart =
+      std::hypot(Median(surveyed.east) - Median(satellites.east), Median(surveyed.north) - Median(satellites.north));
+  if (job->local_frame && apart > kSameFrame_m && input.use_control) {
+    job->warnings.push_back(fmt::format(
+        "control_points.csv: x_m, y_m, z_m lie {:.0f} m from where geotags and GPS have the site: they are a "
+        "local frame of their own, and so is the map; geotags and GPS take no part",
+        apart));
+    std::erase_if(input.points, [](const SurveyPoint& p) { return p.role == PointRole::kGeotag; });
+    for (SurveyRun& run : input.runs) run.gps.clear();
+    return;
+  }
+  job->local_frame = false;
+  if (apart > kOneSite_m) {
+    throw InputError(
+        fmt::format("control_points.csv: the surveyed points lie {:.0f} km from the geotags and GPS fixes: "
+                    "look for another zone or EPSG code, or for latitude and longitude in each other's "
+                    "place; check_conventions=false goes on as it is",
+                    1e-3 * apart));
+  }
+  if (surveyed.height.empty() || satellites.height.empty()) return;
+  const double theirs = Median(surveyed.height), ours = Median(satellites.height);
+  if (std::abs(theirs - ours) < kGeoid_m) return;
+  const bool feet = std::abs(theirs * kFoot_m - ours) < kGeoid_m,
+             geotag_feet = std::abs(ours * kFoot_m - theirs) < kGeoid_m;
+  throw InputError(
+      fmt::format("control_points.csv: the surveyed heights ({:.0f} m in the middle) differ from those of geotags and "
+                  "GPS ({:.0f} m) "
+                  "by more than any geoid does{}; check_conventions=false goes on as it is",
+                  theirs, ours,
+                  feet          ? ": they are in feet, it seems, expected are metres"
+                  : geotag_feet ? ": those of the geotags are in feet, it seems, expected are metres"
+                                : ": look for a wrong unit, a wrong sign or heights above something else"));
 }
 
 }  // namespace
@@ -289,6 +377,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);
   SetDatum(project, options, &job);
+  if (options.map.check_conventions) RequireOneSite(project, &job);
   return job;
 }
 

@@ -51,8 +51,9 @@ std::vector<const Run*> SurveyRuns(const Project& project);
 
 struct SurveyJob {
   SurveyInput input;
-  bool has_check = false;  // some surveyed points take no part
-  std::string check_note;  // how the check points were chosen, or why there are none
+  bool has_check = false;    // some surveyed points take no part
+  bool local_frame = false;  // the surveyed points are in a frame of their own, which nothing ties to the Earth
+  std::string check_note;    // how the check points were chosen, or why there are none
   std::vector<std::string> warnings;
 };
 

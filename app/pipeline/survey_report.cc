@@ -192,8 +192,11 @@ void Stations(const SurveyFindings& findings, Report& out) {
 void Others(const SurveyResult& result, const SurveyFindings& findings, Report& out) {
   for (const DistanceAgreement& d : result.distances) {
     out.Line(fmt::format("Distance {} - {} ({}): measured {}, map {}, sigma of the difference {} (1 sigma)",
-                         d.stated.from, d.stated.to, d.stated.check ? "check" : "used", out.With(d.stated.distance_m),
-                         out.With(d.map_m), out.With(d.sigma_m)));
+                         d.stated.from, d.stated.to,
+                         d.stated.check ? "check"
+                         : d.excluded   ? "taken out"
+                                        : "used",
+                         out.With(d.stated.distance_m), out.With(d.map_m), out.With(d.sigma_m)));
   }
   for (const DatumShift& s : result.shifts) {
     const Eigen::Vector3d &m = s.stated_minus_map_m, &e = s.sigma_m;
@@ -295,6 +298,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
     distances.push_back({{"from", d.stated.from},
                          {"to", d.stated.to},
                          {"role", d.stated.check ? "check" : "control"},
+                         {"excluded", d.excluded},
                          {"measured_m", d.stated.distance_m},
                          {"map_m", d.map_m},
                          {"sigma_m", d.sigma_m}});
@@ -308,7 +312,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
   json summary = {{"schema", "trigpoint survey 1"},
                   {"datum", result.datum},
                   {"gauge", result.gauge},
-                  {"frame", result.in_world ? "enu" : "map"},
+                  {"frame", findings.frame},
                   {"tags", tags},
                   {"points", points},
                   {"check", CheckJson(result.check, findings)},
@@ -365,7 +369,9 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
 std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findings, const DisplayUnit& unit) {
   Report out(unit);
   out.Line(fmt::format("Datum: {} ({})", result.datum,
-                       result.in_world ? "site ENU" : "a frame of its own, not on the Earth"));
+                       findings.frame == "enu"     ? "site ENU"
+                       : findings.frame == "local" ? "the local frame of the surveyed points, not on the Earth"
+                                                   : "a frame of its own, not on the Earth"));
   out.Line("Gauge: " + result.gauge + "\n");
   TagTable(result, out);
   Points(result, out);

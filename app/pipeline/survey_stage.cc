@@ -150,11 +150,12 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   const SurveyResult result = SurveyTags(job.input, options.map, context.threads, context.progress, context.cancel);
   for (const std::string& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning);
   SurveyFindings findings;
+  findings.frame = !result.in_world ? "map" : context.project.has_frame() && !job.local_frame ? "enu" : "local";
+  const std::string& frame = findings.frame;
   findings.check_note = job.check_note;
   findings.nssda = options.nssda;
   Repeat(job, options, result, context, &findings);
   CompareEpochs(options, result, context, &findings);
-  const std::string frame = result.in_world ? "enu" : "map";
   if (options.stations && result.in_world) {
     findings.stations = MeasureStations(context.project, result.tags, context);
     for (const StationOffset& o : findings.stations) {

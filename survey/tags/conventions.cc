@@ -6,7 +6,10 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <map>
+#include <optional>
 
+#include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
 #include "survey/tags/planar_pose.h"
@@ -18,6 +21,10 @@ constexpr double kLeastStep_m = 0.02;  // shorter steps of odometry say nothing 
 constexpr int kLeastSteps = 20;
 constexpr double kMostlyShare = 0.9;  // of detections that must agree before an order is called wrong
 constexpr double kFoot = 0.3048;
+constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
+constexpr double kLeastParallax_rad = 10 * kDegToRad, kLeastWay_m = 0.3;
+constexpr double kScaleKnown = 0.05;  // odometry whose stated scale sigma is larger says nothing about sizes
+constexpr double kSizesAlike = 0.04, kMostOff = 0.1;
 
 // How well the body's direction of motion stays the same in the body's frame: 1 for wheels, 0 for nonsense.
 // `order` permutes a quaternion's coefficients as read (x, y, z, w).
@@ -115,7 +122,144 @@ void CheckUpright(const SurveyInput& input, const SurveyRun& run, std::vector<Co
   }
 }
 
+// A tag's centre as a picture has it: where the camera's body is by odometry, and the centre in the body's frame, which
+// rests on the tag's stated size.
+struct CentreSight {
+  int64_t stamp_ns = 0;
+  Rigid3d odom_from_body;
+  Eigen::Vector3d in_body = Eigen::Vector3d::Zero(), camera_in_body = Eigen::Vector3d::Zero();
+};
+
+// By tag, of one run.
+std::map<int, std::vector<CentreSight>> CentresOf(const SurveyInput& input, const MapStart& start, int run) {
+  std::map<int, std::vector<CentreSight>> centres;
+  for (const MapFrame& frame : start.frames) {
+    if (frame.run != run || !frame.odom_from_body) continue;
+    for (int i : frame.sights) {
+      const MapSight& s = start.sights[static_cast<size_t>(i)];
+      const auto poses = EstimatePlanarPoses(s.sight, input.sizes.SizeOf(s.detection.id));
+      if (poses.empty()) continue;
+      const Rigid3d body_from_cam =
+          input.runs[static_cast<size_t>(run)].cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
+      centres[s.detection.id].push_back({frame.stamp_ns, *frame.odom_from_body,
+                                         body_from_cam * poses.front().cam_from_tag.translation,
+                                         body_from_cam.translation});
+    }
+  }
+  return centres;
+}
+
+// Distance to a tag by the parallax of its pictures along odometry, over that by its stated size: median of the
+// pictures. Nothing without parallax.
+std::optional<double> SizeRatio(const std::vector<CentreSight>& sights) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  std::vector<Eigen::Vector3d> origins, rays;
+  for (const CentreSight& s : sights) {
+    origins.push_back(s.odom_from_body * s.camera_in_body);
+    rays.push_back((s.odom_from_body * s.in_body - origins.back()).normalized());
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - rays.back() * rays.back().transpose();
+    a += across;
+    b += across * origins.back();
+  }
+  double widest = 1;
+  for (const Eigen::Vector3d& ray : rays) widest = std::min(widest, ray.dot(rays.front()));
+  if (widest > std::cos(kLeastParallax_rad)) return std::nullopt;
+  const Eigen::Vector3d point = a.ldlt().solve(b);
+  std::vector<double> ratios;
+  for (size_t i = 0; i < sights.size(); ++i) {
+    ratios.push_back((point - origins[i]).dot(rays[i]) / (sights[i].in_body - sights[i].camera_in_body).norm());
+  }
+  return Median(std::move(ratios));
+}
+
+// The first stretch of pictures of a tag in which odometry has hardly drifted.
+std::vector<CentreSight> FirstVisit(const std::vector<CentreSight>& sights) {
+  std::vector<CentreSight> visit;
+  for (const CentreSight& s : sights) {
+    if (!visit.empty() && s.stamp_ns - visit.back().stamp_ns > kVisitGap_ns) break;
+    visit.push_back(s);
+  }
+  return visit;
+}
+
+void CheckSizes(const SurveyInput& input, const std::vector<std::map<int, std::vector<CentreSight>>>& runs,
+                std::vector<ConventionFinding>* findings) {
+  std::vector<double> ratios;
+  for (size_t r = 0; r < runs.size(); ++r) {
+    if (input.runs[r].scale_sigma > kScaleKnown) continue;
+    for (const auto& [id, sights] : runs[r]) {
+      const std::vector<CentreSight> visit = FirstVisit(sights);
+      if (visit.size() < 3) continue;
+      if (const auto ratio = SizeRatio(visit); ratio && *ratio > 0) ratios.push_back(*ratio);
+    }
+  }
+  if (ratios.size() < 3) return;
+  const double middle = Median(ratios);
+  const auto alike =
+      std::count_if(ratios.begin(), ratios.end(), [&](double r) { return std::abs(r / middle - 1) < kSizesAlike; });
+  if (std::abs(middle - 1) < 2 * kSizesAlike || alike < 0.7 * static_cast<double>(ratios.size())) return;
+  findings->push_back(
+      {true,
+       fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far as their stated size makes them ({} of "
+                   "{} visits agree): either all were printed {:.2f} times as large as stated, or odometry is not "
+                   "in metres. Measure a printed tag; check_conventions=false goes on as it is",
+                   middle, alike, ratios.size(), middle)});
+}
+
+// A tag stays where it is while the body drives by: under the reading of odometry that is right.
+void CheckAxes(const SurveyRun& run, const std::map<int, std::vector<CentreSight>>& centres,
+               std::vector<ConventionFinding>* findings) {
+  const Eigen::Matrix3d flip = Eigen::Vector3d(1, -1, -1).asDiagonal();
+  const Eigen::Quaterniond half_turn(flip);
+  struct Reading {
+    const char* what;
+    std::function<Rigid3d(const Rigid3d&)> mend;
+  };
+  const std::vector<Reading> readings = {
+      {"", [](const Rigid3d& p) { return p; }},
+      {"its axes are forward, right, down (expected forward, left, up, as T_cam_imu of camchain.yaml has the body)",
+       [&](const Rigid3d& p) { return Rigid3d(half_turn * p.rotation * half_turn, half_turn * p.translation); }},
+      {"its quaternions turn the other way (expected odom_from_body)",
+       [](const Rigid3d& p) { return Rigid3d(p.rotation.conjugate(), p.translation); }},
+      {"its poses are body_from_odom (expected odom_from_body)", [](const Rigid3d& p) { return p.Inverse(); }},
+  };
+  std::vector<double> errors;
+  for (const Reading& reading : readings) {
+    std::vector<double> off;
+    for (const auto& [id, sights] : centres) {
+      const std::vector<CentreSight> visit = FirstVisit(sights);
+      for (size_t i = 1; i < visit.size(); ++i) {
+        const Rigid3d first = reading.mend(visit[0].odom_from_body), now = reading.mend(visit[i].odom_from_body);
+        if ((now.translation - first.translation).norm() < kLeastWay_m) continue;
+        const Eigen::Vector3d expected = now.Inverse() * (first * visit[0].in_body);
+        off.push_back((expected - visit[i].in_body).norm() / visit[i].in_body.norm());
+      }
+    }
+    if (off.size() < static_cast<size_t>(kLeastSteps)) return;
+    errors.push_back(Median(std::move(off)));
+  }
+  const size_t best = static_cast<size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+  if (best == 0 || errors[best] > 0.3 * errors[0] || errors[best] > kMostOff) return;
+  findings->push_back(
+      {true,
+       fmt::format("run {}: while the body moves, tags in view wander by {:.0f} % of their distance as odometry.tum "
+                   "is read, but by {:.0f} % if {}: mend the file",
+                   run.name, 100 * errors[0], 100 * errors[best], readings[best].what)});
+}
+
 }  // namespace
+
+std::vector<ConventionFinding> CheckSights(const SurveyInput& input, const MapStart& start) {
+  std::vector<ConventionFinding> findings;
+  std::vector<std::map<int, std::vector<CentreSight>>> centres;
+  for (size_t r = 0; r < input.runs.size(); ++r) {
+    centres.push_back(CentresOf(input, start, static_cast<int>(r)));
+    CheckAxes(input.runs[r], centres.back(), &findings);
+  }
+  if (findings.empty()) CheckSizes(input, centres, &findings);
+  return findings;
+}
 
 std::vector<ConventionFinding> CheckInput(const SurveyInput& input) {
   std::vector<ConventionFinding> findings;

@@ -10,9 +10,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
+#include "survey/tags/control.h"
 #include "survey/tags/map_solver.h"
 
 namespace trigpoint {
@@ -21,10 +21,11 @@ namespace {
 constexpr double kMoveChi2 = 35.0;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
 constexpr double kSizeChi2 = 21.0;  // 5e-6 at 1
 constexpr double kLeastMove_m = 0.02, kLeastTurn_rad = 2 * kDegToRad;  // less is no move but a weakness of the model
+constexpr double kSamePlaceSizes = 0.2;                                // of the tag's size: two sheets don't overlap
 constexpr double kLeastSizeError = 0.035;  // odometry, whose scale wanders along its way, can show no less
 constexpr size_t kMostExact = 48;          // hypotheses looked at closely each round
 constexpr int kLeastSights = 3;
-constexpr double kMostLeft = 0.7;  // of the median squared residual
+constexpr double kBetterThanSlip = 1.3;  // chi-square of a tag's fault, against that of odometry's jump in its run
 
 }  // namespace
 
@@ -90,15 +91,21 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
 }
 
-// Are most of its pictures better off by a move, or has it taken after a few that are wrong?
-bool MapSolver::Explains(const Hypothesis& h) const {
-  std::vector<double> before, after;
-  for (int i : h.observations) {
-    const Eigen::VectorXd r = std::sqrt(solver_.Weight(i)) * solver_.Residual(i);
-    before.push_back(r.squaredNorm());
-    after.push_back((r + DerivativeOf(h, i) * h.estimate + solver_.Product(i, h.others)).squaredNorm());
+// The same for the rival: that one step of the run's odometry jumped. A tag that stands elsewhere bends odometry twice,
+// before and after it; a jump is there for all tags that follow.
+double MapSolver::SlipChi2(int run) const {
+  double most = 0;
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    const Observation& o = observations_[i];
+    if (o.kind != Kind::kOdometry || slipped_.count(o.index) > 0 ||
+        start_.frames[static_cast<size_t>(o.index)].run != run)
+      continue;
+    const int factor = static_cast<int>(i);
+    const Eigen::VectorXd r = std::sqrt(solver_.Weight(factor)) * solver_.Residual(factor);
+    const Eigen::MatrixXd left = Eigen::MatrixXd::Identity(r.size(), r.size()) * 1.0001 - solver_.Absorbed(factor);
+    most = std::max(most, r.dot(left.ldlt().solve(r)));
   }
-  return Median(std::move(after)) < kMostLeft * Median(std::move(before));
+  return most;
 }
 
 // Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
@@ -145,16 +152,22 @@ bool MapSolver::SnoopTags() {
     return a.chi2 / threshold(a) > b.chi2 / threshold(b);
   });
   std::set<int> disturbed;  // runs
+  std::map<int, double> slips;
   bool any = false;
   for (const Hypothesis& h : hypotheses) {
     if (h.chi2 <= threshold(h)) break;
-    if (h.run >= 0 && !Explains(h)) continue;
     std::set<int> its_runs;
     for (int i : h.observations) {
       const MapSight& s = start_.sights[static_cast<size_t>(observations_[static_cast<size_t>(i)].index)];
       its_runs.insert(start_.frames[static_cast<size_t>(s.frame)].run);
     }
     if (std::any_of(its_runs.begin(), its_runs.end(), [&](int r) { return disturbed.contains(r); })) continue;
+    if (std::any_of(its_runs.begin(), its_runs.end(), [&](int r) {
+          const auto [slip, fresh] = slips.try_emplace(r, 0);
+          if (fresh) slip->second = SlipChi2(r);
+          return h.chi2 < kBetterThanSlip * slip->second;
+        }))
+      continue;
     if (h.run < 0) {
       if (std::abs(h.estimate[0]) < kLeastSizeError && sizes_found_.count(h.place) == 0) continue;
       SizeFound& found = sizes_found_[h.place];
@@ -167,6 +180,7 @@ bool MapSolver::SnoopTags() {
       const int place = -1 - static_cast<int>(moved_.size());
       moved_.push_back({id, h.run});
       tags_[place] = tags_.at(h.place).Plus(h.estimate);
+      LeaveOutControlOn(id);
       for (MapSight& s : start_.sights) {
         if (s.place != h.place || start_.frames[static_cast<size_t>(s.frame)].run != h.run) continue;
         s.place = place;
@@ -179,10 +193,27 @@ bool MapSolver::SnoopTags() {
   return any;
 }
 
+// A surveyed tag that was moved: nobody knows at which of its places it was surveyed.
+void MapSolver::LeaveOutControlOn(int tag_id) {
+  std::vector<Eigen::Vector3d> left;
+  for (const SurveyPoint& p : datum_points_) {
+    if (p.role == PointRole::kControl && !Excluded(p) && p.tag_id != tag_id) left.push_back(p.world_m);
+  }
+  for (const SurveyPoint& p : datum_points_) {
+    if (p.role != PointRole::kControl || p.tag_id != tag_id || Excluded(p)) continue;
+    if (AreWellSpread(left)) {
+      excluded_.insert(p.name);
+    } else {
+      result_.warnings.push_back(fmt::format(
+          "control point {}: its tag stands at several places; it is used as nothing else holds the map", p.name));
+    }
+  }
+}
+
 // Names what SnoopTags found.
 void MapSolver::JudgePlaces(TagEstimate* tag) const {
   const auto size = sizes_found_.find(tag->tag_id);
-  if (size != sizes_found_.end()) {
+  if (size != sizes_found_.end() && std::abs(size->second.log_ratio) > kLeastSizeError) {
     const double stated = input_.sizes.SizeOf(tag->tag_id), found = stated * std::exp(size->second.log_ratio);
     tag->status = "size";
     tag->reason = fmt::format("its edge is {:.4f} +- {:.4f} m (1 sigma) by the pictures, stated are {:.4f} m", found,
@@ -194,12 +225,13 @@ void MapSolver::JudgePlaces(TagEstimate* tag) const {
     if (moved_[k].tag_id != tag->tag_id || at == tags_.end() || !tag->world_from_tag) continue;
     const Eigen::Vector3d& a = tag->world_from_tag->translation;
     const Eigen::Vector3d& b = at->second.translation;
+    if ((b - a).norm() < kLeastMove_m + kSamePlaceSizes * tag->size_m) continue;  // the same, found twice
     text += fmt::format("{}in {} it stands at ({:.2f}, {:.2f}, {:.2f}), {:.2f} m from ({:.2f}, {:.2f}, {:.2f})",
                         text.empty() ? "" : "; ", input_.runs[static_cast<size_t>(moved_[k].run)].name, b.x(), b.y(),
                         b.z(), (b - a).norm(), a.x(), a.y(), a.z());
   }
   if (text.empty()) return;
-  tag->status = "moved";
+  tag->status = duplicates_.count(tag->tag_id) > 0 ? "duplicate" : "moved";
   tag->reason = text;
 }
 

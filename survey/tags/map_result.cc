@@ -162,7 +162,8 @@ void MapSolver::CollectTags() {
     }
     for (const SurveyPoint& p : input_.points) {
       if (p.tag_id != id || p.role == PointRole::kGeotag) continue;
-      const bool used = p.role == PointRole::kControl && result_.datum.starts_with("control") && !Excluded(p);
+      const bool used = p.role == PointRole::kControl && result_.datum.starts_with("control") && !Excluded(p) &&
+                        duplicates_.count(id) == 0;
       tag.role = used ? "control" : p.role == PointRole::kCheck ? "check" : tag.role;
     }
     result_.tags.push_back(tag);
@@ -246,7 +247,10 @@ void MapSolver::CompareWithPoints() {
                       a.excluded ? "taken out, since it contradicts the other control; look at its survey"
                                  : "more than its sigma allows; look at its survey"));
     }
-    if (p.role == PointRole::kCheck) {
+    // The map has a tag that was moved at one place, and the surveyor saw it at one: they need not be the same.
+    const bool elsewhere =
+        std::any_of(moved_.begin(), moved_.end(), [&](const SplitPlace& split) { return split.tag_id == p.tag_id; });
+    if (p.role == PointRole::kCheck && !elsewhere) {
       ++result_.check.n;
       square_h += a.error_m.head<2>().squaredNorm();
       square_v += a.error_m.z() * a.error_m.z();
@@ -265,7 +269,8 @@ void MapSolver::CompareWithPoints() {
 }
 
 void MapSolver::CompareDistances() {
-  for (const SurveyDistance& d : input_.distances) {
+  for (size_t i = 0; i < input_.distances.size(); ++i) {
+    const SurveyDistance& d = input_.distances[i];
     const auto a = tag_unknown_.find(d.from), b = tag_unknown_.find(d.to);
     if (a == tag_unknown_.end() || b == tag_unknown_.end() || d.from == d.to) {
       result_.warnings.push_back(fmt::format("distance {} - {}: the map does not have both tags", d.from, d.to));
@@ -286,12 +291,14 @@ void MapSolver::CompareDistances() {
     }
     const Eigen::Vector3d unit = along.normalized();
     const double map = unit.dot(c * unit), stated = d.sigma_m * d.sigma_m;
-    agreement.sigma_m = std::sqrt(std::max(1e-12, d.check ? stated + map : stated - map));
+    agreement.excluded = wrong_distances_.count(static_cast<int>(i)) > 0;
+    agreement.sigma_m = std::sqrt(std::max(1e-12, d.check || agreement.excluded ? stated + map : stated - map));
     const double off = agreement.map_m - d.distance_m;
     if (std::abs(off) > kDistanceSigmas * agreement.sigma_m) {
       result_.warnings.push_back(
-          fmt::format("distance {} - {}: measured {:.4f} m, the map says {:.4f} m, {:.1f} sigma apart", d.from, d.to,
-                      d.distance_m, agreement.map_m, std::abs(off) / agreement.sigma_m));
+          fmt::format("distance {} - {}: measured {:.4f} m, the map says {:.4f} m, {:.1f} sigma apart{}", d.from, d.to,
+                      d.distance_m, agreement.map_m, std::abs(off) / agreement.sigma_m,
+                      agreement.excluded ? ": taken out; measure it again" : ""));
     }
     result_.distances.push_back(agreement);
   }

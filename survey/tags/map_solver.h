@@ -39,9 +39,12 @@ class MapSolver {
     std::vector<size_t> first_point;  // range of its tie points in the solver: begin, end
   };
 
+  bool IsSeen(const SurveyPoint& p) const;
   void ChooseDatum();
+  void RequireCredible() const;
   void LoadState();
   void GateStart();
+  void PlaceSplit();
   void FindLinked();
   bool Usable(const MapSight& s) const;
   bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }
@@ -63,12 +66,14 @@ class MapSolver {
   struct Hypothesis;
   bool SnoopTags();
   void Test(Hypothesis* h, bool exact) const;
-  bool Explains(const Hypothesis& h) const;
+  double SlipChi2(int run) const;
   Eigen::MatrixXd DerivativeOf(const Hypothesis& h, int observation) const;
+  void LeaveOutControlOn(int tag_id);
   void JudgePlaces(TagEstimate* tag) const;
   int IdOf(int place) const;
   double SizeOf(int place) const;
   bool SnoopControl();
+  bool SnoopDistances();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
   bool ResidualOf(const MapSight& s, Vector8d* residual) const;
   double SightChi2(const MapSight& s) const;
@@ -96,15 +101,14 @@ class MapSolver {
   MapStart start_;
   std::vector<SurveyPoint> datum_points_;
   std::set<std::string> excluded_;  // control that contradicts the rest
+  std::set<int> wrong_distances_;   // the same of distances
   bool use_shift_ = false;          // geotags have a datum of their own
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
   int shift_unknown_ = -1;
   std::vector<RunState> run_states_;
-  std::map<int, Rigid3d> tags_;  // by place: a tag's id, or below zero an entry of moved_
-  struct MovedTag {
-    int tag_id = 0, run = 0;
-  };
-  std::vector<MovedTag> moved_;  // place -1 - k: where the tag stands in that run
+  std::map<int, Rigid3d> tags_;    // by place: a tag's id, or below zero an entry of moved_
+  std::vector<SplitPlace> moved_;  // place -1 - k: where the tag stands in that run
+  std::set<int> duplicates_;       // ids that stood at several places before anything was solved
   struct SizeFound {
     double log_ratio = 0, sigma = 0;  // to the stated size
   };
@@ -112,7 +116,7 @@ class MapSolver {
   std::map<std::string, Eigen::Vector3d> marked_;
   std::vector<TiePoint> tie_points_;      // of all runs, kept between solutions
   std::unique_ptr<HuberChi2Loss> huber_;  // of the corners
-  HuberChi2Loss odometry_loss_, geotag_loss_, mark_loss_;
+  HuberChi2Loss odometry_loss_, geotag_loss_, mark_loss_, distance_loss_;
   std::vector<std::unique_ptr<HuberChi2Loss>> tie_losses_;
   BlockSolver solver_;
   std::vector<Observation> observations_;  // one a factor

@@ -1,6 +1,7 @@
 // Starting values of a tag map: internal to survey/tags.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -10,11 +11,13 @@
 
 namespace trigpoint {
 
+constexpr int kNoPlace = std::numeric_limits<int>::min();
+
 // A tag in a picture of a frame.
 struct MapSight {
   int frame = 0;
   int camera = 0;
-  int place = 0;  // of its tag: the id, until a tag is found to stand in several places
+  int place = 0;  // of its tag: the id, until a tag is found to stand in several places; kNoPlace: nobody knows which
   TagDetection detection;
   TagSight sight;
   bool rejected = false;
@@ -48,6 +51,16 @@ Eigen::Vector3d OffsetInWorld(const SurveyPoint& point, const Rigid3d& world_fro
 
 // Frames and sights of the input; nothing estimated yet.
 MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options);
+
+// A further place of an id, in one of the runs.
+struct SplitPlace {
+  int tag_id = 0, run = 0;
+};
+
+// Ids that are seen farther apart than odometry can have drifted: their sights are given places -1, -2, ... in the
+// order of what is returned, but for the place with the most pictures, which keeps the id. Two tags that contradict
+// odometry over the same stretch don't count: there it is odometry that jumped.
+std::vector<SplitPlace> SplitDuplicates(const SurveyInput& input, MapStart* start);
 
 // Tag and body poses of each run, runs joined by common tags, the whole moved to the points (control first) or the
 // fixed tag. Frames and tags that cannot be tied to the rest stay without a pose and are named in `warnings`.

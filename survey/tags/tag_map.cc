@@ -25,8 +25,10 @@ constexpr double kGeotagChi2 = 7.8;       // 95 %, 3 degrees of freedom
 constexpr double kOdometryChi2 = 12.6;    // 95 %, 6 degrees of freedom
 constexpr double kMarkChi2 = 5.99;        // 95 %, 2 degrees of freedom
 constexpr double kPointChi2 = 16.3;       // 99.9 %, 3 degrees of freedom
+constexpr double kDistanceChi2 = 10.8;    // 99.9 %, 1 degree of freedom
 constexpr double kLeastRedundancy = 20;   // observations to spare before a variance component is believed
 constexpr double kVisitPx = 15;           // agreement of a visit's pictures
+constexpr double kFarthest_m = 1e5;       // from the origin: no site is as large
 constexpr double kStartGatePx = 60;       // a sight that the start contradicts by more waits for the first solution
 constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
@@ -71,7 +73,8 @@ MapSolver::MapSolver(const SurveyInput& input, const SurveyOptions& options, int
       cancel_(cancel),
       odometry_loss_(kOdometryChi2),
       geotag_loss_(kGeotagChi2),
-      mark_loss_(kMarkChi2) {}
+      mark_loss_(kMarkChi2),
+      distance_loss_(kDistanceChi2) {}
 
 SurveyResult MapSolver::Run() {
   const auto heed = [&](const std::vector<ConventionFinding>& findings) {
@@ -83,6 +86,9 @@ SurveyResult MapSolver::Run() {
   heed(CheckInput(input_));
   start_ = CollectSights(input_, options_);
   if (start_.sights.empty()) throw InputError("no tag is seen in any run: nothing to survey");
+  heed(CheckSights(input_, start_));
+  moved_ = SplitDuplicates(input_, &start_);
+  for (const SplitPlace& split : moved_) duplicates_.insert(split.tag_id);
   ChooseDatum();
   progress_.Begin("starting values of the tag map", 0);
   FindStart(input_, datum_points_, threads_, cancel_, &start_);
@@ -90,8 +96,11 @@ SurveyResult MapSolver::Run() {
   heed(CheckPoints(input_, start_, datum_points_));
   if (!input_.fixed && !start_.in_world) {
     if (!datum_points_.empty()) {
-      result_.warnings.push_back(
-          "fewer than three known points that are off one line: the map stays in a frame of its own");
+      const std::string problem = "fewer than three known points that are off one line";
+      if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
+        throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
+      }
+      result_.warnings.push_back(problem + ": the map stays in a frame of its own");
     }
     datum_points_.clear();
     use_shift_ = false;
@@ -115,24 +124,54 @@ SurveyResult MapSolver::Run() {
     StoreState();
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
-    const bool tags = may_reject && round > 0 && SnoopTags();
-    const bool sights = may_reject && !tags && SnoopSights(round);
-    const bool odometry = may_reject && round > 0 && SnoopOdometry();
-    const bool points = may_reject && round > 0 && !tags && !sights && !odometry && SnoopControl();
+    // A wrong distance first: what bends to it would be blamed for it.
+    const bool distances = may_reject && round > 0 && SnoopDistances();
+    const bool tags = may_reject && round > 0 && !distances && SnoopTags();
+    const bool sights = may_reject && !tags && !distances && SnoopSights(round);
+    const bool odometry = may_reject && round > 0 && !tags && !distances && SnoopOdometry();
+    const bool points = may_reject && round > 0 && !tags && !distances && !sights && !odometry && SnoopControl();
     // Weights that made room for a moved tag are found anew.
-    if (tags) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
-    if (last && !tags && !sights && !odometry && !points) break;
+    if (tags || distances) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
+    if (last && !tags && !distances && !sights && !odometry && !points) break;
     if (!last) UpdateFactors();
   }
   for (int f : unlinked_frames_) start_.frames[static_cast<size_t>(f)].world_from_body.reset();
+  RequireCredible();
   Collect();
   return std::move(result_);
+}
+
+// What lost its hold on reality is no map, however small its residuals.
+void MapSolver::RequireCredible() const {
+  for (const auto& [place, pose] : tags_) {
+    if (tag_unknown_.count(place) == 0 || (pose.IsFinite() && pose.translation.norm() < kFarthest_m)) continue;
+    throw NumericError(fmt::format(
+        "the tag map did not converge: tag {} is {:.3g} m from the origin. Odometry, tag sizes and surveyed points "
+        "contradict each other: look at the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
+        "z up, as T_cam_imu of camchain.yaml has it), at tags.yaml and at control_points.csv",
+        IdOf(place), pose.translation.norm()));
+  }
+}
+
+// By a picture, and at one place.
+bool MapSolver::IsSeen(const SurveyPoint& p) const {
+  if (p.tag_id < 0) return true;
+  return duplicates_.count(p.tag_id) == 0 && std::any_of(start_.sights.begin(), start_.sights.end(),
+                                                         [&](const MapSight& s) { return s.detection.id == p.tag_id; });
 }
 
 void MapSolver::ChooseDatum() {
   std::vector<SurveyPoint> control, geotags;
   std::vector<Eigen::Vector3d> places;
   for (const SurveyPoint& p : input_.points) {
+    if (!IsSeen(p)) {
+      if (p.role != PointRole::kGeotag) {
+        result_.warnings.push_back(fmt::format(
+            "{} point {}: {}; it takes no part", p.role == PointRole::kCheck ? "check" : "control", p.name,
+            duplicates_.count(p.tag_id) > 0 ? "its tag's id is seen at several places" : "no picture shows its tag"));
+      }
+      continue;
+    }
     if (p.role == PointRole::kControl && input_.use_control) control.push_back(p), places.push_back(p.world_m);
     if (p.role == PointRole::kGeotag && input_.use_geotags) geotags.push_back(p);
   }
@@ -182,7 +221,35 @@ void MapSolver::LoadState() {
     result_.warnings.push_back(std::to_string(lost) +
                                " picture(s) cannot be placed by odometry or tags and are left out");
   }
+  PlaceSplit();
   GateStart();
+}
+
+// First guesses of places that were split off before the start: the planar solution that most of its pictures share.
+void MapSolver::PlaceSplit() {
+  for (size_t k = 0; k < moved_.size(); ++k) {
+    const int place = -1 - static_cast<int>(k);
+    std::vector<const MapSight*> sights;
+    for (const MapSight& s : start_.sights) {
+      if (s.place == place && Placed(s.frame)) sights.push_back(&s);
+    }
+    double best = std::numeric_limits<double>::infinity();
+    std::optional<Rigid3d> found;
+    for (const MapSight* s : sights) {
+      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
+      const Rigid3d world_from_cam =
+          *frame.world_from_body *
+          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
+      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
+        tags_[place] = world_from_cam * pose.cam_from_tag;
+        double sum = 0;
+        for (const MapSight* other : sights) sum += std::min(kStartGatePx, SightPx(*other));
+        if (sum < best) best = sum, found = tags_[place];
+      }
+    }
+    tags_.erase(place);
+    if (found) tags_[place] = *found;
+  }
 }
 
 // What is far off from the start would only pull: it is looked at again after the first solution. Not so the pictures
@@ -466,8 +533,10 @@ void MapSolver::AddPoints() {
   for (size_t i = 0; i < input_.distances.size(); ++i) {
     const SurveyDistance& d = input_.distances[i];
     const auto a = tag_unknown_.find(d.from), b = tag_unknown_.find(d.to);
-    if (d.check || a == tag_unknown_.end() || b == tag_unknown_.end() || d.from == d.to) continue;
-    Add(Kind::kDistance, static_cast<int>(i), new DistanceCost(d.distance_m, d.sigma_m), nullptr,
+    if (d.check || wrong_distances_.count(static_cast<int>(i)) > 0 || a == tag_unknown_.end() ||
+        b == tag_unknown_.end() || d.from == d.to)
+      continue;
+    Add(Kind::kDistance, static_cast<int>(i), new DistanceCost(d.distance_m, d.sigma_m), &distance_loss_,
         {a->second, b->second});
   }
   // Fixes of a receiver share their error for a while: each counts as one of so many.
@@ -724,6 +793,25 @@ bool MapSolver::SnoopControl() {
   }
   if (worst < 0) return false;
   excluded_.insert(datum_points_[static_cast<size_t>(worst)].name);
+  return true;
+}
+
+// Takes the measured distance out that contradicts the rest most. What it alone holds it cannot contradict.
+bool MapSolver::SnoopDistances() {
+  int worst = -1;
+  double most = kDistanceChi2;
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    if (observations_[i].kind != Kind::kDistance) continue;
+    const int factor = static_cast<int>(i);
+    const double r = solver_.Residual(factor)[0], left = 1.0001 - solver_.Absorbed(factor)(0, 0);
+    if (r * r / left > most) most = r * r / left, worst = observations_[i].index;
+  }
+  if (worst < 0) return false;
+  // The rival, odometry's jump, has six numbers to explain it with.
+  for (size_t r = 0; r < input_.runs.size(); ++r) {
+    if (most / kDistanceChi2 < SlipChi2(static_cast<int>(r)) / kSlipChi2) return false;
+  }
+  wrong_distances_.insert(worst);
   return true;
 }
 

@@ -160,7 +160,8 @@ struct PointAgreement {
 struct DistanceAgreement {
   SurveyDistance stated;
   double map_m = 0;
-  double sigma_m = 0;  // of map - stated (check), of the residual (used)
+  double sigma_m = 0;     // of map - stated (check, excluded), of the residual (used)
+  bool excluded = false;  // contradicts the rest and was taken out
 };
 
 // Where geotags or GPS lie against the map's datum.

@@ -3,6 +3,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "calib/base/error.h"
@@ -223,6 +225,127 @@ TEST(TagMap, AMovedTagIsNamedAndNotAveraged) {
   for (int i : {1, 2, 6}) EXPECT_LT((map.tags[i].world_from_tag->translation - yard.tags[i].translation).norm(), 0.08);
 }
 
+// The pictures of tag `id` in a run show it at `world_from_tag` instead.
+void Show(Yard* yard, size_t run, int id, const Rigid3d& world_from_tag, size_t first_image, size_t last_image) {
+  // Where the bodies were: as MakeYard drove them.
+  for (size_t i = first_image; i < last_image; ++i) {
+    const double a = (run == 0 ? 1 : 1.02) * 0.0785398 * static_cast<double>(i);
+    Eigen::Matrix3d r;
+    r.col(1) << std::cos(a), std::sin(a), 0;
+    r.col(2) << 0, 0, 1;
+    r.col(0) = r.col(1).cross(r.col(2));
+    const Rigid3d body(Eigen::Quaterniond(r), {7 * std::cos(a), 7 * std::sin(a), 0.8 + 0.1 * std::sin(5 * a)});
+    const Rigid3d cam_from_world = yard->input.runs[run].cameras[0].cam_from_body * body.Inverse();
+    std::vector<TagDetection>& detections = yard->input.runs[run].images[i].detections;
+    std::erase_if(detections, [&](const TagDetection& d) { return d.id == id; });
+    TagDetection d;
+    d.id = id;
+    d.corner_sigma_px.fill(0.2);
+    bool seen = (cam_from_world * world_from_tag.translation).z() > 1;
+    for (size_t k = 0; k < 4 && seen; ++k) {
+      const auto pixel = kCamera.Project(cam_from_world * (world_from_tag * TagCorner(0.5, static_cast<int>(k))));
+      seen = pixel && kCamera.Contains(*pixel);
+      if (seen) d.corners[k] = *pixel;
+    }
+    if (seen) detections.push_back(d);
+  }
+}
+
+// Tags other than these are where they are, to what odometry and pictures allow.
+void ExpectOthersRight(const SurveyResult& map, const Yard& yard, const std::set<int>& but) {
+  for (const TagEstimate& tag : map.tags) {
+    if (but.count(tag.tag_id) > 0) continue;
+    ASSERT_TRUE(tag.HasPose()) << tag.tag_id;
+    EXPECT_LT((tag.world_from_tag->translation - yard.tags[static_cast<size_t>(tag.tag_id)].translation).norm(), 0.1)
+        << tag.tag_id;
+    EXPECT_EQ(tag.status, "ok") << tag.tag_id << " " << tag.reason;
+  }
+}
+
+TEST(TagMap, ATagThatWasMovedFarIsNamedThoughOdometryCouldBend) {
+  for (const double far : {0.3, 1.0, 3.0}) {
+    Yard yard = MakeYard(21);
+    Rigid3d moved = yard.tags[4];
+    moved.translation += far * Eigen::Vector3d(0, 1, 0);
+    Show(&yard, 1, 4, moved, 0, 80);
+    const SurveyResult map = Survey(yard.input);
+    EXPECT_EQ(map.tags[4].status, "moved") << far << " " << map.tags[4].reason;
+    ExpectOthersRight(map, yard, {4});
+  }
+}
+
+TEST(TagMap, AnIdAtTwoPlacesIsNamedAndHoldsNothing) {
+  Yard yard = MakeYard(22);
+  // Another sheet with the number of control tag 0 hangs where tag 4 hung.
+  for (size_t run : {0U, 1U}) {
+    for (ImageDetections& image : yard.input.runs[run].images) {
+      for (TagDetection& d : image.detections) d.id = d.id == 4 ? 0 : d.id;
+      int zeros = 0;
+      for (const TagDetection& d : image.detections) zeros += d.id == 0 ? 1 : 0;
+      if (zeros > 1) std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 0; });
+    }
+  }
+  SurveyPoint more = yard.input.points[0];
+  more.name = "P7";
+  more.tag_id = 7;
+  more.world_m = yard.tags[7].translation;
+  yard.input.points.push_back(more);
+  const SurveyResult map = Survey(yard.input);
+  EXPECT_EQ(map.tags[0].status, "duplicate") << map.tags[0].reason;
+  ExpectOthersRight(map, yard, {0, 4});
+  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
+    return w.find("control point P0") != std::string::npos && w.find("several places") != std::string::npos;
+  });
+  EXPECT_TRUE(named);
+}
+
+TEST(TagMap, OdometryThatJumpsIsNoDuplicate) {
+  Yard yard = MakeYard(23);
+  // From the middle of the second run on, odometry is somewhere else: every tag that comes back says so.
+  const Rigid3d jump(ExpSO3({0, 0, 0.4}), {6, -3, 0});
+  std::vector<TimedPose>& poses = yard.input.runs[1].odometry.poses;
+  for (size_t i = 40; i < poses.size(); ++i) poses[i].target_from_body = jump * poses[i].target_from_body;
+  const SurveyResult map = Survey(yard.input);
+  ExpectOthersRight(map, yard, {});
+}
+
+TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
+  Yard yard = MakeYard(24);
+  yard.input.points[0].tag_id = 99;
+  for (int t = 0; t < 8; ++t) {
+    SurveyPoint geotag;
+    geotag.name = "pano" + std::to_string(t);
+    geotag.role = PointRole::kGeotag;
+    geotag.tag_id = t;
+    geotag.sigma_h_m = geotag.sigma_v_m = 0.3;
+    geotag.world_m = yard.tags[static_cast<size_t>(t)].translation;
+    yard.input.points.push_back(geotag);
+  }
+  const SurveyResult map = Survey(yard.input);
+  EXPECT_EQ(map.datum, "control and geotags");
+  EXPECT_TRUE(map.in_world);
+  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
+    return w.find("control point P0: no picture shows its tag") != std::string::npos;
+  });
+  EXPECT_TRUE(named);
+}
+
+TEST(TagMap, AWrongDistanceIsTakenOut) {
+  Yard yard = MakeYard(25);
+  const double truth = (yard.tags[1].translation - yard.tags[5].translation).norm();
+  yard.input.distances = {{1, 5, truth, 0.002, false}, {2, 6, 5, 0.002, false}};
+  const SurveyResult map = Survey(yard.input);
+  EXPECT_FALSE(map.distances[0].excluded);
+  EXPECT_TRUE(map.distances[1].excluded);
+  yard.input.distances.pop_back();
+  const SurveyResult without = Survey(yard.input);
+  for (size_t i = 0; i < map.tags.size(); ++i) {
+    const double sigma_m = std::sqrt(without.tags[i].covariance.bottomRightCorner<3, 3>().trace());
+    EXPECT_LT((map.tags[i].world_from_tag->translation - without.tags[i].world_from_tag->translation).norm(),
+              0.5 * sigma_m);
+  }
+}
+
 TEST(TagMap, AWrongSizeIsNamed) {
   Yard yard = MakeYard(8);
   yard.input.sizes.sizes_m[6] = 0.55;  // printed 0.5
@@ -303,6 +426,28 @@ TEST(TagMap, OtherConventionsAreRefused) {
   } catch (const InputError& e) {
     EXPECT_NE(std::string(e.what()).find("control_points.csv"), std::string::npos);
   }
+  const auto reason_of = [](const Yard& yard) -> std::string {
+    try {
+      Survey(yard.input);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  Yard down = MakeYard(13);  // forward, right, down
+  const Eigen::Matrix3d flip = Eigen::Vector3d(1, -1, -1).asDiagonal();
+  const Eigen::Quaterniond half_turn(flip);
+  for (TimedPose& pose : down.input.runs[0].odometry.poses) {
+    const Rigid3d& p = pose.target_from_body;
+    pose.target_from_body = Rigid3d(half_turn * p.rotation * half_turn, half_turn * p.translation);
+  }
+  EXPECT_NE(reason_of(down).find("forward, right, down"), std::string::npos) << reason_of(down);
+  Yard inverted = MakeYard(13);
+  for (TimedPose& pose : inverted.input.runs[1].odometry.poses) pose.target_from_body = pose.target_from_body.Inverse();
+  EXPECT_NE(reason_of(inverted).find("body_from_odom"), std::string::npos) << reason_of(inverted);
+  Yard size = MakeYard(13);
+  size.input.sizes.size_m = 0.4;  // printed 0.5
+  EXPECT_NE(reason_of(size).find("tags.yaml"), std::string::npos) << reason_of(size);
   Yard feet = MakeYard(13);
   for (SurveyPoint& p : feet.input.points) p.world_m /= 0.3048;
   EXPECT_THROW(Survey(feet.input), InputError);
