@@ -14,9 +14,12 @@
 #include <QTemporaryDir>
 #include <QTest>
 #include <QThreadPool>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <vector>
 
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
@@ -102,11 +105,22 @@ int main(int argc, char** argv) {
       a->setCurrentIndex(1);
       b->setCurrentIndex(2);
     }
+    if (auto* errors = window.findChild<QTableWidget*>("compare.errors")) {
+      WaitFor([&] { return errors->rowCount() > 0; });
+    }
     Save(window, out, "compare");
     if (auto* tabs = window.compare()->findChild<QTabWidget*>()) {
       for (int i = 1; i < tabs->count(); ++i) {
         tabs->setCurrentIndex(i);
-        if (i + 1 == tabs->count()) QTest::qWait(8000);  // both scenes with their points
+        if (i + 1 == tabs->count()) {
+          std::vector<std::unique_ptr<QSignalSpy>> drawn;
+          for (auto* scene : window.compare()->findChildren<trigpoint::SceneDesk*>()) {
+            drawn.push_back(std::make_unique<QSignalSpy>(scene, &trigpoint::SceneDesk::Loaded));
+          }
+          WaitFor([&] {  // twice: the points follow the rest
+            return std::all_of(drawn.begin(), drawn.end(), [](const auto& spy) { return spy->count() >= 2; });
+          });
+        }
         Save(window, out, qPrintable(QString("compare_%1").arg(i)));
       }
     }
@@ -120,6 +134,8 @@ int main(int argc, char** argv) {
     window.SetTheme("dark");
     window.ShowDesk("tables");
     Save(window, out, "dark");
+    window.ShowDesk("scene");
+    Save(window, out, "dark_scene");
   }
   QThreadPool::globalInstance()->waitForDone();
   return 0;
