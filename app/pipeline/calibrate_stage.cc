@@ -130,6 +130,24 @@ void ThrowNoBoard(const CalibrateStageOptions& options, const Target& target,
   throw InputError(text);
 }
 
+// A board that is described too small is found as any part of the one that is there. Throws InputError.
+void RequireWholeBoard(const CalibrateStageOptions& options, const Target& target,
+                       const std::vector<fs::path>& pictures) {
+  if (target.kind != TargetKind::kCheckerboard) return;
+  constexpr size_t kTried = 5;
+  std::map<std::pair<int, int>, int> larger;
+  for (size_t k = 0; k < std::min(kTried, pictures.size()); ++k) {
+    const fs::path& file = pictures[k * pictures.size() / std::min(kTried, pictures.size())];
+    const auto [cols, rows] = OtherCheckerboardIn(LoadBoardPicture(file, options.mirrored), target);
+    if (cols < target.cols || rows < target.rows || (cols == target.cols && rows == target.rows)) continue;
+    if (++larger[{cols, rows}] < 2) continue;
+    throw InputError(
+        fmt::format("the pictures, {} for one, show a checkerboard of {} x {} inner corners, of which the {} is a part "
+                    "(corners between squares are counted, not squares): is the target's description right?",
+                    file.filename().string(), cols, rows, target.Text()));
+  }
+}
+
 void Calibrate(const CalibrateStageOptions& options, const Target& target, std::vector<CalibrationImages> cameras,
                StageContext& context) {
   struct Picture {
@@ -173,6 +191,11 @@ void Calibrate(const CalibrateStageOptions& options, const Target& target, std::
   }
   if (input.views.empty())
     ThrowNoBoard(options, target, cameras, left_out.front().image + ": " + left_out.front().reason);
+  std::vector<fs::path> used;
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    if (found[pictures[i].camera][pictures[i].index].usable) used.push_back(file(pictures[i]));
+  }
+  RequireWholeBoard(options, target, used);
   const Calibration calibration = CalibrateCameras(input, options.calibration, context.progress, context.cancel);
   const Quality quality =
       JudgeCalibration(input, options.calibration, calibration, options.gates, context.progress, context.cancel);

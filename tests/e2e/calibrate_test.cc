@@ -75,6 +75,8 @@ TEST_F(Calibrate, BadInputIsOneClearLine) {
   EXPECT_THAT(line({"--images", Left(), "--target", "checkerboard:9x6:0.025", "--model", "magic"}, 2),
               HasSubstr("kannala_brandt"));
   EXPECT_THAT(line({"--images", Left(), "--target", "checkerboard:10x7:0.025"}, 1), HasSubstr("9 x 6 inner corners"));
+  // A part of the board is found in every picture, here and there another one.
+  EXPECT_THAT(line({"--images", Left(), "--target", "checkerboard:8x6:0.025"}, 1), HasSubstr("9 x 6 inner corners"));
   EXPECT_THAT(
       line({"--images", (data_ / "stereo_checkerboard/left0[12].jpg").string(), "--target", "checkerboard:9x6:0.025"},
            1),
