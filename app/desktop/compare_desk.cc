@@ -14,7 +14,7 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/scene_desk.h"
-#include "app/pipeline/differences.h"
+#include "app/pipeline/compared.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/compare.h"
 
@@ -26,17 +26,20 @@ namespace {
 
 struct Comparison {
   std::vector<ReviewedError> rows;
-  std::vector<Difference> differences;
+  std::vector<std::string> changes;
   std::string text;
 };
 
-// The rows of one run, or of all; a run of its own loses its name, so that it is paired with another one.
-std::vector<ErrorRow> RowsOf(const fs::path& folder, const std::string& run) {
-  std::vector<ErrorRow> rows = ReadErrors(folder / "errors.csv");
-  if (run.empty()) return rows;
-  std::erase_if(rows, [&](const ErrorRow& row) { return row.run != run; });
-  for (ErrorRow& row : rows) row.run.clear();
-  return rows;
+// One run's rows alone lose its name, so that they are paired with another one's.
+void KeepRun(const std::string& run, std::vector<ErrorRow>* rows) {
+  if (run.empty()) return;
+  std::erase_if(*rows, [&](const ErrorRow& row) { return row.run != run; });
+  for (ErrorRow& row : *rows) row.run.clear();
+}
+
+// Rows of two variants are paired by what they are of.
+void ForgetVariant(std::vector<ErrorRow>* rows) {
+  for (ErrorRow& row : *rows) row.variant.clear();
 }
 
 QTableWidget* MakeTable(const char* name, const QString& accessible) {
@@ -118,15 +121,14 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
 }
 
 bool CompareDesk::Add(const QString& folder) {
-  for (const char* below : {"", "results/evaluate", "evaluate"}) {
-    const fs::path path = fs::path(folder.toStdString()) / below;
-    if (!fs::exists(path / "errors.csv")) continue;
-    added_.push_back(path);
-    Refresh();
-    sides_[1].result->setCurrentIndex(sides_[1].result->count() - 1);
-    return true;
-  }
-  return false;
+  const fs::path path = folder.toStdString();
+  const bool known = fs::exists(path / "errors.csv") || fs::exists(path / "release.json") ||
+                     fs::is_directory(path / "results" / "evaluate");
+  if (!known) return false;
+  added_.push_back(path);
+  Refresh();
+  sides_[1].result->setCurrentIndex(sides_[1].result->count() - 1);
+  return true;
 }
 
 void CompareDesk::Refresh() {
@@ -138,19 +140,16 @@ void CompareDesk::Refresh() {
     side.result->clear();
     side.run->clear();
     if (!snapshot) continue;
+    const QString dir = QString::fromStdString(snapshot->dir.string());
     for (const std::string& variant : snapshot->variants) {
-      const fs::path folder = snapshot->project->ResultDir("evaluate", variant.empty() ? "" : "@" + variant);
-      if (!fs::exists(folder / "errors.csv")) continue;
-      side.result->addItem(variant.empty() ? tr("first results") : QString::fromStdString(variant),
-                           QString::fromStdString(folder.string()));
+      const QString name = QString::fromStdString(variant);
+      side.result->addItem(variant.empty() ? tr("first results") : name, variant.empty() ? dir : dir + "@" + name);
     }
     std::error_code ignored;
     for (fs::directory_iterator it(snapshot->dir / "releases", ignored), end; it != end; it.increment(ignored)) {
-      for (const char* below : {"", "evaluate", "results/evaluate"}) {
-        if (!fs::exists(it->path() / below / "errors.csv")) continue;
-        side.result->addItem(tr("release %1").arg(QString::fromStdString(it->path().filename().string())),
-                             QString::fromStdString((it->path() / below).string()));
-      }
+      if (!fs::exists(it->path() / "release.json")) continue;
+      side.result->addItem(tr("release %1").arg(QString::fromStdString(it->path().filename().string())),
+                           QString::fromStdString(it->path().string()));
     }
     for (const fs::path& folder : added_) {
       side.result->addItem(QString::fromStdString(folder.string()), QString::fromStdString(folder.string()));
@@ -172,28 +171,34 @@ void CompareDesk::Compare() {
   errors_->setRowCount(0);
   differences_->setRowCount(0);
   text_->clear();
-  fs::path folders[2];
-  std::string runs[2], names[2];
+  std::string written[2], runs[2], names[2];
   for (int i = 0; i < 2; ++i) {
-    folders[i] = sides_[i].result->currentData().toString().toStdString();
+    written[i] = sides_[i].result->currentData().toString().toStdString();
     runs[i] = sides_[i].run->currentData().toString().toStdString();
     names[i] = (sides_[i].result->currentText() + (runs[i].empty() ? "" : " ") + QString::fromStdString(runs[i]))
                    .toStdString();
-    sides_[i].source = SourceOfEvaluation(folders[i]);
+    sides_[i].source = SceneSourceOf(written[i]);
   }
-  if (folders[0].empty() || folders[1].empty()) {
+  if (written[0].empty() || written[1].empty()) {
     text_->setPlainText(tr("Nothing to compare yet: there is no evaluation."));
     return;
   }
   InBackground(
       this,
-      [a = folders[0], b = folders[1], run_a = runs[0], run_b = runs[1], name_a = names[0], name_b = names[1]] {
-        Comparison c;
-        std::vector<ErrorRow> rows_a = RowsOf(a, run_a), rows_b = RowsOf(b, run_b);
+      [written_a = written[0], written_b = written[1], run_a = runs[0], run_b = runs[1], name_a = names[0],
+       name_b = names[1]] {
         if (run_a.empty() != run_b.empty()) throw InputError("a single run is compared with a single run");
-        c.rows = ChangedErrors(rows_a, rows_b, -1);
-        c.text = FormatComparison(CompareErrors(rows_a, rows_b), name_a, name_b);
-        c.differences = DifferencesOf(ManifestIn(a), ManifestIn(b));
+        trigpoint::Compared a = OpenCompared(written_a), b = OpenCompared(written_b);
+        Comparison c;
+        for (const std::string& note : a.notes) c.text += note + "\n";
+        for (const std::string& note : b.notes) c.text += note + "\n";
+        KeepRun(run_a, &a.rows);
+        KeepRun(run_b, &b.rows);
+        ForgetVariant(&a.rows);
+        ForgetVariant(&b.rows);
+        c.rows = ChangedErrors(a.rows, b.rows, -1);
+        c.text += FormatComparison(CompareErrors(a.rows, b.rows), name_a, name_b);
+        c.changes = ChangesBetween(a, b);
         return c;
       },
       [this, generation, single = !runs[0].empty()](const Attempted<Comparison>& compared) {
@@ -238,14 +243,12 @@ void CompareDesk::Compare() {
         errors_->setSortingEnabled(true);
         errors_->resizeColumnsToContents();
         text_->setPlainText(QString::fromStdString(compared.value.text));
-        differences_->setColumnCount(3);
-        differences_->setHorizontalHeaderLabels({tr("what"), "A", "B"});
-        for (const Difference& d : compared.value.differences) {
+        differences_->setColumnCount(1);
+        differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
+        for (const std::string& change : compared.value.changes) {
           const int r = differences_->rowCount();
           differences_->insertRow(r);
-          differences_->setItem(r, 0, new QTableWidgetItem(QString::fromStdString(d.what)));
-          differences_->setItem(r, 1, new QTableWidgetItem(QString::fromStdString(d.a)));
-          differences_->setItem(r, 2, new QTableWidgetItem(QString::fromStdString(d.b)));
+          differences_->setItem(r, 0, new QTableWidgetItem(QString::fromStdString(change)));
         }
         differences_->resizeColumnsToContents();
         if (tabs_->currentWidget() == scenes_) ShowScenes();

@@ -104,7 +104,7 @@ Compared OpenCompared(const std::string& written) {
   ReadStages(project.results(), variant, &compared);
   const fs::path map = project.ResultDir("survey", at);
   ReadTags(fs::exists(map) ? map : project.ResultDir("survey", ""), &compared);
-  if (compared.stages.empty())
+  if (compared.stages.empty() && compared.rows.empty())
     throw InputError(written + ": has no results; run `trigpoint run " + dir.string() + "` first");
   return compared;
 }

@@ -466,17 +466,26 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> SceneModel::Bounds() const {
   return {box.min(), box.max()};
 }
 
-std::optional<SceneSource> SourceOfEvaluation(const std::filesystem::path& evaluation) {
-  const fs::path folder = evaluation.has_filename() ? evaluation : evaluation.parent_path();  // "a/b/" is "a/b"
+std::optional<SceneSource> SceneSourceOf(const std::string& written) {
+  fs::path folder = written;
+  SceneSource source;
+  if (const size_t at = written.rfind('@'); !fs::exists(folder) && at != std::string::npos) {
+    folder = written.substr(0, at);
+    source.variant = written.substr(at + 1);
+  }
+  if (!folder.has_filename()) folder = folder.parent_path();  // "a/b/" is "a/b"
   const fs::path above = folder.parent_path();
   const std::string name = folder.filename().string();
-  SceneSource source;
-  if (name == "evaluate" && fs::exists(above / "release.json")) {
-    source = {above.parent_path().parent_path(), "", above.filename().string()};
-  } else if (above.filename() == "results" && name == "evaluate") {
+  if (fs::exists(folder / "release.json") && above.filename() == "releases") {
     source.project = above.parent_path();
-  } else if (above.filename() == "results" && name.starts_with("evaluate@")) {
-    source = {above.parent_path(), name.substr(9), ""};
+    source.release = name;
+  } else if (name == "evaluate" && fs::exists(above / "release.json")) {
+    return SceneSourceOf(above.string());
+  } else if (above.filename() == "results" && (name == "evaluate" || name.starts_with("evaluate@"))) {
+    source.project = above.parent_path();
+    if (name != "evaluate") source.variant = name.substr(9);
+  } else if (fs::exists(folder / "trigpoint.yaml") || fs::is_directory(folder / "results")) {
+    source.project = folder;
   }
   if (source.project.empty()) return std::nullopt;
   return source;

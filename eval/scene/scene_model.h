@@ -118,15 +118,17 @@ struct SceneModel {
   std::pair<Eigen::Vector3d, Eigen::Vector3d> Bounds() const;
 };
 
-// The project whose results an evaluation is of, and which of them.
+// The project whose results are drawn, and which of them.
 struct SceneSource {
   std::filesystem::path project;
   std::string variant, release;
   bool operator==(const SceneSource&) const = default;
 };
 
-// Of the folder of an errors.csv: results/evaluate[@V] of a project, or releases/N/evaluate. Nothing for any other.
-std::optional<SceneSource> SourceOfEvaluation(const std::filesystem::path& evaluation);
+// Of what `compare` is given: a project, a release (DIR/releases/N), the folder of an errors.csv in one of them, each
+// with
+// @VARIANT behind it or not. Nothing for errors that stand alone.
+std::optional<SceneSource> SceneSourceOf(const std::string& written);
 
 // Reads what there is. A result that is missing or broken is left out and named in `notes`; nothing here throws for
 // it. Throws Cancelled.

@@ -236,11 +236,14 @@ TEST_F(ReportTest, AReleaseIsDrawnFromWhatItFroze) {
 TEST_F(ReportTest, AnEvaluationsFolderSaysWhoseItIs) {
   WriteResults();
   site_.Write("releases/v1/release.json", "{}");
-  EXPECT_EQ(SourceOfEvaluation(site_ / "results/evaluate/"), (SceneSource{site_.dir(), "", ""}));
-  EXPECT_EQ(SourceOfEvaluation(site_ / "results/evaluate@paper"), (SceneSource{site_.dir(), "paper", ""}));
-  EXPECT_EQ(SourceOfEvaluation(site_ / "releases/v1/evaluate"), (SceneSource{site_.dir(), "", "v1"}));
-  EXPECT_FALSE(SourceOfEvaluation(site_ / "elsewhere/evaluate").has_value());
-  EXPECT_FALSE(SourceOfEvaluation("/").has_value());
+  const std::string dir = site_.dir().string();
+  EXPECT_EQ(SceneSourceOf(dir), (SceneSource{dir, "", ""}));
+  EXPECT_EQ(SceneSourceOf(dir + "@paper"), (SceneSource{dir, "paper", ""}));
+  EXPECT_EQ(SceneSourceOf(dir + "/results/evaluate/"), (SceneSource{dir, "", ""}));
+  EXPECT_EQ(SceneSourceOf(dir + "/releases/v1"), (SceneSource{dir, "", "v1"}));
+  EXPECT_EQ(SceneSourceOf(dir + "/releases/v1/evaluate"), (SceneSource{dir, "", "v1"}));
+  EXPECT_FALSE(SceneSourceOf(dir + "/elsewhere/evaluate").has_value());
+  EXPECT_FALSE(SceneSourceOf("/").has_value());
 }
 
 TEST_F(ReportTest, ABrokenPictureLeavesTheRest) {
