@@ -196,8 +196,12 @@ void CompareDesk::Compare() {
         KeepRun(run_b, &b.rows);
         ForgetVariant(&a.rows);
         ForgetVariant(&b.rows);
-        c.rows = ChangedErrors(a.rows, b.rows, -1);
         c.text += FormatComparison(CompareErrors(a.rows, b.rows), name_a, name_b);
+        // A panorama's answer is one, by whichever method.
+        for (std::vector<ErrorRow>* rows : {&a.rows, &b.rows}) {
+          for (ErrorRow& row : *rows) row.method = row.method == "g1" ? "view" : "panorama";
+        }
+        c.rows = ChangedErrors(a.rows, b.rows, -1);
         c.changes = ChangesBetween(a, b);
         return c;
       },
@@ -215,7 +219,7 @@ void CompareDesk::Compare() {
         errors_->setSortingEnabled(false);
         errors_->setColumnCount(9);
         errors_->setColumnHidden(2, single);
-        errors_->setHorizontalHeaderLabels({tr("reference"), tr("method"), tr("run"), tr("station"), tr("panorama"),
+        errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
                                             tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
                                             tr("B - A (%1)").arg(unit), tr("status A / B")});
         for (const ReviewedError& row : compared.value.rows) {

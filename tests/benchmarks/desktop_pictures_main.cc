@@ -99,6 +99,7 @@ int main(int argc, char** argv) {
     window.tables()->Choose("evaluate/errors");
     Save(window, out, "tables");
     window.ShowDesk("compare");
+    if (auto* second = window.findChild<QComboBox*>("compare.b")) second->setCurrentIndex(0);
     auto* a = window.findChild<QComboBox*>("compare.run_a");
     auto* b = window.findChild<QComboBox*>("compare.run_b");
     if (a != nullptr && b != nullptr && a->count() > 2) {
