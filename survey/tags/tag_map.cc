@@ -28,7 +28,7 @@ constexpr double kPointChi2 = 16.3;       // 99.9 %, 3 degrees of freedom
 constexpr double kDistanceChi2 = 10.8;    // 99.9 %, 1 degree of freedom
 constexpr double kLeastRedundancy = 20;   // observations to spare before a variance component is believed
 constexpr double kVisitPx = 15;           // agreement of a visit's pictures
-constexpr double kFarthest_m = 1e5;       // from the origin: no site is as large
+constexpr double kFarthest_m = 1e5;       // from the known points: no site is as large
 constexpr double kStartGatePx = 60;       // a sight that the start contradicts by more waits for the first solution
 constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
@@ -143,13 +143,17 @@ SurveyResult MapSolver::Run() {
 
 // What lost its hold on reality is no map, however small its residuals.
 void MapSolver::RequireCredible() const {
+  // A surveyor's grid may begin far away.
+  Eigen::Vector3d site = Eigen::Vector3d::Zero();
+  for (const SurveyPoint& p : datum_points_) site += p.world_m / static_cast<double>(datum_points_.size());
+  if (input_.fixed) site = input_.fixed->world_from_tag.translation;
   for (const auto& [place, pose] : tags_) {
-    if (tag_unknown_.count(place) == 0 || (pose.IsFinite() && pose.translation.norm() < kFarthest_m)) continue;
+    if (tag_unknown_.count(place) == 0 || (pose.IsFinite() && (pose.translation - site).norm() < kFarthest_m)) continue;
     throw NumericError(fmt::format(
-        "the tag map did not converge: tag {} is {:.3g} m from the origin. Odometry, tag sizes and surveyed points "
+        "the tag map did not converge: tag {} is {:.3g} m from the site. Odometry, tag sizes and surveyed points "
         "contradict each other: look at the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
         "z up, as T_cam_imu of camchain.yaml has it), at tags.yaml and at control_points.csv",
-        IdOf(place), pose.translation.norm()));
+        IdOf(place), (pose.translation - site).norm()));
   }
 }
 

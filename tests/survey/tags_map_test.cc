@@ -139,7 +139,7 @@ TEST(TagMap, RecoversTheYardAndItsUncertaintyIsReal) {
 }
 
 TEST(TagMap, TurnsAndShiftsWithTheWorld) {
-  const Rigid3d t(ExpSO3({0, 0, 1.1}), {50, -20, 3});  // sigmas of points are horizontal and vertical
+  const Rigid3d t(ExpSO3({0, 0, 1.1}), {3.5e6, 5.4e6, 3});  // a grid's; sigmas of points are horizontal and vertical
   Yard moved = MakeYard(4);
   const SurveyResult one = Survey(moved.input);
   for (SurveyPoint& p : moved.input.points) p.world_m = t * p.world_m;
