@@ -371,6 +371,16 @@ TEST_F(SiteTest, ReadsStationsInBothForms) {
   EXPECT_EQ(site.warnings.size(), 4u);
 }
 
+TEST_F(SiteTest, ReadsControlInUtmOnEtrs89) {
+  Write("control_points.csv",
+        "tag_id,role,crs,easting_m,northing_m,height_m\n6,check,EPSG:25832,412733.5,5318057.3,240\n");
+  const Site site = Read();
+  ASSERT_EQ(site.control_points.size(), 1u);
+  const Utm utm = UtmFromGeodetic(*site.control_points[0].geodetic, 32);
+  EXPECT_NEAR(utm.easting_m, 412733.5, 1e-3);
+  EXPECT_NEAR(utm.northing_m, 5318057.3, 1e-3);
+}
+
 TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
   Write("control_points.csv",
         "tag_id,corner,point,role,latitude_deg,longitude_deg,height_m,crs,easting_m,northing_m,x_m,y_m,z_m,sigma_h_m,"
