@@ -216,6 +216,14 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
       line += fmt::format("; odometry: scale {:.4f} +- {:.4f}, heading drift {:.3f} +- {:.3f} deg/m (1 sigma)", r.scale,
                           r.scale_sigma, r.heading_drift_deg_m, r.heading_drift_sigma_deg_m);
     }
+    if (!r.jumps_ns.empty()) {
+      constexpr size_t kMostNamed = 5;
+      std::string when;
+      for (size_t i = 0; i < std::min(kMostNamed, r.jumps_ns.size()); ++i)
+        when += fmt::format("{}{:.1f}", i > 0 ? ", " : "", 1e-9 * static_cast<double>(r.jumps_ns[i]));
+      line += fmt::format("; odometry jumped in {} step(s), at {}{} s: these are hardly believed", r.jumps_ns.size(),
+                          when, r.jumps_ns.size() > kMostNamed ? " ..." : "");
+    }
     if (r.corner_shift_sigma_px > 0) {
       line += fmt::format("; corners drawn {:.3f} +- {:.3f} px towards the tag's centre", r.corner_shift_px,
                           r.corner_shift_sigma_px);
@@ -284,6 +292,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                     {"sights", r.sights},
                     {"rejected", r.rejected},
                     {"rms_px", r.rms_px},
+                    {"odometry_jumps", r.jumps_ns.size()},
                     {"scale", r.scale},
                     {"scale_sigma", r.scale_sigma},
                     {"heading_drift_deg_m", r.heading_drift_deg_m},

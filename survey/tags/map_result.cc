@@ -93,6 +93,10 @@ void MapSolver::CollectRuns() {
     run.odometry_factor = state.odometry;
     result_.runs.push_back(run);
   }
+  for (int f : slipped_) {
+    const MapFrame& frame = start_.frames[static_cast<size_t>(f)];
+    result_.runs[static_cast<size_t>(frame.run)].jumps_ns.push_back(frame.stamp_ns);
+  }
   for (const MapFrame& frame : start_.frames) {
     if (!frame.world_from_body) continue;
     RunAgreement& run = result_.runs[static_cast<size_t>(frame.run)];

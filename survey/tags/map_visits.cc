@@ -26,6 +26,7 @@ struct Visit {
   std::vector<double> x, y, z;
   int group = 0;  // of visits of one place
   Eigen::Vector3d Place() const { return {Median(x), Median(y), Median(z)}; }
+  Eigen::Vector3d LastPlace() const { return {x.back(), y.back(), z.back()}; }
 };
 
 struct Seen {
@@ -45,7 +46,7 @@ std::vector<Visit> VisitsOf(int run, const std::vector<Seen>& seen) {
   for (const Seen& s : seen) {
     const bool goes_on =
         !visits.empty() && s.stamp_ns - visits.back().last_ns <= kVisitGap_ns &&
-        (s.place - visits.back().Place()).norm() < kStep_m + kOfRange * (s.range_m + visits.back().range_m);
+        (s.place - visits.back().LastPlace()).norm() < kStep_m + kOfRange * (s.range_m + visits.back().range_m);
     if (!goes_on) visits.push_back({run, s.stamp_ns, s.stamp_ns, s.way_m, s.way_m, s.range_m, {}, {}, {}, {}, 0});
     Visit& visit = visits.back();
     visit.last_ns = s.stamp_ns;

@@ -183,6 +183,7 @@ struct RunAgreement {
   std::optional<Camera> camera;
   std::array<double, 5> camera_sigma{};
   int frames = 0, sights = 0, rejected = 0;
+  std::vector<int64_t> jumps_ns;  // when odometry jumped: steps that are hardly believed
   double rms_px = 0;
   std::vector<TimedPose> world_from_body;
 };
