@@ -105,7 +105,8 @@ std::vector<SplitPlace> SplitDuplicates(const SurveyInput& input, MapStart* star
     });
   };
   std::vector<SplitPlace> places;
-  for (auto& [id, its] : visits) {
+  for (auto& [tag_id, its] : visits) {
+    const int id = tag_id;
     if (std::none_of(jumps.begin(), jumps.end(), [&](const Jump& j) { return j.id == id && !shared(j); })) continue;
     // A visit belongs to the place whose last visit it agrees with.
     int groups = 0;
