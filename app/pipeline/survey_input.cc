@@ -301,6 +301,8 @@ void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJ
 // InputError.
 void RequireOneSite(const Project& project, SurveyJob* job) {
   if (!project.has_frame()) return;
+  const bool local = job->local_frame;
+  job->local_frame = false;  // about the site's origin, unless satellites contradict
   SurveyInput& input = job->input;
   struct Places {
     std::vector<double> east, north, height;
@@ -319,7 +321,8 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
   if (surveyed.east.empty() || satellites.east.empty()) return;
   const double apart =
       std::hypot(Median(surveyed.east) - Median(satellites.east), Median(surveyed.north) - Median(satellites.north));
-  if (job->local_frame && apart > kSameFrame_m && input.use_control) {
+  if (local && apart > kSameFrame_m && input.use_control) {
+    job->local_frame = true;
     job->warnings.push_back(fmt::format(
         "control_points.csv: x_m, y_m, z_m lie {:.0f} m from where geotags and GPS have the site: they are a "
         "local frame of their own, and so is the map; geotags and GPS take no part",
@@ -328,7 +331,6 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
     for (SurveyRun& run : input.runs) run.gps.clear();
     return;
   }
-  job->local_frame = false;
   if (apart > kOneSite_m) {
     throw InputError(
         fmt::format("control_points.csv: the surveyed points lie {:.0f} km from the geotags and GPS fixes: "
