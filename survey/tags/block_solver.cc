@@ -533,19 +533,6 @@ void BlockSolver::AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::Mat
   }
 }
 
-Eigen::VectorXd BlockSolver::Product(int factor, const Eigen::VectorXd& all) const {
-  const Eigen::MatrixXd j = Jacobian(factor);
-  Eigen::VectorXd own(j.cols());
-  Eigen::Index from = 0;
-  for (int u : factors[static_cast<size_t>(factor)].unknowns) {
-    if (slot_[static_cast<size_t>(u)] < 0) continue;
-    const Eigen::Index size = unknowns[static_cast<size_t>(u)].Tangent();
-    own.segment(from, size) = all.segment(Offset(u), size);
-    from += size;
-  }
-  return j * own;
-}
-
 Eigen::MatrixXd BlockSolver::Absorbed(int factor) const {
   const std::vector<int>& its = factors[static_cast<size_t>(factor)].unknowns;
   const Eigen::MatrixXd j = Jacobian(factor);

@@ -96,8 +96,7 @@ class BlockSolver {
   Eigen::MatrixXd Jacobian(int factor) const;  // weighted; columns of its free unknowns in order
   // into += J' a, J as in Jacobian, at the rows of its unknowns.
   void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
-  Eigen::VectorXd Product(int factor, const Eigen::VectorXd& all) const;  // J all
-  double TieSquare(const TieSight& sight) const;                          // |W u|^2; infinite behind the camera
+  double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
 
  private:
   struct Chunk;

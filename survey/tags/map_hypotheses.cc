@@ -37,7 +37,6 @@ struct MapSolver::Hypothesis {
   double chi2 = 0;
   Eigen::VectorXd estimate;
   Eigen::MatrixXd covariance;
-  Eigen::VectorXd others;  // what the other unknowns do with it
 };
 
 // Weighted derivative of an observation's residual by the hypothesis, from that by the tag's pose.
@@ -73,11 +72,7 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
     gradient += a.transpose() * (std::sqrt(solver_.Weight(i)) * solver_.Residual(i));
     if (exact) solver_.AddTransposed(i, a, &coupling);
   }
-  Eigen::MatrixXd follow;
-  if (exact) {
-    follow = solver_.SolveNormal(coupling);
-    normal -= coupling.transpose() * follow;
-  }
+  if (exact) normal -= coupling.transpose() * solver_.SolveNormal(coupling);
   // What the rest of the map takes in entirely cannot be tested.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
   const Eigen::VectorXd& values = eigen.eigenvalues();
@@ -87,7 +82,6 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   }
   h->covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   h->estimate = -h->covariance * gradient;
-  if (exact) h->others = -follow * h->estimate;
   (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
 }
 
