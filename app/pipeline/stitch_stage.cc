@@ -86,6 +86,7 @@ nlohmann::json Metrics(const StitchedRig& rig, int given) {
                       {"points", rig.state.points.size()},
                       {"focal_px", lens.focal_px},
                       {"focal_sigma_px", c.rows() > at ? std::sqrt(std::max(0.0, c(at, at))) : 0.0},
+                      {"fisheye", lens.fisheye},
                       {"focal_start_px", rig.focal_start_px},
                       {"focal_from_exif", rig.focal_from_exif},
                       {"rms_px", rig.parallax.rms_rig_px},
@@ -110,10 +111,10 @@ nlohmann::json Metrics(const StitchedRig& rig, int given) {
 std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
   const nlohmann::json& m = outcome.manifest.at("metrics");
   const auto number = [&](const char* name) { return m.at(name).get<double>(); };
-  std::string text =
-      fmt::format("{} of {} photos placed; focal length {:.1f} px +- {:.1f} (1 sigma{})\n", m.at("placed").get<int>(),
-                  m.at("photos").get<int>(), number("focal_px"), number("focal_sigma_px"),
-                  m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
+  std::string text = fmt::format(
+      "{} of {} photos placed; {}focal length {:.1f} px +- {:.1f} (1 sigma{})\n", m.at("placed").get<int>(),
+      m.at("photos").get<int>(), m.value("fisheye", false) ? "fisheye, " : "", number("focal_px"),
+      number("focal_sigma_px"), m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
   text += fmt::format("residuals {:.2f} px rms with one centre for all photos, {:.2f} px with each photo's own\n",
                       number("rms_one_centre_px"), number("rms_px"));
   text += fmt::format(
@@ -122,9 +123,13 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
       "the panorama's centre; their scale is known to a factor of {:.2f} (1 sigma)\n",
       number("parallax_median_px"), number("parallax_p95_px"), number("centres_rms_m") / unit.metres, unit.name,
       std::exp(number("radius_log_sigma")));
-  text += m.at("full_turn").get<bool>()
-              ? fmt::format("full turn, closes to {:+.2f} deg before adjustment\n", number("closure_deg"))
-              : fmt::format("no full turn: {:.0f} deg of the horizon are not seen\n", number("largest_gap_deg"));
+  if (m.at("full_turn").get<bool>()) {
+    text += fmt::format("full turn, closes to {:+.2f} deg before adjustment\n", number("closure_deg"));
+  } else if (number("largest_gap_deg") > 0) {
+    text += fmt::format("no full turn: {:.0f} deg of the horizon are not seen\n", number("largest_gap_deg"));
+  } else {
+    text += "the whole horizon is seen, by too few photos to close a ring\n";
+  }
   text += fmt::format("levelled by {} ({:.2f} deg, 1 sigma)", m.at("level_source").get<std::string>(),
                       number("level_sigma_deg"));
   text += m.contains("heading_deg") ? fmt::format(", heading {:.1f} deg +- {:.1f} by compass\n", number("heading_deg"),

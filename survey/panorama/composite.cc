@@ -57,6 +57,12 @@ class Renderer {
     if (!p.placed) return f;
     const PairView& v = rig_.views[static_cast<size_t>(photo)];
     const Lens& lens = rig_.state.lenses[static_cast<size_t>(p.lens)];
+    if (lens.fisheye) {
+      // Its border is no border on the sphere: anywhere.
+      f.any = true;
+      f.region = Region(0, 0, width, height);
+      return f;
+    }
     const Eigen::Vector3d look = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
     const double middle = std::atan2(look.x(), look.z());
     double left = 0, right = 0, top = -kPi / 2, bottom = kPi / 2;
@@ -115,7 +121,6 @@ class Renderer {
             seen ? cv::Vec3f(static_cast<float>(p.x()), static_cast<float>(p.y()), 1) : cv::Vec3f(0, 0, 0);
       }
     }
-    const float w = static_cast<float>(v.width), h = static_cast<float>(v.height);
     for (int y = 0; y < region.height; ++y) {
       cv::Vec2f* m = map->ptr<cv::Vec2f>(y);
       float* in = inside->ptr<float>(y);
@@ -134,9 +139,7 @@ class Renderer {
         const cv::Vec3f p = (1 - fy) * ((1 - fx) * a + fx * b) + fy * ((1 - fx) * c + fx * d);
         m[x] = cv::Vec2f((p[0] + 0.5F) * static_cast<float>(factor) - 0.5F,
                          (p[1] + 0.5F) * static_cast<float>(factor) - 0.5F);
-        const float horizontal = std::min(p[0], w - 1 - p[0]) / (0.5F * w),
-                    vertical = std::min(p[1], h - 1 - p[1]) / (0.5F * h);
-        in[x] = std::min(horizontal, vertical);
+        in[x] = static_cast<float>(v.Depth({p[0], p[1]}));
       }
     }
   }
@@ -410,10 +413,6 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
   const int tile = 1024, margin = options.bands > 0 ? 4 << options.bands : 0;
   const double scale = static_cast<double>(low_width) / width;
   const int strips = (height + tile - 1) / tile, columns = (width + tile - 1) / tile;
-  std::vector<Footprint> footprints;
-  for (size_t i = 0; i < rig.photos.size(); ++i) {
-    footprints.push_back(renderer.FootprintOf(static_cast<int>(i), width));
-  }
   progress.Begin("panorama", static_cast<int64_t>(strips) * columns);
   for (int strip = 0; strip < strips; ++strip) {
     const int y0 = strip * tile, rows = std::min(tile, height - y0);

@@ -13,7 +13,17 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kFromTop = 12 * kDegToRad;  // farthest the vertical may be from the photos' own top
+// Farthest the vertical may be from the photos' own top: where they look all round, and where they look one way (or
+// back to back), so that nothing says how far up they look.
+constexpr double kFromTop = 12 * kDegToRad, kFromTopOneWay = 25 * kDegToRad;
+// Any other vertical this far away must explain the edges worse than the chosen one, by this factor; by the second
+// where many more are looked at.
+constexpr double kOtherVertical = 5 * kDegToRad, kStandsOut = 1.5, kStandsOutOneWay = 2;
+
+// 1 sigma of how far up or down a camera is held that should be level.
+constexpr double kPitchSigma = 8 * kDegToRad;
+// Shortest edges used, share of the picture; fisheyes bend them, and what is found are pieces.
+constexpr double kShortEdge = 0.05, kShortArc = 0.03;
 
 struct Level {
   bool found = false;
@@ -64,6 +74,19 @@ Level FromTags(const StitchedRig& rig) {
   return level;
 }
 
+// 0 if all photos look one way or back to back, 1 if they look all round: the second largest spread of their right
+// sides against half of all.
+double LookAround(const RigState& state) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const RigPhoto& p : state.photos) {
+    if (!p.placed) continue;
+    const Eigen::Vector3d right = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitX();
+    spread += right * right.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+  return 2 * eigen.eigenvalues()(1) / std::max(1e-12, spread.trace());
+}
+
 Level FromHorizon(const StitchedRig& rig) {
   Level level;
   level.found = true;
@@ -77,6 +100,9 @@ Level FromHorizon(const StitchedRig& rig) {
   }
   // The scatter of the photos' roll; a handful tells little of it.
   level.sigma_rad = std::sqrt((sum + 2 * std::pow(2 * kDegToRad, 2)) / (n + 2) * 2 / std::max(1, n));
+  // Photos that look one way, or back to back, say nothing of how far up they look.
+  const double across = std::pow(std::sin(kPitchSigma), 2) / std::max(1e-12, LookAround(rig.state));
+  level.sigma_rad = std::hypot(level.sigma_rad, kPitchSigma * std::min(1.0, across));
   return level;
 }
 
@@ -99,7 +125,7 @@ std::vector<Edge> EdgesOf(const StitchedRig& rig, int photo, const cv::Mat& grey
   std::vector<Edge> edges;
   for (const cv::Vec4f& l : lines) {
     const double length = std::hypot(l[2] - l[0], l[3] - l[1]) / std::max(small.cols, small.rows);
-    if (length < 0.05) continue;
+    if (length < (lens.fisheye ? kShortArc : kShortEdge)) continue;
     const auto ray = [&](float x, float y) -> Eigen::Vector3d {
       return p.cam_from_rig.conjugate() * RayOfPixel(view, lens, {(x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5});
     };
@@ -117,10 +143,12 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
     of_photo[static_cast<size_t>(i)] = EdgesOf(rig, static_cast<int>(i), load_grey(rig.photos[static_cast<size_t>(i)]));
   });
   const Eigen::Vector3d top = UpFromPhotos(rig.state);
+  const bool one_way = LookAround(rig.state) < 0.04;
+  const double from_top = one_way ? kFromTopOneWay : kFromTop;
   std::vector<Edge> edges;
   for (const auto& list : of_photo) {
     for (const Edge& e : list) {
-      if (std::abs(e.normal.dot(top)) < std::sin(kFromTop)) edges.push_back(e);
+      if (std::abs(e.normal.dot(top)) < std::sin(from_top)) edges.push_back(e);
     }
   }
   Level level;
@@ -134,8 +162,7 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
     }
     return sum;
   };
-  Eigen::Vector3d best = top;
-  double best_score = score(top, 0.01);
+  std::vector<std::pair<Eigen::Vector3d, double>> candidates = {{top, score(top, 0.01)}};
   std::stable_sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.weight > b.weight; });
   const size_t lead = std::min<size_t>(edges.size(), 60);
   for (size_t a = 0; a < lead; ++a) {
@@ -144,11 +171,18 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
       if (up.norm() < 0.3) continue;
       up.normalize();
       if (up.dot(top) < 0) up = -up;
-      if (up.dot(top) < std::cos(kFromTop)) continue;
-      const double s = score(up, 0.01);
-      if (s > best_score) best_score = s, best = up;
+      if (up.dot(top) < std::cos(from_top)) continue;
+      candidates.emplace_back(up, score(up, 0.01));
     }
   }
+  const auto better = [](const auto& a, const auto& b) { return a.second < b.second; };
+  const auto [first, best_score] = *std::max_element(candidates.begin(), candidates.end(), better);
+  double other_score = 0;
+  for (const auto& [up, s] : candidates) {
+    if (up.dot(first) < std::cos(kOtherVertical)) other_score = std::max(other_score, s);
+  }
+  if (best_score < (one_way ? kStandsOutOneWay : kStandsOut) * other_score) return level;
+  Eigen::Vector3d best = first;
   // Robust least squares of normal . up = 0 in the tangent plane of `best`.
   Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
   double residual = 0, weights = 0;
@@ -173,7 +207,7 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
     best = up;
     if (still) break;
   }
-  if (used < 15 || best.dot(top) < std::cos(kFromTop)) return level;
+  if (used < 15 || best.dot(top) < std::cos(from_top)) return level;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(h);
   if (eigen.eigenvalues()(1) < 0.03 * h.trace()) return level;  // all edges in one direction: no hold across it
   level.found = true;
@@ -268,10 +302,11 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
     if (!p.placed) continue;
     const PairView& v = rig->views[i];
     const Lens& lens = rig->state.lenses[static_cast<size_t>(p.lens)];
-    for (double x = 0; x <= 1; x += 1.0 / 64) {
+    for (double x = 0; x <= 1; x += 1.0 / 256) {
       for (double y : {0.1, 0.5, 0.9}) {
-        const Eigen::Vector3d ray =
-            p.cam_from_rig.conjugate() * RayOfPixel(v, lens, {x * (v.width - 1), y * (v.height - 1)});
+        const Eigen::Vector2d pixel(x * (v.width - 1), y * (v.height - 1));
+        if (v.circle && v.Depth(pixel) < 0) continue;
+        const Eigen::Vector3d ray = p.cam_from_rig.conjugate() * RayOfPixel(v, lens, pixel);
         const int at = static_cast<int>((std::atan2(ray.x(), ray.z()) / (2 * std::numbers::pi) + 0.5) * 3600);
         for (int d = -8; d <= 8; ++d) covered[static_cast<size_t>((at + d + 7200) % 3600)] = true;
       }

@@ -45,15 +45,22 @@ struct Best {
 
 }  // namespace
 
-PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side) {
+PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side,
+                                const std::optional<ImageCircle>& circle) {
   const double factor = std::min(1.0, static_cast<double>(long_side) / std::max(grey.cols, grey.rows));
   cv::Mat small = grey;
   if (factor < 1) cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
   const double sx = static_cast<double>(grey.cols) / small.cols, sy = static_cast<double>(grey.rows) / small.rows;
   std::vector<cv::KeyPoint> keypoints;
-  cv::Mat sift;
+  cv::Mat sift, mask;
+  if (circle) {
+    mask = cv::Mat(small.size(), CV_8U, cv::Scalar(0));
+    const Eigen::Array2d centre = (circle->centre.array() + 0.5) / Eigen::Array2d(sx, sy) - 0.5;
+    cv::circle(mask, cv::Point(static_cast<int>(std::lround(centre.x())), static_cast<int>(std::lround(centre.y()))),
+               static_cast<int>(circle->radius_px / sx), cv::Scalar(255), -1);
+  }
   // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
-  cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(small, cv::noArray(), keypoints, sift);
+  cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(small, mask, keypoints, sift);
   std::vector<int> order(keypoints.size());
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int i, int j) {

@@ -5,8 +5,11 @@
 #include <cstdint>
 #include <functional>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <utility>
 #include <vector>
+
+#include "survey/panorama/image_circle.h"
 
 namespace trigpoint {
 
@@ -21,8 +24,9 @@ struct PhotoFeatures {
   const int16_t* row(int i) const { return descriptors.data() + static_cast<size_t>(i) * kDim; }
 };
 
-// At most `most` features of an 8-bit grey picture, found at a size of at most `long_side` px. Thread safe.
-PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side);
+// At most `most` features of an 8-bit grey picture, found at a size of at most `long_side` px; of a fisheye's picture,
+// only within its circle. Thread safe.
+PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side, const std::optional<ImageCircle>& circle);
 
 using PhotoMatches = std::vector<std::pair<int, int>>;  // feature of a, feature of b
 

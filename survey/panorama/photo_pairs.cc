@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 
 #include "calib/base/parallel.h"
@@ -11,6 +12,9 @@
 
 namespace trigpoint {
 namespace {
+
+// No fisheye sees farther round than this, rad: 280 deg of view.
+constexpr double kWidestAngle = 140 * std::numbers::pi / 180;
 
 // Rotation b_from_a that takes ray a1 to b1 and the plane (a1, a2) to (b1, b2), symmetric in the two.
 Eigen::Quaterniond RotationOfTwo(const Eigen::Vector3d& a1, const Eigen::Vector3d& a2, const Eigen::Vector3d& b1,
@@ -72,9 +76,32 @@ std::vector<std::vector<float>> BagsOfWords(const std::vector<PairView>& views, 
 
 }  // namespace
 
+Lens StartLens(double focal_px, bool fisheye) {
+  return fisheye ? Lens{focal_px, -1.0 / 24, 1.0 / 1920, true} : Lens{focal_px, 0, 0, false};
+}
+
+double HalfView(const PairView& view, const Lens& lens) {
+  const double r = view.circle ? view.circle->radius_px : 0.5 * std::hypot(view.width, view.height);
+  const Eigen::Vector3d ray = RayOfPixel(view, lens, view.Principal() + Eigen::Vector2d(r, 0));
+  return std::atan2(ray.head<2>().norm(), ray.z());
+}
+
 Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::Vector2d& pixel) {
-  const Eigen::Vector2d centre(0.5 * (view.width - 1), 0.5 * (view.height - 1));
-  const Eigen::Vector2d distorted = (pixel - centre) / lens.focal_px;
+  const Eigen::Vector2d distorted = (pixel - view.Principal()) / lens.focal_px;
+  if (lens.fisheye) {
+    const double radius = distorted.norm();
+    if (radius < 1e-12) return Eigen::Vector3d::UnitZ();
+    double theta = std::min(radius, kWidestAngle);
+    for (int i = 0; i < 20; ++i) {
+      const double t2 = theta * theta;
+      const double slope = 1 + t2 * (3 * lens.k1 + 5 * t2 * lens.k2);
+      const double step = (theta * (1 + t2 * (lens.k1 + t2 * lens.k2)) - radius) / std::max(0.1, slope);
+      theta = std::clamp(theta - step, 0.0, kWidestAngle);
+      if (std::abs(step) < 1e-14) break;
+    }
+    const double s = std::sin(theta) / radius;
+    return {s * distorted.x(), s * distorted.y(), std::cos(theta)};
+  }
   Eigen::Vector2d x = distorted;
   if (lens.k1 != 0 || lens.k2 != 0) {
     for (int i = 0; i < 20; ++i) {
@@ -86,13 +113,21 @@ Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::
 }
 
 bool PixelOfRay(const PairView& view, const Lens& lens, const Eigen::Vector3d& ray, Eigen::Vector2d* pixel) {
+  if (lens.fisheye) {
+    const double across = ray.head<2>().norm(), theta = std::atan2(across, ray.z()), t2 = theta * theta;
+    if (theta > kWidestAngle || 1 + t2 * (3 * lens.k1 + 5 * t2 * lens.k2) <= 0.05) return false;
+    const double radius = lens.focal_px * theta * (1 + t2 * (lens.k1 + t2 * lens.k2));
+    if (view.circle && radius > view.circle->radius_px) return false;
+    *pixel = view.Principal();
+    if (across > 1e-12) *pixel += radius / across * ray.head<2>();
+    return true;
+  }
   if (ray.z() < 1e-3) return false;
   const Eigen::Vector2d x = ray.head<2>() / ray.z();
   const double r2 = x.squaredNorm();
   // Where the distorted radius no longer grows, pixels would be met twice.
   if (1 + r2 * (3 * lens.k1 + 5 * r2 * lens.k2) <= 0.05) return false;
-  *pixel = lens.focal_px * (1 + r2 * (lens.k1 + r2 * lens.k2)) * x +
-           Eigen::Vector2d(0.5 * (view.width - 1), 0.5 * (view.height - 1));
+  *pixel = lens.focal_px * (1 + r2 * (lens.k1 + r2 * lens.k2)) * x + view.Principal();
   return true;
 }
 
@@ -202,9 +237,7 @@ PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& p
   // Matches where the photos overlap by this rotation: what could have agreed.
   for (size_t k = 0; k < a.size(); ++k) {
     Eigen::Vector2d p;
-    if (PixelOfRay(vb, lens_b, found.model * a[k], &p) && p.x() > 0 && p.y() > 0 && p.x() < vb.width &&
-        p.y() < vb.height)
-      ++result.candidates;
+    if (PixelOfRay(vb, lens_b, found.model * a[k], &p) && vb.Depth(p) > 0) ++result.candidates;
   }
   // Chance puts a few of the matches right; parallax takes a share of the true ones out (Brown & Lowe 2007, eq. 10,
   // with the share lowered for it).
@@ -213,7 +246,7 @@ PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& p
 }
 
 std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const std::vector<PhotoPair>& pairs,
-                                    const PairOptions& options, int threads, const CancelToken& cancel) {
+                                    bool fisheye, const PairOptions& options, int threads, const CancelToken& cancel) {
   // The pairs with the most matches speak.
   std::vector<const PhotoPair*> used;
   for (const PhotoPair& p : pairs) {
@@ -224,14 +257,16 @@ std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const st
   if (used.size() > 20) used.resize(20);
   if (used.empty()) return {};
   std::vector<double> shares;
-  for (double share = 0.35; share < 6; share *= 1.06) shares.push_back(share);
+  // A fisheye longer than its picture is wide looks like any other lens.
+  const double from = fisheye ? 0.15 : 0.35, to = fisheye ? 1.0 : 6.0;
+  for (double share = from; share < to; share *= 1.06) shares.push_back(share);
   std::vector<double> scores(shares.size(), 0.0);
   ParallelFor(static_cast<int64_t>(shares.size()), threads, cancel, [&](int64_t s) {
     const double share = shares[static_cast<size_t>(s)];
     for (const PhotoPair* p : used) {
       const auto lens = [&](int v) {
         const PairView& view = views[static_cast<size_t>(v)];
-        return Lens{share * std::max(view.width, view.height), 0, 0};
+        return StartLens(share * std::max(view.width, view.height), fisheye);
       };
       const PairView& b = views[static_cast<size_t>(p->b)];
       const double threshold = 0.5 * options.coarse_px * std::max(b.width, b.height) / 1600;

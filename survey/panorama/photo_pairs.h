@@ -2,30 +2,54 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <optional>
 #include <vector>
 
 #include "calib/base/progress.h"
+#include "survey/panorama/image_circle.h"
 #include "survey/panorama/photo_features.h"
 
 namespace trigpoint {
 
-// A photo's lens: focal length (px), radial distortion k1, k2 of normalised coordinates (Brown-Conrady), principal
-// point at the picture's centre.
+// A photo's lens: focal length (px) and radial distortion. Straight: k1, k2 of normalised coordinates (Brown-Conrady).
+// Fisheye: r = f theta (1 + k1 theta^2 + k2 theta^4), the first terms of Kannala & Brandt (2006).
 struct Lens {
   double focal_px = 0;
   double k1 = 0, k2 = 0;
+  bool fisheye = false;
 };
+
+// A lens to begin with: without distortion, or a fisheye of equal solid angles (r = 2 f sin(theta / 2)), which is what
+// most are near.
+Lens StartLens(double focal_px, bool fisheye);
 
 // What pairs are made from.
 struct PairView {
   int width = 0, height = 0;
   const PhotoFeatures* features = nullptr;
+  std::optional<ImageCircle> circle;  // of a fisheye that does not fill its frame
+
+  // The circle's centre, or the picture's.
+  Eigen::Vector2d Principal() const {
+    return circle ? circle->centre : Eigen::Vector2d(0.5 * (width - 1), 0.5 * (height - 1));
+  }
+  // 0 at the edge of what the lens drew, 1 in its middle, negative outside.
+  double Depth(const Eigen::Vector2d& pixel) const {
+    const double w = width - 1, h = height - 1;
+    const double in_frame =
+        std::min(std::min(pixel.x(), w - pixel.x()) / (0.5 * w), std::min(pixel.y(), h - pixel.y()) / (0.5 * h));
+    return circle ? std::min(in_frame, 1 - (pixel - circle->centre).norm() / circle->radius_px) : in_frame;
+  }
 };
 
-// Unit ray of a pixel; inverts the distortion. Camera frame: x right, y down, z forward.
+// Largest angle between the optical axis and what the photo shows, rad.
+double HalfView(const PairView& view, const Lens& lens);
+
+// Unit ray of a pixel; inverts the distortion. Camera frame: x right, y down, z forward. Outside a fisheye's picture:
+// the ray of a pixel as far out as the lens reaches.
 Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::Vector2d& pixel);
-// Pixel of a direction; false behind the photo or where the distortion folds.
+// Pixel of a direction; false behind a straight lens, beyond a fisheye's circle, or where the distortion folds.
 bool PixelOfRay(const PairView& view, const Lens& lens, const Eigen::Vector3d& ray, Eigen::Vector2d* pixel);
 
 struct PhotoPair {
@@ -67,11 +91,12 @@ PairRotation FindRotation(const std::vector<PairView>& views, const PhotoPair& p
                           const Lens& lens_b, double threshold_px, int iterations, uint64_t seed);
 
 // Focal lengths (px, as shares of the long side) at which rotations explain nearly the most matches of all pairs, the
-// best first, in steps of 6 %; none if no pair is explained at any. Coarse: the bundle refines it.
+// best first, in steps of 6 %; none if no pair is explained at any. Coarse: the bundle refines it. All photos are taken
+// to have straight lenses, or all fisheyes.
 struct FocalScore {
   double share = 0, score = 0;
 };
 std::vector<FocalScore> SearchFocal(const std::vector<PairView>& views, const std::vector<PhotoPair>& pairs,
-                                    const PairOptions& options, int threads, const CancelToken& cancel);
+                                    bool fisheye, const PairOptions& options, int threads, const CancelToken& cancel);
 
 }  // namespace trigpoint

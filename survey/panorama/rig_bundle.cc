@@ -29,9 +29,11 @@ struct ObservationCost {
   Eigen::Vector3d direction;
   Eigen::Matrix<double, 2, 3> basis;
   double inverse_sigma;
+  bool fisheye;
 
   template <typename T>
   bool operator()(const T* w, const T* centre, const T* lens, const T* point, T* residual) const {
+    using std::atan2, std::sqrt;
     T in_rig[3], turned[3], in_cam[3];
     for (int k = 0; k < 3; ++k) {
       in_rig[k] = direction(k) + point[0] * basis(0, k) + point[1] * basis(1, k) - point[2] * centre[k];
@@ -40,9 +42,15 @@ struct ObservationCost {
       turned[k] = rotation(k, 0) * in_rig[0] + rotation(k, 1) * in_rig[1] + rotation(k, 2) * in_rig[2];
     }
     ceres::AngleAxisRotatePoint(w, turned, in_cam);
-    if (in_cam[2] < T(0.02)) return false;
-    const T x = in_cam[0] / in_cam[2], y = in_cam[1] / in_cam[2];
-    const T r2 = x * x + y * y;
+    const T across2 = in_cam[0] * in_cam[0] + in_cam[1] * in_cam[1];
+    T x, y, r2;  // undistorted, over the focal length
+    if (fisheye && across2 > T(1e-12)) {
+      const T across = sqrt(across2), theta = atan2(across, in_cam[2]);
+      x = theta * in_cam[0] / across, y = theta * in_cam[1] / across, r2 = theta * theta;
+    } else {
+      if (in_cam[2] < T(0.02)) return false;
+      x = in_cam[0] / in_cam[2], y = in_cam[1] / in_cam[2], r2 = x * x + y * y;
+    }
     const T scale = lens[0] * (1.0 + r2 * (lens[1] + r2 * lens[2]));
     residual[0] = (scale * x + principal.x() - pixel.x()) * inverse_sigma;
     residual[1] = (scale * y + principal.y() - pixel.y()) * inverse_sigma;
@@ -178,11 +186,12 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       const RigPhoto& photo = state->photos[i];
       const PairView& view = views[i];
       auto* cost = new ObservationCost{o.pixel,
-                                       {0.5 * (view.width - 1), 0.5 * (view.height - 1)},
+                                       view.Principal(),
                                        photo.cam_from_rig.toRotationMatrix(),
                                        point.direction,
                                        TangentBasis(point.direction),
-                                       1 / options.sigma_px};
+                                       1 / options.sigma_px,
+                                       state->lenses[static_cast<size_t>(photo.lens)].fisheye};
       problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ObservationCost, 2, 3, 3, 3, 3>(cost), &loss,
                                b.rotations[i].data(), b.centres[i].data(),
                                b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
@@ -250,11 +259,14 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
                                    new ScalarPrior{0, prior.focal_px, 1 / (prior.sigma_share * prior.focal_px)}),
                                nullptr, lens);
     }
-    // What lenses of phones and cameras have; holds the terms where few photos see the corners.
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{1, 0.0, 1 / 0.2}),
-                             nullptr, lens);
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, 0.0, 1 / 0.2}),
-                             nullptr, lens);
+    // What lenses of phones and cameras have; holds the terms where few photos see the corners. Two fisheyes back to
+    // back say only how far out their rim is: between its axis and there a lens is what others of its kind are.
+    const Lens usual = StartLens(1, state->lenses[l].fisheye);
+    const double sigma1 = usual.fisheye ? 0.05 : 0.2, sigma2 = usual.fisheye ? 0.02 : 0.2;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{1, usual.k1, 1 / sigma1}), nullptr, lens);
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, usual.k2, 1 / sigma2}), nullptr, lens);
     problem.SetParameterLowerBound(lens, 0, 20);
   }
   ceres::Solver::Options solve;
@@ -284,7 +296,10 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
                          .normalized();
     p.centre = Eigen::Vector3d(b.centres[i][0], b.centres[i][1], b.centres[i][2]);
   }
-  for (size_t l = 0; l < state->lenses.size(); ++l) state->lenses[l] = {b.lenses[l][0], b.lenses[l][1], b.lenses[l][2]};
+  for (size_t l = 0; l < state->lenses.size(); ++l) {
+    Lens& lens = state->lenses[l];
+    lens.focal_px = b.lenses[l][0], lens.k1 = b.lenses[l][1], lens.k2 = b.lenses[l][2];
+  }
   for (size_t j = 0; j < state->points.size(); ++j) {
     RigPoint& p = state->points[j];
     const Eigen::Vector3d d =

@@ -72,6 +72,7 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
     csv.Number(lens.focal_px, 4);
     csv.EndRow();
     entry["lens"] = p.lens;
+    entry["principal_px"] = {rig.views[i].Principal().x(), rig.views[i].Principal().y()};
     entry["translation_m"] = Vector(pose.translation);
     entry["quaternion_xyzw"] = {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()};
     entry["covariance_rotation_rad_translation_m"] = Numbers(c);
@@ -94,7 +95,7 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
     Eigen::Vector3d sigma = Eigen::Vector3d::Zero();
     if (covariance.rows() >= k + 3) sigma = covariance.diagonal().segment<3>(k).cwiseMax(0).cwiseSqrt();
     const double exif = rig.state.lens_priors[l].focal_px;
-    lenses.push_back({{"model", "radtan"},
+    lenses.push_back({{"model", CameraModelName(lens.fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan)},
                       {"focal_px", lens.focal_px},
                       {"k1", lens.k1},
                       {"k2", lens.k2},
@@ -242,9 +243,12 @@ RigFile ReadRigFiles(const std::filesystem::path& dir) {
       const json& lens = document.at("lenses").at(p.at("lens").get<size_t>());
       const int w = p.at("width_px").get<int>(), h = p.at("height_px").get<int>();
       const double f = row.Number("focal_px");
-      view.camera =
-          Camera(CameraModel::kRadtan, w, h,
-                 {f, f, 0.5 * (w - 1), 0.5 * (h - 1), lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
+      // Rigs of before fisheyes have their principal points in the middle.
+      const json principal = p.value("principal_px", json{0.5 * (w - 1), 0.5 * (h - 1)});
+      const bool fisheye = lens.at("model").get<std::string>() == CameraModelName(CameraModel::kKannalaBrandt);
+      view.camera = Camera(fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan, w, h,
+                           {f, f, principal.at(0).get<double>(), principal.at(1).get<double>(),
+                            lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
       const json& c = p.at("covariance_rotation_rad_translation_m");
       for (size_t r = 0; r < 6; ++r) {
         for (size_t k = 0; k < 6; ++k) {

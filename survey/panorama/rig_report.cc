@@ -91,9 +91,6 @@ void DescribeParallax(StitchedRig* rig) {
     // Uncertainty of the distance with the poses held: the information of its own observations.
     double information = 0;
     for (const RigObservation& o : p.observations) {
-      const RigPhoto& photo = s.photos[static_cast<size_t>(o.photo)];
-      const Lens& lens = s.lenses[static_cast<size_t>(photo.lens)];
-      const PairView& view = rig->views[static_cast<size_t>(o.photo)];
       RigPoint far = p;
       far.inverse_distance = 0;
       Eigen::Vector2d with, without;
@@ -104,7 +101,6 @@ void DescribeParallax(StitchedRig* rig) {
       near.inverse_distance += 1e-3;
       Eigen::Vector2d moved;
       if (ProjectRigPoint(rig->views, s, near, o.photo, &moved)) information += ((moved - with) / 1e-3).squaredNorm();
-      static_cast<void>(lens), static_cast<void>(view);
     }
     // Two directions take part of it: half is what a pair keeps.
     p.sigma = information > 0 ? std::sqrt(2 / information) : 1e3;

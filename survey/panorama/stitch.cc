@@ -26,6 +26,13 @@ constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0
 // Features are not believed to be better than this: what the model leaves out moves them together.
 constexpr double kLeastNoisePx = 0.3;
 
+// So few fisheyes are matched with all their features.
+constexpr int kFewFisheyes = 20;
+// Straight lenses are seldom shorter than this share of the picture's long side: 85 deg of view.
+constexpr double kShortShare = 0.55;
+// A fisheye without a circle must explain this much more than a straight lens does.
+constexpr double kFisheyeGain = 1.3;
+
 int LongSide(const PairView& v) { return std::max(v.width, v.height); }
 
 std::string Degrees(double rad) {
@@ -50,11 +57,14 @@ class Stitcher {
   void FindFeatures(const std::function<cv::Mat(const Photo&)>& load_grey) {
     std::vector<PhotoFeatures> features(out_.photos.size());
     std::vector<std::string> problem(out_.photos.size());
+    std::vector<std::optional<ImageCircle>> circles(out_.photos.size());
     progress_.Begin("features", static_cast<int64_t>(out_.photos.size()));
     ParallelFor(static_cast<int64_t>(out_.photos.size()), threads_, cancel_, [&](int64_t i) {
       const size_t k = static_cast<size_t>(i);
       try {
-        features[k] = FindPhotoFeatures(load_grey(out_.photos[k]), o_.max_features, o_.feature_size_px);
+        const cv::Mat grey = load_grey(out_.photos[k]);
+        if (o_.lens != "rectilinear") circles[k] = FindImageCircle(grey);
+        features[k] = FindPhotoFeatures(grey, o_.max_features, o_.feature_size_px, circles[k]);
       } catch (const InputError& e) {
         problem[k] = e.what();
       }
@@ -75,6 +85,7 @@ class Stitcher {
       if (problem[i].empty()) {
         photos.push_back(out_.photos[i]);
         out_.features.push_back(std::move(features[i]));
+        circles_.push_back(circles[i]);
       } else {
         out_.left_out.push_back({out_.photos[i].name, problem[i]});
       }
@@ -82,32 +93,69 @@ class Stitcher {
     out_.photos = std::move(photos);
     RequireTwo("a panorama needs at least two photos that can be used");
     for (size_t i = 0; i < out_.photos.size(); ++i) {
-      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i]});
+      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i], circles_[i]});
     }
     out_.reason.resize(out_.photos.size());
     out_.state.photos.resize(out_.photos.size());
   }
 
-  // Photos of one size and one EXIF focal length share a lens.
+  // Photos of one size and one EXIF focal length share a lens; a fisheye's circle tells it from others.
   void MakeLenses() {
-    std::map<std::tuple<int, int, int>, int> lens_of;
+    std::map<std::tuple<int, int, int, bool>, int> lens_of;
     for (size_t i = 0; i < out_.photos.size(); ++i) {
       const Photo& p = out_.photos[i];
       const int bucket = p.focal_px ? static_cast<int>(std::lround(std::log(*p.focal_px) / 0.01)) : -1;
-      const auto key = std::make_tuple(std::max(p.width, p.height), std::min(p.width, p.height), bucket);
+      const bool fisheye = o_.lens == "fisheye" || out_.views[i].circle;
+      const auto key = std::make_tuple(std::max(p.width, p.height), std::min(p.width, p.height), bucket, fisheye);
       const auto [it, fresh] = lens_of.try_emplace(key, static_cast<int>(out_.state.lenses.size()));
       if (fresh) {
-        out_.state.lenses.push_back({p.focal_px.value_or(0), 0, 0});
+        out_.state.lenses.push_back(StartLens(p.focal_px.value_or(0), fisheye));
         out_.state.lens_priors.push_back({p.focal_px.value_or(0), o_.focal_sigma});
       }
       out_.state.photos[i].lens = it->second;
     }
+    // Fisheyes back to back share a narrow rim, and the strongest features lie elsewhere.
+    if (Fisheye() && Count() <= kFewFisheyes) pair_options_.coarse_features = o_.max_features;
   }
 
   void Pair() {
     const std::vector<std::pair<int, int>> candidates = CandidatePairs(out_.views, pair_options_, threads_, cancel_);
     out_.pairs_tried = static_cast<int>(candidates.size());
     tried_ = MatchPairs(out_.views, candidates, pair_options_, threads_, progress_, cancel_);
+    const RigState begun = out_.state;
+    FindFocal();
+    if (o_.lens == "auto" && !Fisheye() && CouldBeFisheye(begun)) {
+      const double score = TotalScore();
+      const RigState straight = std::move(out_.state);
+      const std::vector<PhotoPair> accepted = accepted_;
+      const std::vector<std::string> warnings = out_.warnings;
+      const bool from_exif = out_.focal_from_exif;
+      out_.state = begun;
+      for (Lens& lens : out_.state.lenses) lens = StartLens(lens.focal_px, true);
+      FindFocal();
+      if (TotalScore() < kFisheyeGain * score) {
+        out_.state = straight, accepted_ = accepted, out_.warnings = warnings, out_.focal_from_exif = from_exif;
+      }
+    }
+    CloseRing();
+    out_.focal_start_px = out_.state.lenses.front().focal_px;
+  }
+
+  bool Fisheye() const {
+    return std::any_of(out_.state.lenses.begin(), out_.state.lenses.end(), [](const Lens& l) { return l.fisheye; });
+  }
+
+  // No focal length is known, or one so short that a straight lens would be a rare one.
+  bool CouldBeFisheye(const RigState& begun) const {
+    for (size_t i = 0; i < begun.photos.size(); ++i) {
+      const double focal = begun.lenses[static_cast<size_t>(begun.photos[i].lens)].focal_px;
+      if (focal < kShortShare * LongSide(out_.views[i])) return true;
+    }
+    return false;
+  }
+
+  // Focal lengths of lenses that have none, or a wrong one, by what turns of the camera explain; verifies the pairs.
+  void FindFocal() {
     const auto with_focal = [&](bool missing_only, double share) {
       for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
         if (missing_only && out_.state.lenses[l].focal_px > 0) continue;
@@ -115,7 +163,7 @@ class Stitcher {
         for (size_t i = 0; i < out_.photos.size(); ++i) {
           if (out_.state.photos[i].lens == static_cast<int>(l)) side = std::max(side, LongSide(out_.views[i]));
         }
-        out_.state.lenses[l] = {share * side, 0, 0};
+        out_.state.lenses[l].focal_px = share * side;
         out_.state.lens_priors[l].focal_px = 0;
       }
     };
@@ -126,7 +174,7 @@ class Stitcher {
     if (any_missing) {
       // Narrow photos fit many focal lengths pair by pair; a ring, or photos that meet three at a time, only one.
       double most = -1;
-      for (const FocalScore& candidate : SearchFocal(out_.views, tried_, pair_options_, threads_, cancel_)) {
+      for (const FocalScore& candidate : SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_)) {
         cancel_.ThrowIfCancelled();
         for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
           if (out_.state.lens_priors[l].focal_px <= 0) out_.state.lenses[l].focal_px = 0;
@@ -148,17 +196,22 @@ class Stitcher {
     if (!any_missing) {
       // EXIF may lie (a cropped or re-scaled copy): if rotations explain much more with another focal length, it does.
       const double by_exif = TotalScore();
-      const std::vector<FocalScore> found = SearchFocal(out_.views, tried_, pair_options_, threads_, cancel_);
+      const std::vector<FocalScore> found =
+          SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_);
       if (!found.empty()) {
         share = found.front().share;
         const std::vector<Lens> lenses = out_.state.lenses;
         const std::vector<LensPrior> priors = out_.state.lens_priors;
         const std::vector<PhotoPair> accepted = accepted_;
         const double exif_share = lenses.front().focal_px / LongSide(out_.views.front());
-        if (std::abs(std::log(*share / exif_share)) > 0.25 && lenses.size() == 1) {
+        // Of a fisheye it says what happens on its axis; how far out the rim is taken is found by what fits there.
+        const bool rim = Fisheye();
+        if ((rim || std::abs(std::log(*share / exif_share)) > 0.25) && lenses.size() == 1) {
           with_focal(false, *share);
           Verify();
-          if (TotalScore() > 1.5 * by_exif) {
+          if (rim && TotalScore() > by_exif) {
+            out_.state.lens_priors = priors;
+          } else if (TotalScore() > 1.5 * by_exif) {
             out_.focal_from_exif = false;
             out_.warnings.push_back("the focal length of EXIF (" +
                                     std::to_string(std::lround(lenses.front().focal_px)) +
@@ -169,8 +222,6 @@ class Stitcher {
         }
       }
     }
-    CloseRing();
-    out_.focal_start_px = out_.state.lenses.front().focal_px;
   }
 
   // A ring that closes fixes the focal length, which its pairs one by one leave open: they are laid end to end and the
@@ -263,7 +314,7 @@ class Stitcher {
           const int other = tried.a == i ? tried.b : tried.a;
           if (!out_.state.photos[static_cast<size_t>(other)].placed || tried.matches.size() < 15) continue;
           for (double factor = 0.4; factor < 3; factor *= 1.04) {
-            const Lens own{guess * factor, 0, 0};
+            const Lens own = StartLens(guess * factor, LensOf(i).fisheye);
             const PairRotation r = FindRotation(out_.views, tried, tried.a == i ? own : LensOf(other),
                                                 tried.a == i ? LensOf(other) : own, Threshold(tried.b), 200, seed_);
             if (!r.accepted || r.score <= best_pair.score || r.inliers.size() < 20) continue;
@@ -278,7 +329,7 @@ class Stitcher {
         photo.placed = true;
         if (std::abs(best_focal / guess - 1) > 0.06) {
           photo.lens = static_cast<int>(out_.state.lenses.size());
-          out_.state.lenses.push_back({best_focal, 0, 0});
+          out_.state.lenses.push_back(StartLens(best_focal, LensOf(i).fisheye));
           out_.state.lens_priors.push_back({0, o_.focal_sigma});
           out_.warnings.push_back(Name(i) + " was taken at another zoom: it gets a focal length of its own");
         }
@@ -296,8 +347,10 @@ class Stitcher {
       for (int b = a + 1; b < Count(); ++b) {
         if (!out_.state.photos[static_cast<size_t>(a)].placed || !out_.state.photos[static_cast<size_t>(b)].placed)
           continue;
-        const Eigen::Vector3d za = Look(a), zb = Look(b);
-        if (AngleBetween(za, zb) < 0.45 * (Diagonal(a) + Diagonal(b))) overlaps.emplace_back(a, b);
+        const double reach = HalfView(out_.views[static_cast<size_t>(a)], LensOf(a)) +
+                             HalfView(out_.views[static_cast<size_t>(b)], LensOf(b));
+        // Straight photos that meet corner to corner share nothing; fisheyes back to back share their whole rim.
+        if (AngleBetween(Look(a), Look(b)) < (LensOf(a).fisheye ? 1.0 : 0.9) * reach) overlaps.emplace_back(a, b);
       }
     }
     std::vector<PhotoPair> pairs(overlaps.size());
@@ -452,7 +505,7 @@ class Stitcher {
       out_.warnings.push_back(Name(i) + " is not placed: " + out_.reason[static_cast<size_t>(i)]);
     }
     for (const LeftOutPhoto& p : out_.left_out) out_.warnings.push_back(p.name + " is left out: " + p.reason);
-    if (!out_.closure.full_turn) {
+    if (!out_.closure.full_turn && out_.closure.largest_gap_deg > 0) {
       out_.warnings.push_back(
           "the photos do not go all the way round: " + Degrees(out_.closure.largest_gap_deg * kDegToRad) +
           " of the horizon are not seen in one piece");
@@ -469,10 +522,6 @@ class Stitcher {
   }
   Eigen::Vector3d Look(int i) const {
     return out_.state.photos[static_cast<size_t>(i)].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
-  }
-  double Diagonal(int i) const {
-    const PairView& v = out_.views[static_cast<size_t>(i)];
-    return 2 * std::atan(0.5 * std::hypot(v.width, v.height) / LensOf(i).focal_px);
   }
   double Threshold(int photo) const {
     return pair_options_.coarse_px * LongSide(out_.views[static_cast<size_t>(photo)]) / 1600;
@@ -619,6 +668,7 @@ class Stitcher {
   ProgressSink& progress_;
   const CancelToken& cancel_;
   PairOptions pair_options_;
+  std::vector<std::optional<ImageCircle>> circles_;
   std::vector<PhotoPair> tried_, accepted_;
   double parallax_ = kFirstParallax;
   bool ring_closed_ = false;  // the photos go all the way round, and their focal length is the one that fits it
@@ -632,6 +682,10 @@ std::vector<std::string> StitchOptions::Check() const {
   static const std::set<std::string> kLevels = {"auto", "tags", "lines", "horizon", "none"};
   if (kLevels.count(level) == 0) {
     problems.push_back("option level is '" + level + "', expected auto, tags, lines, horizon or none");
+  }
+  static const std::set<std::string> kLenses = {"auto", "rectilinear", "fisheye"};
+  if (kLenses.count(lens) == 0) {
+    problems.push_back("option lens is '" + lens + "', expected auto, rectilinear or fisheye");
   }
   return problems;
 }
@@ -656,10 +710,10 @@ Rigid3d RigFromCam(const RigPhoto& photo) { return {photo.cam_from_rig.conjugate
 Camera CameraOf(const StitchedRig& rig, int photo) {
   const PairView& v = rig.views[static_cast<size_t>(photo)];
   const Lens& l = rig.state.lenses[static_cast<size_t>(rig.state.photos[static_cast<size_t>(photo)].lens)];
-  return {CameraModel::kRadtan,
+  return {l.fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan,
           v.width,
           v.height,
-          {l.focal_px, l.focal_px, 0.5 * (v.width - 1), 0.5 * (v.height - 1), l.k1, l.k2, 0, 0}};
+          {l.focal_px, l.focal_px, v.Principal().x(), v.Principal().y(), l.k1, l.k2, 0, 0}};
 }
 
 }  // namespace trigpoint

@@ -21,6 +21,7 @@ struct StitchOptions {
   int all_pairs_up_to = 60;     // photos; above: neighbours in order and retrieval
   double focal_sigma = 0.1;     // 1 sigma of EXIF's focal length, share of it
   bool distortion = true;       // estimate radial distortion k1, k2
+  std::string lens = "auto";    // auto, rectilinear, fisheye
   double guided_share = 0.03;   // largest displacement by parallax searched for, share of the longer side
   double radius_m = 0.15;       // circle about the holder on which the photos were taken
   double radius_factor = 2;     // 1 sigma of the radius, as a factor
@@ -38,6 +39,7 @@ struct StitchOptions {
           {"all_pairs_up_to", "photos", 2, 1000, "more photos: pairs by order and by similarity only"});
     visit(self.focal_sigma, {"focal_sigma", "", 0.0001, 10, "1 sigma of EXIF's focal length, share of it"});
     visit(self.distortion, {"distortion", "", 0, 1, "estimate radial distortion k1, k2"});
+    visit(self.lens, {"lens", "", 0, 0, "auto (by the picture's shape and what fits), rectilinear, fisheye"});
     visit(self.guided_share,
           {"guided_share", "", 0.001, 0.2, "largest displacement by parallax, share of the longer side"});
     visit(self.radius_m, {"radius_m", "m", 0.001, 5, "circle about the holder on which the photos were taken"});
@@ -109,7 +111,8 @@ StitchedRig StitchPhotos(const PhotoSet& set, const std::function<cv::Mat(const 
 
 // rig_from_cam of a placed photo.
 Rigid3d RigFromCam(const RigPhoto& photo);
-// The photo's camera: Brown-Conrady with k1, k2, principal point at the centre.
+// The photo's camera: Brown-Conrady with k1, k2, or Kannala-Brandt with k1, k2 for a fisheye; principal point at the
+// centre of the picture, or of a fisheye's circle.
 Camera CameraOf(const StitchedRig& rig, int photo);
 
 }  // namespace trigpoint

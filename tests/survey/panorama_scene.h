@@ -29,22 +29,25 @@ inline cv::Mat BlobSphere(int width, uint64_t seed) {
   return sphere;
 }
 
-// A photo of it, cam_from_world given; world: y down.
-inline cv::Mat PhotoOf(const cv::Mat& sphere, const Eigen::Quaterniond& cam_from_world, int width, int height,
-                       double focal) {
-  cv::Mat map(height, width, CV_32FC2);
-  for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u) {
-      const Eigen::Vector3d d = cam_from_world.conjugate() *
-                                Eigen::Vector3d((u - 0.5 * (width - 1)) / focal, (v - 0.5 * (height - 1)) / focal, 1);
+// A photo of it, cam_from_world given; world: y down. Beyond a circle: black.
+inline cv::Mat PhotoOf(const cv::Mat& sphere, const Eigen::Quaterniond& cam_from_world, const PairView& view,
+                       const Lens& lens) {
+  cv::Mat map(view.height, view.width, CV_32FC2);
+  cv::Mat outside(view.height, view.width, CV_8U, cv::Scalar(0));
+  for (int v = 0; v < view.height; ++v) {
+    for (int u = 0; u < view.width; ++u) {
+      const Eigen::Vector3d d = cam_from_world.conjugate() * RayOfPixel(view, lens, {u, v});
       const double azimuth = std::atan2(d.x(), d.z()), elevation = std::atan2(-d.y(), std::hypot(d.x(), d.z()));
       map.at<cv::Vec2f>(v, u) =
           cv::Vec2f(static_cast<float>((azimuth / (2 * std::numbers::pi) + 0.5) * sphere.cols - 0.5),
                     static_cast<float>((0.5 - elevation / std::numbers::pi) * sphere.rows - 0.5));
+      if (view.circle && (Eigen::Vector2d(u, v) - view.circle->centre).norm() > view.circle->radius_px)
+        outside.at<uchar>(v, u) = 255;
     }
   }
   cv::Mat photo;
   cv::remap(sphere, photo, map, cv::Mat(), cv::INTER_LINEAR, cv::BORDER_WRAP);
+  photo.setTo(cv::Scalar(4, 4, 4), outside);
   return photo;
 }
 
@@ -72,7 +75,7 @@ struct MemorySet {
   }
   void AddView(const std::string& name, const cv::Mat& sphere, const Eigen::Quaterniond& cam_from_world, int width,
                int height, double focal, std::optional<double> said = std::nullopt) {
-    Add(name, PhotoOf(sphere, cam_from_world, width, height, focal), said);
+    Add(name, PhotoOf(sphere, cam_from_world, {width, height, nullptr, std::nullopt}, Lens{focal}), said);
     truth[name] = cam_from_world;
   }
   cv::Mat Grey(const Photo& photo) const {

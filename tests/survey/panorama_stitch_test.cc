@@ -110,6 +110,83 @@ TEST(Stitch, PortraitAndLandscapeAndAnotherZoomTogether) {
   EXPECT_NEAR(zoomed / (1.5 * kFocal), 1, 0.01);
 }
 
+// A lens of 196 deg whose picture is a circle, a little off the middle, on a black frame.
+constexpr int kFisheyeSide = 700;
+const PairView kRound{kFisheyeSide, kFisheyeSide, nullptr, ImageCircle{{352, 347}, 330}};
+const Lens kFisheye{230, -0.05, -0.002, true};
+
+TEST(Lens, FisheyePixelsAndRaysAreEachOthersInverse) {
+  for (const double degrees : {0.0, 0.01, 30.0, 89.0, 91.0, 97.0}) {
+    const double theta = degrees * kDegToRad;
+    const Eigen::Vector3d ray(0.6 * std::sin(theta), -0.8 * std::sin(theta), std::cos(theta));
+    Eigen::Vector2d pixel;
+    ASSERT_TRUE(PixelOfRay(kRound, kFisheye, ray, &pixel)) << degrees;
+    EXPECT_LT((RayOfPixel(kRound, kFisheye, pixel) - ray).norm(), 1e-9) << degrees;
+  }
+  Eigen::Vector2d pixel;
+  EXPECT_FALSE(PixelOfRay(kRound, kFisheye, {0, std::sin(1.9), std::cos(1.9)}, &pixel)) << "beyond the circle";
+  EXPECT_NEAR(HalfView(kRound, kFisheye) * kRadToDeg, 98, 1.5);
+}
+
+TEST(ImageCircle, FoundOnBlackFramesOnly) {
+  cv::Mat round, square;
+  cv::cvtColor(PhotoOf(Sphere(), CamFromWorld(0, 0, 0), kRound, kFisheye), round, cv::COLOR_BGR2GRAY);
+  const std::optional<ImageCircle> circle = FindImageCircle(round);
+  ASSERT_TRUE(circle);
+  EXPECT_LT((circle->centre - kRound.circle->centre).norm(), 2);
+  EXPECT_NEAR(circle->radius_px, 0.985 * kRound.circle->radius_px, 4);
+  cv::cvtColor(PhotoOf(Sphere(), CamFromWorld(0, 0, 0), {700, 500, nullptr, std::nullopt}, Lens{500}), square,
+               cv::COLOR_BGR2GRAY);
+  EXPECT_FALSE(FindImageCircle(square));
+  // Night with one lit window.
+  cv::Mat night(500, 700, CV_8U, cv::Scalar(5));
+  square(cv::Rect(200, 150, 250, 200)).copyTo(night(cv::Rect(200, 150, 250, 200)));
+  EXPECT_FALSE(FindImageCircle(night));
+  EXPECT_FALSE(FindImageCircle(cv::Mat(500, 700, CV_8U, cv::Scalar(0))));
+}
+
+TEST(Stitch, TwoFisheyesBackToBackMakeASphere) {
+  MemorySet set;
+  const Eigen::Quaterniond front = CamFromWorld(20, 6, 1), back = CamFromWorld(199, -6, 0.5);
+  // EXIF says a tenth less, as it may.
+  set.Add("front.jpg", PhotoOf(Sphere(), front, kRound, kFisheye), 207);
+  set.Add("back.jpg", PhotoOf(Sphere(), back, kRound, kFisheye), 207);
+  set.truth["front.jpg"] = front, set.truth["back.jpg"] = back;
+  StitchOptions options = Small();
+  options.max_features = 4000;
+  const StitchedRig rig = StitchSet(set, options);
+  EXPECT_EQ(rig.placed, 2);
+  EXPECT_TRUE(rig.state.lenses.front().fisheye);
+  EXPECT_LT(LargestTurnError(rig, set), 0.5);  // a pixel is 0.25 deg
+  EXPECT_EQ(rig.closure.largest_gap_deg, 0);
+  EXPECT_THAT(rig.warnings, testing::IsEmpty());
+  // The rim is known, whatever the axis is.
+  const auto z_at_rim = [](const PairView& view, const Lens& lens) {
+    return RayOfPixel(view, lens, view.Principal() + Eigen::Vector2d(310, 0)).z();
+  };
+  EXPECT_NEAR(z_at_rim(rig.views[0], rig.state.lenses.front()), z_at_rim(kRound, kFisheye), 1 * kDegToRad);
+  // Nothing says how far up two photos look that are taken back to back.
+  EXPECT_EQ(rig.level_source, "horizon");
+  EXPECT_GT(rig.level_sigma_deg, 5);
+  EXPECT_EQ(CameraOf(rig, 0).model(), CameraModel::kKannalaBrandt);
+}
+
+TEST(Stitch, FisheyesThatFillTheirFrameAreToldFromStraightLenses) {
+  MemorySet set;
+  const PairView view{600, 400, nullptr, std::nullopt};
+  const Lens lens{290, -0.04, 0, true};
+  for (int k = 0; k < 6; ++k) {
+    const std::string name = "f" + std::to_string(k) + ".jpg";
+    set.truth[name] = CamFromWorld(60 * k, k % 2 == 0 ? 3 : -3, 0.5 * k);
+    set.Add(name, PhotoOf(Sphere(), set.truth[name], view, lens));
+  }
+  const StitchedRig rig = StitchSet(set, Small());
+  EXPECT_EQ(rig.placed, 6);
+  ASSERT_TRUE(rig.state.lenses.front().fisheye);
+  EXPECT_NEAR(rig.state.lenses.front().focal_px / lens.focal_px, 1, 0.01);
+  EXPECT_LT(LargestTurnError(rig, set), 0.15);
+}
+
 TEST(Stitch, HalfATurnSaysHowMuchIsNotSeen) {
   const MemorySet set = Ring(0, 160, 25, kFocal);
   const StitchedRig rig = StitchSet(set, Small());
