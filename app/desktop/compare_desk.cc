@@ -249,10 +249,13 @@ void CompareDesk::Compare() {
         text_->setPlainText(QString::fromStdString(compared.value.text));
         differences_->setColumnCount(1);
         differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
-        for (const std::string& change : compared.value.changes) {
+        QStringList changes;
+        for (const std::string& change : compared.value.changes) changes << QString::fromStdString(change);
+        if (changes.empty()) changes << tr("nothing: options, inputs and versions are the same");
+        for (const QString& change : changes) {
           const int r = differences_->rowCount();
           differences_->insertRow(r);
-          differences_->setItem(r, 0, new QTableWidgetItem(QString::fromStdString(change)));
+          differences_->setItem(r, 0, new QTableWidgetItem(change));
         }
         differences_->resizeColumnsToContents();
         if (tabs_->currentWidget() == scenes_) ShowScenes();

@@ -311,7 +311,9 @@ void WriteTables(const fs::path& dir, const std::vector<Other>& others, const st
       "are "
       "theirs minus ours; *normalised* is by our own covariance after the same alignment: about 1 is agreement within "
       "what "
-      "we state, and the last column is the share of cameras beyond the 99 % value (1 % would be chance).\n\n"
+      "we state, and the last column is the share of cameras beyond the 99 % value (1 % would be chance). A "
+      "reconstruction from images alone has a place, a direction and a size of its own: only its sim3 rows say "
+      "something.\n\n"
       "| system | what | alignment | compared | rmse m | max m | rotation median deg | scale | normalised median | p95 "
       "| "
       "beyond 99 % |\n|---|---|---|---|---|---|---|---|---|---|---|\n",
