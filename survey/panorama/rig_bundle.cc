@@ -1,7 +1,6 @@
 #include "survey/panorama/rig_bundle.h"
 
 #include <ceres/ceres.h>
-#include <ceres/rotation.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -15,48 +14,12 @@
 #include "calib/estimation/loss.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/so3.h"
+#include "survey/panorama/rig_costs.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kScenePoints = 50;  // what all points together are worth in saying how far the scene is
-
-// Residual of one observation: (predicted - observed) px / sigma. Blocks: w (rotation, Exp(w) R0), centre (m), lens
-// (f, k1, k2), point (two tangent components of the direction, inverse distance).
-struct ObservationCost {
-  Eigen::Vector2d pixel, principal;
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d direction;
-  Eigen::Matrix<double, 2, 3> basis;
-  double inverse_sigma;
-  bool fisheye;
-
-  template <typename T>
-  bool operator()(const T* w, const T* centre, const T* lens, const T* point, T* residual) const {
-    using std::atan2, std::sqrt;
-    T in_rig[3], turned[3], in_cam[3];
-    for (int k = 0; k < 3; ++k) {
-      in_rig[k] = direction(k) + point[0] * basis(0, k) + point[1] * basis(1, k) - point[2] * centre[k];
-    }
-    for (int k = 0; k < 3; ++k) {
-      turned[k] = rotation(k, 0) * in_rig[0] + rotation(k, 1) * in_rig[1] + rotation(k, 2) * in_rig[2];
-    }
-    ceres::AngleAxisRotatePoint(w, turned, in_cam);
-    const T across2 = in_cam[0] * in_cam[0] + in_cam[1] * in_cam[1];
-    T x, y, r2;  // undistorted, over the focal length
-    if (fisheye && across2 > T(1e-12)) {
-      const T across = sqrt(across2), theta = atan2(across, in_cam[2]);
-      x = theta * in_cam[0] / across, y = theta * in_cam[1] / across, r2 = theta * theta;
-    } else {
-      if (in_cam[2] < T(0.02)) return false;
-      x = in_cam[0] / in_cam[2], y = in_cam[1] / in_cam[2], r2 = x * x + y * y;
-    }
-    const T scale = lens[0] * (1.0 + r2 * (lens[1] + r2 * lens[2]));
-    residual[0] = (scale * x + principal.x() - pixel.x()) * inverse_sigma;
-    residual[1] = (scale * y + principal.y() - pixel.y()) * inverse_sigma;
-    return true;
-  }
-};
 
 // ((c / r) - a) / kappa; parameters: centre (m), ln r.
 struct CircleCost {
@@ -184,17 +147,11 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     for (const RigObservation& o : point.observations) {
       const size_t i = static_cast<size_t>(o.photo);
       const RigPhoto& photo = state->photos[i];
-      const PairView& view = views[i];
-      auto* cost = new ObservationCost{o.pixel,
-                                       view.Principal(),
-                                       photo.cam_from_rig.toRotationMatrix(),
-                                       point.direction,
-                                       TangentBasis(point.direction),
-                                       1 / options.sigma_px,
-                                       state->lenses[static_cast<size_t>(photo.lens)].fisheye};
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ObservationCost, 2, 3, 3, 3, 3>(cost), &loss,
-                               b.rotations[i].data(), b.centres[i].data(),
-                               b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
+      problem.AddResidualBlock(
+          new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye, photo.cam_from_rig,
+                                 point.direction, o.pixel, options.sigma_px),
+          &loss, b.rotations[i].data(), b.centres[i].data(), b.lenses[static_cast<size_t>(photo.lens)].data(),
+          b.points[j].data());
       seen[i] = true;
       lens_seen[static_cast<size_t>(photo.lens)] = true;
     }

@@ -1,4 +1,5 @@
 // The rig itself: bundle adjustment against truth, refinement against known points, files.
+#include <ceres/gradient_checker.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,7 +11,9 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/panorama_writer.h"
+#include "calib/geometry/so3.h"
 #include "survey/panorama/refine_rig.h"
+#include "survey/panorama/rig_costs.h"
 #include "survey/panorama/rig_files.h"
 #include "survey/panorama/rig_report.h"
 #include "tests/survey/panorama_scene.h"
@@ -88,6 +91,29 @@ StitchedRig Observed(const World& w, double noise_px, uint64_t seed) {
     if (point.observations.size() >= 2) rig.state.points.push_back(point);
   }
   return rig;
+}
+
+TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
+  const PairView view{kWidth, kHeight, nullptr, std::nullopt};
+  Random random(7);
+  for (const bool fisheye : {false, true}) {
+    // On the axis, about it, at the edge, and for a fisheye behind.
+    for (const double theta : {0.0, 0.4, 0.7, fisheye ? 1.7 : 0.8}) {
+      const double azimuth = random.Uniform(0, 6);
+      const Eigen::Vector3d in_cam(std::sin(theta) * std::cos(azimuth), std::sin(theta) * std::sin(azimuth),
+                                   std::cos(theta));
+      const Eigen::Quaterniond cam_from_rig = ExpSO3({0.3, -0.8, 0.1});
+      const RigObservationCost cost(view, fisheye, cam_from_rig, cam_from_rig.conjugate() * in_cam, {400, 300}, 0.7);
+      const std::vector<std::vector<double>> blocks = {
+          {0.01, -0.02, 0.005}, {0.1, -0.05, 0.12}, {kFocal, -0.04, 0.01}, {0.002, -0.001, 0.3}};
+      std::vector<const double*> parameters;
+      for (const auto& block : blocks) parameters.push_back(block.data());
+      const std::vector<const ceres::Manifold*> none(4, nullptr);
+      const ceres::GradientChecker checker(&cost, &none, ceres::NumericDiffOptions());
+      ceres::GradientChecker::ProbeResults results;
+      EXPECT_TRUE(checker.Probe(parameters.data(), 1e-5, &results)) << fisheye << theta << results.error_log;
+    }
+  }
 }
 
 TEST(RigBundle, RecoversTurnsFocalLengthAndTheShapeOfTheRig) {

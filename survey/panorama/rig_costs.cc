@@ -1,0 +1,71 @@
+#include "survey/panorama/rig_costs.h"
+
+#include <cmath>
+
+#include "calib/geometry/bearing.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+
+RigObservationCost::RigObservationCost(const PairView& view, bool fisheye, const Eigen::Quaterniond& cam_from_rig,
+                                       const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel, double sigma_px)
+    : fisheye_(fisheye),
+      inverse_sigma_(1 / sigma_px),
+      offset_(view.Principal() - pixel),
+      rotation_(cam_from_rig.toRotationMatrix()),
+      direction_(direction),
+      basis_(TangentBasis(direction)) {}
+
+bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals, double** jacobians) const {
+  using Row3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+  const Eigen::Map<const Eigen::Vector3d> w(blocks[0]), centre(blocks[1]), lens(blocks[2]), point(blocks[3]);
+  const Eigen::Matrix3d turn = ExpSO3(w).toRotationMatrix() * rotation_;
+  const Eigen::Vector3d y = turn * (direction_ + basis_.transpose() * point.head<2>() - point(2) * centre);
+  // q: undistorted picture coordinates over the focal length, and their derivative by y.
+  Eigen::Vector2d q;
+  Row3 q_by_y;
+  const double across2 = y.head<2>().squaredNorm();
+  if (fisheye_ && across2 > 1e-12) {
+    const double across = std::sqrt(across2), theta = std::atan2(across, y.z()), length2 = across2 + y.z() * y.z();
+    const Eigen::Vector2d n = y.head<2>() / across;
+    q = theta * n;
+    q_by_y.leftCols<2>() = (y.z() / length2 - theta / across) * n * n.transpose();
+    q_by_y.leftCols<2>().diagonal().array() += theta / across;
+    q_by_y.col(2) = -across / length2 * n;
+  } else {
+    if (y.z() < 0.02) return false;
+    const double inverse = 1 / y.z();
+    q = inverse * y.head<2>();
+    q_by_y << inverse, 0, -inverse * q.x(), 0, inverse, -inverse * q.y();
+  }
+  const double r2 = q.squaredNorm(), radial = 1 + r2 * (lens(1) + r2 * lens(2));
+  Eigen::Map<Eigen::Vector2d> r(residuals);
+  r = inverse_sigma_ * (lens(0) * radial * q + offset_);
+  if (jacobians == nullptr) return true;
+  Eigen::Matrix2d by_q = 2 * (lens(1) + 2 * r2 * lens(2)) * q * q.transpose();
+  by_q.diagonal().array() += radial;
+  const Row3 by_y = inverse_sigma_ * lens(0) * by_q * q_by_y;
+  if (jacobians[0] != nullptr) {
+    Eigen::Map<Row3> j(jacobians[0]);
+    j = -by_y * Skew(y) * LeftJacobianSO3(w);
+  }
+  const Row3 by_rig = by_y * turn;
+  if (jacobians[1] != nullptr) {
+    Eigen::Map<Row3> j(jacobians[1]);
+    j = -point(2) * by_rig;
+  }
+  if (jacobians[2] != nullptr) {
+    Eigen::Map<Row3> j(jacobians[2]);
+    j.col(0) = inverse_sigma_ * radial * q;
+    j.col(1) = inverse_sigma_ * lens(0) * r2 * q;
+    j.col(2) = r2 * j.col(1);
+  }
+  if (jacobians[3] != nullptr) {
+    Eigen::Map<Row3> j(jacobians[3]);
+    j.leftCols<2>() = by_rig * basis_.transpose();
+    j.col(2) = -by_rig * centre;
+  }
+  return true;
+}
+
+}  // namespace trigpoint
