@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/median.h"
+#include "calib/geometry/alignment.h"
+
 namespace trigpoint {
 namespace {
 
@@ -234,6 +237,59 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   result.sensitivity = -inverse * jac.transpose() * weight_matrix * jo_all;
   result.weights = w_position;
   return result;
+}
+
+std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& observations) {
+  constexpr size_t kLeast = 4;
+  constexpr double kWrong = 20 * kDegToRad, kRight = 7 * kDegToRad;
+  std::vector<Eigen::Vector3d> places, said;
+  std::vector<double> sigmas, sigmas_rad;
+  for (const GeoObservation& o : observations) {
+    if (!o.has_position || !o.has_heading) continue;
+    places.push_back(o.odom_from_rig.translation);
+    said.push_back(o.position);
+    sigmas.push_back(o.sigma_h_m);
+    sigmas_rad.push_back(o.sigma_heading_rad);
+  }
+  if (said.size() < kLeast) return std::nullopt;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : said) mean += p / static_cast<double>(said.size());
+  std::vector<double> reach;
+  for (const Eigen::Vector3d& p : said) reach.push_back((p - mean).head<2>().norm());
+  if (Median(reach) < std::max(2.0, 5 * Median(sigmas))) return std::nullopt;
+  const Sim3d fit = AlignPoints(places, said, AlignmentKind::kYawTranslation);
+  std::vector<double> off;
+  for (size_t i = 0; i < said.size(); ++i) off.push_back((fit * places[i] - said[i]).head<2>().norm());
+  // A map that does not fit the places says nothing of the headings.
+  if (Median(off) > 0.2 * Median(reach)) return std::nullopt;
+  struct Reading {
+    const char* what;
+    double sign, add;  // heading as meant = sign * as read + add
+    double factor = 1;
+  };
+  constexpr Reading kReadings[] = {
+      {"", 1, 0},
+      {"counter-clockwise from north", -1, 0},
+      {"counter-clockwise from east", -1, 0.5 * EIGEN_PI},
+      {"clockwise from east", 1, 0.5 * EIGEN_PI},
+      {"clockwise from south (as of what lies behind)", 1, EIGEN_PI},
+      {"clockwise from west", 1, -0.5 * EIGEN_PI},
+      {"in radians", 1, 0, kRadToDeg},
+  };
+  std::vector<double> errors;
+  for (const Reading& reading : kReadings) {
+    std::vector<double> wrong;
+    for (const GeoObservation& o : observations) {
+      if (!o.has_position || !o.has_heading) continue;
+      const double is = AttitudeOf(fit.rotation * o.odom_from_rig.rotation).heading_rad;
+      const double meant = reading.sign * reading.factor * o.attitude.heading_rad + reading.add;
+      wrong.push_back(std::abs(WrapAngle(is - meant)));
+    }
+    errors.push_back(Median(std::move(wrong)));
+  }
+  const size_t best = static_cast<size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+  if (errors[0] < std::max(kWrong, 3 * Median(sigmas_rad)) || best == 0 || errors[best] > kRight) return std::nullopt;
+  return kReadings[best].what;
 }
 
 }  // namespace trigpoint

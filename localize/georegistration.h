@@ -1,6 +1,7 @@
 // The run's frame on the Earth (METHOD.md section 5): rotation, translation and the odometry's scale from geotags.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -63,5 +64,9 @@ struct GeoRegistration {
 GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& observations, const Eigen::MatrixXd& odom_covariance,
                                 double scale_prior, double scale_sigma, bool levelled,
                                 const GeoRegistrationOptions& options);
+
+// Which other way the headings of geotags seem to count, in words, where the places alone show that they do not count
+// clockwise from north; nothing if they do, or if fewer than four places far enough apart say where the run lies.
+std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& observations);
 
 }  // namespace trigpoint

@@ -341,6 +341,16 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   result.odometry_scale = 1;
   result.odometry_scale_sigma = input.scale_sigma;
   EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
+  const std::optional<std::string> other_headings = OtherHeadings(earth.observations);
+  const auto leave_out_headings = [&] {
+    for (GeoObservation& o : earth.observations) o.has_heading = o.has_tilt = false;
+  };
+  if (other_headings) {
+    progress.Log(LogLevel::kWarning, "the headings of the geotags seem to count " + *other_headings +
+                                         ", by where the panoramas lie; expected deg, clockwise from north. They are "
+                                         "left out: mend the table or the EXIF");
+    leave_out_headings();
+  }
   LocalCovariance local = covariance_of(earth.poses);
   if (!input.has_frame) {
     result.earth_reason = "the project has no origin: nothing says where on the Earth it is";
@@ -361,6 +371,7 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       bundle.max_iterations = 5;
       r.summary = SolveBundle(p, bundle, progress, cancel);
       earth = CollectEarth(input, result, joint, gps, options.geo);
+      if (other_headings) leave_out_headings();
       local = covariance_of(earth.poses);
       result.geo = RegisterToEarth(earth.observations, local.places, 1.0 / scale, input.scale_sigma, input.levelled,
                                    options.geo);

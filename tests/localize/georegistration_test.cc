@@ -73,6 +73,23 @@ TEST(GeoRegistration, NamesTheGeotagThatIsOff) {
   for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
 }
 
+TEST(GeoRegistration, HeadingsThatCountAnotherWayAreTold) {
+  const Site right = MakeSite(5, 6.0);
+  EXPECT_FALSE(OtherHeadings(right.observations));
+  const auto with = [&](auto&& change) {
+    std::vector<GeoObservation> changed = right.observations;
+    for (GeoObservation& o : changed) o.attitude.heading_rad = change(o.attitude.heading_rad);
+    return OtherHeadings(changed).value_or("");
+  };
+  EXPECT_EQ(with([](double h) { return -h; }), "counter-clockwise from north");
+  EXPECT_EQ(with([](double h) { return 0.5 * EIGEN_PI - h; }), "counter-clockwise from east");
+  EXPECT_EQ(with([](double h) { return h - 0.5 * EIGEN_PI; }), "clockwise from east");
+  EXPECT_EQ(with([](double h) { return h + EIGEN_PI; }), "clockwise from south (as of what lies behind)");
+  EXPECT_EQ(with([](double h) { return h * kDegToRad; }), "in radians");
+  EXPECT_EQ(with([](double h) { return 2.5 * h + 1; }), "") << "nothing that could be named";
+  EXPECT_FALSE(OtherHeadings({right.observations.begin(), right.observations.begin() + 3})) << "too few";
+}
+
 TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
   // With a kernel that lets all normal errors pass, so that the estimate is the linear one.
   GeoRegistrationOptions options;
