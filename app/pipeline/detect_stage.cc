@@ -92,6 +92,26 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
   return images;
 }
 
+// The same number in another family is another tag.
+void LeaveOutOtherFamilies(const Run& run, const std::string& family, StageContext& context,
+                           std::vector<ImageDetections>* images) {
+  size_t all = 0, others = 0;
+  std::string other;
+  for (ImageDetections& image : *images) {
+    all += image.detections.size();
+    others += std::erase_if(image.detections, [&](const TagDetection& d) {
+      if (d.family == family) return false;
+      other = d.family;
+      return true;
+    });
+  }
+  if (others == 0) return;
+  const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml says {}",
+                                        run.detections.string(), others, all, other, family);
+  if (others == all) throw InputError(found + "; mend one of the two");
+  context.progress.Log(LogLevel::kWarning, found + "; they are left out");
+}
+
 }  // namespace
 
 StageInfo DetectStage() {
@@ -118,6 +138,7 @@ StageInfo DetectStage() {
         std::vector<std::string> warnings;
         images = ReadDetections(run.detections, options.detector.raw_sigma_px, &warnings);
         for (const std::string& warning : warnings) context.progress.Log(LogLevel::kWarning, warning);
+        LeaveOutOtherFamilies(run, options.detector.family, context, &images);
       }
       int64_t detections = 0;
       std::set<int> ids;

@@ -4,14 +4,25 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace trigpoint {
 
+// The text of files, other libraries and users in a message cannot break it into lines: control characters become
+// spaces.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit Error(std::string message) : std::runtime_error(OneLine(std::move(message))) {}
   // Process exit code, as fixed for every command: 1 failed, 2 usage, 3 a gate failed, 130 cancelled.
   virtual int ExitCode() const { return 1; }
+
+ private:
+  static std::string OneLine(std::string text) {
+    for (char& c : text) {
+      if ((c >= 0 && c < ' ') || c == '\x7f') c = ' ';
+    }
+    return text;
+  }
 };
 
 // What the user brought cannot be used as it is.

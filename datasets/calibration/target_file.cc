@@ -44,7 +44,7 @@ std::pair<double, double> Pair(const std::string& text, bool two, const std::str
   const auto first = ParseDouble(parts[0]);
   const auto second = parts.size() > 1 ? ParseDouble(parts[1]) : first;
   if (parts.size() > 2 || (two && parts.size() != 2) || !first || !second) {
-    throw InputError(where + ": expected " + what + ", found '" + text + "'");
+    throw OptionError(where + ": expected " + what + ", found '" + text + "'");
   }
   return {*first, *second};
 }
@@ -54,8 +54,8 @@ Target ParseTarget(const std::string& text) {
   const std::vector<std::string> parts = Split(text, ':');
   const auto kind = std::find(kKinds.begin(), kKinds.end(), parts[0]);
   if (kind == kKinds.end()) {
-    throw InputError(where + ": there is no such file, and '" + parts[0] + "' is no kind of target; nearest: '" +
-                     NearestName(parts[0], kKinds) + "', as checkerboard:9x6:0.025 (inner corners, square in metres)");
+    throw OptionError(where + ": there is no such file, and '" + parts[0] + "' is no kind of target; nearest: '" +
+                      NearestName(parts[0], kKinds) + "', as checkerboard:9x6:0.025 (inner corners, square in metres)");
   }
   Target target;
   target.kind = static_cast<TargetKind>(kind - kKinds.begin());
@@ -65,11 +65,11 @@ Target ParseTarget(const std::string& text) {
     static constexpr const char* kExamples[] = {"checkerboard:9x6:0.025", "charuco:8x8:0.0254:0.019:DICT_4X4_50",
                                                 "aprilgrid:6x6:0.088:0.3", "asymmetric_circles:4x11:0.02",
                                                 "circles:7x7:0.02"};
-    throw InputError(where + ": expected the form " + kExamples[kind - kKinds.begin()]);
+    throw OptionError(where + ": expected the form " + kExamples[kind - kKinds.begin()]);
   }
   const auto [cols, rows] = Pair(parts[1], true, where, "columns x rows, as 9x6");
   if (cols != static_cast<int>(cols) || rows != static_cast<int>(rows)) {
-    throw InputError(where + ": expected whole numbers of columns and rows, found '" + parts[1] + "'");
+    throw OptionError(where + ": expected whole numbers of columns and rows, found '" + parts[1] + "'");
   }
   target.cols = static_cast<int>(cols);
   target.rows = static_cast<int>(rows);
@@ -81,9 +81,13 @@ Target ParseTarget(const std::string& text) {
   }
   if (target.kind == TargetKind::kAprilGrid) target.tag_spacing = number(3, "gap / tag size, as 0.3");
   if (target.kind != TargetKind::kCheckerboard && target.spacing_x_m != target.spacing_y_m) {
-    throw InputError(where + ": only a checkerboard may have two sizes, found '" + parts[2] + "'");
+    throw OptionError(where + ": only a checkerboard may have two sizes, found '" + parts[2] + "'");
   }
-  ThrowIfWrong(target, where);
+  try {
+    ThrowIfWrong(target, where);
+  } catch (const InputError& e) {
+    throw OptionError(e.what());  // it stands on the command line, or as an option
+  }
   return target;
 }
 

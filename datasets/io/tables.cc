@@ -1,6 +1,8 @@
 #include "datasets/io/tables.h"
 
+#include <map>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
@@ -76,6 +78,7 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
        "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch"});
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   bool geoid_named = false;
+  std::map<std::tuple<int, int, std::string, std::string>, std::string> lines;  // of each point, where it stands
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     ControlPoint point;
     point.point = row.Text("point");
@@ -114,6 +117,12 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
                           "agree with GPS");
     }
     point.epoch = row.Text("epoch");
+    const auto [earlier, fresh] =
+        lines.try_emplace(std::make_tuple(point.tag_id, point.corner, point.point, point.epoch), row.Where());
+    if (!fresh) {
+      row.Fail("the same point as at " + earlier->second +
+               "; expected one row for each (and epoch): keep the one that is right");
+    }
     points.push_back(std::move(point));
   });
   return points;

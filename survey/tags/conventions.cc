@@ -72,6 +72,21 @@ void CheckCorners(const SurveyRun& run, std::vector<ConventionFinding>* findings
   }
 }
 
+// Half a pixel cannot be seen in tags alone: a shifted principal point looks like a turned camera. What can be seen is
+// where a number comes from.
+void CheckPrincipalPoint(const SurveyRun& run, std::vector<ConventionFinding>* findings) {
+  for (const BodyCamera& c : run.cameras) {
+    if (c.camera.model() == CameraModel::kEquirectangular) continue;
+    const std::vector<double>& p = c.camera.params();
+    if (p[2] != 0.5 * c.camera.width() || p[3] != 0.5 * c.camera.height()) continue;
+    findings->push_back(
+        {false, fmt::format("run {}, {}: the principal point is exactly half the picture, {:g}, {:g}: either nobody "
+                            "measured it (calibrate the camera), or its pixels count from the corner of the first; "
+                            "expected from its centre, where the middle is {:g}, {:g}",
+                            run.name, c.name, p[2], p[3], p[2] - 0.5, p[3] - 0.5)});
+  }
+}
+
 void CheckOdometry(const SurveyRun& run, std::vector<ConventionFinding>* findings) {
   const double as_read = MotionConsistency(run.odometry, {0, 1, 2, 3});
   const double w_first = MotionConsistency(run.odometry, {1, 2, 3, 0});
@@ -265,6 +280,7 @@ std::vector<ConventionFinding> CheckInput(const SurveyInput& input) {
   std::vector<ConventionFinding> findings;
   for (const SurveyRun& run : input.runs) {
     CheckCorners(run, &findings);
+    CheckPrincipalPoint(run, &findings);
     CheckOdometry(run, &findings);
     CheckUpright(input, run, &findings);
   }

@@ -78,6 +78,7 @@ TEST(Errors, HaveTheExitCodesOfTheCommandLine) {
   EXPECT_EQ(InputError("x").ExitCode(), 1);
   EXPECT_EQ(OptionError("x").ExitCode(), 2);
   EXPECT_EQ(Cancelled().ExitCode(), 130);
+  EXPECT_STREQ(InputError("a\nb\x1b[1m \xc3\xa4").what(), "a b [1m \xc3\xa4") << "one line, umlauts kept";
 }
 
 }  // namespace

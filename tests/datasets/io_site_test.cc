@@ -394,7 +394,8 @@ TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
         "9,,x,control,48,8,1,,,,,,,,\n"
         "9,4,,control,48,8,1,,,,,,,,\n"
         "9,,,contrl,48,8,1,,,,,,,,\n"
-        "9,,,control,48,8,1,,,,1,2,3,,\n");
+        "9,,,control,48,8,1,,,,1,2,3,,\n"
+        "5,,,check,48.01,7.83,240,,,,,,,0.008,\n");
   const Site site = Read();
   ASSERT_EQ(site.control_points.size(), 4u);
   EXPECT_TRUE(site.control_points[0].control);
@@ -414,6 +415,7 @@ TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:8: expected either a tag_id or a point"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:10: column role: expected control or check, found 'contrl'"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:11: expected one position"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:12: the same point as at "));
   EXPECT_THAT(warnings, HasSubstr("no geoid is built in"));
 }
 

@@ -453,5 +453,20 @@ TEST(TagMap, OtherConventionsAreRefused) {
   EXPECT_THROW(Survey(feet.input), InputError);
 }
 
+TEST(TagMap, APrincipalPointThatNobodyMeasuredIsAskedAbout) {
+  Yard yard = MakeYard(13);
+  BodyCamera& camera = yard.input.runs[0].cameras[0];
+  const auto asked = [](const SurveyResult& map) {
+    return std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
+      return w.find("principal point is exactly half the picture") != std::string::npos;
+    });
+  };
+  EXPECT_FALSE(asked(Survey(yard.input)));
+  std::vector<double> params = camera.camera.params();
+  params[2] = 0.5 * camera.camera.width(), params[3] = 0.5 * camera.camera.height();
+  camera.camera = Camera(camera.camera.model(), camera.camera.width(), camera.camera.height(), params);
+  EXPECT_TRUE(asked(Survey(yard.input)));
+}
+
 }  // namespace
 }  // namespace trigpoint
