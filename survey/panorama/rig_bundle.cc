@@ -147,11 +147,10 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     for (const RigObservation& o : point.observations) {
       const size_t i = static_cast<size_t>(o.photo);
       const RigPhoto& photo = state->photos[i];
-      problem.AddResidualBlock(
-          new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye, photo.cam_from_rig,
-                                 point.direction, o.pixel, options.sigma_px),
-          &loss, b.rotations[i].data(), b.centres[i].data(), b.lenses[static_cast<size_t>(photo.lens)].data(),
-          b.points[j].data());
+      problem.AddResidualBlock(new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye,
+                                                      photo.cam_from_rig, point.direction, o.pixel, options.sigma_px),
+                               &loss, b.rotations[i].data(), b.centres[i].data(),
+                               b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
       seen[i] = true;
       lens_seen[static_cast<size_t>(photo.lens)] = true;
     }

@@ -9,8 +9,8 @@
 
 namespace trigpoint {
 
-// (predicted - observed) px / sigma. Blocks: w (turn, rad: cam_from_rig = Exp(w) R0), centre (rig frame, m), lens (f px,
-// k1, k2), point (two tangent components of its direction, inverse distance 1/m). Fails behind a straight lens.
+// (predicted - observed) px / sigma. Blocks: w (turn, rad: cam_from_rig = Exp(w) R0), centre (rig frame, m), lens (f
+// px, k1, k2), point (two tangent components of its direction, inverse distance 1/m). Fails behind a straight lens.
 class RigObservationCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3> {
  public:
   RigObservationCost(const PairView& view, bool fisheye, const Eigen::Quaterniond& cam_from_rig,

@@ -8,10 +8,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/base/error.h"
+#include "calib/geometry/so3.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/panorama_writer.h"
-#include "calib/geometry/so3.h"
 #include "survey/panorama/refine_rig.h"
 #include "survey/panorama/rig_costs.h"
 #include "survey/panorama/rig_files.h"
