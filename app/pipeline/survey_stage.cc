@@ -204,7 +204,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);
