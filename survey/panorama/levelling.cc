@@ -74,19 +74,6 @@ Level FromTags(const StitchedRig& rig) {
   return level;
 }
 
-// 0 if all photos look one way or back to back, 1 if they look all round: the second largest spread of their right
-// sides against half of all.
-double LookAround(const RigState& state) {
-  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-  for (const RigPhoto& p : state.photos) {
-    if (!p.placed) continue;
-    const Eigen::Vector3d right = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitX();
-    spread += right * right.transpose();
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
-  return 2 * eigen.eigenvalues()(1) / std::max(1e-12, spread.trace());
-}
-
 Level FromHorizon(const StitchedRig& rig) {
   Level level;
   level.found = true;
@@ -143,7 +130,7 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
     of_photo[static_cast<size_t>(i)] = EdgesOf(rig, static_cast<int>(i), load_grey(rig.photos[static_cast<size_t>(i)]));
   });
   const Eigen::Vector3d top = UpFromPhotos(rig.state);
-  const bool one_way = LookAround(rig.state) < 0.04;
+  const bool one_way = LookAround(rig.state) < kOneWay;
   const double from_top = one_way ? kFromTopOneWay : kFromTop;
   std::vector<Edge> edges;
   for (const auto& list : of_photo) {

@@ -385,6 +385,17 @@ std::vector<RigPoint> BuildRigPoints(const std::vector<PairView>& views, const R
   return points;
 }
 
+double LookAround(const RigState& state) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const RigPhoto& p : state.photos) {
+    if (!p.placed) continue;
+    const Eigen::Vector3d right = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitX();
+    spread += right * right.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+  return 2 * eigen.eigenvalues()(1) / std::max(1e-12, spread.trace());
+}
+
 Eigen::Vector3d UpFromPhotos(const RigState& state) {
   Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
@@ -397,7 +408,7 @@ Eigen::Vector3d UpFromPhotos(const RigState& state) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(m);
   if (up.norm() < 1e-9) return eigen.eigenvectors().col(0);
   // Photos that look one way have right sides that are all alike: then the mean of their tops is all there is.
-  if (eigen.eigenvalues()(1) < 0.02 * m.trace()) {
+  if (LookAround(state) < kOneWay) {
     const Eigen::Vector3d right = eigen.eigenvectors().col(2);
     return (up - right * right.dot(up)).normalized();
   }

@@ -97,6 +97,11 @@ bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, 
 std::vector<RigPoint> BuildRigPoints(const std::vector<PairView>& views, const RigState& state,
                                      const std::vector<PhotoPair>& pairs);
 
+// 0 if all photos look one way or back to back, 1 if they look all round: the second largest spread of their right
+// sides against half of all.
+double LookAround(const RigState& state);
+inline constexpr double kOneWay = 0.04;  // LookAround below it: nothing says how far up the photos look
+
 // Up in the rig frame if photos are held without roll: at right angles to their horizontal edges.
 Eigen::Vector3d UpFromPhotos(const RigState& state);
 

@@ -81,11 +81,12 @@ class Stitcher {
       }
     }
     std::vector<Photo> photos;
+    std::vector<std::optional<ImageCircle>> circle_of;  // of each photo that is kept
     for (size_t i = 0; i < features.size(); ++i) {
       if (problem[i].empty()) {
         photos.push_back(out_.photos[i]);
         out_.features.push_back(std::move(features[i]));
-        circles_.push_back(circles[i]);
+        circle_of.push_back(circles[i]);
       } else {
         out_.left_out.push_back({out_.photos[i].name, problem[i]});
       }
@@ -93,7 +94,7 @@ class Stitcher {
     out_.photos = std::move(photos);
     RequireTwo("a panorama needs at least two photos that can be used");
     for (size_t i = 0; i < out_.photos.size(); ++i) {
-      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i], circles_[i]});
+      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i], circle_of[i]});
     }
     out_.reason.resize(out_.photos.size());
     out_.state.photos.resize(out_.photos.size());
@@ -668,7 +669,6 @@ class Stitcher {
   ProgressSink& progress_;
   const CancelToken& cancel_;
   PairOptions pair_options_;
-  std::vector<std::optional<ImageCircle>> circles_;
   std::vector<PhotoPair> tried_, accepted_;
   double parallax_ = kFirstParallax;
   bool ring_closed_ = false;  // the photos go all the way round, and their focal length is the one that fits it
