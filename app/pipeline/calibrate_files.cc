@@ -237,6 +237,7 @@ void WriteCalibration(const fs::path& out, const CalibrationInput& input, const 
                          {"determined", calibration.determined},
                          {"iterations", calibration.iterations},
                          {"cost", calibration.cost_after},
+                         {"sigma_factor", calibration.sigma_factor},
                          {"covariance_of", calibration.labels},
                          {"covariance", Matrix(calibration.covariance)},
                          {"correlation", Matrix(Correlation(calibration.covariance))}};

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
+
 #include "app/pipeline/calibrate_files.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/text.h"
@@ -15,6 +17,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr int64_t kMaxGapNs = 2'000'000'000;
+constexpr double kHardlySeen = 5;  // times less sharply than the other directions: it is named
 
 fs::path DetectionsOf(const Project& project, const Run& run) {
   if (!run.detections.empty()) return run.detections;
@@ -95,9 +98,19 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
     const Vector6d change = body_from_cam.Minus(camera.cam_from_body.Inverse());
     camera.cam_from_body = result.cam_from_body;
     camera.has_extrinsics = true;
+    // The direction in which the camera's place is least known.
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(covariance.bottomRightCorner<3, 3>());
+    const Eigen::Vector3d weak = spread.eigenvectors().col(2);
+    const double weak_m = std::sqrt(std::max(0.0, spread.eigenvalues()[2]));
+    const bool hardly = spread.eigenvalues()[2] > kHardlySeen * kHardlySeen * spread.eigenvalues()[1];
     const std::string unseen =
         result.unseen_body.norm() == 0
-            ? ""
+            ? !hardly ? ""
+                      : fmt::format(
+                            "The body hardly turned about more than one axis: where the camera sits along ({:.2f}, "
+                            "{:.2f}, {:.2f}) of the body is known to {:.3f} m only (1 sigma). Measure it with a tape, "
+                            "or drive over a ramp.",
+                            weak.x(), weak.y(), weak.z(), weak_m)
             : fmt::format(
                   "The body turned about one axis only: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
                   "the body cannot be seen and comes from its place before, with a sigma of {:g} m. Measure it "

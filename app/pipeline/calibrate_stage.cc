@@ -196,9 +196,9 @@ void Calibrate(const CalibrateStageOptions& options, const Target& target, std::
     if (found[pictures[i].camera][pictures[i].index].usable) used.push_back(file(pictures[i]));
   }
   RequireWholeBoard(options, target, used);
-  const Calibration calibration = CalibrateCameras(input, options.calibration, context.progress, context.cancel);
+  Calibration calibration = CalibrateCameras(input, options.calibration, context.progress, context.cancel);
   const Quality quality =
-      JudgeCalibration(input, options.calibration, calibration, options.gates, context.progress, context.cancel);
+      JudgeCalibration(input, options.calibration, options.gates, context.progress, context.cancel, &calibration);
   for (const Finding& f : quality.findings) {
     context.progress.Log(f.level == FindingLevel::kNote ? LogLevel::kInfo : LogLevel::kWarning,
                          (f.camera.empty() ? "" : f.camera + ": ") + f.reason);

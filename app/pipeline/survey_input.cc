@@ -69,27 +69,48 @@ KnownPoints ReadKnownPoints(const Project& project, std::vector<std::string>* wa
   return known;
 }
 
-// The survey runs' pictures that a mark's image can mean.
+size_t CameraNamed(const SurveyRun& run, const std::string& name) {
+  for (size_t c = 0; c < run.cameras.size(); ++c) {
+    if (run.cameras[c].name == name) return c;
+  }
+  return 0;
+}
+
+// The survey's pictures that a mark's image can mean.
 std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point, const KnownPoints& known,
                                 const SurveyJob& job, std::vector<std::string>* warnings) {
   std::vector<SurveyMark> marks;
   for (const PointMark& mark : known.marks) {
     if (mark.point != point) continue;
     int found = 0;
+    const auto add = [&](size_t r, const BodyCamera& camera, int index, int64_t stamp_ns) {
+      SurveyMark m;
+      m.run = static_cast<int>(r);
+      m.stamp_ns = stamp_ns;
+      m.camera = index;
+      const double w = camera.camera.width(), h = camera.camera.height();
+      m.pixel = mark.normalised ? Eigen::Vector2d(mark.pixel * std::max(w, h) + 0.5 * Eigen::Vector2d(w - 1, h - 1))
+                                : mark.pixel;
+      if (found++ == 0) marks.push_back(m);
+    };
+    const auto is_meant = [&](const std::string& path) {
+      return path == mark.image || path.ends_with("/" + mark.image);
+    };
     for (size_t r = 0; r < job.input.runs.size(); ++r) {
-      const Run& run = project.run(job.input.runs[r].name);
+      const SurveyRun& its = job.input.runs[r];
+      if (its.stills) {
+        for (const ImageDetections& photo : its.images) {
+          if (!is_meant(photo.image)) continue;
+          const size_t camera = CameraNamed(its, photo.camera);
+          add(r, its.cameras[camera], static_cast<int>(camera), photo.stamp_ns);
+        }
+        continue;
+      }
+      const Run& run = project.run(its.name);
       for (const ImageEntry& image : run.images) {
-        const std::string path = image.path.string();
-        if (image.file != mark.image && path != mark.image && !path.ends_with("/" + mark.image)) continue;
+        if (image.file != mark.image && !is_meant(image.path.string())) continue;
         const BodyCamera& camera = run.cameras[static_cast<size_t>(image.camera)];
-        SurveyMark m;
-        m.run = static_cast<int>(r);
-        m.stamp_ns = image.stamp_ns + std::llround(camera.time_offset_s * 1e9);
-        m.camera = image.camera;
-        const double w = camera.camera.width(), h = camera.camera.height();
-        m.pixel = mark.normalised ? Eigen::Vector2d(mark.pixel * std::max(w, h) + 0.5 * Eigen::Vector2d(w - 1, h - 1))
-                                  : mark.pixel;
-        if (found++ == 0) marks.push_back(m);
+        add(r, camera, image.camera, image.stamp_ns + std::llround(camera.time_offset_s * 1e9));
       }
     }
     if (found != 1) {
@@ -222,6 +243,55 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   }
   AddGps(project, run, &survey);
   job->input.runs.push_back(std::move(survey));
+}
+
+// The photos of a stitched set: the rig takes odometry's place, one photo to the next.
+void AddPhotoSet(const Project& project, const Reference& reference, const StageContext& context, SurveyJob* job) {
+  ReferenceTags its = FindReferenceTags(project, reference, context);
+  const bool any =
+      std::any_of(its.tags.begin(), its.tags.end(), [](const ImageTags& t) { return !t.detections.empty(); });
+  if (!any) return;  // or not stitched yet
+  SurveyRun set;
+  set.name = "photo set " + reference.name;
+  set.stills = true;
+  set.scale_sigma = its.rig_scale_sigma;
+  set.max_gap_s = 2 * static_cast<double>(its.rig.views.size());
+  for (size_t i = 0; i < its.rig.views.size(); ++i) {
+    const View& view = its.rig.views[i];
+    ImageDetections photo;
+    photo.stamp_ns = static_cast<int64_t>(i) * 1'000'000'000;  // their order is all that is known
+    photo.image = "photos/" + reference.name + "/" + view.name;
+    photo.detections = its.tags[i].detections;
+    const auto camera = std::find_if(set.cameras.begin(), set.cameras.end(), [&](const BodyCamera& c) {
+      return c.camera.params() == view.camera.params() && c.camera.width() == view.camera.width() &&
+             c.camera.height() == view.camera.height();
+    });
+    if (camera == set.cameras.end()) {
+      BodyCamera lens;
+      lens.name = "lens" + std::to_string(set.cameras.size());
+      lens.camera = view.camera;
+      photo.camera = lens.name;
+      set.cameras.push_back(lens);
+    } else {
+      photo.camera = camera->name;
+    }
+    set.odometry.poses.push_back({photo.stamp_ns, view.rig_from_view});
+    set.images.push_back(std::move(photo));
+  }
+  job->input.runs.push_back(std::move(set));
+  job->sets[reference.name] = std::move(its);
+}
+
+void AddPhotoSets(const Project& project, StageContext& context, SurveyJob* job) {
+  for (const Reference& reference : project.site().references) {
+    if (reference.kind != ReferenceKind::kPhotoSet || project.review().ExcludesStation(reference.station)) continue;
+    context.cancel.ThrowIfCancelled();
+    try {
+      AddPhotoSet(project, reference, context, job);
+    } catch (const InputError& e) {
+      job->warnings.push_back("photo set " + reference.name + " takes no part: " + e.what());
+    }
+  }
 }
 
 void AddDistances(const Project& project, SurveyJob* job) {
@@ -376,6 +446,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
   SurveyJob job;
   job.input.sizes = project.site().tags;
   for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, context, &job);
+  if (options.photo_sets) AddPhotoSets(project, context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);
   SetDatum(project, options, &job);

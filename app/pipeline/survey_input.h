@@ -1,10 +1,11 @@
 // What the survey works on, from a project's files and the results of other stages.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
-#include "app/pipeline/stages.h"
+#include "app/pipeline/reference_tags.h"
 #include "localize/reconstruct.h"
 #include "localize/tracks.h"
 #include "survey/tags/tag_map.h"
@@ -21,6 +22,7 @@ struct SurveyStageOptions {
   int ties_per_image = 150;    // the longest tracks, until every picture has so many
   bool nssda = false;          // state 95 % values as the NSSDA asks for
   bool repeatability = true;   // maps of fewer runs and of single days, compared
+  bool photo_sets = true;      // stitched photo sets take part, too
   bool stations = true;        // offsets of stations from the tags that their panoramas show
   std::string against;         // a tags.csv, or a variant, to test for moved tags
   TrackOptions tracks;
@@ -38,6 +40,7 @@ struct SurveyStageOptions {
     visit(self.ties_per_image, {"ties_per_image", "", 10, 1e6, "scene points a picture, the longest tracks first"});
     visit(self.nssda, {"nssda", "", 0, 1, "state 95 % values by the NSSDA's rule"});
     visit(self.repeatability, {"repeatability", "", 0, 1, "compare maps of fewer runs and of single days"});
+    visit(self.photo_sets, {"photo_sets", "", 0, 1, "photos of stitched sets take part in the map, too"});
     visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through a run's pictures"});
@@ -54,6 +57,7 @@ struct SurveyJob {
   bool has_check = false;    // some surveyed points take no part
   bool local_frame = false;  // the surveyed points are in a frame of their own, which nothing ties to the Earth
   std::string check_note;    // how the check points were chosen, or why there are none
+  std::map<std::string, ReferenceTags> sets;  // tags of the photo sets that take part, by name
   std::vector<std::string> warnings;
 };
 

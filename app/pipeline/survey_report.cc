@@ -198,6 +198,12 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                                         : "used",
                          out.With(d.stated.distance_m), out.With(d.map_m), out.With(d.sigma_m)));
   }
+  for (const PlaneAgreement& p : result.plane) {
+    out.Line(fmt::format("Plane: tag {} ({}) lies {} above it{}", p.tag_id, p.excluded ? "taken out" : "used",
+                         out.With(p.height_m),
+                         p.sigma_m > 0 ? fmt::format(", sigma of that {} (1 sigma)", out.With(p.sigma_m))
+                                       : ": nothing but the plane holds its height"));
+  }
   for (const DatumShift& s : result.shifts) {
     const Eigen::Vector3d &m = s.stated_minus_map_m, &e = s.sigma_m;
     bool real = false;
@@ -210,9 +216,11 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                     real ? ": another datum or height system than the map's" : ": none to be seen"));
   }
   for (const RunAgreement& r : result.runs) {
-    std::string line = fmt::format("Run {}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms", r.name,
-                                   r.frames, r.sights, r.rejected, r.rms_px);
-    if (r.scale_sigma > 0) {
+    std::string line = fmt::format("{}{}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms",
+                                   r.stills ? "Stills, " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
+    if (r.stills) {
+      line += fmt::format("; rig: size {:.3f} +- {:.3f} of what stitching said (1 sigma)", r.scale, r.scale_sigma);
+    } else if (r.scale_sigma > 0) {
       line += fmt::format("; odometry: scale {:.4f} +- {:.4f}, heading drift {:.3f} +- {:.3f} deg/m (1 sigma)", r.scale,
                           r.scale_sigma, r.heading_drift_deg_m, r.heading_drift_sigma_deg_m);
     }
@@ -259,7 +267,7 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
 
 json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
   json tags = json::array(), points = json::array(), runs = json::array(), distances = json::array();
-  json shifts = json::array();
+  json shifts = json::array(), plane = json::array();
   for (const TagEstimate& t : result.tags) {
     json tag = {{"tag_id", t.tag_id}, {"status", t.status},     {"reason", t.reason},
                 {"images", t.images}, {"rejected", t.rejected}, {"role", t.role}};
@@ -288,6 +296,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
     json factors = json::array();
     for (double f : r.odometry_factor) factors.push_back(f);
     runs.push_back({{"name", r.name},
+                    {"stills", r.stills},
                     {"frames", r.frames},
                     {"sights", r.sights},
                     {"rejected", r.rejected},
@@ -312,6 +321,9 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                          {"map_m", d.map_m},
                          {"sigma_m", d.sigma_m}});
   }
+  for (const PlaneAgreement& p : result.plane) {
+    plane.push_back({{"tag_id", p.tag_id}, {"height_m", p.height_m}, {"sigma_m", p.sigma_m}, {"excluded", p.excluded}});
+  }
   for (const DatumShift& s : result.shifts) {
     shifts.push_back({{"of", s.of},
                       {"n", s.n},
@@ -326,6 +338,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                   {"points", points},
                   {"check", CheckJson(result.check, findings)},
                   {"distances", distances},
+                  {"plane", plane},
                   {"datum_shifts", shifts},
                   {"runs", runs},
                   {"iterations", result.iterations},

@@ -31,14 +31,18 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
     if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
   if (!options.against.empty()) inputs.push_back(AgainstFile(project, options));
-  if (options.stations) {
-    for (const Reference& reference : project.site().references) {
-      for (const Station& station : project.site().stations) {
-        if (station.name == reference.station) {
-          inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
-        }
-      }
+  const auto at_station = [&](const Reference& reference) {
+    const std::vector<Station>& stations = project.site().stations;
+    return std::any_of(stations.begin(), stations.end(),
+                       [&](const Station& station) { return station.name == reference.station; });
+  };
+  for (const Reference& reference : project.site().references) {
+    if ((options.stations && at_station(reference)) ||
+        (options.photo_sets && reference.kind == ReferenceKind::kPhotoSet)) {
+      inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
     }
+  }
+  if (options.stations || options.photo_sets) {
     for (const auto& [set, dir] : StitchedRigs(project)) {
       if (fs::exists(dir / "manifest.json")) inputs.push_back(dir / "manifest.json");
     }
@@ -78,19 +82,21 @@ SurveyResult MapOf(const SurveyJob& job, const SurveyStageOptions& options, cons
   return SurveyTags(part, options.map, context.threads, silent, context.cancel);
 }
 
-// Maps of fewer runs say how well the survey repeats. A part that cannot be mapped by itself is left out.
+// Maps of fewer runs say how well the survey repeats: all runs but one with all photo sets, days without them. A part
+// that cannot be mapped by itself is left out.
 void Repeat(const SurveyJob& job, const SurveyStageOptions& options, const SurveyResult& whole,
             const StageContext& context, SurveyFindings* findings) {
-  const size_t n = job.input.runs.size();
+  const std::vector<SurveyRun>& runs = job.input.runs;
+  const auto n = static_cast<size_t>(std::count_if(runs.begin(), runs.end(), [](const auto& r) { return !r.stills; }));
   if (!options.repeatability || n < 2) return;
-  std::vector<size_t> all(n);
-  for (size_t r = 0; r < n; ++r) all[r] = r;
+  std::vector<size_t> all(runs.size());  // photo sets come last
+  for (size_t r = 0; r < all.size(); ++r) all[r] = r;
   std::map<std::vector<size_t>, std::optional<SurveyResult>> maps;
-  const auto map_of = [&](const std::vector<size_t>& runs) -> const std::optional<SurveyResult>& {
-    const auto [it, fresh] = maps.try_emplace(runs);
+  const auto map_of = [&](const std::vector<size_t>& part) -> const std::optional<SurveyResult>& {
+    const auto [it, fresh] = maps.try_emplace(part);
     if (fresh) {
       try {
-        it->second = MapOf(job, options, runs, context);
+        it->second = MapOf(job, options, part, context);
       } catch (const Cancelled&) {
         throw;
       } catch (const Error&) {  // too little in it: nothing to compare
@@ -109,7 +115,7 @@ void Repeat(const SurveyJob& job, const SurveyStageOptions& options, const Surve
   findings->repeatability = CompareMaps(pairs);
   std::map<std::string, std::vector<size_t>> days;
   for (size_t r = 0; r < n; ++r) {
-    const SurveyRun& run = job.input.runs[r];
+    const SurveyRun& run = runs[r];
     days[run.date.empty() ? "run " + run.name : run.date].push_back(r);
   }
   pairs.clear();
@@ -157,7 +163,7 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   Repeat(job, options, result, context, &findings);
   CompareEpochs(options, result, context, &findings);
   if (options.stations && result.in_world) {
-    findings.stations = MeasureStations(context.project, result.tags, context);
+    findings.stations = MeasureStations(context.project, result.tags, job.sets, context);
     for (const StationOffset& o : findings.stations) {
       if (!o.offset_m || !o.Contradicts()) continue;
       context.progress.Log(
@@ -204,7 +210,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 3;
+    request.version = 4;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);

@@ -1,16 +1,19 @@
 // Offsets of stations from the tags that their panoramas show, for the survey.
 #pragma once
 
+#include <map>
+#include <string>
 #include <vector>
 
-#include "app/pipeline/stages.h"
+#include "app/pipeline/reference_tags.h"
 #include "survey/tags/station_offset.h"
 
 namespace trigpoint {
 
-// Every panorama, photo and stitched photo set that stations.csv has a tag for, in the order of the references. A file
-// that cannot be read is named in the log and left out.
+// Every panorama, photo and stitched photo set that stations.csv has a tag for, in the order of the references. `found`
+// are tags of references, by name, that were looked for already. A file that cannot be read is named in the log and
+// left out.
 std::vector<StationOffset> MeasureStations(const Project& project, const std::vector<TagEstimate>& map,
-                                           StageContext& context);
+                                           const std::map<std::string, ReferenceTags>& found, StageContext& context);
 
 }  // namespace trigpoint

@@ -123,6 +123,8 @@ struct Calibration {
   // its rows ("cam0 fx", "cam1 rx", ...). Rows of what was not estimated are left out.
   Eigen::MatrixXd covariance;
   std::vector<std::string> labels;
+  // What the textbook sigmas were multiplied by, since two halves of the pictures differ by so much more (quality.h).
+  double sigma_factor = 1;
 };
 
 // Throws InputError where there is too little to begin with (fewer than three views of a camera, cameras that share no

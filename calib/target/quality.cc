@@ -237,13 +237,28 @@ void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, 
               "use a flat, rigid board (glass, aluminium), or board_shape=true; " + advice);
 }
 
+constexpr double kOptimistic = 2.5;  // times what is predicted: no longer chance
+
+// Cameras of one rig share the boards, and so what is wrong with them: one factor for all.
+void WidenToHalves(const CrossValidation& halves, Calibration* calibration) {
+  if (!halves.done) return;
+  const double worst = *std::max_element(halves.ratio.begin(), halves.ratio.end());
+  if (worst <= kOptimistic) return;
+  calibration->sigma_factor = worst;
+  for (CalibratedCamera& camera : calibration->cameras) {
+    camera.covariance *= worst * worst;
+    camera.cam_from_rig_covariance *= worst * worst;
+  }
+  calibration->board.sigma *= worst;
+  calibration->covariance *= worst * worst;
+}
+
 void JudgeHalves(const Calibration& calibration, const CalibrationGates& gates, Judge& judge, const Quality& quality) {
   const CrossValidation& halves = quality.halves;
   if (!halves.done) {
     judge.Add(FindingLevel::kWarning, "", "halves", "no cross-validation: " + halves.reason, "take more pictures");
     return;
   }
-  constexpr double kOptimistic = 2.5;
   for (size_t c = 0; c < calibration.cameras.size(); ++c) {
     const std::string& name = calibration.cameras[c].name;
     const double rms = halves.difference[c].rms_covered_px;
@@ -255,10 +270,10 @@ void JudgeHalves(const Calibration& calibration, const CalibrationGates& gates, 
     if (halves.ratio[c] > kOptimistic) {
       judge.Add(
           FindingLevel::kWarning, name, "halves",
-          fmt::format("two halves of the pictures differ {:.1f} times as much as the stated sigmas predict: these "
-                      "are too small by about that, since the residuals are not only noise",
-                      halves.ratio[c]),
-          "a model or board that fits better makes the sigmas true; see the residual plots");
+          fmt::format("two halves of the pictures differ {:.1f} times as much as the residuals predict, which are not "
+                      "only noise; all stated sigmas are {:.1f} times those of the residuals for that",
+                      halves.ratio[c], calibration.sigma_factor),
+          "a model or board that fits better makes the sigmas smaller; see the residual plots");
     }
   }
 }
@@ -304,8 +319,9 @@ ResidualPattern ImagePattern(const CalibrationInput& input, const Calibration& c
   return pattern;
 }
 
-Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& calibration,
-                         const CalibrationGates& gates, ProgressSink& progress, const CancelToken& cancel) {
+Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& options, const CalibrationGates& gates,
+                         ProgressSink& progress, const CancelToken& cancel, Calibration* calibrated) {
+  const Calibration& calibration = *calibrated;
   Quality quality;
   Judge judge(&quality);
   const auto cameras = static_cast<int>(calibration.cameras.size());
@@ -316,6 +332,8 @@ Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& 
     quality.pattern.push_back(ImagePattern(input, calibration, c));
   }
   quality.halves = CrossValidate(input, options, calibration, quality.coverage, quality.uncertainty, progress, cancel);
+  WidenToHalves(quality.halves, calibrated);
+  for (ProjectionUncertainty& u : quality.uncertainty) u.Multiply(calibration.sigma_factor);
   if (!calibration.determined) {
     judge.Add(FindingLevel::kRefusal, "", "determined", "these pictures do not determine all parameters",
               "photograph the board tilted in several directions, and in all parts of the picture");

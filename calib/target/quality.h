@@ -80,7 +80,9 @@ struct Quality {
   double board_systematic_px = 0;  // systematic part of the residuals by board point
 };
 
-Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& calibration,
-                         const CalibrationGates& gates, ProgressSink& progress, const CancelToken& cancel);
+// Where two halves of the pictures differ by much more than the covariances predict, the residuals are not independent
+// noise: all covariances of `calibration` are multiplied by the square of that (sigma_factor).
+Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& options, const CalibrationGates& gates,
+                         ProgressSink& progress, const CancelToken& cancel, Calibration* calibration);
 
 }  // namespace trigpoint

@@ -85,6 +85,11 @@ bool IsCovered(const Coverage& coverage, int width, int height, const Eigen::Vec
   return at(c, r) || (at(c - 1, r) && at(c + 1, r)) || (at(c, r - 1) && at(c, r + 1));
 }
 
+void ProjectionUncertainty::Multiply(double factor) {
+  for (double& sigma : sigma_px) sigma *= factor;
+  for (double* sigma : {&median_covered_px, &max_covered_px, &max_px}) *sigma *= factor;
+}
+
 ProjectionUncertainty MeasureUncertainty(const CalibratedCamera& calibrated, const Coverage& coverage) {
   const Camera& camera = calibrated.camera;
   ProjectionUncertainty result;

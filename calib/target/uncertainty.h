@@ -39,7 +39,8 @@ struct ProjectionUncertainty {
   std::vector<double> sigma_px;  // largest standard deviation in any direction; NaN where the pixel has no ray
   std::vector<bool> covered;
   double median_covered_px = 0, max_covered_px = 0, max_px = 0;
-  double no_ray_share = 0;  // part of the picture whose pixels have no ray: the model folds back there
+  double no_ray_share = 0;       // part of the picture whose pixels have no ray: the model folds back there
+  void Multiply(double factor);  // every sigma
 };
 ProjectionUncertainty MeasureUncertainty(const CalibratedCamera& camera, const Coverage& coverage);
 

@@ -21,7 +21,6 @@ constexpr double kLeastStep_m = 0.02;  // shorter steps of odometry say nothing 
 constexpr int kLeastSteps = 20;
 constexpr double kMostlyShare = 0.9;  // of detections that must agree before an order is called wrong
 constexpr double kFoot = 0.3048;
-constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
 constexpr double kLeastParallax_rad = 10 * kDegToRad, kLeastWay_m = 0.3;
 constexpr double kScaleKnown = 0.05;  // odometry whose stated scale sigma is larger says nothing about sizes
 constexpr double kSizesAlike = 0.04, kMostOff = 0.1;

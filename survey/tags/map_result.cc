@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kPointChi2 = 16.3;       // 99.9 % of chi-square with 3 degrees of freedom: beyond it a point is named
 constexpr double kDistanceSigmas = 3.3;   // 99.9 % of a normal
+constexpr double kLeastRedundant = 1e-3;  // share of an observation's variance that others must leave to judge it by
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 
 std::string_view RoleName(PointRole role) {
@@ -59,6 +60,7 @@ void MapSolver::Collect() {
   CollectTags();
   CompareWithPoints();
   CompareDistances();
+  ComparePlane();
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
   if (options_.cross_covariances) CrossCovariances();
@@ -73,6 +75,7 @@ void MapSolver::CollectRuns() {
     const RunState& state = run_states_[r];
     RunAgreement run;
     run.name = input_.runs[r].name;
+    run.stills = input_.runs[r].stills;
     run.scale = state.scale;
     run.scale_sigma = sigma(state.scale_unknown);
     run.heading_drift_deg_m = state.drift * kRadToDeg;
@@ -305,6 +308,29 @@ void MapSolver::CompareDistances() {
                       agreement.excluded ? ": taken out; measure it again" : ""));
     }
     result_.distances.push_back(agreement);
+  }
+}
+
+// Heights of the plane's tags above it. One that took part has the sigma of a residual, stated less fitted.
+void MapSolver::ComparePlane() {
+  const double stated = input_.level_sigma_m * input_.level_sigma_m;
+  for (int id : input_.level_tags) {
+    const auto tag = tag_unknown_.find(id);
+    if (tag == tag_unknown_.end()) continue;
+    PlaneAgreement a;
+    a.tag_id = id;
+    a.excluded = off_plane_.count(id) > 0;
+    a.height_m = tags_.at(id).translation.z();
+    const double map = solver_.PoseCovariance(tag->second)(5, 5), left = a.excluded ? stated + map : stated - map;
+    a.sigma_m = left > kLeastRedundant * stated ? std::sqrt(left) : 0;
+    if (a.excluded || (a.sigma_m > 0 && std::abs(a.height_m) > kDistanceSigmas * a.sigma_m)) {
+      result_.warnings.push_back(
+          fmt::format("tag {} lies {:.3f} m {} the plane of plane_tags, {:.1f} sigma: {}", id, std::abs(a.height_m),
+                      a.height_m > 0 ? "above" : "below", std::abs(a.height_m) / a.sigma_m,
+                      a.excluded ? "taken out; it does not belong to them"
+                                 : "it or another of them does not belong to them, and nothing tells which"));
+    }
+    result_.plane.push_back(a);
   }
 }
 

@@ -380,7 +380,8 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
     std::optional<Rigid3d> map_from_run = Rigid3d();
     if (!start->world_from_tag.empty()) map_from_run = Join(run_tags[next], start->world_from_tag);
     if (!map_from_run || run_tags[next].empty()) {
-      start->warnings.push_back("run " + input.runs[next].name + " shares no tag with the others and is left out");
+      start->warnings.push_back((input.runs[next].stills ? "" : "run ") + input.runs[next].name +
+                                " shares no tag with the others and is left out");
       map_from_run.reset();
     }
     for (MapFrame& frame : start->frames) {

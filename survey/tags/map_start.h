@@ -1,6 +1,7 @@
 // Starting values of a tag map: internal to survey/tags.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <optional>
@@ -11,6 +12,7 @@
 
 namespace trigpoint {
 
+constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
 constexpr int kNoPlace = std::numeric_limits<int>::min();
 
 // A tag in a picture of a frame.

@@ -12,7 +12,6 @@
 namespace trigpoint {
 namespace {
 
-constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
 // Odometry between two visits may be off by this much: a step, a part of the way, and a part of the distance to the
 // tag.
 constexpr double kStep_m = 0.5, kOfWay = 0.1, kOfRange = 0.2;

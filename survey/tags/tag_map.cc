@@ -40,8 +40,7 @@ constexpr std::array<double, 4> kWideGatePx = {60, 60, 20, 7};
 // Factors on the threshold of the corners' robust loss: a loop that odometry missed is closed by a few pictures, if
 // these may pull with their full weight at first.
 constexpr std::array<double, 4> kWideLoss = {4000, 200, 20, 1};
-constexpr int64_t kVisitGap_ns = 3'000'000'000;  // pictures of a tag within this time are one visit
-constexpr size_t kLeastVisit = 3;                // pictures that may place a tag by themselves
+constexpr size_t kLeastVisit = 3;  // pictures that may place a tag by themselves
 constexpr int kExtraRounds = 3, kMostTagRounds = 8;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
@@ -124,8 +123,8 @@ SurveyResult MapSolver::Run() {
     StoreState();
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
-    // A wrong distance first: what bends to it would be blamed for it.
-    const bool distances = may_reject && round > 0 && SnoopDistances();
+    // A wrong distance or height first: what bends to it would be blamed for it.
+    const bool distances = may_reject && round > 0 && (SnoopDistances() || SnoopPlane());
     const bool tags = may_reject && round > 0 && !distances && SnoopTags();
     const bool sights = may_reject && !tags && !distances && SnoopSights(round);
     const bool odometry = may_reject && round > 0 && !tags && !distances && SnoopOdometry();
@@ -584,8 +583,8 @@ void MapSolver::AddGauge() {
   int level = 0;
   for (int id : input_.level_tags) {
     const auto tag = tag_unknown_.find(id);
-    if (tag == tag_unknown_.end()) continue;
-    Add(Kind::kOther, 0, new HeightCost(0, input_.level_sigma_m), nullptr, {tag->second});
+    if (tag == tag_unknown_.end() || off_plane_.count(id) > 0) continue;
+    Add(Kind::kHeight, id, new HeightCost(0, input_.level_sigma_m), &distance_loss_, {tag->second});
     ++level;
   }
   if (input_.fixed) {
@@ -816,6 +815,24 @@ bool MapSolver::SnoopDistances() {
     if (most / kDistanceChi2 < SlipChi2(static_cast<int>(r)) / kSlipChi2) return false;
   }
   wrong_distances_.insert(worst);
+  return true;
+}
+
+// Takes the tag off the plane that contradicts the others, if they tell which one it is: four tags that nothing else
+// levels contradict each other all alike.
+bool MapSolver::SnoopPlane() {
+  constexpr double kClear = 1.5;  // of the next one's chi-square
+  std::vector<std::pair<double, int>> chi2;
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    if (observations_[i].kind != Kind::kHeight) continue;
+    const int factor = static_cast<int>(i);
+    const double r = solver_.Residual(factor)[0], left = 1.0001 - solver_.Absorbed(factor)(0, 0);
+    chi2.emplace_back(r * r / left, observations_[i].index);
+  }
+  if (chi2.size() < 4) return false;
+  std::sort(chi2.rbegin(), chi2.rend());
+  if (chi2[0].first < kDistanceChi2 || chi2[0].first < kClear * chi2[1].first) return false;
+  off_plane_.insert(chi2[0].second);
   return true;
 }
 

@@ -36,10 +36,11 @@ struct SurveyFix {
   double sigma_h_m = 3, sigma_v_m = 5;
 };
 
-// One run of pictures, or a set of hand-held stills (no odometry).
+// One run of pictures, or a set of hand-held stills.
 struct SurveyRun {
   std::string name;
-  std::string date;  // runs of one date are one session; empty: a session of its own
+  bool stills = false;  // a stitched set: its odometry is the rig, rig_from_cam from photo to photo
+  std::string date;     // runs of one date are one session; empty: a session of its own
   std::vector<BodyCamera> cameras;
   std::vector<ImageDetections> images;  // any order; pictures with one stamp are one body pose
   Trajectory odometry;                  // odom_from_body; empty: none
@@ -164,6 +165,14 @@ struct DistanceAgreement {
   bool excluded = false;  // contradicts the rest and was taken out
 };
 
+// How a tag that the datum's plane was told to hold agrees with it.
+struct PlaneAgreement {
+  int tag_id = -1;
+  double height_m = 0;    // above the plane
+  double sigma_m = 0;     // of that; 0: nothing but the plane holds it, as three tags always have one
+  bool excluded = false;  // contradicts the others and was taken out
+};
+
 // Where geotags or GPS lie against the map's datum.
 struct DatumShift {
   std::string of;  // geotags, gps
@@ -174,6 +183,7 @@ struct DatumShift {
 
 struct RunAgreement {
   std::string name;
+  bool stills = false;
   double scale = 1, scale_sigma = 0;            // of the odometry: metres = scale * odometry
   double corner_factor = 1;                     // on the stated sigmas
   Vector6d odometry_factor = Vector6d::Ones();  // the same: rotation x, y, z, translation x, y, z of the body
@@ -210,6 +220,7 @@ struct SurveyResult {
   std::string gauge;              // in words
   std::vector<PointAgreement> points;
   std::vector<DistanceAgreement> distances;
+  std::vector<PlaneAgreement> plane;
   std::vector<DatumShift> shifts;
   CheckSummary check;  // of points that were not used
   std::optional<FitToPoints> fit;

@@ -198,10 +198,13 @@ TEST(CalibrateCameras, SaysWhatIsMissing) {
   EXPECT_THROW(Calibrate(two, "fisheye"), OptionError);
 }
 
-Quality JudgedAs(const CalibrationInput& input, const std::string& model) {
+Quality JudgedAs(const CalibrationInput& input, const std::string& model, Calibration* calibration = nullptr) {
   CalibrateOptions options;
   options.model = model;
-  return JudgeCalibration(input, options, CalibrateCameras(input, options, progress, cancel), {}, progress, cancel);
+  Calibration its = CalibrateCameras(input, options, progress, cancel);
+  const Quality quality = JudgeCalibration(input, options, {}, progress, cancel, &its);
+  if (calibration != nullptr) *calibration = its;
+  return quality;
 }
 
 bool Has(const Quality& quality, const std::string& check, FindingLevel least) {
@@ -271,6 +274,34 @@ TEST(JudgeCalibration, SeesThatAModelDoesNotFit) {
   const CalibrationInput input = MakeInput(camera, target, SpreadViews(camera, target, 30, 0.35, random), 0.1, random);
   const Quality quality = JudgedAs(input, "pinhole");
   EXPECT_TRUE(Has(quality, "pattern", FindingLevel::kWarning));
+}
+
+// Points of one picture that are off together are not that many independent ones: only the halves show it.
+TEST(JudgeCalibration, WidensSigmasByWhatTheHalvesDiffer) {
+  const Camera camera(CameraModel::kPinhole, 640, 480, {400, 400, 320, 240});
+  Random random(2);
+  const Target target = Checkerboard();
+  CalibrationInput input = MakeInput(camera, target, SpreadViews(camera, target, 30, 0.35, random), 0.02, random);
+  for (CalibrationView& view : input.views) {
+    // The board is bent anew in each.
+    const double x = random.Normal() * 1.5e-5, y = random.Normal() * 1.5e-5;
+    for (BoardPoint& p : view.points) {
+      const Eigen::Vector2d d = p.pixel - view.points.front().pixel;
+      p.pixel += Eigen::Vector2d(x * d.x() * d.x(), y * d.y() * d.y());
+    }
+  }
+  Calibration calibration;
+  const Quality quality = JudgedAs(input, "pinhole", &calibration);
+  ASSERT_TRUE(quality.halves.done);
+  EXPECT_GT(calibration.sigma_factor, 2.5);
+  EXPECT_EQ(calibration.sigma_factor, quality.halves.ratio[0]);
+  const CalibratedCamera& its = calibration.cameras[0];
+  const double focal_sigma = its.Sigmas()[0];
+  CalibrateOptions options;
+  options.model = "pinhole";
+  const Calibration textbook = CalibrateCameras(input, options, progress, cancel);
+  EXPECT_NEAR(focal_sigma, calibration.sigma_factor * textbook.cameras[0].Sigmas()[0], 1e-9);
+  EXPECT_LT(std::abs(its.camera.params()[0] - 400), 3 * focal_sigma);
 }
 
 }  // namespace

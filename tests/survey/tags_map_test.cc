@@ -26,6 +26,23 @@ struct Yard {
   SurveyInput input;
 };
 
+std::vector<TagDetection> TagsSeen(const std::vector<Rigid3d>& tags, const Rigid3d& cam_from_world, Random* random) {
+  std::vector<TagDetection> detections;
+  for (size_t t = 0; t < tags.size(); ++t) {
+    TagDetection d;
+    d.id = static_cast<int>(t);
+    bool seen = (cam_from_world * tags[t].translation).z() > 1;
+    for (int k = 0; k < 4 && seen; ++k) {
+      const auto p = kCamera.Project(cam_from_world * (tags[t] * TagCorner(0.5, k)));
+      seen = p && kCamera.Contains(*p);
+      if (seen) d.corners[k] = *p + 0.2 * Eigen::Vector2d(random->Normal(), random->Normal());
+    }
+    d.corner_sigma_px.fill(0.2);
+    if (seen) detections.push_back(d);
+  }
+  return detections;
+}
+
 Yard MakeYard(uint64_t seed, const Rigid3d& world_from_yard = {}) {
   Yard yard;
   Random random(seed);
@@ -71,18 +88,7 @@ Yard MakeYard(uint64_t seed, const Rigid3d& world_from_yard = {}) {
       survey.odometry.poses.push_back({stamp, odom_from_body});
       ImageDetections image{stamp, "", "cam0", {}};
       const Rigid3d cam_from_world = camera.cam_from_body * body.Inverse();
-      for (int t = 0; t < 8; ++t) {
-        TagDetection d;
-        d.id = t;
-        bool seen = (cam_from_world * yard.tags[t].translation).z() > 1;
-        for (int k = 0; k < 4 && seen; ++k) {
-          const auto p = kCamera.Project(cam_from_world * (yard.tags[t] * TagCorner(0.5, k)));
-          seen = p && kCamera.Contains(*p);
-          if (seen) d.corners[k] = *p + 0.2 * Eigen::Vector2d(random.Normal(), random.Normal());
-        }
-        d.corner_sigma_px.fill(0.2);
-        if (seen) image.detections.push_back(d);
-      }
+      image.detections = TagsSeen(yard.tags, cam_from_world, &random);
       survey.images.push_back(image);
     }
     yard.input.runs.push_back(survey);
@@ -102,6 +108,31 @@ Yard MakeYard(uint64_t seed, const Rigid3d& world_from_yard = {}) {
   check.world_m = yard.tags[6].translation;
   yard.input.points.push_back(check);
   return yard;
+}
+
+// A hand-held set of 16 photos in the yard, on a circle of 0.3 m about the holder; its rig is stitched too small.
+SurveyRun MakeStills(const Yard& yard, uint64_t seed, double rig_over_true) {
+  Random random(seed);
+  SurveyRun set;
+  set.name = "photo set";
+  set.stills = true;
+  set.scale_sigma = 0.2;
+  set.max_gap_s = 100;
+  set.cameras.push_back({"lens0", kCamera, Rigid3d(), false, 0, ""});
+  for (int i = 0; i < 16; ++i) {
+    const double a = 0.39270 * i;
+    Eigen::Matrix3d r;  // z outwards, y down
+    r.col(2) << std::cos(a), std::sin(a), 0;
+    r.col(1) << 0, 0, -1;
+    r.col(0) = r.col(1).cross(r.col(2));
+    const Rigid3d world_from_cam(Eigen::Quaterniond(r), Eigen::Vector3d(0.5, -1, 1.5) + 0.3 * r.col(2));
+    const int64_t stamp = 1'000'000'000LL * i;
+    set.images.push_back({stamp, "", "lens0", TagsSeen(yard.tags, world_from_cam.Inverse(), &random)});
+    Rigid3d in_rig(ExpSO3(0.0005 * RandomVector(&random, 1)) * Eigen::Quaterniond(r), rig_over_true * 0.3 * r.col(2));
+    in_rig.translation += 0.003 * RandomVector(&random, 1);
+    set.odometry.poses.push_back({stamp, in_rig});
+  }
+  return set;
 }
 
 SurveyResult Survey(const SurveyInput& input, SurveyOptions options = {}) {
@@ -390,6 +421,60 @@ TEST(TagMap, DistancesAreHeldOrOnlyCompared) {
   }();
   EXPECT_NE(all.find("distance 2 - 6"), std::string::npos) << all;
   EXPECT_EQ(all.find("distance 1 - 5"), std::string::npos) << all;
+}
+
+// A stitched photo set sees all tags from one place: it ties the map together, and its rig's size is found.
+TEST(TagMap, StillsTakePart) {
+  double nees = 0, with = 0, without = 0, best = 1;
+  int n = 0;
+  const int redraws = 20;
+  for (int seed = 1; seed <= redraws; ++seed) {
+    Yard yard = MakeYard(seed);
+    const SurveyResult runs = Survey(yard.input);
+    yard.input.runs.push_back(MakeStills(yard, 100 + seed, 0.87));
+    const SurveyResult map = Survey(yard.input);
+    for (size_t t = 0; t < map.tags.size(); ++t) {
+      ASSERT_TRUE(map.tags[t].HasPose());
+      EXPECT_EQ(map.tags[t].runs, 3);
+      const Vector6d e = map.tags[t].world_from_tag->Minus(yard.tags[t]);
+      nees += e.dot(map.tags[t].covariance.inverse() * e);
+      with += e.tail<3>().squaredNorm();
+      without += runs.tags[t].world_from_tag->Minus(yard.tags[t]).tail<3>().squaredNorm();
+      ++n;
+    }
+    const RunAgreement& stills = map.runs[2];
+    EXPECT_EQ(stills.frames, 16);
+    EXPECT_EQ(stills.rejected, 0);
+    EXPECT_NEAR(stills.scale, 1 / 0.87, 4 * stills.scale_sigma);
+    best = std::min(best, stills.scale_sigma);
+  }
+  EXPECT_LT(best, 0.15);  // the prior's is 0.2
+  EXPECT_LT(with, 0.8 * without);
+  // Tags of one map are not independent: the band is that of the redraws alone.
+  EXPECT_GT(nees / (6 * n), 0.8);
+  EXPECT_LT(nees / (6 * n), 1.25);
+}
+
+TEST(TagMap, ATagOffThePlaneIsTakenOut) {
+  Yard yard = MakeYard(12);
+  yard.input.points.clear();
+  yard.input.level_tags = {0, 3, 6};
+  const SurveyResult three = Survey(yard.input);
+  ASSERT_EQ(three.plane.size(), 3U);
+  for (const PlaneAgreement& p : three.plane) EXPECT_EQ(p.sigma_m, 0) << p.tag_id;  // three always have a plane
+  // Tag 1 stands half a metre higher. Of four tags any one may be wrong, unless odometry knows what is up.
+  yard.input.level_tags = {0, 1, 3, 6};
+  const SurveyResult untold = Survey(yard.input);
+  for (const PlaneAgreement& p : untold.plane) EXPECT_FALSE(p.excluded) << p.tag_id;
+  for (SurveyRun& run : yard.input.runs) run.levelled = true;
+  yard.input.use_gravity = true;
+  const SurveyResult map = Survey(yard.input);
+  ASSERT_EQ(map.plane.size(), 4U);
+  for (const PlaneAgreement& p : map.plane) {
+    EXPECT_EQ(p.excluded, p.tag_id == 1) << p.tag_id;
+    EXPECT_NEAR(p.height_m, p.tag_id == 1 ? 0.5 : 0, 0.15) << p.tag_id;
+  }
+  EXPECT_NEAR(map.tags[2].world_from_tag->translation.z(), 1.0, 0.15);
 }
 
 TEST(TagMap, APlaneLevelsTheMap) {
