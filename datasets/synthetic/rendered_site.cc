@@ -85,6 +85,25 @@ void WriteTables(const SyntheticSite& site, const RenderedSiteOptions& options, 
   WriteText(truth / "tags.csv", tags);
 }
 
+// Photos of a set: a phone held level by somebody who turns once round. world_from_cam.
+std::vector<Rigid3d> PhotoPoses(const Rigid3d& world_from_tag, double eye_above_tag_m, double arm_m, Random* random) {
+  constexpr int kPhotos = 12;
+  const Vector3d holder =
+      world_from_tag.translation - 3 * (world_from_tag.rotation * Vector3d::UnitZ()) + Vector3d(0, 0, eye_above_tag_m);
+  const double start = random->Uniform(0, 2 * M_PI);
+  std::vector<Rigid3d> poses;
+  for (int i = 0; i < kPhotos; ++i) {
+    // Nobody turns in equal steps, or holds a phone quite level.
+    const double heading = start + 2 * M_PI / kPhotos * (i + 0.1 * random->Normal());
+    const Eigen::Quaterniond turn(
+        WorldFromCamRotation({heading, 2 * kDegToRad * random->Normal(), 2 * kDegToRad * random->Normal()}));
+    const Vector3d out = turn * Vector3d::UnitZ();
+    const Vector3d sway(random->Normal(), random->Normal(), random->Normal());
+    poses.emplace_back(turn, holder + arm_m * out + 0.1 * arm_m * sway);
+  }
+  return poses;
+}
+
 }  // namespace
 
 Rigid3d SyntheticWorldFromTag(const SyntheticSite& site, const RenderedSiteOptions& options, size_t panorama) {
@@ -176,7 +195,8 @@ void WriteRenderedSite(const SyntheticSite& site, const RenderedSiteOptions& opt
   render.blur_sigma_px = options.blur_sigma_px;
   render.noise_sigma = options.noise_sigma;
   render.threads = threads;
-  progress.Begin("rendering", static_cast<int64_t>(site.images.size() + site.panoramas.size()));
+  const size_t sets = std::min(static_cast<size_t>(options.photo_sets), site.panoramas.size());
+  progress.Begin("rendering", static_cast<int64_t>(site.images.size() + site.panoramas.size() + sets));
   for (size_t i = 0; i < site.images.size(); ++i) {
     cancel.ThrowIfCancelled();
     render.seed = Random(seed + options.day).Next() + i;
@@ -194,6 +214,23 @@ void WriteRenderedSite(const SyntheticSite& site, const RenderedSiteOptions& opt
     const Camera camera = Camera::Equirectangular(options.panorama_width, options.panorama_width / 2);
     WritePicture(dir / "panoramas" / fmt::format("pano_{:03}.jpg", i),
                  Render(scene, camera, site.truth.world_from_pano[i], render));
+    progress.Advance(1);
+  }
+  const Camera phone(CameraModel::kPinhole, 1600, 1200, {1331, 1331, 799.5, 599.5});
+  for (size_t i = 0; i < sets; ++i) {
+    cancel.ThrowIfCancelled();
+    Random random(Random(seed).Next() + 1000 + i);
+    const std::string name = fmt::format("set_{:03}", i);
+    std::string rows = "# photo number tx ty tz qx qy qz qw: world_from_cam; pinhole, focal length 1331 px\n";
+    int number = 0;
+    for (const Rigid3d& pose :
+         PhotoPoses(SyntheticWorldFromTag(site, options, i), options.tag_below_m, options.arm_m, &random)) {
+      ++number;
+      render.seed = random.Next();
+      WritePicture(dir / "photos" / name / fmt::format("IMG_{:04}.jpg", number), Render(scene, phone, pose, render));
+      rows += TumRow(std::to_string(number), pose);
+    }
+    WriteText(truth / "photos" / (name + ".tum"), rows);
     progress.Advance(1);
   }
 }

@@ -22,6 +22,8 @@ struct RenderedSiteOptions {
   double tag_size_m = 0.5;   // edge of the black square
   double tag_below_m = 0.9;  // its centre below the panorama's
   int panorama_width = 4096;
+  int photo_sets = 0;  // hand-held sets of 12 photos, each 3 m in front of the tag below a panorama
+  double arm_m = 0.3;  // their photos' centres lie on a circle of this radius about the holder
   int supersample = 2;
   double blur_sigma_px = 0.4;
   double noise_sigma = 2;  // grey values
@@ -37,6 +39,8 @@ struct RenderedSiteOptions {
     visit(self.tag_size_m, {"tag_size_m", "m", 0.01, 10, "edge of the black square"});
     visit(self.tag_below_m, {"tag_below_m", "m", 0, 10, "tag's centre below the panorama's"});
     visit(self.panorama_width, {"panorama_width", "px", 64, 16384, "width of an equirectangular panorama"});
+    visit(self.photo_sets, {"photo_sets", "", 0, 1000, "hand-held photo sets, in front of the first tags"});
+    visit(self.arm_m, {"arm_m", "m", 0, 2, "radius of their photos' centres about the holder"});
     visit(self.supersample, {"supersample", "", 1, 8, "rays per pixel edge"});
     visit(self.blur_sigma_px, {"blur_sigma_px", "px", 0, 20, "defocus"});
     visit(self.noise_sigma, {"noise_sigma", "", 0, 100, "sensor noise, grey values"});
@@ -52,9 +56,10 @@ Rigid3d SyntheticWorldFromTag(const SyntheticSite& site, const RenderedSiteOptio
 Scene MakeScene(const SyntheticSite& site, const RenderedSiteOptions& options, uint64_t seed);
 
 // Renders images and panoramas and writes `dir` (runs/<run>/ with images, odometry, camchain, GPS and run.yaml;
-// panoramas, stations, control points, tags, origin) and `truth` (tags.csv, panoramas.tum, runs/<run>_cameras.tum of
-// the first camera). Geotags, odometry and GPS are the site's. Calling it again with another drive of the same
-// geometry and another options.run adds that run. Throws IoError, OptionError, Cancelled.
+// panoramas, photos/<set>/, stations, control points, tags, origin) and `truth` (tags.csv, panoramas.tum,
+// photos/<set>.tum by the photos' numbers, runs/<run>_cameras.tum of the first camera). Geotags, odometry and GPS are
+// the site's. Calling it again with another drive of the same geometry and another options.run adds that run. Throws
+// IoError, OptionError, Cancelled.
 void WriteRenderedSite(const SyntheticSite& site, const RenderedSiteOptions& options, uint64_t seed,
                        const std::filesystem::path& dir, const std::filesystem::path& truth, int threads,
                        ProgressSink& progress, const CancelToken& cancel);

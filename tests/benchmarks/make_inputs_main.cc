@@ -1,7 +1,7 @@
 // Makes inputs with truth from others, for tests by hand and for benchmarks:
 //   make_inputs street_view SITE TRUTH OUT OUT_TRUTH [SEED]   panoramas as street-level imagery comes
 //   make_inputs mirrored SITE RUN OUT                          a run seen through a mirror
-//   make_inputs rendered OUT OUT_TRUTH [SEED [PATH]]           a synthetic site, PATH loop or street
+//   make_inputs rendered OUT OUT_TRUTH [SEED [PATH [SETS]]]    a synthetic site, PATH loop or street, SETS photo sets
 //   make_inputs distractors OUT N [SEED]                       panoramas of other streets
 //   make_inputs boards OUT [SEED]                              pictures of a checkerboard, for `calibrate`
 #include <cmath>
@@ -56,11 +56,13 @@ int Main(const std::vector<std::string>& args) {
     MakeStreetViewSite(args[1], args[2], args[3], args[4], {}, seed(5), progress, cancel);
   } else if (what == "mirrored" && args.size() == 4) {
     MakeMirroredSite(args[1], args[2], args[3], progress, cancel);
-  } else if (what == "rendered" && args.size() >= 3 && args.size() <= 5) {
+  } else if (what == "rendered" && args.size() >= 3 && args.size() <= 6) {
     SyntheticOptions options;
     options.panoramas_left = true;  // the default camera looks to the left
-    if (args.size() == 5) options.path = args[4];
-    WriteRenderedSite(MakeSyntheticSite(options, seed(3)), {}, seed(3), args[1], args[2], 0, progress, cancel);
+    if (args.size() >= 5) options.path = args[4];
+    RenderedSiteOptions rendered;
+    if (args.size() == 6) rendered.photo_sets = std::stoi(args[5]);
+    WriteRenderedSite(MakeSyntheticSite(options, seed(3)), rendered, seed(3), args[1], args[2], 0, progress, cancel);
   } else if (what == "distractors" && (args.size() == 3 || args.size() == 4)) {
     const int n = std::stoi(args[2]);
     for (int i = 0; i < n; ++i) {
@@ -73,7 +75,7 @@ int Main(const std::vector<std::string>& args) {
     std::fprintf(stderr,
                  "usage: make_inputs street_view SITE TRUTH OUT OUT_TRUTH [SEED]\n"
                  "       make_inputs mirrored SITE RUN OUT\n"
-                 "       make_inputs rendered OUT OUT_TRUTH [SEED [loop|street]]\n"
+                 "       make_inputs rendered OUT OUT_TRUTH [SEED [loop|street [SETS]]]\n"
                  "       make_inputs distractors OUT N [SEED]\n"
                  "       make_inputs boards OUT [SEED]\n");
     return 2;
