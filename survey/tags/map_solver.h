@@ -43,6 +43,7 @@ class MapSolver {
   void ChooseDatum();
   void RequireCredible() const;
   void LoadState();
+  std::vector<std::vector<MapSight*>> Visits();
   void GateStart();
   void PlaceSplit();
   void FindLinked();
@@ -104,6 +105,7 @@ class MapSolver {
   std::vector<SurveyPoint> datum_points_;
   std::set<std::string> excluded_;  // control that contradicts the rest
   std::set<int> wrong_distances_;   // the same of distances
+  bool outvoted_ = false;           // pictures were just rejected that the rest of their visit contradicts
   std::set<int> off_plane_;         // ids of level_tags that contradict the others
   bool use_shift_ = false;          // geotags have a datum of their own
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();

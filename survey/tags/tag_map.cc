@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
 #include "survey/tags/control.h"
@@ -41,6 +43,7 @@ constexpr std::array<double, 4> kWideGatePx = {60, 60, 20, 7};
 // these may pull with their full weight at first.
 constexpr std::array<double, 4> kWideLoss = {4000, 200, 20, 1};
 constexpr size_t kLeastVisit = 3;  // pictures that may place a tag by themselves
+constexpr double kOutvoted = 20;   // times the median chi-square of its visit: a picture that is wrong by itself
 constexpr int kExtraRounds = 3, kMostTagRounds = 8;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
@@ -127,7 +130,7 @@ SurveyResult MapSolver::Run() {
     const bool distances = may_reject && round > 0 && (SnoopDistances() || SnoopPlane());
     const bool tags = may_reject && round > 0 && !distances && SnoopTags();
     const bool sights = may_reject && !tags && !distances && SnoopSights(round);
-    const bool odometry = may_reject && round > 0 && !tags && !distances && SnoopOdometry();
+    const bool odometry = may_reject && round > 0 && !tags && !distances && !outvoted_ && SnoopOdometry();
     const bool points = may_reject && round > 0 && !tags && !distances && !sights && !odometry && SnoopControl();
     // Weights that made room for a moved tag are found anew.
     if (tags || distances) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
@@ -255,46 +258,56 @@ void MapSolver::PlaceSplit() {
   }
 }
 
-// What is far off from the start would only pull: it is looked at again after the first solution. Not so the pictures
-// of a whole visit that agree among themselves: there it is odometry that has come back elsewhere.
-void MapSolver::GateStart() {
+// Pictures of one tag by one run, without a gap; those of placed frames and tags.
+std::vector<std::vector<MapSight*>> MapSolver::Visits() {
   std::map<std::pair<int, int>, std::vector<MapSight*>> of_tag;  // run and place, ascending time
   for (MapSight& s : start_.sights) {
     if (!Placed(s.frame) || tags_.count(s.place) == 0) continue;
-    s.rejected = SightPx(s) > kStartGatePx;
     of_tag[{start_.frames[static_cast<size_t>(s.frame)].run, s.place}].push_back(&s);
   }
-  const auto stamp = [&](const MapSight* s) { return start_.frames[static_cast<size_t>(s->frame)].stamp_ns; };
-  for (auto& [key, sights] : of_tag) {
-    for (size_t first = 0, last = 0; first < sights.size(); first = last) {
-      bool any_fits = false;
-      for (last = first; last < sights.size(); ++last) {
-        if (last > first && stamp(sights[last]) - stamp(sights[last - 1]) > kVisitGap_ns) break;
-        any_fits |= !sights[last]->rejected;
-      }
-      if (any_fits || last - first < kLeastVisit) continue;
-      // The planar solution of one of them that fits most.
-      const Rigid3d in_map = tags_.at(key.second);
-      std::vector<MapSight*> most;
-      for (size_t k = first; k < last; ++k) {
-        const MapSight& s = *sights[k];
-        const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
-        const Rigid3d world_from_cam =
-            *frame.world_from_body *
-            input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
-        for (const PlanarPose& pose : EstimatePlanarPoses(s.sight, SizeOf(s.place))) {
-          tags_[key.second] = world_from_cam * pose.cam_from_tag;
-          std::vector<MapSight*> fitting;
-          for (size_t i = first; i < last; ++i) {
-            if (SightPx(*sights[i]) < kVisitPx) fitting.push_back(sights[i]);
-          }
-          if (fitting.size() > most.size()) most = fitting;
-        }
-      }
-      tags_[key.second] = in_map;
-      if (most.size() < kLeastVisit) continue;
-      for (MapSight* s : most) s->rejected = false;
+  std::vector<std::vector<MapSight*>> visits;
+  for (const auto& [key, sights] : of_tag) {
+    int64_t last = 0;
+    for (MapSight* s : sights) {
+      const int64_t stamp = start_.frames[static_cast<size_t>(s->frame)].stamp_ns;
+      if (s == sights.front() || stamp - last > kVisitGap_ns) visits.emplace_back();
+      visits.back().push_back(s);
+      last = stamp;
     }
+  }
+  return visits;
+}
+
+// What is far off from the start would only pull: it is looked at again after the first solution. Not so the pictures
+// of a whole visit that agree among themselves: there it is odometry that has come back elsewhere.
+void MapSolver::GateStart() {
+  const std::vector<std::vector<MapSight*>> visits = Visits();
+  for (const std::vector<MapSight*>& visit : visits) {
+    for (MapSight* s : visit) s->rejected = SightPx(*s) > kStartGatePx;
+  }
+  for (const std::vector<MapSight*>& visit : visits) {
+    const bool any_fits = std::any_of(visit.begin(), visit.end(), [](const MapSight* s) { return !s->rejected; });
+    if (any_fits || visit.size() < kLeastVisit) continue;
+    // The planar solution of one of them that fits most.
+    const int place = visit.front()->place;
+    const Rigid3d in_map = tags_.at(place);
+    std::vector<MapSight*> most;
+    for (const MapSight* s : visit) {
+      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
+      const Rigid3d world_from_cam =
+          *frame.world_from_body *
+          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
+      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
+        tags_[place] = world_from_cam * pose.cam_from_tag;
+        std::vector<MapSight*> fitting;
+        std::copy_if(visit.begin(), visit.end(), std::back_inserter(fitting),
+                     [&](const MapSight* other) { return SightPx(*other) < kVisitPx; });
+        if (fitting.size() > most.size()) most = fitting;
+      }
+    }
+    tags_[place] = in_map;
+    if (most.size() < kLeastVisit) continue;
+    for (MapSight* s : most) s->rejected = false;
   }
 }
 
@@ -737,7 +750,18 @@ bool MapSolver::SnoopSights(int round) {
   std::nth_element(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(used.size() / 2), used.end());
   // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
   const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
-  const auto beyond = [&](size_t i) { return chi2[i] > gate && SightPx(start_.sights[i]) > wide_px; };
+  outvoted_ = false;
+  // What the rest of its visit contradicts is not odometry's fault, however little it is off.
+  std::vector<bool> outvoted(chi2.size(), false);
+  for (const std::vector<MapSight*>& visit : Visits()) {
+    std::vector<double> its;
+    const auto index = [&](const MapSight* s) { return static_cast<size_t>(s - start_.sights.data()); };
+    for (const MapSight* s : visit) its.push_back(chi2[index(s)]);
+    if (round == 0 || its.size() <= kLeastVisit) continue;  // wrong distances are looked for first
+    const double middle = Median(std::move(its));
+    for (const MapSight* s : visit) outvoted[index(s)] = chi2[index(s)] > kOutvoted * middle;
+  }
+  const auto beyond = [&](size_t i) { return chi2[i] > gate && (outvoted[i] || SightPx(start_.sights[i]) > wide_px); };
   bool any = false;
   for (size_t i = 0; i < chi2.size(); ++i) {
     if (chi2[i] < 0) continue;
@@ -754,6 +778,7 @@ bool MapSolver::SnoopSights(int round) {
     const bool needed = of_tag[s.place] == 0 || (of_frame[s.frame] == 0 && !frame.odom_from_body && !frame.has_ties);
     const bool rejected = beyond(i) && (!needed || s.rejected);
     any |= rejected != s.rejected;
+    outvoted_ |= rejected && !s.rejected && outvoted[i];
     s.rejected = rejected;
   }
   return any;
