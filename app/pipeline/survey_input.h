@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "app/pipeline/reference_tags.h"
+#include "localize/loops.h"
 #include "localize/reconstruct.h"
 #include "localize/tracks.h"
 #include "survey/tags/tag_map.h"
@@ -27,6 +28,7 @@ struct SurveyStageOptions {
   std::string against;         // a tags.csv, or a variant, to test for moved tags
   TrackOptions tracks;
   ReconstructOptions reconstruct;
+  LoopOptions loops;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     SurveyOptions::Visit(self.map, visit);
@@ -45,6 +47,7 @@ struct SurveyStageOptions {
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through a run's pictures"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "their points and poses"});
+    visit(self.loops, {"loops", "", 0, 0, "passages that a run comes back to"});
   }
   std::vector<std::string> Check() const;
 };

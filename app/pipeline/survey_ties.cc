@@ -39,12 +39,13 @@ std::vector<bool> ChoosePoints(const Reconstruction& r, int images, int per_imag
 }  // namespace
 
 void AddTies(const Run& run, const std::filesystem::path& features, const TrackOptions& tracks,
-             const ReconstructOptions& reconstruct, int ties_per_image, int threads, uint64_t seed,
-             ProgressSink& progress, const CancelToken& cancel, SurveyRun* survey) {
+             const ReconstructOptions& reconstruct, const LoopOptions& loops, int ties_per_image, int threads,
+             uint64_t seed, ProgressSink& progress, const CancelToken& cancel, SurveyRun* survey) {
   const LocalizeJob job = MakeRunJob(run, features);
   const TrackSet set = BuildTracks(job.input, tracks, threads, seed, progress, cancel);
   progress.Begin("points and poses of " + run.name, 0);
-  const Reconstruction r = Reconstruct(job.input, set, reconstruct, false, threads, progress, cancel);
+  Reconstruction r = Reconstruct(job.input, set, reconstruct, false, threads, progress, cancel);
+  CloseLoops(job.input, loops, {}, reconstruct, &r, threads, seed, progress, cancel);
   const BundleProblem& p = r.problem;
   for (size_t k = 0; k < p.poses.size(); ++k) {
     survey->start.poses.push_back({job.input.pose_stamps[k], p.poses[k].Inverse()});
