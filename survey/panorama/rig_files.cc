@@ -183,13 +183,13 @@ void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
     const auto lens = [&](int i) -> const Lens& { return rig.state.lenses[static_cast<size_t>(photo(i).lens)]; };
     const Eigen::Vector3d ray =
         photo(m.a).cam_from_rig.conjugate() * RayOfPixel(rig.views[static_cast<size_t>(m.a)], lens(m.a), m.pixel_a);
-    // Inverse distance from the points nearby in direction, the nearest most.
+    // Inverse distance from the points that the first photo has nearby, the nearest most.
     double sum = 0, weights = 0;
     for (const RigPoint& p : rig.state.points) {
-      if (!(p.sigma > 0) || p.sigma > 0.5) continue;
-      const double angle2 = (p.direction - ray).squaredNorm();
-      if (angle2 > 0.03 * 0.03) continue;
-      const double w = 1 / ((angle2 + 1e-6) * (p.sigma * p.sigma + 1e-4));
+      Eigen::Vector2d at;
+      if (!(p.sigma > 0) || !ProjectRigPoint(rig.views, rig.state, p, m.a, &at)) continue;
+      const double angle2 = (at - m.pixel_a).squaredNorm() / (lens(m.a).focal_px * lens(m.a).focal_px);
+      const double w = 1 / ((angle2 + 1e-6) * (angle2 + 1e-6) * (p.sigma * p.sigma + 1e-4));
       sum += w * p.inverse_distance, weights += w;
     }
     const double azimuth = std::atan2(ray.x(), ray.z()), elevation = std::asin(std::clamp(-ray.y(), -1.0, 1.0));

@@ -1,5 +1,7 @@
 #include "survey/panorama/stitch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -22,6 +24,11 @@ constexpr double kRingSlack = 14 * kDegToRad;
 // A ring's focal length while distortion is found: held, 1 sigma, share of it.
 constexpr double kRingSigma = 1e-5;
 // Parallax of a scene, radius / distance (rad): a street, which it begins with; none to speak of; a narrow room.
+constexpr double kScaleAlike = 0.02;  // photos of one zoom differ by less, with parallax
+constexpr double kZoomSigma = 0.15;   // 1 sigma of a photo's own focal length about the common one, share of it
+constexpr double kSameZoom = 0.03;    // focal lengths that differ by less are alike
+constexpr double kZoomGain = 0.5;     // part of the cost that lenses of their own may leave, to be believed
+constexpr size_t kMostZooms = 4;      // more are no zooms, but something else
 constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
 // Features are not believed to be better than this: what the model leaves out moves them together.
 constexpr double kLeastNoisePx = 0.3;
@@ -272,6 +279,7 @@ class Stitcher {
     SolveCentral({200, 40, 10, 5}, out_.pairs);
     RecheckPairs();
     Rescue();
+    TellZooms();
   }
 
   // With the focal length adjusted, what still contradicts does so for good.
@@ -338,6 +346,96 @@ class Stitcher {
         again = true;
       }
       if (again) SolveCentral({30, 8}, out_.pairs);
+    }
+  }
+
+  // The largest change of scale between two photos that a turn leaves.
+  double LargestScale() const {
+    double largest = 0;
+    for (const PhotoPair& pair : out_.pairs) {
+      const size_t a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
+      const Eigen::Quaterniond b_from_a =
+          out_.state.photos[b].cam_from_rig * out_.state.photos[a].cam_from_rig.conjugate();
+      std::vector<Eigen::Vector2d> predicted, found;
+      Eigen::Vector2d middle = Eigen::Vector2d::Zero(), shift = Eigen::Vector2d::Zero();
+      for (const auto& [i, j] : pair.matches) {
+        Eigen::Vector2d at;
+        const Eigen::Vector2d p = out_.features[a].points[static_cast<size_t>(i)].cast<double>();
+        if (!PixelOfRay(out_.views[b], LensOf(pair.b), b_from_a * RayOfPixel(out_.views[a], LensOf(pair.a), p), &at))
+          continue;
+        predicted.push_back(at);
+        found.push_back(out_.features[b].points[static_cast<size_t>(j)].cast<double>());
+        middle += at, shift += found.back();
+      }
+      if (predicted.size() < 20) continue;
+      const double n = static_cast<double>(predicted.size());
+      double along = 0, square = 0;
+      for (size_t k = 0; k < predicted.size(); ++k) {
+        const Eigen::Vector2d p = predicted[k] - middle / n;
+        along += p.dot(found[k] - shift / n);
+        square += p.squaredNorm();
+      }
+      largest = std::max(largest, std::abs(along / square - 1));
+    }
+    return largest;
+  }
+
+  // Photos whose zoom changed only a little still fit each other, badly: one lens for all leaves residuals that lenses
+  // of their own do not. Those alike then share one.
+  void TellZooms() {
+    RigState& s = out_.state;
+    if (Fisheye() || out_.pairs.empty() || LargestScale() < kScaleAlike) return;
+    const RigState shared = s;
+    const double one = SolveCentral({5}, out_.pairs);
+    std::vector<int> order;
+    for (int i = 0; i < Count(); ++i) {
+      RigPhoto& p = s.photos[static_cast<size_t>(i)];
+      if (!p.placed) continue;
+      const double focal = LensOf(i).focal_px;
+      s.lenses.push_back(LensOf(i));
+      s.lens_priors.push_back({focal, kZoomSigma});
+      p.lens = static_cast<int>(s.lenses.size()) - 1;
+      order.push_back(i);
+    }
+    const double own = SolveCentral({20, 5}, out_.pairs);
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return LensOf(a).focal_px < LensOf(b).focal_px; });
+    std::vector<std::vector<int>> zooms;
+    double last = 0;
+    for (int i : order) {
+      if (zooms.empty() || LensOf(i).focal_px > (1 + kSameZoom) * last) zooms.emplace_back();
+      zooms.back().push_back(i);
+      last = LensOf(i).focal_px;
+    }
+    if (own > kZoomGain * one || zooms.size() < 2 || zooms.size() > kMostZooms) {
+      s = shared;
+      return;
+    }
+    // That of most comes first; what EXIF says is true of it.
+    std::iter_swap(zooms.begin(), std::max_element(zooms.begin(), zooms.end(),
+                                                   [](const auto& a, const auto& b) { return a.size() < b.size(); }));
+    std::vector<Lens> lenses;
+    std::vector<LensPrior> priors;
+    for (const std::vector<int>& zoom : zooms) {
+      const int first = zoom.front();
+      lenses.push_back(LensOf(first));
+      priors.push_back(shared.lens_priors[static_cast<size_t>(shared.photos[static_cast<size_t>(first)].lens)]);
+      if (lenses.size() > 1) priors.back().focal_px = 0;
+    }
+    for (RigPhoto& p : s.photos) p.lens = 0;  // of those that are not placed nobody knows
+    for (size_t z = 0; z < zooms.size(); ++z) {
+      for (int i : zooms[z]) s.photos[static_cast<size_t>(i)].lens = static_cast<int>(z);
+    }
+    s.lenses = std::move(lenses);
+    s.lens_priors = std::move(priors);
+    if (SolveCentral({5}, out_.pairs) > kZoomGain * one) {
+      s = shared;
+      return;
+    }
+    for (int i = 0; i < Count(); ++i) {
+      if (s.photos[static_cast<size_t>(i)].lens == 0) continue;
+      out_.warnings.push_back(
+          fmt::format("{} was taken at another zoom: focal length {:.0f} px, that of most is {:.0f} px", Name(i),
+                      LensOf(i).focal_px, s.lenses[0].focal_px));
     }
   }
 
@@ -575,20 +673,22 @@ class Stitcher {
     return b;
   }
 
-  // One centre for all, from rough to fine.
-  void SolveCentral(const std::vector<double>& knees, const std::vector<PhotoPair>& pairs) {
+  // One centre for all, from rough to fine. The cost of the last.
+  double SolveCentral(const std::vector<double>& knees, const std::vector<PhotoPair>& pairs) {
     RigState& s = out_.state;
     s.points = BuildRigPoints(out_.views, s, pairs);
     RigBundleOptions b = BundleOptionsOfSet();
     b.max_iterations = 20;
     const std::vector<LensPrior> priors = HoldRing();
+    double cost = 0;
     for (double knee : knees) {
       b.huber_px = knee;
       b.distortion = o_.distortion && ring_closed_;
-      SolveRig(out_.views, b, false, threads_, cancel_, &s);
+      cost = SolveRig(out_.views, b, false, threads_, cancel_, &s).cost;
       s.points = BuildRigPoints(out_.views, s, pairs);
     }
     s.lens_priors = priors;
+    return cost;
   }
 
   // One pair closes a ring, many would be served as well by another focal length and a gap: what the closure said is

@@ -110,6 +110,24 @@ TEST(Stitch, PortraitAndLandscapeAndAnotherZoomTogether) {
   EXPECT_NEAR(zoomed / (1.5 * kFocal), 1, 0.01);
 }
 
+// A zoom that moved a little: its photos still fit the others, badly.
+TEST(Stitch, ASmallChangeOfZoomIsNamed) {
+  MemorySet set = Ring(0, 150, 30);
+  for (int i = 1; i <= 4; ++i) {
+    set.AddView("zoomed" + std::to_string(i) + ".jpg", Sphere(), CamFromWorld(140 + 25 * i, 0, 0), kWidth, kHeight,
+                1.08 * kFocal);
+  }
+  const StitchedRig rig = StitchSet(set, Small());
+  EXPECT_EQ(rig.placed, static_cast<int>(rig.photos.size()));
+  ASSERT_EQ(rig.state.lenses.size(), 2U);
+  EXPECT_NEAR(rig.state.lenses[1].focal_px / rig.state.lenses[0].focal_px, 1.08, 0.01);
+  for (size_t i = 0; i < rig.photos.size(); ++i) {
+    EXPECT_EQ(rig.state.photos[i].lens, rig.photos[i].name.starts_with("zoomed") ? 1 : 0) << rig.photos[i].name;
+  }
+  EXPECT_THAT(rig.warnings, testing::Contains(testing::HasSubstr("zoomed1.jpg was taken at another zoom")));
+  EXPECT_LT(LargestTurnError(rig, set), 2);  // an open sweep leaves the focal length open by a percent
+}
+
 // A lens of 196 deg whose picture is a circle, a little off the middle, on a black frame.
 constexpr int kFisheyeSide = 700;
 const PairView kRound{kFisheyeSide, kFisheyeSide, nullptr, ImageCircle{{352, 347}, 330}};
