@@ -42,6 +42,7 @@ struct ParallaxPrior {
   bool operator()(const T* point, const T* log_radius, T* residual) const {
     using std::exp;
     residual[0] = point[2] * exp(log_radius[0]) * inverse_sigma;
+    residual[1] = T(0);  // as many rows as an observation has: Ceres eliminates points by blocks of one size faster
     return true;
   }
 };
@@ -169,7 +170,7 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       problem.SetManifold(b.points[j].data(), new ceres::SubsetManifold(3, held_distance));
     } else {
       problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<ParallaxPrior, 1, 3, 1>(new ParallaxPrior{inverse_parallax}), nullptr,
+          new ceres::AutoDiffCostFunction<ParallaxPrior, 2, 3, 1>(new ParallaxPrior{inverse_parallax}), nullptr,
           b.points[j].data(), &b.log_radius);
     }
   }
