@@ -19,30 +19,11 @@ namespace {
   return sum;
 }
 
-// Of one row with each of `count` rows that follow each other, and with each of those at `rows`.
-TRIGPOINT_WIDE
-void DotsInOrder(const int16_t* a, const int16_t* b, int count, int* out) {
-  for (int k = 0; k < count; ++k) out[k] = Dot(a, b + static_cast<std::ptrdiff_t>(k) * DescriptorBlock::kDim);
-}
+// Of one row with each of those at `rows`.
 TRIGPOINT_WIDE
 void DotsAt(const int16_t* a, const int16_t* b, const int* rows, int count, int* out) {
   for (int k = 0; k < count; ++k) out[k] = Dot(a, b + static_cast<std::ptrdiff_t>(rows[k]) * DescriptorBlock::kDim);
 }
-
-struct BestTwo {
-  int best = std::numeric_limits<int>::max();
-  int second = std::numeric_limits<int>::max();
-  int index = -1;
-  void Offer(int d, int i) {
-    if (d < best) {
-      second = best;
-      best = d;
-      index = i;
-    } else if (d < second) {
-      second = d;
-    }
-  }
-};
 
 int MaxSquared(double max_distance) { return static_cast<int>(max_distance * max_distance * 255.0 * 255.0); }
 
@@ -72,29 +53,15 @@ void DescriptorBlock::Append(const DescriptorBlock& other, int j) {
 }
 
 Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance) {
-  std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
-  // Tiles of rows of a that stay in the cache while b streams by.
-  constexpr int kTile = 16;
-  for (int begin = 0; begin < a.size(); begin += kTile) {
-    const int count = std::min(kTile, a.size() - begin);
-    for (int j = 0; j < b.size(); ++j) {
-      int dot[kTile];
-      DotsInOrder(b.row(j), a.row(begin), count, dot);
-      BestTwo& back = of_b[static_cast<size_t>(j)];
-      for (int i = 0; i < count; ++i) {
-        const int d = a.SquaredNorm(begin + i) + b.SquaredNorm(j) - 2 * dot[i];
-        of_a[static_cast<size_t>(begin + i)].Offer(d, j);
-        back.Offer(d, begin + i);
-      }
-    }
-  }
+  std::vector<NearestTwo> of_a, of_b;
+  FindNearestBothWays(a.Rows(), b.Rows(), &of_a, &of_b);
   Matches matches;
   const double r2 = ratio * ratio;
   const int most = MaxSquared(max_distance);
   for (int i = 0; i < a.size(); ++i) {
-    const BestTwo& m = of_a[static_cast<size_t>(i)];
+    const NearestTwo& m = of_a[static_cast<size_t>(i)];
     if (m.index < 0 || m.best > most || m.best > r2 * m.second) continue;
-    const BestTwo& back = of_b[static_cast<size_t>(m.index)];
+    const NearestTwo& back = of_b[static_cast<size_t>(m.index)];
     if (back.index != i || back.best > r2 * back.second) continue;
     matches.emplace_back(i, m.index);
   }
@@ -147,7 +114,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
                     const FeatureSet& features_b, const DescriptorBlock& b, const std::vector<Eigen::Vector3d>& rays_b,
                     const FeatureGrid& grid_b, const Camera& camera_b, const Rigid3d& b_from_a,
                     const GuidedOptions& options) {
-  std::vector<BestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
+  std::vector<NearestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
   std::vector<int> visited(grid_b.cells(), -1), near, distances;
   const Eigen::Matrix3d rotation = b_from_a.rotation.toRotationMatrix();
   const Eigen::Vector3d t = b_from_a.translation;
@@ -202,7 +169,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
   const double r2 = options.ratio * options.ratio;
   const int most = MaxSquared(options.max_distance);
   for (int i = 0; i < a.size(); ++i) {
-    const BestTwo& m = of_a[static_cast<size_t>(i)];
+    const NearestTwo& m = of_a[static_cast<size_t>(i)];
     if (m.index < 0 || m.best > most || m.best > r2 * m.second) continue;
     if (of_b[static_cast<size_t>(m.index)].index == i) matches.emplace_back(i, m.index);
   }

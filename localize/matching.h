@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/base/nearest_rows.h"
 #include "calib/camera/camera.h"
 #include "calib/geometry/rigid3.h"
 #include "datasets/colmap/database.h"
@@ -15,12 +16,13 @@ namespace trigpoint {
 // RootSIFT descriptors laid out for fast exact comparison.
 class DescriptorBlock {
  public:
-  static constexpr int kDim = 128;
+  static constexpr int kDim = kDescriptorDim;
   DescriptorBlock() = default;
   // From 8-bit SIFT rows (n x 128).
   explicit DescriptorBlock(const cv::Mat& sift);
   int size() const { return static_cast<int>(norms_.size()); }
   const int16_t* row(int i) const { return values_.data() + static_cast<size_t>(i) * kDim; }
+  DescriptorRows Rows() const { return {values_.data(), norms_.data(), size()}; }
   int SquaredNorm(int i) const { return norms_[static_cast<size_t>(i)]; }
   // Squared distances between row i and some rows of another block; unit descriptors have length 255.
   void SquaredDistances(int i, const DescriptorBlock& other, const std::vector<int>& rows, std::vector<int>* out) const;

@@ -27,21 +27,19 @@ int SquaredDistance(const PhotoFeatures& a, int i, const PhotoFeatures& b, int j
   return a.squared_norms[static_cast<size_t>(i)] + b.squared_norms[static_cast<size_t>(j)] - 2 * product;
 }
 
-struct Best {
-  int distance = std::numeric_limits<int>::max();
-  int second = std::numeric_limits<int>::max();
-  int index = -1;
-  void Offer(int d, int i) {
-    if (d < distance) {
-      second = distance, distance = d, index = i;
-    } else if (d < second) {
-      second = d;
-    }
+bool IsDistinct(const NearestTwo& found, double ratio) {
+  return found.index >= 0 && found.best < kFarthest && found.best < ratio * ratio * static_cast<double>(found.second);
+}
+
+// Those that found each other.
+PhotoMatches Mutual(const std::vector<NearestTwo>& of_a, const std::vector<NearestTwo>& of_b, double ratio) {
+  PhotoMatches matches;
+  for (size_t i = 0; i < of_a.size(); ++i) {
+    if (!IsDistinct(of_a[i], ratio) || of_b[static_cast<size_t>(of_a[i].index)].index != static_cast<int>(i)) continue;
+    matches.emplace_back(static_cast<int>(i), of_a[i].index);
   }
-  bool Distinct(double ratio) const {
-    return index >= 0 && distance < kFarthest && distance < ratio * ratio * static_cast<double>(second);
-  }
-};
+  return matches;
+}
 
 }  // namespace
 
@@ -90,21 +88,12 @@ PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side,
 }
 
 PhotoMatches MatchStrongest(const PhotoFeatures& a, const PhotoFeatures& b, int most, double ratio) {
-  const int n = std::min(a.size(), most), m = std::min(b.size(), most);
-  std::vector<Best> of_a(static_cast<size_t>(n)), of_b(static_cast<size_t>(m));
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < m; ++j) {
-      const int d = SquaredDistance(a, i, b, j);
-      of_a[static_cast<size_t>(i)].Offer(d, j);
-      of_b[static_cast<size_t>(j)].Offer(d, i);
-    }
-  }
-  PhotoMatches matches;
-  for (int i = 0; i < n; ++i) {
-    const Best& best = of_a[static_cast<size_t>(i)];
-    if (best.Distinct(ratio) && of_b[static_cast<size_t>(best.index)].index == i) matches.emplace_back(i, best.index);
-  }
-  return matches;
+  const auto rows = [&](const PhotoFeatures& f) {
+    return DescriptorRows{f.descriptors.data(), f.squared_norms.data(), std::min(f.size(), most)};
+  };
+  std::vector<NearestTwo> of_a, of_b;
+  FindNearestBothWays(rows(a), rows(b), &of_a, &of_b);
+  return Mutual(of_a, of_b, ratio);
 }
 
 PhotoMatches MatchPredicted(const PhotoFeatures& a, const PhotoFeatures& b,
@@ -117,7 +106,7 @@ PhotoMatches MatchPredicted(const PhotoFeatures& a, const PhotoFeatures& b,
     const Eigen::Vector2f& p = b.points[static_cast<size_t>(j)];
     cells[{cell(p.x()), cell(p.y())}].push_back(j);
   }
-  std::vector<Best> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
+  std::vector<NearestTwo> of_a(static_cast<size_t>(a.size())), of_b(static_cast<size_t>(b.size()));
   for (int i = 0; i < a.size(); ++i) {
     Eigen::Vector2d at;
     if (!predict(a.points[static_cast<size_t>(i)], &at)) continue;
@@ -137,12 +126,7 @@ PhotoMatches MatchPredicted(const PhotoFeatures& a, const PhotoFeatures& b,
       }
     }
   }
-  PhotoMatches matches;
-  for (int i = 0; i < a.size(); ++i) {
-    const Best& best = of_a[static_cast<size_t>(i)];
-    if (best.Distinct(ratio) && of_b[static_cast<size_t>(best.index)].index == i) matches.emplace_back(i, best.index);
-  }
-  return matches;
+  return Mutual(of_a, of_b, ratio);
 }
 
 double ShareOfEqualFeatures(const PhotoFeatures& a, const PhotoFeatures& b) {

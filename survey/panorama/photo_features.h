@@ -9,13 +9,14 @@
 #include <utility>
 #include <vector>
 
+#include "calib/base/nearest_rows.h"
 #include "survey/panorama/image_circle.h"
 
 namespace trigpoint {
 
 // RootSIFT (Arandjelovic & Zisserman 2012) features of one photo, strongest first.
 struct PhotoFeatures {
-  static constexpr int kDim = 128;
+  static constexpr int kDim = kDescriptorDim;
   std::vector<Eigen::Vector2f> points;  // px of the full picture
   std::vector<float> scales;            // px of the full picture
   std::vector<int16_t> descriptors;     // size() rows of kDim; each of length about 255

@@ -1,7 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <random>
+#include <tuple>
+#include <vector>
 
+#include "calib/base/nearest_rows.h"
 #include "calib/base/option.h"
 #include "calib/base/parallel.h"
 
@@ -79,6 +84,55 @@ TEST(Errors, HaveTheExitCodesOfTheCommandLine) {
   EXPECT_EQ(OptionError("x").ExitCode(), 2);
   EXPECT_EQ(Cancelled().ExitCode(), 130);
   EXPECT_STREQ(InputError("a\nb\x1b[1m \xc3\xa4").what(), "a b [1m \xc3\xa4") << "one line, umlauts kept";
+}
+
+// Rows of small numbers, many of them alike, as descriptors never are: equals must not change places either.
+TEST(FindNearestBothWays, IsExhaustiveSearch) {
+  std::mt19937 random(1);
+  const auto rows = [&](int n, int most) {
+    std::vector<int16_t> values;
+    for (int i = 0; i < n * kDescriptorDim; ++i) values.push_back(static_cast<int16_t>(random() % (most + 1)));
+    for (int i = 2; i < n; i += 3) {
+      std::copy_n(values.begin() + (i - 2) * kDescriptorDim, kDescriptorDim, values.begin() + i * kDescriptorDim);
+    }
+    return values;
+  };
+  const auto norms = [](const std::vector<int16_t>& values) {
+    std::vector<int> out(values.size() / kDescriptorDim, 0);
+    for (size_t i = 0; i < values.size(); ++i) out[i / kDescriptorDim] += values[i] * values[i];
+    return out;
+  };
+  for (const auto& [n, m, most] : std::vector<std::tuple<int, int, int>>{{0, 0, 1},
+                                                                         {0, 3, 1},
+                                                                         {5, 0, 1},
+                                                                         {1, 1, 255},
+                                                                         {3, 17, 1},
+                                                                         {17, 3, 2},
+                                                                         {16, 4, 255},
+                                                                         {100, 63, 1},
+                                                                         {65, 130, 255}}) {
+    const std::vector<int16_t> a = rows(n, most), b = rows(m, most);
+    const std::vector<int> norms_a = norms(a), norms_b = norms(b);
+    std::vector<NearestTwo> of_a, of_b, expected_a(n), expected_b(m);
+    FindNearestBothWays({a.data(), norms_a.data(), n}, {b.data(), norms_b.data(), m}, &of_a, &of_b);
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < m; ++j) {
+        int d = 0;
+        for (int c = 0; c < kDescriptorDim; ++c) {
+          const int off =
+              a[static_cast<size_t>(i * kDescriptorDim + c)] - b[static_cast<size_t>(j * kDescriptorDim + c)];
+          d += off * off;
+        }
+        expected_a[static_cast<size_t>(i)].Offer(d, j);
+        expected_b[static_cast<size_t>(j)].Offer(d, i);
+      }
+    }
+    const auto same = [](const NearestTwo& x, const NearestTwo& y) {
+      return x.best == y.best && x.second == y.second && x.index == y.index;
+    };
+    EXPECT_TRUE(std::equal(of_a.begin(), of_a.end(), expected_a.begin(), expected_a.end(), same)) << n << " " << m;
+    EXPECT_TRUE(std::equal(of_b.begin(), of_b.end(), expected_b.begin(), expected_b.end(), same)) << n << " " << m;
+  }
 }
 
 }  // namespace
