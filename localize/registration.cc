@@ -404,6 +404,7 @@ class Registrar {
         },
         [&](const Rigid3d& pose, int i) {
           const size_t k = static_cast<size_t>(i);
+          if (central) return ((pose * points[k] - centre).normalized() - rig_rays[k]).norm();  // half the turns
           return AngularError(view_from_rig[static_cast<size_t>(view_of[k])], pose, rays[k], points[k]);
         });
   }
