@@ -270,6 +270,7 @@ StageInfo CalibrateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const CalibrateStageOptions options = OptionsFor(project, target);
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     if (!options.hand_eye.empty()) {
       request.inputs = HandEyeInputs(project, options.hand_eye);
