@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
@@ -112,7 +113,20 @@ void LeaveOutOtherFamilies(const Run& run, const std::string& family, StageConte
   context.progress.Log(LogLevel::kWarning, found + "; they are left out");
 }
 
+DetectOptions OptionsFor(const Project& project, const StageTarget& target) {
+  DetectOptions options = ResolveOptions<DetectOptions>(project, "detect", target);
+  // tags.yaml says which family is out there, unless an option does.
+  bool named = false;
+  for (const OptionLayer& layer : OptionLayers(project, "detect", target)) named |= layer.values.contains("family");
+  if (!named) options.detector.family = project.site().tags.family;
+  return options;
+}
+
 }  // namespace
+
+DetectTagsOptions DetectorOptions(const Project& project, const StageTarget& target) {
+  return OptionsFor(project, target).detector;
+}
 
 StageInfo DetectStage() {
   StageInfo info;
@@ -121,11 +135,7 @@ StageInfo DetectStage() {
   info.metric = "detections";
   UseOptions<DetectOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    DetectOptions options = ResolveOptions<DetectOptions>(project, "detect", target);
-    // tags.yaml says which family is out there, unless an option does.
-    bool named = false;
-    for (const OptionLayer& layer : OptionLayers(project, "detect", target)) named |= layer.values.contains("family");
-    if (!named) options.detector.family = project.site().tags.family;
+    const DetectOptions options = OptionsFor(project, target);
     StageRequest request;
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));

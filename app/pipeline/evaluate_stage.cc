@@ -134,7 +134,9 @@ std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result
   if (source == "gps") return {"gps:" + run.name};
   std::vector<std::string> evidence;
   for (const PanoramaResult& panorama : result.panoramas) {
-    if (source == "geotags" && panorama.status == "localized") evidence.push_back("geotag:" + panorama.panorama);
+    if (panorama.status != "localized") continue;
+    if (source == "geotags") evidence.push_back("geotag:" + panorama.panorama);
+    evidence.push_back("photos:" + panorama.panorama);  // shared with maps that are made of them
   }
   return evidence;
 }

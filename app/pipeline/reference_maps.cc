@@ -125,6 +125,11 @@ ReferenceMap ReadReferenceMap(const Project& project, const fs::path& folder, co
   }
   if (fs::exists(folder / "manifest.json")) map.runs = RunsOf(ReadJson(folder / "manifest.json"));
   map.evidence = DatumEvidence(project, map, CommentValue(comments, "datum"));
+  if (fs::exists(folder / "summary.json")) {
+    for (const json& set : ReadJson(folder / "summary.json").value("photo_sets", json::array())) {
+      map.evidence.push_back("photos:" + set.get<std::string>());
+    }
+  }
   return map;
 }
 

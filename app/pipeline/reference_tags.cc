@@ -46,11 +46,10 @@ std::vector<cv::Mat> LoadPictures(const Project& project, const Reference& refer
 
 }  // namespace
 
-ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const StageContext& context) {
+ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const DetectTagsOptions& options,
+                                const StageContext& context) {
   ReferenceTags out;
   const std::vector<cv::Mat> pictures = LoadPictures(project, reference, &out);
-  DetectTagsOptions options;
-  options.family = project.site().tags.family;
   ProgressSink silent;
   out.tags = DetectTags(
                  static_cast<int64_t>(pictures.size()), [&](int64_t i) { return pictures[static_cast<size_t>(i)]; },

@@ -18,6 +18,10 @@ struct ReferenceTags {
 };
 
 // Throws InputError for a picture that cannot be read.
-ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const StageContext& context);
+ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const DetectTagsOptions& options,
+                                const StageContext& context);
+
+// What `detect` looks for and how, for its runs and for these.
+DetectTagsOptions DetectorOptions(const Project& project, const StageTarget& target);
 
 }  // namespace trigpoint

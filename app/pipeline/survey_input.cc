@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "app/pipeline/reviewed.h"
@@ -114,9 +115,9 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
       }
     }
     if (found != 1) {
-      warnings->push_back(fmt::format(
-          "point {}: image '{}' is {}", point, mark.image,
-          found == 0 ? "in no survey run; its mark is left out" : "in the survey more than once; the first is taken"));
+      warnings->push_back(fmt::format("point {}: image '{}' is {}", point, mark.image,
+                                      found == 0 ? "no picture of the survey; its mark is left out"
+                                                 : "in the survey more than once; the first is taken"));
     }
   }
   return marks;
@@ -246,11 +247,9 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
 }
 
 // The photos of a stitched set: the rig takes odometry's place, one photo to the next.
-void AddPhotoSet(const Project& project, const Reference& reference, const StageContext& context, SurveyJob* job) {
-  ReferenceTags its = FindReferenceTags(project, reference, context);
-  const bool any =
-      std::any_of(its.tags.begin(), its.tags.end(), [](const ImageTags& t) { return !t.detections.empty(); });
-  if (!any) return;  // or not stitched yet
+void AddPhotoSet(const Project& project, const Reference& reference, const DetectTagsOptions& options,
+                 const StageContext& context, SurveyJob* job) {
+  ReferenceTags its = FindReferenceTags(project, reference, options, context);
   SurveyRun set;
   set.name = "photo set " + reference.name;
   set.stills = true;
@@ -278,16 +277,34 @@ void AddPhotoSet(const Project& project, const Reference& reference, const Stage
     set.odometry.poses.push_back({photo.stamp_ns, view.rig_from_view});
     set.images.push_back(std::move(photo));
   }
+  LeaveOutExcluded(project.review(), set.name, set.images);
+  std::set<int> unknown;
+  bool any = false;
+  for (ImageDetections& photo : set.images) {
+    std::erase_if(photo.detections, [&](const TagDetection& d) {
+      const bool sized = job->input.sizes.SizeOf(d.id) > 0;
+      if (!sized) unknown.insert(d.id);
+      return !sized;
+    });
+    any |= !photo.detections.empty();
+  }
+  for (int id : unknown) {
+    job->warnings.push_back(fmt::format("{}: tag {} has no size in tags.yaml and takes no part", set.name, id));
+  }
+  if (!any) return;  // none to be seen, or not stitched yet
   job->input.runs.push_back(std::move(set));
   job->sets[reference.name] = std::move(its);
 }
 
-void AddPhotoSets(const Project& project, StageContext& context, SurveyJob* job) {
+void AddPhotoSets(const Project& project, const DetectTagsOptions& options, StageContext& context, SurveyJob* job) {
   for (const Reference& reference : project.site().references) {
-    if (reference.kind != ReferenceKind::kPhotoSet || project.review().ExcludesStation(reference.station)) continue;
+    if (reference.kind != ReferenceKind::kPhotoSet || project.review().ExcludesStation(reference.station) ||
+        project.review().ExcludesPanorama(reference.name)) {
+      continue;
+    }
     context.cancel.ThrowIfCancelled();
     try {
-      AddPhotoSet(project, reference, context, job);
+      AddPhotoSet(project, reference, options, context, job);
     } catch (const InputError& e) {
       job->warnings.push_back("photo set " + reference.name + " takes no part: " + e.what());
     }
@@ -446,7 +463,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
   SurveyJob job;
   job.input.sizes = project.site().tags;
   for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, context, &job);
-  if (options.photo_sets) AddPhotoSets(project, context, &job);
+  if (options.photo_sets) AddPhotoSets(project, DetectorOptions(project, target), context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);
   SetDatum(project, options, &job);

@@ -199,8 +199,7 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                          out.With(d.stated.distance_m), out.With(d.map_m), out.With(d.sigma_m)));
   }
   for (const PlaneAgreement& p : result.plane) {
-    out.Line(fmt::format("Plane: tag {} ({}) lies {} above it{}", p.tag_id, p.excluded ? "taken out" : "used",
-                         out.With(p.height_m),
+    out.Line(fmt::format("Plane: tag {} lies {} above it{}", p.tag_id, out.With(p.height_m),
                          p.sigma_m > 0 ? fmt::format(", sigma of that {} (1 sigma)", out.With(p.sigma_m))
                                        : ": nothing but the plane holds its height"));
   }
@@ -218,13 +217,16 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
   for (const RunAgreement& r : result.runs) {
     std::string line = fmt::format("{}{}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms",
                                    r.stills ? "Stills, " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
-    if (r.stills) {
+    if (r.stills && r.scale_sigma > 0) {
       line += fmt::format("; rig: size {:.3f} +- {:.3f} of what stitching said (1 sigma)", r.scale, r.scale_sigma);
-    } else if (r.scale_sigma > 0) {
+    } else if (!r.stills && r.scale_sigma > 0) {
       line += fmt::format("; odometry: scale {:.4f} +- {:.4f}, heading drift {:.3f} +- {:.3f} deg/m (1 sigma)", r.scale,
                           r.scale_sigma, r.heading_drift_deg_m, r.heading_drift_sigma_deg_m);
     }
-    if (!r.jumps_ns.empty()) {
+    if (r.stills && !r.jumps_ns.empty()) {
+      line += fmt::format("; {} photo(s) stand otherwise than the rig says: these steps are hardly believed",
+                          r.jumps_ns.size());
+    } else if (!r.jumps_ns.empty()) {
       constexpr size_t kMostNamed = 5;
       std::string when;
       for (size_t i = 0; i < std::min(kMostNamed, r.jumps_ns.size()); ++i)
@@ -322,7 +324,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                          {"sigma_m", d.sigma_m}});
   }
   for (const PlaneAgreement& p : result.plane) {
-    plane.push_back({{"tag_id", p.tag_id}, {"height_m", p.height_m}, {"sigma_m", p.sigma_m}, {"excluded", p.excluded}});
+    plane.push_back({{"tag_id", p.tag_id}, {"height_m", p.height_m}, {"sigma_m", p.sigma_m}});
   }
   for (const DatumShift& s : result.shifts) {
     shifts.push_back({{"of", s.of},
@@ -341,6 +343,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                   {"plane", plane},
                   {"datum_shifts", shifts},
                   {"runs", runs},
+                  {"photo_sets", findings.photo_sets},
                   {"iterations", result.iterations},
                   {"warnings", result.warnings}};
   if (result.fit) {

@@ -15,6 +15,7 @@ namespace trigpoint {
 struct SurveyFindings {
   std::string frame = "enu";  // of the map: enu; local: a surveyor's own, without a place on the Earth; map: its own
   std::string check_note;
+  std::vector<std::string> photo_sets;  // that took part
   bool nssda = false;
   std::optional<Repeatability> repeatability;    // maps of all runs but one, against the map of all
   std::optional<Repeatability> reproducibility;  // maps of single days, against each other

@@ -159,11 +159,13 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   findings.frame = !result.in_world ? "map" : context.project.has_frame() && !job.local_frame ? "enu" : "local";
   const std::string& frame = findings.frame;
   findings.check_note = job.check_note;
+  for (const auto& [name, tags] : job.sets) findings.photo_sets.push_back(name);
   findings.nssda = options.nssda;
   Repeat(job, options, result, context, &findings);
   CompareEpochs(options, result, context, &findings);
   if (options.stations && result.in_world) {
-    findings.stations = MeasureStations(context.project, result.tags, job.sets, context);
+    findings.stations =
+        MeasureStations(context.project, result.tags, job.sets, DetectorOptions(context.project, target), context);
     for (const StationOffset& o : findings.stations) {
       if (!o.offset_m || !o.Contradicts()) continue;
       context.progress.Log(
@@ -202,7 +204,7 @@ StageInfo SurveyStage() {
   info.help = "make one tag map from all runs whose role is survey";
   info.per_run = false;
   info.variants = true;
-  info.reviewed = {"image", "detection", "tag", "station", "control"};
+  info.reviewed = {"image", "detection", "tag", "station", "panorama", "control"};
   info.needs = {"features", "detect"};
   info.metric = "tags";
   info.flags = {"datum", "against"};
@@ -213,6 +215,7 @@ StageInfo SurveyStage() {
     request.version = 4;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
+    request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);
     if (project.has_frame()) {
       const Geodetic& origin = project.frame().origin();

@@ -5,7 +5,8 @@
 namespace trigpoint {
 
 std::vector<StationOffset> MeasureStations(const Project& project, const std::vector<TagEstimate>& map,
-                                           const std::map<std::string, ReferenceTags>& found, StageContext& context) {
+                                           const std::map<std::string, ReferenceTags>& found,
+                                           const DetectTagsOptions& options, StageContext& context) {
   std::vector<std::pair<const Reference*, const Station*>> jobs;
   for (const Reference& reference : project.site().references) {
     const std::vector<Station>& stations = project.site().stations;
@@ -21,7 +22,7 @@ std::vector<StationOffset> MeasureStations(const Project& project, const std::ve
     try {
       const auto already = found.find(reference->name);
       const ReferenceTags its =
-          already != found.end() ? already->second : FindReferenceTags(project, *reference, context);
+          already != found.end() ? already->second : FindReferenceTags(project, *reference, options, context);
       std::vector<PanoramaTag> seen;
       for (size_t i = 0; i < its.tags.size(); ++i) {
         const View& view = its.rig.views[i];

@@ -14,6 +14,7 @@ namespace trigpoint {
 // are tags of references, by name, that were looked for already. A file that cannot be read is named in the log and
 // left out.
 std::vector<StationOffset> MeasureStations(const Project& project, const std::vector<TagEstimate>& map,
-                                           const std::map<std::string, ReferenceTags>& found, StageContext& context);
+                                           const std::map<std::string, ReferenceTags>& found,
+                                           const DetectTagsOptions& options, StageContext& context);
 
 }  // namespace trigpoint

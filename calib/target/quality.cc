@@ -186,7 +186,8 @@ void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, 
       "measure the board: square sizes in both directions, tag size and gap; rows and columns "
       "exchanged?";
   try {
-    const Calibration freed = Recalibrate(input, options, calibration, calibration.frame_used, free, cancel);
+    Calibration freed = Recalibrate(input, options, calibration, calibration.frame_used, free, cancel);
+    freed.board.sigma *= calibration.sigma_factor;
     quality->proportions = freed.board;
     constexpr double kSure = 5;  // sigmas
     const auto test = [&](int i, double percent, const std::string& what) {

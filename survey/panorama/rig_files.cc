@@ -9,7 +9,6 @@
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
-#include "survey/panorama/distance_field.h"
 
 namespace trigpoint {
 namespace {
@@ -172,7 +171,6 @@ void WritePairs(const StitchedRig& rig, const std::filesystem::path& dir) {
 }
 
 void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
-  const DistanceField field(rig.state);
   CsvWriter csv(
       {"photo_a", "photo_b", "u_a", "v_a", "u_b", "v_b", "rig_u_b", "rig_v_b", "turn_u_b", "turn_v_b"},
       {"trigpoint held_out 1; px; rig: predicted from (u_a, v_a) with the photos' own centres and the distance "
@@ -183,17 +181,18 @@ void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir) {
     const auto lens = [&](int i) -> const Lens& { return rig.state.lenses[static_cast<size_t>(photo(i).lens)]; };
     const Eigen::Vector3d ray =
         photo(m.a).cam_from_rig.conjugate() * RayOfPixel(rig.views[static_cast<size_t>(m.a)], lens(m.a), m.pixel_a);
-    // Inverse distance from the points that the first photo has nearby, the nearest most.
-    double sum = 0, weights = 0;
+    // Inverse distance from the points that the first photo has nearby, the nearest most; where there are none, from
+    // those that are nearest.
+    double sum = 0, weights = 0, far_sum = 0, far_weights = 0;
     for (const RigPoint& p : rig.state.points) {
       Eigen::Vector2d at;
       if (!(p.sigma > 0) || !ProjectRigPoint(rig.views, rig.state, p, m.a, &at)) continue;
       const double angle2 = (at - m.pixel_a).squaredNorm() / (lens(m.a).focal_px * lens(m.a).focal_px);
-      const double w = 1 / ((angle2 + 1e-6) * (angle2 + 1e-6) * (p.sigma * p.sigma + 1e-4));
-      sum += w * p.inverse_distance, weights += w;
+      const double w = 1 / ((angle2 + 1e-6) * (p.sigma * p.sigma + 1e-4));
+      if (angle2 < 0.03 * 0.03 && p.sigma < 0.5) sum += w * p.inverse_distance, weights += w;
+      far_sum += w / (angle2 + 1e-6) * p.inverse_distance, far_weights += w / (angle2 + 1e-6);
     }
-    const double azimuth = std::atan2(ray.x(), ray.z()), elevation = std::asin(std::clamp(-ray.y(), -1.0, 1.0));
-    const double inverse = weights > 0 ? sum / weights : field.InverseDistance(azimuth, elevation);
+    const double inverse = weights > 0 ? sum / weights : far_weights > 0 ? far_sum / far_weights : 0;
     csv.Text(rig.photos[static_cast<size_t>(m.a)].name).Text(rig.photos[static_cast<size_t>(m.b)].name);
     csv.Number(m.pixel_a.x(), 4).Number(m.pixel_a.y(), 4).Number(m.pixel_b.x(), 4).Number(m.pixel_b.y(), 4);
     // Seen from a's centre, not the rig's: the ray begins there.

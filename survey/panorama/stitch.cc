@@ -23,12 +23,12 @@ namespace {
 constexpr double kRingSlack = 14 * kDegToRad;
 // A ring's focal length while distortion is found: held, 1 sigma, share of it.
 constexpr double kRingSigma = 1e-5;
-// Parallax of a scene, radius / distance (rad): a street, which it begins with; none to speak of; a narrow room.
 constexpr double kScaleAlike = 0.02;  // photos of one zoom differ by less, with parallax
 constexpr double kZoomSigma = 0.15;   // 1 sigma of a photo's own focal length about the common one, share of it
 constexpr double kSameZoom = 0.03;    // focal lengths that differ by less are alike
 constexpr double kZoomGain = 0.5;     // part of the cost that lenses of their own may leave, to be believed
 constexpr size_t kMostZooms = 4;      // more are no zooms, but something else
+// Parallax of a scene, radius / distance (rad): a street, which it begins with; none to speak of; a narrow room.
 constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
 // Features are not believed to be better than this: what the model leaves out moves them together.
 constexpr double kLeastNoisePx = 0.3;
@@ -397,7 +397,7 @@ class Stitcher {
       p.lens = static_cast<int>(s.lenses.size()) - 1;
       order.push_back(i);
     }
-    const double own = SolveCentral({20, 5}, out_.pairs);
+    const double own = SolveCentral({20, 5}, out_.pairs, false);
     std::sort(order.begin(), order.end(), [&](int a, int b) { return LensOf(a).focal_px < LensOf(b).focal_px; });
     std::vector<std::vector<int>> zooms;
     double last = 0;
@@ -427,12 +427,13 @@ class Stitcher {
     }
     s.lenses = std::move(lenses);
     s.lens_priors = std::move(priors);
-    if (SolveCentral({5}, out_.pairs) > kZoomGain * one) {
+    if (SolveCentral({5}, out_.pairs, false) > kZoomGain * one) {
       s = shared;
       return;
     }
     for (int i = 0; i < Count(); ++i) {
-      if (s.photos[static_cast<size_t>(i)].lens == 0) continue;
+      // Those of lenses of their own are named already.
+      if (s.photos[static_cast<size_t>(i)].lens == 0 || shared.photos[static_cast<size_t>(i)].lens != 0) continue;
       out_.warnings.push_back(
           fmt::format("{} was taken at another zoom: focal length {:.0f} px, that of most is {:.0f} px", Name(i),
                       LensOf(i).focal_px, s.lenses[0].focal_px));
@@ -673,13 +674,13 @@ class Stitcher {
     return b;
   }
 
-  // One centre for all, from rough to fine. The cost of the last.
-  double SolveCentral(const std::vector<double>& knees, const std::vector<PhotoPair>& pairs) {
+  // One centre for all, from rough to fine. The cost of the last. `hold`: as HoldRing.
+  double SolveCentral(const std::vector<double>& knees, const std::vector<PhotoPair>& pairs, bool hold = true) {
     RigState& s = out_.state;
     s.points = BuildRigPoints(out_.views, s, pairs);
     RigBundleOptions b = BundleOptionsOfSet();
     b.max_iterations = 20;
-    const std::vector<LensPrior> priors = HoldRing();
+    const std::vector<LensPrior> priors = hold ? HoldRing() : s.lens_priors;
     double cost = 0;
     for (double knee : knees) {
       b.huber_px = knee;

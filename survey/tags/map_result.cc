@@ -311,7 +311,7 @@ void MapSolver::CompareDistances() {
   }
 }
 
-// Heights of the plane's tags above it. One that took part has the sigma of a residual, stated less fitted.
+// Heights of the plane's tags above it, by the sigma of such residuals: stated less fitted.
 void MapSolver::ComparePlane() {
   const double stated = input_.level_sigma_m * input_.level_sigma_m;
   for (int id : input_.level_tags) {
@@ -319,16 +319,14 @@ void MapSolver::ComparePlane() {
     if (tag == tag_unknown_.end()) continue;
     PlaneAgreement a;
     a.tag_id = id;
-    a.excluded = off_plane_.count(id) > 0;
     a.height_m = tags_.at(id).translation.z();
-    const double map = solver_.PoseCovariance(tag->second)(5, 5), left = a.excluded ? stated + map : stated - map;
+    const double left = stated - solver_.PoseCovariance(tag->second)(5, 5);
     a.sigma_m = left > kLeastRedundant * stated ? std::sqrt(left) : 0;
-    if (a.excluded || (a.sigma_m > 0 && std::abs(a.height_m) > kDistanceSigmas * a.sigma_m)) {
+    if (a.sigma_m > 0 && std::abs(a.height_m) > kDistanceSigmas * a.sigma_m) {
       result_.warnings.push_back(
-          fmt::format("tag {} lies {:.3f} m {} the plane of plane_tags, {:.1f} sigma: {}", id, std::abs(a.height_m),
-                      a.height_m > 0 ? "above" : "below", std::abs(a.height_m) / a.sigma_m,
-                      a.excluded ? "taken out; it does not belong to them"
-                                 : "it or another of them does not belong to them, and nothing tells which"));
+          fmt::format("tag {} lies {:.3f} m {} the plane of plane_tags, {:.1f} sigma: it or another of them does not "
+                      "belong to that plane; measure their heights, or leave one out",
+                      id, std::abs(a.height_m), a.height_m > 0 ? "above" : "below", std::abs(a.height_m) / a.sigma_m));
     }
     result_.plane.push_back(a);
   }

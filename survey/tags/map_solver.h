@@ -21,7 +21,7 @@ class MapSolver {
 
  private:
   // What a factor observes; `index`: sight, frame, point, distance.
-  enum class Kind { kTag, kOdometry, kPoint, kDistance, kHeight, kOther };
+  enum class Kind { kTag, kOdometry, kPoint, kDistance, kOther };
   struct Observation {
     Kind kind = Kind::kOther;
     int index = 0;
@@ -75,7 +75,6 @@ class MapSolver {
   double SizeOf(int place) const;
   bool SnoopControl();
   bool SnoopDistances();
-  bool SnoopPlane();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
   bool ResidualOf(const MapSight& s, Vector8d* residual) const;
   double SightChi2(const MapSight& s) const;
@@ -106,7 +105,6 @@ class MapSolver {
   std::set<std::string> excluded_;  // control that contradicts the rest
   std::set<int> wrong_distances_;   // the same of distances
   bool outvoted_ = false;           // pictures were just rejected that the rest of their visit contradicts
-  std::set<int> off_plane_;         // ids of level_tags that contradict the others
   bool use_shift_ = false;          // geotags have a datum of their own
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
   int shift_unknown_ = -1;

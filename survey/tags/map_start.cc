@@ -241,7 +241,10 @@ std::optional<Rigid3d> Level(const SurveyInput& input, const MapStart& start) {
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& c : centres) spread += (c - mean) * (c - mean).transpose();
   for (const MapFrame& f : start.frames) {
-    if (f.world_from_body) up += f.world_from_body->rotation * Eigen::Vector3d::UnitZ();
+    // A photo's body is its camera: its y axis points down.
+    const bool still = input.runs[static_cast<size_t>(f.run)].stills;
+    const Eigen::Vector3d its_up = still ? Eigen::Vector3d(-Eigen::Vector3d::UnitY()) : Eigen::Vector3d::UnitZ();
+    if (f.world_from_body) up += f.world_from_body->rotation * its_up;
   }
   Eigen::Vector3d normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
   if (normal.dot(up) < 0) normal = -normal;
@@ -370,7 +373,13 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
   std::vector<bool> joined(input.runs.size(), false);
   for (size_t round = 0; round < input.runs.size(); ++round) {
     int next = -1, most = -1;
+    // A run comes first, whatever a photo set shows: it is the others that join.
+    bool run_waits = false;
+    for (size_t r = 0; r < input.runs.size() && start->world_from_tag.empty(); ++r) {
+      run_waits |= !joined[r] && !input.runs[r].stills && !run_tags[r].empty();
+    }
     for (size_t r = 0; r < input.runs.size(); ++r) {
+      if (run_waits && input.runs[r].stills) continue;
       int common = 0;
       for (const auto& [id, pose] : run_tags[r]) common += start->world_from_tag.count(id) > 0 ? 1 : 0;
       const int size = start->world_from_tag.empty() ? static_cast<int>(run_tags[r].size()) : common;

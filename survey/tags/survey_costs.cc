@@ -233,6 +233,13 @@ bool DistanceCost::Evaluate(double const* const* parameters, double* residuals, 
   return true;
 }
 
+bool FactorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  if (parameters[0][0] <= 0) return false;
+  residuals[0] = std::log(parameters[0][0]) / log_sigma_;
+  if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1 / (parameters[0][0] * log_sigma_);
+  return true;
+}
+
 bool NumberCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   residuals[0] = (parameters[0][0] - mean_) / sigma_;
   if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1 / sigma_;

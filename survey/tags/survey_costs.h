@@ -177,4 +177,14 @@ class NumberCost final : public ceres::SizedCostFunction<1, 1> {
   double mean_, sigma_;
 };
 
+// ln number / sigma: known to a factor.
+class FactorCost final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit FactorCost(double log_sigma) : log_sigma_(log_sigma) {}
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  double log_sigma_;
+};
+
 }  // namespace trigpoint

@@ -126,8 +126,8 @@ SurveyResult MapSolver::Run() {
     StoreState();
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
-    // A wrong distance or height first: what bends to it would be blamed for it.
-    const bool distances = may_reject && round > 0 && (SnoopDistances() || SnoopPlane());
+    // A wrong distance first: what bends to it would be blamed for it.
+    const bool distances = may_reject && round > 0 && SnoopDistances();
     const bool tags = may_reject && round > 0 && !distances && SnoopTags();
     const bool sights = may_reject && !tags && !distances && SnoopSights(round);
     const bool odometry = may_reject && round > 0 && !tags && !distances && !outvoted_ && SnoopOdometry();
@@ -497,8 +497,14 @@ void MapSolver::AddOdometry() {
   }
   for (size_t r = 0; r < run_states_.size(); ++r) {
     if (!has_odometry[r]) continue;
-    Add(Kind::kOther, 0, new NumberCost(1, std::max(1e-6, input_.runs[r].scale_sigma)), nullptr,
-        {run_states_[r].scale_unknown});
+    const double scale_sigma = std::max(1e-6, input_.runs[r].scale_sigma);
+    ceres::CostFunction* scale = nullptr;
+    if (input_.runs[r].stills) {
+      scale = new FactorCost(scale_sigma);  // a rig's size is known to a factor
+    } else {
+      scale = new NumberCost(1, scale_sigma);
+    }
+    Add(Kind::kOther, 0, scale, nullptr, {run_states_[r].scale_unknown});
     Add(Kind::kOther, 0, new NumberCost(0, std::max(1e-9, options_.heading_drift_deg_m * kDegToRad)), nullptr,
         {run_states_[r].drift_unknown});
   }
@@ -596,8 +602,8 @@ void MapSolver::AddGauge() {
   int level = 0;
   for (int id : input_.level_tags) {
     const auto tag = tag_unknown_.find(id);
-    if (tag == tag_unknown_.end() || off_plane_.count(id) > 0) continue;
-    Add(Kind::kHeight, id, new HeightCost(0, input_.level_sigma_m), &distance_loss_, {tag->second});
+    if (tag == tag_unknown_.end()) continue;
+    Add(Kind::kOther, 0, new HeightCost(0, input_.level_sigma_m), nullptr, {tag->second});
     ++level;
   }
   if (input_.fixed) {
@@ -840,24 +846,6 @@ bool MapSolver::SnoopDistances() {
     if (most / kDistanceChi2 < SlipChi2(static_cast<int>(r)) / kSlipChi2) return false;
   }
   wrong_distances_.insert(worst);
-  return true;
-}
-
-// Takes the tag off the plane that contradicts the others, if they tell which one it is: four tags that nothing else
-// levels contradict each other all alike.
-bool MapSolver::SnoopPlane() {
-  constexpr double kClear = 1.5;  // of the next one's chi-square
-  std::vector<std::pair<double, int>> chi2;
-  for (size_t i = 0; i < observations_.size(); ++i) {
-    if (observations_[i].kind != Kind::kHeight) continue;
-    const int factor = static_cast<int>(i);
-    const double r = solver_.Residual(factor)[0], left = 1.0001 - solver_.Absorbed(factor)(0, 0);
-    chi2.emplace_back(r * r / left, observations_[i].index);
-  }
-  if (chi2.size() < 4) return false;
-  std::sort(chi2.rbegin(), chi2.rend());
-  if (chi2[0].first < kDistanceChi2 || chi2[0].first < kClear * chi2[1].first) return false;
-  off_plane_.insert(chi2[0].second);
   return true;
 }
 

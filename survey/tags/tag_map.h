@@ -168,9 +168,8 @@ struct DistanceAgreement {
 // How a tag that the datum's plane was told to hold agrees with it.
 struct PlaneAgreement {
   int tag_id = -1;
-  double height_m = 0;    // above the plane
-  double sigma_m = 0;     // of that; 0: nothing but the plane holds it, as three tags always have one
-  bool excluded = false;  // contradicts the others and was taken out
+  double height_m = 0;  // above the plane
+  double sigma_m = 0;   // of that; 0: nothing but the plane holds it, as three tags always have one
 };
 
 // Where geotags or GPS lie against the map's datum.
