@@ -163,9 +163,8 @@ void FindNearestBothWays(const DescriptorRows& a, const DescriptorRows& b, std::
       products(tile, from, dots);
       Offer(dots, norms_a, begin, count, b.squared_norms + first, first, rows, &nearest, of_b->data() + first);
     }
-    for (int r = 0; r < count; ++r) {
-      (*of_a)[static_cast<size_t>(begin + r)] = {nearest.best[r], nearest.second[r], nearest.index[r]};
-    }
+    NearestTwo* found = of_a->data() + begin;
+    for (int r = 0; r < count; ++r) found[r] = {nearest.best[r], nearest.second[r], nearest.index[r]};
   }
 }
 
