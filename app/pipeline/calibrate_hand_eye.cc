@@ -103,19 +103,19 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
     const Eigen::Vector3d weak = spread.eigenvectors().col(2);
     const double weak_m = std::sqrt(std::max(0.0, spread.eigenvalues()[2]));
     const bool hardly = spread.eigenvalues()[2] > kHardlySeen * kHardlySeen * spread.eigenvalues()[1];
-    const std::string unseen =
-        result.unseen_body.norm() == 0
-            ? !hardly ? ""
-                      : fmt::format(
-                            "The body hardly turned about more than one axis: where the camera sits along ({:.2f}, "
-                            "{:.2f}, {:.2f}) of the body is known to {:.3f} m only (1 sigma). Measure it with a tape, "
-                            "or drive over a ramp.",
-                            weak.x(), weak.y(), weak.z(), weak_m)
-            : fmt::format(
-                  "The body turned about one axis only: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
-                  "the body cannot be seen and comes from its place before, with a sigma of {:g} m. Measure it "
-                  "with a tape, or drive over a ramp.",
-                  result.unseen_body.x(), result.unseen_body.y(), result.unseen_body.z(), options.prior_m);
+    std::string unseen;
+    if (result.unseen_body.norm() > 0) {
+      unseen = fmt::format(
+          "The body turned about one axis only: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
+          "the body cannot be seen and comes from its place before, with a sigma of {:g} m. Measure it "
+          "with a tape, or drive over a ramp.",
+          result.unseen_body.x(), result.unseen_body.y(), result.unseen_body.z(), options.prior_m);
+    } else if (hardly) {
+      unseen = fmt::format(
+          "The body hardly turned about more than one axis: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
+          "the body is known to {:.3f} m only (1 sigma). Measure it with a tape, or drive over a ramp.",
+          weak.x(), weak.y(), weak.z(), weak_m);
+    }
     text += fmt::format(
         "{}: body_from_cam at ({:.4f}, {:.4f}, {:.4f}) m, sigma ({:.4f}, {:.4f}, {:.4f}) m; attitude known to ({:.3f}, "
         "{:.3f}, {:.3f}) deg (1 sigma, about the body's axes); {:.2f} deg and {:.3f} m from the place it had before. "

@@ -131,8 +131,8 @@ TagResult ToTagResult(const TagEstimate& tag) {
 // What the global fit of a result rests on, one name each.
 std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const nlohmann::json& manifest) {
   const std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
-  if (source == "gps") return {"gps:" + run.name};
   std::vector<std::string> evidence;
+  if (source == "gps") evidence.push_back("gps:" + run.name);
   for (const PanoramaResult& panorama : result.panoramas) {
     if (panorama.status != "localized") continue;
     if (source == "geotags") evidence.push_back("geotag:" + panorama.panorama);

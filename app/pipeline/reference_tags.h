@@ -1,7 +1,6 @@
 // The tags that panoramas, photos and stitched photo sets show, for the survey.
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 

@@ -759,11 +759,12 @@ bool MapSolver::SnoopSights(int round) {
   outvoted_ = false;
   // What the rest of its visit contradicts is not odometry's fault, however little it is off.
   std::vector<bool> outvoted(chi2.size(), false);
-  for (const std::vector<MapSight*>& visit : Visits()) {
+  const auto index = [&](const MapSight* s) { return static_cast<size_t>(s - start_.sights.data()); };
+  // Wrong distances are looked for first.
+  for (const std::vector<MapSight*>& visit : round > 0 ? Visits() : std::vector<std::vector<MapSight*>>()) {
+    if (visit.size() <= kLeastVisit) continue;
     std::vector<double> its;
-    const auto index = [&](const MapSight* s) { return static_cast<size_t>(s - start_.sights.data()); };
     for (const MapSight* s : visit) its.push_back(chi2[index(s)]);
-    if (round == 0 || its.size() <= kLeastVisit) continue;  // wrong distances are looked for first
     const double middle = Median(std::move(its));
     for (const MapSight* s : visit) outvoted[index(s)] = chi2[index(s)] > kOutvoted * middle;
   }
