@@ -1,7 +1,9 @@
 // Rectilinear views of equirectangular panoramas (METHOD.md section 3).
 #pragma once
 
+#include <mutex>
 #include <opencv2/core/mat.hpp>
+#include <vector>
 
 #include "calib/base/option.h"
 #include "calib/camera/rig.h"
@@ -29,7 +31,33 @@ struct ViewOptions {
 // View k looks 360 deg * k / count to the right of the centre; perfect pinholes that share one centre.
 ViewRig PanoramaViews(const std::string& name, int pano_width, const ViewOptions& options);
 
-// The picture of one view, 8-bit grey in, 8-bit grey out. The seam is interpolated across.
+// Draws the views of a rig from panoramas of one size: where a view's pixels lie is worked out once. Thread safe.
+class ViewRenderer {
+ public:
+  ViewRenderer(ViewRig rig, cv::Size panorama);
+
+  // A panorama as Render takes it: averaged down where it is much finer than the views, its seam closed.
+  cv::Mat Prepare(const cv::Mat& panorama) const;
+  // The picture of one view, 8-bit grey in, 8-bit grey out. The seam is interpolated across.
+  cv::Mat Render(const cv::Mat& prepared, size_t view) const;
+
+  // Whether these are its views and that the size of its panoramas.
+  bool Draws(const ViewRig& rig, cv::Size panorama) const;
+
+ private:
+  // Fixed-point coordinates in a prepared panorama, as cv::convertMaps makes them.
+  struct Map {
+    std::once_flag made;
+    cv::Mat whole, fraction;
+  };
+  void MakeMap(const View& view, Map* map) const;
+
+  ViewRig rig_;
+  cv::Size panorama_, reduced_;
+  mutable std::vector<Map> maps_;
+};
+
+// The picture of a single view.
 cv::Mat RenderView(const cv::Mat& panorama, const View& view);
 
 }  // namespace trigpoint

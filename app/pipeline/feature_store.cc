@@ -1,5 +1,8 @@
 #include "app/pipeline/feature_store.h"
 
+#include <atomic>
+#include <memory>
+#include <mutex>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -11,8 +14,8 @@
 namespace trigpoint {
 namespace {
 
-// Several pictures at a time, written in order, so that the database does not depend on the threads.
-constexpr int kBatch = 16;
+// Pictures are written in order, so that the database does not depend on the threads: so many may wait.
+constexpr int kAhead = 16;
 // A photo's focal length in pixels, at most so many times that of the runs' finest camera: what a camera would show
 // from somewhat nearer.
 constexpr double kFinest = 1.3;
@@ -32,6 +35,77 @@ void RequireSome(const ExtractionReport& report, const std::string& what) {
   throw InputError(message);
 }
 
+// A view of a reference to be looked at.
+struct ViewJob {
+  size_t reference, view;
+};
+
+// The renderer of the last size of panorama: a site's are mostly of one size.
+class RendererOfSize {
+ public:
+  std::shared_ptr<const ViewRenderer> Get(const ViewRig& rig, cv::Size size) {
+    const std::lock_guard lock(mutex_);
+    if (!last_ || !last_->Draws(rig, size)) last_ = std::make_shared<ViewRenderer>(rig, size);
+    return last_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::shared_ptr<const ViewRenderer> last_;
+};
+
+// A reference's picture, read by the first worker that comes to one of its views and dropped by the last.
+class ReferencePicture {
+ public:
+  explicit ReferencePicture(size_t views) : features(views), left_(views) {}
+
+  void Extract(const Site& site, const PreparedReference& p, size_t v, const FeatureStageOptions& options,
+               RendererOfSize* renderers) {
+    std::call_once(read_, [&] { Read(site, p, renderers); });
+    if (problem.empty() && renderer_) {
+      features[v] = ExtractFeatures(renderer_->Render(picture_, v), cv::Mat(), options.references);
+    } else if (problem.empty()) {
+      const Camera& camera = p.rig.views[v].camera;
+      const Camera matched = MatchedCamera(site, camera);
+      cv::Mat reduced = picture_;
+      if (matched.width() != picture_.cols) {
+        cv::resize(picture_, reduced, {matched.width(), matched.height()}, 0, 0, cv::INTER_AREA);
+      }
+      features[v] = ResizedFeatures(ExtractFeatures(reduced, cv::Mat(), options.references), matched, camera);
+    }
+    if (--left_ == 0) picture_.release();
+  }
+
+  std::vector<FeatureSet> features;  // of each view
+  std::string problem;               // why it cannot be used
+
+ private:
+  void Read(const Site& site, const PreparedReference& p, RendererOfSize* renderers) {
+    const std::filesystem::path file = site.dir / p.name;
+    try {
+      if (site.references[static_cast<size_t>(p.reference)].kind == ReferenceKind::kPanorama) {
+        const cv::Mat panorama = LoadPanorama(file, true);
+        renderer_ = renderers->Get(p.rig, panorama.size());
+        picture_ = renderer_->Prepare(panorama);
+        return;
+      }
+      picture_ = LoadPicture(file, true);
+      const Camera& camera = p.rig.views.front().camera;
+      if (picture_.cols == camera.width() && picture_.rows == camera.height()) return;
+      throw InputError(file.string() + ": is " + std::to_string(picture_.cols) + " x " + std::to_string(picture_.rows) +
+                       " px, its camera's calibration " + std::to_string(camera.width()) + " x " +
+                       std::to_string(camera.height()));
+    } catch (const InputError& e) {
+      problem = e.what();
+    }
+  }
+
+  std::once_flag read_;
+  std::atomic<size_t> left_;
+  cv::Mat picture_;                               // as its views are drawn from
+  std::shared_ptr<const ViewRenderer> renderer_;  // of a panorama
+};
+
 }  // namespace
 
 ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const std::filesystem::path& file,
@@ -46,35 +120,35 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
     cameras.push_back(database.AddCamera(c.camera));
     masks.push_back(c.mask.empty() ? cv::Mat() : LoadPicture(c.mask, true));
   }
-  const int n = static_cast<int>(run.images.size());
-  progress.Begin("features of " + run.name, n);
-  for (int begin = 0; begin < n; begin += kBatch) {
-    const int count = std::min(kBatch, n - begin);
-    std::vector<FeatureSet> features(static_cast<size_t>(count));
-    std::vector<std::string> problems(static_cast<size_t>(count));
-    ParallelFor(count, threads, cancel, [&](int64_t k) {
-      const ImageEntry& entry = run.images[static_cast<size_t>(begin + k)];
-      try {
-        features[static_cast<size_t>(k)] =
-            ExtractFeatures(LoadGrey(run, entry), masks[static_cast<size_t>(entry.camera)], options);
-      } catch (const InputError& e) {
-        problems[static_cast<size_t>(k)] = e.what();
-      }
-      progress.Advance(1);
-    });
-    for (int k = 0; k < count; ++k) {
-      const ImageEntry& entry = run.images[static_cast<size_t>(begin + k)];
-      if (!problems[static_cast<size_t>(k)].empty()) {
-        report.skipped.push_back(problems[static_cast<size_t>(k)]);
-        progress.Log(LogLevel::kWarning, "skipped: " + problems[static_cast<size_t>(k)]);
-        continue;
-      }
-      const uint32_t id = database.AddImage(entry.file, cameras[static_cast<size_t>(entry.camera)]);
-      database.WriteFeatures(id, features[static_cast<size_t>(k)]);
-      ++report.pictures;
-      report.features += static_cast<int64_t>(features[static_cast<size_t>(k)].size());
+  const size_t n = run.images.size();
+  progress.Begin("features of " + run.name, static_cast<int64_t>(n));
+  std::vector<FeatureSet> features(n);
+  std::vector<std::string> problems(n);
+  const auto extract = [&](int64_t i) {
+    const size_t k = static_cast<size_t>(i);
+    const ImageEntry& entry = run.images[k];
+    try {
+      features[k] = ExtractFeatures(LoadGrey(run, entry), masks[static_cast<size_t>(entry.camera)], options);
+    } catch (const InputError& e) {
+      problems[k] = e.what();
     }
-  }
+    progress.Advance(1);
+  };
+  const auto write = [&](int64_t i) {
+    const size_t k = static_cast<size_t>(i);
+    const ImageEntry& entry = run.images[k];
+    if (!problems[k].empty()) {
+      report.skipped.push_back(problems[k]);
+      progress.Log(LogLevel::kWarning, "skipped: " + problems[k]);
+      return;
+    }
+    const uint32_t id = database.AddImage(entry.file, cameras[static_cast<size_t>(entry.camera)]);
+    database.WriteFeatures(id, features[k]);
+    ++report.pictures;
+    report.features += static_cast<int64_t>(features[k].size());
+    features[k] = {};
+  };
+  ParallelInOrder(static_cast<int64_t>(n), threads, kAhead, cancel, extract, write);
   database.Commit();
   RequireSome(report, "run " + run.name);
   return report;
@@ -133,50 +207,38 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
   const std::vector<PreparedReference> references = PrepareReferences(site, options.views, &report.skipped);
   ColmapDatabase database = ColmapDatabase::Create(file);
   database.Begin();
-  int64_t total = 0;
-  for (const PreparedReference& p : references) total += static_cast<int64_t>(p.rig.views.size());
-  progress.Begin("features of references", total);
-  for (const PreparedReference& p : references) {
-    cancel.ThrowIfCancelled();
-    const Reference& reference = site.references[static_cast<size_t>(p.reference)];
-    const std::filesystem::path picture_file = site.dir / p.name;
-    const bool panorama = reference.kind == ReferenceKind::kPanorama;
-    std::vector<FeatureSet> features(p.rig.views.size());
-    try {
-      const cv::Mat picture = panorama ? LoadPanorama(picture_file, true) : LoadPicture(picture_file, true);
-      const Camera& first = p.rig.views.front().camera;
-      if (!panorama && (picture.cols != first.width() || picture.rows != first.height())) {
-        throw InputError(picture_file.string() + ": is " + std::to_string(picture.cols) + " x " +
-                         std::to_string(picture.rows) + " px, its camera's calibration " +
-                         std::to_string(first.width()) + " x " + std::to_string(first.height()));
-      }
-      ParallelFor(static_cast<int64_t>(features.size()), threads, cancel, [&](int64_t v) {
-        const View& view = p.rig.views[static_cast<size_t>(v)];
-        FeatureSet& found = features[static_cast<size_t>(v)];
-        if (panorama) {
-          found = ExtractFeatures(RenderView(picture, view), cv::Mat(), options.references);
-        } else {
-          const Camera matched = MatchedCamera(site, view.camera);
-          cv::Mat reduced = picture;
-          if (matched.width() != picture.cols) {
-            cv::resize(picture, reduced, {matched.width(), matched.height()}, 0, 0, cv::INTER_AREA);
-          }
-          found = ResizedFeatures(ExtractFeatures(reduced, cv::Mat(), options.references), matched, view.camera);
-        }
-        progress.Advance(1);
-      });
-    } catch (const InputError& e) {
-      report.skipped.emplace_back(e.what());
-      progress.Log(LogLevel::kWarning, std::string("skipped: ") + e.what());
-      continue;
+  // All views in one list, so that no core waits at a picture's end for its last view.
+  std::vector<ViewJob> jobs;
+  std::vector<std::unique_ptr<ReferencePicture>> pictures;
+  for (size_t r = 0; r < references.size(); ++r) {
+    const size_t views = references[r].rig.views.size();
+    pictures.push_back(std::make_unique<ReferencePicture>(views));
+    for (size_t v = 0; v < views; ++v) jobs.push_back({r, v});
+  }
+  progress.Begin("features of references", static_cast<int64_t>(jobs.size()));
+  RendererOfSize renderers;
+  const auto extract = [&](int64_t i) {
+    const auto [r, v] = jobs[static_cast<size_t>(i)];
+    pictures[r]->Extract(site, references[r], v, options, &renderers);
+    progress.Advance(1);
+  };
+  const auto write = [&](int64_t i) {
+    const auto [r, v] = jobs[static_cast<size_t>(i)];
+    if (v + 1 < references[r].rig.views.size()) return;  // all views of a picture, or none
+    const std::unique_ptr<ReferencePicture> picture = std::move(pictures[r]);
+    if (!picture->problem.empty()) {
+      report.skipped.push_back(picture->problem);
+      progress.Log(LogLevel::kWarning, "skipped: " + picture->problem);
+      return;
     }
-    for (size_t v = 0; v < features.size(); ++v) {
-      const uint32_t camera = database.AddCamera(p.rig.views[v].camera);
-      database.WriteFeatures(database.AddImage(ViewName(p, v), camera), features[v]);
-      report.features += static_cast<int64_t>(features[v].size());
+    for (size_t k = 0; k <= v; ++k) {
+      const uint32_t camera = database.AddCamera(references[r].rig.views[k].camera);
+      database.WriteFeatures(database.AddImage(ViewName(references[r], k), camera), picture->features[k]);
+      report.features += static_cast<int64_t>(picture->features[k].size());
     }
     ++report.pictures;
-  }
+  };
+  ParallelInOrder(static_cast<int64_t>(jobs.size()), threads, kAhead, cancel, extract, write);
   database.Commit();
   return report;
 }

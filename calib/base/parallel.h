@@ -15,4 +15,9 @@ int ResolveThreads(int threads);
 // write results by index. The first exception is rethrown after all workers have stopped. Polls `cancel`.
 void ParallelFor(int64_t n, int threads, const CancelToken& cancel, const std::function<void(int64_t)>& body);
 
+// The same where results are taken in order: make(i) on the workers, then use(i) for i = 0, 1, ..., one at a time.
+// At most `ahead` items are made or being made beyond the last one used, which bounds what waits in memory.
+void ParallelInOrder(int64_t n, int threads, int64_t ahead, const CancelToken& cancel,
+                     const std::function<void(int64_t)>& make, const std::function<void(int64_t)>& use);
+
 }  // namespace trigpoint

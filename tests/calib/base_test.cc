@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <random>
+#include <thread>
 #include <tuple>
 #include <vector>
 
@@ -39,6 +41,48 @@ TEST(ParallelFor, StopsWhenCancelled) {
                            }),
                Cancelled);
   EXPECT_LT(done, 100);
+}
+
+TEST(ParallelInOrder, UsesInOrderAndKeepsFewWaiting) {
+  for (const int threads : {1, 2, 7}) {
+    std::vector<int64_t> used;
+    std::atomic<int64_t> waiting = 0, most = 0;
+    ParallelInOrder(
+        500, threads, 5, CancelToken(),
+        [&](int64_t i) {
+          const int64_t now = ++waiting;
+          int64_t before = most;
+          while (before < now && !most.compare_exchange_weak(before, now)) {
+          }
+          if (i % 50 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));  // the others run ahead
+        },
+        [&](int64_t i) {
+          used.push_back(i);
+          --waiting;
+        });
+    ASSERT_EQ(used.size(), 500U);
+    for (int64_t i = 0; i < 500; ++i) EXPECT_EQ(used[static_cast<size_t>(i)], i);
+    EXPECT_LE(most, 5);
+  }
+}
+
+TEST(ParallelInOrder, CarriesExceptionsOfBothAndStopsWhenCancelled) {
+  const auto nothing = [](int64_t) {};
+  const auto fails = [](int64_t i) {
+    if (i == 40) throw NumericError("40");
+  };
+  for (const int threads : {1, 3}) {
+    EXPECT_THROW(ParallelInOrder(100, threads, 4, CancelToken(), fails, nothing), NumericError);
+    EXPECT_THROW(ParallelInOrder(100, threads, 4, CancelToken(), nothing, fails), NumericError);
+    CancelToken cancel;
+    EXPECT_THROW(ParallelInOrder(
+                     1000000, threads, 4, cancel,
+                     [&](int64_t i) {
+                       if (i == 10) cancel.Cancel();
+                     },
+                     nothing),
+                 Cancelled);
+  }
 }
 
 struct InnerOptions {

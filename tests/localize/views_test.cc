@@ -32,8 +32,11 @@ TEST_P(ViewsAt, ShowWhatLiesInTheirDirections) {
     const cv::Mat panorama = Shaded(1024, axis);
     const ViewRig rig = PanoramaViews("pano", panorama.cols, options);
     ASSERT_EQ(rig.views.size(), 8U);
-    for (const View& view : rig.views) {
-      const cv::Mat picture = RenderView(panorama, view);
+    const ViewRenderer renderer(rig, panorama.size());
+    const cv::Mat prepared = renderer.Prepare(panorama);
+    for (size_t k = 0; k < rig.views.size(); ++k) {
+      const View& view = rig.views[k];
+      const cv::Mat picture = renderer.Render(prepared, k);
       for (int v = 0; v < picture.rows; v += 7) {
         for (int u = 0; u < picture.cols; u += 7) {
           const Eigen::Vector3d d =
