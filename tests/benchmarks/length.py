@@ -4,9 +4,11 @@
     length.py PROJECT RUN [--frames 100,200,400,800] [--work DIR]
 
 Makes runs of the given lengths by driving RUN's images back and forth (odometry too, in the same time), localizes each
-in a project of its own, cold, and prints wall and CPU time and peak memory. GPS is left out.
+in a project of its own, cold, and prints wall and CPU time and peak memory: of everything, and of the stage localize
+by itself (features are found before it, a few pictures at a time). GPS is left out.
 """
 import argparse
+import json
 import os
 import shutil
 import tempfile
@@ -62,14 +64,16 @@ def main():
     parser.add_argument("--work", help="folder to work in, kept; default: a temporary one")
     args = parser.parse_args()
     work = args.work or tempfile.mkdtemp(prefix="trigpoint-length-")
-    print("| frames | wall s | CPU s | wall ms a frame | peak MiB |\n|---|---|---|---|---|")
+    print("| frames | wall s | CPU s | wall ms a frame | peak MiB | of localize itself |\n|---|---|---|---|---|---|")
     for frames in map(int, args.frames.split(",")):
         project = os.path.join(work, str(frames))
         copy_project(args.project, project, [args.run])
         make_run(project, args.run, frames)
         with open(os.path.join(work, f"{frames}.log"), "w", encoding="utf-8") as log:
             cost = run([program(), "localize", project, "--run", args.run], log)
-        print(f"| {frames} | {cost['wall']:.1f} | {cost['cpu']:.1f} | {1000 * cost['wall'] / frames:.0f} | {cost['memory']:.0f} |", flush=True)
+        with open(os.path.join(project, "results", "localize", args.run, "manifest.json"), encoding="utf-8") as manifest:
+            own = json.load(manifest)["peak_memory_bytes"] / 2**20
+        print(f"| {frames} | {cost['wall']:.1f} | {cost['cpu']:.1f} | {1000 * cost['wall'] / frames:.0f} | {cost['memory']:.0f} | {own:.0f} |", flush=True)
     if not args.work:
         shutil.rmtree(work)
 

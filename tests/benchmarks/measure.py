@@ -15,16 +15,31 @@ def program(name="trigpoint"):
     return path
 
 
+def high_water_mib(pid):
+    """Peak resident memory of a running process since it was last set back; 0 if it has ended."""
+    try:
+        with open(f"/proc/{pid}/status", encoding="ascii") as status:
+            return next((int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM:")), 0.0)
+    except OSError:
+        return 0.0
+
+
 def run(command, log, check=True):
     """Runs a command, its output into the open file `log`. Wall and CPU seconds, peak resident memory in MiB, exit code; with
     `check` anything but 0 ends the program."""
     start = time.monotonic()
     process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
-    _, status, usage = os.wait4(process.pid, 0)
+    # The kernel's high-water mark alone is that of the last stage: each stage of a project sets it back to state its own.
+    peak = 0.0
+    waited = 0
+    while not waited:
+        peak = max(peak, high_water_mib(process.pid))
+        time.sleep(0.02)
+        waited, status, usage = os.wait4(process.pid, os.WNOHANG)
     process.returncode = os.waitstatus_to_exitcode(status)
     if check and process.returncode != 0:
         sys.exit(f"{' '.join(command)}: exit code {process.returncode}, see {log.name}")
-    return {"wall": time.monotonic() - start, "cpu": usage.ru_utime + usage.ru_stime, "memory": usage.ru_maxrss / 1024, "code": process.returncode}
+    return {"wall": time.monotonic() - start, "cpu": usage.ru_utime + usage.ru_stime, "memory": max(peak, usage.ru_maxrss / 1024), "code": process.returncode}
 
 
 def link(source, target):

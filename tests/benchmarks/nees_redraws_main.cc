@@ -85,6 +85,7 @@ int Main(int argc, char** argv) {
   app.add_option("--path", synthetic.path, "loop or street");
   app.add_option("--length", synthetic.length_m, "of the drive, m");
   app.add_option("--points", synthetic.points_per_image, "tracks alive in an image");
+  app.add_option("--pixel-sigma", synthetic.pixel_sigma_px, "noise of an observation, px");
   app.add_option("--panoramas", synthetic.panoramas, "along the drive");
   app.add_option("--seed", seed, "of the geometry; noise has seeds of its own");
   app.add_option("--threads", threads, "0: all cores");
