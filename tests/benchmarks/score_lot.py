@@ -10,6 +10,8 @@ station's number). For the example site: PROJECT/truth. Needs python3-numpy.
 answered/expected  panoramas localized, and stations the run comes within 12 m of (those answered of them)
 pano med/p90/max   m, over answers: position after a rigid fit (no scale) of the run's own cameras within 15 m of the
                    station to the truth, so that neither the global fit nor drift elsewhere counts
+pano scaled        m, median and P90 after the run is multiplied by its true scale besides: what is not the odometry's scale,
+                   which images cannot see
 pano rot           deg, median of the rotation's error after the same fit
 nees               mean of the panoramas' squared error in site ENU over its stated variance, per degree of freedom
 cam h, v           m, RMSE of the cameras in site ENU as they are, horizontal and vertical
@@ -135,7 +137,8 @@ def score_run(result, truth_dir, run):
     stations = {int(k): v for k, v in tum(stations).items()}
     expected = {k for k, v in stations.items() if min(np.linalg.norm(c[:3] - v[:3]) for c in truth.values()) < 12}
     cameras, targets = np.array([e[:3] for _, _, e in own]), np.array([t[:3] for _, t, _ in own])
-    errors, turns, normalised = {}, [], []
+    errors, scaled, turns, normalised = {}, {}, [], []
+    true_scale = 1 / (1 + score["scale_percent"] / 100)
     for row in table(f"{result}/panoramas.csv"):
         if row["status"] != "localized":
             continue
@@ -144,8 +147,11 @@ def score_run(result, truth_dir, run):
         near = np.linalg.norm(targets - place[:3], axis=1) < 15
         if not near.any():
             near[:] = True
+        found = np.array([float(row["odom_" + k]) for k in "xyz"])
+        r, t = rigid_fit(true_scale * cameras[near], targets[near])
+        scaled[number] = float(np.linalg.norm(r @ (true_scale * found) + t - place[:3]))
         r, t = rigid_fit(cameras[near], targets[near])
-        errors[number] = float(np.linalg.norm(r @ np.array([float(row["odom_" + k]) for k in "xyz"]) + t - place[:3]))
+        errors[number] = float(np.linalg.norm(r @ found + t - place[:3]))
         turns.append(angle_deg((r @ rotation([float(row["odom_" + k]) for k in ("qx", "qy", "qz", "qw")])).T @ rotation(place[3:])))
         try:
             sigmas = np.array([float(row[f"sigma_{k}_m"]) for k in "xyz"])
@@ -154,7 +160,7 @@ def score_run(result, truth_dir, run):
         except ValueError:
             pass  # no global frame: nothing to normalise
     score.update(answers=len(errors), expected=len(expected), answered=len(expected & set(errors)),
-                 missing=sorted(expected - set(errors)), panoramas=errors, turns=turns, normalised=normalised)
+                 missing=sorted(expected - set(errors)), panoramas=errors, scaled=scaled, turns=turns, normalised=normalised)
     return score
 
 
@@ -164,12 +170,15 @@ def summarise(score):
     if len(errors):
         score.update(pano_median=float(np.median(errors)), pano_p90=float(np.percentile(errors, 90)), pano_max=float(errors.max()),
                      pano_rot_deg=float(np.median(score["turns"])))
+        scaled = np.array(list(score["scaled"].values()))
+        score.update(scaled_median=float(np.median(scaled)), scaled_p90=float(np.percentile(scaled, 90)))
     if score.get("normalised"):
         score["nees"] = float(np.mean(score["normalised"]))
     return score
 
 
 COLUMNS = [("answered", "{}"), ("expected", "{}"), ("pano_median", "{:.3f}"), ("pano_p90", "{:.3f}"), ("pano_max", "{:.3f}"),
+           ("scaled_median", "{:.3f}"), ("scaled_p90", "{:.3f}"),
            ("pano_rot_deg", "{:.2f}"), ("nees", "{:.2f}"), ("cam_h", "{:.3f}"), ("cam_v", "{:.3f}"), ("ate", "{:.3f}"),
            ("ate_sim", "{:.3f}"), ("scale_percent", "{:+.2f}"), ("rpe_m", "{:.3f}"), ("rpe_deg", "{:.2f}"), ("frames", "{}")]
 
@@ -186,7 +195,7 @@ def main():
         name[:-len("_cameras.tum")] for name in os.listdir(f"{args.truth}/runs") if name.endswith("_cameras.tum"))
     rows = []
     for variant in args.variants.split(","):
-        pooled = {"panoramas": {}, "turns": [], "normalised": [], "answered": 0, "expected": 0}
+        pooled = {"panoramas": {}, "scaled": {}, "turns": [], "normalised": [], "answered": 0, "expected": 0}
         for run in runs:
             result = f"{args.project}/results/localize/{run}" + (f"@{variant}" if variant else "")
             if not os.path.exists(f"{result}/cameras_odom.tum"):
@@ -194,8 +203,8 @@ def main():
                 continue
             score = summarise(score_run(result, args.truth, run))
             rows.append((run, variant or "trigpoint", score))
-            for station, error in score.get("panoramas", {}).items():
-                pooled["panoramas"][f"{run}/{station}"] = error
+            for key in ("panoramas", "scaled"):
+                pooled[key].update({f"{run}/{station}": error for station, error in score.get(key, {}).items()})
             for key in ("turns", "normalised", "answered", "expected"):
                 pooled[key] += score.get(key, [] if isinstance(pooled[key], list) else 0)
         if pooled["panoramas"] and len(runs) > 1:

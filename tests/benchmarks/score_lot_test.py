@@ -55,6 +55,7 @@ class ScoreLot(unittest.TestCase):
         score = self.score(lambda p: 0.99 * p, lambda p: p + [0.3, 0.4, -0.2],
                            [(1, "localized", 0.99 * self.stations[1] + [0, 0, 0.2], self.stations[1] + shift), (2, "rejected", None, None)])
         self.assertEqual((score["answers"], score["expected"], score["missing"]), (1, 2, [2]))
+        self.assertAlmostEqual(score["scaled_median"], 0.2 / 0.99, places=6)  # all that is not scale
         self.assertAlmostEqual(score["cam_h"], 0.5)
         self.assertAlmostEqual(score["cam_v"], 0.2)
         self.assertAlmostEqual(score["nees"], (0.3 ** 2 + 0.4 ** 2) / 0.01 / 3)
