@@ -23,6 +23,8 @@ namespace {
 constexpr double kRingSlack = 14 * kDegToRad;
 // A ring's focal length while distortion is found: held, 1 sigma, share of it.
 constexpr double kRingSigma = 1e-5;
+// A set is hardly a panorama if one point in twenty is displaced by more; an arm's length at 15 m leaves about one deg.
+constexpr double kWideParallax = 3 * kDegToRad;
 constexpr double kScaleAlike = 0.02;  // photos of one zoom differ by less, with parallax
 constexpr double kZoomSigma = 0.15;   // 1 sigma of a photo's own focal length about the common one, share of it
 constexpr double kSameZoom = 0.03;    // focal lengths that differ by less are alike
@@ -271,15 +273,17 @@ class Stitcher {
       out_.warnings.push_back("the match of " + Name(p.a) + " with " + Name(p.b) +
                               " contradicts the others and is dropped (repeated texture?)");
     }
-    if (graph.parts > 1) {
-      out_.warnings.push_back("the photos fall into " + std::to_string(graph.parts) +
-                              " parts that do not overlap; only the largest is stitched");
-    }
     out_.pairs = std::move(graph.pairs);
     SolveCentral({200, 40, 10, 5}, out_.pairs);
     RecheckPairs();
     Rescue();
     TellZooms();
+    const auto apart = [&](const PhotoPair& p) {
+      return !out_.state.photos[static_cast<size_t>(p.a)].placed && !out_.state.photos[static_cast<size_t>(p.b)].placed;
+    };
+    if (std::any_of(accepted_.begin(), accepted_.end(), apart)) {
+      out_.warnings.emplace_back("the photos fall into parts that do not overlap; only the largest is stitched");
+    }
   }
 
   // With the focal length adjusted, what still contradicts does so for good.
@@ -598,6 +602,14 @@ class Stitcher {
     out_.parallax.rms_rig_px = out_.bundle.rms_px;
     CentreRig(&out_);
     DescribeParallax(&out_);
+    const double wide_rad = out_.parallax.p95_px / s.lenses.front().focal_px;
+    if (wide_rad > kWideParallax) {
+      out_.warnings.push_back(
+          fmt::format("the photos were hardly taken from one place: seen from one centre one point in twenty is off by "
+                      "{:.0f} px ({:.1f} deg) or more, and near things will be seen twice. Frames of a camera that "
+                      "moves along are a run (runs/NAME/images), not a panorama",
+                      out_.parallax.p95_px, wide_rad * kRadToDeg));
+    }
     DescribeClosure(&out_);
     for (int i = 0; i < Count(); ++i) {
       if (s.photos[static_cast<size_t>(i)].placed) continue;

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <opencv2/imgcodecs.hpp>
+
 #include "calib/base/error.h"
 #include "survey/panorama/composite.h"
 #include "survey/panorama/photo_graph.h"
@@ -203,6 +205,17 @@ TEST(Stitch, FisheyesThatFillTheirFrameAreToldFromStraightLenses) {
   ASSERT_TRUE(rig.state.lenses.front().fisheye);
   EXPECT_NEAR(rig.state.lenses.front().focal_px / lens.focal_px, 1, 0.01);
   EXPECT_LT(LargestTurnError(rig, set), 0.15);
+}
+
+TEST(Stitch, FramesOfADriveAreSaidNotToBeAPanorama) {
+  MemorySet set;
+  for (int i = 10; i < 18; ++i) {
+    const std::string name = "0000" + std::to_string(i) + ".jpg";
+    const cv::Mat frame = cv::imread("datasets/parking_lot/runs/run1/images/" + name);
+    ASSERT_FALSE(frame.empty()) << name;
+    set.Add(name, frame);
+  }
+  EXPECT_THAT(StitchSet(set, Small()).warnings, testing::Contains(testing::HasSubstr("hardly taken from one place")));
 }
 
 TEST(Stitch, HalfATurnSaysHowMuchIsNotSeen) {
