@@ -74,6 +74,8 @@ Matches MatchFlann(const cv::Mat& sift_a, const cv::Mat& sift_b, double ratio) {
   cv::Mat a, b;
   sift_a.convertTo(a, CV_32F);
   sift_b.convertTo(b, CV_32F);
+  // Trees split at random, by a generator of each thread's own: the answer must not depend on what it built before.
+  cv::theRNG() = cv::RNG(1);
   cv::flann::Index index(b, cv::flann::KDTreeIndexParams(4));
   cv::Mat found(a.rows, 2, CV_32S), distance(a.rows, 2, CV_32F);
   index.knnSearch(a, found, distance, 2, cv::flann::SearchParams(48));

@@ -71,6 +71,15 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   return m;
 }
 
+// As published, references are panoramas. The photos of a hand-held set, each by itself, would take their places.
+void LeaveOutSets(Site* site, ProgressSink& progress) {
+  const auto of_set = [](const Reference& r) { return r.kind == ReferenceKind::kPhotoSet; };
+  if (std::all_of(site->references.begin(), site->references.end(), of_set)) return;
+  if (std::erase_if(site->references, of_set) > 0) {
+    progress.Log(LogLevel::kInfo, "paper mode: the photo sets are left out, as published references are panoramas");
+  }
+}
+
 }  // namespace
 
 StageInfo LocalizeStage() {
@@ -86,7 +95,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 6;
+    request.version = 7;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -100,7 +109,7 @@ StageInfo LocalizeStage() {
     const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
     const std::filesystem::path references = ResultOf(project, "references", plain) / "features.db";
     const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;
-    // As published, a reference's views share one centre: photos stand alone there.
+    // As published, a reference's views share one centre.
     std::map<std::string, std::filesystem::path> rigs;
     if (options.mode != "paper") rigs = StitchedRigs(project);
     for (const auto& [set, dir] : rigs) request.inputs.push_back(dir / "manifest.json");
@@ -110,6 +119,7 @@ StageInfo LocalizeStage() {
       const Review& review = context.project.review();
       std::erase_if(r.images, [&](const ImageEntry& i) { return review.ExcludesImage(r.name, i.file, i.stamp_ns); });
       std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
+      if (options.mode == "paper") LeaveOutSets(&site, context.progress);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);

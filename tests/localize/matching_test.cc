@@ -96,6 +96,21 @@ TEST(Matching, FlannFindsThem) {
   EXPECT_GT(recall, 0.9);
 }
 
+// Descriptors that are all alike: an approximate search finds one or another of them, by its trees.
+TEST(Matching, FlannFindsTheSameWhateverWasBuiltBefore) {
+  cv::RNG random(7);
+  cv::Mat a(2000, 128, CV_8U), b(2000, 128, CV_8U);
+  random.fill(a, cv::RNG::UNIFORM, 0, 60);
+  random.fill(b, cv::RNG::UNIFORM, 0, 60);
+  const Matches first = MatchFlann(a, b, 0.999);
+  EXPECT_GT(first.size(), 100U);
+  for (int k = 0; k < 3; ++k) {
+    MatchFlann(b, a, 0.9);
+    cv::theRNG().next();
+    EXPECT_EQ(MatchFlann(a, b, 0.999), first);
+  }
+}
+
 // Every spot is there ten times: descriptors alone are helpless, epipolar curves are not.
 TEST(Matching, GuidedTellsCopiesApart) {
   const Pair pair = MakePair(0.3, 40);
