@@ -246,6 +246,34 @@ double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint&
   return pixel ? (*pixel - p.pixel).norm() : 1e3;
 }
 
+constexpr double kNoHoldOut = 1e9;  // px, of an observation that too few others are left to predict
+
+double MedianError(std::vector<double> errors) {
+  if (errors.empty()) return kNoHoldOut;
+  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+  return errors[errors.size() / 2];
+}
+
+// Whether the second errors are smaller by more than chance: the mean difference of robust costs (Cauchy's) exceeds two
+// of its standard errors, photos being the independent units, as what is wrong with a photo is so for all its points.
+bool IsBetter(const RefineRigInput& input, const std::vector<double>& strict, const std::vector<double>& freer) {
+  const auto cost = [&](double e) { return std::log1p(e * e / (input.sigma_px * input.sigma_px)); };
+  std::map<int, std::pair<double, int>> of_view;  // sum of gains, number
+  double sum = 0;
+  for (size_t i = 0; i < input.points.size(); ++i) {
+    const double gain = cost(strict[i]) - cost(freer[i]);
+    auto& [gains, count] = of_view[input.points[i].view];
+    gains += gain, sum += gain;
+    ++count;
+  }
+  const double n = static_cast<double>(input.points.size()), views = static_cast<double>(of_view.size());
+  if (views < 2) return false;
+  const double mean = sum / n;
+  double square = 0;
+  for (const auto& [view, g] : of_view) square += std::pow(g.first - mean * g.second, 2);
+  return mean > 2 * std::sqrt(square * views / (views - 1)) / n;
+}
+
 }  // namespace
 
 std::string RigFreedomName(RigFreedom freedom) {
@@ -285,7 +313,7 @@ RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
   return out;
 }
 
-double HoldOutError(const RefineRigInput& input, RigFreedom freedom) {
+std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom) {
   constexpr size_t kFolds = 5;
   // Folds of whole points: a point seen by two photos is in one of them.
   std::map<std::array<double, 3>, size_t> fold_of;
@@ -293,31 +321,34 @@ double HoldOutError(const RefineRigInput& input, RigFreedom freedom) {
     fold_of.try_emplace({p.point.x(), p.point.y(), p.point.z()}, fold_of.size() % kFolds);
   }
   const Eigen::MatrixXd prior = ShapePrior(input, freedom);
-  std::vector<double> errors;
+  std::vector<double> errors(input.points.size(), kNoHoldOut);
   for (size_t fold = 0; fold < kFolds; ++fold) {
+    const auto held = [&](const KnownPoint& p) { return fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold; };
     std::vector<KnownPoint> used;
     for (const KnownPoint& p : input.points) {
-      if (fold_of.at({p.point.x(), p.point.y(), p.point.z()}) != fold) used.push_back(p);
+      if (!held(p)) used.push_back(p);
     }
-    if (used.size() < 6) return 1e9;
+    if (used.size() < 6) continue;
     const Solution s = Solve(input, freedom, prior, used, false);
-    for (const KnownPoint& p : input.points) {
-      if (fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold) errors.push_back(ErrorPx(input, s, p));
+    for (size_t i = 0; i < input.points.size(); ++i) {
+      if (held(input.points[i])) errors[i] = ErrorPx(input, s, input.points[i]);
     }
   }
-  if (errors.empty()) return 1e9;
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
-  return errors[errors.size() / 2];
+  return errors;
+}
+
+double HoldOutError(const RefineRigInput& input, RigFreedom freedom) {
+  return MedianError(HoldOutErrors(input, freedom));
 }
 
 RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors) {
   RigFreedom best = RigFreedom::kFixed;
-  double least = HoldOutError(input, best);
-  if (errors != nullptr) *errors = {least};
+  std::vector<double> least = HoldOutErrors(input, best);
+  if (errors != nullptr) *errors = {MedianError(least)};
   for (const RigFreedom freedom : {RigFreedom::kScaled, RigFreedom::kPrior, RigFreedom::kFree}) {
-    const double error = HoldOutError(input, freedom);
-    if (errors != nullptr) errors->push_back(error);
-    if (error < 0.98 * least) least = error, best = freedom;
+    std::vector<double> tried = HoldOutErrors(input, freedom);
+    if (errors != nullptr) errors->push_back(MedianError(tried));
+    if (IsBetter(input, least, tried)) least = std::move(tried), best = freedom;
   }
   return best;
 }

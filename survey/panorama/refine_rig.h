@@ -52,10 +52,13 @@ struct RefinedRig {
 
 RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom);
 
-// Median reprojection error (px) of points that took no part: five folds, whole points. Lower is better.
+// Reprojection errors (px) of points that took no part, in the order of the points: five folds, whole points.
+std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom);
+// Their median. Lower is better.
 double HoldOutError(const RefineRigInput& input, RigFreedom freedom);
 
-// The freedom with the smallest hold-out error; a freer one must gain 2 % on a stricter one.
+// The freedom that predicts best; a freer one must be better than a stricter one by more than chance (two standard
+// errors of the mean gain over photos). `errors`: the medians, in order of freedom.
 RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors);
 
 }  // namespace trigpoint
