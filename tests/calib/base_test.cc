@@ -163,8 +163,8 @@ TEST(FindNearestBothWays, IsExhaustiveSearch) {
       for (int j = 0; j < m; ++j) {
         int d = 0;
         for (int c = 0; c < kDescriptorDim; ++c) {
-          const int off =
-              a[static_cast<size_t>(i * kDescriptorDim + c)] - b[static_cast<size_t>(j * kDescriptorDim + c)];
+          const int off = a[static_cast<size_t>(i) * kDescriptorDim + static_cast<size_t>(c)] -
+                          b[static_cast<size_t>(j) * kDescriptorDim + static_cast<size_t>(c)];
           d += off * off;
         }
         expected_a[static_cast<size_t>(i)].Offer(d, j);
