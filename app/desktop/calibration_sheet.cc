@@ -57,7 +57,7 @@ void ReadPoints(const fs::path& file, CalibrationSheet& view) {
   for (const CsvRow& row : table.rows()) {
     for (CalibrationCamera& camera : view.cameras) {
       if (camera.name != row.Text("camera")) continue;
-      const std::string used = row.Text("used");
+      const std::string& used = row.Text("used");
       camera.points.push_back({row.Number("u"), row.Number("v"), row.Number("du_px"), row.Number("dv_px"),
                                used != "0" && used != "false" && used != "no"});
     }
@@ -73,7 +73,7 @@ void Cover(CalibrationCamera& camera) {
     if (!p.used) continue;
     const int column = std::clamp(static_cast<int>((p.u + 0.5) * kColumns / camera.width), 0, kColumns - 1);
     const int row = std::clamp(static_cast<int>((p.v + 0.5) * kRows / camera.height), 0, kRows - 1);
-    const auto cell = static_cast<size_t>(row * kColumns + column);
+    const size_t cell = static_cast<size_t>(row) * kColumns + static_cast<size_t>(column);
     ++camera.coverage[cell];
     camera.residual_px[cell] += std::hypot(p.du, p.dv);
   }
@@ -86,7 +86,8 @@ void Cover(CalibrationCamera& camera) {
       for (int row = v * kRows / 3; row < (v + 1) * kRows / 3; ++row) {
         for (int column = h * kColumns / 3; column < (h + 1) * kColumns / 3; ++column) {
           ++cells;
-          empty += camera.coverage[static_cast<size_t>(row * kColumns + column)] < kFewPoints ? 1 : 0;
+          empty +=
+              camera.coverage[static_cast<size_t>(row) * kColumns + static_cast<size_t>(column)] < kFewPoints ? 1 : 0;
         }
       }
       if (2 * empty < cells) continue;
