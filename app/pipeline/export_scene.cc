@@ -123,7 +123,8 @@ PoseGraph MakeBundle(const RunScene& scene) {
     graph.points.emplace_back(id, point.position);
     for (const auto& [image_id, index] : point.track) {
       const ModelImage& image = *images.at(image_id);
-      const auto& [number, camera] = cameras.at(image.camera_id);
+      const auto& [number, of_image] = cameras.at(image.camera_id);
+      const Camera* const camera = of_image;  // clang 14 does not capture bindings
       const auto& intrinsics = graph.cameras[static_cast<size_t>(number)];
       // The pixel as a pinhole without distortion sees it, and what an error of the real pixel becomes there.
       const auto undistorted = [&](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector2d> {

@@ -89,9 +89,8 @@ void TagTable(const SurveyResult& result, Report& out) {
 }
 
 void Points(const SurveyResult& result, Report& out) {
-  bool any = false, left_out = false, check = false;
+  bool left_out = false, check = false;
   for (const PointAgreement& p : result.points) {
-    any |= p.role != PointRole::kGeotag;
     check |= p.role == PointRole::kCheck;
     left_out |= p.left_out_m.has_value();
   }

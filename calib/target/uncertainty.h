@@ -16,7 +16,9 @@ namespace trigpoint {
 struct ImageGrid {
   int cols = 0, rows = 0;
   std::vector<Eigen::Vector2d> pixels;
-  Eigen::Vector2d At(int col, int row) const { return pixels[static_cast<size_t>(row * cols + col)]; }
+  Eigen::Vector2d At(int col, int row) const {
+    return pixels[static_cast<size_t>(row) * static_cast<size_t>(cols) + static_cast<size_t>(col)];
+  }
 };
 ImageGrid MakeGrid(int width, int height, int cols = 41);
 
