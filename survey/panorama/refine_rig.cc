@@ -9,6 +9,7 @@
 #include <map>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/manifold.h"
 #include "calib/geometry/so3.h"
@@ -248,10 +249,29 @@ double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint&
 
 constexpr double kNoHoldOut = 1e9;  // px, of an observation that too few others are left to predict
 
-double MedianError(std::vector<double> errors) {
-  if (errors.empty()) return kNoHoldOut;
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
-  return errors[errors.size() / 2];
+// Reprojection errors (px) of points that took no part, in the order of the points: five folds, whole points.
+std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom) {
+  constexpr size_t kFolds = 5;
+  // Folds of whole points: a point seen by two photos is in one of them.
+  std::map<std::array<double, 3>, size_t> fold_of;
+  for (const KnownPoint& p : input.points) {
+    fold_of.try_emplace({p.point.x(), p.point.y(), p.point.z()}, fold_of.size() % kFolds);
+  }
+  const Eigen::MatrixXd prior = ShapePrior(input, freedom);
+  std::vector<double> errors(input.points.size(), kNoHoldOut);
+  for (size_t fold = 0; fold < kFolds; ++fold) {
+    const auto held = [&](const KnownPoint& p) { return fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold; };
+    std::vector<KnownPoint> used;
+    for (const KnownPoint& p : input.points) {
+      if (!held(p)) used.push_back(p);
+    }
+    if (used.size() < 6) continue;
+    const Solution s = Solve(input, freedom, prior, used, false);
+    for (size_t i = 0; i < input.points.size(); ++i) {
+      if (held(input.points[i])) errors[i] = ErrorPx(input, s, input.points[i]);
+    }
+  }
+  return errors;
 }
 
 // Whether the second errors are smaller by more than chance: the mean difference of robust costs (Cauchy's) exceeds two
@@ -313,41 +333,13 @@ RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
   return out;
 }
 
-std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom) {
-  constexpr size_t kFolds = 5;
-  // Folds of whole points: a point seen by two photos is in one of them.
-  std::map<std::array<double, 3>, size_t> fold_of;
-  for (const KnownPoint& p : input.points) {
-    fold_of.try_emplace({p.point.x(), p.point.y(), p.point.z()}, fold_of.size() % kFolds);
-  }
-  const Eigen::MatrixXd prior = ShapePrior(input, freedom);
-  std::vector<double> errors(input.points.size(), kNoHoldOut);
-  for (size_t fold = 0; fold < kFolds; ++fold) {
-    const auto held = [&](const KnownPoint& p) { return fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold; };
-    std::vector<KnownPoint> used;
-    for (const KnownPoint& p : input.points) {
-      if (!held(p)) used.push_back(p);
-    }
-    if (used.size() < 6) continue;
-    const Solution s = Solve(input, freedom, prior, used, false);
-    for (size_t i = 0; i < input.points.size(); ++i) {
-      if (held(input.points[i])) errors[i] = ErrorPx(input, s, input.points[i]);
-    }
-  }
-  return errors;
-}
-
-double HoldOutError(const RefineRigInput& input, RigFreedom freedom) {
-  return MedianError(HoldOutErrors(input, freedom));
-}
-
 RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors) {
   RigFreedom best = RigFreedom::kFixed;
   std::vector<double> least = HoldOutErrors(input, best);
-  if (errors != nullptr) *errors = {MedianError(least)};
+  if (errors != nullptr) *errors = {Median(least)};
   for (const RigFreedom freedom : {RigFreedom::kScaled, RigFreedom::kPrior, RigFreedom::kFree}) {
     std::vector<double> tried = HoldOutErrors(input, freedom);
-    if (errors != nullptr) errors->push_back(MedianError(tried));
+    if (errors != nullptr) errors->push_back(Median(tried));
     if (IsBetter(input, least, tried)) least = std::move(tried), best = freedom;
   }
   return best;

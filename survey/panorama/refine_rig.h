@@ -52,13 +52,9 @@ struct RefinedRig {
 
 RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom);
 
-// Reprojection errors (px) of points that took no part, in the order of the points: five folds, whole points.
-std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom);
-// Their median. Lower is better.
-double HoldOutError(const RefineRigInput& input, RigFreedom freedom);
-
 // The freedom that predicts best; a freer one must be better than a stricter one by more than chance (two standard
-// errors of the mean gain over photos). `errors`: the medians, in order of freedom.
+// errors of the mean gain over photos). `errors`: the median reprojection errors (px) of points that took no part (five
+// folds of whole points), in order of freedom.
 RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors);
 
 }  // namespace trigpoint
