@@ -15,6 +15,7 @@
 #include "app/desktop/calibration_sheet.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "calib/base/grid.h"
 
 namespace trigpoint {
 
@@ -33,7 +34,7 @@ QImage CoveragePicture(const CalibrationCamera& camera) {
   painter.setFont(font);
   for (int row = 0; row < camera.rows; ++row) {
     for (int column = 0; column < camera.columns; ++column) {
-      const size_t cell = static_cast<size_t>(row) * static_cast<size_t>(camera.columns) + static_cast<size_t>(column);
+      const size_t cell = CellIndex(row, column, camera.columns);
       const int x = column * camera.width / camera.columns, y = row * camera.height / camera.rows;
       const QRect box(x, y, (column + 1) * camera.width / camera.columns - x,
                       (row + 1) * camera.height / camera.rows - y);

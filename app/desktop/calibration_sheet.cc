@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "calib/base/grid.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 
@@ -73,7 +74,7 @@ void Cover(CalibrationCamera& camera) {
     if (!p.used) continue;
     const int column = std::clamp(static_cast<int>((p.u + 0.5) * kColumns / camera.width), 0, kColumns - 1);
     const int row = std::clamp(static_cast<int>((p.v + 0.5) * kRows / camera.height), 0, kRows - 1);
-    const size_t cell = static_cast<size_t>(row) * kColumns + static_cast<size_t>(column);
+    const size_t cell = CellIndex(row, column, kColumns);
     ++camera.coverage[cell];
     camera.residual_px[cell] += std::hypot(p.du, p.dv);
   }
@@ -86,8 +87,7 @@ void Cover(CalibrationCamera& camera) {
       for (int row = v * kRows / 3; row < (v + 1) * kRows / 3; ++row) {
         for (int column = h * kColumns / 3; column < (h + 1) * kColumns / 3; ++column) {
           ++cells;
-          empty +=
-              camera.coverage[static_cast<size_t>(row) * kColumns + static_cast<size_t>(column)] < kFewPoints ? 1 : 0;
+          empty += camera.coverage[CellIndex(row, column, kColumns)] < kFewPoints ? 1 : 0;
         }
       }
       if (2 * empty < cells) continue;

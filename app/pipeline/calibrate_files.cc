@@ -4,6 +4,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "calib/base/grid.h"
 #include "calib/target/plots.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/io/camchain.h"
@@ -134,7 +135,7 @@ void WriteMaps(const fs::path& out, const CalibrationInput& input, const Calibra
       for (int col = 0; col < cells.cols; ++col) {
         coverage.Number((col + 0.5) * width / cells.cols - 0.5, 1)
             .Number((r + 0.5) * height / cells.rows - 0.5, 1)
-            .Integer(cells.points[static_cast<size_t>(r) * static_cast<size_t>(cells.cols) + static_cast<size_t>(col)])
+            .Integer(cells.points[CellIndex(r, col, cells.cols)])
             .EndRow();
       }
     }

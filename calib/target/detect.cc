@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
+#include "calib/base/grid.h"
 #include "calib/base/parallel.h"
 #include "calib/target/detect_boards.h"
 
@@ -73,9 +74,8 @@ std::vector<BoardView> DetectBoards(int64_t count, const BoardPictureSource& pic
   };
   if (target.HasIds()) {
     each("looking for markers", [&](const cv::Mat& grey, size_t i) {
-      markers[i] = target.kind == TargetKind::kAprilGrid
-                       ? FindAprilTags(grey, static_cast<size_t>(target.cols * target.rows))
-                       : FindArucoMarkers(grey, target);
+      markers[i] = target.kind == TargetKind::kAprilGrid ? FindAprilTags(grey, CellCount(target.rows, target.cols))
+                                                         : FindArucoMarkers(grey, target);
     });
     const MarkerLayout layout = ChooseLayout(target, markers);
     each("measuring the board's points", [&](const cv::Mat& grey, size_t i) {

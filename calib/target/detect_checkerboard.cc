@@ -3,6 +3,7 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/base/grid.h"
 #include "calib/target/detect_boards.h"
 
 namespace trigpoint {
@@ -25,7 +26,7 @@ std::vector<BoardPoint> Numbered(const std::vector<Eigen::Vector2d>& corners) {
 // Counts the corners so that the board's z points into it (as seen in a picture that isn't mirrored) and, where the
 // board can be told from itself turned by half, its first square is dark; else its first corner is the upper left one.
 void Order(const cv::Mat& grey, int cols, int rows, std::vector<Eigen::Vector2d>* corners) {
-  const auto at = [&](int c, int r) -> Eigen::Vector2d& { return (*corners)[static_cast<size_t>(r * cols + c)]; };
+  const auto at = [&](int c, int r) -> Eigen::Vector2d& { return (*corners)[CellIndex(r, c, cols)]; };
   const Eigen::Vector2d x = at(cols - 1, 0) - at(0, 0), y = at(0, rows - 1) - at(0, 0);
   if (x.x() * y.y() - x.y() * y.x() < 0) {
     for (int r = 0; r < rows; ++r) {
@@ -54,11 +55,11 @@ std::vector<double> Windows(const std::vector<Eigen::Vector2d>& corners, int col
   std::vector<double> half;
   for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < cols; ++c) {
-      const Eigen::Vector2d& here = corners[static_cast<size_t>(r * cols + c)];
+      const Eigen::Vector2d& here = corners[CellIndex(r, c, cols)];
       double nearest = 1e9;
       for (const auto& [dc, dr] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
         if (c + dc < 0 || c + dc >= cols || r + dr < 0 || r + dr >= rows) continue;
-        nearest = std::min(nearest, (corners[static_cast<size_t>((r + dr) * cols + c + dc)] - here).norm());
+        nearest = std::min(nearest, (corners[CellIndex(r + dr, c + dc, cols)] - here).norm());
       }
       half.push_back(0.4 * nearest);
     }

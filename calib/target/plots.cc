@@ -7,6 +7,8 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/base/grid.h"
+
 namespace trigpoint {
 namespace {
 
@@ -146,7 +148,7 @@ cv::Mat DrawCoverage(const CalibrationInput& input, const Calibration& calibrati
       const bool seen = IsCovered(coverage, size.width, size.height, middle);
       cv::rectangle(canvas.picture, from, to, seen ? kWhite : cv::Scalar(200, 200, 255), cv::FILLED);
       cv::rectangle(canvas.picture, from, to, kPale);
-      const int points = coverage.points[static_cast<size_t>(r * coverage.cols + c)];
+      const int points = coverage.points[CellIndex(r, c, coverage.cols)];
       Text(canvas.picture, std::to_string(points), cv::Point(from) + cv::Point(4, 14), 0.4, kGrey);
     }
   }
@@ -214,8 +216,9 @@ cv::Mat DrawResiduals(const CalibrationInput& input, const Calibration& calibrat
   for (size_t part = 0; part < pattern.mean_px.size(); ++part) {
     if (!pattern.mean_px[part].allFinite()) continue;
     const auto columns = static_cast<size_t>(pattern.cols);
-    const Eigen::Vector2d middle((static_cast<double>(part % columns) + 0.5) * size.width / pattern.cols - 0.5,
-                                 (static_cast<double>(part / columns) + 0.5) * size.height / pattern.rows - 0.5);
+    const size_t row = part / columns, col = part % columns;
+    const Eigen::Vector2d middle((static_cast<double>(col) + 0.5) * size.width / pattern.cols - 0.5,
+                                 (static_cast<double>(row) + 0.5) * size.height / pattern.rows - 0.5);
     Arrow(means.picture, means.At(middle), 4 * stretch * pattern.mean_px[part], kBlue);
   }
   cv::Mat above, whole;

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "calib/base/error.h"
+#include "calib/base/grid.h"
 
 namespace trigpoint {
 namespace {
@@ -295,14 +296,14 @@ ResidualPattern ImagePattern(const CalibrationInput& input, const Calibration& c
   ResidualPattern pattern;
   pattern.cols = cols;
   pattern.rows = std::max(2, static_cast<int>(std::lround(static_cast<double>(cols) * size.height / size.width)));
-  const auto parts = static_cast<size_t>(pattern.cols * pattern.rows);
+  const auto parts = CellCount(pattern.rows, pattern.cols);
   pattern.mean_px.assign(parts, Eigen::Vector2d::Zero());
   pattern.points.assign(parts, 0);
   for (const PointResidual& r : calibration.residuals) {
     if (!r.used || input.views[static_cast<size_t>(r.view)].camera != camera) continue;
     const int c = std::clamp(static_cast<int>((r.pixel.x() + 0.5) / size.width * pattern.cols), 0, pattern.cols - 1);
     const int row = std::clamp(static_cast<int>((r.pixel.y() + 0.5) / size.height * pattern.rows), 0, pattern.rows - 1);
-    const auto part = static_cast<size_t>(row * pattern.cols + c);
+    const auto part = CellIndex(row, c, pattern.cols);
     pattern.mean_px[part] += r.residual;
     ++pattern.points[part];
   }

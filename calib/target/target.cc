@@ -53,8 +53,9 @@ std::vector<Eigen::Vector3d> Target::BoardPoints() const {
     for (int c = 0; c < PointColumns(); ++c) {
       double x = c, y = r;
       if (kind == TargetKind::kAprilGrid) {
-        x = (c / 2) * (1 + tag_spacing) + c % 2;
-        y = (r / 2) * (1 + tag_spacing) + r % 2;
+        const int column = c / 2, row = r / 2;  // of the tag
+        x = column * (1 + tag_spacing) + c % 2;
+        y = row * (1 + tag_spacing) + r % 2;
       } else if (kind == TargetKind::kAsymmetricCircles) {
         x = 2 * c + r % 2;
       }

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "calib/base/error.h"
+#include "calib/base/grid.h"
 #include "calib/base/median.h"
 #include "calib/camera/projection.h"
 
@@ -45,12 +46,12 @@ Coverage MeasureCoverage(const CalibrationInput& input, const Calibration& calib
   Coverage coverage;
   coverage.cols = cols;
   coverage.rows = std::max(3, static_cast<int>(std::lround(static_cast<double>(cols) * size.height / size.width)));
-  coverage.points.assign(static_cast<size_t>(coverage.cols * coverage.rows), 0);
+  coverage.points.assign(CellCount(coverage.rows, coverage.cols), 0);
   const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
   for (const PointResidual& r : calibration.residuals) {
     if (!r.used || input.views[static_cast<size_t>(r.view)].camera != camera) continue;
     const int c = CellOf(r.pixel.x(), size.width, coverage.cols), row = CellOf(r.pixel.y(), size.height, coverage.rows);
-    ++coverage.points[static_cast<size_t>(row * coverage.cols + c)];
+    ++coverage.points[CellIndex(row, c, coverage.cols)];
     coverage.radius_share = std::max(coverage.radius_share, (r.pixel - middle).norm() / middle.norm());
   }
   // Cells that points lie around count too: a board's squares may be larger than they are.
@@ -61,7 +62,7 @@ Coverage MeasureCoverage(const CalibrationInput& input, const Calibration& calib
       const Eigen::Vector2d pixel((c + 0.5) * size.width / coverage.cols - 0.5,
                                   (row + 0.5) * size.height / coverage.rows - 0.5);
       const bool seen = IsCovered(coverage, size.width, size.height, pixel);
-      const auto part = static_cast<size_t>(3 * (3 * row / coverage.rows) + 3 * c / coverage.cols);
+      const auto part = CellIndex(3 * row / coverage.rows, 3 * c / coverage.cols, 3);
       ++part_cells[part];
       part_filled[part] += seen;
       filled += seen;
@@ -80,7 +81,7 @@ bool IsCovered(const Coverage& coverage, int width, int height, const Eigen::Vec
   const int c = CellOf(pixel.x(), width, coverage.cols), r = CellOf(pixel.y(), height, coverage.rows);
   const auto at = [&](int col, int row) {
     return col >= 0 && row >= 0 && col < coverage.cols && row < coverage.rows &&
-           coverage.points[static_cast<size_t>(row * coverage.cols + col)] > 0;
+           coverage.points[CellIndex(row, col, coverage.cols)] > 0;
   };
   return at(c, r) || (at(c - 1, r) && at(c + 1, r)) || (at(c, r - 1) && at(c, r + 1));
 }

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "calib/base/grid.h"
 #include "calib/target/calibrate.h"
 
 namespace trigpoint {
@@ -16,9 +17,7 @@ namespace trigpoint {
 struct ImageGrid {
   int cols = 0, rows = 0;
   std::vector<Eigen::Vector2d> pixels;
-  Eigen::Vector2d At(int col, int row) const {
-    return pixels[static_cast<size_t>(row) * static_cast<size_t>(cols) + static_cast<size_t>(col)];
-  }
+  Eigen::Vector2d At(int col, int row) const { return pixels[CellIndex(row, col, cols)]; }
 };
 ImageGrid MakeGrid(int width, int height, int cols = 41);
 

@@ -6,6 +6,7 @@
 
 clang-tidy needs seconds a file, so a file that passed is left alone until it, a header of ours that it includes
 (as Ninja recorded them), its compile command or .clang-tidy changes: BUILD/lint holds a stamp for each.
+Sources that CMake compiles together (unity builds) are checked together, too; one that nothing compiles is a finding.
 Compiler warnings are the build's business.
 """
 import concurrent.futures
@@ -57,20 +58,26 @@ def run_tidy(root, build, jobs):
 
     headers = headers_of_objects(root, build)
     todo = []
+    unseen = set(sources(root, PRODUCT, ".cc"))
     with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as commands:
         for entry in json.load(commands):
             path = os.path.relpath(entry["file"], root)
-            if path.split(os.sep)[0] not in PRODUCT:
+            unity = os.path.basename(path).startswith("unity_")
+            if os.path.relpath(entry["file"], build if unity else root).split(os.sep)[0] not in PRODUCT:
                 continue
+            included = sorted(headers.get(entry.get("output", ""), []))
+            unseen -= {entry["file"], *included}
             parts = [entry["command"], digest(os.path.join(root, ".clang-tidy")), digest(entry["file"])]
-            parts += [digest(file) for file in sorted(headers.get(entry.get("output", ""), []))]
+            parts += [digest(file) for file in included]
             stamp = os.path.join(stamps, hashlib.sha256("\n".join(parts).encode()).hexdigest())
             if not os.path.exists(stamp):
-                todo.append((path, entry["file"], stamp))
+                # A unity file is nothing but includes of sources.
+                todo.append((path, entry["file"], stamp, ["--checks=-bugprone-suspicious-include"] if unity else []))
 
     def tidy(task):
-        path, file, stamp = task
-        done = subprocess.run(["clang-tidy-14", "-quiet", "-p", build, "--extra-arg=-w", file], check=False, capture_output=True, text=True)
+        path, file, stamp, more = task
+        command = ["clang-tidy-14", "-quiet", "-p", build, "--extra-arg=-w", *more, file]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
         if done.returncode == 0:
             open(stamp, "w", encoding="utf-8").close()
         return path, done
@@ -81,8 +88,10 @@ def run_tidy(root, build, jobs):
             if done.returncode != 0:
                 failed += 1
                 print(f"{path}:\n{done.stdout}{done.stderr}")
+    for file in sorted(unseen):
+        print(f"{os.path.relpath(file, root)}: no target compiles it, so clang-tidy can't check it")
     print(f"clang-tidy: {len(todo)} files checked, {failed} with findings")
-    return 1 if failed else 0
+    return 1 if failed or unseen else 0
 
 
 if __name__ == "__main__":
