@@ -5,7 +5,7 @@
 #   ./setup.sh demo [DIR] the same, then runs the example site (default ./trigpoint-demo) to its tables
 #   ./setup.sh test       the same with the tests, then ctest and clang-format
 #   ./setup.sh package    the same, then Debian packages in build/release
-#   ./setup.sh lint       the same, then clang-tidy over the product's sources (minutes)
+#   ./setup.sh lint       the same, then clang-tidy over the product's sources (half an hour the first time)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 

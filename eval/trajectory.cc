@@ -21,7 +21,8 @@ constexpr double kNsPerS = 1e9;
 // As evo holds a time: ties between neighbours depend on it.
 double Seconds(int64_t ns) {
   constexpr int64_t kSecond = 1'000'000'000;
-  return static_cast<double>(ns / kSecond) + static_cast<double>(ns % kSecond) / kNsPerS;
+  const int64_t whole = ns / kSecond;
+  return static_cast<double>(whole) + static_cast<double>(ns % kSecond) / kNsPerS;
 }
 
 // Index of the stamp nearest in time, the first of equally near ones.

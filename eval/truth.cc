@@ -141,8 +141,9 @@ TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const std::ve
   if (panorama_nees_count > 0) evaluation.panorama_anees_per_dof = panorama_nees / panorama_nees_count / 3;
 
   for (const auto& [station, pose] : truth.panoramas) {
+    const Eigen::Vector3d& place = pose.translation;
     const bool expected = std::any_of(truth.cameras.begin(), truth.cameras.end(), [&](const TimedPose& camera) {
-      return (camera.target_from_body.translation - pose.translation).norm() < options.expected_radius_m;
+      return (camera.target_from_body.translation - place).norm() < options.expected_radius_m;
     });
     if (!expected) continue;
     evaluation.expected.push_back(station);

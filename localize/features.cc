@@ -60,7 +60,10 @@ cv::Mat RootSift(const cv::Mat& descriptors) {
     int sum = 0;
     for (int c = 0; c < descriptors.cols; ++c) sum += in[c];
     const float scale = sum > 0 ? 255.0F / std::sqrt(static_cast<float>(sum)) : 0.0F;
-    for (int c = 0; c < descriptors.cols; ++c) to[c] = static_cast<uint8_t>(scale * kRoots[in[c]] + 0.5F);
+    for (int c = 0; c < descriptors.cols; ++c) {
+      const float above = scale * kRoots[in[c]] + 0.5F;  // rounds
+      to[c] = static_cast<uint8_t>(above);
+    }
   }
   return out;
 }

@@ -198,7 +198,8 @@ std::vector<RetrievalHit> RetrievalIndex::Query(const DescriptorBlock& descripto
 
 size_t RetrievalIndex::MemoryBytes() const {
   size_t bytes = idf_.size() * sizeof(float);
-  for (const std::vector<Posting>& list : postings_) bytes += sizeof(list) + list.capacity() * sizeof(Posting);
+  bytes += postings_.size() * sizeof(std::vector<Posting>);
+  for (const std::vector<Posting>& list : postings_) bytes += list.capacity() * sizeof(Posting);
   return bytes;
 }
 

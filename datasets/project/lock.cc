@@ -36,7 +36,7 @@ LockHolder Parse(const std::string& text) {
 
 }  // namespace
 
-ProjectLock::ProjectLock(fs::path results) : file_(std::move(results) / ".lock") {
+ProjectLock::ProjectLock(const fs::path& results) : file_(results / ".lock") {
   std::error_code failure;
   fs::create_directories(file_.parent_path(), failure);
   if (failure) throw IoErrorFor(file_.parent_path(), "created", failure.value());

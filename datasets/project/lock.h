@@ -22,7 +22,7 @@ class ProjectLock {
  public:
   // Creates `results` if needed, and removes what killed processes left in it. Throws IoError naming the holder if
   // another one (also of this process) has it, or if `results` cannot be written.
-  explicit ProjectLock(std::filesystem::path results);
+  explicit ProjectLock(const std::filesystem::path& results);
   ~ProjectLock();
   ProjectLock(const ProjectLock&) = delete;
   ProjectLock& operator=(const ProjectLock&) = delete;

@@ -392,7 +392,7 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
     std::erase_if(project.site_.broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
   }
   for (const auto& [run, role] : file.roles) {
-    attempt([&] { require(run, "roles"); });
+    attempt([&, &run = run] { require(run, "roles"); });
     for (Run& r : project.site_.runs) {
       if (r.name == run) r.config.role = role;
     }

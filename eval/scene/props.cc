@@ -14,6 +14,8 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "calib/base/grid.h"
+
 namespace trigpoint {
 namespace {
 
@@ -53,7 +55,7 @@ vtkSmartPointer<vtkPolyData> TexturedGrid(const std::vector<Eigen::Vector3d>& ve
   where->SetNumberOfComponents(2);
   for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < columns; ++c) {
-      Insert(points, vertices[static_cast<size_t>(r * columns + c)]);
+      Insert(points, vertices[CellIndex(r, c, columns)]);
       where->InsertNextTuple2(static_cast<double>(c) / (columns - 1), 1 - static_cast<double>(r) / (rows - 1));
     }
   }

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "calib/base/error.h"
+#include "calib/base/grid.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/manifold.h"
 
@@ -186,7 +187,7 @@ void BlockSolver::EvaluateFactors(bool with_jacobians, int threads, const Cancel
       parameters.clear(), pointers.clear();
       int size = 0;
       for (int u : f.unknowns) size += unknowns[static_cast<size_t>(u)].size;
-      raw.resize(static_cast<size_t>(rows * size));
+      raw.resize(CellCount(rows, size));
       int at = 0;
       for (int u : f.unknowns) {
         const Unknown& unknown = unknowns[static_cast<size_t>(u)];

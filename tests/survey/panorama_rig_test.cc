@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <string>
 
 #include "calib/base/error.h"
 #include "calib/geometry/so3.h"
@@ -233,6 +234,8 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
       EXPECT_LT(errors[2], errors[0]);
     }
   }
+  RecordProperty("central_rms_m", std::to_string(std::sqrt(central2 / 10)));
+  RecordProperty("refined_rms_m", std::to_string(std::sqrt(refined2 / 10)));
   EXPECT_LT(std::sqrt(refined2), 0.5 * std::sqrt(central2));
   EXPECT_LT(std::sqrt(places2 / 10), 0.03);
   EXPECT_LE(needless, 1);  // of ten
