@@ -314,7 +314,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
         if (!IsOf(r, k, taken)) continue;
         o.w /= static_cast<float>(factor);
         o.active =
-            r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
+            r.point_valid[static_cast<size_t>(o.point)] &&
+            SquaredError(p, o) < result.references[static_cast<size_t>(-1 - r.image_of[k])].registration.outlier_chi2;
       }
       r.summary = SolveBundle(p, bundle, progress, cancel);
     };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <set>
 
@@ -461,7 +462,7 @@ class Registrar {
       found = SearchPredicted(job, view_from_rig, pose, middle, radius, &expected);
       if (found.size() < 6) break;
       for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
-        pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", 2 * o_.outlier_chi2, nullptr);
+        pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", o_.outlier_chi2, nullptr);
         if (sigma <= o_.sigma_px) break;
       }
     }
@@ -475,9 +476,12 @@ class Registrar {
       } else if (e < radius) {
         ++outer;
       }
-      if (e < o_.sigma_px * std::sqrt(o_.outlier_chi2)) inliers.push_back(c);
     }
     out->support = inner - outer / 3.0;
+    out->outlier_chi2 = ChanceGate(out->support, outer, radius, o_.sigma_px, o_.outlier_chi2);
+    for (const Correspondence& c : found) {
+      if (error_px(c) < o_.sigma_px * std::sqrt(out->outlier_chi2)) inliers.push_back(c);
+    }
     // A point in the overlap of two views of one centre is one observation, not two.
     if (IsCentral(ref.rig)) {
       std::map<int, size_t> best;
@@ -501,7 +505,7 @@ class Registrar {
     out->rig_from_odom = pose;
     if (independent.size() >= 6) {
       out->rig_from_odom =
-          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
+          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", out->outlier_chi2, &out->covariance);
     } else {
       out->covariance = Matrix6d::Identity() * 1e6;
     }
@@ -666,7 +670,7 @@ class Registrar {
         continue;
       }
       const Rigid3d rig_from_odom =
-          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
+          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", out->outlier_chi2, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig_from_odom;
       answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
       const bool near = answer.distance_m <= o_.max_distance_m;
@@ -860,6 +864,15 @@ class Registrar {
 };
 
 }  // namespace
+
+double ChanceGate(double support, int outer, double radius_px, double sigma_px, double most_chi2) {
+  constexpr double kLeastChi2 = 5.99;
+  if (outer == 0) return most_chi2;
+  const double chance = outer / (0.75 * std::numbers::pi * radius_px * radius_px);  // on a square pixel
+  const double peak = support / (2 * std::numbers::pi * sigma_px * sigma_px);       // of the true ones, in the middle
+  if (peak <= chance) return std::min(kLeastChi2, most_chi2);
+  return std::min(std::max(kLeastChi2, 2 * std::log(peak / chance)), most_chi2);
+}
 
 std::string_view AnswerStatusName(AnswerStatus status) {
   switch (status) {

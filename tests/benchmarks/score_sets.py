@@ -6,7 +6,8 @@
 PROJECT: after `trigpoint localize` of each run and variant; a set is a row of panoramas.csv named after its folder in
 photos/, or after stitched/<set>.jpg (the stitched picture given as a panorama). TRUTH holds runs/<run>_cameras.tum and
 photos/<set>.tum. Errors (m): position of the set's centre (the mean of its photos' centres) after a rigid fit, without
-scale, of the run's own cameras within 15 m of it to the truth. Needs python3-numpy.
+scale, of the run's own cameras within 15 m of it to the truth. Sigma: stated in the run's frame, its scale held, so that the
+scale's error (0.6 % of some metres) comes on top of it. Needs python3-numpy.
 """
 import argparse
 import os
