@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "app/cli/command.h"
+#include "calib/base/error.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
@@ -99,7 +100,12 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       }
       if (!query.variants.front().empty()) CheckVariantName(query.variants.front());
       const Project project = OpenProject(s, arguments->dir);
-      return RunAndReport(s, stage.name, project, PlanJobs(project, query));
+      const std::vector<Job> jobs = PlanJobs(project, query);
+      if (std::none_of(jobs.begin(), jobs.end(), [&](const Job& job) { return job.stage == &stage; })) {
+        throw InputError(arguments->dir + ": there is no run, so there is nothing for `" + stage.name +
+                         "` to do; expected runs/<run>/ with images.txt and its images (docs/file_formats.md)");
+      }
+      return RunAndReport(s, stage.name, project, jobs);
     };
   });
 }

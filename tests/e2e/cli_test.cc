@@ -121,6 +121,15 @@ TEST(Cli, BadProjectFilesAreOneLine) {
   }
 }
 
+TEST(Cli, AFolderWithoutRunsIsRefused) {
+  const ProjectFolder folder;
+  fs::remove_all(folder.dir() / "runs");
+  for (const char* command : {"detect", "localize"}) {
+    ExpectOneLine(Trigpoint({command, folder.dir().string()}), 1,
+                  {folder.dir().string(), "no run", command, "runs/<run>/"});
+  }
+}
+
 TEST(Cli, OneBrokenRunIsNamedAndTheOtherIsDone) {
   const ProjectFolder folder;
   folder.Write("runs/run1/detections.csv", "timestamp,tag\n");
