@@ -13,6 +13,7 @@ import concurrent.futures
 import hashlib
 import json
 import os
+import shlex
 import subprocess
 import sys
 
@@ -65,7 +66,8 @@ def run_tidy(root, build, jobs):
             unity = os.path.basename(path).startswith("unity_")
             if os.path.relpath(entry["file"], build if unity else root).split(os.sep)[0] not in PRODUCT:
                 continue
-            included = sorted(headers.get(entry.get("output", ""), []))
+            words = shlex.split(entry["command"])
+            included = sorted(headers[words[words.index("-o") + 1]])  # of its object
             unseen -= {entry["file"], *included}
             parts = [entry["command"], digest(os.path.join(root, ".clang-tidy")), digest(entry["file"])]
             parts += [digest(file) for file in included]
