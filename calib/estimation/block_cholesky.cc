@@ -235,16 +235,20 @@ int BlockCholesky::ThreadsFor(const Panel& panel, int threads) const {
 }
 
 bool BlockCholesky::Factorize(const std::vector<Matrix6d>& values, double damping, int threads) {
-  factor_.assign(size_, 0);
+  SetZero();
   for (size_t k = 0; k < values.size(); ++k) {
-    const Target& t = into_[k];
-    Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>> block(factor_.data() + t.at, Eigen::OuterStride<>(t.stride));
-    if (t.transposed) {
-      block = values[k].transpose();
+    if (into_[k].transposed) {
+      BlockAt(into_[k]) = values[k].transpose();
     } else {
-      block = values[k];
+      BlockAt(into_[k]) = values[k];
     }
-    if (t.diagonal) block.diagonal() += damping * values[k].diagonal().cwiseAbs();
+  }
+  return Factorize(damping, threads);
+}
+
+bool BlockCholesky::Factorize(double damping, int threads) {
+  for (const Target& t : into_) {
+    if (t.diagonal) BlockAt(t).diagonal() += damping * BlockAt(t).diagonal().cwiseAbs();
   }
   for (const Panel& panel : panels_) {
     const Index stride = panel.Stride(), width = kDim * panel.width;
@@ -305,23 +309,25 @@ void BlockCholesky::Solve(Eigen::Ref<Eigen::VectorXd> x) const {
   for (int b = 0; b < n_; ++b) x.segment<kDim>(kDim * b) = y.segment<kDim>(kDim * place_[static_cast<size_t>(b)]);
 }
 
-BlockCholesky::Inverse BlockCholesky::SelectedInverse(int threads) const {
+BlockCholesky::Inverse BlockCholesky::SelectedInverse(int threads) const& { return Invert(factor_, threads); }
+
+BlockCholesky::Inverse BlockCholesky::SelectedInverse(int threads) && { return Invert(std::move(factor_), threads); }
+
+BlockCholesky::Inverse BlockCholesky::Invert(std::vector<double> factor, int threads) const {
   Inverse z;
   z.factor_ = this;
-  z.values_.assign(size_, 0);
+  z.values_ = std::move(factor);
   for (auto it = panels_.rbegin(); it != panels_.rend(); ++it) {
     const Panel& panel = *it;
     const Index stride = panel.Stride(), width = kDim * panel.width, height = kDim * panel.rows;
-    const double* const factor = factor_.data() + panel.values;
-    const ConstStrided square(factor, width, width, Eigen::OuterStride<>(stride));
     Strided own(z.values_.data() + panel.values, width, width, Eigen::OuterStride<>(stride));
     Strided below(z.values_.data() + panel.values + width, height, width, Eigen::OuterStride<>(stride));
-    const Eigen::MatrixXd inverse =
-        square.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(width, width));
+    const Eigen::MatrixXd inverse = own.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(width, width));
     own.noalias() = inverse.transpose() * inverse;
     if (panel.rows == 0) continue;
-    Eigen::MatrixXd unit = ConstStrided(factor + width, height, width, Eigen::OuterStride<>(stride));
+    Eigen::MatrixXd unit = below;
     unit *= inverse.triangularView<Eigen::Lower>();  // U = L_B L_D^-1
+    below.setZero();
     std::vector<std::ptrdiff_t> groups;
     for (int q = 0; q < panel.width; ++q) AppendGroups(q, stride, &groups);
     // Z_B = - Z_BB U. Z_BB lies in the panels whose columns these rows are: the pattern is closed under this sum.

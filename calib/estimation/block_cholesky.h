@@ -18,15 +18,29 @@ class BlockCholesky {
   // the diagonal included. The elimination order is chosen here (approximate minimum degree).
   BlockCholesky(int blocks, const std::vector<std::pair<int, int>>& lower);
 
-  // The values of `lower`, in its order; of diagonal blocks the lower triangle is read. `damping` is a part of each
-  // diagonal element that is added to it. False if the matrix is not positive definite.
-  // The result does not depend on the number of threads.
+  // The matrix is gathered where its factor will be, as there may not be room for both: all zero, then a b^T (a, b: 6
+  // rows) is added to the block of `lower` with that index. Blocks of different indices may be added to by different
+  // threads.
+  void SetZero() { factor_.assign(size_, 0); }
+  template <typename A, typename B>
+  void Add(int index, const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
+    const Target& t = into_[static_cast<size_t>(index)];
+    if (t.transposed) {
+      BlockAt(t).noalias() += b.derived() * a.derived().transpose();
+    } else {
+      BlockAt(t).noalias() += a.derived() * b.derived().transpose();
+    }
+  }
+  // Of diagonal blocks the lower triangle is read. `damping` is a part of each diagonal element that is added to it.
+  // False if the matrix is not positive definite. The result does not depend on the number of threads.
+  bool Factorize(double damping, int threads = 1);
+  // The same of the values of `lower`, in its order.
   bool Factorize(const std::vector<Matrix6d>& values, double damping, int threads = 1);
   // x <- A^-1 x; 6 * blocks rows.
   void Solve(Eigen::Ref<Eigen::VectorXd> x) const;
 
   // The blocks of A^-1 inside the pattern of the factor, by selected inversion (Takahashi et al. 1973): all pairs that
-  // `lower` names are among them. Rests on the factor's pattern: valid while the factor lives.
+  // `lower` names are among them. Rests on the factor's pattern: valid while this object lives.
   class Inverse {
    public:
     // Zero outside the factor's pattern.
@@ -37,9 +51,19 @@ class BlockCholesky {
     const BlockCholesky* factor_ = nullptr;
     std::vector<double> values_;  // laid out as the factor's
   };
-  Inverse SelectedInverse(int threads = 1) const;
+  Inverse SelectedInverse(int threads = 1) const&;
+  // In the factor's own memory: until the next Factorize there is nothing left to solve with.
+  Inverse SelectedInverse(int threads = 1) &&;
 
  private:
+  struct Target {
+    size_t at;  // in factor_
+    Eigen::Index stride;
+    bool diagonal;
+    bool transposed;  // the value's block lies above the diagonal in elimination order
+  };
+  using BlockMap = Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>>;
+  BlockMap BlockAt(const Target& t) { return BlockMap(factor_.data() + t.at, Eigen::OuterStride<>(t.stride)); }
   // Neighbouring columns (in elimination order) of about the same pattern, stored as one dense matrix, column by
   // column: a square whose lower triangle counts, and the rows below that any of them has.
   struct Panel {
@@ -57,6 +81,8 @@ class BlockCholesky {
     std::vector<int> where;
   };
   std::vector<Meeting> MeetingsOf(const Panel& panel) const;
+  // The factor's values in, those of the inverse out.
+  Inverse Invert(std::vector<double> factor, int threads) const;
   // Threads are begun for what takes longer than they do.
   int ThreadsFor(const Panel& panel, int threads) const;
   // Where the block at (row, column) begins, both in elimination order and row >= column; kNowhere: it is zero.
@@ -71,13 +97,7 @@ class BlockCholesky {
   std::vector<Panel> panels_;
   std::vector<int> panel_of_;  // of each column
   std::vector<int> rows_;      // ascending within a panel, in elimination order
-  struct Target {
-    size_t at;  // in factor_
-    Eigen::Index stride;
-    bool diagonal;
-    bool transposed;  // the value's block lies above the diagonal in elimination order
-  };
-  std::vector<Target> into_;  // of each value
+  std::vector<Target> into_;   // of each value
   size_t size_ = 0;
   std::vector<double> factor_;
 };

@@ -110,9 +110,8 @@ struct PointSystem {
   Eigen::Vector3d g;
 };
 
-// The normal equations reduced to poses and scale, and what is needed to get the points back.
+// The normal equations reduced to poses and scale, but for the poses' matrix.
 struct Reduced {
-  std::vector<Matrix6d> blocks;
   Eigen::VectorXd gradient;      // J^T r reduced
   Eigen::VectorXd scale_column;  // of free poses, when the scale is free
   double scale_diagonal = 0;
@@ -128,12 +127,13 @@ class Reducer {
   const Layout& layout() const { return layout_; }
   const BlockMatrix& pattern() const { return pattern_; }
 
-  // Builds the reduced system with damping `lambda` on the points' diagonals. Points are taken a batch at a time: first
-  // what each of them adds is computed, then every worker adds up the rows that are its own, in the points' order, so
-  // that the sums do not depend on the number of threads and there is one matrix, however many they are.
-  Reduced Build(double lambda, std::vector<PoseFactor>* factors_out) {
+  // Builds the reduced system with damping `lambda` on the points' diagonals, the poses' matrix into `matrix`. Points
+  // are taken a batch at a time: first what each of them adds is computed, then every worker adds up the rows that are
+  // its own, in the points' order, so that the sums do not depend on the number of threads and there is one matrix,
+  // however many they are.
+  Reduced Build(double lambda, BlockCholesky* matrix) {
     Reduced sum;
-    sum.blocks.assign(static_cast<size_t>(pattern_.size()), Matrix6d::Zero());
+    matrix->SetZero();
     sum.gradient = Eigen::VectorXd::Zero(layout_.dimension);
     const int points = static_cast<int>(p_.points.size()), workers = ResolveThreads(threads_);
     for (int begin = 0, end = 0; begin < points; begin = end) {
@@ -150,10 +150,10 @@ class Reducer {
       });
       for (double cost : costs) sum.cost += cost;
       ParallelFor(workers, threads_, cancel_, [&](int64_t worker) {
-        for (int j = begin; j < end; ++j) AddPoint(j, first, static_cast<int>(worker), workers, &sum);
+        for (int j = begin; j < end; ++j) AddPoint(j, first, static_cast<int>(worker), workers, matrix, &sum);
       });
     }
-    AddFactors(&sum, factors_out);
+    AddFactors(matrix, &sum);
     return sum;
   }
 
@@ -271,42 +271,40 @@ class Reducer {
   }
 
   // Adds what the point brings to the rows of one worker.
-  void AddPoint(int point, int first, int worker, int workers, Reduced* sum) const {
+  void AddPoint(int point, int first, int worker, int workers, BlockCholesky* matrix, Reduced* sum) const {
     const Term* const begin = terms_.data() + (layout_.first[static_cast<size_t>(point)] - first);
     const Term* const end = terms_.data() + (layout_.first[static_cast<size_t>(point) + 1] - first);
     for (const Term* a = begin; a != end; ++a) {
       if (a->slot < 0 || a->slot % workers != worker) continue;
-      sum->blocks[static_cast<size_t>(a->slot)].noalias() += a->jp.transpose() * a->jp;  // diagonals come first
+      matrix->Add(a->slot, a->jp.transpose(), a->jp.transpose());  // diagonals come first
       sum->gradient.segment<6>(6 * a->slot) += a->gradient;
       if (p_.points_constant) continue;
       for (const Term* b = begin; b != end; ++b) {
         if (b->slot < 0 || b->slot > a->slot) continue;
         const int k = a->slot == b->slot ? a->slot : pattern_.Find(a->slot, b->slot);
-        sum->blocks[static_cast<size_t>(k)].noalias() -= a->reduced * b->hpy.transpose();
+        matrix->Add(k, -a->reduced, b->hpy);
       }
     }
   }
 
-  void AddFactors(Reduced* sum, std::vector<PoseFactor>* factors_out) {
+  void AddFactors(BlockCholesky* matrix, Reduced* sum) const {
     sum->scale_column = Eigen::VectorXd::Zero(6 * layout_.blocks);
-    for (size_t i = 0; i < p_.factors.size(); ++i) {
-      const PoseFactor& f = p_.factors[i];
+    for (const PoseFactor& f : p_.factors) {
       FactorTerms t;
       EvaluateFactor(p_, f, &t);
       double weight = 1;
       sum->cost += 0.5 * Rho(f.loss.get(), t.r.squaredNorm(), &weight);
-      if (factors_out != nullptr) (*factors_out)[i].weight = weight;
       const int a = layout_.slot[static_cast<size_t>(f.a)];
       const int b = f.b >= 0 ? layout_.slot[static_cast<size_t>(f.b)] : -1;
       if (a >= 0) {
-        sum->blocks[static_cast<size_t>(a)] += weight * t.ja.transpose() * t.ja;
+        matrix->Add(a, weight * t.ja.transpose(), t.ja.transpose());
         sum->gradient.segment<6>(6 * a) += weight * t.ja.transpose() * t.r;
       }
       if (b >= 0) {
-        sum->blocks[static_cast<size_t>(b)] += weight * t.jb.transpose() * t.jb;
+        matrix->Add(b, weight * t.jb.transpose(), t.jb.transpose());
         sum->gradient.segment<6>(6 * b) += weight * t.jb.transpose() * t.r;
-        if (a > b) sum->blocks[static_cast<size_t>(pattern_.Find(a, b))] += weight * t.ja.transpose() * t.jb;
-        if (a >= 0 && a < b) sum->blocks[static_cast<size_t>(pattern_.Find(b, a))] += weight * t.jb.transpose() * t.ja;
+        if (a > b) matrix->Add(pattern_.Find(a, b), weight * t.ja.transpose(), t.jb.transpose());
+        if (a >= 0 && a < b) matrix->Add(pattern_.Find(b, a), weight * t.jb.transpose(), t.ja.transpose());
       }
       if (!p_.scale_constant && f.scaled) {
         const int s = 6 * layout_.blocks;
@@ -342,9 +340,11 @@ class ReducedSolver {
         with_scale_(layout.dimension > poses_),
         cholesky_(layout.blocks, pattern.blocks()) {}
 
+  // What the poses' matrix is built into.
+  BlockCholesky* matrix() { return &cholesky_; }
   // With relative damping of the diagonal. False if the system is not positive definite.
   bool Factorize(const Reduced& r, double lambda) {
-    if (!cholesky_.Factorize(r.blocks, lambda, threads_)) return false;
+    if (!cholesky_.Factorize(lambda, threads_)) return false;
     if (!with_scale_) return true;
     border_ = r.scale_column;
     cholesky_.Solve(border_);
@@ -365,7 +365,7 @@ class ReducedSolver {
   }
 
   // Blocks of the inverse: of the poses' matrix, and what the border adds to them.
-  BlockCholesky::Inverse SelectedInverse() const { return cholesky_.SelectedInverse(threads_); }
+  BlockCholesky::Inverse SelectedInverse() && { return std::move(cholesky_).SelectedInverse(threads_); }
   Matrix6d BorderBlock(int a, int b) const {
     if (!with_scale_) return Matrix6d::Zero();
     return border_.segment<6>(6 * a) * border_.segment<6>(6 * b).transpose() / pivot_;
@@ -457,7 +457,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
     double gain = 0;
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
       cancel.ThrowIfCancelled();
-      const Reduced reduced = reducer.Build(lambda, nullptr);
+      const Reduced reduced = reducer.Build(lambda, solver.matrix());
       singular = !solver.Factorize(reduced, lambda);
       if (singular) {
         lambda = std::max(lambda, 1e-8) * 10;
@@ -531,7 +531,7 @@ struct BundleCovariance::Impl {
 BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel) {
   Reducer reducer(problem, threads, cancel);
   impl_ = std::make_unique<Impl>(problem, reducer, threads);
-  if (!impl_->solver.Factorize(reducer.Build(0, nullptr), 0)) {
+  if (!impl_->solver.Factorize(reducer.Build(0, impl_->solver.matrix()), 0)) {
     throw NumericError("covariance: the system is singular; something is not fixed by the data");
   }
 }
@@ -566,9 +566,9 @@ Eigen::MatrixXd BundleCovariance::Columns(const std::vector<int>& poses, bool wi
 }
 
 void BundleCovariance::PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal,
-                                  std::vector<Matrix6d>* with_next) const {
+                                  std::vector<Matrix6d>* with_next) && {
   const Layout& layout = impl_->layout;
-  const BlockCholesky::Inverse inverse = impl_->solver.SelectedInverse();
+  const BlockCholesky::Inverse inverse = std::move(impl_->solver).SelectedInverse();
   const auto block = [&](int a, int b) -> Matrix6d { return inverse.Block(a, b) + impl_->solver.BorderBlock(a, b); };
   diagonal->assign(impl_->poses, Matrix6d::Zero());
   with_next->assign(impl_->poses, Matrix6d::Zero());

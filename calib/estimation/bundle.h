@@ -104,9 +104,8 @@ class BundleCovariance {
   // rows a pose, zero for constant ones) and the scale in the last row.
   Eigen::MatrixXd Columns(const std::vector<int>& poses, bool with_scale) const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
-  // (next[p] >= 0), computed by selected inversion.
-  void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal,
-                  std::vector<Matrix6d>* with_next) const;
+  // (next[p] >= 0), computed by selected inversion in the place of the factor: the last that this object tells.
+  void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) &&;
   int Dimension() const;
 
  private:

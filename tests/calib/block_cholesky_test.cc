@@ -53,10 +53,12 @@ TEST_P(BlockCholeskyOn, AgreesWithDense) {
   EXPECT_LT((s.dense * x - b).norm(), 1e-10 * b.norm());
   const Eigen::MatrixXd inverse = s.dense.inverse();
   const BlockCholesky::Inverse z = cholesky.SelectedInverse();
+  const BlockCholesky::Inverse in_place = std::move(cholesky).SelectedInverse();
   for (const auto& [i, j] : s.lower) {
     const Matrix6d expected = inverse.block<6, 6>(6 * i, 6 * j);
     EXPECT_LT((z.Block(i, j) - expected).norm(), 1e-12 * inverse.norm()) << i << "," << j;
     EXPECT_LT((z.Block(j, i) - expected.transpose()).norm(), 1e-12 * inverse.norm());
+    EXPECT_EQ(in_place.Block(i, j), z.Block(i, j));
   }
 }
 INSTANTIATE_TEST_SUITE_P(Patterns, BlockCholeskyOn,

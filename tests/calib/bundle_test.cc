@@ -118,10 +118,10 @@ TEST(Bundle, CovarianceIsThatOfRedraws) {
   for (int k = 0; k < kRedraws; ++k) {
     BundleProblem p = Redraw(scene, 100 + static_cast<uint64_t>(k) * 7919, 1);
     SolveBundle(p, {}, progress, cancel);
-    const BundleCovariance covariance(p, 1, cancel);
+    BundleCovariance covariance(p, 1, cancel);
     const Matrix6d c = covariance.Columns({11}, false).middleRows<6>(66);
     std::vector<Matrix6d> diagonal, unused;
-    covariance.PoseBlocks({}, &diagonal, &unused);
+    std::move(covariance).PoseBlocks({}, &diagonal, &unused);
     // Selected inversion and plain solves agree.
     EXPECT_LT((diagonal[11] - c).norm(), 1e-9 * c.norm());
     const Vector6d e = p.poses[11].Minus(scene.truth.poses[11]);
