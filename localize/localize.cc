@@ -94,10 +94,10 @@ LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector
                                        const CancelToken& cancel) {
   LocalCovariance c;
   c.poses = poses;
-  const BundleCovariance covariance(p, threads, cancel);
+  BundleCovariance covariance(p, threads, cancel);
   c.columns = covariance.Columns(poses, false);
   std::vector<Matrix6d> unused;
-  covariance.PoseBlocks({}, &c.diagonal, &unused);
+  std::move(covariance).PoseBlocks({}, &c.diagonal, &unused);
   const Eigen::Index n = static_cast<Eigen::Index>(poses.size());
   c.places = Eigen::MatrixXd::Zero(6 * n, 6 * n);
   for (Eigen::Index a = 0; a < n; ++a) {
@@ -261,6 +261,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   result.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
   watch.Lap("tracks");
   result.reconstruction = Reconstruct(input, result.tracks, options.reconstruct, paper, threads, progress, cancel);
+  result.tracked = result.tracks.observations.size();
+  result.tracks.observations = std::vector<TrackObservation>();
   watch.Lap("reconstruct");
   if (!paper) {
     result.loops = CloseLoops(input, options.loops, options.registration, options.reconstruct, &result.reconstruction,

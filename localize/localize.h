@@ -67,7 +67,8 @@ struct Localization {
   std::vector<PoseEstimate> cameras;  // each image, world_from_cam; empty when not on the Earth
   LoopSummary loops;
   Retrieval retrieval;
-  TrackSet tracks;
+  TrackSet tracks;                                      // their observations are the reconstruction's
+  size_t tracked = 0;                                   // how many of these there were
   std::vector<std::pair<std::string, double>> seconds;  // wall time of each step
 };
 

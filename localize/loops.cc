@@ -133,9 +133,12 @@ int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, doub
   BundleProblem& p = r->problem;
   std::vector<int> into(p.points.size());
   std::iota(into.begin(), into.end(), 0);
-  std::map<std::pair<int, int>, int> point_of;  // (image, feature)
+  std::vector<bool> looped(input.images.size(), false);
+  for (const Loop& loop : loops) looped[static_cast<size_t>(loop.image)] = true;
+  std::map<std::pair<int, int>, int> point_of;  // (image, feature) of the loops' images
   for (size_t k = 0; k < p.observations.size(); ++k) {
-    point_of[{r->image_of[k], r->feature_of[k]}] = p.observations[k].point;
+    if (looped[static_cast<size_t>(r->image_of[k])])
+      point_of[{r->image_of[k], r->feature_of[k]}] = p.observations[k].point;
   }
   std::vector<ImageObservation> rows;
   int merged = 0;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
@@ -358,21 +359,31 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
 }
 
 void AddObservations(const std::vector<ImageObservation>& added, Reconstruction* r) {
-  BundleProblem& p = r->problem;
-  std::vector<ImageObservation> rows;
-  rows.reserve(p.observations.size() + added.size());
-  for (size_t k = 0; k < p.observations.size(); ++k)
-    rows.push_back({p.observations[k], r->image_of[k], r->feature_of[k]});
-  rows.insert(rows.end(), added.begin(), added.end());
-  std::stable_sort(rows.begin(), rows.end(),
-                   [](const ImageObservation& a, const ImageObservation& b) { return a.o.point < b.o.point; });
-  p.observations.clear();
-  r->image_of.clear();
-  r->feature_of.clear();
-  for (const ImageObservation& row : rows) {
-    p.observations.push_back(row.o);
+  std::vector<BearingObservation>& observations = r->problem.observations;
+  observations.reserve(observations.size() + added.size());
+  r->image_of.reserve(observations.size() + added.size());
+  r->feature_of.reserve(observations.size() + added.size());
+  for (const ImageObservation& row : added) {
+    observations.push_back(row.o);
     r->image_of.push_back(row.image);
     r->feature_of.push_back(row.feature);
+  }
+  std::vector<int> place(observations.size());  // which one belongs there
+  std::iota(place.begin(), place.end(), 0);
+  std::stable_sort(place.begin(), place.end(), [&](int a, int b) {
+    return observations[static_cast<size_t>(a)].point < observations[static_cast<size_t>(b)].point;
+  });
+  // In place, cycle by cycle: they are the most that a long run has in memory.
+  for (size_t begin = 0; begin < place.size(); ++begin) {
+    for (size_t to = begin; static_cast<size_t>(place[to]) != to;) {
+      const size_t from = static_cast<size_t>(place[to]);
+      place[to] = static_cast<int>(to);
+      if (from == begin) break;
+      std::swap(observations[to], observations[from]);
+      std::swap(r->image_of[to], r->image_of[from]);
+      std::swap(r->feature_of[to], r->feature_of[from]);
+      to = from;
+    }
   }
 }
 

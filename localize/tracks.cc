@@ -1,9 +1,9 @@
 #include "localize/tracks.h"
 
 #include <algorithm>
+#include <limits>
+#include <map>
 #include <memory>
-#include <numeric>
-#include <unordered_map>
 
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
@@ -32,45 +32,63 @@ std::unique_ptr<Prepared> Prepare(const LocalizeInput& input, int image, bool pa
   return p;
 }
 
-// Union-find over (image, feature), refusing unions that would put two features of one image into a track.
-class TrackForest {
+// The tracks that may still grow. A track never holds two features of one image: what would make it do so is refused.
+class OpenTracks {
  public:
-  explicit TrackForest(std::vector<int64_t> offsets) : offsets_(std::move(offsets)) {
-    parent_.resize(static_cast<size_t>(offsets_.back()));
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-  int64_t Node(int image, int feature) const { return offsets_[static_cast<size_t>(image)] + feature; }
-  int64_t Root(int64_t n) {
-    while (parent_[static_cast<size_t>(n)] != n) {
-      parent_[static_cast<size_t>(n)] = parent_[static_cast<size_t>(parent_[static_cast<size_t>(n)])];
-      n = parent_[static_cast<size_t>(n)];
+  // Ascending images.
+  void AddImage(int image, size_t features) { track_of_[image].assign(features, kNone); }
+
+  // A feature of an image and one of a later image are the same.
+  void Join(const TrackObservation& a, const TrackObservation& b) {
+    int& of_a = track_of_.at(a.image)[static_cast<size_t>(a.feature)];
+    int& of_b = track_of_.at(b.image)[static_cast<size_t>(b.feature)];
+    if (of_a == kNone) of_a = Begin(a);
+    if (of_b == kNone) of_b = Begin(b);
+    if (of_a == of_b) return;
+    std::vector<TrackObservation>&into = tracks_.at(of_a), &from = tracks_.at(of_b);
+    std::vector<TrackObservation> merged;
+    merged.reserve(into.size() + from.size());
+    std::merge(into.begin(), into.end(), from.begin(), from.end(), std::back_inserter(merged), Earlier);
+    const auto same = [](const TrackObservation& x, const TrackObservation& y) { return x.image == y.image; };
+    if (std::adjacent_find(merged.begin(), merged.end(), same) != merged.end()) return;
+    const int kept = of_a, gone = of_b;
+    for (const TrackObservation& o : from) {
+      const auto image = track_of_.find(o.image);
+      if (image != track_of_.end()) image->second[static_cast<size_t>(o.feature)] = kept;
     }
-    return n;
+    into = std::move(merged);
+    tracks_.erase(gone);
   }
-  void Union(int image_a, int feature_a, int image_b, int feature_b) {
-    int64_t a = Root(Node(image_a, feature_a)), b = Root(Node(image_b, feature_b));
-    if (a == b) return;
-    std::vector<int>& ia = Images(a, image_a);
-    std::vector<int>& ib = Images(b, image_b);
-    std::vector<int> merged;
-    merged.reserve(ia.size() + ib.size());
-    std::merge(ia.begin(), ia.end(), ib.begin(), ib.end(), std::back_inserter(merged));
-    if (std::adjacent_find(merged.begin(), merged.end()) != merged.end()) return;
-    images_.erase(b);
-    parent_[static_cast<size_t>(b)] = a;
-    images_[a] = std::move(merged);
+
+  // No image before `image` will be matched again: the tracks that end there are done. Those of `min_length` images
+  // and more are kept.
+  void Close(int image, int min_length, TrackSet* out) {
+    track_of_.erase(track_of_.begin(), track_of_.lower_bound(image));
+    for (auto it = tracks_.begin(); it != tracks_.end();) {
+      std::vector<TrackObservation>& track = it->second;
+      if (track.back().image >= image) {
+        ++it;
+        continue;
+      }
+      if (track.size() >= static_cast<size_t>(min_length)) {
+        for (TrackObservation& o : track) o.track = out->tracks;
+        out->observations.insert(out->observations.end(), track.begin(), track.end());
+        ++out->tracks;
+      }
+      it = tracks_.erase(it);
+    }
   }
 
  private:
-  // A fresh node is the track of its own image.
-  std::vector<int>& Images(int64_t root, int image) {
-    const auto [it, fresh] = images_.try_emplace(root);
-    if (fresh) it->second.push_back(image);
-    return it->second;
+  static constexpr int kNone = -1;
+  static bool Earlier(const TrackObservation& a, const TrackObservation& b) { return a.image < b.image; }
+  int Begin(const TrackObservation& o) {
+    tracks_[next_] = {o};
+    return next_++;
   }
-  std::vector<int64_t> offsets_;
-  std::vector<int64_t> parent_;
-  std::unordered_map<int64_t, std::vector<int>> images_;
+  std::map<int, std::vector<int>> track_of_;             // image -> of each feature
+  std::map<int, std::vector<TrackObservation>> tracks_;  // by image; in the order they were begun
+  int next_ = 0;
 };
 
 std::vector<int> Gaps(int max_gap) {
@@ -130,17 +148,22 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
            input.odom_from_body[static_cast<size_t>(f.pose)].Inverse();
   };
 
-  // Matches of all pairs, in a fixed order; the forest is built afterwards, so that threads do not matter.
-  struct Pair {
-    int a, b;  // images, a before b
-    Matches matches;
-  };
-  std::vector<Pair> pairs;
-  std::vector<int64_t> offsets(static_cast<size_t>(n) + 1, 0);
-  std::vector<std::vector<Eigen::Vector2f>> pixels(static_cast<size_t>(n));
   progress.Begin("matching", n);
   for (const std::vector<int>& stream : streams) {
     std::vector<std::unique_ptr<Prepared>> window(stream.size());
+    OpenTracks open;
+    // Matches are joined in a fixed order, so that threads do not matter; short gaps first: they are the surest, and a
+    // conflict keeps what is there.
+    const auto join = [&](int ka, int kb, const Matches& matches) {
+      const int a = stream[static_cast<size_t>(ka)], b = stream[static_cast<size_t>(kb)];
+      const FeatureSet &of_a = window[static_cast<size_t>(ka)]->features,
+                       &of_b = window[static_cast<size_t>(kb)]->features;
+      for (const auto& [fa, fb] : matches) {
+        open.Join({0, a, fa, of_a.points[static_cast<size_t>(fa)]}, {0, b, fb, of_b.points[static_cast<size_t>(fb)]});
+      }
+      result.verified_matches += static_cast<int64_t>(matches.size());
+      ++result.pairs;
+    };
     std::vector<Rigid3d> next_from_this(stream.size());  // refined relative poses, k -> k + 1
     constexpr int kBatch = 16;
     const int m = static_cast<int>(stream.size());
@@ -151,9 +174,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
         window[static_cast<size_t>(begin + k)] = Prepare(input, stream[static_cast<size_t>(begin + k)], paper);
       });
       for (int k = begin; k < end; ++k) {
-        const size_t image = static_cast<size_t>(stream[static_cast<size_t>(k)]);
-        pixels[image] = window[static_cast<size_t>(k)]->features.points;
-        offsets[image + 1] = static_cast<int64_t>(pixels[image].size());
+        open.AddImage(stream[static_cast<size_t>(k)], window[static_cast<size_t>(k)]->features.size());
       }
       // Consecutive frames first: they refine the relative poses.
       std::vector<PairResult> consecutive(static_cast<size_t>(end - begin));
@@ -201,7 +222,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
         PairResult& r = consecutive[static_cast<size_t>(k - begin)];
         next_from_this[static_cast<size_t>(k - 1)] = r.b_from_a;
         result.odometry_contradicted += r.contradicted ? 1 : 0;
-        pairs.push_back({stream[static_cast<size_t>(k - 1)], stream[static_cast<size_t>(k)], std::move(r.matches)});
+        join(k - 1, k, r.matches);
       }
       // Wider gaps, guided by the refined poses.
       struct Job {
@@ -235,45 +256,13 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       });
       for (size_t i = 0; i < jobs.size(); ++i) {
         if (wide[i].matches.size() < 8) continue;
-        pairs.push_back({stream[static_cast<size_t>(jobs[i].a)], stream[static_cast<size_t>(jobs[i].b)],
-                         std::move(wide[i].matches)});
+        join(jobs[i].a, jobs[i].b, wide[i].matches);
       }
-      for (int k = 0; k < end - std::max(1, options.max_gap); ++k) window[static_cast<size_t>(k)] = nullptr;
+      const int still_matched = std::max(0, end - std::max(1, options.max_gap));
+      for (int k = 0; k < still_matched; ++k) window[static_cast<size_t>(k)] = nullptr;
+      open.Close(stream[static_cast<size_t>(still_matched)], options.min_length, &result);
     }
-  }
-  for (size_t i = 1; i < offsets.size(); ++i) offsets[i] += offsets[i - 1];
-  // Short gaps first: their matches are the surest, and a conflict keeps what is there.
-  std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& x, const Pair& y) { return x.b - x.a < y.b - y.a; });
-  TrackForest forest(offsets);
-  for (const Pair& pair : pairs) {
-    result.verified_matches += static_cast<int64_t>(pair.matches.size());
-    ++result.pairs;
-    for (const auto& [fa, fb] : pair.matches) forest.Union(pair.a, fa, pair.b, fb);
-  }
-  // Number the tracks by their first observation and keep the long ones.
-  std::vector<std::pair<int64_t, std::pair<int, int>>> members;
-  for (const Pair& pair : pairs) {
-    for (const auto& [fa, fb] : pair.matches) {
-      members.push_back({forest.Root(forest.Node(pair.a, fa)), {pair.a, fa}});
-      members.push_back({forest.Root(forest.Node(pair.b, fb)), {pair.b, fb}});
-    }
-  }
-  pairs.clear();
-  std::sort(members.begin(), members.end());
-  members.erase(std::unique(members.begin(), members.end()), members.end());
-  for (size_t i = 0; i < members.size();) {
-    size_t end = i;
-    while (end < members.size() && members[end].first == members[i].first) ++end;
-    // A refused union leaves a feature in a track of another root; a track never holds an image twice.
-    if (end - i >= static_cast<size_t>(options.min_length)) {
-      for (size_t k = i; k < end; ++k) {
-        const auto [image, feature] = members[k].second;
-        result.observations.push_back(
-            {result.tracks, image, feature, pixels[static_cast<size_t>(image)][static_cast<size_t>(feature)]});
-      }
-      ++result.tracks;
-    }
-    i = end;
+    open.Close(std::numeric_limits<int>::max(), options.min_length, &result);
   }
   return result;
 }

@@ -56,7 +56,8 @@ struct TrackSet {
   int odometry_contradicted = 0;  // pairs whose images disagree with odometry
 };
 
-// Streams through the images: features of at most `max_gap` + a batch of images are in memory at a time.
+// A window slides over the images: the features of at most `max_gap` + a batch of them are in memory at a time, and the
+// tracks that leave it are done.
 TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, int threads, uint64_t seed,
                      ProgressSink& progress, const CancelToken& cancel);
 

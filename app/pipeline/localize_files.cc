@@ -284,21 +284,27 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
   CsvWriter csv({"panorama", "view", "image", "u_image", "v_image", "u_view", "v_view"},
                 {"trigpoint matches 1; inliers of the answers; pixels: centre of the first is 0, 0"});
   const Reconstruction& r = result.reconstruction;
-  std::map<std::pair<int, int>, size_t> observation_of;  // (point, image)
-  for (size_t k = 0; k < r.image_of.size() && k < r.problem.observations.size(); ++k) {
-    if (r.image_of[k] >= 0) observation_of[{r.problem.observations[k].point, r.image_of[k]}] = k;
-  }
+  const std::vector<BearingObservation>& observations = r.problem.observations;
+  // Of a point in an image; null if there is none.
+  const auto observation_of = [&](int point, int image) -> const BearingObservation* {
+    auto it = std::partition_point(observations.begin(), observations.end(),
+                                   [&](const BearingObservation& o) { return o.point < point; });
+    for (; it != observations.end() && it->point == point; ++it) {
+      if (r.image_of[static_cast<size_t>(it - observations.begin())] == image) return &*it;
+    }
+    return nullptr;
+  };
   for (size_t i = 0; i < job.references.size(); ++i) {
     const PreparedReference& prepared = job.references[i];
     const Reference& reference = site.references[static_cast<size_t>(prepared.reference)];
     const Registration& g = result.references[i].registration;
     if (g.status != AnswerStatus::kLocalized) continue;
     for (const ViewObservation& o : g.inliers) {
-      const auto it = observation_of.find({o.point, o.image});
-      if (it == observation_of.end()) continue;
+      const BearingObservation* const seen = observation_of(o.point, o.image);
+      if (seen == nullptr) continue;
       const FrameImage& image = job.input.images[static_cast<size_t>(o.image)];
       const Camera& camera = job.input.cameras[static_cast<size_t>(image.camera)].camera;
-      const auto pixel = camera.Project(r.problem.observations[it->second].ray.cast<double>());
+      const auto pixel = camera.Project(seen->ray.cast<double>());
       if (!pixel) continue;
       csv.Text(reference.name);
       // A set's photo, whether it stands by itself or is a view of the set's rig.

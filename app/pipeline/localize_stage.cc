@@ -50,7 +50,7 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   m["rejected"] = rejected;
   m["unmatched"] = unmatched;
   m["tracks"] = result.tracks.tracks;
-  m["observations"] = result.tracks.observations.size();
+  m["observations"] = result.tracked;
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
   for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
   m["pairs_contradicting_odometry"] = result.tracks.odometry_contradicted;
@@ -95,7 +95,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 8;
+    request.version = 9;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
