@@ -145,7 +145,8 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
             RefineRig(MakeInput(reconstruction, covariances, g, shape, stitched, scale), RigFreedom::kScaled);
         scale = std::clamp(scale * sized.scale, 0.02, 30.0);
         const Registration again = registrar.Register(Scaled(stitched, scale));
-        if (again.status != AnswerStatus::kLocalized) break;
+        // A better size loses no points but by chance (3 sigma of a count): one that does has led to another place.
+        if (again.status != AnswerStatus::kLocalized || again.support < g.support - 3 * std::sqrt(g.support)) break;
         g = again;
       }
       // A pose elsewhere that another size leads to is a rival like any other.

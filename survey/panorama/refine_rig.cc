@@ -3,6 +3,7 @@
 #include <ceres/ceres.h>
 
 #include <Eigen/Dense>
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,21 +18,12 @@
 namespace trigpoint {
 namespace {
 
-// Blocks: rig_from_world (7), [w; e] of the photo (6), ln s (1). Analytic: the camera gives its own Jacobian.
-class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
+// Blocks: rig_from_world (7), [w; e] of the photo (6), ln s (1), point (3). Analytic: the camera gives its own
+// Jacobian.
+class RigPixelCost final : public ceres::SizedCostFunction<2, 7, 6, 1, 3> {
  public:
-  // Whitened by the noise of the pixel and of the point as it shows at the start.
-  KnownPointCost(const View& view, const KnownPoint& point, double sigma, const Rigid3d& rig_from_world)
-      : view_(view), point_(point) {
-    Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity() * sigma * sigma;
-    const Rigid3d cam_from_world = view.rig_from_view.Inverse() * rig_from_world;
-    Eigen::Matrix<double, 2, 3> j;
-    if (view.camera.Project(cam_from_world * point.point, &j)) {
-      const Eigen::Matrix<double, 2, 3> to_pixel = j * cam_from_world.rotation.toRotationMatrix();
-      covariance += to_pixel * point.covariance * to_pixel.transpose();
-    }
-    whitening_ = covariance.llt().matrixL().solve(Eigen::Matrix2d::Identity());
-  }
+  RigPixelCost(const View& view, const Eigen::Vector2d& pixel, double sigma)
+      : view_(view), pixel_(pixel), sigma_(sigma) {}
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const Rigid3d rig_from_world = Rigid3FromBlock(parameters[0]);
     const Eigen::Map<const Eigen::Vector3d> w(parameters[1]), e(parameters[1] + 3);
@@ -39,7 +31,8 @@ class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
     const Eigen::Quaterniond nominal = view_.rig_from_view.rotation.conjugate();
     const Eigen::Quaterniond cam_from_rig = ExpSO3(w) * nominal;
     const Eigen::Vector3d centre = s * (view_.rig_from_view.translation + e);
-    const Eigen::Vector3d in_rig = rig_from_world * point_.point;
+    const Eigen::Map<const Eigen::Vector3d> point(parameters[3]);
+    const Eigen::Vector3d in_rig = rig_from_world * point;
     const Eigen::Vector3d in_cam = cam_from_rig * (in_rig - centre);
     Eigen::Matrix<double, 2, 3> j;
     const auto pixel = view_.camera.Project(in_cam, &j);
@@ -50,18 +43,19 @@ class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
         if (jacobians[0] != nullptr) std::fill(jacobians[0], jacobians[0] + 14, 0.0);
         if (jacobians[1] != nullptr) std::fill(jacobians[1], jacobians[1] + 12, 0.0);
         if (jacobians[2] != nullptr) std::fill(jacobians[2], jacobians[2] + 2, 0.0);
+        if (jacobians[3] != nullptr) std::fill(jacobians[3], jacobians[3] + 6, 0.0);
       }
       return true;
     }
     Eigen::Map<Eigen::Vector2d> out(residuals);
-    out = whitening_ * (*pixel - point_.pixel);
+    out = (*pixel - pixel_) / sigma_;
     if (jacobians == nullptr) return true;
-    j = (whitening_ * j).eval();
+    j /= sigma_;
     const Eigen::Matrix3d r = cam_from_rig.toRotationMatrix();
     if (jacobians[0] != nullptr) {
       // Through the manifold: d/d ambient = (d/d tangent) * (d tangent / d ambient), of which Ceres undoes the second.
       Eigen::Matrix<double, 2, 6> tangent;
-      tangent.leftCols<3>() = -j * r * Skew(rig_from_world.rotation * point_.point);
+      tangent.leftCols<3>() = -j * r * Skew(rig_from_world.rotation * point);
       tangent.rightCols<3>() = j * r;
       Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
       Rigid3Manifold().MinusJacobian(parameters[0], minus.data());
@@ -78,13 +72,29 @@ class KnownPointCost final : public ceres::SizedCostFunction<2, 7, 6, 1> {
       Eigen::Map<Eigen::Vector2d> m(jacobians[2]);
       m = -j * r * centre;
     }
+    if (jacobians[3] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> m(jacobians[3]);
+      m = j * r * rig_from_world.rotation.toRotationMatrix();
+    }
     return true;
   }
 
  private:
   const View& view_;
-  KnownPoint point_;
-  Eigen::Matrix2d whitening_;
+  Eigen::Vector2d pixel_;
+  double sigma_;
+};
+
+// A point's place against where it is known to be.
+struct PointPrior {
+  Eigen::Vector3d known;
+  Eigen::Matrix3d sqrt_info;
+  template <typename T>
+  bool operator()(const T* point, T* residual) const {
+    Eigen::Map<Eigen::Matrix<T, 3, 1>>{residual} =
+        sqrt_info.cast<T>() * (Eigen::Map<const Eigen::Matrix<T, 3, 1>>(point) - known.cast<T>());
+    return true;
+  }
 };
 
 // L * x for the stacked [w; e] of all photos: L^T L is the information.
@@ -144,11 +154,41 @@ Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
   return llt.matrixL().solve(Eigen::MatrixXd::Identity(n, n));
 }
 
+using Place = std::array<double, 3>;
+Place PlaceOf(const KnownPoint& p) { return {p.point.x(), p.point.y(), p.point.z()}; }
+
 struct Solution {
   RefinedRig rig;
   std::vector<std::array<double, 6>> deltas;
   double log_scale = 0;
+  std::map<Place, Place> points;  // where each turned out to be
 };
+
+// Covariance of `blocks` (tangents), which every other parameter block of the problem is eliminated from: those are
+// points, each with a factor of its own.
+Eigen::MatrixXd JointCovariance(ceres::Problem* problem, const std::vector<double*>& blocks) {
+  std::vector<double*> all;
+  problem->GetParameterBlocks(&all);
+  ceres::Problem::EvaluateOptions evaluate;
+  Eigen::Index kept = 0;
+  for (double* b : blocks) kept += problem->ParameterBlockTangentSize(b);
+  evaluate.parameter_blocks = blocks;
+  for (double* b : all) {
+    if (problem->IsParameterBlockConstant(b)) continue;
+    if (std::find(blocks.begin(), blocks.end(), b) == blocks.end()) evaluate.parameter_blocks.push_back(b);
+  }
+  ceres::CRSMatrix crs;
+  problem->Evaluate(evaluate, nullptr, nullptr, nullptr, &crs);
+  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> j(
+      crs.num_rows, crs.num_cols, static_cast<Eigen::Index>(crs.values.size()), crs.rows.data(), crs.cols.data(),
+      crs.values.data());
+  const Eigen::SparseMatrix<double> normal = j.transpose() * j;
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> ldlt(normal);
+  Eigen::MatrixXd units = Eigen::MatrixXd::Zero(crs.num_cols, kept);
+  units.topRows(kept).setIdentity();
+  if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) return {};
+  return ldlt.solve(units).topRows(kept);
+}
 
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
                const std::vector<KnownPoint>& points, bool with_covariance) {
@@ -160,10 +200,22 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   own.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
+  auto* order = new ceres::ParameterBlockOrdering;  // points are eliminated first
   for (const KnownPoint& p : points) {
-    problem.AddResidualBlock(
-        new KnownPointCost(input.rig.views[static_cast<size_t>(p.view)], p, input.sigma_px, input.rig_from_world),
-        &loss, pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale);
+    const auto [entry, fresh] = out.points.try_emplace(PlaceOf(p), PlaceOf(p));
+    double* const point = entry->second.data();
+    problem.AddResidualBlock(new RigPixelCost(input.rig.views[static_cast<size_t>(p.view)], p.pixel, input.sigma_px),
+                             &loss, pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale, point);
+    order->AddElementToGroup(point, 0);
+    if (!fresh) continue;
+    const Eigen::LLT<Eigen::Matrix3d> llt(p.covariance);
+    if (llt.info() != Eigen::Success) {
+      problem.SetParameterBlockConstant(point);
+      continue;
+    }
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointPrior, 3, 3>(
+                                 new PointPrior{p.point, llt.matrixL().solve(Eigen::Matrix3d::Identity())}),
+                             nullptr, point);
   }
   problem.SetManifold(pose.data(), new Rigid3Manifold);
   const bool shape = freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree;
@@ -187,9 +239,14 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   } else {
     problem.SetParameterBlockConstant(&out.log_scale);
   }
+  order->AddElementToGroup(pose.data(), 1);
+  order->AddElementToGroup(&out.log_scale, 1);
+  for (auto& d : out.deltas) {
+    if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), 1);
+  }
   ceres::Solver::Options solve;
-  solve.linear_solver_type = ceres::DENSE_QR;
-  if (points.size() > 300 || shape) solve.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  solve.linear_solver_type = ceres::DENSE_SCHUR;
+  solve.linear_solver_ordering.reset(order);
   solve.max_num_iterations = 40;
   solve.function_tolerance = 1e-8;
   solve.logging_type = ceres::SILENT;
@@ -199,51 +256,40 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   if (!summary.IsSolutionUsable()) throw NumericError("the rig cannot be refined: " + summary.message);
   out.rig.rig_from_world = Rigid3FromBlock(pose.data());
   out.rig.scale = std::exp(out.log_scale);
-  if (with_covariance) {
-    ceres::Covariance::Options options;
-    options.algorithm_type = ceres::DENSE_SVD;
-    options.null_space_rank = -1;
-    ceres::Covariance covariance(options);
-    std::vector<std::pair<const double*, const double*>> blocks = {{pose.data(), pose.data()}};
-    if (scale) blocks.emplace_back(&out.log_scale, &out.log_scale);
-    if (shape) {
-      for (auto& d : out.deltas) {
-        blocks.emplace_back(pose.data(), d.data());
-        blocks.emplace_back(d.data(), d.data());
-      }
-    }
-    if (covariance.Compute(blocks, &problem)) {
-      covariance.GetCovarianceBlockInTangentSpace(pose.data(), pose.data(), out.rig.covariance.data());
-      if (scale) {
-        double variance = 0;
-        covariance.GetCovarianceBlock(&out.log_scale, &out.log_scale, &variance);
-        out.rig.scale_sigma = out.rig.scale * std::sqrt(std::max(0.0, variance));
-      }
-      if (shape) {
-        for (size_t v = 0; v < out.deltas.size(); ++v) {
-          Eigen::Matrix<double, 6, 6, Eigen::RowMajor> c;
-          covariance.GetCovarianceBlock(out.deltas[v].data(), out.deltas[v].data(), c.data());
-          out.rig.rig.views.push_back(input.rig.views[v]);
-          Matrix6d j = Matrix6d::Identity();
-          j.topLeftCorner<3, 3>() = -input.rig.views[v].rig_from_view.rotation.toRotationMatrix();
-          j.bottomRightCorner<3, 3>() *= out.rig.scale;
-          out.rig.rig.views.back().covariance = j * c * j.transpose();
-        }
-      }
-    } else {
-      out.rig.covariance = Matrix6d::Identity() * 1e6;
-    }
+  if (!with_covariance) return out;
+  std::vector<double*> blocks = {pose.data()};
+  if (scale) blocks.push_back(&out.log_scale);
+  for (auto& d : out.deltas) {
+    if (shape) blocks.push_back(d.data());
+  }
+  const Eigen::MatrixXd covariance = JointCovariance(&problem, blocks);
+  if (covariance.size() == 0) {
+    out.rig.covariance = Matrix6d::Identity() * 1e6;
+    return out;
+  }
+  out.rig.covariance = covariance.topLeftCorner<6, 6>();
+  if (scale) out.rig.scale_sigma = out.rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
+  for (size_t v = 0; shape && v < out.deltas.size(); ++v) {
+    const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(out.deltas.size() - v);
+    Matrix6d j = Matrix6d::Identity();
+    j.topLeftCorner<3, 3>() = -input.rig.views[v].rig_from_view.rotation.toRotationMatrix();
+    j.bottomRightCorner<3, 3>() *= out.rig.scale;
+    out.rig.rig.views.push_back(input.rig.views[v]);
+    out.rig.rig.views.back().covariance = j * covariance.block<6, 6>(at, at) * j.transpose();
   }
   return out;
 }
 
+// Of a point where the solution has it; of one that took no part, where it is known to be.
 double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint& p) {
   const View& view = input.rig.views[static_cast<size_t>(p.view)];
   const auto& d = s.deltas[static_cast<size_t>(p.view)];
   const Eigen::Quaterniond cam_from_rig =
       ExpSO3(Eigen::Vector3d(d[0], d[1], d[2])) * view.rig_from_view.rotation.conjugate();
   const Eigen::Vector3d centre = s.rig.scale * (view.rig_from_view.translation + Eigen::Vector3d(d[3], d[4], d[5]));
-  const auto pixel = view.camera.Project(cam_from_rig * (s.rig.rig_from_world * p.point - centre));
+  const auto solved = s.points.find(PlaceOf(p));
+  const Eigen::Vector3d point = solved == s.points.end() ? p.point : Eigen::Vector3d(solved->second.data());
+  const auto pixel = view.camera.Project(cam_from_rig * (s.rig.rig_from_world * point - centre));
   return pixel ? (*pixel - p.pixel).norm() : 1e3;
 }
 
@@ -253,14 +299,12 @@ constexpr double kNoHoldOut = 1e9;  // px, of an observation that too few others
 std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedom) {
   constexpr size_t kFolds = 5;
   // Folds of whole points: a point seen by two photos is in one of them.
-  std::map<std::array<double, 3>, size_t> fold_of;
-  for (const KnownPoint& p : input.points) {
-    fold_of.try_emplace({p.point.x(), p.point.y(), p.point.z()}, fold_of.size() % kFolds);
-  }
+  std::map<Place, size_t> fold_of;
+  for (const KnownPoint& p : input.points) fold_of.try_emplace(PlaceOf(p), fold_of.size() % kFolds);
   const Eigen::MatrixXd prior = ShapePrior(input, freedom);
   std::vector<double> errors(input.points.size(), kNoHoldOut);
   for (size_t fold = 0; fold < kFolds; ++fold) {
-    const auto held = [&](const KnownPoint& p) { return fold_of.at({p.point.x(), p.point.y(), p.point.z()}) == fold; };
+    const auto held = [&](const KnownPoint& p) { return fold_of.at(PlaceOf(p)) == fold; };
     std::vector<KnownPoint> used;
     for (const KnownPoint& p : input.points) {
       if (!held(p)) used.push_back(p);

@@ -1,13 +1,15 @@
 // A photo set's rig against points whose place is known: from a localized run, in metres. What the photos alone leave
 // open - how large the rig is - the distances show.
 //
-// Minimises, over the rig's pose, its scale s, and each photo's turn w_i and shift e_i (before scaling),
-//   sum rho(|predicted px - observed px|^2 / sigma^2) + |[w; e]|^2 in the metric of the stitched rig's covariance
-//   + (ln s / sigma_ln_s)^2
+// Minimises, over the rig's pose, its scale s, each photo's turn w_i and shift e_i (before scaling), and the points,
+//   sum rho(|predicted px - observed px|^2 / sigma^2) + |point - known|^2 in the metric of its covariance
+//   + |[w; e]|^2 in the metric of the stitched rig's covariance + (ln s / sigma_ln_s)^2
 // with  cam_i_from_rig: R_i' = Exp(w_i) R_i,  centre c_i' = s (c_i + e_i).
 //   fixed: w = e = 0, s = 1.  scaled: w = e = 0.  prior: as above.  free: each photo's centre by itself, within
 //   `free_sigma_m`.
-// Points are held. Gauge: none is free, the points give all six.
+// A point that several photos see is off for all of them alike: between them its parallax shows the rig's size however
+// badly its place across the rays is known. Points without covariance are held. Gauge: none is free, the points give
+// all six.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,8 +25,8 @@ namespace trigpoint {
 struct KnownPoint {
   int view = 0;
   Eigen::Vector2d pixel;
-  Eigen::Vector3d point;                                 // world (the run's frame), m
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the point, m^2; each observation bears it by itself
+  Eigen::Vector3d point;                                 // world (the run's frame), m; photos that see it say the same
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the point, m^2
 };
 
 enum class RigFreedom { kFixed, kScaled, kPrior, kFree };
@@ -45,7 +47,7 @@ struct RefinedRig {
   ViewRig rig;       // origin: the mean of the centres again; covariances relative to the origin
   double scale = 1;  // against the input
   double scale_sigma = 0;
-  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world, points held
+  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world
   double rms_px = 0;                       // of the observations that count
   int used = 0;
 };

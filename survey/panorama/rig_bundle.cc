@@ -140,8 +140,9 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
-  const double knee = options.huber_px / options.sigma_px;
-  HuberChi2Loss loss(knee * knee);
+  const bool huber = options.huber_px > 0;
+  const double knee = (huber ? options.huber_px : options.tukey_px) / options.sigma_px;
+  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(huber ? "huber" : "tukey", knee * knee);
   std::vector<bool> seen(state->photos.size(), false), lens_seen(state->lenses.size(), false);
   for (size_t j = 0; j < state->points.size(); ++j) {
     const RigPoint& point = state->points[j];
@@ -150,7 +151,7 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       const RigPhoto& photo = state->photos[i];
       problem.AddResidualBlock(new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye,
                                                       photo.cam_from_rig, point.direction, o.pixel, options.sigma_px),
-                               &loss, b.rotations[i].data(), b.centres[i].data(),
+                               loss.get(), b.rotations[i].data(), b.centres[i].data(),
                                b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
       seen[i] = true;
       lens_seen[static_cast<size_t>(photo.lens)] = true;

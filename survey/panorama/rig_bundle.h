@@ -63,7 +63,8 @@ struct RigBundleOptions {
   bool centres = false;      // photo centres and distances are free; else all zero
   bool distortion = true;    // k1, k2 are free
   double sigma_px = 1;       // noise of a feature
-  double huber_px = 3;       // beyond it errors count linearly
+  double huber_px = 3;       // beyond it errors count linearly; 0: Tukey's biweight instead
+  double tukey_px = 1.5;     // what lies beyond it has no pull at all: for photos that stand nearly right
   double radius_m = 0.3;     // circle's radius
   double radius_factor = 2;  // 1 sigma of it, as a factor
   double circle_share =

@@ -34,6 +34,7 @@ constexpr size_t kMostZooms = 4;      // more are no zooms, but something else
 constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
 // Features are not believed to be better than this: what the model leaves out moves them together.
 constexpr double kLeastNoisePx = 0.3;
+constexpr double kTukey = 4.685;  // cut-off in sigmas: 95 % of least squares' efficiency with normal noise
 
 // So few fisheyes are matched with all their features.
 constexpr int kFewFisheyes = 20;
@@ -560,15 +561,18 @@ class Stitcher {
     progress_.Begin("rig", 0);
     b.centres = true;
     s.radius_m = o_.radius_m;
+    b.max_iterations = 8;  // the last solution settles what these leave
     for (int round = 0; round < 4; ++round) {
-      const double huber = round == 0 ? 4.0 : std::min(2.0, 3 * NoisePx());
-      b.huber_px = huber;
+      // Wrong matches of what repeats are off by little, and there are many: once the photos stand about right, they
+      // must not pull any more.
+      b.huber_px = round == 0 ? 4.0 : 0;
+      b.tukey_px = kTukey * NoisePx();
       b.up = UpFromPhotos(s);
       if (s.photos.empty()) break;
       if (round == 0) StartOnCircle(b.up);
       b.parallax = parallax_;
       SolveRig(out_.views, b, false, threads_, cancel_, &s);
-      DropOutliers(2.5 * huber);
+      DropOutliers(round == 0 ? 10.0 : (round == 3 ? 1 : 2) * b.tukey_px);  // what may still come back stays
       MeasureParallax();
     }
     RequireSupport();
@@ -594,9 +598,10 @@ class Stitcher {
     LevelRig(load_grey, o_.level, threads_, cancel_, &out_);
     RigBundleOptions b = BundleOptionsOfSet();
     b.centres = true;
-    b.huber_px = std::min(2.0, 3 * NoisePx());
+    b.huber_px = 0;
     b.up = -Eigen::Vector3d::UnitY();
     b.sigma_px = NoisePx();
+    b.tukey_px = kTukey * b.sigma_px;
     b.parallax = parallax_;
     out_.bundle = SolveRig(out_.views, b, true, threads_, cancel_, &s);
     out_.parallax.rms_rig_px = out_.bundle.rms_px;

@@ -284,6 +284,45 @@ TEST(RefineRig, PointsThatAreUncertainInDepthCountForLess) {
   EXPECT_LT(nees, 1.5);
 }
 
+// Points that a run saw from afar, known to 0.3 m along its rays, are off for all photos alike: what is between the
+// photos shows the size, and it is as good as it says.
+TEST(RefineRig, ParallaxShowsTheSizeThoughPointsAreUncertain) {
+  double square = 0, nees = 0;
+  constexpr int kRedraws = 20;
+  for (uint64_t redraw = 0; redraw < kRedraws; ++redraw) {
+    const World w = MakeWorld(500 + redraw, 0.12, 300);
+    Random random(redraw);
+    RefineRigInput in;
+    in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
+    for (int i = 0; i < 16; ++i) {
+      in.rig.views.push_back(ViewOf(w, i));
+      in.rig.views.back().rig_from_view.translation *= 1.5;
+    }
+    const Eigen::Vector3d run(4, 0, -1);
+    for (const Eigen::Vector3d& at : w.points) {
+      const Eigen::Vector3d ray = (at - run).normalized();
+      const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
+      const Eigen::Vector3d known = at + 0.03 * noise + 0.3 * random.Normal() * ray;
+      const Eigen::Matrix3d covariance = 0.03 * 0.03 * Eigen::Matrix3d::Identity() + 0.3 * 0.3 * ray * ray.transpose();
+      for (int i = 0; i < 16; ++i) {
+        Eigen::Vector2d pixel;
+        if (!See(w, i, at, &pixel)) continue;
+        in.points.push_back({i, pixel + 0.7 * Eigen::Vector2d(random.Normal(), random.Normal()), known, covariance});
+      }
+    }
+    in.sigma_px = 0.7;
+    in.rig_from_world = Rigid3d().Plus(0.01 * Vector6d::Ones());
+    const RefinedRig refined = RefineRig(in, RigFreedom::kScaled);
+    const double off = refined.scale * 1.5 - 1;
+    square += off * off / kRedraws;
+    nees += std::pow(off / (1.5 * refined.scale_sigma), 2) / kRedraws;
+  }
+  EXPECT_LT(std::sqrt(square), 0.02);
+  // Chi-square with 20 dof: 0.35 to 2.1 in 99.8 % of cases.
+  EXPECT_GT(nees, 0.35);
+  EXPECT_LT(nees, 2.1);
+}
+
 TEST(RefineRig, TooFewPointsAreRefused) {
   RefineRigInput in;
   in.rig.views.resize(2);
