@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 
+#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 
@@ -17,6 +18,7 @@ class Stopwatch {
  public:
   explicit Stopwatch(Localization* result) : result_(result) {}
   void Lap(const char* name) {
+    ReturnFreeMemory();
     const auto now = std::chrono::steady_clock::now();
     result_->seconds.emplace_back(name, std::chrono::duration<double>(now - start_).count());
     start_ = now;

@@ -6,6 +6,7 @@
 #include <map>
 #include <numeric>
 
+#include "calib/base/memory.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 
@@ -191,6 +192,7 @@ LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, c
   if (queries.empty()) return summary;
   const std::vector<Registration> answers =
       RegisterImages(input, *r, queries, registration, threads, seed, progress, cancel);
+  ReturnFreeMemory();
   std::vector<Loop> found;
   for (size_t q = 0; q < queries.size(); ++q) {
     if (answers[q].status == AnswerStatus::kLocalized) found.push_back(finder.MakeLoop(queries[q], answers[q]));

@@ -11,6 +11,7 @@
 #include <new>
 #include <sstream>
 
+#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -127,7 +128,10 @@ double CpuSeconds() {
 }
 
 // The kernel's high-water mark of this process' memory, since the last reset where it allows one.
-void ResetPeakMemory() { std::ofstream("/proc/self/clear_refs") << "5"; }
+void ResetPeakMemory() {
+  ReturnFreeMemory();
+  std::ofstream("/proc/self/clear_refs") << "5";
+}
 
 int64_t PeakMemoryBytes() {
   std::ifstream status("/proc/self/status");
