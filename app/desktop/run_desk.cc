@@ -16,6 +16,7 @@
 #include <QSplitter>
 #include <QTime>
 #include <QVBoxLayout>
+#include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
 #include "app/desktop/stage_form.h"
@@ -26,7 +27,7 @@ namespace trigpoint {
 namespace {
 
 QString Duration(double seconds) {
-  const int s = static_cast<int>(seconds + 0.5);
+  const int s = static_cast<int>(std::lround(seconds));
   return s >= 3600
              ? QString("%1:%2:%3").arg(s / 3600).arg(s / 60 % 60, 2, 10, QChar('0')).arg(s % 60, 2, 10, QChar('0'))
              : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));

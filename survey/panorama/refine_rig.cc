@@ -3,7 +3,6 @@
 #include <ceres/ceres.h>
 
 #include <Eigen/Dense>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,6 +13,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/estimation/manifold.h"
 #include "calib/geometry/so3.h"
+#include "survey/panorama/marginal_covariance.h"
 
 namespace trigpoint {
 namespace {
@@ -164,32 +164,6 @@ struct Solution {
   std::map<Place, Place> points;  // where each turned out to be
 };
 
-// Covariance of `blocks` (tangents), which every other parameter block of the problem is eliminated from: those are
-// points, each with a factor of its own.
-Eigen::MatrixXd JointCovariance(ceres::Problem* problem, const std::vector<double*>& blocks) {
-  std::vector<double*> all;
-  problem->GetParameterBlocks(&all);
-  ceres::Problem::EvaluateOptions evaluate;
-  Eigen::Index kept = 0;
-  for (double* b : blocks) kept += problem->ParameterBlockTangentSize(b);
-  evaluate.parameter_blocks = blocks;
-  for (double* b : all) {
-    if (problem->IsParameterBlockConstant(b)) continue;
-    if (std::find(blocks.begin(), blocks.end(), b) == blocks.end()) evaluate.parameter_blocks.push_back(b);
-  }
-  ceres::CRSMatrix crs;
-  problem->Evaluate(evaluate, nullptr, nullptr, nullptr, &crs);
-  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> j(
-      crs.num_rows, crs.num_cols, static_cast<Eigen::Index>(crs.values.size()), crs.rows.data(), crs.cols.data(),
-      crs.values.data());
-  const Eigen::SparseMatrix<double> normal = j.transpose() * j;
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> ldlt(normal);
-  Eigen::MatrixXd units = Eigen::MatrixXd::Zero(crs.num_cols, kept);
-  units.topRows(kept).setIdentity();
-  if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) return {};
-  return ldlt.solve(units).topRows(kept);
-}
-
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
                const std::vector<KnownPoint>& points, bool with_covariance) {
   Solution out;
@@ -201,6 +175,7 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
   auto* order = new ceres::ParameterBlockOrdering;  // points are eliminated first
+  std::vector<double*> free_points;
   for (const KnownPoint& p : points) {
     const auto [entry, fresh] = out.points.try_emplace(PlaceOf(p), PlaceOf(p));
     double* const point = entry->second.data();
@@ -213,6 +188,7 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
       problem.SetParameterBlockConstant(point);
       continue;
     }
+    free_points.push_back(point);
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PointPrior, 3, 3>(
                                  new PointPrior{p.point, llt.matrixL().solve(Eigen::Matrix3d::Identity())}),
                              nullptr, point);
@@ -262,20 +238,36 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   for (auto& d : out.deltas) {
     if (shape) blocks.push_back(d.data());
   }
-  const Eigen::MatrixXd covariance = JointCovariance(&problem, blocks);
+  const Eigen::MatrixXd covariance = Marginalise(&problem, blocks, free_points, {}).covariance;
   if (covariance.size() == 0) {
     out.rig.covariance = Matrix6d::Identity() * 1e6;
     return out;
   }
   out.rig.covariance = covariance.topLeftCorner<6, 6>();
   if (scale) out.rig.scale_sigma = out.rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
-  for (size_t v = 0; shape && v < out.deltas.size(); ++v) {
-    const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(out.deltas.size() - v);
-    Matrix6d j = Matrix6d::Identity();
-    j.topLeftCorner<3, 3>() = -input.rig.views[v].rig_from_view.rotation.toRotationMatrix();
-    j.bottomRightCorner<3, 3>() *= out.rig.scale;
-    out.rig.rig.views.push_back(input.rig.views[v]);
-    out.rig.rig.views.back().covariance = j * covariance.block<6, 6>(at, at) * j.transpose();
+  const bool known_shape = input.shape_covariance.rows() == 6 * static_cast<Eigen::Index>(out.deltas.size());
+  if (!shape && !(scale && known_shape)) return out;
+  for (size_t v = 0; v < out.deltas.size(); ++v) {
+    // Of ln s, w, e: moved ones know each other, those that stay as stitched only their own.
+    Eigen::Matrix<double, 7, 7> c = Eigen::Matrix<double, 7, 7>::Zero();
+    if (scale) c(0, 0) = covariance(6, 6);
+    if (shape) {
+      const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(out.deltas.size() - v);
+      c.bottomRightCorner<6, 6>() = covariance.block<6, 6>(at, at);
+      if (scale) c.block<6, 1>(1, 0) = covariance.block<6, 1>(at, 6);
+      c.block<1, 6>(0, 1) = c.block<6, 1>(1, 0).transpose();
+    } else {
+      const Eigen::Index at = 6 * static_cast<Eigen::Index>(v);
+      c.bottomRightCorner<6, 6>() = input.shape_covariance.block<6, 6>(at, at);
+    }
+    View view = input.rig.views[v];
+    const Eigen::Map<const Eigen::Vector3d> e(out.deltas[v].data() + 3);
+    Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();
+    j.block<3, 3>(0, 1) = -view.rig_from_view.rotation.toRotationMatrix();
+    j.block<3, 1>(3, 0) = out.rig.scale * (view.rig_from_view.translation + e);
+    j.block<3, 3>(3, 4).diagonal().setConstant(out.rig.scale);
+    view.covariance = j * c * j.transpose();
+    out.rig.rig.views.push_back(view);
   }
   return out;
 }
@@ -362,8 +354,7 @@ RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
     ++out.used;
   }
   out.rms_px = out.used > 0 ? std::sqrt(sum / (2 * out.used)) : 0;
-  const bool shape = !out.rig.views.empty();
-  if (!shape) out.rig = input.rig;
+  if (out.rig.views.empty()) out.rig = input.rig;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (size_t v = 0; v < out.rig.views.size(); ++v) {
     const auto& d = s.deltas[v];

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 
 #include "calib/base/error.h"
@@ -14,12 +15,15 @@
 #include "calib/estimation/loss.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/so3.h"
+#include "survey/panorama/marginal_covariance.h"
 #include "survey/panorama/rig_costs.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kScenePoints = 50;  // what all points together are worth in saying how far the scene is
+constexpr double kCell = 10 * std::numbers::pi / 180;
+constexpr double kUnknown = 1e6;  // variance of what nothing says anything about
 
 // ((c / r) - a) / kappa; parameters: centre (m), ln r.
 struct CircleCost {
@@ -62,58 +66,14 @@ struct Blocks {
   double log_radius = 0;
 };
 
-// The reduced normal matrix of photos, lenses and radius: points are eliminated one by one (Schur complement).
-Eigen::MatrixXd ReducedCovariance(ceres::Problem* problem, const std::vector<double*>& cameras,
-                                  const std::vector<double*>& points, int camera_columns) {
-  ceres::Problem::EvaluateOptions evaluate;
-  evaluate.parameter_blocks = cameras;
-  evaluate.parameter_blocks.insert(evaluate.parameter_blocks.end(), points.begin(), points.end());
-  ceres::CRSMatrix j;
-  problem->Evaluate(evaluate, nullptr, nullptr, nullptr, &j);
-  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(camera_columns, camera_columns);
-  struct Point {
-    Eigen::Matrix3d v = Eigen::Matrix3d::Identity() * 1e-12;
-    std::map<int, Eigen::Vector3d> w;  // camera column -> coupling
-  };
-  std::vector<Point> of_point(points.size());
-  for (int r = 0; r < j.num_rows; ++r) {
-    const int begin = j.rows[static_cast<size_t>(r)], end = j.rows[static_cast<size_t>(r) + 1];
-    Point* point = nullptr;
-    Eigen::Vector3d jp = Eigen::Vector3d::Zero();
-    for (int k = begin; k < end; ++k) {
-      const int c = j.cols[static_cast<size_t>(k)] - camera_columns;
-      if (c < 0) continue;
-      point = &of_point[static_cast<size_t>(c / 3)];
-      jp(c % 3) = j.values[static_cast<size_t>(k)];
-    }
-    if (point != nullptr) point->v += jp * jp.transpose();
-    for (int k = begin; k < end; ++k) {
-      const int c = j.cols[static_cast<size_t>(k)];
-      if (c >= camera_columns) continue;
-      const double value = j.values[static_cast<size_t>(k)];
-      for (int l = begin; l < end; ++l) {
-        const int d = j.cols[static_cast<size_t>(l)];
-        if (d < camera_columns) h(c, d) += value * j.values[static_cast<size_t>(l)];
-      }
-      if (point != nullptr) {
-        const auto it = point->w.try_emplace(c, Eigen::Vector3d::Zero()).first;
-        it->second += value * jp;
-      }
-    }
-  }
-  for (const Point& p : of_point) {
-    const Eigen::Matrix3d inverse = p.v.inverse();
-    for (const auto& [c, wc] : p.w) {
-      const Eigen::Vector3d t = inverse * wc;
-      for (const auto& [d, wd] : p.w) h(c, d) -= t.dot(wd);
-    }
-  }
-  // What is held has no columns' worth of information: an empty row stays out of the inverse.
-  for (int c = 0; c < camera_columns; ++c) {
-    if (h(c, c) <= 1e-12) h(c, c) = 1e30;
-  }
-  const Eigen::LDLT<Eigen::MatrixXd> ldlt(h);
-  return ldlt.solve(Eigen::MatrixXd::Identity(camera_columns, camera_columns));
+// Points in one cell of the sphere, kCell wide, may err alike.
+int CellOf(const Eigen::Vector3d& direction) {
+  const double elevation = std::asin(std::clamp(-direction.y(), -1.0, 1.0));
+  const int row = static_cast<int>(std::floor(elevation / kCell));
+  const double around = 2 * std::numbers::pi * std::cos((row + 0.5) * kCell);
+  const int cells = std::max(1, static_cast<int>(std::lround(around / kCell)));
+  const double turn = std::atan2(direction.x(), direction.z()) / (2 * std::numbers::pi) + 0.5;
+  return 1000 * (row + 500) + std::min(cells - 1, static_cast<int>(turn * cells));
 }
 
 }  // namespace
@@ -149,10 +109,11 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     for (const RigObservation& o : point.observations) {
       const size_t i = static_cast<size_t>(o.photo);
       const RigPhoto& photo = state->photos[i];
-      problem.AddResidualBlock(new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye,
-                                                      photo.cam_from_rig, point.direction, o.pixel, options.sigma_px),
-                               loss.get(), b.rotations[i].data(), b.centres[i].data(),
-                               b.lenses[static_cast<size_t>(photo.lens)].data(), b.points[j].data());
+      problem.AddResidualBlock(
+          new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye, photo.cam_from_rig,
+                                 point.direction, o.pixel, o.weight / options.sigma_px),
+          loss.get(), b.rotations[i].data(), b.centres[i].data(), b.lenses[static_cast<size_t>(photo.lens)].data(),
+          b.points[j].data());
       seen[i] = true;
       lens_seen[static_cast<size_t>(photo.lens)] = true;
     }
@@ -283,7 +244,6 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       problem.SetParameterBlockVariable(&b.log_radius);
       cameras.push_back(&b.log_radius);
     }
-    // Held and reduced blocks still own their columns here: only their Jacobians are zero or absent.
     int columns = 0;
     std::map<const double*, int> column;
     std::vector<double*> free_blocks;
@@ -293,11 +253,14 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
       columns += problem.ParameterBlockTangentSize(c);
       free_blocks.push_back(c);
     }
-    std::vector<double*> free_points = points;
-    if (!free_centres) {
-      for (double* p : free_points) problem.SetManifold(p, nullptr);
+    std::vector<int> groups;
+    for (const RigPoint& p : state->points) {
+      if (!p.observations.empty()) groups.push_back(CellOf(p.direction));
     }
-    const Eigen::MatrixXd reduced = ReducedCovariance(&problem, free_blocks, free_points, columns);
+    const MarginalCovariance marginal = Marginalise(&problem, free_blocks, points, groups);
+    result.shared_errors = std::max(1.0, marginal.shared);
+    Eigen::MatrixXd reduced = result.shared_errors * marginal.covariance;
+    if (reduced.size() == 0) reduced = Eigen::MatrixXd::Identity(columns, columns) * kUnknown;
     if (free_centres) result.radius_log_sigma = std::sqrt(std::max(0.0, reduced(columns - 1, columns - 1)));
     std::vector<int> source;  // of each row of the answer, -1: held
     for (size_t i = 0; i < state->photos.size(); ++i) {
@@ -333,6 +296,21 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     }
   }
   return result;
+}
+
+double SigmaOfDistance(const std::vector<PairView>& views, const RigState& state, const RigPoint& point) {
+  constexpr double kStep = 1e-3;
+  RigPoint near = point;
+  near.inverse_distance += kStep;
+  double information = 0;
+  for (const RigObservation& o : point.observations) {
+    Eigen::Vector2d at, moved;
+    if (!ProjectRigPoint(views, state, point, o.photo, &at) || !ProjectRigPoint(views, state, near, o.photo, &moved))
+      continue;
+    information += (o.weight * (moved - at) / kStep).squaredNorm();
+  }
+  // Its direction takes part of it: half is what a pair keeps.
+  return information > 0 ? std::sqrt(2 / information) : 1e3;
 }
 
 std::vector<RigPoint> BuildRigPoints(const std::vector<PairView>& views, const RigState& state,

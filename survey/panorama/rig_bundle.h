@@ -4,7 +4,7 @@
 // cam_from_rig, c_i the photo's centre in the rig frame, d_j a direction and rho_j (1/m) the inverse distance from the
 // rig's origin. rho = 0 is a point at infinity: points with and without parallax share one form.
 //
-// Minimises  sum rho_H(|predicted px - observed px|^2 / sigma^2)
+// Minimises  sum rho(|W (predicted px - observed px)|^2 / sigma^2)
 //          + sum_i |((c_i - 0)/r - a_i) / kappa|^2  +  ((ln r - ln r_0) / sigma_ln_r)^2  +  lens priors
 //          + w sum_j (rho_j r / tau)^2
 // where a_i is the horizontal unit direction in which photo i looks: a phone held in front of a turning person moves on
@@ -30,6 +30,7 @@ struct RigObservation {
   int photo = 0;
   int feature = 0;
   Eigen::Vector2d pixel;
+  Eigen::Matrix2d weight = Eigen::Matrix2d::Identity();  // errors count by it: W (predicted - observed), px
 };
 
 struct RigPoint {
@@ -62,7 +63,7 @@ struct RigState {
 struct RigBundleOptions {
   bool centres = false;      // photo centres and distances are free; else all zero
   bool distortion = true;    // k1, k2 are free
-  double sigma_px = 1;       // noise of a feature
+  double sigma_px = 1;       // noise of an observation, weighted
   double huber_px = 3;       // beyond it errors count linearly; 0: Tukey's biweight instead
   double tukey_px = 1.5;     // what lies beyond it has no pull at all: for photos that stand nearly right
   double radius_m = 0.3;     // circle's radius
@@ -82,6 +83,9 @@ struct RigBundleResult {
   // then f, k1, k2 of each lens. Empty unless asked for.
   Eigen::MatrixXd covariance;
   double radius_log_sigma = 0;  // of ln r
+  // The covariances are this much larger than independent observations would make them: things that stand together err
+  // alike.
+  double shared_errors = 1;
   // The photos' part of it if the circle's radius were known: what is known of the rig's shape.
   Eigen::MatrixXd shape_covariance;
 };
@@ -92,6 +96,9 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
 // Pixel of a point in a photo; false behind it.
 bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, const RigPoint& point, int photo,
                      Eigen::Vector2d* pixel);
+
+// 1 sigma of a point's inverse distance (1/m) with the poses held, if its observations are known to 1 px.
+double SigmaOfDistance(const std::vector<PairView>& views, const RigState& state, const RigPoint& point);
 
 // Points from pairwise matches: features linked through photos; a chain that meets a photo twice is cut there.
 // Directions are the mean of the photos' rays, distances infinite.

@@ -8,9 +8,10 @@
 namespace trigpoint {
 
 RigObservationCost::RigObservationCost(const PairView& view, bool fisheye, const Eigen::Quaterniond& cam_from_rig,
-                                       const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel, double sigma_px)
+                                       const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel,
+                                       const Eigen::Matrix2d& sqrt_info)
     : fisheye_(fisheye),
-      inverse_sigma_(1 / sigma_px),
+      sqrt_info_(sqrt_info),
       offset_(view.Principal() - pixel),
       rotation_(cam_from_rig.toRotationMatrix()),
       direction_(direction),
@@ -40,11 +41,11 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
   }
   const double r2 = q.squaredNorm(), radial = 1 + r2 * (lens(1) + r2 * lens(2));
   Eigen::Map<Eigen::Vector2d> r(residuals);
-  r = inverse_sigma_ * (lens(0) * radial * q + offset_);
+  r = sqrt_info_ * (lens(0) * radial * q + offset_);
   if (jacobians == nullptr) return true;
   Eigen::Matrix2d by_q = 2 * (lens(1) + 2 * r2 * lens(2)) * q * q.transpose();
   by_q.diagonal().array() += radial;
-  const Row3 by_y = inverse_sigma_ * lens(0) * by_q * q_by_y;
+  const Row3 by_y = lens(0) * sqrt_info_ * by_q * q_by_y;
   if (jacobians[0] != nullptr) {
     Eigen::Map<Row3> j(jacobians[0]);
     j = -by_y * Skew(y) * LeftJacobianSO3(w);
@@ -56,8 +57,8 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
   }
   if (jacobians[2] != nullptr) {
     Eigen::Map<Row3> j(jacobians[2]);
-    j.col(0) = inverse_sigma_ * radial * q;
-    j.col(1) = inverse_sigma_ * lens(0) * r2 * q;
+    j.col(0) = radial * sqrt_info_ * q;
+    j.col(1) = lens(0) * r2 * sqrt_info_ * q;
     j.col(2) = r2 * j.col(1);
   }
   if (jacobians[3] != nullptr) {

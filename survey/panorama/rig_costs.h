@@ -9,17 +9,18 @@
 
 namespace trigpoint {
 
-// (predicted - observed) px / sigma. Blocks: w (turn, rad: cam_from_rig = Exp(w) R0), centre (rig frame, m), lens (f
-// px, k1, k2), point (two tangent components of its direction, inverse distance 1/m). Fails behind a straight lens.
+// sqrt_info (2 x 2, 1/px) (predicted - observed). Blocks: w (turn, rad: cam_from_rig = Exp(w) R0), centre (rig frame,
+// m), lens (f px, k1, k2), point (two tangent components of its direction, inverse distance 1/m). Fails behind a
+// straight lens.
 class RigObservationCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3> {
  public:
   RigObservationCost(const PairView& view, bool fisheye, const Eigen::Quaterniond& cam_from_rig,
-                     const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel, double sigma_px);
+                     const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel, const Eigen::Matrix2d& sqrt_info);
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override;
 
  private:
   bool fisheye_;
-  double inverse_sigma_;
+  Eigen::Matrix2d sqrt_info_;
   Eigen::Vector2d offset_;  // principal point less observed pixel, px
   Eigen::Matrix3d rotation_;
   Eigen::Vector3d direction_;

@@ -88,8 +88,6 @@ void DescribeParallax(StitchedRig* rig) {
   b.axes_centre = CentreOfAxes(s);
   std::vector<double> shift, distance;
   for (RigPoint& p : s.points) {
-    // Uncertainty of the distance with the poses held: the information of its own observations.
-    double information = 0;
     for (const RigObservation& o : p.observations) {
       RigPoint far = p;
       far.inverse_distance = 0;
@@ -97,13 +95,8 @@ void DescribeParallax(StitchedRig* rig) {
       if (ProjectRigPoint(rig->views, s, p, o.photo, &with) && ProjectRigPoint(rig->views, s, far, o.photo, &without)) {
         shift.push_back((with - without).norm());
       }
-      RigPoint near = p;
-      near.inverse_distance += 1e-3;
-      Eigen::Vector2d moved;
-      if (ProjectRigPoint(rig->views, s, near, o.photo, &moved)) information += ((moved - with) / 1e-3).squaredNorm();
     }
-    // Two directions take part of it: half is what a pair keeps.
-    p.sigma = information > 0 ? std::sqrt(2 / information) : 1e3;
+    p.sigma = SigmaOfDistance(rig->views, s, p);
     if (p.inverse_distance > 3 * p.sigma) distance.push_back(1 / p.inverse_distance);
   }
   b.median_px = Percentile(shift, 0.5);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -9,10 +10,12 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
 #include "survey/panorama/levelling.h"
+#include "survey/panorama/patch_alignment.h"
 #include "survey/panorama/photo_graph.h"
 #include "survey/panorama/rig_report.h"
 
@@ -32,9 +35,18 @@ constexpr double kZoomGain = 0.5;     // part of the cost that lenses of their o
 constexpr size_t kMostZooms = 4;      // more are no zooms, but something else
 // Parallax of a scene, radius / distance (rad): a street, which it begins with; none to speak of; a narrow room.
 constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
-// Features are not believed to be better than this: what the model leaves out moves them together.
-constexpr double kLeastNoisePx = 0.3;
-constexpr double kTukey = 4.685;  // cut-off in sigmas: 95 % of least squares' efficiency with normal noise
+// Observations are not believed to be better than this: what the model leaves out moves them together.
+constexpr double kLeastNoisePx = 0.1;
+// How well a detector places a feature, and how well the rig foretells where a point is seen, px of the feature's
+// scale.
+constexpr double kDetectorSigma = 0.5, kForetoldSigma = 2;
+constexpr double kForetoldDepth =
+    0.05;  // so far from a picture's edge, share of its half, a patch is expected to be seen
+constexpr int kMissed = 2;
+constexpr double kBeside = 0.04;      // of a picture's long side
+constexpr double kStrongPull = 0.01;  // share of all that points say of where a photo stands
+constexpr double kAsFar = 0.3;        // share that inverse distances of neighbours may differ by
+constexpr double kTukey = 4.685;      // cut-off in sigmas: 95 % of least squares' efficiency with normal noise
 
 // So few fisheyes are matched with all their features.
 constexpr int kFewFisheyes = 20;
@@ -68,6 +80,7 @@ class Stitcher {
     std::vector<PhotoFeatures> features(out_.photos.size());
     std::vector<std::string> problem(out_.photos.size());
     std::vector<std::optional<ImageCircle>> circles(out_.photos.size());
+    std::vector<PatchImage> patches(out_.photos.size());
     progress_.Begin("features", static_cast<int64_t>(out_.photos.size()));
     ParallelFor(static_cast<int64_t>(out_.photos.size()), threads_, cancel_, [&](int64_t i) {
       const size_t k = static_cast<size_t>(i);
@@ -75,6 +88,7 @@ class Stitcher {
         const cv::Mat grey = load_grey(out_.photos[k]);
         if (o_.lens != "rectilinear") circles[k] = FindImageCircle(grey);
         features[k] = FindPhotoFeatures(grey, o_.max_features, o_.feature_size_px, circles[k]);
+        patches[k] = PatchImage(grey, o_.feature_size_px);
       } catch (const InputError& e) {
         problem[k] = e.what();
       }
@@ -96,6 +110,7 @@ class Stitcher {
       if (problem[i].empty()) {
         photos.push_back(out_.photos[i]);
         out_.features.push_back(std::move(features[i]));
+        patches_.push_back(std::move(patches[i]));
         circle_of.push_back(circles[i]);
       } else {
         out_.left_out.push_back({out_.photos[i].name, problem[i]});
@@ -566,16 +581,101 @@ class Stitcher {
       // Wrong matches of what repeats are off by little, and there are many: once the photos stand about right, they
       // must not pull any more.
       b.huber_px = round == 0 ? 4.0 : 0;
-      b.tukey_px = kTukey * NoisePx();
+      if (round == 1) AlignPatches();
+      if (round > 0) b.tukey_px = kTukey * NoisePx();
       b.up = UpFromPhotos(s);
       if (s.photos.empty()) break;
       if (round == 0) StartOnCircle(b.up);
       b.parallax = parallax_;
       SolveRig(out_.views, b, false, threads_, cancel_, &s);
       DropOutliers(round == 0 ? 10.0 : (round == 3 ? 1 : 2) * b.tukey_px);  // what may still come back stays
+      if (round > 0) DropLonelyPoints(b.tukey_px / kTukey);
       MeasureParallax();
     }
     RequireSupport();
+  }
+
+  // What a detector sees in several photos, moved to where its surroundings are found again, each as well as they tell.
+  // Photos that this is no help for (too blurred, too noisy) keep the detector's places.
+  void AlignPatches() {
+    std::vector<RigPoint> aligned = out_.state.points;
+    progress_.Begin("align", static_cast<int64_t>(aligned.size()));
+    ParallelFor(static_cast<int64_t>(aligned.size()), threads_, cancel_, [&](int64_t j) {
+      AlignPoint(&aligned[static_cast<size_t>(j)]);
+      progress_.Advance(1);
+    });
+    patches_.clear();
+    size_t before = 0;
+    std::vector<double> sizes;
+    for (const RigPoint& p : out_.state.points) before += p.observations.size();
+    std::erase_if(aligned, [](const RigPoint& p) { return p.observations.size() < 2; });
+    for (const RigPoint& p : aligned) {
+      for (const RigObservation& o : p.observations) sizes.push_back(std::sqrt(std::abs(o.weight.determinant())));
+    }
+    if (2 * sizes.size() < before || sizes.empty()) return;
+    // The typical one counts as it did.
+    const double typical = Median(sizes);
+    for (RigPoint& p : aligned) {
+      for (RigObservation& o : p.observations) o.weight /= typical;
+    }
+    out_.state.points = std::move(aligned);
+  }
+
+  // Keeps the observations whose patch looks like that of the one nearest to its picture's middle; their weights are
+  // the inverse roots of the patches' covariances.
+  void AlignPoint(RigPoint* point) const {
+    const auto depth = [&](const RigObservation& o) { return out_.views[static_cast<size_t>(o.photo)].Depth(o.pixel); };
+    const RigObservation from = *std::max_element(point->observations.begin(), point->observations.end(),
+                                                  [&](const auto& a, const auto& b) { return depth(a) < depth(b); });
+    const size_t a = static_cast<size_t>(from.photo);
+    const double scale = out_.features[a].scales[static_cast<size_t>(from.feature)];
+    std::vector<RigObservation> kept;
+    Eigen::Matrix2d own = Eigen::Matrix2d::Zero();  // covariance, in the first photo
+    int foretold = 0;                               // photos that should show it, though no detector said so
+    std::vector<const RigObservation*> detected(out_.photos.size(), nullptr);
+    for (const RigObservation& o : point->observations) detected[static_cast<size_t>(o.photo)] = &o;
+    for (int photo = 0; photo < Count(); ++photo) {
+      const size_t b = static_cast<size_t>(photo);
+      if (photo == from.photo || !out_.state.photos[b].placed) continue;
+      RigObservation o{photo, -1, {}};
+      if (detected[b] != nullptr) {
+        o = *detected[b];
+      } else if (!ProjectRigPoint(out_.views, out_.state, *point, photo, &o.pixel) ||
+                 out_.views[b].Depth(o.pixel) < kForetoldDepth) {
+        continue;
+      } else {
+        ++foretold;
+      }
+      const Eigen::Quaterniond turn = out_.state.photos[b].cam_from_rig * out_.state.photos[a].cam_from_rig.conjugate();
+      Eigen::Vector2d at, right, below;
+      const auto seen = [&](const Eigen::Vector2d& pixel, Eigen::Vector2d* in_b) {
+        return PixelOfRay(out_.views[b], LensOf(o.photo), turn * RayOfPixel(out_.views[a], LensOf(from.photo), pixel),
+                          in_b);
+      };
+      if (!seen(from.pixel, &at) || !seen(from.pixel + Eigen::Vector2d(1, 0), &right) ||
+          !seen(from.pixel + Eigen::Vector2d(0, 1), &below))
+        continue;
+      Eigen::Matrix2d b_from_a;
+      b_from_a << right - at, below - at;
+      const auto found = AlignPatch(patches_[a], from.pixel, patches_[b], o.pixel, b_from_a, scale,
+                                    detected[b] != nullptr ? kDetectorSigma : kForetoldSigma);
+      if (!found) continue;
+      const Eigen::Matrix2d back = b_from_a.inverse();
+      own += back * found->covariance * back.transpose();
+      // Both patches have noise: each bears half.
+      kept.push_back({o.photo, o.feature, found->pixel, WeightOf(0.5 * found->covariance)});
+    }
+    if (!kept.empty()) {
+      kept.push_back({from.photo, from.feature, from.pixel, WeightOf(0.5 * own / static_cast<double>(kept.size()))});
+    }
+    // Two photos alone agree on anything along their line; where others should see the same, one of them must.
+    if (kept.size() == 2 && foretold >= kMissed) kept.clear();
+    point->observations = std::move(kept);
+  }
+
+  // W with W^T W the inverse.
+  static Eigen::Matrix2d WeightOf(const Eigen::Matrix2d& covariance) {
+    return covariance.llt().matrixL().solve(Eigen::Matrix2d::Identity());
   }
 
   // The scene's own spread of parallax becomes its prior: without any, distances die out instead of fitting the noise.
@@ -728,14 +828,14 @@ class Stitcher {
     }
   }
 
-  // Observations beyond `limit_px`, points nearer than believed or behind, points left with one observation.
+  // Observations beyond `limit_px` (weighted), points nearer than believed or behind, points left with one observation.
   void DropOutliers(double limit_px) {
     RigState& s = out_.state;
     for (RigPoint& p : s.points) {
       std::erase_if(p.observations, [&](const RigObservation& o) {
         Eigen::Vector2d pixel;
         const double limit = limit_px * std::max(0.5, LongSide(out_.views[static_cast<size_t>(o.photo)]) / 1600.0);
-        return !ProjectRigPoint(out_.views, s, p, o.photo, &pixel) || (pixel - o.pixel).norm() > limit;
+        return !ProjectRigPoint(out_.views, s, p, o.photo, &pixel) || (o.weight * (pixel - o.pixel)).norm() > limit;
       });
     }
     std::erase_if(s.points, [&](const RigPoint& p) {
@@ -743,7 +843,49 @@ class Stitcher {
     });
   }
 
-  // Noise of a feature, from the residuals: median of |r|, over those that a third observation makes more than a fit.
+  // A point seen twice may lie anywhere on its line, and one that is matched wrongly pulls at its photos the harder the
+  // nearer it seems: it must be about as far as something beside it.
+  void DropLonelyPoints(double noise_px) {
+    RigState& s = out_.state;
+    struct Seen {
+      Eigen::Vector2d pixel;
+      double inverse_distance, sigma;
+    };
+    std::vector<std::vector<Seen>> seen(s.photos.size());
+    // What an observation says of where its photo stands, relative to others.
+    const auto pull = [](const RigPoint& p, const RigObservation& o) {
+      return p.inverse_distance * p.inverse_distance * o.weight.squaredNorm();
+    };
+    std::vector<double> pulls(s.photos.size(), 0);
+    for (RigPoint& p : s.points) {
+      p.sigma = noise_px * SigmaOfDistance(out_.views, s, p);
+      for (const RigObservation& o : p.observations) {
+        seen[static_cast<size_t>(o.photo)].push_back({o.pixel, p.inverse_distance, p.sigma});
+        pulls[static_cast<size_t>(o.photo)] += pull(p, o);
+      }
+    }
+    std::erase_if(s.points, [&](const RigPoint& p) {
+      if (p.observations.size() > 2) return false;
+      const bool strong = std::any_of(p.observations.begin(), p.observations.end(), [&](const RigObservation& o) {
+        return pull(p, o) > kStrongPull * pulls[static_cast<size_t>(o.photo)];
+      });
+      if (!strong) return false;
+      int near = 0, agree = 0;
+      for (const RigObservation& o : p.observations) {
+        const double reach = kBeside * LongSide(out_.views[static_cast<size_t>(o.photo)]);
+        for (const Seen& other : seen[static_cast<size_t>(o.photo)]) {
+          if ((other.pixel - o.pixel).squaredNorm() > reach * reach) continue;
+          ++near;
+          const double alike = kAsFar * std::max(std::abs(other.inverse_distance), std::abs(p.inverse_distance));
+          agree += std::abs(other.inverse_distance - p.inverse_distance) < alike + 3 * std::hypot(other.sigma, p.sigma);
+        }
+      }
+      return agree < 4 || agree < 0.1 * near;  // itself twice
+    });
+  }
+
+  // Noise of an observation (weighted px), from the residuals: median of |r|, over those that a third observation makes
+  // more than a fit.
   double NoisePx() const {
     std::vector<double> r2;
     double dof = 0;
@@ -752,7 +894,8 @@ class Stitcher {
       dof += 2.0 * static_cast<double>(p.observations.size()) - 3;
       for (const RigObservation& o : p.observations) {
         Eigen::Vector2d pixel;
-        if (ProjectRigPoint(out_.views, out_.state, p, o.photo, &pixel)) r2.push_back((pixel - o.pixel).squaredNorm());
+        if (ProjectRigPoint(out_.views, out_.state, p, o.photo, &pixel))
+          r2.push_back((o.weight * (pixel - o.pixel)).squaredNorm());
       }
     }
     if (r2.size() < 20 || dof <= 0) return 1;
@@ -787,6 +930,7 @@ class Stitcher {
   ProgressSink& progress_;
   const CancelToken& cancel_;
   PairOptions pair_options_;
+  std::vector<PatchImage> patches_;  // of the photos, until they are used
   std::vector<PhotoPair> tried_, accepted_;
   double parallax_ = kFirstParallax;
   bool ring_closed_ = false;  // the photos go all the way round, and their focal length is the one that fits it

@@ -104,7 +104,8 @@ TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
       const Eigen::Vector3d in_cam(std::sin(theta) * std::cos(azimuth), std::sin(theta) * std::sin(azimuth),
                                    std::cos(theta));
       const Eigen::Quaterniond cam_from_rig = ExpSO3({0.3, -0.8, 0.1});
-      const RigObservationCost cost(view, fisheye, cam_from_rig, cam_from_rig.conjugate() * in_cam, {400, 300}, 0.7);
+      const RigObservationCost cost(view, fisheye, cam_from_rig, cam_from_rig.conjugate() * in_cam, {400, 300},
+                                    (Eigen::Matrix2d() << 1.5, 0.2, -0.1, 0.9).finished());
       const std::vector<std::vector<double>> blocks = {
           {0.01, -0.02, 0.005}, {0.1, -0.05, 0.12}, {kFocal, -0.04, 0.01}, {0.002, -0.001, 0.3}};
       std::vector<const double*> parameters;
@@ -241,6 +242,14 @@ TEST(RefineRig, CentreIsAtMostHalfAsFarOffAsWithOneCentre) {
   EXPECT_LE(needless, 1);  // of ten
 }
 
+// A point as a run that passes 4 m beside knows it: off by `about` m in every direction and `along` m along its ray.
+KnownPoint KnownFromRun(const Eigen::Vector3d& at, double about, double along, Random* random) {
+  const Eigen::Vector3d ray = (at - Eigen::Vector3d(4, 0, -1)).normalized();
+  const Eigen::Vector3d noise(random->Normal(), random->Normal(), random->Normal());
+  return {0, Eigen::Vector2d::Zero(), at + about * noise + along * random->Normal() * ray,
+          about * about * Eigen::Matrix3d::Identity() + along * along * ray * ray.transpose()};
+}
+
 // Half of the points are known badly along the rays of a run that passes 4 m beside: told so, the rig's pose is better
 // and as good as it says.
 TEST(RefineRig, PointsThatAreUncertainInDepthCountForLess) {
@@ -252,19 +261,13 @@ TEST(RefineRig, PointsThatAreUncertainInDepthCountForLess) {
     RefineRigInput in;
     in.shape_covariance = Eigen::MatrixXd::Zero(96, 96);
     for (int i = 0; i < 16; ++i) in.rig.views.push_back(ViewOf(w, i));
-    const Eigen::Vector3d run(4, 0, -1);
     for (size_t k = 0; k < w.points.size(); ++k) {
-      const Eigen::Vector3d& at = w.points[k];
-      const Eigen::Vector3d ray = (at - run).normalized();
-      const double along = k % 2 == 0 ? 0.3 : 0.005;
-      const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
-      const Eigen::Vector3d known = at + 0.005 * noise + along * random.Normal() * ray;
-      const Eigen::Matrix3d covariance =
-          0.005 * 0.005 * Eigen::Matrix3d::Identity() + along * along * ray * ray.transpose();
+      const KnownPoint known = KnownFromRun(w.points[k], 0.005, k % 2 == 0 ? 0.3 : 0.005, &random);
       for (int i = 0; i < 16; ++i) {
         Eigen::Vector2d pixel;
-        if (!See(w, i, at, &pixel)) continue;
-        in.points.push_back({i, pixel + 0.7 * Eigen::Vector2d(random.Normal(), random.Normal()), known, covariance});
+        if (!See(w, i, w.points[k], &pixel)) continue;
+        pixel += 0.7 * Eigen::Vector2d(random.Normal(), random.Normal());
+        in.points.push_back({i, pixel, known.point, known.covariance});
         break;  // a point is seen by one photo: its error is counted once
       }
     }
@@ -298,16 +301,13 @@ TEST(RefineRig, ParallaxShowsTheSizeThoughPointsAreUncertain) {
       in.rig.views.push_back(ViewOf(w, i));
       in.rig.views.back().rig_from_view.translation *= 1.5;
     }
-    const Eigen::Vector3d run(4, 0, -1);
     for (const Eigen::Vector3d& at : w.points) {
-      const Eigen::Vector3d ray = (at - run).normalized();
-      const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
-      const Eigen::Vector3d known = at + 0.03 * noise + 0.3 * random.Normal() * ray;
-      const Eigen::Matrix3d covariance = 0.03 * 0.03 * Eigen::Matrix3d::Identity() + 0.3 * 0.3 * ray * ray.transpose();
+      const KnownPoint known = KnownFromRun(at, 0.03, 0.3, &random);
       for (int i = 0; i < 16; ++i) {
         Eigen::Vector2d pixel;
         if (!See(w, i, at, &pixel)) continue;
-        in.points.push_back({i, pixel + 0.7 * Eigen::Vector2d(random.Normal(), random.Normal()), known, covariance});
+        pixel += 0.7 * Eigen::Vector2d(random.Normal(), random.Normal());
+        in.points.push_back({i, pixel, known.point, known.covariance});
       }
     }
     in.sigma_px = 0.7;
