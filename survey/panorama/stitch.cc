@@ -568,6 +568,7 @@ class Stitcher {
     RigBundleOptions b = BundleOptionsOfSet();
     b.huber_px = 4;
     progress_.Begin("rotations", 0);
+    b.max_iterations = 10;  // where the photos begin
     const std::vector<LensPrior> priors = HoldRing();
     RigBundleResult central = SolveRig(out_.views, b, false, threads_, cancel_, &s);
     s.lens_priors = priors;
@@ -703,6 +704,7 @@ class Stitcher {
     b.sigma_px = NoisePx();
     b.tukey_px = kTukey * b.sigma_px;
     b.parallax = parallax_;
+    b.max_iterations = 20;
     out_.bundle = SolveRig(out_.views, b, true, threads_, cancel_, &s);
     out_.parallax.rms_rig_px = out_.bundle.rms_px;
     CentreRig(&out_);
