@@ -96,6 +96,7 @@ nlohmann::json Metrics(const StitchedRig& rig, int given) {
                       {"centres_rms_m", rig.parallax.spread_m},
                       {"radius_m", rig.state.radius_m},
                       {"radius_log_sigma", rig.bundle.radius_log_sigma},
+                      {"shared_errors", rig.bundle.shared_errors},
                       {"full_turn", rig.closure.full_turn},
                       {"closure_deg", rig.closure.error_deg},
                       {"largest_gap_deg", rig.closure.largest_gap_deg},

@@ -126,6 +126,7 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
          "that look up or down"},
         {"axes_centre_m", Vector(b.axes_centre)}}},
       {"shape_covariance", shape},
+      {"shared_errors", rig.bundle.shared_errors},
       {"circle", {{"radius_m", rig.state.radius_m}, {"log_sigma", rig.bundle.radius_log_sigma}}},
       {"parallax",
        {{"median_px", b.median_px},
