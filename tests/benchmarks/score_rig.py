@@ -5,11 +5,13 @@
 
 RIG.csv: rig.csv, or localize's rigs.csv (then --panorama names the set). TRUTH.tum: photo number, tx ty tz qx qy qz qw.
 Turns: each photo's against all others', after the common turn that fits best (rms, largest). Centres: against the mean of
-the centres, turned by the same, as they are and scaled to fit.
+the centres, turned by the same, as they are and scaled to fit. With rig.json beside: shape_nees, the squared error of turns and
+centres over the stated covariance of the rig's shape, a degree of freedom (what a turn, a shift and a size of the whole leave).
 """
 import argparse
 import csv
 import json
+import os
 import re
 
 import numpy as np
@@ -20,6 +22,41 @@ def matrix(q):
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+
+def log_of(r):
+    angle = np.arccos(np.clip((np.trace(r) - 1) / 2, -1, 1))
+    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    return axis / 2 if angle < 1e-9 else axis * angle / (2 * np.sin(angle))
+
+
+def skew(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def shape_nees(sidecar, turns, centres, right_turns, right_centres):
+    """All in the rig frame: rig_from_cam, centres about their mean; the right ones fitted to them by turn, shift and size."""
+    n = 6 * len(turns)
+    lower = json.load(open(sidecar))["shape_covariance"]
+    if len(lower) != n * (n + 1) // 2:
+        return None
+    covariance = np.zeros((n, n))
+    covariance[np.tril_indices(n)] = lower
+    covariance += np.tril(covariance, -1).T
+    unit = 0.1  # m: centres count as far as turns do
+    error, frame, scale = np.zeros(n), np.zeros((n, 7)), np.ones(n)
+    for k, (turn, c, right, rc) in enumerate(zip(turns, centres, right_turns, right_centres)):
+        error[6 * k:6 * k + 3] = log_of(turn.T @ right)
+        error[6 * k + 3:6 * k + 6] = c - rc
+        scale[6 * k + 3:6 * k + 6] = 1 / unit
+        frame[6 * k:6 * k + 3, :3] = -turn.T
+        frame[6 * k + 3:6 * k + 6, :3] = -skew(c) / unit
+        frame[6 * k + 3:6 * k + 6, 3:6] = np.eye(3)
+        frame[6 * k + 3:6 * k + 6, 6] = c / unit
+    keep = np.eye(n) - frame @ np.linalg.pinv(frame)
+    values, vectors = np.linalg.eigh(keep @ (scale[:, None] * covariance * scale) @ keep.T)
+    along = vectors.T @ (keep @ (scale * error))
+    return float(np.mean(along[7:] ** 2 / values[7:]))
 
 
 def main():
@@ -54,6 +91,10 @@ def main():
            "turn_max_deg": float(max(angles)),
            "centre_rmse_m": float(np.sqrt(((c - t) ** 2).sum(1).mean())),
            "centre_rmse_scaled_m": float(np.sqrt(((scale * c - t) ** 2).sum(1).mean())), "scale_to_truth": scale}
+    sidecar = os.path.join(os.path.dirname(o.rig), "rig.json")
+    if os.path.exists(sidecar):
+        in_rig = np.array(centres) - np.mean(centres, axis=0)
+        out["shape_nees"] = shape_nees(sidecar, turns, in_rig, [w.T @ r for r in right_turns], t @ w / scale)
     if focals and o.focal:
         out["focal_px"] = focals[0]
         out["focal_error_percent"] = 100 * (focals[0] / o.focal - 1)
