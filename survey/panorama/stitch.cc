@@ -40,8 +40,10 @@ constexpr double kLeastNoisePx = 0.1;
 // How well a detector places a feature, and how well the rig foretells where a point is seen, px of the feature's
 // scale.
 constexpr double kDetectorSigma = 0.5, kForetoldSigma = 2;
-constexpr double kForetoldDepth =
-    0.05;  // so far from a picture's edge, share of its half, a patch is expected to be seen
+constexpr double kAlignedShare = 0.4;    // of a photo's observations, else patches are no help there
+constexpr double kDetectorWeight = 0.3;  // against a patch's: a third of a pixel, a tenth
+// So far from a picture's edge, share of its half, a patch is expected to be seen.
+constexpr double kForetoldDepth = 0.05;
 constexpr int kMissed = 2;
 constexpr double kBeside = 0.04;      // of a picture's long side
 constexpr double kStrongPull = 0.01;  // share of all that points say of where a photo stands
@@ -599,27 +601,36 @@ class Stitcher {
   // What a detector sees in several photos, moved to where its surroundings are found again, each as well as they tell.
   // Photos that this is no help for (too blurred, too noisy) keep the detector's places.
   void AlignPatches() {
-    std::vector<RigPoint> aligned = out_.state.points;
+    std::vector<RigPoint>& points = out_.state.points;
+    std::vector<RigPoint> aligned = points;
     progress_.Begin("align", static_cast<int64_t>(aligned.size()));
     ParallelFor(static_cast<int64_t>(aligned.size()), threads_, cancel_, [&](int64_t j) {
       AlignPoint(&aligned[static_cast<size_t>(j)]);
       progress_.Advance(1);
     });
     patches_.clear();
-    size_t before = 0;
+    std::vector<int> before(out_.photos.size(), 0), after(out_.photos.size(), 0);
     std::vector<double> sizes;
-    for (const RigPoint& p : out_.state.points) before += p.observations.size();
-    std::erase_if(aligned, [](const RigPoint& p) { return p.observations.size() < 2; });
-    for (const RigPoint& p : aligned) {
-      for (const RigObservation& o : p.observations) sizes.push_back(std::sqrt(std::abs(o.weight.determinant())));
+    for (size_t j = 0; j < points.size(); ++j) {
+      for (const RigObservation& o : points[j].observations) ++before[static_cast<size_t>(o.photo)];
+      if (aligned[j].observations.size() < 2) continue;
+      for (const RigObservation& o : aligned[j].observations) {
+        ++after[static_cast<size_t>(o.photo)];
+        sizes.push_back(std::sqrt(std::abs(o.weight.determinant())));
+      }
     }
-    if (2 * sizes.size() < before || sizes.empty()) return;
-    // The typical one counts as it did.
+    if (sizes.empty()) return;
     const double typical = Median(sizes);
-    for (RigPoint& p : aligned) {
-      for (RigObservation& o : p.observations) o.weight /= typical;
+    for (size_t j = 0; j < points.size(); ++j) {
+      const bool helped = std::all_of(points[j].observations.begin(), points[j].observations.end(), [&](const auto& o) {
+        const size_t i = static_cast<size_t>(o.photo);
+        return after[i] >= kAlignedShare * before[i];
+      });
+      if (helped) points[j].observations = std::move(aligned[j].observations);
+      // The typical one counts as it did, a detector's place for less.
+      for (RigObservation& o : points[j].observations) o.weight *= helped ? 1 / typical : kDetectorWeight;
     }
-    out_.state.points = std::move(aligned);
+    std::erase_if(points, [](const RigPoint& p) { return p.observations.size() < 2; });
   }
 
   // Keeps the observations whose patch looks like that of the one nearest to its picture's middle; their weights are

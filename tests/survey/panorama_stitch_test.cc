@@ -96,6 +96,16 @@ TEST(Stitch, LeavesOutWhatDoesNotBelongAndNamesIt) {
   EXPECT_LT(LargestTurnError(rig, set), 0.05);
 }
 
+// Its patches look unlike the others': it is placed all the same.
+TEST(Stitch, OneBlurredPhotoIsPlacedLikeTheOthers) {
+  MemorySet set = Ring(0, 160, 20, kFocal);
+  cv::Mat& blurred = set.pictures.at("p1060.jpg");
+  cv::GaussianBlur(blurred, blurred, cv::Size(), 3);
+  const StitchedRig rig = StitchSet(set, Small());
+  EXPECT_EQ(rig.placed, static_cast<int>(set.pictures.size()));
+  EXPECT_LT(LargestTurnError(rig, set), 0.15);
+}
+
 TEST(Stitch, PortraitAndLandscapeAndAnotherZoomTogether) {
   MemorySet set = Ring(0, 360, 30);
   set.AddView("portrait.jpg", Sphere(), CamFromWorld(45, 15, 0), kHeight, kWidth, kFocal);
