@@ -113,7 +113,7 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
   const nlohmann::json& m = outcome.manifest.at("metrics");
   const auto number = [&](const char* name) { return m.at(name).get<double>(); };
   std::string text = fmt::format(
-      "{} of {} photos placed; {}focal length {:.1f} px +- {:.1f} (1 sigma{})\n", m.at("placed").get<int>(),
+      "{} of {} photos placed; {}focal length {:.2f} px +- {:.2f} (1 sigma{})\n", m.at("placed").get<int>(),
       m.at("photos").get<int>(), m.value("fisheye", false) ? "fisheye, " : "", number("focal_px"),
       number("focal_sigma_px"), m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
   text += fmt::format("residuals {:.2f} px rms with one centre for all photos, {:.2f} px with each photo's own\n",
