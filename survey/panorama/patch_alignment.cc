@@ -4,7 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -98,11 +97,10 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
   const double reach = kRadius * warp.cwiseAbs().rowwise().sum().maxCoeff() + kFarthest + 1;
   if (!Inside(from, centre, kRadius + 2) || !Inside(to, start, reach)) return std::nullopt;
 
-  std::array<float, static_cast<size_t>(kSide * kSide)> square;
+  Eigen::Matrix<float, kSide, kSide> square;
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
-      square[static_cast<size_t>(y * kSide + x)] =
-          Sample(from, centre.x() + x - kRadius - 1, centre.y() + y - kRadius - 1);
+      square(y, x) = Sample(from, centre.x() + x - kRadius - 1, centre.y() + y - kRadius - 1);
     }
   }
   const std::vector<Eigen::Vector2i>& disc = Disc();
@@ -112,10 +110,9 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
   double mean = 0, square_sum = 0;
   Eigen::Matrix2d texture = Eigen::Matrix2d::Zero();
   for (size_t k = 0; k < n; ++k) {
-    const int at = (disc[k].y() + kRadius + 1) * kSide + disc[k].x() + kRadius + 1;
-    const auto value = [&](int step) { return square[static_cast<size_t>(at + step)]; };
-    values[k] = value(0);
-    slopes[k] = 0.5 * Eigen::Vector2d(value(1) - value(-1), value(kSide) - value(-kSide));
+    const int y = disc[k].y() + kRadius + 1, x = disc[k].x() + kRadius + 1;
+    values[k] = square(y, x);
+    slopes[k] = 0.5 * Eigen::Vector2d(square(y, x + 1) - square(y, x - 1), square(y + 1, x) - square(y - 1, x));
     texture += slopes[k] * slopes[k].transpose();
     mean += values[k];
   }
