@@ -14,6 +14,7 @@
 namespace trigpoint {
 namespace {
 
+// Ends a step: gives back the memory that it leaves free, and notes how long it took.
 class Stopwatch {
  public:
   explicit Stopwatch(Localization* result) : result_(result) {}

@@ -120,7 +120,7 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
   for (float v : values) square_sum += (v - mean) * (v - mean);
   if (!(square_sum > 0)) return std::nullopt;
 
-  // a(x + d) = b(start - warp d + warp x), gain and offset apart; the detector's place counts as a measurement of d =
+  // a(x + d) = b(start - warp d + warp x), gain and offset apart; where the search began counts as a measurement of d =
   // 0.
   Eigen::Vector2d d = Eigen::Vector2d::Zero();
   double alike = 0, variance = 1;
@@ -165,7 +165,7 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
       (axes.eigenvalues().array() - kNoiseSlope * static_cast<double>(n)).max(0) + 1 / (sigma * sigma);
   Eigen::Matrix2d of_level = axes.eigenvectors() * held.cwiseInverse().asDiagonal() * axes.eigenvectors().transpose();
   of_level.diagonal().array() += kFloor * kFloor;
-  const Eigen::Matrix2d full = b.FullPerLevel(lb).matrix().asDiagonal() * warp;
+  const Eigen::Matrix2d full = b_from_a * a.FullPerLevel(la).matrix().asDiagonal();
   out.covariance = full * of_level * full.transpose();
   return out;
 }

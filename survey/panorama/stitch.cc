@@ -44,7 +44,7 @@ constexpr double kAlignedShare = 0.4;    // of a photo's observations, else patc
 constexpr double kDetectorWeight = 0.3;  // against a patch's: a third of a pixel, a tenth
 // So far from a picture's edge, share of its half, a patch is expected to be seen.
 constexpr double kForetoldDepth = 0.05;
-constexpr int kMissed = 2;
+constexpr int kMissed = 2;            // photos that should show a point seen twice, and do not
 constexpr double kBeside = 0.04;      // of a picture's long side
 constexpr double kStrongPull = 0.01;  // share of all that points say of where a photo stands
 constexpr double kAsFar = 0.3;        // share that inverse distances of neighbours may differ by
