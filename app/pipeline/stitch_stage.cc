@@ -157,7 +157,7 @@ StageInfo StitchStage() {
     const fs::path dir = FolderOfSet(project, target.run);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.version = 5;
+    request.version = 6;
     request.inputs = PicturesIn(dir);
     request.body = [options, dir, name = target.run](StageContext& context) {
       const PhotoSet set = ReadPhotoSet(dir, name);

@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "survey/panorama/shrunk_picture.h"
+
 namespace trigpoint {
 namespace {
 
@@ -36,10 +38,9 @@ ImageCircle FitCircle(const std::vector<Eigen::Vector2d>& points) {
 }  // namespace
 
 std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
-  const double factor = std::min(1.0, static_cast<double>(kLongSide) / std::max(grey.cols, grey.rows));
+  const ShrunkPicture shrunk(grey, kLongSide);
   cv::Mat small;
-  cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
-  cv::GaussianBlur(small, small, cv::Size(), 1.5);
+  cv::GaussianBlur(shrunk.picture, small, cv::Size(), 1.5);
   std::vector<uchar> values(small.begin<uchar>(), small.end<uchar>());
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() * 3 / 4), values.end());
   const double black = kBlack * values[values.size() * 3 / 4];
@@ -112,8 +113,7 @@ std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
   const double side = std::max(small.cols, small.rows);
   if (circle.radius_px < 0.2 * side || circle.radius_px > 0.7 * side) return std::nullopt;
   if ((circle.centre - middle).norm() > 0.15 * side) return std::nullopt;
-  const double scale = static_cast<double>(grey.cols) / small.cols;
-  return ImageCircle{(circle.centre.array() + 0.5) * scale - 0.5, kSharpShare * circle.radius_px * scale};
+  return ImageCircle{shrunk.ToFull(circle.centre), kSharpShare * circle.radius_px * shrunk.full_per_pixel.x()};
 }
 
 }  // namespace trigpoint

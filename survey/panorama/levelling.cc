@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
+#include "survey/panorama/shrunk_picture.h"
 
 namespace trigpoint {
 namespace {
@@ -100,21 +101,18 @@ struct Edge {
 };
 
 std::vector<Edge> EdgesOf(const StitchedRig& rig, int photo, const cv::Mat& grey) {
-  const double factor = std::min(1.0, 1000.0 / std::max(grey.cols, grey.rows));
-  cv::Mat small = grey;
-  if (factor < 1) cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
+  const ShrunkPicture small(grey, 1000);
   std::vector<cv::Vec4f> lines;
-  cv::createLineSegmentDetector()->detect(small, lines);
+  cv::createLineSegmentDetector()->detect(small.picture, lines);
   const PairView& view = rig.views[static_cast<size_t>(photo)];
   const RigPhoto& p = rig.state.photos[static_cast<size_t>(photo)];
   const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
-  const double sx = static_cast<double>(grey.cols) / small.cols, sy = static_cast<double>(grey.rows) / small.rows;
   std::vector<Edge> edges;
   for (const cv::Vec4f& l : lines) {
-    const double length = std::hypot(l[2] - l[0], l[3] - l[1]) / std::max(small.cols, small.rows);
+    const double length = std::hypot(l[2] - l[0], l[3] - l[1]) / std::max(small.picture.cols, small.picture.rows);
     if (length < (lens.fisheye ? kShortArc : kShortEdge)) continue;
     const auto ray = [&](float x, float y) -> Eigen::Vector3d {
-      return p.cam_from_rig.conjugate() * RayOfPixel(view, lens, {(x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5});
+      return p.cam_from_rig.conjugate() * RayOfPixel(view, lens, small.ToFull({x, y}));
     };
     const Eigen::Vector3d normal = ray(l[0], l[1]).cross(ray(l[2], l[3]));
     if (normal.norm() > 1e-6) edges.push_back({normal.normalized(), length, photo});

@@ -52,17 +52,9 @@ float Sample(const cv::Mat& picture, double x, double y) {
 
 }  // namespace
 
-PatchImage::PatchImage(const cv::Mat& grey, int long_side) {
-  const double factor = std::min(1.0, static_cast<double>(long_side) / std::max(grey.cols, grey.rows));
-  cv::Mat small;
-  if (factor < 1) {
-    cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
-  } else {
-    small = grey;
-  }
-  full_per_small_ = {static_cast<double>(grey.cols) / small.cols, static_cast<double>(grey.rows) / small.rows};
+PatchImage::PatchImage(const ShrunkPicture& grey) : full_per_small_(grey.full_per_pixel) {
   cv::Mat level;
-  cv::GaussianBlur(small, level, cv::Size(), kBlur);
+  cv::GaussianBlur(grey.picture, level, cv::Size(), kBlur);
   while (std::min(level.cols, level.rows) > 2 * kSide) {
     levels_.push_back(level);
     cv::Mat next;

@@ -8,14 +8,15 @@
 #include <optional>
 #include <vector>
 
+#include "survey/panorama/shrunk_picture.h"
+
 namespace trigpoint {
 
-// A photo's picture as patches are taken from it: at most `long_side` px, halved again and again.
+// A photo's picture as patches are taken from it: halved again and again.
 class PatchImage {
  public:
   PatchImage() = default;
-  // `grey`: 8 bits.
-  PatchImage(const cv::Mat& grey, int long_side);
+  explicit PatchImage(const ShrunkPicture& grey);  // 8 bits
 
   bool empty() const { return levels_.empty(); }
   int levels() const { return static_cast<int>(levels_.size()); }

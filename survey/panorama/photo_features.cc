@@ -43,22 +43,18 @@ PhotoMatches Mutual(const std::vector<NearestTwo>& of_a, const std::vector<Neare
 
 }  // namespace
 
-PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side,
-                                const std::optional<ImageCircle>& circle) {
-  const double factor = std::min(1.0, static_cast<double>(long_side) / std::max(grey.cols, grey.rows));
-  cv::Mat small = grey;
-  if (factor < 1) cv::resize(grey, small, cv::Size(), factor, factor, cv::INTER_AREA);
-  const double sx = static_cast<double>(grey.cols) / small.cols, sy = static_cast<double>(grey.rows) / small.rows;
+PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle) {
+  const double full_per_pixel = grey.full_per_pixel.x();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat sift, mask;
   if (circle) {
-    mask = cv::Mat(small.size(), CV_8U, cv::Scalar(0));
-    const Eigen::Array2d centre = (circle->centre.array() + 0.5) / Eigen::Array2d(sx, sy) - 0.5;
+    mask = cv::Mat(grey.picture.size(), CV_8U, cv::Scalar(0));
+    const Eigen::Vector2d centre = grey.FromFull(circle->centre);
     cv::circle(mask, cv::Point(static_cast<int>(std::lround(centre.x())), static_cast<int>(std::lround(centre.y()))),
-               static_cast<int>(circle->radius_px / sx), cv::Scalar(255), -1);
+               static_cast<int>(circle->radius_px / full_per_pixel), cv::Scalar(255), -1);
   }
   // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
-  cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(small, mask, keypoints, sift);
+  cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(grey.picture, mask, keypoints, sift);
   std::vector<int> order(keypoints.size());
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int i, int j) {
@@ -69,11 +65,8 @@ PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side,
   PhotoFeatures features;
   for (int i : order) {
     const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
-    const Eigen::Vector2d p = FromOpenCvSiftPixel({k.pt.x, k.pt.y});
-    // The picture's edges stay its edges when it is resized.
-    features.points.emplace_back(static_cast<float>((p.x() + 0.5) * sx - 0.5),
-                                 static_cast<float>((p.y() + 0.5) * sy - 0.5));
-    features.scales.push_back(static_cast<float>(0.5 * k.size * sx));
+    features.points.emplace_back(grey.ToFull(FromOpenCvSiftPixel({k.pt.x, k.pt.y})).cast<float>());
+    features.scales.push_back(static_cast<float>(0.5 * k.size * full_per_pixel));
     const uint8_t* row = sift.ptr<uint8_t>(i);
     const int sum = std::accumulate(row, row + PhotoFeatures::kDim, 0);
     int squared = 0;

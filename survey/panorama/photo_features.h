@@ -11,6 +11,7 @@
 
 #include "calib/base/nearest_rows.h"
 #include "survey/panorama/image_circle.h"
+#include "survey/panorama/shrunk_picture.h"
 
 namespace trigpoint {
 
@@ -25,9 +26,8 @@ struct PhotoFeatures {
   const int16_t* row(int i) const { return descriptors.data() + static_cast<size_t>(i) * kDim; }
 };
 
-// At most `most` features of an 8-bit grey picture, found at a size of at most `long_side` px; of a fisheye's picture,
-// only within its circle. Thread safe.
-PhotoFeatures FindPhotoFeatures(const cv::Mat& grey, int most, int long_side, const std::optional<ImageCircle>& circle);
+// At most `most` features of a photo's 8-bit grey picture; of a fisheye's, only within its circle. Thread safe.
+PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle);
 
 using PhotoMatches = std::vector<std::pair<int, int>>;  // feature of a, feature of b
 

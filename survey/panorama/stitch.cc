@@ -89,8 +89,9 @@ class Stitcher {
       try {
         const cv::Mat grey = load_grey(out_.photos[k]);
         if (o_.lens != "rectilinear") circles[k] = FindImageCircle(grey);
-        features[k] = FindPhotoFeatures(grey, o_.max_features, o_.feature_size_px, circles[k]);
-        patches[k] = PatchImage(grey, o_.feature_size_px);
+        const ShrunkPicture small(grey, o_.feature_size_px);
+        features[k] = FindPhotoFeatures(small, o_.max_features, circles[k]);
+        patches[k] = PatchImage(small);
       } catch (const InputError& e) {
         problem[k] = e.what();
       }

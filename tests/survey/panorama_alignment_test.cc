@@ -38,6 +38,8 @@ cv::Mat Texture(int width, int height, const Eigen::Matrix2d& texture_from_pixel
   return picture;
 }
 
+PatchImage PatchesOf(const cv::Mat& grey) { return PatchImage(ShrunkPicture(grey, 1600)); }
+
 // Turned by 10 degrees, enlarged by a tenth, in other light and with noise: found to a tenth of what a detector errs,
 // and the covariances of many tell how far off they are, up to the one factor that they share.
 TEST(AlignPatch, FindsThePlaceThroughTurnZoomAndLight) {
@@ -47,7 +49,7 @@ TEST(AlignPatch, FindsThePlaceThroughTurnZoomAndLight) {
   const Eigen::Vector2d origin(-30, 40);
   cv::Mat dim;
   Texture(500, 400, b_from_a.inverse(), -b_from_a.inverse() * origin, 3, 2).convertTo(dim, CV_8U, 0.7, 20);
-  const PatchImage a(Texture(500, 400, Eigen::Matrix2d::Identity(), {0, 0}, 3, 1), 1600), b(dim, 1600);
+  const PatchImage a = PatchesOf(Texture(500, 400, Eigen::Matrix2d::Identity(), {0, 0}, 3, 1)), b = PatchesOf(dim);
   Random random(3);
   double square = 0;
   std::vector<double> normalised;
@@ -76,7 +78,7 @@ TEST(AlignPatch, KnowsLittleAlongAnEdge) {
         edge.at<uint8_t>(v, u) = cv::saturate_cast<uint8_t>((u < 100 ? 60 : 180) + 3 * random.Normal());
       }
     }
-    return PatchImage(edge, 1600);
+    return PatchesOf(edge);
   };
   const PatchImage a = noisy_edge(), b = noisy_edge();
   const auto found = AlignPatch(a, {100, 100}, b, {100.4, 100.3}, Eigen::Matrix2d::Identity(), 2, 0.5);
@@ -86,9 +88,9 @@ TEST(AlignPatch, KnowsLittleAlongAnEdge) {
 }
 
 TEST(AlignPatch, NothingWhereThePatchesDifferOrLeaveThePicture) {
-  const PatchImage a(Texture(200, 200, Eigen::Matrix2d::Identity(), {0, 0}, 2, 1), 1600);
-  const PatchImage other(Texture(200, 200, Eigen::Matrix2d::Identity(), {900, 500}, 2, 1), 1600);
-  const PatchImage plain(cv::Mat(200, 200, CV_8U, cv::Scalar(90)), 1600);
+  const PatchImage a = PatchesOf(Texture(200, 200, Eigen::Matrix2d::Identity(), {0, 0}, 2, 1));
+  const PatchImage other = PatchesOf(Texture(200, 200, Eigen::Matrix2d::Identity(), {900, 500}, 2, 1));
+  const PatchImage plain = PatchesOf(cv::Mat(200, 200, CV_8U, cv::Scalar(90)));
   const Eigen::Matrix2d same = Eigen::Matrix2d::Identity();
   EXPECT_FALSE(AlignPatch(a, {100, 100}, other, {100, 100}, same, 2, 0.5));
   EXPECT_FALSE(AlignPatch(a, {100, 100}, plain, {100, 100}, same, 2, 0.5));
@@ -97,7 +99,7 @@ TEST(AlignPatch, NothingWhereThePatchesDifferOrLeaveThePicture) {
   EXPECT_FALSE(AlignPatch(a, {100, 100}, a, {198, 100}, same, 2, 0.5));
   EXPECT_FALSE(AlignPatch(a, {100, 100}, a, {100, 100}, 100 * same, 2, 0.5));
   EXPECT_FALSE(AlignPatch(PatchImage(), {100, 100}, a, {100, 100}, same, 2, 0.5));
-  EXPECT_FALSE(AlignPatch(PatchImage(cv::Mat(20, 20, CV_8U, cv::Scalar(9)), 1600), {9, 9}, a, {9, 9}, same, 2, 0.5));
+  EXPECT_FALSE(AlignPatch(PatchesOf(cv::Mat(20, 20, CV_8U, cv::Scalar(9))), {9, 9}, a, {9, 9}, same, 2, 0.5));
 }
 
 // y = (x0 + k x1) + p_j, twice a point: what two blocks say of a line, through points that are found as well.
