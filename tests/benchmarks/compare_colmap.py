@@ -31,6 +31,7 @@ import tempfile
 import numpy as np
 
 from measure import copy_project, link, program, read_rows, run
+from score_lot import panoramas_of
 
 
 def camera_of(camchain):
@@ -234,10 +235,9 @@ def row_text(title, system, cost, cameras, images, panoramas, wanted, points, tr
 def ours(project, name):
     folder = os.path.join(project, "results", "localize", name)
     panoramas = {}
-    with open(os.path.join(folder, "panoramas.csv"), encoding="utf-8") as text:
-        for row in csv.DictReader(line for line in text if not line.startswith("#")):
-            if row["status"] == "localized" and row["odom_x"]:
-                panoramas[station_number(row["station"])] = np.array([float(row[f"odom_{a}"]) for a in "xyz"])
+    for row in panoramas_of(folder):
+        if row["status"] == "localized" and row["odom_x"]:
+            panoramas[station_number(row["station"])] = np.array([float(row[f"odom_{a}"]) for a in "xyz"])
     return read_tum(os.path.join(folder, "cameras_odom.tum")), panoramas, count_points(os.path.join(folder, "sparse"))
 
 

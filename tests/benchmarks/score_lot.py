@@ -18,7 +18,7 @@ cam h, v           m, RMSE of the cameras in site ENU as they are, horizontal an
 ate, ate sim       m, RMSE of the cameras after a rigid and after a similarity fit
 scale              what the trajectory's scale is off by, %
 rpe m, deg         RMSE of relative poses over 20 m of path (a third of the path if it is shorter than 60 m)
-The row `odometry` is what was fed in. Blank: nothing to score. pooled: over the answers of every run of a mode.
+The row `odometry` is what was fed in. Photo sets are left out: score_sets.py. Blank: nothing to score. pooled: over the answers of every run of a mode.
 """
 import argparse
 import csv
@@ -109,6 +109,11 @@ def station_number(name):
     return int("".join(c for c in name if c.isdigit()))
 
 
+def panoramas_of(result):
+    """Rows of a localize result; hand-held photo sets, which are named after their folder, have a truth of their own (score_sets.py)."""
+    return [row for row in table(f"{result}/panoramas.csv") if os.path.splitext(row["panorama"])[1]]
+
+
 def score_odometry(project, truth_dir, run):
     truth = tum(f"{truth_dir}/runs/{run}_cameras.tum")
     odometry = tum(f"{project}/runs/{run}/odometry.tum")
@@ -139,7 +144,7 @@ def score_run(result, truth_dir, run):
     cameras, targets = np.array([e[:3] for _, _, e in own]), np.array([t[:3] for _, t, _ in own])
     errors, scaled, turns, normalised = {}, {}, [], []
     true_scale = 1 / (1 + score["scale_percent"] / 100)
-    for row in table(f"{result}/panoramas.csv"):
+    for row in panoramas_of(result):
         if row["status"] != "localized":
             continue
         number = station_number(row["station"])

@@ -39,7 +39,9 @@ class ScoreLot(unittest.TestCase):
         rows = ["# c", "panorama,station,status,x,y,z,sigma_x_m,sigma_y_m,sigma_z_m,odom_x,odom_y,odom_z,odom_qx,odom_qy,odom_qz,odom_qw"]
         for station, status, o, w in panoramas:
             place = [""] * 13 if o is None else [*w, 0.1, 0.1, 0.1, *o, 0, 0, 0, 1]
-            rows.append(",".join(map(str, ["p", f"S{station:03d}", status, *place])))
+            rows.append(",".join(map(str, ["p.jpg", f"S{station:03d}", status, *place])))
+        # A hand-held set beside station 1 is another place.
+        rows.append(",".join(map(str, ["station_001", "station_001", "localized", *[9] * 6, *[9] * 3, 0, 0, 0, 1])))
         write(f"{self.result}/panoramas.csv", rows)
         return score_lot.summarise(score_lot.score_run(self.result, self.truth, "r"))
 
