@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <memory>
 
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
@@ -14,11 +15,11 @@
 namespace trigpoint {
 namespace {
 
-// Ends a step: gives back the memory that it leaves free, and notes how long it took.
-class Stopwatch {
+// Notes how long each step took, and gives back the memory that it leaves free.
+class Steps {
  public:
-  explicit Stopwatch(Localization* result) : result_(result) {}
-  void Lap(const char* name) {
+  explicit Steps(Localization* result) : result_(result) {}
+  void End(const char* name) {
     ReturnFreeMemory();
     const auto now = std::chrono::steady_clock::now();
     result_->seconds.emplace_back(name, std::chrono::duration<double>(now - start_).count());
@@ -85,39 +86,38 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
   return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
 }
 
-// odom_from_rig covariance of the references and what the global fit needs of them.
-struct LocalCovariance {
-  std::vector<int> poses;          // pose indices of the references used, in order
-  Eigen::MatrixXd columns;         // covariance of all poses (rows) with these (columns), as rig_from_odom tangents
-  Eigen::MatrixXd places;          // of odom_from_rig, 6n x 6n
-  std::vector<Matrix6d> diagonal;  // of all poses
-};
-
-LocalCovariance ComputeLocalCovariance(const BundleProblem& p, const std::vector<int>& poses, int threads,
-                                       const CancelToken& cancel) {
-  LocalCovariance c;
-  c.poses = poses;
-  BundleCovariance covariance(p, threads, cancel);
-  c.columns = covariance.Columns(poses, false);
-  std::vector<Matrix6d> unused;
-  std::move(covariance).PoseBlocks({}, &c.diagonal, &unused);
-  const Eigen::Index n = static_cast<Eigen::Index>(poses.size());
-  c.places = Eigen::MatrixXd::Zero(6 * n, 6 * n);
-  for (Eigen::Index a = 0; a < n; ++a) {
-    const Matrix6d ja = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(a)])]);
-    for (Eigen::Index b = 0; b < n; ++b) {
-      const Matrix6d jb = InverseJacobian(p.poses[static_cast<size_t>(poses[static_cast<size_t>(b)])]);
-      c.places.block<6, 6>(6 * a, 6 * b) =
-          ja * c.columns.block<6, 6>(6 * poses[static_cast<size_t>(a)], 6 * b) * jb.transpose();
-    }
+// Covariance of places' odom_from_rig (left tangent, odom axes), jointly.
+Eigen::MatrixXd PlacesCovariance(const BundleProblem& p, const std::vector<int>& poses, const BundleCovariance& all) {
+  Eigen::MatrixXd c = all.Joint(poses);
+  for (size_t a = 0; a < poses.size(); ++a) {
+    const Matrix6d j = InverseJacobian(p.poses[static_cast<size_t>(poses[a])]);
+    const auto at = 6 * static_cast<Eigen::Index>(a);
+    c.middleRows<6>(at) = (j * c.middleRows<6>(at)).eval();
+    c.middleCols<6>(at) = (c.middleCols<6>(at) * j.transpose()).eval();
   }
-  c.places = 0.5 * (c.places + c.places.transpose()).eval();
+  return 0.5 * (c + c.transpose());
+}
+
+// Covariance of every pose's odom_from_rig with what the fit to the Earth made of the places: 6 rows a pose, 7 columns.
+Eigen::MatrixXd CovarianceWithFit(const BundleProblem& p, const std::vector<int>& places, const GeoRegistration& geo,
+                                  const BundleCovariance& all) {
+  Eigen::MatrixXd of_places = Eigen::MatrixXd::Zero(6 * static_cast<Eigen::Index>(p.poses.size()), 7);
+  for (size_t k = 0; k < places.size(); ++k) {
+    const Matrix6d j = InverseJacobian(p.poses[static_cast<size_t>(places[k])]);
+    of_places.middleRows<6>(6 * static_cast<Eigen::Index>(places[k])) +=
+        j.transpose() * geo.sensitivity.middleCols<6>(6 * static_cast<Eigen::Index>(k)).transpose();
+  }
+  Eigen::MatrixXd c = all.Times(of_places);
+  for (size_t i = 0; i < p.poses.size(); ++i) {
+    const auto at = 6 * static_cast<Eigen::Index>(i);
+    c.middleRows<6>(at) = (InverseJacobian(p.poses[i]) * c.middleRows<6>(at)).eval();
+  }
   return c;
 }
 
-// World pose and covariance of something rigidly known in the run's frame.
+// World pose and covariance of something rigidly known in the run's frame. `with_fit`: see CovarianceWithFit.
 PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, const Matrix6d& covariance,
-                     const Eigen::Matrix<double, 6, Eigen::Dynamic>& with_places) {
+                     const Eigen::Matrix<double, 6, 7>& with_fit) {
   PoseEstimate e;
   const Sim3d& s = geo.world_from_odom;
   e.world_from_x = s.TransformPose(odom_from_x);
@@ -131,8 +131,7 @@ PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, con
   b.bottomLeftCorner<3, 3>() = -s.scale * Skew(rotated);
   b.block<3, 3>(3, 3).setIdentity();
   b.block<3, 1>(3, 6) = rotated;
-  Matrix6d cross = Matrix6d::Zero();
-  if (with_places.cols() > 0) cross = a * with_places * geo.sensitivity.transpose() * b.transpose();
+  const Matrix6d cross = a * with_fit * b.transpose();
   e.covariance = a * covariance * a.transpose() + b * geo.covariance * b.transpose() + cross + cross.transpose();
   return e;
 }
@@ -260,23 +259,23 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
   const bool paper = options.mode == "paper";
   Localization result;
-  Stopwatch watch(&result);
+  Steps steps(&result);
   result.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
-  watch.Lap("tracks");
-  result.reconstruction = Reconstruct(input, result.tracks, options.reconstruct, paper, threads, progress, cancel);
+  steps.End("tracks");
   result.tracked = result.tracks.observations.size();
-  result.tracks.observations = std::vector<TrackObservation>();
-  watch.Lap("reconstruct");
+  result.reconstruction = Reconstruct(input, result.tracks.tracks, std::move(result.tracks.observations),
+                                      options.reconstruct, paper, threads, progress, cancel);
+  steps.End("reconstruct");
   if (!paper) {
     result.loops = CloseLoops(input, options.loops, options.registration, options.reconstruct, &result.reconstruction,
                               threads, seed, progress, cancel);
-    watch.Lap("loops");
+    steps.End("loops");
   }
   Reconstruction& r = result.reconstruction;
   BundleProblem& p = r.problem;
   const size_t body_poses = p.poses.size();
   result.retrieval = RetrieveViews(input, options.retrieval, paper, seed, threads, progress, cancel);
-  watch.Lap("retrieval");
+  steps.End("retrieval");
   std::vector<Registration> registrations =
       RegisterReferences(input, r, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
   for (const Registration& g : registrations) {
@@ -285,7 +284,7 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     result.references.push_back(answer);
   }
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
-  watch.Lap("registration");
+  steps.End("registration");
 
   BundleOptions bundle;
   bundle.threads = threads;
@@ -338,12 +337,9 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       solve_with(sets);
     }
   }
-  watch.Lap("joint solution");
+  steps.End("joint solution");
 
   // The Earth, and the odometry's scale with it. One more round with the scale applied makes the run's frame metric.
-  const auto covariance_of = [&](const std::vector<int>& poses) {
-    return ComputeLocalCovariance(p, poses, threads, cancel);
-  };
   result.odometry_scale = 1;
   result.odometry_scale_sigma = input.scale_sigma;
   EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
@@ -357,11 +353,15 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
                                          "left out: mend the table or the EXIF");
     leave_out_headings();
   }
-  LocalCovariance local = covariance_of(earth.poses);
+  auto local = std::make_unique<BundleCovariance>(p, threads, cancel);
   if (!input.has_frame) {
     result.earth_reason = "the project has no origin: nothing says where on the Earth it is";
   } else {
-    result.geo = RegisterToEarth(earth.observations, local.places, 1.0, input.scale_sigma, input.levelled, options.geo);
+    const auto fit = [&](double scale_prior) {
+      return RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,
+                             input.scale_sigma, input.levelled, options.geo);
+    };
+    result.geo = fit(1);
     result.earth_reason = result.geo.reason;
     if (result.geo.solved && !paper) {
       const double scale = result.geo.world_from_odom.scale;
@@ -375,12 +375,12 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       p.scale = scale;
       // Lever arms do not scale: a last solution settles them.
       bundle.max_iterations = 5;
+      local.reset();
       r.summary = SolveBundle(p, bundle, progress, cancel);
       earth = CollectEarth(input, result, joint, gps, options.geo);
       if (other_headings) leave_out_headings();
-      local = covariance_of(earth.poses);
-      result.geo = RegisterToEarth(earth.observations, local.places, 1.0 / scale, input.scale_sigma, input.levelled,
-                                   options.geo);
+      local = std::make_unique<BundleCovariance>(p, threads, cancel);
+      result.geo = fit(1 / scale);
       result.earth_reason = result.geo.reason;
     }
     if (result.geo.solved) {
@@ -392,26 +392,22 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
 
   // Answers.
   const auto odom_from = [&](int pose) { return p.poses[static_cast<size_t>(pose)].Inverse(); };
-  // Covariance of odom_from_x of a pose with the places.
-  const auto with_places = [&](int pose) {
-    Eigen::Matrix<double, 6, Eigen::Dynamic> c(6, 6 * static_cast<Eigen::Index>(local.poses.size()));
-    const Matrix6d j = InverseJacobian(p.poses[static_cast<size_t>(pose)]);
-    for (Eigen::Index b = 0; b < static_cast<Eigen::Index>(local.poses.size()); ++b) {
-      const Matrix6d jb = InverseJacobian(p.poses[static_cast<size_t>(local.poses[static_cast<size_t>(b)])]);
-      c.middleCols<6>(6 * b) = j * local.columns.block<6, 6>(6 * pose, 6 * b) * jb.transpose();
-    }
-    return c;
+  Eigen::MatrixXd with_fit;
+  if (result.on_earth) with_fit = CovarianceWithFit(p, earth.poses, result.geo, *local);
+  std::vector<Matrix6d> covariances, unused;  // of all poses (rig_from_odom)
+  std::move(*local).PoseBlocks({}, &covariances, &unused);
+  local.reset();
+  const auto world = [&](int pose) {
+    const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], covariances[static_cast<size_t>(pose)]);
+    return ToWorld(result.geo, odom_from(pose), own, with_fit.middleRows<6>(6 * static_cast<Eigen::Index>(pose)));
   };
   for (size_t i = 0; i < result.references.size(); ++i) {
     ReferenceAnswer& answer = result.references[i];
     const int pose = joint.pose_of_reference[i];
     if (pose < 0) continue;
     answer.registration.rig_from_odom = p.poses[static_cast<size_t>(pose)];
-    answer.registration.covariance = local.diagonal[static_cast<size_t>(pose)];
-    if (!result.on_earth) continue;
-    const Matrix6d own =
-        InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
-    answer.world = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
+    answer.registration.covariance = covariances[static_cast<size_t>(pose)];
+    if (result.on_earth) answer.world = world(pose);
   }
   if (result.on_earth) {
     for (size_t k = 0; k < earth.references.size(); ++k) {
@@ -422,12 +418,8 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
       answer.geotag_difference = result.geo.residuals[k];
     }
     std::vector<PoseEstimate> bodies(body_poses);
-    ParallelFor(static_cast<int64_t>(body_poses), threads, cancel, [&](int64_t i) {
-      const int pose = static_cast<int>(i);
-      const Matrix6d own =
-          InverseCovariance(p.poses[static_cast<size_t>(pose)], local.diagonal[static_cast<size_t>(pose)]);
-      bodies[static_cast<size_t>(i)] = ToWorld(result.geo, odom_from(pose), own, with_places(pose));
-    });
+    ParallelFor(static_cast<int64_t>(body_poses), threads, cancel,
+                [&](int64_t i) { bodies[static_cast<size_t>(i)] = world(static_cast<int>(i)); });
     for (const FrameImage& image : input.images) {
       const PoseEstimate& body = bodies[static_cast<size_t>(image.pose)];
       const Rigid3d body_from_cam = input.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
@@ -441,7 +433,7 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
     }
   }
   result.body_from_odom.assign(p.poses.begin(), p.poses.begin() + static_cast<std::ptrdiff_t>(body_poses));
-  watch.Lap("earth and covariances");
+  steps.End("earth and covariances");
   return result;
 }
 

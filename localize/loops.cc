@@ -2,8 +2,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <map>
 #include <numeric>
 
 #include "calib/base/memory.h"
@@ -111,13 +111,13 @@ std::vector<double> Surprise(const BundleProblem& p, const LoopFinder& finder, c
   std::vector<double> surprise;
   for (const Loop& loop : loops) {
     const int a = loop.anchor, b = input.images[static_cast<size_t>(loop.image)].pose;
-    const Eigen::MatrixXd columns = covariance.Columns({a, b}, false);
-    const auto block = [&](int row, int column) -> Matrix6d { return columns.block<6, 6>(6 * row, 6 * column); };
+    const Eigen::MatrixXd joint = covariance.Joint({a, b});
     Matrix6d ja, jb;
     const Rigid3d& pose_a = p.poses[static_cast<size_t>(a)];
     RelativeJacobians(pose_a, p.poses[static_cast<size_t>(b)], &ja, &jb);
-    const Matrix6d cross = ja * block(a, 1) * jb.transpose();
-    Matrix6d c = ja * block(a, 0) * ja.transpose() + jb * block(b, 1) * jb.transpose() + cross + cross.transpose();
+    const Matrix6d cross = ja * joint.topRightCorner<6, 6>() * jb.transpose();
+    Matrix6d c = ja * joint.topLeftCorner<6, 6>() * ja.transpose() +
+                 jb * joint.bottomRightCorner<6, 6>() * jb.transpose() + cross + cross.transpose();
     // Odometry and tracks drift in ways that no stepwise noise describes (a wheel's radius, a lens that is a little
     // off).
     const double path = loop.travelled - loop.anchor_travelled;
@@ -136,11 +136,12 @@ int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, doub
   std::iota(into.begin(), into.end(), 0);
   std::vector<bool> looped(input.images.size(), false);
   for (const Loop& loop : loops) looped[static_cast<size_t>(loop.image)] = true;
-  std::map<std::pair<int, int>, int> point_of;  // (image, feature) of the loops' images
+  std::vector<std::array<int, 3>> point_of;  // image, feature, point: of the loops' images, in this order
   for (size_t k = 0; k < p.observations.size(); ++k) {
     if (looped[static_cast<size_t>(r->image_of[k])])
-      point_of[{r->image_of[k], r->feature_of[k]}] = p.observations[k].point;
+      point_of.push_back({r->image_of[k], r->feature_of[k], p.observations[k].point});
   }
+  std::sort(point_of.begin(), point_of.end());
   std::vector<ImageObservation> rows;
   int merged = 0;
   for (const Loop& loop : loops) {
@@ -149,9 +150,9 @@ int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, doub
     for (const ViewObservation& v : loop.inliers) {
       int earlier = v.point;
       while (into[static_cast<size_t>(earlier)] != earlier) earlier = into[static_cast<size_t>(earlier)];
-      const auto known = point_of.find({loop.image, v.feature});
-      if (known != point_of.end()) {
-        int later = known->second;
+      const auto known = std::lower_bound(point_of.begin(), point_of.end(), std::array<int, 3>{loop.image, v.feature});
+      if (known != point_of.end() && (*known)[0] == loop.image && (*known)[1] == v.feature) {
+        int later = (*known)[2];
         while (into[static_cast<size_t>(later)] != later) later = into[static_cast<size_t>(later)];
         if (later == earlier) continue;
         into[static_cast<size_t>(later)] = earlier;

@@ -263,17 +263,18 @@ bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vec
   return 2 * front > rays.size();
 }
 
-Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, const ReconstructOptions& options,
-                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
+Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<TrackObservation> track_observations,
+                           const ReconstructOptions& options, bool paper, int threads, ProgressSink& progress,
+                           const CancelToken& cancel) {
   Reconstruction r;
   BundleProblem& p = r.problem;
   for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
   for (const Rigid3d& pose : input.odom_from_body) p.poses.push_back(pose.Inverse());
   p.pose_constant.assign(p.poses.size(), false);
   if (!p.pose_constant.empty()) p.pose_constant[0] = true;
-  p.points.assign(static_cast<size_t>(tracks.tracks), Eigen::Vector3d::Zero());
-  p.observations.reserve(tracks.observations.size());
-  for (const TrackObservation& t : tracks.observations) {
+  p.points.assign(static_cast<size_t>(tracks), Eigen::Vector3d::Zero());
+  p.observations.reserve(track_observations.size());
+  for (const TrackObservation& t : track_observations) {
     const FrameImage& image = input.images[static_cast<size_t>(t.image)];
     const Camera& camera = input.cameras[static_cast<size_t>(image.camera)].camera;
     const Eigen::Vector2d pixel = t.pixel.cast<double>();
@@ -289,6 +290,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, c
     r.image_of.push_back(t.image);
     r.feature_of.push_back(t.feature);
   }
+  track_observations = {};
   r.sigma_px = options.sigma_px;
   p.loss = MakeLoss(options.loss, options.loss_chi2);
   BundleOptions bundle;

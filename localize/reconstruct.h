@@ -62,9 +62,11 @@ struct Reconstruction {
   int dropped_observations = 0;
 };
 
-// Frames with the pose constant at first; the gauge is the first pose (held at its odometry value).
-Reconstruction Reconstruct(const LocalizeInput& input, const TrackSet& tracks, const ReconstructOptions& options,
-                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel);
+// Frames with the pose constant at first; the gauge is the first pose (held at its odometry value). Of `tracks` tracks,
+// whose observations are given up: a long run has no room for them twice.
+Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<TrackObservation> track_observations,
+                           const ReconstructOptions& options, bool paper, int threads, ProgressSink& progress,
+                           const CancelToken& cancel);
 
 // Observations that are new, put in their places: all stay sorted by point.
 struct ImageObservation {

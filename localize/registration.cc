@@ -436,7 +436,7 @@ class Registrar {
     ProgressSink silent;
     try {
       SolveBundle(p, bundle, silent, cancel_);
-      if (covariance != nullptr) *covariance = BundleCovariance(p, 1, cancel_).Columns({0}, false).topRows<6>();
+      if (covariance != nullptr) *covariance = BundleCovariance(p, 1, cancel_).Joint({0});
     } catch (const NumericError&) {
       if (covariance != nullptr) *covariance = Matrix6d::Identity() * 1e6;
       return start;
@@ -453,10 +453,6 @@ class Registrar {
     std::vector<Correspondence> found, inliers;
     int expected = 0;
     double radius = o_.guided_px;
-    const auto error_px = [&](const Correspondence& c) {
-      return focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
-                                  r_.problem.points[static_cast<size_t>(c.observation.point)]);
-    };
     for (int round = 0; round < 2; ++round) {
       radius = o_.guided_px / (round + 1);
       found = SearchPredicted(job, view_from_rig, pose, middle, radius, &expected);
@@ -468,9 +464,12 @@ class Registrar {
     }
     // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of
     // the radius, less a third of what lies in the outer ring (a third of its area), is evidence.
+    std::vector<double> errors_px;
     int inner = 0, outer = 0;
     for (const Correspondence& c : found) {
-      const double e = error_px(c);
+      const double e = focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
+                                            r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      errors_px.push_back(e);
       if (e < 0.5 * radius) {
         ++inner;
       } else if (e < radius) {
@@ -479,8 +478,8 @@ class Registrar {
     }
     out->support = inner - outer / 3.0;
     out->outlier_chi2 = ChanceGate(out->support, outer, radius, o_.sigma_px, o_.outlier_chi2);
-    for (const Correspondence& c : found) {
-      if (error_px(c) < o_.sigma_px * std::sqrt(out->outlier_chi2)) inliers.push_back(c);
+    for (size_t i = 0; i < found.size(); ++i) {
+      if (errors_px[i] < o_.sigma_px * std::sqrt(out->outlier_chi2)) inliers.push_back(found[i]);
     }
     // A point in the overlap of two views of one centre is one observation, not two.
     if (IsCentral(ref.rig)) {
@@ -789,9 +788,7 @@ class Registrar {
     const size_t at = static_cast<size_t>(std::find(answered.begin(), answered.end(), lead) - answered.begin());
     out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * best->problem.poses[at];
     try {
-      out.covariance = BundleCovariance(best->problem, 1, cancel_)
-                           .Columns({static_cast<int>(at)}, false)
-                           .middleRows<6>(6 * static_cast<Eigen::Index>(at));
+      out.covariance = BundleCovariance(best->problem, 1, cancel_).Joint({static_cast<int>(at)});
     } catch (const NumericError&) {
       out.covariance = Matrix6d::Identity() * 1e6;
     }

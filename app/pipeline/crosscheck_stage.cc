@@ -82,15 +82,13 @@ void AddCovariance(const Project& project, const std::string& variant, int threa
 
   std::vector<int> poses;
   const size_t n = model.images.size();
-  // The columns hold all poses: half a gigabyte at most.
-  const size_t count = std::min({n, kMostCameras, std::max<size_t>(10, 1'700'000 / n)});
+  const size_t count = std::min(n, kMostCameras);
   for (size_t k = 0; k < count; ++k) {
     const size_t i = count == 1 ? 0 : k * (n - 1) / (count - 1);
     poses.push_back(static_cast<int>(i));
     ours->judged.push_back(model.images[i].name);
   }
-  const BundleCovariance bundle(problem, threads, cancel);
-  const Eigen::MatrixXd columns = bundle.Columns(poses, false);
+  const Eigen::MatrixXd joint = BundleCovariance(problem, threads, cancel).Joint(poses);
   const auto m = static_cast<Eigen::Index>(poses.size());
   ours->covariance = Eigen::MatrixXd::Zero(3 * m, 3 * m);
   // Of centres: c = -R't, dc = -R'[t]x w - R'd.
@@ -104,8 +102,7 @@ void AddCovariance(const Project& project, const std::string& variant, int threa
   }
   for (Eigen::Index a = 0; a < m; ++a) {
     for (Eigen::Index b = 0; b < m; ++b) {
-      ours->covariance.block<3, 3>(3 * a, 3 * b) = jacobians[static_cast<size_t>(a)] *
-                                                   columns.block<6, 6>(6 * poses[static_cast<size_t>(a)], 6 * b) *
+      ours->covariance.block<3, 3>(3 * a, 3 * b) = jacobians[static_cast<size_t>(a)] * joint.block<6, 6>(6 * a, 6 * b) *
                                                    jacobians[static_cast<size_t>(b)].transpose();
     }
   }

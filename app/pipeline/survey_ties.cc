@@ -42,9 +42,10 @@ void AddTies(const Run& run, const std::filesystem::path& features, const TrackO
              const ReconstructOptions& reconstruct, const LoopOptions& loops, int ties_per_image, int threads,
              uint64_t seed, ProgressSink& progress, const CancelToken& cancel, SurveyRun* survey) {
   const LocalizeJob job = MakeRunJob(run, features);
-  const TrackSet set = BuildTracks(job.input, tracks, threads, seed, progress, cancel);
+  TrackSet set = BuildTracks(job.input, tracks, threads, seed, progress, cancel);
   progress.Begin("points and poses of " + run.name, 0);
-  Reconstruction r = Reconstruct(job.input, set, reconstruct, false, threads, progress, cancel);
+  Reconstruction r =
+      Reconstruct(job.input, set.tracks, std::move(set.observations), reconstruct, false, threads, progress, cancel);
   CloseLoops(job.input, loops, {}, reconstruct, &r, threads, seed, progress, cancel);
   const BundleProblem& p = r.problem;
   for (size_t k = 0; k < p.poses.size(); ++k) {

@@ -4,8 +4,11 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <cstring>
+#include <utility>
 
 #include "calib/base/parallel.h"
+#include "calib/base/wide.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -80,6 +83,27 @@ void SubtractTiles(const double* a, const double* b, int depth, int groups, doub
   }
 }
 
+// C += A B^T, 6 x 6, its columns one `stride` apart; A and B are `depth` columns of 6.
+TRIGPOINT_WIDE
+void AddProduct(double* c, Index stride, const double* a, const double* b, int depth) {
+  using Four = double __attribute__((vector_size(32)));
+  using Two = double __attribute__((vector_size(16)));
+  for (int q = 0; q < kDim; ++q, c += stride) {
+    Four upper, upper_a;
+    Two lower, lower_a;
+    std::memcpy(&upper, c, sizeof upper);
+    std::memcpy(&lower, c + 4, sizeof lower);
+    for (int k = 0; k < depth; ++k) {
+      std::memcpy(&upper_a, a + k * kDim, sizeof upper);
+      std::memcpy(&lower_a, a + k * kDim + 4, sizeof lower);
+      upper += upper_a * b[k * kDim + q];
+      lower += lower_a * b[k * kDim + q];
+    }
+    std::memcpy(c, &upper, sizeof upper);
+    std::memcpy(c + 4, &lower, sizeof lower);
+  }
+}
+
 // A matrix of blocks of 6 x 6, packed as the right factor of SubtractTiles. Element (i, q) of its row k of blocks is
 // block(k)[stride_i * i + stride_q * q], with 3 * groups columns.
 class PackedRight {
@@ -130,21 +154,25 @@ void AppendGroups(Index column, Index stride, std::vector<std::ptrdiff_t>* at) {
   at->push_back((kDim * column + kTileColumns) * stride);
 }
 
+// Each block's turn in the elimination: approximate minimum degree.
+std::vector<int> EliminationOrder(int blocks, const std::vector<std::pair<int, int>>& lower) {
+  std::vector<Eigen::Triplet<char>> triplets;
+  triplets.reserve(lower.size());
+  for (const auto& [row, column] : lower) triplets.emplace_back(row, column, 1);
+  Eigen::SparseMatrix<char> graph(blocks, blocks);
+  graph.setFromTriplets(triplets.begin(), triplets.end());
+  triplets = {};
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
+  Eigen::AMDOrdering<int>()(graph.selfadjointView<Eigen::Lower>(), order);
+  std::vector<int> place(static_cast<size_t>(blocks));
+  for (int k = 0; k < blocks; ++k) place[static_cast<size_t>(order.indices()(k))] = k;
+  return place;
+}
+
 }  // namespace
 
-BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>& lower) : n_(blocks) {
-  std::vector<Eigen::Triplet<double>> triplets;
-  for (const auto& [row, column] : lower) {
-    triplets.emplace_back(row, column, 1.0);
-    if (row != column) triplets.emplace_back(column, row, 1.0);
-  }
-  Eigen::SparseMatrix<double> graph(n_, n_);
-  graph.setFromTriplets(triplets.begin(), triplets.end());
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
-  Eigen::AMDOrdering<int>()(graph, order);
-  place_.resize(static_cast<size_t>(n_));
-  for (int k = 0; k < n_; ++k) place_[static_cast<size_t>(order.indices()(k))] = k;
-
+BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>& lower)
+    : n_(blocks), place_(EliminationOrder(blocks, lower)) {
   // Rows of each column of the factor: its own and those its children pass on.
   std::vector<std::vector<int>> rows(static_cast<size_t>(n_));
   for (const auto& [row, column] : lower) {
@@ -189,6 +217,8 @@ BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>&
     rows_.insert(rows_.end(), of_last.begin(), of_last.end());
     size_ += static_cast<size_t>(panel.Stride() * kDim * panel.width);
   }
+  rows = {};
+  into_.reserve(lower.size());
   for (const auto& [row, column] : lower) {
     const int a = place_[static_cast<size_t>(row)], b = place_[static_cast<size_t>(column)];
     into_.push_back({Find(std::max(a, b), std::min(a, b)), PanelOf(std::min(a, b)).Stride(), a == b, a < b});
@@ -232,6 +262,12 @@ std::vector<BlockCholesky::Meeting> BlockCholesky::MeetingsOf(const Panel& panel
 int BlockCholesky::ThreadsFor(const Panel& panel, int threads) const {
   const int64_t products = static_cast<int64_t>(panel.width) * panel.rows * panel.rows;
   return products < kWorthThreads ? 1 : threads;
+}
+
+void BlockCholesky::Add(int index, const double* a, const double* b, int depth) {
+  const Target& t = into_[static_cast<size_t>(index)];
+  if (t.transposed) std::swap(a, b);
+  AddProduct(factor_.data() + t.at, t.stride, a, b, depth);
 }
 
 bool BlockCholesky::Factorize(const std::vector<Matrix6d>& values, double damping, int threads) {

@@ -22,14 +22,9 @@ class BlockCholesky {
   // rows) is added to the block of `lower` with that index. Blocks of different indices may be added to by different
   // threads.
   void SetZero() { factor_.assign(size_, 0); }
-  template <typename A, typename B>
-  void Add(int index, const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
-    const Target& t = into_[static_cast<size_t>(index)];
-    if (t.transposed) {
-      BlockAt(t).noalias() += b.derived() * a.derived().transpose();
-    } else {
-      BlockAt(t).noalias() += a.derived() * b.derived().transpose();
-    }
+  template <int kColumns>
+  void Add(int index, const Eigen::Matrix<double, 6, kColumns>& a, const Eigen::Matrix<double, 6, kColumns>& b) {
+    Add(index, a.data(), b.data(), kColumns);
   }
   // Of diagonal blocks the lower triangle is read. `damping` is a part of each diagonal element that is added to it.
   // False if the matrix is not positive definite. The result does not depend on the number of threads.
@@ -63,6 +58,7 @@ class BlockCholesky {
     bool transposed;  // the value's block lies above the diagonal in elimination order
   };
   using BlockMap = Eigen::Map<Matrix6d, 0, Eigen::OuterStride<>>;
+  void Add(int index, const double* a, const double* b, int depth);
   BlockMap BlockAt(const Target& t) { return BlockMap(factor_.data() + t.at, Eigen::OuterStride<>(t.stride)); }
   // Neighbouring columns (in elimination order) of about the same pattern, stored as one dense matrix, column by
   // column: a square whose lower triangle counts, and the rows below that any of them has.

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -58,24 +59,37 @@ struct Layout {
 };
 
 // The pattern of the reduced system: lower block triangle, blocks of 6 x 6, (row, col) with row >= col. Poses see the
-// points of their neighbours, so that a row's columns lie close together: a table of the stretch of each row is small.
+// points of their neighbours, and where a loop closes those of a few passages: each row has tables for the stretches
+// that its columns lie in, none for what is between.
 class BlockMatrix {
  public:
-  explicit BlockMatrix(int rows) : index_(static_cast<size_t>(rows)) {}
-  int Find(int row, int col) const { return index_[static_cast<size_t>(row)][static_cast<size_t>(row - col)]; }
-  void Add(int row, int col) {
-    std::vector<int>& of_row = index_[static_cast<size_t>(row)];
+  explicit BlockMatrix(int rows) : table_of_(static_cast<size_t>(rows)) {}
+  int Find(int row, int col) const {
     const size_t back = static_cast<size_t>(row - col);
-    if (of_row.size() <= back) of_row.resize(back + 1, -1);
-    if (of_row[back] >= 0) return;
-    of_row[back] = size();
+    const int table = table_of_[static_cast<size_t>(row)][back / kStretch];
+    return tables_[static_cast<size_t>(table)][back % kStretch];
+  }
+  void Add(int row, int col) {
+    std::vector<int>& of_row = table_of_[static_cast<size_t>(row)];
+    const size_t back = static_cast<size_t>(row - col);
+    if (of_row.size() <= back / kStretch) of_row.resize(back / kStretch + 1, -1);
+    int& table = of_row[back / kStretch];
+    if (table < 0) {
+      table = static_cast<int>(tables_.size());
+      tables_.emplace_back().fill(-1);
+    }
+    int& index = tables_[static_cast<size_t>(table)][back % kStretch];
+    if (index >= 0) return;
+    index = size();
     blocks_.emplace_back(row, col);
   }
   int size() const { return static_cast<int>(blocks_.size()); }
   const std::vector<std::pair<int, int>>& blocks() const { return blocks_; }
 
  private:
-  std::vector<std::vector<int>> index_;  // [row][row - col]
+  static constexpr size_t kStretch = 32;
+  std::vector<std::vector<int>> table_of_;         // [row][(row - col) / kStretch], -1: nothing there
+  std::vector<std::array<int, kStretch>> tables_;  // [(row - col) % kStretch]
   std::vector<std::pair<int, int>> blocks_;
 };
 
@@ -105,11 +119,6 @@ BlockMatrix MakePattern(const BundleProblem& p, const Layout& layout) {
   return pattern;
 }
 
-struct PointSystem {
-  Eigen::Matrix3d h;
-  Eigen::Vector3d g;
-};
-
 // The normal equations reduced to poses and scale, but for the poses' matrix.
 struct Reduced {
   Eigen::VectorXd gradient;      // J^T r reduced
@@ -121,9 +130,7 @@ struct Reduced {
 class Reducer {
  public:
   Reducer(const BundleProblem& p, int threads, const CancelToken& cancel)
-      : p_(p), threads_(threads), cancel_(cancel), layout_(p), pattern_(MakePattern(p, layout_)) {
-    points_.resize(p.points.size());
-  }
+      : p_(p), threads_(threads), cancel_(cancel), layout_(p), pattern_(MakePattern(p, layout_)) {}
   const Layout& layout() const { return layout_; }
   const BlockMatrix& pattern() const { return pattern_; }
 
@@ -157,27 +164,33 @@ class Reducer {
     return sum;
   }
 
-  // Back substitution: the points' steps for given pose steps.
-  void PointSteps(const Eigen::VectorXd& step, double lambda, std::vector<Eigen::Vector3d>* out) const {
-    out->assign(p_.points.size(), Eigen::Vector3d::Zero());
-    if (p_.points_constant) return;
+  // Back substitution: where the points go with given pose steps. Their systems are computed again, at a fifth of what
+  // keeping them from Build would need in memory.
+  std::vector<Eigen::Vector3d> MovedPoints(const Eigen::VectorXd& step, double lambda) const {
+    std::vector<Eigen::Vector3d> moved = p_.points;
+    if (p_.points_constant) return moved;
     ParallelFor(kChunks, threads_, cancel_, [&](int64_t c) {
       const auto [begin, end] = layout_.chunk[static_cast<size_t>(c)];
       for (int j = begin; j < end; ++j) {
-        const PointSystem& system = points_[static_cast<size_t>(j)];
-        Eigen::Vector3d g = system.g;
+        Eigen::Vector3d& y = moved[static_cast<size_t>(j)];
+        Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+        Eigen::Vector3d g = Eigen::Vector3d::Zero();
         for (int k = layout_.first[static_cast<size_t>(j)]; k < layout_.first[static_cast<size_t>(j) + 1]; ++k) {
           const BearingObservation& o = p_.observations[static_cast<size_t>(k)];
-          const int slot = layout_.slot[static_cast<size_t>(o.pose)];
           ObservationTerms t;
-          if (slot < 0 || !o.active || !Evaluate<true>(p_, o, p_.points[static_cast<size_t>(j)], &t)) continue;
+          if (!o.active || !Evaluate<true>(p_, o, y, &t)) continue;
           double weight = 1;
           Rho(p_.loss.get(), t.r.squaredNorm(), &weight);
-          g += weight * t.jy.transpose() * (t.jp * step.segment<6>(6 * slot));
+          const Eigen::Matrix<double, 2, 3> wjy = weight * t.jy;
+          h += t.jy.transpose() * wjy;
+          const int slot = layout_.slot[static_cast<size_t>(o.pose)];
+          g += wjy.transpose() * (slot < 0 ? t.r : t.r + t.jp * step.segment<6>(6 * slot));
         }
-        (*out)[static_cast<size_t>(j)] = -Damped(system.h, lambda).ldlt().solve(g);
+        const Eigen::Vector3d by = Damped(h, lambda).ldlt().solve(g);
+        if (by.allFinite()) y -= by;
       }
     });
+    return moved;
   }
 
   double Cost(const BundleProblem& p) const {
@@ -219,18 +232,17 @@ class Reducer {
   // What an observation adds to the reduced system.
   struct Term {
     int slot = -1;                        // -1: nothing
-    Eigen::Matrix<double, 2, 6> jp;       // times the root of its weight
+    Eigen::Matrix<double, 6, 2> jp;       // transposed, times the root of its weight
     Eigen::Matrix<double, 6, 3> hpy;      // pose with point
-    Eigen::Matrix<double, 6, 3> reduced;  // the same times the inverse of the point's block
+    Eigen::Matrix<double, 6, 3> reduced;  // the same times minus the inverse of the point's block
     Eigen::Matrix<double, 6, 1> gradient;
   };
 
   // The point's system and its observations' terms, which begin at `first` of all observations; its cost.
   double Reduce(int point, int first, double lambda) {
     const size_t j = static_cast<size_t>(point);
-    PointSystem& system = points_[j];
-    system.h.setZero();
-    system.g.setZero();
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero();
     double cost = 0;
     Term* const terms = terms_.data() - first;
     for (int k = layout_.first[j]; k < layout_.first[j + 1]; ++k) {
@@ -246,22 +258,22 @@ class Reducer {
       }
       cost += 0.5 * Rho(p_.loss.get(), t.r.squaredNorm(), &weight);
       const Eigen::Matrix<double, 2, 3> wjy = weight * t.jy;
-      system.h += t.jy.transpose() * wjy;
-      system.g += wjy.transpose() * t.r;
+      h += t.jy.transpose() * wjy;
+      g += wjy.transpose() * t.r;
       term.slot = layout_.slot[static_cast<size_t>(o.pose)];
       if (term.slot < 0) continue;
-      term.jp = std::sqrt(weight) * t.jp;
+      term.jp = std::sqrt(weight) * t.jp.transpose();
       term.hpy = t.jp.transpose() * wjy;
       term.gradient = weight * t.jp.transpose() * t.r;
     }
-    const Eigen::Matrix3d inverse = Damped(system.h, lambda).inverse();
+    const Eigen::Matrix3d inverse = Damped(h, lambda).inverse();
     const bool free = !p_.points_constant && inverse.allFinite();
-    const Eigen::Vector3d hg = inverse * system.g;
+    const Eigen::Vector3d hg = inverse * g;
     for (int k = layout_.first[j]; k < layout_.first[j + 1]; ++k) {
       Term& term = terms[k];
       if (term.slot < 0) continue;
       if (free) {
-        term.reduced = term.hpy * inverse;
+        term.reduced = -term.hpy * inverse;
         term.gradient -= term.hpy * hg;
       } else {
         term.reduced.setZero();
@@ -276,13 +288,13 @@ class Reducer {
     const Term* const end = terms_.data() + (layout_.first[static_cast<size_t>(point) + 1] - first);
     for (const Term* a = begin; a != end; ++a) {
       if (a->slot < 0 || a->slot % workers != worker) continue;
-      matrix->Add(a->slot, a->jp.transpose(), a->jp.transpose());  // diagonals come first
+      matrix->Add(a->slot, a->jp, a->jp);  // diagonals come first
       sum->gradient.segment<6>(6 * a->slot) += a->gradient;
       if (p_.points_constant) continue;
       for (const Term* b = begin; b != end; ++b) {
         if (b->slot < 0 || b->slot > a->slot) continue;
         const int k = a->slot == b->slot ? a->slot : pattern_.Find(a->slot, b->slot);
-        matrix->Add(k, -a->reduced, b->hpy);
+        matrix->Add(k, a->reduced, b->hpy);
       }
     }
   }
@@ -297,14 +309,14 @@ class Reducer {
       const int a = layout_.slot[static_cast<size_t>(f.a)];
       const int b = f.b >= 0 ? layout_.slot[static_cast<size_t>(f.b)] : -1;
       if (a >= 0) {
-        matrix->Add(a, weight * t.ja.transpose(), t.ja.transpose());
+        matrix->Add<6>(a, weight * t.ja.transpose(), t.ja.transpose());
         sum->gradient.segment<6>(6 * a) += weight * t.ja.transpose() * t.r;
       }
       if (b >= 0) {
-        matrix->Add(b, weight * t.jb.transpose(), t.jb.transpose());
+        matrix->Add<6>(b, weight * t.jb.transpose(), t.jb.transpose());
         sum->gradient.segment<6>(6 * b) += weight * t.jb.transpose() * t.r;
-        if (a > b) matrix->Add(pattern_.Find(a, b), weight * t.ja.transpose(), t.jb.transpose());
-        if (a >= 0 && a < b) matrix->Add(pattern_.Find(b, a), weight * t.jb.transpose(), t.ja.transpose());
+        if (a > b) matrix->Add<6>(pattern_.Find(a, b), weight * t.ja.transpose(), t.jb.transpose());
+        if (a >= 0 && a < b) matrix->Add<6>(pattern_.Find(b, a), weight * t.jb.transpose(), t.ja.transpose());
       }
       if (!p_.scale_constant && f.scaled) {
         const int s = 6 * layout_.blocks;
@@ -327,7 +339,6 @@ class Reducer {
   const CancelToken& cancel_;
   Layout layout_;
   BlockMatrix pattern_;
-  std::vector<PointSystem> points_;
   std::vector<Term> terms_;  // of a batch
 };
 
@@ -450,7 +461,6 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
   double lambda = 1e-5;
   summary.initial_cost = summary.final_cost = reducer.Cost(p);
   progress.Begin("bundle adjustment", options.max_iterations);
-  std::vector<Eigen::Vector3d> point_steps;
   for (int it = 0; it < options.max_iterations; ++it) {
     summary.iterations = it + 1;
     bool accepted = false;
@@ -468,17 +478,14 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
         lambda = std::max(lambda, 1e-8) * 10;
         continue;
       }
-      reducer.PointSteps(step, lambda, &point_steps);
+      std::vector<Eigen::Vector3d> other_points = reducer.MovedPoints(step, lambda);
       const std::vector<Rigid3d> old_poses = p.poses;
-      const std::vector<Eigen::Vector3d> old_points = p.points;
       const double old_scale = p.scale;
       for (size_t i = 0; i < p.poses.size(); ++i) {
         if (layout.slot[i] >= 0) p.poses[i] = p.poses[i].Plus(step.segment<6>(6 * layout.slot[i]));
       }
       if (!p.scale_constant) p.scale += step(6 * layout.blocks);
-      for (size_t j = 0; j < p.points.size(); ++j) {
-        if (point_steps[j].allFinite()) p.points[j] += point_steps[j];
-      }
+      p.points.swap(other_points);
       const double cost = reducer.Cost(p);
       if (std::isfinite(cost) && cost <= summary.final_cost) {
         gain = summary.final_cost - cost;
@@ -487,7 +494,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
         accepted = true;
       } else {
         p.poses = old_poses;
-        p.points = old_points;
+        p.points.swap(other_points);
         p.scale = old_scale;
         lambda = std::max(lambda, 1e-8) * 8;
       }
@@ -518,19 +525,19 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
 
 struct BundleCovariance::Impl {
   Layout layout;
-  bool with_scale = false;
-  size_t poses = 0;
   ReducedSolver solver;
-  Impl(const BundleProblem& p, const Reducer& reducer, int threads)
+  int threads;
+  const CancelToken& cancel;
+  Impl(const Reducer& reducer, int thread_count, const CancelToken& cancel_token)
       : layout(reducer.layout()),
-        with_scale(!p.scale_constant),
-        poses(p.poses.size()),
-        solver(reducer.pattern(), layout, threads) {}
+        solver(reducer.pattern(), layout, thread_count),
+        threads(thread_count),
+        cancel(cancel_token) {}
 };
 
 BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel) {
   Reducer reducer(problem, threads, cancel);
-  impl_ = std::make_unique<Impl>(problem, reducer, threads);
+  impl_ = std::make_unique<Impl>(reducer, threads, cancel);
   if (!impl_->solver.Factorize(reducer.Build(0, impl_->solver.matrix()), 0)) {
     throw NumericError("covariance: the system is singular; something is not fixed by the data");
   }
@@ -538,30 +545,36 @@ BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, co
 
 BundleCovariance::~BundleCovariance() = default;
 
-int BundleCovariance::Dimension() const { return impl_->layout.dimension; }
-
-Eigen::MatrixXd BundleCovariance::Columns(const std::vector<int>& poses, bool with_scale) const {
-  const Layout& layout = impl_->layout;
-  const int n_out = 6 * static_cast<int>(impl_->poses) + 1;
-  Eigen::MatrixXd out =
-      Eigen::MatrixXd::Zero(n_out, 6 * static_cast<Eigen::Index>(poses.size()) + (with_scale ? 1 : 0));
-  const auto solve = [&](int reduced_index, Eigen::Index column) {
-    Eigen::VectorXd unit = Eigen::VectorXd::Zero(layout.dimension);
-    unit(reduced_index) = 1;
-    const Eigen::VectorXd x = impl_->solver.Solve(unit);
-    for (size_t p = 0; p < impl_->poses; ++p) {
-      if (layout.slot[p] >= 0) {
-        out.block<6, 1>(6 * static_cast<Eigen::Index>(p), column) = x.segment<6>(6 * layout.slot[p]);
-      }
+Eigen::MatrixXd BundleCovariance::Joint(const std::vector<int>& poses) const {
+  const auto slot = [&](size_t i) { return impl_->layout.slot[static_cast<size_t>(poses[i])]; };
+  const Eigen::Index n = 6 * static_cast<Eigen::Index>(poses.size());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
+  ParallelFor(n, impl_->threads, impl_->cancel, [&](int64_t column) {
+    const int own = slot(static_cast<size_t>(column / 6));
+    if (own < 0) return;
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(impl_->layout.dimension);
+    x(6 * own + column % 6) = 1;
+    x = impl_->solver.Solve(x);
+    for (size_t i = 0; i < poses.size(); ++i) {
+      if (slot(i) >= 0) out.block<6, 1>(6 * static_cast<Eigen::Index>(i), column) = x.segment<6>(6 * slot(i));
     }
-    if (impl_->with_scale) out(n_out - 1, column) = x(6 * layout.blocks);
-  };
-  for (size_t i = 0; i < poses.size(); ++i) {
-    const int slot = layout.slot[static_cast<size_t>(poses[i])];
-    if (slot < 0) continue;
-    for (int k = 0; k < 6; ++k) solve(6 * slot + k, static_cast<Eigen::Index>(6 * i) + k);
-  }
-  if (with_scale && impl_->with_scale) solve(6 * layout.blocks, out.cols() - 1);
+  });
+  return out;
+}
+
+Eigen::MatrixXd BundleCovariance::Times(const Eigen::MatrixXd& b) const {
+  const std::vector<int>& slot = impl_->layout.slot;
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(b.rows(), b.cols());
+  ParallelFor(b.cols(), impl_->threads, impl_->cancel, [&](int64_t column) {
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(impl_->layout.dimension);
+    for (size_t p = 0; p < slot.size(); ++p) {
+      if (slot[p] >= 0) x.segment<6>(6 * slot[p]) = b.block<6, 1>(6 * static_cast<Eigen::Index>(p), column);
+    }
+    x = impl_->solver.Solve(x);
+    for (size_t p = 0; p < slot.size(); ++p) {
+      if (slot[p] >= 0) out.block<6, 1>(6 * static_cast<Eigen::Index>(p), column) = x.segment<6>(6 * slot[p]);
+    }
+  });
   return out;
 }
 
@@ -570,9 +583,10 @@ void BundleCovariance::PoseBlocks(const std::vector<int>& next, std::vector<Matr
   const Layout& layout = impl_->layout;
   const BlockCholesky::Inverse inverse = std::move(impl_->solver).SelectedInverse();
   const auto block = [&](int a, int b) -> Matrix6d { return inverse.Block(a, b) + impl_->solver.BorderBlock(a, b); };
-  diagonal->assign(impl_->poses, Matrix6d::Zero());
-  with_next->assign(impl_->poses, Matrix6d::Zero());
-  for (size_t p = 0; p < impl_->poses; ++p) {
+  const size_t poses = layout.slot.size();
+  diagonal->assign(poses, Matrix6d::Zero());
+  with_next->assign(poses, Matrix6d::Zero());
+  for (size_t p = 0; p < poses; ++p) {
     const int slot = layout.slot[p];
     if (slot < 0) continue;
     (*diagonal)[p] = block(slot, slot);

@@ -99,14 +99,13 @@ class BundleCovariance {
  public:
   BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel);
   ~BundleCovariance();
-  // Tangent indices: pose p occupies [6 p', 6 p' + 6) of the reduced system; the scale is last.
-  // Columns of the covariance for the given poses (6 each) and, if `with_scale`, the scale: rows cover all poses (6
-  // rows a pose, zero for constant ones) and the scale in the last row.
-  Eigen::MatrixXd Columns(const std::vector<int>& poses, bool with_scale) const;
+  // Of the given poses (rig_from_world, left tangent) jointly: 6 rows and columns each, zero for constant ones.
+  Eigen::MatrixXd Joint(const std::vector<int>& poses) const;
+  // The covariance of all poses (6 rows each, zero for constant ones) times `b`, which has as many rows.
+  Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
   // (next[p] >= 0), computed by selected inversion in the place of the factor: the last that this object tells.
   void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) &&;
-  int Dimension() const;
 
  private:
   struct Impl;

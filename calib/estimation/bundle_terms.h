@@ -19,8 +19,10 @@ inline bool Evaluate(const BundleProblem& p, const BearingObservation& o, const 
                      ObservationTerms* out) {
   const Rigid3d& pose = p.poses[static_cast<size_t>(o.pose)];
   const Rigid3d& view = p.views[static_cast<size_t>(o.view)];
-  const Eigen::Vector3d in_rig_rotated = pose.rotation * y;
-  const Eigen::Vector3d q = view * (in_rig_rotated + pose.translation);
+  const Eigen::Matrix3d rig_from_world = pose.rotation.toRotationMatrix(),
+                        view_from_rig = view.rotation.toRotationMatrix();
+  const Eigen::Vector3d in_rig_rotated = rig_from_world * y;
+  const Eigen::Vector3d q = view_from_rig * (in_rig_rotated + pose.translation) + view.translation;
   const double n = q.norm();
   if (!(n > 1e-9)) return false;
   const Eigen::Vector3d u = q / n;
@@ -29,10 +31,10 @@ inline bool Evaluate(const BundleProblem& p, const BearingObservation& o, const 
   out->r = w * u;
   if constexpr (kJacobians) {
     const Eigen::Matrix<double, 2, 3> dq = (w - out->r * u.transpose()) / n;  // W (I - u u^T) / n
-    const Eigen::Matrix<double, 2, 3> drig = dq * view.rotation.toRotationMatrix();
+    const Eigen::Matrix<double, 2, 3> drig = dq * view_from_rig;
     out->jp.leftCols<3>() = -drig * Skew(in_rig_rotated);
     out->jp.rightCols<3>() = drig;
-    out->jy = drig * pose.rotation.toRotationMatrix();
+    out->jy = drig * rig_from_world;
   }
   return true;
 }

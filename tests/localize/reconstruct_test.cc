@@ -79,7 +79,8 @@ double WayError(const std::vector<Rigid3d>& odom_from_body) {
 Reconstruction Solve(const Street& street) {
   ProgressSink progress;
   const CancelToken cancel;
-  return Reconstruct(street.input, street.tracks, ReconstructOptions(), false, 2, progress, cancel);
+  return Reconstruct(street.input, street.tracks.tracks, street.tracks.observations, ReconstructOptions(), false, 2,
+                     progress, cancel);
 }
 
 std::vector<Rigid3d> Bodies(const Reconstruction& r) {
