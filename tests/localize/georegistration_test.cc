@@ -90,23 +90,28 @@ TEST(GeoRegistration, HeadingsThatCountAnotherWayAreTold) {
   EXPECT_FALSE(OtherHeadings({right.observations.begin(), right.observations.begin() + 3})) << "too few";
 }
 
-TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
-  // With a kernel that lets all normal errors pass, so that the estimate is the linear one.
+// Mean NEES of a degree of freedom over redraws of geotags, places and scale.
+double MeanNees(double loss_chi2, int redraws) {
   GeoRegistrationOptions options;
-  options.loss_chi2 = 1e4;
+  options.loss_chi2 = loss_chi2;
   double sum = 0;
-  constexpr int kRedraws = 300;
-  for (int k = 0; k < kRedraws; ++k) {
+  for (int k = 0; k < redraws; ++k) {
     const Site site = MakeSite(static_cast<uint64_t>(k) + 50, 0);
-    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, kScale, 0.01, false, options);
-    ASSERT_TRUE(geo.solved) << geo.reason;
+    const double said = kScale + 0.01 * Random(static_cast<uint64_t>(k) + 100'000).Normal();
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, said, 0.01, false, options);
+    EXPECT_TRUE(geo.solved) << geo.reason;
     const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
-    sum += e.dot(geo.covariance.ldlt().solve(e));
+    sum += e.dot(geo.covariance.ldlt().solve(e)) / (7 * redraws);
   }
-  // 99 % band of the mean of 300 chi-squares with 7 degrees of freedom; the exact scale prior takes up to one of them.
-  const double mean = sum / kRedraws;
-  EXPECT_GT(mean, 6 - 2.6 * std::sqrt(2 * 7.0 / kRedraws));
-  EXPECT_LT(mean, 7 + 2.6 * std::sqrt(2 * 7.0 / kRedraws));
+  return sum;
+}
+
+TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
+  constexpr int kRedraws = 2000;
+  const double band = 2.6 * std::sqrt(2 / (7.0 * kRedraws));  // 99 %
+  // With a kernel that lets all normal errors pass, so that the estimate is the linear one; and with the robust one.
+  EXPECT_NEAR(MeanNees(1e4, kRedraws), 1, band);
+  EXPECT_NEAR(MeanNees(GeoRegistrationOptions().loss_chi2, kRedraws), 1, band);
 }
 
 TEST(GeoRegistration, AHeightThatNobodyTellsIsAssumedAndUnknown) {
