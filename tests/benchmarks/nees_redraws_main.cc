@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <numeric>
 #include <opencv2/core/utility.hpp>
 
 #include "calib/base/error.h"
@@ -59,19 +60,33 @@ double Nees(const Eigen::Matrix<double, N, 1>& error, const Eigen::Matrix<double
   return error.dot(covariance.ldlt().solve(error));
 }
 
-// Sum over independent redraws of a quantity with `dof` degrees of freedom, and its 95 % band (Wilson, Hilferty 1931).
+// Over independent redraws, a quantity with `dof` degrees of freedom: its mean and the 95 % band of that. One value a
+// redraw: chi-square (Wilson, Hilferty 1931). Several (all panoramas hang on one fit to the Earth, so that they err
+// together): from how the redraws' means spread.
 struct Pool {
   int dof = 1;
-  std::vector<double> values;
+  std::map<int, std::vector<double>> values;  // of each redraw
   void Print(const std::string& name) const {
     if (values.empty()) return std::printf("%-28s no values\n", name.c_str()), void();
     double sum = 0;
-    for (const double v : values) sum += v;
-    const double n = static_cast<double>(values.size()) * dof;
-    const auto quantile = [&](double z) { return std::pow(1 - 2 / (9 * n) + z * std::sqrt(2 / (9 * n)), 3); };
-    const double mean = sum / n, low = quantile(-1.96), high = quantile(1.96);
-    std::printf("%-28s dof %d  n %3zu  mean NEES per dof %.3f  band %.3f to %.3f  %s\n", name.c_str(), dof,
-                values.size(), mean, low, high, mean >= low && mean <= high ? "in" : "OUT");
+    size_t count = 0;
+    std::vector<double> means;
+    for (const auto& [redraw, some] : values) {
+      const double of_redraw = std::accumulate(some.begin(), some.end(), 0.0);
+      means.push_back(of_redraw / static_cast<double>(some.size()) / dof);
+      sum += of_redraw, count += some.size();
+    }
+    const double redraws = static_cast<double>(values.size()), n = redraws * dof;
+    const double mean = sum / static_cast<double>(count) / dof;
+    const auto bound = [&](double z) {
+      if (count == values.size()) return std::pow(1 - 2 / (9 * n) + z * std::sqrt(2 / (9 * n)), 3);
+      double square = 0;
+      for (const double m : means) square += (m - mean) * (m - mean);
+      return 1 + z * std::sqrt(square / std::max(1.0, redraws - 1) / redraws);
+    };
+    const double low = bound(-1.96), high = bound(1.96);
+    std::printf("%-28s dof %d  n %3zu  mean NEES per dof %.3f  band %.3f to %.3f  %s\n", name.c_str(), dof, count, mean,
+                low, high, mean >= low && mean <= high ? "in" : "OUT");
   }
 };
 
@@ -96,12 +111,12 @@ int Main(int argc, char** argv) {
   const SyntheticSite first = MakeSyntheticSite(synthetic, seed);
   const LocalizeOptions options = OptionsOf(synthetic, estimate);
   std::map<std::string, Pool> pools;
-  const auto add = [&](const std::string& name, int dof, double value) {
-    pools[name].dof = dof;
-    pools[name].values.push_back(value);
-  };
   int answers = 0, wrong = 0, unsolved = 0;
   for (int k = 0; k < redraws; ++k) {
+    const auto add = [&](const std::string& name, int dof, double value) {
+      pools[name].dof = dof;
+      pools[name].values[k].push_back(value);
+    };
     const SyntheticSite site = RedrawNoise(first, 1000 + static_cast<uint64_t>(k));
     ProgressSink progress;
     const LocalizeInput input = InputOf(site);
@@ -146,7 +161,7 @@ int Main(int argc, char** argv) {
     }
     if (verbose) {
       std::printf("redraw %2d: scale error %+.5f +- %.5f, fit %.1f (7)\n", k, fit[6],
-                  std::sqrt(result.geo.covariance(6, 6)), pools["global fit"].values.back());
+                  std::sqrt(result.geo.covariance(6, 6)), pools["global fit"].values[k].front());
       std::fflush(stdout);
     }
   }
