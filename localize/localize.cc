@@ -2,34 +2,16 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
 
-#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 
 namespace trigpoint {
 namespace {
-
-// Notes how long each step took, and gives back the memory that it leaves free.
-class Steps {
- public:
-  explicit Steps(Localization* result) : result_(result) {}
-  void End(const char* name) {
-    ReturnFreeMemory();
-    const auto now = std::chrono::steady_clock::now();
-    result_->seconds.emplace_back(name, std::chrono::duration<double>(now - start_).count());
-    start_ = now;
-  }
-
- private:
-  Localization* result_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 // The joint problem over images, points and references: indices of the references' poses (-1: not part of it).
 struct Joint {
@@ -231,14 +213,7 @@ LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
   LocalizeOptions o;
   o.mode = mode;
   if (mode == "paper") {
-    o.tracks.mode = "paper";
-    o.tracks.ratio = 0.7;
-    o.tracks.max_gap = 1;
-    o.reconstruct.sigma_px = 1;
-    o.reconstruct.estimate_sigma = false;
-    o.reconstruct.estimate_odometry = false;
-    o.reconstruct.loss = "dcs";
-    o.reconstruct.loss_chi2 = 1;
+    static_cast<ReconstructRunOptions&>(o) = Paper();
     o.registration.ratio = 0.7;
   } else if (mode != "trigpoint") {
     throw OptionError("mode is '" + mode + "', expected trigpoint or paper");
@@ -256,21 +231,15 @@ std::vector<std::string> LocalizeOptions::Check() const {
 Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
                       int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
                       const RefineReferences& refine) {
-  if (input.odom_from_body.size() < 2) throw InputError("localization needs at least 2 images with odometry");
   const bool paper = options.mode == "paper";
   Localization result;
-  Steps steps(&result);
-  result.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
-  steps.End("tracks");
-  result.tracked = result.tracks.observations.size();
-  result.reconstruction = Reconstruct(input, result.tracks.tracks, std::move(result.tracks.observations),
-                                      options.reconstruct, paper, threads, progress, cancel);
-  steps.End("reconstruct");
-  if (!paper) {
-    result.loops = CloseLoops(input, options.loops, options.registration, options.reconstruct, &result.reconstruction,
-                              threads, seed, progress, cancel);
-    steps.End("loops");
-  }
+  RunReconstruction run = ReconstructRun(input, options, paper, threads, seed, progress, cancel);
+  result.reconstruction = std::move(run.reconstruction);
+  result.tracks = std::move(run.tracks);
+  result.tracked = run.tracked;
+  result.loops = run.loops;
+  result.seconds = std::move(run.seconds);
+  StepTimes steps(&result.seconds);
   Reconstruction& r = result.reconstruction;
   BundleProblem& p = r.problem;
   const size_t body_poses = p.poses.size();

@@ -7,19 +7,14 @@
 
 #include "localize/frames.h"
 #include "localize/georegistration.h"
-#include "localize/loops.h"
-#include "localize/reconstruct.h"
+#include "localize/reconstruct_run.h"
 #include "localize/registration.h"
 #include "localize/retrieval.h"
-#include "localize/tracks.h"
 
 namespace trigpoint {
 
-struct LocalizeOptions {
+struct LocalizeOptions : ReconstructRunOptions {
   std::string mode = "trigpoint";  // trigpoint, or paper: as published
-  TrackOptions tracks;
-  ReconstructOptions reconstruct;
-  LoopOptions loops;
   RetrievalOptions retrieval;
   RegistrationOptions registration;
   GeoRegistrationOptions geo;
@@ -30,9 +25,7 @@ struct LocalizeOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.mode, {"mode", "", 0, 0, "trigpoint, or paper: as published"});
-    visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
-    visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
-    visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
+    ReconstructRunOptions::Visit(self, visit);
     visit(self.retrieval, {"retrieval", "", 0, 0, "candidate references of an image"});
     visit(self.registration, {"registration", "", 0, 0, "poses of references"});
     visit(self.geo, {"geo", "", 0, 0, "the run's frame on the Earth"});
@@ -67,9 +60,9 @@ struct Localization {
   std::vector<PoseEstimate> cameras;  // each image, world_from_cam; empty when not on the Earth
   LoopSummary loops;
   Retrieval retrieval;
-  TrackSet tracks;                                      // their observations are the reconstruction's
-  size_t tracked = 0;                                   // how many of these there were
-  std::vector<std::pair<std::string, double>> seconds;  // wall time of each step
+  TrackSet tracks;      // their observations are the reconstruction's
+  int64_t tracked = 0;  // how many of these there were
+  StepSeconds seconds;
 };
 
 // GPS as places of the antenna, already interpolated to body poses by the caller.

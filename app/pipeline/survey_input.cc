@@ -234,8 +234,8 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   const fs::path features = ResultOf(project, "features", its) / "features.db";
   if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && fs::exists(features)) {
     try {
-      AddTies(run, features, options.tracks, options.reconstruct, options.loops, options.ties_per_image,
-              context.threads, context.seed, context.progress, context.cancel, &survey);
+      AddTies(run, features, options.ties, options.ties_per_image, context.threads, context.seed, context.progress,
+              context.cancel, &survey);
     } catch (const Cancelled&) {
       throw;
     } catch (const Error& e) {

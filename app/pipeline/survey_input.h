@@ -6,9 +6,7 @@
 #include <vector>
 
 #include "app/pipeline/reference_tags.h"
-#include "localize/loops.h"
-#include "localize/reconstruct.h"
-#include "localize/tracks.h"
+#include "localize/reconstruct_run.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -26,9 +24,7 @@ struct SurveyStageOptions {
   bool photo_sets = true;      // stitched photo sets take part, too
   bool stations = true;        // offsets of stations from the tags that their panoramas show
   std::string against;         // a tags.csv, or a variant, to test for moved tags
-  TrackOptions tracks;
-  ReconstructOptions reconstruct;
-  LoopOptions loops;
+  ReconstructRunOptions ties;  // how these points are made
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     SurveyOptions::Visit(self.map, visit);
@@ -45,9 +41,7 @@ struct SurveyStageOptions {
     visit(self.photo_sets, {"photo_sets", "", 0, 1, "photos of stitched sets take part in the map, too"});
     visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
-    visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through a run's pictures"});
-    visit(self.reconstruct, {"reconstruct", "", 0, 0, "their points and poses"});
-    visit(self.loops, {"loops", "", 0, 0, "passages that a run comes back to"});
+    ReconstructRunOptions::Visit(self.ties, visit);
   }
   std::vector<std::string> Check() const;
 };

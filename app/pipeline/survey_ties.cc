@@ -38,15 +38,12 @@ std::vector<bool> ChoosePoints(const Reconstruction& r, int images, int per_imag
 
 }  // namespace
 
-void AddTies(const Run& run, const std::filesystem::path& features, const TrackOptions& tracks,
-             const ReconstructOptions& reconstruct, const LoopOptions& loops, int ties_per_image, int threads,
-             uint64_t seed, ProgressSink& progress, const CancelToken& cancel, SurveyRun* survey) {
+void AddTies(const Run& run, const std::filesystem::path& features, const ReconstructRunOptions& options,
+             int ties_per_image, int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
+             SurveyRun* survey) {
   const LocalizeJob job = MakeRunJob(run, features);
-  TrackSet set = BuildTracks(job.input, tracks, threads, seed, progress, cancel);
   progress.Begin("points and poses of " + run.name, 0);
-  Reconstruction r =
-      Reconstruct(job.input, set.tracks, std::move(set.observations), reconstruct, false, threads, progress, cancel);
-  CloseLoops(job.input, loops, {}, reconstruct, &r, threads, seed, progress, cancel);
+  const Reconstruction r = ReconstructRun(job.input, options, false, threads, seed, progress, cancel).reconstruction;
   const BundleProblem& p = r.problem;
   for (size_t k = 0; k < p.poses.size(); ++k) {
     survey->start.poses.push_back({job.input.pose_stamps[k], p.poses[k].Inverse()});
@@ -67,7 +64,7 @@ void AddTies(const Run& run, const std::filesystem::path& features, const TrackO
     tie.w = o.w;
     survey->ties.push_back(tie);
   }
-  survey->tie_loss_chi2 = reconstruct.loss_chi2 / (r.correlation_inflation * r.correlation_inflation);
+  survey->tie_loss_chi2 = options.reconstruct.loss_chi2 / (r.correlation_inflation * r.correlation_inflation);
 }
 
 }  // namespace trigpoint
