@@ -43,6 +43,9 @@ struct PoseFactor {
     kPrior,
     // world_from_rig of a against `measured` (world_from_rig), e = [Log(R^T R_z^T), c - c_z], c the centre.
     kGeotag,
+    // view_a * pose_a * (view_b * pose_b)^-1 (camera a from camera b) against `measured`, whose translation has unit
+    // length: e = [Log(R_p R_z^T), t_p / |t_p| - t_z]. What the geometry of two images shows: all but the length.
+    kTwoView,
     // A point of the rig (lever arm `arm`, rig frame) in the world against measured.translation; rows 3..5 only.
     kPosition
   };
@@ -52,6 +55,7 @@ struct PoseFactor {
   bool scaled = false;
   Rigid3d measured;
   Eigen::Vector3d arm = Eigen::Vector3d::Zero();
+  int view_a = 0, view_b = 0;  // of kTwoView: indices into BundleProblem::views
   Matrix6d sqrt_info = Matrix6d::Identity();
   std::shared_ptr<const ceres::LossFunction> loss;  // null: least squares
   double weight = 1.0;                              // rho' at the last evaluation (output)
