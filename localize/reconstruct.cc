@@ -19,28 +19,6 @@ namespace {
 // Of the mean squared stray of stretches from odometry: well beyond chance and odometry's own small faults.
 constexpr double kMostExcess = 4;
 
-// Adds odometry factors between consecutive body poses, with the noise model of the options times the factors.
-void SetOdometryFactors(const LocalizeInput& input, const ReconstructOptions& o, const Vector6d& noise_factor,
-                        BundleProblem* problem) {
-  problem->factors.clear();
-  for (size_t k = 0; k + 1 < input.odom_from_body.size(); ++k) {
-    PoseFactor f;
-    f.kind = PoseFactor::Kind::kBetween;
-    f.a = static_cast<int>(k);
-    f.b = static_cast<int>(k + 1);
-    f.scaled = true;
-    f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
-    const double length = f.measured.translation.norm();
-    const double rotation = std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
-    const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
-    Vector6d sigma;
-    sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);
-    f.sqrt_info = Matrix6d(sigma.cwiseProduct(noise_factor).cwiseInverse().asDiagonal());
-    f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
-    problem->factors.push_back(f);
-  }
-}
-
 // Raw odometry residual of factor k at the current state.
 Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
   const Rigid3d predicted = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
@@ -124,28 +102,79 @@ double LongWaveExcess(const BundleProblem& p) {
   return stretches >= 4 ? sum / static_cast<double>(stretches) : 0;
 }
 
-void Triangulate(Reconstruction* r, int threads, const CancelToken& cancel) {
+// Whitened squared error of an observation at a point.
+double SquaredErrorAt(const Rigid3d& view_from_world, const BearingObservation& o, const Eigen::Vector3d& ray,
+                      const Eigen::Vector3d& y) {
+  const Eigen::Vector3d u = (view_from_world * y).normalized();
+  return u.dot(ray) > 0 ? (o.w.cast<double>() * u).squaredNorm() : std::numeric_limits<double>::infinity();
+}
+
+// One track's rays. A track that wrong matches have joined shows two points: the one that more of its rays meet is
+// kept, the other rays are set aside.
+class TrackTriangulation {
+ public:
+  void Add(const Rigid3d& view_from_world, BearingObservation* o, const Eigen::Vector3d& ray) {
+    poses_.push_back(view_from_world), observations_.push_back(o), rays_.push_back(ray);
+  }
+  void Clear() { poses_.clear(), observations_.clear(), rays_.clear(); }
+
+  // NaN without an answer. Rays within `chi2` of the point belong to it.
+  Eigen::Vector3d Solve(double chi2) {
+    Eigen::Vector3d y = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    if (rays_.size() < 2) return y;
+    Eigen::Vector3d all;
+    const bool solved = TriangulateRays(poses_, rays_, &all);
+    if (solved && (rays_.size() == 2 || Count(all, chi2) == rays_.size())) return all;
+    if (rays_.size() == 2) return y;
+    Eigen::Vector3d best = all;
+    size_t most = solved ? Count(all, chi2) : 0;
+    // The first and every other ray, neighbours, and ends: enough to meet two that belong together.
+    for (size_t step = 1; step < rays_.size(); ++step) {
+      for (size_t i = 0; i + step < rays_.size(); i += std::max<size_t>(1, rays_.size() / 6)) {
+        if (!TriangulateRays({poses_[i], poses_[i + step]}, {rays_[i], rays_[i + step]}, &y)) continue;
+        if (const size_t count = Count(y, chi2); count > most) most = count, best = y;
+      }
+    }
+    if (most < 2) return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    std::vector<Rigid3d> poses;
+    std::vector<Eigen::Vector3d> rays;
+    for (size_t i = 0; i < rays_.size(); ++i) {
+      if (SquaredErrorAt(poses_[i], *observations_[i], rays_[i], best) < chi2) {
+        poses.push_back(poses_[i]), rays.push_back(rays_[i]);
+      }
+    }
+    return TriangulateRays(poses, rays, &y) && Count(y, chi2) >= most ? y : best;
+  }
+
+ private:
+  size_t Count(const Eigen::Vector3d& y, double chi2) const {
+    size_t count = 0;
+    for (size_t i = 0; i < rays_.size(); ++i) count += SquaredErrorAt(poses_[i], *observations_[i], rays_[i], y) < chi2;
+    return count;
+  }
+  std::vector<Rigid3d> poses_;
+  std::vector<BearingObservation*> observations_;
+  std::vector<Eigen::Vector3d> rays_;
+};
+
+// Points from their active observations; rays within `chi2` (2 dof) of a point belong to it.
+void Triangulate(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
   BundleProblem& p = r->problem;
   std::vector<int> first(p.points.size() + 1, 0);
   for (const BearingObservation& o : p.observations) ++first[static_cast<size_t>(o.point) + 1];
   for (size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
   ParallelFor(static_cast<int64_t>((p.points.size() + 1023) / 1024), threads, cancel, [&](int64_t block) {
-    std::vector<Rigid3d> poses;
-    std::vector<Eigen::Vector3d> rays;
+    TrackTriangulation track;
     const size_t end = std::min(p.points.size(), static_cast<size_t>(block + 1) * 1024);
     for (size_t j = static_cast<size_t>(block) * 1024; j < end; ++j) {
-      poses.clear(), rays.clear();
+      track.Clear();
       for (int k = first[j]; k < first[j + 1]; ++k) {
-        const BearingObservation& o = p.observations[static_cast<size_t>(k)];
+        BearingObservation& o = p.observations[static_cast<size_t>(k)];
         if (!o.active) continue;
-        poses.push_back(p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)]);
-        rays.push_back(o.ray.cast<double>());
+        track.Add(p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)], &o,
+                  o.ray.cast<double>());
       }
-      Eigen::Vector3d y;
-      if (poses.size() < 2 || !TriangulateRays(poses, rays, &y)) {
-        y.setConstant(std::numeric_limits<double>::quiet_NaN());
-      }
-      p.points[j] = y;
+      p.points[j] = track.Solve(chi2);
     }
   });
 }
@@ -190,6 +219,38 @@ void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
   }
 }
 
+// Tracks that earlier poses could not explain get another chance; the other points stay.
+void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
+  BundleProblem& p = r->problem;
+  const std::vector<Eigen::Vector3d> before = p.points;
+  for (BearingObservation& o : p.observations) {
+    if (!r->point_valid[static_cast<size_t>(o.point)]) o.active = true;
+  }
+  Triangulate(chi2, r, threads, cancel);
+  for (size_t j = 0; j < p.points.size(); ++j) {
+    if (r->point_valid[j]) p.points[j] = before[j];
+  }
+  OptimizePoints(p, 5, threads, cancel);
+}
+
+// The first poses are many sigmas of an observation off: with its own kernel what is right would look wrong, and a
+// part of the observations that agree by chance would win. Kernel and gate begin wide and shrink together.
+void SolveFromFarOff(const ReconstructOptions& options, BundleOptions bundle, Reconstruction* r, ProgressSink& progress,
+                     const CancelToken& cancel) {
+  BundleProblem& p = r->problem;
+  bundle.max_iterations = 12;
+  bundle.relative_cost_tolerance = 1e-3;
+  r->point_valid.assign(p.points.size(), false);
+  for (const double wider : {20.0, 5.0}) {
+    const double gate = wider * wider * options.outlier_chi2;
+    RetriangulateInvalid(gate, r, bundle.threads, cancel);
+    Gate(options, gate, r);
+    p.loss = MakeLoss(options.loss, wider * wider * options.loss_chi2);
+    SolveBundle(p, bundle, progress, cancel);
+  }
+  p.loss = MakeLoss(options.loss, options.loss_chi2);
+}
+
 // Variance factor of the observations: robust, from the median of squared errors against chi-square with
 // 2 (1 - redundancy loss) dof; points and poses take their share of the degrees of freedom.
 double VarianceFactor(const BundleProblem& p) {
@@ -221,7 +282,8 @@ double CorrelationInflation(const BundleProblem& p) {
       const BearingObservation& o = p.observations[k];
       if (!o.active) continue;
       const Rigid3d view_from_world = p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)];
-      residuals.push_back(o.w.cast<double>() * (view_from_world * p.points[static_cast<size_t>(point)]).normalized());
+      residuals.push_back(o.w.cast<double>() * ((view_from_world * p.points[static_cast<size_t>(point)]).normalized() -
+                                                o.ray.cast<double>()));
     }
     const double n = static_cast<double>(residuals.size());
     if (n < 6) continue;
@@ -243,6 +305,28 @@ void ScaleObservationNoise(double factor, BundleProblem* p) {
 
 }  // namespace
 
+std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& o,
+                                        const Vector6d& noise_factor) {
+  std::vector<PoseFactor> factors;
+  for (size_t k = 0; k + 1 < input.odom_from_body.size(); ++k) {
+    PoseFactor f;
+    f.kind = PoseFactor::Kind::kBetween;
+    f.a = static_cast<int>(k);
+    f.b = static_cast<int>(k + 1);
+    f.scaled = true;
+    f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
+    const double length = f.measured.translation.norm();
+    const double rotation = std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
+    const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);
+    f.sqrt_info = Matrix6d(sigma.cwiseProduct(noise_factor).cwiseInverse().asDiagonal());
+    f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
+    factors.push_back(f);
+  }
+  return factors;
+}
+
 bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,
                      Eigen::Vector3d* point) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
@@ -263,13 +347,15 @@ bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vec
   return 2 * front > rays.size();
 }
 
-Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<TrackObservation> track_observations,
-                           const ReconstructOptions& options, bool paper, int threads, ProgressSink& progress,
-                           const CancelToken& cancel) {
+Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& start, int tracks,
+                           std::vector<TrackObservation> track_observations, const ReconstructOptions& options,
+                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
   Reconstruction r;
   BundleProblem& p = r.problem;
-  for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
-  for (const Rigid3d& pose : input.odom_from_body) p.poses.push_back(pose.Inverse());
+  for (const BodyCamera& c : input.cameras) {
+    p.views.push_back(c.cam_from_body);
+  }
+  for (const Rigid3d& pose : start.odom_from_body) p.poses.push_back(pose.Inverse());
   p.pose_constant.assign(p.poses.size(), false);
   if (!p.pose_constant.empty()) p.pose_constant[0] = true;
   p.points.assign(static_cast<size_t>(tracks), Eigen::Vector3d::Zero());
@@ -297,14 +383,20 @@ Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<T
   bundle.threads = threads;
 
   Vector6d noise_factor = Vector6d::Ones();
-  SetOdometryFactors(input, options, noise_factor, &p);
-  Triangulate(&r, threads, cancel);
-  // Poses straight from odometry explain pixels only roughly: wide gates first.
+  noise_factor.head<3>().setConstant(start.odometry_noise);
+  // Never upwards: images that are wrong would have odometry, a measurement with stated noise, lose.
+  const Vector6d most_noise = noise_factor;
+  p.factors = OdometryFactors(input, options, noise_factor);
+  if (paper) Triangulate(400 * options.outlier_chi2, &r, threads, cancel);
   const int rounds = paper ? 1 : options.rounds;
   double long_wave = 1;  // how much wider the features' noise is for contradicting odometry
-  double gate = paper ? 100 * options.outlier_chi2 : 400 * options.outlier_chi2;
-  Gate(options, gate, &r);
-  OptimizePoints(p, 10, threads, cancel);
+  double gate = paper ? 100 * options.outlier_chi2 : 13 * options.outlier_chi2;
+  if (paper) {
+    Gate(options, gate, &r);
+    OptimizePoints(p, 10, threads, cancel);
+  } else {
+    SolveFromFarOff(options, bundle, &r, progress, cancel);
+  }
   for (int round = 0; round < rounds; ++round) {
     cancel.ThrowIfCancelled();
     Gate(options, gate, &r);
@@ -312,20 +404,10 @@ Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<T
     bundle.relative_cost_tolerance = round + 1 < rounds ? 1e-3 : 1e-5;
     r.summary = SolveBundle(p, bundle, progress, cancel);
     if (!paper) {
-      // Tracks that the first poses could not explain get another chance.
-      const std::vector<Eigen::Vector3d> before = p.points;
-      const std::vector<bool> valid = r.point_valid;
-      for (BearingObservation& o : p.observations) {
-        if (!valid[static_cast<size_t>(o.point)]) o.active = true;
-      }
-      Triangulate(&r, threads, cancel);
-      for (size_t j = 0; j < p.points.size(); ++j) {
-        if (valid[j]) p.points[j] = before[j];
-      }
-      OptimizePoints(p, 5, threads, cancel);
-      gate = std::max(options.outlier_chi2, gate / 30);
+      RetriangulateInvalid(4 * options.outlier_chi2, &r, threads, cancel);
+      gate = round == 0 ? 9 * options.outlier_chi2 : options.outlier_chi2;
       if (options.estimate_sigma) {
-        Gate(options, options.outlier_chi2 * (round == 0 ? 9 : 1), &r);
+        Gate(options, gate, &r);
         // sigma_px is of a single observation; the weights count its inflation by correlation, too.
         const double factor = std::clamp(std::sqrt(VarianceFactor(p)), 0.1, 10.0);
         const double inflation = CorrelationInflation(p) * long_wave;
@@ -337,8 +419,8 @@ Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<T
       if (options.estimate_odometry && p.factors.size() >= 8) {
         Gate(options, gate, &r);
         const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
-        noise_factor = noise_factor.cwiseProduct(factor.cwiseMax(0.05).cwiseMin(20.0));
-        SetOdometryFactors(input, options, noise_factor, &p);
+        noise_factor = noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+        p.factors = OdometryFactors(input, options, noise_factor);
         const double excess = LongWaveExcess(p);
         if (options.estimate_sigma && excess > kMostExcess) {
           const double wider = std::sqrt(excess);
@@ -392,7 +474,7 @@ void AddObservations(const std::vector<ImageObservation>& added, Reconstruction*
 void Settle(const ReconstructOptions& options, double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
   BundleProblem& p = r->problem;
   const std::vector<Eigen::Vector3d> before = p.points;
-  Triangulate(r, threads, cancel);
+  Triangulate(chi2, r, threads, cancel);
   for (size_t j = 0; j < p.points.size(); ++j) {
     if (r->point_valid[j]) p.points[j] = before[j];
   }

@@ -62,11 +62,21 @@ struct Reconstruction {
   int dropped_observations = 0;
 };
 
-// Frames with the pose constant at first; the gauge is the first pose (held at its odometry value). Of `tracks` tracks,
-// whose observations are given up: a long run has no room for them twice.
-Reconstruction Reconstruct(const LocalizeInput& input, int tracks, std::vector<TrackObservation> track_observations,
-                           const ReconstructOptions& options, bool paper, int threads, ProgressSink& progress,
-                           const CancelToken& cancel);
+// Factors between consecutive body poses: odometry with the noise of the options times `noise_factor` (of the body's
+// axes, rotation first).
+std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& options,
+                                        const Vector6d& noise_factor);
+
+// Where a reconstruction starts.
+struct ReconstructStart {
+  std::vector<Rigid3d> odom_from_body;  // first guess of the poses; the gauge is the first one, held there
+  double odometry_noise = 1;            // factor on odometry's stated noise, until it is estimated
+};
+
+// Of `tracks` tracks, whose observations are given up: a long run has no room for them twice.
+Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& start, int tracks,
+                           std::vector<TrackObservation> track_observations, const ReconstructOptions& options,
+                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel);
 
 // Observations that are new, put in their places: all stay sorted by point.
 struct ImageObservation {

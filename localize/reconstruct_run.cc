@@ -1,8 +1,10 @@
 #include "localize/reconstruct_run.h"
 
+#include <cmath>
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 
 namespace trigpoint {
 
@@ -19,15 +21,53 @@ ReconstructRunOptions ReconstructRunOptions::Paper() {
   return o;
 }
 
+namespace {
+
+// Distance of consecutive body poses, m.
+double MedianStep(const LocalizeInput& input) {
+  std::vector<double> steps;
+  for (size_t i = 1; i < input.odom_from_body.size(); ++i) {
+    steps.push_back((input.odom_from_body[i].translation - input.odom_from_body[i - 1].translation).norm());
+  }
+  return Median(std::move(steps));
+}
+
+// Joins the run's tracks by the pairs of its view graph.
+ReconstructStart JoinPairs(const LocalizeInput& input, const ReconstructRunOptions& options, int threads, uint64_t seed,
+                           ProgressSink& progress, const CancelToken& cancel, RunReconstruction* run) {
+  const std::vector<ImagePair> pairs = CandidatePairs(input, run->tracks, options.pairs);
+  const ViewGraph graph = BuildViewGraph(input, pairs, OdometryFactors(input, options.reconstruct, Vector6d::Ones()),
+                                         options.pairs, threads, seed, progress, cancel);
+  run->tracks = JoinTracks(input, graph, run->tracks, options.pairs, options.tracks.min_length);
+  run->pairs_tried = graph.tried;
+  run->pairs_joined = static_cast<int>(graph.edges.size());
+  run->pairs_rejected = graph.rejected;
+  progress.Log(LogLevel::kInfo, std::to_string(graph.tried) +
+                                    " pairs of images matched: " + std::to_string(graph.verified) + " verified, " +
+                                    std::to_string(graph.rejected.size()) +
+                                    " of them rejected, as odometry or other pairs contradict them");
+  return {graph.odom_from_body, std::sqrt(graph.odometry_variance)};
+}
+
+}  // namespace
+
 RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& options, bool paper,
                                  int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
   if (input.odom_from_body.size() < 2) throw InputError("a reconstruction needs at least 2 images with odometry");
   RunReconstruction run;
   StepTimes steps(&run.seconds);
-  run.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
-  run.tracked = static_cast<int64_t>(run.tracks.observations.size());
+  // Neighbours in time are followed along epipolar curves only where they see nearly the same.
+  const bool video = MedianStep(input) <= options.pairs.video_step_m;
+  if (paper || video || options.pairs.neighbours == 0)
+    run.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
   steps.End("tracks");
-  run.reconstruction = Reconstruct(input, run.tracks.tracks, std::exchange(run.tracks.observations, {}),
+  ReconstructStart start{input.odom_from_body};
+  if (!paper && options.pairs.neighbours > 0) {
+    start = JoinPairs(input, options, threads, seed, progress, cancel, &run);
+    steps.End("pairs");
+  }
+  run.tracked = static_cast<int64_t>(run.tracks.observations.size());
+  run.reconstruction = Reconstruct(input, start, run.tracks.tracks, std::exchange(run.tracks.observations, {}),
                                    options.reconstruct, paper, threads, progress, cancel);
   steps.End("reconstruct");
   if (!paper) {

@@ -5,11 +5,13 @@
 #include "localize/reconstruct.h"
 #include "localize/step_times.h"
 #include "localize/tracks.h"
+#include "localize/view_graph.h"
 
 namespace trigpoint {
 
 struct ReconstructRunOptions {
   TrackOptions tracks;
+  ViewGraphOptions pairs;
   ReconstructOptions reconstruct;
   LoopOptions loops;
 
@@ -19,6 +21,7 @@ struct ReconstructRunOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
+    visit(self.pairs, {"pairs", "", 0, 0, "pairs of images beyond neighbours in time"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
     visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
   }
@@ -27,8 +30,11 @@ struct ReconstructRunOptions {
 
 struct RunReconstruction {
   Reconstruction reconstruction;
-  TrackSet tracks;      // without their observations, which are the reconstruction's
-  int64_t tracked = 0;  // how many of these there were
+  TrackSet tracks;                        // without their observations, which are the reconstruction's
+  int64_t tracked = 0;                    // how many of these there were
+  int pairs_tried = 0;                    // beyond the neighbours in time
+  int pairs_joined = 0;                   // verified, and in agreement with odometry and each other
+  std::vector<ImagePair> pairs_rejected;  // verified, but contradicted
   LoopSummary loops;
   StepSeconds seconds;
 };

@@ -7,89 +7,12 @@
 
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
+#include "localize/prepared_image.h"
+#include "localize/track_table.h"
 #include "localize/two_view.h"
 
 namespace trigpoint {
 namespace {
-
-struct Prepared {
-  FeatureSet features;
-  DescriptorBlock descriptors;
-  std::vector<Eigen::Vector3d> rays;
-  std::unique_ptr<FeatureGrid> grid;
-};
-
-std::unique_ptr<Prepared> Prepare(const LocalizeInput& input, int image, bool paper) {
-  auto p = std::make_unique<Prepared>();
-  p->features = input.image_features(image);
-  const Camera& camera = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(image)].camera)].camera;
-  if (!paper) p->descriptors = DescriptorBlock(p->features.descriptors);
-  p->rays.reserve(p->features.size());
-  for (const Eigen::Vector2f& pixel : p->features.points) {
-    p->rays.push_back(camera.Unproject(pixel.cast<double>()).value_or(Eigen::Vector3d(0, 0, -1)));
-  }
-  p->grid = std::make_unique<FeatureGrid>(p->features.points, camera.width(), camera.height(), 12.0F);
-  return p;
-}
-
-// The tracks that may still grow. A track never holds two features of one image: what would make it do so is refused.
-class OpenTracks {
- public:
-  // Ascending images.
-  void AddImage(int image, size_t features) { track_of_[image].assign(features, kNone); }
-
-  // A feature of an image and one of a later image are the same.
-  void Join(const TrackObservation& a, const TrackObservation& b) {
-    int& of_a = track_of_.at(a.image)[static_cast<size_t>(a.feature)];
-    int& of_b = track_of_.at(b.image)[static_cast<size_t>(b.feature)];
-    if (of_a == kNone) of_a = Begin(a);
-    if (of_b == kNone) of_b = Begin(b);
-    if (of_a == of_b) return;
-    std::vector<TrackObservation>&into = tracks_.at(of_a), &from = tracks_.at(of_b);
-    std::vector<TrackObservation> merged;
-    merged.reserve(into.size() + from.size());
-    std::merge(into.begin(), into.end(), from.begin(), from.end(), std::back_inserter(merged), Earlier);
-    const auto same = [](const TrackObservation& x, const TrackObservation& y) { return x.image == y.image; };
-    if (std::adjacent_find(merged.begin(), merged.end(), same) != merged.end()) return;
-    const int kept = of_a, gone = of_b;
-    for (const TrackObservation& o : from) {
-      const auto image = track_of_.find(o.image);
-      if (image != track_of_.end()) image->second[static_cast<size_t>(o.feature)] = kept;
-    }
-    into = std::move(merged);
-    tracks_.erase(gone);
-  }
-
-  // No image before `image` will be matched again: the tracks that end there are done. Those of `min_length` images
-  // and more are kept.
-  void Close(int image, int min_length, TrackSet* out) {
-    track_of_.erase(track_of_.begin(), track_of_.lower_bound(image));
-    for (auto it = tracks_.begin(); it != tracks_.end();) {
-      std::vector<TrackObservation>& track = it->second;
-      if (track.back().image >= image) {
-        ++it;
-        continue;
-      }
-      if (track.size() >= static_cast<size_t>(min_length)) {
-        for (TrackObservation& o : track) o.track = out->tracks;
-        out->observations.insert(out->observations.end(), track.begin(), track.end());
-        ++out->tracks;
-      }
-      it = tracks_.erase(it);
-    }
-  }
-
- private:
-  static constexpr int kNone = -1;
-  static bool Earlier(const TrackObservation& a, const TrackObservation& b) { return a.image < b.image; }
-  int Begin(const TrackObservation& o) {
-    tracks_[next_] = {o};
-    return next_++;
-  }
-  std::map<int, std::vector<int>> track_of_;             // image -> of each feature
-  std::map<int, std::vector<TrackObservation>> tracks_;  // by image; in the order they were begun
-  int next_ = 0;
-};
 
 std::vector<int> Gaps(int max_gap) {
   std::vector<int> gaps;
@@ -103,7 +26,7 @@ struct PairResult {
   bool contradicted = false;
 };
 
-PairResult MatchPaper(const Prepared& a, const Prepared& b, const TrackOptions& o) {
+PairResult MatchPaper(const PreparedImage& a, const PreparedImage& b, const TrackOptions& o) {
   PairResult result;
   const Matches matches = MatchFlann(a.features.descriptors, b.features.descriptors, o.ratio);
   std::vector<Eigen::Vector2f> pa, pb;
@@ -115,7 +38,7 @@ PairResult MatchPaper(const Prepared& a, const Prepared& b, const TrackOptions& 
   return result;
 }
 
-PairResult Verified(const Prepared& a, const Prepared& b, const Matches& matches, const Rigid3d& prior,
+PairResult Verified(const PreparedImage& a, const PreparedImage& b, const Matches& matches, const Rigid3d& prior,
                     const TwoViewOptions& options) {
   std::vector<Eigen::Vector3d> ra, rb;
   for (const auto& [i, j] : matches) {
@@ -148,10 +71,13 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
            input.odom_from_body[static_cast<size_t>(f.pose)].Inverse();
   };
 
+  const auto keep = [&](const TrackTable::Track& track) {
+    return static_cast<int>(track.size()) >= options.min_length;
+  };
   progress.Begin("matching", n);
   for (const std::vector<int>& stream : streams) {
-    std::vector<std::unique_ptr<Prepared>> window(stream.size());
-    OpenTracks open;
+    std::vector<std::unique_ptr<PreparedImage>> window(stream.size());
+    TrackTable open;
     // Matches are joined in a fixed order, so that threads do not matter; short gaps first: they are the surest, and a
     // conflict keeps what is there.
     const auto join = [&](int ka, int kb, const Matches& matches) {
@@ -171,7 +97,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       const int end = std::min(m, begin + kBatch);
       for (int k = begin; k < end; ++k) window[static_cast<size_t>(k)] = nullptr;
       ParallelFor(end - begin, threads, cancel, [&](int64_t k) {
-        window[static_cast<size_t>(begin + k)] = Prepare(input, stream[static_cast<size_t>(begin + k)], paper);
+        window[static_cast<size_t>(begin + k)] = PrepareImage(input, stream[static_cast<size_t>(begin + k)], paper);
       });
       for (int k = begin; k < end; ++k) {
         open.AddImage(stream[static_cast<size_t>(k)], window[static_cast<size_t>(k)]->features.size());
@@ -181,7 +107,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       ParallelFor(end - begin, threads, cancel, [&](int64_t i) {
         const int k = begin + static_cast<int>(i);
         if (k == 0) return;
-        const Prepared &a = *window[static_cast<size_t>(k - 1)], &b = *window[static_cast<size_t>(k)];
+        const PreparedImage &a = *window[static_cast<size_t>(k - 1)], &b = *window[static_cast<size_t>(k)];
         const int ia = stream[static_cast<size_t>(k - 1)], ib = stream[static_cast<size_t>(k)];
         const Rigid3d prior = cam_from_odom(ib) * cam_from_odom(ia).Inverse();
         PairResult& out = consecutive[static_cast<size_t>(i)];
@@ -237,7 +163,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
         const Job job = jobs[static_cast<size_t>(i)];
         Rigid3d b_from_a;
         for (int k = job.a; k < job.b; ++k) b_from_a = next_from_this[static_cast<size_t>(k)] * b_from_a;
-        const Prepared &a = *window[static_cast<size_t>(job.a)], &b = *window[static_cast<size_t>(job.b)];
+        const PreparedImage &a = *window[static_cast<size_t>(job.a)], &b = *window[static_cast<size_t>(job.b)];
         const int ib = stream[static_cast<size_t>(job.b)];
         const Camera& camera = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
         GuidedOptions guided;
@@ -260,9 +186,9 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       }
       const int still_matched = std::max(0, end - std::max(1, options.max_gap));
       for (int k = 0; k < still_matched; ++k) window[static_cast<size_t>(k)] = nullptr;
-      open.Close(stream[static_cast<size_t>(still_matched)], options.min_length, &result);
+      open.Close(stream[static_cast<size_t>(still_matched)], keep, &result);
     }
-    open.Close(std::numeric_limits<int>::max(), options.min_length, &result);
+    open.Close(std::numeric_limits<int>::max(), keep, &result);
   }
   return result;
 }

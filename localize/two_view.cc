@@ -1,10 +1,13 @@
 #include "localize/two_view.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 
+#include "calib/base/median.h"
 #include "calib/estimation/ransac.h"
 #include "calib/geometry/bearing.h"
 #include "localize/minimal_solvers.h"
@@ -31,11 +34,24 @@ Rigid3d Moved(const Rigid3d& pose, const Eigen::Matrix<double, 5, 1>& delta) {
   return moved;
 }
 
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+
+// The tangent that takes the prior to the pose, to first order: rotation, direction of translation.
+Vector5d FromPrior(const Rigid3d& pose, const Rigid3d& prior) {
+  Vector5d d = Vector5d::Zero();
+  d.head<3>() = LogSO3(pose.rotation * prior.rotation.conjugate());
+  if (prior.translation.norm() > 1e-6) {
+    d.tail<2>() = -TangentBasis(pose.translation.normalized()) * prior.translation.normalized();
+  }
+  return d;
+}
+
+// Least sum of squared epipolar errors, robust, and of the distance from the prior. The kernel is `widest` sigmas wide
+// at first, so that a poor start is pulled in.
 Rigid3d Refine(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b, const Rigid3d& prior,
-               const Rigid3d& start, const TwoViewOptions& options, int iterations) {
+               const Matrix5d& prior_information, const Rigid3d& start, double sigma, double widest, int iterations) {
   Rigid3d pose = start;
-  const double sigma = 0.5 * options.inlier_rad;
-  const bool moves = prior.translation.norm() > 1e-6;
   for (int it = 0; it < iterations; ++it) {
     Eigen::Matrix<double, 5, 5> h = Eigen::Matrix<double, 5, 5>::Zero();
     Eigen::Matrix<double, 5, 1> g = Eigen::Matrix<double, 5, 1>::Zero();
@@ -43,8 +59,7 @@ Rigid3d Refine(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::V
     std::array<Rigid3d, 5> moved;
     for (int k = 0; k < 5; ++k)
       moved[static_cast<size_t>(k)] = Moved(pose, kEps * Eigen::Matrix<double, 5, 1>::Unit(k));
-    // Annealed Cauchy: wide first, so that a poor prior is pulled in.
-    const double knee = sigma * std::max(1.0, 8.0 * std::pow(0.5, it));
+    const double knee = sigma * std::max(1.0, widest * std::pow(0.5, it));
     for (size_t i = 0; i < a.size(); ++i) {
       const double e = EpipolarError(pose, a[i], b[i]);
       const double weight = 1 / ((1 + e * e / (knee * knee)) * sigma * sigma);
@@ -53,21 +68,12 @@ Rigid3d Refine(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::V
       h.noalias() += weight * j * j.transpose();
       g += weight * e * j;
     }
-    // The prior: rotation and direction.
-    const Eigen::Vector3d dr = LogSO3(pose.rotation * prior.rotation.conjugate());
-    const double wr = 1 / (options.sigma_rotation_rad * options.sigma_rotation_rad);
-    h.topLeftCorner<3, 3>().diagonal().array() += wr;
-    g.head<3>() += wr * dr;
-    const double wd = 1 / (options.sigma_direction_rad * options.sigma_direction_rad);
-    h.bottomRightCorner<2, 2>().diagonal().array() += wd;
-    if (moves) {
-      const Eigen::Vector3d u = pose.translation.normalized();
-      g.tail<2>() -= wd * (TangentBasis(u) * prior.translation.normalized());
-    }
+    h += prior_information;
+    g += prior_information * FromPrior(pose, prior);
     const Eigen::Matrix<double, 5, 1> step = -h.ldlt().solve(g);
     if (!step.allFinite()) break;
     pose = Moved(pose, step);
-    if (it > 4 && step.norm() < 1e-7) break;
+    if (knee <= sigma && step.norm() < 1e-7) break;
   }
   return pose;
 }
@@ -81,14 +87,142 @@ std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& a, const std::vecto
   return inliers;
 }
 
+Matrix5d PriorInformation(double sigma_rotation, double sigma_direction) {
+  Vector5d w;
+  w << Eigen::Vector3d::Constant(std::pow(sigma_rotation, -2)),
+      Eigen::Vector2d::Constant(std::pow(sigma_direction, -2));
+  return w.asDiagonal();
+}
+
+// Whether the rays meet in front of both views.
+bool MeetInFront(const Rigid3d& b_from_a, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  const Eigen::Vector3d ra = b_from_a.rotation * a;
+  const double c = ra.dot(b), ta = ra.dot(b_from_a.translation), tb = b.dot(b_from_a.translation);
+  // Nearly parallel rays meet far away, wherever their noise puts it.
+  if (1 - c * c < 1e-6) return c > 0;
+  return c * tb - ta > 0 && tb - c * ta > 0;
+}
+
+// Truncated squared errors and the distance from the prior: the less, the better.
+double Cost(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b, const Rigid3d& pose,
+            const Rigid3d& prior, const Matrix5d& prior_information, double inlier_rad) {
+  constexpr double kThreshold = 4;  // sigmas of an inlier at most
+  double cost = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double e = kThreshold * EpipolarError(pose, a[i], b[i]) / inlier_rad;
+    cost += MeetInFront(pose, a[i], b[i]) ? std::min(e * e, kThreshold * kThreshold) : kThreshold * kThreshold;
+  }
+  const Vector5d d = FromPrior(pose, prior);
+  return cost + d.dot(prior_information * d);
+}
+
+// Information of the relative pose from its inliers, with the noise that they show (median of absolute errors).
+Matrix5d EdgeInformation(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                         const Rigid3d& pose, const std::vector<int>& inliers, double least_sigma) {
+  constexpr double kEps = 1e-6;
+  std::vector<double> errors;
+  Matrix5d h = Matrix5d::Zero();
+  for (int k : inliers) {
+    const auto i = static_cast<size_t>(k);
+    const double e = EpipolarError(pose, a[i], b[i]);
+    errors.push_back(std::abs(e));
+    Eigen::Matrix<double, 5, 1> j;
+    for (int c = 0; c < 5; ++c) {
+      j(c) = (EpipolarError(Moved(pose, kEps * Eigen::Matrix<double, 5, 1>::Unit(c)), a[i], b[i]) - e) / kEps;
+    }
+    h.noalias() += j * j.transpose();
+  }
+  const double sigma = std::max(least_sigma, 1.4826 * Median(std::move(errors)));
+  return h / (sigma * sigma);
+}
+
+// log10 of how many models with `inliers` of `matches` within the threshold are expected where all matches are random
+// (a-contrario RANSAC; Moisan & Stival 2004): `chance` is the probability that a random match is within it.
+double Log10FalseAlarms(int matches, int inliers, double chance) {
+  constexpr int kSample = 5;
+  if (inliers <= kSample) return 0;
+  const auto log_choose = [](double n, double k) {
+    return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
+  };
+  const double models = 10;  // of a sample, at most
+  return (std::log(models * (matches - kSample)) + log_choose(matches, inliers) + log_choose(inliers, kSample) +
+          (inliers - kSample) * std::log(std::min(chance, 1.0))) /
+         std::log(10.0);
+}
+
+// Whether a rotation alone explains the inliers: then the direction of translation is noise.
+bool RotationExplains(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                      const std::vector<int>& inliers, double threshold) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (int k : inliers) sum += b[static_cast<size_t>(k)] * a[static_cast<size_t>(k)].transpose();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU();
+  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
+  const Eigen::Matrix3d rotation = u * svd.matrixV().transpose();
+  size_t close = 0;
+  for (int k : inliers) {
+    close += (rotation * a[static_cast<size_t>(k)] - b[static_cast<size_t>(k)]).norm() < threshold ? 1 : 0;
+  }
+  return 10 * close > 8 * inliers.size();
+}
+
 }  // namespace
+
+std::vector<int> EpipolarInliers(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                                 const Rigid3d& b_from_a, double inlier_rad) {
+  std::vector<int> inliers = Inliers(a, b, b_from_a, inlier_rad);
+  std::erase_if(inliers,
+                [&](int k) { return !MeetInFront(b_from_a, a[static_cast<size_t>(k)], b[static_cast<size_t>(k)]); });
+  return inliers;
+}
+
+WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                                      const Rigid3d& prior, const WideBaselineOptions& options) {
+  WideBaselineResult result;
+  const int n = static_cast<int>(a.size());
+  if (n < 12) return result;
+  Rigid3d first = prior;
+  first.translation = prior.translation.norm() > 1e-9 ? prior.translation.normalized() : Eigen::Vector3d::UnitX();
+  const Matrix5d information = options.prior_covariance.ldlt().solve(Matrix5d::Identity());
+  const double sigma = 0.5 * options.inlier_rad;
+  const double widest =
+      std::clamp(std::sqrt(options.prior_covariance.topLeftCorner<3, 3>().trace()) / sigma, 8.0, 256.0);
+  result.b_from_a = Refine(a, b, first, information, first, sigma, widest, 20);
+  // Where most matches agree with odometry there is nothing else to look for.
+  if (2 * EpipolarInliers(a, b, result.b_from_a, options.inlier_rad).size() < a.size()) {
+    RansacOptions ransac;
+    ransac.max_iterations = options.ransac_iterations;
+    ransac.confidence = 0.999;
+    ransac.threshold = options.inlier_rad;
+    ransac.seed = options.seed;
+    const auto best = Ransac<Rigid3d, 5>(
+        n, ransac, [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
+        [&](const Rigid3d& pose, int i) {
+          return std::abs(EpipolarError(pose, a[static_cast<size_t>(i)], b[static_cast<size_t>(i)]));
+        },
+        {result.b_from_a});
+    if (!best.found) return result;
+    const Rigid3d other = Refine(a, b, first, information, best.model, sigma, 4, 10);
+    const auto cost = [&](const Rigid3d& pose) { return Cost(a, b, pose, first, information, options.inlier_rad); };
+    if (cost(other) < cost(result.b_from_a)) result.b_from_a = other;
+  }
+  result.inliers = EpipolarInliers(a, b, result.b_from_a, options.inlier_rad);
+  const int inliers = static_cast<int>(result.inliers.size());
+  result.log10_false_alarms = Log10FalseAlarms(n, inliers, 2 * options.inlier_rad / options.span_rad);
+  result.verified = inliers >= 12 && result.log10_false_alarms < std::log10(options.max_false_alarms);
+  if (!result.verified) return result;
+  result.rotation_only = RotationExplains(a, b, result.inliers, 2 * options.inlier_rad);
+  result.information = EdgeInformation(a, b, result.b_from_a, result.inliers, 0.5 * options.inlier_rad);
+  return result;
+}
 
 TwoViewResult VerifyTwoView(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
                             const Rigid3d& prior, const TwoViewOptions& options) {
   TwoViewResult result;
   result.b_from_a = prior;
   if (a.size() < 8) return result;
-  result.b_from_a = Refine(a, b, prior, prior, options, 12);
+  result.b_from_a = Refine(a, b, prior, PriorInformation(options.sigma_rotation_rad, options.sigma_direction_rad),
+                           prior, 0.5 * options.inlier_rad, 8, 12);
   result.inliers = Inliers(a, b, result.b_from_a, options.inlier_rad);
   const int n = static_cast<int>(a.size());
   if (static_cast<double>(result.inliers.size()) >= options.min_prior_inliers * n) return result;
@@ -111,9 +245,7 @@ TwoViewResult VerifyTwoView(const std::vector<Eigen::Vector3d>& a, const std::ve
       {result.b_from_a});
   if (best.found && best.inliers.size() > result.inliers.size() + 8) {
     // The prior is contradicted by the images: it may no longer pull.
-    TwoViewOptions free = options;
-    free.sigma_rotation_rad = free.sigma_direction_rad = 10;
-    result.b_from_a = Refine(a, b, best.model, best.model, free, 10);
+    result.b_from_a = Refine(a, b, best.model, PriorInformation(10, 10), best.model, 0.5 * options.inlier_rad, 8, 10);
     result.inliers = Inliers(a, b, result.b_from_a, options.inlier_rad);
     result.used_ransac = true;
   }
