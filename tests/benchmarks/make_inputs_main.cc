@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "calib/base/error.h"
-#include "datasets/synthetic/distractors.h"
-#include "datasets/synthetic/rendered_site.h"
-#include "datasets/synthetic/site_writer.h"
-#include "datasets/synthetic/street_view.h"
 #include "tests/calib/target_rendering.h"
+#include "tests/synthetic/distractors.h"
+#include "tests/synthetic/rendered_site.h"
+#include "tests/synthetic/site_writer.h"
+#include "tests/synthetic/street_view.h"
 
 namespace trigpoint {
 namespace {

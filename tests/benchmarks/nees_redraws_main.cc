@@ -12,8 +12,8 @@
 #include <opencv2/core/utility.hpp>
 
 #include "calib/base/error.h"
-#include "datasets/synthetic/synthetic_features.h"
 #include "localize/localize.h"
+#include "tests/synthetic/synthetic_features.h"
 
 namespace trigpoint {
 namespace {

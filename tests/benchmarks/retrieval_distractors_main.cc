@@ -20,10 +20,10 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
-#include "datasets/synthetic/distractors.h"
 #include "localize/features.h"
 #include "localize/registration.h"
 #include "localize/views.h"
+#include "tests/synthetic/distractors.h"
 
 namespace trigpoint {
 namespace {

@@ -1,4 +1,4 @@
-#include "datasets/synthetic/synthetic_features.h"
+#include "tests/synthetic/synthetic_features.h"
 
 #include <gtest/gtest.h>
 

@@ -11,9 +11,9 @@
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
-#include "datasets/synthetic/rendered_site.h"
-#include "datasets/synthetic/site_writer.h"
-#include "datasets/synthetic/street_view.h"
+#include "tests/synthetic/rendered_site.h"
+#include "tests/synthetic/site_writer.h"
+#include "tests/synthetic/street_view.h"
 
 namespace trigpoint {
 namespace {

@@ -10,9 +10,9 @@
 #include "calib/base/error.h"
 #include "calib/camera/pixel_convention.h"
 #include "calib/geo/geodetic.h"
-#include "datasets/synthetic/distractors.h"
-#include "datasets/synthetic/scene.h"
-#include "datasets/synthetic/texture.h"
+#include "tests/synthetic/distractors.h"
+#include "tests/synthetic/scene.h"
+#include "tests/synthetic/texture.h"
 
 namespace trigpoint {
 namespace {

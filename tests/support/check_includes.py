@@ -28,6 +28,8 @@ def violation(path, bracket, target):
         return "Qt is for app/desktop only"
     if VTK.match(target) and not within(path, ["eval/scene", "app/desktop"]):
         return "VTK is for eval/scene and app/desktop only"
+    if other == "tests":
+        return "the product does not include test material"
     if other in LEVEL and "/" in target:
         if LEVEL[other] > LEVEL[own]:
             return f"{own} must not know {other}"

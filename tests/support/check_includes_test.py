@@ -30,6 +30,7 @@ class CheckIncludes(unittest.TestCase):
             ("app/cli/a.cc", "#include <QApplication>"),
             ("app/cli/a.cc", "#include <QtWidgets/QWidget>"),
             ("eval/scene/a.cc", "#include <QWidget>"),
+            ("localize/a.cc", '#include "tests/synthetic/scene.h"'),
             ("localize/a.cc", '#include "tracks.h"'),
             ("localize/a.cc", '#include "../calib/geometry/rigid3.h"'),
         ]:

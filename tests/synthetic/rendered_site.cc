@@ -1,4 +1,4 @@
-#include "datasets/synthetic/rendered_site.h"
+#include "tests/synthetic/rendered_site.h"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
-#include "datasets/synthetic/distractors.h"
-#include "datasets/synthetic/site_writer.h"
-#include "datasets/synthetic/texture.h"
+#include "tests/synthetic/distractors.h"
+#include "tests/synthetic/site_writer.h"
+#include "tests/synthetic/texture.h"
 
 namespace trigpoint {
 namespace {

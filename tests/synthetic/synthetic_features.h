@@ -3,7 +3,7 @@
 #pragma once
 
 #include "datasets/colmap/database.h"
-#include "datasets/synthetic/synthetic_site.h"
+#include "tests/synthetic/synthetic_site.h"
 
 namespace trigpoint {
 

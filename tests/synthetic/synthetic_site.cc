@@ -1,4 +1,4 @@
-#include "datasets/synthetic/synthetic_site.h"
+#include "tests/synthetic/synthetic_site.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
 
-#include "datasets/synthetic/scene.h"
+#include "tests/synthetic/scene.h"
 
 namespace trigpoint {
 

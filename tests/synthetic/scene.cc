@@ -1,4 +1,4 @@
-#include "datasets/synthetic/scene.h"
+#include "tests/synthetic/scene.h"
 
 #include <algorithm>
 #include <cmath>

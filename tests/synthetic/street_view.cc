@@ -1,4 +1,4 @@
-#include "datasets/synthetic/street_view.h"
+#include "tests/synthetic/street_view.h"
 
 #include <fmt/format.h>
 
@@ -16,8 +16,8 @@
 #include "calib/estimation/random.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
-#include "datasets/synthetic/site_writer.h"
-#include "datasets/synthetic/texture.h"
+#include "tests/synthetic/site_writer.h"
+#include "tests/synthetic/texture.h"
 
 namespace trigpoint {
 namespace {

@@ -1,4 +1,4 @@
-#include "datasets/synthetic/distractors.h"
+#include "tests/synthetic/distractors.h"
 
 #include <array>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
-#include "datasets/synthetic/texture.h"
+#include "tests/synthetic/texture.h"
 
 namespace trigpoint {
 

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "calib/base/progress.h"
-#include "datasets/synthetic/scene.h"
-#include "datasets/synthetic/synthetic_site.h"
+#include "tests/synthetic/scene.h"
+#include "tests/synthetic/synthetic_site.h"
 
 namespace trigpoint {
 

@@ -1,4 +1,4 @@
-#include "datasets/synthetic/texture.h"
+#include "tests/synthetic/texture.h"
 
 #include <apriltag/apriltag.h>
 #include <apriltag/common/image_u8.h>

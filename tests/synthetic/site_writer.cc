@@ -1,4 +1,4 @@
-#include "datasets/synthetic/site_writer.h"
+#include "tests/synthetic/site_writer.h"
 
 #include <fmt/format.h>
 
