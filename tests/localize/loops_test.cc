@@ -114,7 +114,7 @@ TEST(Loops, ACopyIsNotBelieved) {
   const size_t n = drive.seen.size();
   for (size_t k = 0; k < 10; ++k) drive.seen[n - 10 + k] = drive.seen[6 + k];
   const Localization result = Solve(drive, true);
-  EXPECT_GE(result.loops.tried, 1);
+  EXPECT_GE(result.loops.found, 1);
   EXPECT_EQ(result.loops.closed, 0);
   EXPECT_EQ(result.loops.contradicting, result.loops.found);
 }
