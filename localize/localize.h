@@ -53,7 +53,7 @@ struct Localization {
   std::vector<ReferenceAnswer> references;
   bool on_earth = false;
   std::string earth_reason;   // why not
-  std::string earth_source;   // "geotags", "gps"
+  std::string earth_source;   // "geotags", "gps", "geotags and gps"
   GeoRegistration geo;        // of the final run's frame
   double odometry_scale = 1;  // applied in the run's frame: true / measured length
   double odometry_scale_sigma = 0;

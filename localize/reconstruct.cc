@@ -251,8 +251,8 @@ void SolveFromFarOff(const ReconstructOptions& options, BundleOptions bundle, Re
   p.loss = MakeLoss(options.loss, options.loss_chi2);
 }
 
-// Variance factor of the observations: robust, from the median of squared errors against chi-square with
-// 2 (1 - redundancy loss) dof; points and poses take their share of the degrees of freedom.
+// Variance factor of the active observations: the sum of their squared errors over the degrees of freedom, 2 for an
+// observation, less 3 for a point and 6 for a pose. Robust as far as the gate has deactivated outliers.
 double VarianceFactor(const BundleProblem& p) {
   double sum = 0;
   int64_t n = 0, points = 0, last = -1;

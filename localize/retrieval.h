@@ -15,7 +15,6 @@ struct RetrievalOptions {
   int training_descriptors = 60000;  // descriptors sampled to build it
   int iterations = 8;                // of k-means, each level
   int top_k = 10;                    // views kept an image
-  double radius_m = 0;               // only references within it of a rough position; 0: all
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
@@ -24,7 +23,6 @@ struct RetrievalOptions {
           {"training_descriptors", "", 100, 10000000, "descriptors sampled for the codebook"});
     visit(self.iterations, {"iterations", "", 1, 100, "k-means iterations a level"});
     visit(self.top_k, {"top_k", "", 1, 1000, "views kept an image"});
-    visit(self.radius_m, {"radius_m", "m", 0, 1e6, "only references within it of a rough position; 0: all"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -130,12 +130,13 @@ TagResult ToTagResult(const TagEstimate& tag) {
 
 // What the global fit of a result rests on, one name each.
 std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const nlohmann::json& manifest) {
+  // "geotags", "gps" or "geotags and gps".
   const std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
   std::vector<std::string> evidence;
-  if (source == "gps") evidence.push_back("gps:" + run.name);
+  if (source.find("gps") != std::string::npos) evidence.push_back("gps:" + run.name);
   for (const PanoramaResult& panorama : result.panoramas) {
     if (panorama.status != "localized") continue;
-    if (source == "geotags") evidence.push_back("geotag:" + panorama.panorama);
+    if (source.find("geotags") != std::string::npos) evidence.push_back("geotag:" + panorama.panorama);
     evidence.push_back("photos:" + panorama.panorama);  // shared with maps that are made of them
   }
   return evidence;

@@ -52,7 +52,8 @@ class Site {
   ~Site() { fs::remove_all(dir_); }
 
   // A result whose errors per axis have this sigma.
-  void Localize(const std::string& result, double sigma, uint64_t seed, const std::string& mode = "trigpoint") const {
+  void Localize(const std::string& result, double sigma, uint64_t seed, const std::string& mode = "trigpoint",
+                const std::string& earth_source = "geotags") const {
     Random random(seed);
     const std::string run = result.substr(0, result.find('@')), folder = "results/localize/" + result + "/";
     std::string rows =
@@ -78,7 +79,7 @@ class Site {
                            {"name", result},
                            {"version", 1},
                            {"options", {{"mode", mode}}},
-                           {"metrics", {{"earth_source", "geotags"}}},
+                           {"metrics", {{"earth_source", earth_source}}},
                            {"files", {{"panoramas.csv", std::to_string(std::hash<std::string>{}(rows))}}},
                            {"status", "done"}};
     Write(folder + "manifest.json", manifest.dump());
@@ -186,6 +187,16 @@ TEST(EvaluateCommand, SaysWhatEachNumberRestsOnAndWhetherItIsConsistent) {
   EXPECT_NEAR(group["error_budget_sigma_m"]["localization"], std::sqrt(3.0) * 0.1, 1e-9);
   EXPECT_NEAR(group["error_budget_sigma_m"]["tag map"], std::sqrt(3.0) * 0.005, 1e-9);
   EXPECT_TRUE(group["intervals"]["h"]["over_answers"]["median_m"].is_array());
+}
+
+TEST(EvaluateCommand, AFitToGeotagsAndGpsRestsOnBoth) {
+  const Site site;
+  site.Localize("run1", 0.1, 1, "trigpoint", "geotags and gps");
+  ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  const std::string rests_on = GroupOf(site.Summary(), "single")["estimate_rests_on"].dump();
+  EXPECT_THAT(rests_on, HasSubstr("gps:run1"));
+  EXPECT_THAT(rests_on, HasSubstr("geotag:pano3"));
+  EXPECT_THAT(rests_on, Not(HasSubstr("gps:run2")));
 }
 
 TEST(EvaluateCommand, BadInputIsToldAndTheRestGoesOn) {
