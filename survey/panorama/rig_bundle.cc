@@ -8,10 +8,10 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <numeric>
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
+#include "calib/base/union_find.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/so3.h"
@@ -61,9 +61,26 @@ struct ScalarPrior {
   }
 };
 
+using ceres::AutoDiffCostFunction;
+
+// What is adjusted, and which of it the observations reach. Ceres keeps pointers into it.
 struct Blocks {
+  explicit Blocks(const RigState& state, double radius_m)
+      : rotations(state.photos.size(), {0, 0, 0}),
+        log_radius(std::log(radius_m)),
+        seen(state.photos.size(), false),
+        lens_seen(state.lenses.size(), false) {
+    for (const RigPhoto& p : state.photos) centres.push_back({p.centre.x(), p.centre.y(), p.centre.z()});
+    for (const Lens& l : state.lenses) lenses.push_back({l.focal_px, l.k1, l.k2});
+    for (const RigPoint& p : state.points) points.push_back({0, 0, p.inverse_distance});
+  }
+  Blocks(const Blocks&) = delete;
+  Blocks& operator=(const Blocks&) = delete;
+
   std::vector<std::array<double, 3>> rotations, centres, lenses, points;
   double log_radius = 0;
+  std::vector<bool> seen, lens_seen;
+  std::vector<double*> camera_blocks, point_blocks;  // in the problem, in its order
 };
 
 // Points in one cell of the sphere, kCell wide, may err alike.
@@ -76,140 +93,116 @@ int CellOf(const Eigen::Vector3d& direction) {
   return 1000 * (row + 500) + std::min(cells - 1, static_cast<int>(turn * cells));
 }
 
-}  // namespace
-
-bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, const RigPoint& point, int photo,
-                     Eigen::Vector2d* pixel) {
-  const RigPhoto& p = state.photos[static_cast<size_t>(photo)];
-  const Eigen::Vector3d ray = p.cam_from_rig * (point.direction - point.inverse_distance * p.centre);
-  return PixelOfRay(views[static_cast<size_t>(photo)], state.lenses[static_cast<size_t>(p.lens)], ray.normalized(),
-                    pixel);
-}
-
-RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOptions& options, bool with_covariance,
-                         int threads, const CancelToken& cancel, RigState* state) {
-  cancel.ThrowIfCancelled();
-  Blocks b;
-  b.rotations.resize(state->photos.size(), {0, 0, 0});
-  for (const RigPhoto& p : state->photos) b.centres.push_back({p.centre.x(), p.centre.y(), p.centre.z()});
-  for (const Lens& l : state->lenses) b.lenses.push_back({l.focal_px, l.k1, l.k2});
-  b.points.resize(state->points.size());
-  for (size_t j = 0; j < state->points.size(); ++j) b.points[j] = {0, 0, state->points[j].inverse_distance};
-  b.log_radius = std::log(options.radius_m);
-
-  ceres::Problem::Options ownership;
-  ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(ownership);
-  const bool huber = options.huber_px > 0;
-  const double knee = (huber ? options.huber_px : options.tukey_px) / options.sigma_px;
-  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(huber ? "huber" : "tukey", knee * knee);
-  std::vector<bool> seen(state->photos.size(), false), lens_seen(state->lenses.size(), false);
-  for (size_t j = 0; j < state->points.size(); ++j) {
-    const RigPoint& point = state->points[j];
+void AddObservations(const std::vector<PairView>& views, const RigState& state, double sigma_px,
+                     ceres::LossFunction* loss, ceres::Problem* problem, Blocks* b) {
+  for (size_t j = 0; j < state.points.size(); ++j) {
+    const RigPoint& point = state.points[j];
     for (const RigObservation& o : point.observations) {
       const size_t i = static_cast<size_t>(o.photo);
-      const RigPhoto& photo = state->photos[i];
-      problem.AddResidualBlock(
-          new RigObservationCost(views[i], state->lenses[static_cast<size_t>(photo.lens)].fisheye, photo.cam_from_rig,
-                                 point.direction, o.pixel, o.weight / options.sigma_px),
-          loss.get(), b.rotations[i].data(), b.centres[i].data(), b.lenses[static_cast<size_t>(photo.lens)].data(),
-          b.points[j].data());
-      seen[i] = true;
-      lens_seen[static_cast<size_t>(photo.lens)] = true;
+      const RigPhoto& photo = state.photos[i];
+      const size_t lens = static_cast<size_t>(photo.lens);
+      problem->AddResidualBlock(new RigObservationCost(views[i], state.lenses[lens].fisheye, photo.cam_from_rig,
+                                                       point.direction, o.pixel, o.weight / sigma_px),
+                                loss, b->rotations[i].data(), b->centres[i].data(), b->lenses[lens].data(),
+                                b->points[j].data());
+      b->seen[i] = true;
+      b->lens_seen[lens] = true;
     }
   }
-  if (problem.NumResidualBlocks() == 0) throw NumericError("no matches between the photos are left to adjust");
-  std::vector<double*> cameras, points;
-  std::vector<int> held_distance = {2};
+  if (problem->NumResidualBlocks() == 0) throw NumericError("no matches between the photos are left to adjust");
+}
+
+// Points with the scene's parallax, or at their distances if the centres are held.
+void AddPoints(const RigState& state, const RigBundleOptions& options, ceres::Problem* problem, Blocks* b) {
   // One scene has one spread of distances: its points count together as kScenePoints.
   const double inverse_parallax =
-      std::sqrt(std::min(1.0, kScenePoints / static_cast<double>(state->points.size()))) / options.parallax;
-  const bool free_centres = options.centres;
-  for (size_t j = 0; j < state->points.size(); ++j) {
-    if (state->points[j].observations.empty()) continue;
-    points.push_back(b.points[j].data());
-    if (!free_centres) {
-      problem.SetManifold(b.points[j].data(), new ceres::SubsetManifold(3, held_distance));
+      std::sqrt(std::min(1.0, kScenePoints / static_cast<double>(state.points.size()))) / options.parallax;
+  for (size_t j = 0; j < state.points.size(); ++j) {
+    if (state.points[j].observations.empty()) continue;
+    double* point = b->points[j].data();
+    b->point_blocks.push_back(point);
+    if (options.centres) {
+      problem->AddResidualBlock(new AutoDiffCostFunction<ParallaxPrior, 2, 3, 1>(new ParallaxPrior{inverse_parallax}),
+                                nullptr, point, &b->log_radius);
     } else {
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<ParallaxPrior, 2, 3, 1>(new ParallaxPrior{inverse_parallax}), nullptr,
-          b.points[j].data(), &b.log_radius);
+      problem->SetManifold(point, new ceres::SubsetManifold(3, {2}));
     }
   }
+}
+
+// The first photo's rotation is held; centres are held or on the circle.
+void AddPhotos(const RigState& state, const RigBundleOptions& options, ceres::Problem* problem, Blocks* b) {
   bool first = true;
-  std::vector<int> column_of_photo(state->photos.size(), -1);
-  for (size_t i = 0; i < state->photos.size(); ++i) {
-    if (!seen[i]) continue;
-    column_of_photo[i] = static_cast<int>(3 * cameras.size());
-    cameras.push_back(b.rotations[i].data());
-    cameras.push_back(b.centres[i].data());
-    if (first) problem.SetParameterBlockConstant(b.rotations[i].data());
+  for (size_t i = 0; i < state.photos.size(); ++i) {
+    if (!b->seen[i]) continue;
+    b->camera_blocks.push_back(b->rotations[i].data());
+    b->camera_blocks.push_back(b->centres[i].data());
+    if (first) problem->SetParameterBlockConstant(b->rotations[i].data());
     first = false;
-    if (!free_centres) {
-      problem.SetParameterBlockConstant(b.centres[i].data());
+    if (!options.centres) {
+      problem->SetParameterBlockConstant(b->centres[i].data());
       continue;
     }
-    Eigen::Vector3d look = state->photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    Eigen::Vector3d look = state.photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
     look -= options.up * options.up.dot(look);
     const bool circle = options.circle_share > 0 && look.norm() > 0.2;
     // Straight up or down there is no direction on the circle: somewhere within it, like everything without a circle.
     look = circle ? look.normalized() : Eigen::Vector3d::Zero();
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CircleCost, 3, 3, 1>(
-                                 new CircleCost{look, circle ? 1 / options.circle_share : 1.0}),
-                             nullptr, b.centres[i].data(), &b.log_radius);
+    problem->AddResidualBlock(
+        new AutoDiffCostFunction<CircleCost, 3, 3, 1>(new CircleCost{look, circle ? 1 / options.circle_share : 1.0}),
+        nullptr, b->centres[i].data(), &b->log_radius);
   }
-  if (free_centres) {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 1>(new ScalarPrior{
-                                 0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
-                             nullptr, &b.log_radius);
-    // Nothing but this prior knows the size, so the answer is its own value; the covariance is taken with it free.
-    problem.SetParameterBlockConstant(&b.log_radius);
-  }
-  std::vector<int> column_of_lens(state->lenses.size(), -1);
-  for (size_t l = 0; l < state->lenses.size(); ++l) {
-    if (!lens_seen[l]) continue;
-    column_of_lens[l] = static_cast<int>(3 * cameras.size());
-    cameras.push_back(b.lenses[l].data());
-    double* lens = b.lenses[l].data();
-    if (!options.distortion) problem.SetManifold(lens, new ceres::SubsetManifold(3, {1, 2}));
-    const LensPrior& prior = state->lens_priors[l];
-    if (prior.focal_px > 0) {
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(
-                                   new ScalarPrior{0, prior.focal_px, 1 / (prior.sigma_share * prior.focal_px)}),
-                               nullptr, lens);
-    }
+  if (!options.centres) return;
+  problem->AddResidualBlock(new AutoDiffCostFunction<ScalarPrior, 1, 1>(new ScalarPrior{
+                                0, std::log(options.radius_m), 1 / std::log(std::max(1.001, options.radius_factor))}),
+                            nullptr, &b->log_radius);
+  // Nothing but this prior knows the size, so the answer is its own value; the covariance is taken with it free.
+  problem->SetParameterBlockConstant(&b->log_radius);
+}
+
+void AddLenses(const RigState& state, const RigBundleOptions& options, ceres::Problem* problem, Blocks* b) {
+  const auto prior_on = [&](double* lens, int index, double value, double sigma) {
+    problem->AddResidualBlock(new AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{index, value, 1 / sigma}),
+                              nullptr, lens);
+  };
+  for (size_t l = 0; l < state.lenses.size(); ++l) {
+    if (!b->lens_seen[l]) continue;
+    double* lens = b->lenses[l].data();
+    b->camera_blocks.push_back(lens);
+    if (!options.distortion) problem->SetManifold(lens, new ceres::SubsetManifold(3, {1, 2}));
+    const LensPrior& prior = state.lens_priors[l];
+    if (prior.focal_px > 0) prior_on(lens, 0, prior.focal_px, prior.sigma_share * prior.focal_px);
     // What lenses of phones and cameras have; holds the terms where few photos see the corners. Two fisheyes back to
     // back say only how far out their rim is: between its axis and there a lens is what others of its kind are.
-    const Lens usual = StartLens(1, state->lenses[l].fisheye);
-    const double sigma1 = usual.fisheye ? 0.05 : 0.2, sigma2 = usual.fisheye ? 0.02 : 0.2;
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{1, usual.k1, 1 / sigma1}), nullptr, lens);
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{2, usual.k2, 1 / sigma2}), nullptr, lens);
-    problem.SetParameterLowerBound(lens, 0, 20);
+    const Lens usual = StartLens(1, state.lenses[l].fisheye);
+    prior_on(lens, 1, usual.k1, usual.fisheye ? 0.05 : 0.2);
+    prior_on(lens, 2, usual.k2, usual.fisheye ? 0.02 : 0.2);
+    problem->SetParameterLowerBound(lens, 0, 20);
   }
+}
+
+ceres::Solver::Summary Minimise(const RigBundleOptions& options, int threads, ceres::Problem* problem, Blocks* b) {
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::DENSE_SCHUR;
   auto* ordering = new ceres::ParameterBlockOrdering;
-  for (double* p : points) ordering->AddElementToGroup(p, 0);
-  for (double* c : cameras) ordering->AddElementToGroup(c, 1);
-  if (free_centres) ordering->AddElementToGroup(&b.log_radius, 1);
+  for (double* p : b->point_blocks) ordering->AddElementToGroup(p, 0);
+  for (double* c : b->camera_blocks) ordering->AddElementToGroup(c, 1);
+  if (options.centres) ordering->AddElementToGroup(&b->log_radius, 1);
   solve.linear_solver_ordering.reset(ordering);
   solve.max_num_iterations = options.max_iterations;
   solve.function_tolerance = 1e-8;
   solve.num_threads = ResolveThreads(threads);
   solve.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
-  ceres::Solve(solve, &problem, &summary);
-  cancel.ThrowIfCancelled();
+  ceres::Solve(solve, problem, &summary);
   if (!summary.IsSolutionUsable()) throw NumericError("the photos' bundle adjustment failed: " + summary.message);
+  return summary;
+}
 
-  RigBundleResult result;
-  result.cost = summary.final_cost;
-  result.iterations = static_cast<int>(summary.iterations.size());
-  // Back into the state; the covariance is taken where the tangents are zero.
+// Back into the state; the covariance is taken where the tangents are zero.
+void StoreBlocks(const Blocks& b, RigState* state) {
   for (size_t i = 0; i < state->photos.size(); ++i) {
-    if (!seen[i]) continue;
+    if (!b.seen[i]) continue;
     RigPhoto& p = state->photos[i];
     p.cam_from_rig = (ExpSO3(Eigen::Vector3d(b.rotations[i][0], b.rotations[i][1], b.rotations[i][2])) * p.cam_from_rig)
                          .normalized();
@@ -227,74 +220,121 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
     p.direction = d.normalized();
   }
   state->radius_m = std::exp(b.log_radius);
+}
+
+// Root mean square of the observations' errors, px a coordinate.
+double RmsPx(const std::vector<PairView>& views, const RigState& state) {
   double sum = 0;
   int count = 0;
-  for (const RigPoint& p : state->points) {
+  for (const RigPoint& p : state.points) {
     for (const RigObservation& o : p.observations) {
       Eigen::Vector2d pixel;
-      if (!ProjectRigPoint(views, *state, p, o.photo, &pixel)) continue;
+      if (!ProjectRigPoint(views, state, p, o.photo, &pixel)) continue;
       sum += (pixel - o.pixel).squaredNorm();
       ++count;
     }
   }
-  result.rms_px = count > 0 ? std::sqrt(sum / (2 * count)) : 0;
+  return count > 0 ? std::sqrt(sum / (2 * count)) : 0;
+}
 
-  if (with_covariance) {
-    if (free_centres) {
-      problem.SetParameterBlockVariable(&b.log_radius);
-      cameras.push_back(&b.log_radius);
-    }
-    int columns = 0;
-    std::map<const double*, int> column;
-    std::vector<double*> free_blocks;
-    for (double* c : cameras) {
-      if (problem.IsParameterBlockConstant(c)) continue;
-      column[c] = columns;
-      columns += problem.ParameterBlockTangentSize(c);
-      free_blocks.push_back(c);
-    }
-    std::vector<int> groups;
-    for (const RigPoint& p : state->points) {
-      if (!p.observations.empty()) groups.push_back(CellOf(p.direction));
-    }
-    const MarginalCovariance marginal = Marginalise(&problem, free_blocks, points, groups);
-    result.shared_errors = std::max(1.0, marginal.shared);
-    Eigen::MatrixXd reduced = result.shared_errors * marginal.covariance;
-    if (reduced.size() == 0) reduced = Eigen::MatrixXd::Identity(columns, columns) * kUnknown;
-    if (free_centres) result.radius_log_sigma = std::sqrt(std::max(0.0, reduced(columns - 1, columns - 1)));
-    std::vector<int> source;  // of each row of the answer, -1: held
-    for (size_t i = 0; i < state->photos.size(); ++i) {
-      if (!state->photos[i].placed) continue;
-      for (const double* block : {b.rotations[i].data(), b.centres[i].data()}) {
-        const auto it = column.find(block);
-        for (int k = 0; k < 3; ++k) source.push_back(it == column.end() ? -1 : it->second + k);
-      }
-    }
-    for (size_t l = 0; l < state->lenses.size(); ++l) {
-      const auto it = column.find(b.lenses[l].data());
-      for (int k = 0; k < 3; ++k) {
-        source.push_back(it == column.end() || (!options.distortion && k > 0) ? -1 : it->second + k);
-      }
-    }
-    const Eigen::Index n = static_cast<Eigen::Index>(source.size());
-    result.covariance = Eigen::MatrixXd::Zero(n, n);
-    for (Eigen::Index r = 0; r < n; ++r) {
-      for (Eigen::Index c = 0; c < n; ++c) {
-        const int sr = source[static_cast<size_t>(r)], sc = source[static_cast<size_t>(c)];
-        if (sr >= 0 && sc >= 0) result.covariance(r, c) = reduced(sr, sc);
-      }
-    }
-    const Eigen::Index photos = n - 3 * static_cast<Eigen::Index>(state->lenses.size());
-    result.shape_covariance = result.covariance.topLeftCorner(photos, photos);
-    if (free_centres) {
-      Eigen::VectorXd with_radius = Eigen::VectorXd::Zero(photos);
-      for (Eigen::Index r = 0; r < photos; ++r) {
-        const int sr = source[static_cast<size_t>(r)];
-        if (sr >= 0) with_radius(r) = reduced(sr, columns - 1);
-      }
-      result.shape_covariance -= with_radius * with_radius.transpose() / reduced(columns - 1, columns - 1);
+// Of each row of the answer's covariance its column in the reduced one, -1: held.
+std::vector<int> SourceRows(const RigState& state, const Blocks& b, const std::map<const double*, int>& column,
+                            bool distortion) {
+  std::vector<int> source;
+  for (size_t i = 0; i < state.photos.size(); ++i) {
+    if (!state.photos[i].placed) continue;
+    for (const double* block : {b.rotations[i].data(), b.centres[i].data()}) {
+      const auto it = column.find(block);
+      for (int k = 0; k < 3; ++k) source.push_back(it == column.end() ? -1 : it->second + k);
     }
   }
+  for (size_t l = 0; l < state.lenses.size(); ++l) {
+    const auto it = column.find(b.lenses[l].data());
+    for (int k = 0; k < 3; ++k) {
+      source.push_back(it == column.end() || (!distortion && k > 0) ? -1 : it->second + k);
+    }
+  }
+  return source;
+}
+
+// Covariances of photos and lenses, the points and the radius marginalised.
+void FillCovariance(const RigState& state, const RigBundleOptions& options, ceres::Problem* problem, Blocks* b,
+                    RigBundleResult* result) {
+  if (options.centres) {
+    problem->SetParameterBlockVariable(&b->log_radius);
+    b->camera_blocks.push_back(&b->log_radius);
+  }
+  int columns = 0;
+  std::map<const double*, int> column;
+  std::vector<double*> free_blocks;
+  for (double* c : b->camera_blocks) {
+    if (problem->IsParameterBlockConstant(c)) continue;
+    column[c] = columns;
+    columns += problem->ParameterBlockTangentSize(c);
+    free_blocks.push_back(c);
+  }
+  std::vector<int> groups;
+  for (const RigPoint& p : state.points) {
+    if (!p.observations.empty()) groups.push_back(CellOf(p.direction));
+  }
+  const MarginalCovariance marginal = Marginalise(problem, free_blocks, b->point_blocks, groups);
+  result->shared_errors = std::max(1.0, marginal.shared);
+  Eigen::MatrixXd reduced = result->shared_errors * marginal.covariance;
+  if (reduced.size() == 0) reduced = Eigen::MatrixXd::Identity(columns, columns) * kUnknown;
+  if (options.centres) result->radius_log_sigma = std::sqrt(std::max(0.0, reduced(columns - 1, columns - 1)));
+  const std::vector<int> source = SourceRows(state, *b, column, options.distortion);
+  const Eigen::Index n = static_cast<Eigen::Index>(source.size());
+  result->covariance = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index r = 0; r < n; ++r) {
+    for (Eigen::Index c = 0; c < n; ++c) {
+      const int sr = source[static_cast<size_t>(r)], sc = source[static_cast<size_t>(c)];
+      if (sr >= 0 && sc >= 0) result->covariance(r, c) = reduced(sr, sc);
+    }
+  }
+  const Eigen::Index photos = n - 3 * static_cast<Eigen::Index>(state.lenses.size());
+  result->shape_covariance = result->covariance.topLeftCorner(photos, photos);
+  if (!options.centres) return;
+  Eigen::VectorXd with_radius = Eigen::VectorXd::Zero(photos);
+  for (Eigen::Index r = 0; r < photos; ++r) {
+    const int sr = source[static_cast<size_t>(r)];
+    if (sr >= 0) with_radius(r) = reduced(sr, columns - 1);
+  }
+  result->shape_covariance -= with_radius * with_radius.transpose() / reduced(columns - 1, columns - 1);
+}
+
+}  // namespace
+
+bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, const RigPoint& point, int photo,
+                     Eigen::Vector2d* pixel) {
+  const RigPhoto& p = state.photos[static_cast<size_t>(photo)];
+  const Eigen::Vector3d ray = p.cam_from_rig * (point.direction - point.inverse_distance * p.centre);
+  return PixelOfRay(views[static_cast<size_t>(photo)], state.lenses[static_cast<size_t>(p.lens)], ray.normalized(),
+                    pixel);
+}
+
+RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOptions& options, bool with_covariance,
+                         int threads, const CancelToken& cancel, RigState* state) {
+  cancel.ThrowIfCancelled();
+  const bool huber = options.huber_px > 0;
+  const double knee = (huber ? options.huber_px : options.tukey_px) / options.sigma_px;
+  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(huber ? "huber" : "tukey", knee * knee);
+  Blocks blocks(*state, options.radius_m);
+  ceres::Problem::Options ownership;
+  ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(ownership);
+  AddObservations(views, *state, options.sigma_px, loss.get(), &problem, &blocks);
+  AddPoints(*state, options, &problem, &blocks);
+  AddPhotos(*state, options, &problem, &blocks);
+  AddLenses(*state, options, &problem, &blocks);
+  const ceres::Solver::Summary summary = Minimise(options, threads, &problem, &blocks);
+  cancel.ThrowIfCancelled();
+
+  RigBundleResult result;
+  result.cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size());
+  StoreBlocks(blocks, state);
+  result.rms_px = RmsPx(views, *state);
+  if (with_covariance) FillCovariance(*state, options, &problem, &blocks, &result);
   return result;
 }
 
@@ -315,29 +355,20 @@ double SigmaOfDistance(const std::vector<PairView>& views, const RigState& state
 
 std::vector<RigPoint> BuildRigPoints(const std::vector<PairView>& views, const RigState& state,
                                      const std::vector<PhotoPair>& pairs) {
-  // Union-find over (photo, feature).
+  // Sets of (photo, feature).
   std::vector<int> offset(views.size() + 1, 0);
   for (size_t v = 0; v < views.size(); ++v) offset[v + 1] = offset[v] + views[v].features->size();
-  std::vector<int> parent(static_cast<size_t>(offset.back()));
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](int x) {
-    while (parent[static_cast<size_t>(x)] != x) {
-      parent[static_cast<size_t>(x)] = parent[static_cast<size_t>(parent[static_cast<size_t>(x)])];
-      x = parent[static_cast<size_t>(x)];
-    }
-    return x;
-  };
+  UnionFind chains(offset.back());
   for (const PhotoPair& pair : pairs) {
     for (const auto& [i, j] : pair.matches) {
-      const int a = root(offset[static_cast<size_t>(pair.a)] + i), b = root(offset[static_cast<size_t>(pair.b)] + j);
-      if (a != b) parent[static_cast<size_t>(std::max(a, b))] = std::min(a, b);
+      chains.Join(offset[static_cast<size_t>(pair.a)] + i, offset[static_cast<size_t>(pair.b)] + j);
     }
   }
   std::map<int, std::vector<std::pair<int, int>>> members;
   for (const PhotoPair& pair : pairs) {
     for (const auto& [i, j] : pair.matches) {
-      members[root(offset[static_cast<size_t>(pair.a)] + i)].emplace_back(pair.a, i);
-      members[root(offset[static_cast<size_t>(pair.b)] + j)].emplace_back(pair.b, j);
+      members[chains.Root(offset[static_cast<size_t>(pair.a)] + i)].emplace_back(pair.a, i);
+      members[chains.Root(offset[static_cast<size_t>(pair.b)] + j)].emplace_back(pair.b, j);
     }
   }
   std::vector<RigPoint> points;

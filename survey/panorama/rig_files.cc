@@ -35,15 +35,48 @@ Matrix6d RigFromCamCovariance(const RigPhoto& p, const Matrix6d& c) {
   return j * c * j.transpose();
 }
 
-}  // namespace
+// Of the i-th photo, the at-th placed one; zero where it was not computed.
+Matrix6d CovarianceOf(const StitchedRig& rig, size_t i, int at) {
+  const Eigen::MatrixXd& covariance = rig.bundle.covariance;
+  if (covariance.rows() < 6 * (at + 1)) return Matrix6d::Zero();
+  return RigFromCamCovariance(rig.state.photos[i], covariance.block<6, 6>(6 * at, 6 * at));
+}
 
-void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir) {
+void AddRow(const StitchedRig& rig, size_t i, const Matrix6d& covariance, CsvWriter* csv) {
+  const Rigid3d pose = RigFromCam(rig.state.photos[i]);
+  csv->Text(rig.photos[i].name);
+  for (int k = 0; k < 3; ++k) csv->Number(pose.translation(k), 6);
+  csv->Number(pose.rotation.x(), 9)
+      .Number(pose.rotation.y(), 9)
+      .Number(pose.rotation.z(), 9)
+      .Number(pose.rotation.w(), 9);
+  for (int k = 3; k < 6; ++k) csv->Number(std::sqrt(std::max(0.0, covariance(k, k))), 5);
+  csv->Number(rig.state.lenses[static_cast<size_t>(rig.state.photos[i].lens)].focal_px, 4);
+  csv->EndRow();
+}
+
+json PlacedPhoto(const StitchedRig& rig, const Composite* composite, size_t i, const Matrix6d& covariance) {
+  const Rigid3d pose = RigFromCam(rig.state.photos[i]);
+  json entry = {{"lens", rig.state.photos[i].lens},
+                {"principal_px", {rig.views[i].Principal().x(), rig.views[i].Principal().y()}},
+                {"translation_m", Vector(pose.translation)},
+                {"quaternion_xyzw", {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()}},
+                {"covariance_rotation_rad_translation_m", Numbers(covariance)}};
+  if (composite != nullptr) {
+    const Eigen::Vector3d& g = composite->gains[i];
+    entry["gain_rgb"] = {g(2), g(1), g(0)};
+    entry["share_of_panorama"] = composite->share[i];
+  }
+  return entry;
+}
+
+// Writes rig.csv; the photos' entries of rig.json.
+json WriteRigTable(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& file) {
   CsvWriter csv(
       {"photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "focal_px"},
       {"trigpoint rig 1; frame=rig: x right, y down, z forward at the panorama's centre; origin=mean of the "
        "photos' centres; sigma=1, relative to the origin; pose=rig_from_cam"});
   json photos = json::array();
-  const Eigen::MatrixXd& covariance = rig.bundle.covariance;
   int at = 0;
   for (size_t i = 0; i < rig.photos.size(); ++i) {
     const RigPhoto& p = rig.state.photos[i];
@@ -51,46 +84,30 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
                   {"placed", p.placed},
                   {"width_px", rig.photos[i].width},
                   {"height_px", rig.photos[i].height}};
-    if (!p.placed) {
+    if (p.placed) {
+      const Matrix6d covariance = CovarianceOf(rig, i, at++);
+      AddRow(rig, i, covariance, &csv);
+      entry.update(PlacedPhoto(rig, composite, i, covariance));
+    } else {
       entry["reason"] = rig.reason[i];
-      photos.push_back(std::move(entry));
-      continue;
-    }
-    Matrix6d c = Matrix6d::Zero();
-    if (covariance.rows() >= 6 * (at + 1)) c = RigFromCamCovariance(p, covariance.block<6, 6>(6 * at, 6 * at));
-    ++at;
-    const Rigid3d pose = RigFromCam(p);
-    const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
-    csv.Text(rig.photos[i].name);
-    for (int k = 0; k < 3; ++k) csv.Number(pose.translation(k), 6);
-    csv.Number(pose.rotation.x(), 9)
-        .Number(pose.rotation.y(), 9)
-        .Number(pose.rotation.z(), 9)
-        .Number(pose.rotation.w(), 9);
-    for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, c(k, k))), 5);
-    csv.Number(lens.focal_px, 4);
-    csv.EndRow();
-    entry["lens"] = p.lens;
-    entry["principal_px"] = {rig.views[i].Principal().x(), rig.views[i].Principal().y()};
-    entry["translation_m"] = Vector(pose.translation);
-    entry["quaternion_xyzw"] = {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()};
-    entry["covariance_rotation_rad_translation_m"] = Numbers(c);
-    if (composite != nullptr) {
-      const Eigen::Vector3d& g = composite->gains[i];
-      entry["gain_rgb"] = {g(2), g(1), g(0)};
-      entry["share_of_panorama"] = composite->share[i];
     }
     photos.push_back(std::move(entry));
   }
   for (const LeftOutPhoto& p : rig.left_out) {
     photos.push_back({{"photo", p.name}, {"placed", false}, {"reason", p.reason}});
   }
-  csv.Save(dir / "rig.csv");
+  csv.Save(file);
+  return photos;
+}
 
+json Lenses(const StitchedRig& rig) {
+  const Eigen::MatrixXd& covariance = rig.bundle.covariance;
+  const auto placed =
+      std::count_if(rig.state.photos.begin(), rig.state.photos.end(), [](const RigPhoto& p) { return p.placed; });
   json lenses = json::array();
   for (size_t l = 0; l < rig.state.lenses.size(); ++l) {
     const Lens& lens = rig.state.lenses[l];
-    const Eigen::Index k = 6 * at + 3 * static_cast<Eigen::Index>(l);
+    const Eigen::Index k = 6 * placed + 3 * static_cast<Eigen::Index>(l);
     Eigen::Vector3d sigma = Eigen::Vector3d::Zero();
     if (covariance.rows() >= k + 3) sigma = covariance.diagonal().segment<3>(k).cwiseMax(0).cwiseSqrt();
     const double exif = rig.state.lens_priors[l].focal_px;
@@ -103,13 +120,35 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
                       {"sigma_k2", sigma(2)},
                       {"exif_focal_px", exif > 0 ? json(exif) : json(nullptr)}});
   }
-  // Of the photos in the order of rig.csv; by the lower triangle.
+  return lenses;
+}
+
+// Of the photos in the order of rig.csv; by the lower triangle.
+json ShapeCovariance(const StitchedRig& rig) {
+  const Eigen::MatrixXd& m = rig.bundle.shape_covariance;
   json shape = json::array();
-  const Eigen::MatrixXd& of_shape = rig.bundle.shape_covariance;
-  for (Eigen::Index r = 0; r < of_shape.rows(); ++r) {
-    for (Eigen::Index k = 0; k <= r; ++k) shape.push_back(static_cast<float>(of_shape(r, k)));
+  for (Eigen::Index r = 0; r < m.rows(); ++r) {
+    for (Eigen::Index k = 0; k <= r; ++k) shape.push_back(static_cast<float>(m(r, k)));
   }
-  const ParallaxBudget& b = rig.parallax;
+  return shape;
+}
+
+json Parallax(const ParallaxBudget& b) {
+  return {{"median_px", b.median_px},
+          {"p95_px", b.p95_px},
+          {"max_px", b.max_px},
+          {"rms_one_centre_px", b.rms_central_px},
+          {"rms_own_centres_px", b.rms_rig_px},
+          {"centres_rms_m", b.spread_m},
+          {"centres_largest_m", b.largest_m},
+          {"median_distance_m", b.median_distance_m},
+          {"points_with_distance", b.points_with_distance}};
+}
+
+}  // namespace
+
+void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir) {
+  const json photos = WriteRigTable(rig, composite, dir / "rig.csv");
   const Closure& c = rig.closure;
   json sidecar = {
       {"schema", "trigpoint rig 1"},
@@ -117,27 +156,18 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
        "rig: x right, y down, z forward at the panorama's centre; metres; sigmas and covariances at 1 sigma, "
        "relative to the first placed photo's rotation and to the origin"},
       {"photos", photos},
-      {"lenses", lenses},
+      {"lenses", Lenses(rig)},
       {"centre",
        {{"definition", "mean of the photos' centres"},
         {"why",
          "it is where the pictures were taken; the point nearest to all optical axes is pulled along the axes by "
          "photos "
          "that look up or down"},
-        {"axes_centre_m", Vector(b.axes_centre)}}},
-      {"shape_covariance", shape},
+        {"axes_centre_m", Vector(rig.parallax.axes_centre)}}},
+      {"shape_covariance", ShapeCovariance(rig)},
       {"shared_errors", rig.bundle.shared_errors},
       {"circle", {{"radius_m", rig.state.radius_m}, {"log_sigma", rig.bundle.radius_log_sigma}}},
-      {"parallax",
-       {{"median_px", b.median_px},
-        {"p95_px", b.p95_px},
-        {"max_px", b.max_px},
-        {"rms_one_centre_px", b.rms_central_px},
-        {"rms_own_centres_px", b.rms_rig_px},
-        {"centres_rms_m", b.spread_m},
-        {"centres_largest_m", b.largest_m},
-        {"median_distance_m", b.median_distance_m},
-        {"points_with_distance", b.points_with_distance}}},
+      {"parallax", Parallax(rig.parallax)},
       {"closure",
        {{"full_turn", c.full_turn},
         {"photos", c.photos},

@@ -12,6 +12,7 @@
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
+#include "calib/base/union_find.h"
 #include "calib/geo/geodetic.h"
 #include "survey/tags/control.h"
 #include "survey/tags/conventions.h"
@@ -327,47 +328,39 @@ bool MapSolver::Usable(const MapSight& s) const {
 void MapSolver::FindLinked() {
   unlinked_frames_.clear();
   unlinked_tags_.clear();
-  std::vector<int> parent(start_.frames.size());
-  for (size_t f = 0; f < parent.size(); ++f) parent[f] = static_cast<int>(f);
-  const auto root = [&](int f) {
-    while (parent[static_cast<size_t>(f)] != f) {
-      f = parent[static_cast<size_t>(f)] = parent[static_cast<size_t>(parent[static_cast<size_t>(f)])];
-    }
-    return f;
-  };
-  const auto join = [&](int a, int b) { parent[static_cast<size_t>(root(a))] = root(b); };
+  UnionFind parts(static_cast<int>(start_.frames.size()));
   std::map<int, int> tag_frame, sights;
   std::vector<int> last_odometry(input_.runs.size(), -1), last_tied(input_.runs.size(), -1);
-  for (size_t f = 0; f < parent.size(); ++f) {
+  for (size_t f = 0; f < start_.frames.size(); ++f) {
     const MapFrame& frame = start_.frames[f];
     if (!frame.world_from_body) continue;
     const auto r = static_cast<size_t>(frame.run);
     const int index = static_cast<int>(f);
     if (frame.odom_from_body) {
-      if (last_odometry[r] >= 0) join(index, last_odometry[r]);
+      if (last_odometry[r] >= 0) parts.Join(index, last_odometry[r]);
       last_odometry[r] = index;
     }
     if (frame.has_ties) {
-      if (last_tied[r] >= 0) join(index, last_tied[r]);
+      if (last_tied[r] >= 0) parts.Join(index, last_tied[r]);
       last_tied[r] = index;
     }
   }
   for (const MapSight& s : start_.sights) {
     if (!Usable(s)) continue;
     const auto [it, fresh] = tag_frame.try_emplace(s.place, s.frame);
-    if (!fresh) join(s.frame, it->second);
+    if (!fresh) parts.Join(s.frame, it->second);
   }
   for (const MapSight& s : start_.sights) {
-    if (Usable(s)) ++sights[root(s.frame)];
+    if (Usable(s)) ++sights[parts.Root(s.frame)];
   }
   const auto most =
       std::max_element(sights.begin(), sights.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   if (most == sights.end()) throw InputError("no picture of a tag is left to make a map from");
-  for (size_t f = 0; f < parent.size(); ++f) {
-    if (root(static_cast<int>(f)) != root(most->first)) unlinked_frames_.insert(static_cast<int>(f));
+  for (size_t f = 0; f < start_.frames.size(); ++f) {
+    if (parts.Root(static_cast<int>(f)) != most->first) unlinked_frames_.insert(static_cast<int>(f));
   }
   for (const auto& [id, frame] : tag_frame) {
-    if (root(frame) != root(most->first)) unlinked_tags_.insert(id);
+    if (parts.Root(frame) != most->first) unlinked_tags_.insert(id);
   }
 }
 

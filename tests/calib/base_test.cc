@@ -11,9 +11,23 @@
 #include "calib/base/nearest_rows.h"
 #include "calib/base/option.h"
 #include "calib/base/parallel.h"
+#include "calib/base/union_find.h"
 
 namespace trigpoint {
 namespace {
+
+TEST(UnionFind, RootsAreTheSmallestMembersInAnyOrder) {
+  std::vector<std::pair<int, int>> pairs = {{7, 3}, {3, 9}, {1, 2}, {9, 5}, {4, 4}, {2, 1}};
+  std::mt19937 random(1);
+  for (int round = 0; round < 20; ++round) {
+    UnionFind sets(10);
+    for (const auto& [a, b] : pairs) sets.Join(a, b);
+    const std::vector<int> expected = {0, 1, 1, 3, 4, 3, 6, 3, 8, 3};
+    for (int i = 0; i < 10; ++i) EXPECT_EQ(sets.Root(i), expected[static_cast<size_t>(i)]) << i;
+    std::shuffle(pairs.begin(), pairs.end(), random);
+    for (auto& [a, b] : pairs) std::swap(a, b);
+  }
+}
 
 TEST(ParallelFor, VisitsEveryIndexOnce) {
   for (const int threads : {1, 2, 7, 0}) {
