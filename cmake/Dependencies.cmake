@@ -3,6 +3,7 @@
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(Ceres 2.1 REQUIRED)
+find_package(Boost 1.74 REQUIRED)  # headers alone: Boost.Math
 find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc features2d calib3d flann imgcodecs stitching videoio aruco)
 find_package(apriltag REQUIRED)
 find_package(yaml-cpp REQUIRED)

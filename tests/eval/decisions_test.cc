@@ -25,6 +25,10 @@ TEST(Distributions, AgreeWithTables) {
   EXPECT_NEAR(ChiSquareQuantile(0.975, 100), 129.56119718583659, 1e-6);
   EXPECT_NEAR(ChiSquareCdf(2 * std::log(2.0), 2), 0.5, 1e-12);
   EXPECT_NEAR(BinomialCdf(2, 9, 0.5), 46.0 / 512, 1e-12);
+  EXPECT_TRUE(std::isnan(NormalCdf(std::nan(""))));
+  EXPECT_EQ(ChiSquareCdf(-1, 3), 0);
+  EXPECT_EQ(BinomialCdf(-1, 9, 0.5), 0);
+  EXPECT_EQ(BinomialCdf(9, 9, 0.5), 1);
   EXPECT_THROW(NormalQuantile(1), NumericError);
   EXPECT_THROW(ChiSquareQuantile(0.5, 0), NumericError);
 }
