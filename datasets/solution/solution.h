@@ -1,0 +1,90 @@
+// What was estimated for a run, with everything that further estimates need: later stages extend it or read it, and
+// every table for people and other programs is written from it.
+//
+// Frames: `odom` is the run's own, optimised one; its gauge is the first body pose. Poses are rig_from_odom (a body or
+// a reference), covariances of their left tangent [rotation (rad), translation (m)].
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/estimation/bundle.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+struct SolutionImage {
+  int64_t stamp_ns = 0;
+  std::string name;
+  int camera = 0;  // index into Solution::cameras
+  int pose = 0;    // of the body; images of the same instant share one
+};
+
+// How a solution came about: numbers of tracks, pairs, loops, by name.
+using SolutionCounts = std::vector<std::pair<std::string, double>>;
+
+// A panorama, photo or stitched photo set.
+struct SolutionReference {
+  std::string name;
+  std::string row;  // of panoramas.csv: photos of a set that was not stitched share one
+  std::string station;
+  std::string status;  // localized, rejected, unmatched
+  std::string reason;  // why not localized
+  int pose = -1;       // index into Solution::problem.poses; -1: not part of the solution
+  // The evidence.
+  int view_matches = 0;  // matches before the geometry decided
+  int agreeing = 0;      // of these, with the best pose
+  int second = 0;        // with the best pose elsewhere
+  double support = 0;    // points found where the pose predicts them, beyond what chance would find
+  double inlier_ratio = 0;
+  double distance_m = 0;  // to the nearest camera
+  std::string geotag;     // "ok", "outlier": its part in the georeference; "": none
+  Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // stated - estimated, ENU, m
+};
+
+// Where the run's frame lies in the site's ENU.
+struct SolutionGeoreference {
+  std::string source;  // "geotags", "gps", "geotags and gps"
+  Geodetic origin;     // of the ENU
+  Sim3d world_from_odom;
+  // Tangent [rotation (rad, left), translation (m), scale].
+  Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
+  // Covariance of every pose's odom_from_rig with that tangent, as the poses are part of the fit.
+  std::vector<Eigen::Matrix<double, 6, 7>> with_poses;
+};
+
+struct Solution {
+  std::string run;
+  std::string mode = "trigpoint";  // trigpoint, paper
+
+  std::vector<BodyCamera> cameras;  // without masks
+  std::vector<SolutionImage> images;
+  std::vector<int64_t> pose_stamps;  // of the body poses, which are the first of problem.poses
+
+  // Poses, views (the cameras' first), points, observations sorted by point, odometry. Its scale is held; scale_sigma
+  // is how well the odometry's length is known.
+  BundleProblem problem;
+  std::vector<Matrix6d> covariances;  // of problem.poses, at the scale held; empty: not computed
+  std::vector<int> image_of;          // of each observation: image; -1 - i: reference i
+  std::vector<int> feature_of;        // and its feature in features.db
+  std::vector<double> depth_m;        // smallest depth of each point
+  std::vector<bool> point_valid;      // whether the point is part of the solution
+
+  double sigma_px = 0;               // noise of a feature, 1 sigma
+  double correlation_inflation = 1;  // of it in the weights, as errors along a track are correlated
+  // On the assumed noise of odometry: rotation about the body's x, y, z, translation along them.
+  Vector6d odometry_noise_factor = Vector6d::Ones();
+  BundleSummary summary;
+  int dropped_observations = 0;
+  SolutionCounts counts;
+
+  std::vector<SolutionReference> references;
+  std::optional<SolutionGeoreference> georeference;
+};
+
+}  // namespace trigpoint

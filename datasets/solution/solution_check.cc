@@ -1,0 +1,63 @@
+#include "datasets/solution/solution_check.h"
+
+#include <fmt/format.h>
+
+#include "calib/base/error.h"
+
+namespace trigpoint {
+namespace {
+
+void CheckIndex(const char* what, size_t row, const char* of, int64_t index, size_t count) {
+  if (index >= 0 && index < static_cast<int64_t>(count)) return;
+  throw InputError(fmt::format("{} {} names {} {} of {}", what, row, of, index, count));
+}
+
+void CheckSize(const char* what, size_t size, const char* of, size_t expected) {
+  if (size != expected) throw InputError(fmt::format("there are {} {} for {} {}", size, what, expected, of));
+}
+
+void CheckObservations(const Solution& s) {
+  const BundleProblem& p = s.problem;
+  for (size_t i = 0; i < p.observations.size(); ++i) {
+    const BearingObservation& o = p.observations[i];
+    CheckIndex("observation", i, "point", o.point, p.points.size());
+    CheckIndex("observation", i, "pose", o.pose, p.poses.size());
+    CheckIndex("observation", i, "view", o.view, p.views.size());
+    const int image = s.image_of[i];
+    image >= 0 ? CheckIndex("observation", i, "image", image, s.images.size())
+               : CheckIndex("observation", i, "reference", -1 - int64_t{image}, s.references.size());
+    if (i > 0 && o.point < p.observations[i - 1].point) {
+      throw InputError(fmt::format("observation {} is not sorted by point", i));
+    }
+  }
+}
+
+}  // namespace
+
+void CheckSolution(const Solution& s) {
+  const BundleProblem& p = s.problem;
+  for (size_t i = 0; i < s.images.size(); ++i) {
+    CheckIndex("image", i, "camera", s.images[i].camera, s.cameras.size());
+    CheckIndex("image", i, "pose", s.images[i].pose, s.pose_stamps.size());
+  }
+  if (s.pose_stamps.size() > p.poses.size()) CheckSize("times", s.pose_stamps.size(), "poses", p.poses.size());
+  if (s.cameras.size() > p.views.size()) CheckSize("cameras", s.cameras.size(), "views", p.views.size());
+  CheckSize("depths", s.depth_m.size(), "points", p.points.size());
+  CheckSize("marks of validity", s.point_valid.size(), "points", p.points.size());
+  CheckSize("image indices", s.image_of.size(), "observations", p.observations.size());
+  CheckSize("feature indices", s.feature_of.size(), "observations", p.observations.size());
+  if (!s.covariances.empty()) CheckSize("covariances", s.covariances.size(), "poses", p.poses.size());
+  CheckObservations(s);
+  for (size_t i = 0; i < p.factors.size(); ++i) {
+    CheckIndex("factor", i, "pose", p.factors[i].a, p.poses.size());
+    if (p.factors[i].b != -1) CheckIndex("factor", i, "pose", p.factors[i].b, p.poses.size());
+  }
+  for (size_t i = 0; i < s.references.size(); ++i) {
+    if (s.references[i].pose != -1) CheckIndex("reference", i, "pose", s.references[i].pose, p.poses.size());
+  }
+  if (s.georeference) {
+    CheckSize("covariances with the georeference", s.georeference->with_poses.size(), "poses", p.poses.size());
+  }
+}
+
+}  // namespace trigpoint

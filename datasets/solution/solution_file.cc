@@ -1,0 +1,476 @@
+#include "datasets/solution/solution_file.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+
+#include "calib/base/error.h"
+#include "calib/estimation/loss.h"
+#include "datasets/project/files.h"
+#include "datasets/solution/solution_check.h"
+#include "datasets/solution/solution_table.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using solution_table::Cells;
+using solution_table::HashChain;
+using solution_table::Table;
+
+constexpr int kApplicationId = 0x54725053;  // "TrPS", in the header of the SQLite file
+
+// Robust kernels as text: "huber 22.5", "none". The number is the shortest that reads back to the same.
+using Loss = std::shared_ptr<const ceres::LossFunction>;
+
+std::string LossText(const Loss& loss) {
+  if (loss == nullptr) return "none";
+  const auto* known = dynamic_cast<const Chi2Loss*>(loss.get());
+  if (known == nullptr) throw Error("a solution holds the robust kernels of calib/estimation/loss.h only");
+  return fmt::format("{} {}", known->name(), known->threshold());
+}
+
+bool SetLoss(const std::string& text, Loss* loss) {
+  const size_t space = text.find(' ');
+  try {
+    *loss =
+        MakeLoss(text.substr(0, space), space == std::string::npos ? 0 : std::strtod(text.c_str() + space, nullptr));
+  } catch (const OptionError&) {
+    return false;
+  }
+  return true;
+}
+
+Table RunTable(Solution& s) {
+  Table t{"run", 1, [](size_t) {}, {}};
+  BundleProblem& p = s.problem;
+  t.Add(
+      "name", [&](size_t) -> auto& { return s.run; });
+  t.Add(
+      "mode", [&](size_t) -> auto& { return s.mode; });
+  t.Add(
+      "sigma_px", [&](size_t) -> auto& { return s.sigma_px; });
+  t.Add(
+      "correlation_inflation", [&](size_t) -> auto& { return s.correlation_inflation; });
+  t.Add(
+      "odometry_noise_factor", [&](size_t) -> auto& { return s.odometry_noise_factor; });
+  t.AddMade(
+      "loss", [&](size_t) { return LossText(p.loss); },
+      [&](size_t, const std::string& text) { return SetLoss(text, &p.loss); });
+  t.Add(
+      "scale", [&](size_t) -> auto& { return p.scale; });
+  t.Add(
+      "scale_constant", [&](size_t) -> auto& { return p.scale_constant; });
+  t.Add(
+      "scale_prior", [&](size_t) -> auto& { return p.scale_prior; });
+  t.Add(
+      "scale_sigma", [&](size_t) -> auto& { return p.scale_sigma; });
+  t.Add(
+      "points_constant", [&](size_t) -> auto& { return p.points_constant; });
+  t.Add(
+      "initial_cost", [&](size_t) -> auto& { return s.summary.initial_cost; });
+  t.Add(
+      "final_cost", [&](size_t) -> auto& { return s.summary.final_cost; });
+  t.Add(
+      "iterations", [&](size_t) -> auto& { return s.summary.iterations; });
+  t.Add(
+      "converged", [&](size_t) -> auto& { return s.summary.converged; });
+  t.Add(
+      "dropped_observations", [&](size_t) -> auto& { return s.dropped_observations; });
+  return t;
+}
+
+CameraModel ModelNamed(const std::string& name) {
+  for (CameraModel model : {CameraModel::kPinhole, CameraModel::kRadtan, CameraModel::kRational,
+                            CameraModel::kKannalaBrandt, CameraModel::kEquirectangular}) {
+    if (CameraModelName(model) == name) return model;
+  }
+  throw InputError("unknown camera model '" + name + "'");
+}
+
+Table CameraTable(Solution& s) {
+  Table t{"cameras", s.cameras.size(), [&](size_t n) { s.cameras.resize(n); }, {}};
+  struct Parts {
+    std::string model;
+    int width = 0, height = 0;
+  };
+  const auto parts = std::make_shared<Parts>();  // of the row that is being read
+  const auto camera = [&](size_t i) -> Camera& { return s.cameras[i].camera; };
+  t.Add(
+      "name", [&](size_t i) -> auto& { return s.cameras[i].name; });
+  t.AddMade(
+      "model", [=](size_t i) { return std::string(CameraModelName(camera(i).model())); },
+      [=](size_t, const std::string& v) { return parts->model = v, true; });
+  t.AddMade(
+      "width", [=](size_t i) { return camera(i).width(); }, [=](size_t, int v) { return parts->width = v, true; });
+  t.AddMade(
+      "height", [=](size_t i) { return camera(i).height(); }, [=](size_t, int v) { return parts->height = v, true; });
+  t.AddMade(
+      "params", [=](size_t i) { return camera(i).params(); },
+      [=](size_t i, std::vector<double> v) {
+        try {
+          camera(i) = Camera(ModelNamed(parts->model), parts->width, parts->height, std::move(v));
+        } catch (const InputError&) {
+          return false;
+        }
+        return true;
+      });
+  t.AddRigid(
+      "cam_from_body_", [&](size_t i) -> auto& { return s.cameras[i].cam_from_body; });
+  t.Add(
+      "has_extrinsics", [&](size_t i) -> auto& { return s.cameras[i].has_extrinsics; });
+  t.Add(
+      "time_offset_s", [&](size_t i) -> auto& { return s.cameras[i].time_offset_s; });
+  return t;
+}
+
+Table ImageTable(Solution& s) {
+  Table t{"images", s.images.size(), [&](size_t n) { s.images.resize(n); }, {}};
+  t.Add(
+      "stamp_ns", [&](size_t i) -> auto& { return s.images[i].stamp_ns; });
+  t.Add(
+      "name", [&](size_t i) -> auto& { return s.images[i].name; });
+  t.Add(
+      "camera", [&](size_t i) -> auto& { return s.images[i].camera; });
+  t.Add(
+      "pose", [&](size_t i) -> auto& { return s.images[i].pose; });
+  return t;
+}
+
+Table StampTable(Solution& s) {
+  Table t{"body_poses", s.pose_stamps.size(), [&](size_t n) { s.pose_stamps.resize(n); }, {}};
+  t.Add(
+      "stamp_ns", [&](size_t i) -> auto& { return s.pose_stamps[i]; });
+  return t;
+}
+
+Table PoseTable(Solution& s) {
+  BundleProblem& p = s.problem;
+  const auto resize = [&](size_t n) { p.poses.resize(n), p.pose_constant.resize(n); };
+  Table t{"poses", p.poses.size(), resize, {}};
+  t.AddRigid(
+      "rig_from_odom_", [&](size_t i) -> auto& { return p.poses[i]; });
+  t.AddMade(
+      "constant", [&](size_t i) { return !p.pose_constant.empty() && p.pose_constant[i]; },
+      [&](size_t i, bool v) { return p.pose_constant[i] = v, true; });
+  return t;
+}
+
+Table CovarianceTable(Solution& s) {
+  Table t{"covariances", s.covariances.size(), [&](size_t n) { s.covariances.resize(n); }, {}};
+  t.Add(
+      "covariance", [&](size_t i) -> auto& { return s.covariances[i]; });
+  return t;
+}
+
+Table ViewTable(Solution& s) {
+  std::vector<Rigid3d>& views = s.problem.views;
+  Table t{"views", views.size(), [&](size_t n) { views.resize(n); }, {}};
+  t.AddRigid(
+      "view_from_rig_", [&](size_t i) -> auto& { return views[i]; });
+  return t;
+}
+
+Table PointTable(Solution& s) {
+  std::vector<Eigen::Vector3d>& points = s.problem.points;
+  const auto resize = [&](size_t n) { points.resize(n), s.depth_m.resize(n), s.point_valid.resize(n); };
+  Table t{"points", points.size(), resize, {}};
+  t.Add(
+      "x", [&](size_t i) -> auto& { return points[i].x(); });
+  t.Add(
+      "y", [&](size_t i) -> auto& { return points[i].y(); });
+  t.Add(
+      "z", [&](size_t i) -> auto& { return points[i].z(); });
+  t.Add(
+      "depth_m", [&](size_t i) -> auto& { return s.depth_m[i]; });
+  t.Add("valid", [&](size_t i) { return s.point_valid[i]; });
+  return t;
+}
+
+Table ObservationTable(Solution& s) {
+  std::vector<BearingObservation>& o = s.problem.observations;
+  Table t{"observations", o.size(), [&](size_t n) { o.resize(n), s.image_of.resize(n), s.feature_of.resize(n); }, {}};
+  t.Add(
+      "point", [&](size_t i) -> auto& { return o[i].point; });
+  t.Add(
+      "pose", [&](size_t i) -> auto& { return o[i].pose; });
+  t.Add(
+      "view", [&](size_t i) -> auto& { return o[i].view; });
+  t.Add(
+      "image", [&](size_t i) -> auto& { return s.image_of[i]; });
+  t.Add(
+      "feature", [&](size_t i) -> auto& { return s.feature_of[i]; });
+  t.Add(
+      "active", [&](size_t i) -> auto& { return o[i].active; });
+  t.Add(
+      "ray", [&](size_t i) -> auto& { return o[i].ray; });
+  t.Add(
+      "w", [&](size_t i) -> auto& { return o[i].w; });
+  return t;
+}
+
+Table FactorTable(Solution& s) {
+  std::vector<PoseFactor>& f = s.problem.factors;
+  static const char* const kKinds[] = {"between", "prior", "geotag", "position"};  // PoseFactor::Kind
+  Table t{"factors", f.size(), [&](size_t n) { f.resize(n); }, {}};
+  t.AddMade(
+      "kind", [&](size_t i) { return std::string(kKinds[static_cast<int>(f[i].kind)]); },
+      [&](size_t i, const std::string& v) {
+        for (int k = 0; k < 4; ++k) {
+          if (v != kKinds[k]) continue;
+          f[i].kind = static_cast<PoseFactor::Kind>(k);
+          return true;
+        }
+        return false;
+      });
+  t.Add(
+      "a", [&](size_t i) -> auto& { return f[i].a; });
+  t.Add(
+      "b", [&](size_t i) -> auto& { return f[i].b; });
+  t.Add(
+      "scaled", [&](size_t i) -> auto& { return f[i].scaled; });
+  t.AddRigid(
+      "measured_", [&](size_t i) -> auto& { return f[i].measured; });
+  t.Add(
+      "arm", [&](size_t i) -> auto& { return f[i].arm; });
+  t.Add(
+      "sqrt_info", [&](size_t i) -> auto& { return f[i].sqrt_info; });
+  t.AddMade(
+      "loss", [&](size_t i) { return LossText(f[i].loss); },
+      [&](size_t i, const std::string& text) { return SetLoss(text, &f[i].loss); });
+  t.Add(
+      "weight", [&](size_t i) -> auto& { return f[i].weight; });
+  return t;
+}
+
+Table CountTable(Solution& s) {
+  Table t{"counts", s.counts.size(), [&](size_t n) { s.counts.resize(n); }, {}};
+  t.Add(
+      "name", [&](size_t i) -> auto& { return s.counts[i].first; });
+  t.Add(
+      "value", [&](size_t i) -> auto& { return s.counts[i].second; });
+  return t;
+}
+
+Table ReferenceTable(Solution& s) {
+  std::vector<SolutionReference>& r = s.references;
+  Table t{"refs", r.size(), [&](size_t n) { r.resize(n); }, {}};  // `references` is a word of SQL
+  t.Add(
+      "name", [&](size_t i) -> auto& { return r[i].name; });
+  t.Add(
+      "station", [&](size_t i) -> auto& { return r[i].station; });
+  t.Add(
+      "status", [&](size_t i) -> auto& { return r[i].status; });
+  t.Add(
+      "reason", [&](size_t i) -> auto& { return r[i].reason; });
+  t.Add(
+      "pose", [&](size_t i) -> auto& { return r[i].pose; });
+  t.Add(
+      "view_matches", [&](size_t i) -> auto& { return r[i].view_matches; });
+  t.Add(
+      "agreeing", [&](size_t i) -> auto& { return r[i].agreeing; });
+  t.Add(
+      "second", [&](size_t i) -> auto& { return r[i].second; });
+  t.Add(
+      "support", [&](size_t i) -> auto& { return r[i].support; });
+  t.Add(
+      "inlier_ratio", [&](size_t i) -> auto& { return r[i].inlier_ratio; });
+  t.Add(
+      "distance_m", [&](size_t i) -> auto& { return r[i].distance_m; });
+  t.Add(
+      "geotag", [&](size_t i) -> auto& { return r[i].geotag; });
+  t.Add(
+      "geotag_difference", [&](size_t i) -> auto& { return r[i].geotag_difference; });
+  return t;
+}
+
+Table GeoreferenceTable(Solution& s) {
+  Table t{"georeference",
+          s.georeference ? 1u : 0u,
+          [&](size_t n) {
+            if (n > 0) s.georeference.emplace();
+          },
+          {}};
+  const auto geo = [&](size_t) -> SolutionGeoreference& { return *s.georeference; };
+  t.Add(
+      "source", [=](size_t i) -> auto& { return geo(i).source; });
+  t.Add(
+      "origin_latitude_deg", [=](size_t i) -> auto& { return geo(i).origin.latitude_deg; });
+  t.Add(
+      "origin_longitude_deg", [=](size_t i) -> auto& { return geo(i).origin.longitude_deg; });
+  t.Add(
+      "origin_height_m", [=](size_t i) -> auto& { return geo(i).origin.height_m; });
+  t.AddRigid(
+      "world_from_odom_", [=](size_t i) -> auto& { return geo(i).world_from_odom; });
+  t.Add(
+      "world_from_odom_scale", [=](size_t i) -> auto& { return geo(i).world_from_odom.scale; });
+  t.Add(
+      "covariance", [=](size_t i) -> auto& { return geo(i).covariance; });
+  return t;
+}
+
+Table GeoreferenceCrossTable(Solution& s) {
+  Table t{"georeference_poses",
+          s.georeference ? s.georeference->with_poses.size() : 0,
+          [&](size_t n) {
+            if (s.georeference) s.georeference->with_poses.resize(n);
+          },
+          {}};
+  t.Add(
+      "covariance", [&](size_t i) -> auto& { return s.georeference->with_poses[i]; });
+  return t;
+}
+
+std::vector<Table> Tables(Solution& s) {
+  return {RunTable(s),          CameraTable(s),
+          ImageTable(s),        StampTable(s),
+          PoseTable(s),         ViewTable(s),
+          CovarianceTable(s),   PointTable(s),
+          ObservationTable(s),  FactorTable(s),
+          CountTable(s),        ReferenceTable(s),
+          GeoreferenceTable(s), GeoreferenceCrossTable(s)};
+}
+
+std::string ColumnNames(const Table& table) {
+  std::string names;
+  for (const solution_table::Column& c : table.columns) names += (names.empty() ? "" : ", ") + c.name;
+  return names;
+}
+
+// What SQLite says when it fails; the caller names the file.
+struct SqliteFailure {
+  int code = 0;
+  std::string what;
+};
+
+class Database {
+ public:
+  Database(const fs::path& file, int flags) {
+    if (sqlite3_open_v2(file.c_str(), &db_, flags, nullptr) != SQLITE_OK) {
+      const SqliteFailure failure = Failure();
+      sqlite3_close(db_);
+      throw failure;
+    }
+    sqlite3_busy_timeout(db_, 2000);
+  }
+  ~Database() { sqlite3_close(db_); }
+  Database(const Database&) = delete;
+  Database& operator=(const Database&) = delete;
+  void Run(const std::string& sql) const {
+    if (sqlite3_exec(db_, sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) throw Failure();
+  }
+  std::shared_ptr<sqlite3_stmt> Prepare(const std::string& sql) const {
+    sqlite3_stmt* statement = nullptr;
+    if (sqlite3_prepare_v2(db_, sql.c_str(), -1, &statement, nullptr) != SQLITE_OK) throw Failure();
+    return {statement, sqlite3_finalize};
+  }
+  bool Step(sqlite3_stmt* statement) const {
+    const int code = sqlite3_step(statement);
+    if (code != SQLITE_ROW && code != SQLITE_DONE) throw Failure();
+    return code == SQLITE_ROW;
+  }
+  int64_t Integer(const std::string& sql) const {
+    const auto statement = Prepare(sql);
+    return Step(statement.get()) ? sqlite3_column_int64(statement.get(), 0) : 0;
+  }
+  std::string Text(const std::string& sql) const {
+    const auto statement = Prepare(sql);
+    if (!Step(statement.get()) || sqlite3_column_type(statement.get(), 0) != SQLITE_TEXT) return "";
+    return reinterpret_cast<const char*>(sqlite3_column_text(statement.get(), 0));
+  }
+
+ private:
+  SqliteFailure Failure() const { return {sqlite3_errcode(db_), sqlite3_errmsg(db_)}; }
+  sqlite3* db_ = nullptr;
+};
+
+void WriteTable(const Database& db, const Table& table, HashChain* hash) {
+  std::string places;
+  for (size_t k = 0; k < table.columns.size(); ++k) places += k == 0 ? "?" : ", ?";
+  db.Run("CREATE TABLE " + table.name + " (" + ColumnNames(table) + ")");
+  const auto insert = db.Prepare("INSERT INTO " + table.name + " VALUES (" + places + ")");
+  Cells cells(insert.get(), hash);
+  for (size_t row = 0; row < table.rows; ++row) {
+    for (size_t k = 0; k < table.columns.size(); ++k) table.columns[k].put(cells, static_cast<int>(k), row);
+    db.Step(insert.get());
+    sqlite3_reset(insert.get());
+  }
+}
+
+void ReadTable(const Database& db, const Table& table, HashChain* hash) {
+  const int64_t rows = db.Integer("SELECT count(*) FROM " + table.name);
+  if (table.name == "run" && rows != 1) throw InputError(fmt::format("table run has {} rows, expected 1", rows));
+  table.resize(static_cast<size_t>(rows));
+  const auto select = db.Prepare("SELECT " + ColumnNames(table) + " FROM " + table.name + " ORDER BY rowid");
+  Cells cells(select.get(), hash);
+  for (size_t row = 0; row < static_cast<size_t>(rows); ++row) {
+    if (!db.Step(select.get())) throw InputError("table " + table.name + " ends early");
+    for (size_t k = 0; k < table.columns.size(); ++k) {
+      if (table.columns[k].get(cells, static_cast<int>(k), row)) continue;
+      throw InputError(fmt::format("table {}, row {}: {} is of another kind than expected", table.name, row + 1,
+                                   table.columns[k].name));
+    }
+  }
+}
+
+Solution ReadTables(const Database& db) {
+  Solution solution;
+  HashChain hash;
+  for (const Table& table : Tables(solution)) ReadTable(db, table, &hash);
+  if (hash.Hex() != db.Text("SELECT sha256 FROM checksum")) throw InputError("its checksum is another one");
+  CheckSolution(solution);
+  return solution;
+}
+
+}  // namespace
+
+void WriteSolution(const Solution& solution, const fs::path& file) {
+  CheckSolution(solution);
+  std::error_code ignored;
+  fs::remove(file, ignored);
+  try {
+    const Database db(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
+    // A stage's folder is renamed when it is complete, so that no journal is needed.
+    db.Run(
+        fmt::format("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA application_id = {}; "
+                    "PRAGMA user_version = {}; BEGIN",
+                    kApplicationId, kSolutionVersion));
+    HashChain hash;
+    // The description serves reading, too; writing changes nothing.
+    for (const Table& table : Tables(const_cast<Solution&>(solution))) WriteTable(db, table, &hash);
+    db.Run("CREATE TABLE checksum (sha256); INSERT INTO checksum VALUES ('" + hash.Hex() + "'); COMMIT");
+  } catch (const SqliteFailure& e) {
+    throw IoError(file.string() + ": cannot be written: " + e.what);
+  }
+}
+
+Solution ReadSolution(const fs::path& file) {
+  errno = 0;
+  if (!std::ifstream(file)) throw IoErrorFor(file, "read", errno);
+  const char* const kRemedy = "; compute it again by `trigpoint run`";
+  const auto unusable = [&](const std::string& why) { return InputError(file.string() + ": " + why + kRemedy); };
+  try {
+    const Database db(file, SQLITE_OPEN_READONLY);
+    const int64_t application = db.Integer("PRAGMA application_id"), version = db.Integer("PRAGMA user_version");
+    if (application != kApplicationId) throw unusable("is another kind of database, expected a solution of Trigpoint");
+    if (version > kSolutionVersion) {
+      throw unusable(fmt::format("has format version {}, this program reads up to {}: use the Trigpoint that wrote it",
+                                 version, kSolutionVersion) +
+                     ", or");
+    }
+    try {
+      return ReadTables(db);
+    } catch (const InputError& e) {
+      throw unusable(std::string("is damaged: ") + e.what());
+    }
+  } catch (const SqliteFailure& e) {
+    const bool busy = e.code == SQLITE_BUSY || e.code == SQLITE_LOCKED;
+    if (busy) throw IoError(file.string() + ": another program writes it; end that and try again");
+    throw unusable("is damaged or no solution: " + e.what);
+  }
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,20 @@
+// solution.db: a Solution in one SQLite file (docs/file_formats.md). Numbers come back bit by bit, the same solution
+// gives the same bytes.
+#pragma once
+
+#include <filesystem>
+
+#include "datasets/solution/solution.h"
+
+namespace trigpoint {
+
+// The format that is written; older ones are read.
+constexpr int kSolutionVersion = 1;
+
+// Replaces an existing file. Throws IoError.
+void WriteSolution(const Solution& solution, const std::filesystem::path& file);
+// Throws IoError for a file that cannot be read, InputError for one that is no solution, is damaged, or comes from a
+// newer program.
+Solution ReadSolution(const std::filesystem::path& file);
+
+}  // namespace trigpoint

@@ -1,0 +1,355 @@
+// solution.db: what is written comes back bit by bit, and what is damaged is refused.
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "calib/base/error.h"
+#include "calib/estimation/loss.h"
+#include "calib/estimation/random.h"
+#include "datasets/io/text.h"
+#include "datasets/solution/solution_check.h"
+#include "datasets/solution/solution_covariance.h"
+#include "datasets/solution/solution_file.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A body with two cameras goes along a row of points, with odometry; two references, one of them localized.
+Solution MakeSolution() {
+  Random random(7);
+  Solution s;
+  s.run = "run \"1\", ä";
+  for (const char* name : {"cam0", "cam1"}) {
+    BodyCamera camera;
+    camera.name = name;
+    camera.camera = Camera(CameraModel::kRadtan, 640, 480, {500.1, 501.2, 319.5, 239.5, 0.01, -0.002, 1e-4, -1e-5});
+    camera.cam_from_body = Rigid3d(ExpSO3({1.2, -1.2, 1.2 + 0.3 * (name[3] - '0')}), {0.1, 0.0, 0.2});
+    camera.has_extrinsics = true;
+    camera.time_offset_s = -0.0;
+    s.cameras.push_back(camera);
+    s.problem.views.push_back(camera.cam_from_body);
+  }
+  for (int k = 0; k < 6; ++k) {
+    const Rigid3d odom_from_body(ExpSO3({0, 0, 0.05 * k}), {0.7 * k, 0.02 * k * k, 0});
+    s.problem.poses.push_back(odom_from_body.Inverse());
+    s.problem.pose_constant.push_back(k == 0);
+    s.pose_stamps.push_back(1'600'000'000'000'000'001 + 500'000'000LL * k);
+    for (int c = 0; c < 2; ++c) s.images.push_back({s.pose_stamps.back(), std::to_string(k) + "é.jpg", c, k});
+    if (k == 0) continue;
+    PoseFactor f;
+    f.kind = PoseFactor::Kind::kBetween;
+    f.a = k - 1, f.b = k;
+    f.scaled = true;
+    f.measured = s.problem.poses[static_cast<size_t>(k) - 1] * odom_from_body;
+    f.sqrt_info = Vector6d(Vector6d::Constant(50)).asDiagonal();
+    f.loss = std::make_shared<HuberChi2Loss>(22.5);
+    f.weight = 0.1 + 0.2;
+    s.problem.factors.push_back(f);
+  }
+  s.problem.poses.push_back(Rigid3d(ExpSO3({0.1, 0.2, 0.3}), {-2, 1, 0.5}));  // of the localized reference
+  s.problem.pose_constant.push_back(false);
+  s.problem.views.push_back(Rigid3d());
+  s.problem.loss = MakeLoss("dcs", 5.99 / 3);
+  s.problem.scale = 1.01, s.problem.scale_prior = 1, s.problem.scale_sigma = 0.02;
+  for (int j = 0; j < 40; ++j) {
+    s.problem.points.push_back({-1 + 0.2 * j, 3 + random.Normal(), random.Normal()});
+    s.depth_m.push_back(2 + 0.1 * j);
+    s.point_valid.push_back(true);
+    for (size_t i = 0; i <= s.images.size(); ++i) {
+      const bool own = i < s.images.size();
+      BearingObservation o;
+      o.point = j;
+      o.pose = own ? s.images[i].pose : 6;
+      o.view = own ? s.images[i].camera : 2;
+      const Rigid3d view_from_odom =
+          s.problem.views[static_cast<size_t>(o.view)] * s.problem.poses[static_cast<size_t>(o.pose)];
+      const Eigen::Vector3d ray = (view_from_odom * s.problem.points.back()).normalized();
+      o.ray = ray.cast<float>();
+      const Eigen::Vector3d across = ray.unitOrthogonal();
+      o.w.row(0) = (500 * across).cast<float>().transpose();
+      o.w.row(1) = (500 * ray.cross(across)).cast<float>().transpose();
+      o.active = (i + static_cast<size_t>(j)) % 7 != 0;
+      s.problem.observations.push_back(o);
+      s.image_of.push_back(own ? static_cast<int>(i) : -1 - 1);
+      s.feature_of.push_back(1000 * j + static_cast<int>(i));
+    }
+  }
+  s.sigma_px = 1.0 / 3;
+  s.correlation_inflation = 1.7;
+  s.odometry_noise_factor << 1, 2, 3, 4, 5, 6e-300;
+  s.summary = {10.5, 1e-310, 12, true};
+  s.counts = {{"tracks", 40}, {"pairs", 15}};
+  for (size_t k = 0; k < s.problem.poses.size(); ++k) {
+    Matrix6d m;
+    for (double& v : m.reshaped()) v = 0.01 * random.Normal();
+    s.covariances.push_back(m * m.transpose());
+  }
+  s.references.resize(2);
+  s.references[0].name = "p0", s.references[0].status = "rejected", s.references[0].reason = "chance";
+  s.references[1].name = "p1", s.references[1].status = "localized", s.references[1].pose = 6;
+  s.references[1].support = 33.25, s.references[1].geotag = "ok", s.references[1].geotag_difference = {1, -0.0, 3};
+  SolutionGeoreference& geo = s.georeference.emplace();
+  geo.source = "geotags";
+  geo.origin = {48.1, 11.5, 500.25};
+  geo.world_from_odom = {1.02, Eigen::Quaterniond(ExpSO3({0.01, 0.02, 1.5})), {10, -20, 3}};
+  Eigen::Matrix<double, 7, 7> m;
+  for (double& v : m.reshaped()) v = 0.02 * random.Normal();
+  geo.covariance = m * m.transpose();
+  geo.with_poses.resize(s.problem.poses.size());
+  for (auto& block : geo.with_poses) {
+    for (double& v : block.reshaped()) v = 1e-5 * random.Normal();
+  }
+  return s;
+}
+
+template <typename T>
+bool SameBytes(const T& a, const T& b) {
+  return std::memcmp(&a, &b, sizeof(T)) == 0;
+}
+
+void ExpectSamePose(const Rigid3d& a, const Rigid3d& b) {
+  for (int k = 0; k < 4; ++k) EXPECT_TRUE(SameBytes(a.rotation.coeffs()[k], b.rotation.coeffs()[k]));
+  for (int k = 0; k < 3; ++k) EXPECT_TRUE(SameBytes(a.translation[k], b.translation[k]));
+}
+
+std::string Execute(const fs::path& file, const std::string& sql) {
+  sqlite3* db = nullptr;
+  sqlite3_open(file.c_str(), &db);
+  char* message = nullptr;
+  sqlite3_exec(db, sql.c_str(), nullptr, nullptr, &message);
+  const std::string text = message == nullptr ? "" : message;
+  sqlite3_free(message);
+  sqlite3_close(db);
+  return text;
+}
+
+TEST(SolutionFile, ComesBackBitByBit) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  s.problem.points[3] = {-0.0, std::numeric_limits<double>::denorm_min(), std::numeric_limits<double>::infinity()};
+  s.problem.points[4].setConstant(std::numeric_limits<double>::quiet_NaN());
+  s.problem.points[5] = {3.0, 1e300, 0.1 + 0.2};
+  s.point_valid[4] = false;
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  EXPECT_EQ(back.run, s.run);
+  ASSERT_EQ(back.cameras.size(), 2u);
+  EXPECT_EQ(back.cameras[1].name, "cam1");
+  EXPECT_EQ(back.cameras[1].camera.model(), CameraModel::kRadtan);
+  EXPECT_EQ(back.cameras[1].camera.params(), s.cameras[1].camera.params());
+  EXPECT_TRUE(std::signbit(back.cameras[1].time_offset_s));
+  ExpectSamePose(back.cameras[1].cam_from_body, s.cameras[1].cam_from_body);
+  ASSERT_EQ(back.images.size(), 12u);
+  EXPECT_EQ(back.images[11].name, s.images[11].name);
+  EXPECT_EQ(back.images[11].stamp_ns, s.images[11].stamp_ns);
+  EXPECT_EQ(back.images[11].camera, 1);
+  EXPECT_EQ(back.pose_stamps, s.pose_stamps);
+  ASSERT_EQ(back.problem.poses.size(), s.problem.poses.size());
+  for (size_t i = 0; i < s.problem.poses.size(); ++i) ExpectSamePose(back.problem.poses[i], s.problem.poses[i]);
+  EXPECT_EQ(back.problem.pose_constant, s.problem.pose_constant);
+  ASSERT_EQ(back.problem.points.size(), s.problem.points.size());
+  for (size_t j = 0; j < s.problem.points.size(); ++j) {
+    if (j == 4) {
+      EXPECT_TRUE(back.problem.points[j].array().isNaN().all());
+    } else {
+      EXPECT_TRUE(SameBytes(back.problem.points[j], s.problem.points[j])) << j;
+    }
+  }
+  EXPECT_EQ(back.point_valid, s.point_valid);
+  EXPECT_EQ(back.depth_m, s.depth_m);
+  ASSERT_EQ(back.problem.observations.size(), s.problem.observations.size());
+  for (size_t k = 0; k < s.problem.observations.size(); ++k) {
+    const BearingObservation &a = back.problem.observations[k], &b = s.problem.observations[k];
+    EXPECT_TRUE(a.point == b.point && a.pose == b.pose && a.view == b.view && a.active == b.active);
+    EXPECT_TRUE(SameBytes(a.w, b.w) && SameBytes(a.ray, b.ray));
+  }
+  EXPECT_EQ(back.image_of, s.image_of);
+  EXPECT_EQ(back.feature_of, s.feature_of);
+  ASSERT_EQ(back.problem.factors.size(), 5u);
+  EXPECT_EQ(back.problem.factors[2].sqrt_info, s.problem.factors[2].sqrt_info);
+  EXPECT_EQ(back.problem.factors[2].weight, s.problem.factors[2].weight);
+  ExpectSamePose(back.problem.factors[2].measured, s.problem.factors[2].measured);
+  const auto loss = [](const std::shared_ptr<const ceres::LossFunction>& l) {
+    const auto* chi2 = dynamic_cast<const Chi2Loss*>(l.get());
+    return std::make_pair(std::string(chi2->name()), chi2->threshold());
+  };
+  EXPECT_EQ(loss(back.problem.loss), loss(s.problem.loss));
+  EXPECT_EQ(loss(back.problem.factors[2].loss), std::make_pair(std::string("huber"), 22.5));
+  EXPECT_EQ(back.problem.scale, 1.01);
+  EXPECT_EQ(back.problem.scale_sigma, 0.02);
+  EXPECT_EQ(back.sigma_px, s.sigma_px);
+  EXPECT_EQ(back.odometry_noise_factor, s.odometry_noise_factor);
+  EXPECT_EQ(back.summary.final_cost, 1e-310);
+  EXPECT_EQ(back.counts, s.counts);
+  EXPECT_EQ(back.covariances[6], s.covariances[6]);
+  ASSERT_EQ(back.references.size(), 2u);
+  EXPECT_EQ(back.references[0].reason, "chance");
+  EXPECT_EQ(back.references[1].pose, 6);
+  EXPECT_TRUE(SameBytes(back.references[1].geotag_difference, s.references[1].geotag_difference));
+  ASSERT_TRUE(back.georeference);
+  EXPECT_EQ(back.georeference->covariance, s.georeference->covariance);
+  EXPECT_EQ(back.georeference->with_poses[3], s.georeference->with_poses[3]);
+  EXPECT_EQ(back.georeference->world_from_odom.scale, 1.02);
+  EXPECT_EQ(back.georeference->origin.height_m, 500.25);
+}
+
+TEST(SolutionFile, TheSameSolutionGivesTheSameBytes) {
+  const TempDir dir;
+  WriteSolution(MakeSolution(), dir / "a.db");
+  WriteSolution(ReadSolution(dir / "a.db"), dir / "b.db");
+  dir.Write("c.db", "something older");
+  WriteSolution(MakeSolution(), dir / "c.db");
+  const std::string bytes = ReadTextFile(dir / "a.db");
+  EXPECT_EQ(bytes, ReadTextFile(dir / "b.db"));
+  EXPECT_EQ(bytes, ReadTextFile(dir / "c.db"));
+}
+
+TEST(SolutionFile, OneWithoutReferencesAndEarthComesBack) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  s.references.resize(2);
+  s.georeference.reset();
+  s.covariances.clear();
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  EXPECT_FALSE(back.georeference);
+  EXPECT_TRUE(back.covariances.empty());
+}
+
+std::string Refusal(const fs::path& file) {
+  return MessageOf<Error>([&] { ReadSolution(file); });
+}
+
+TEST(SolutionFile, RefusesWhatIsNoSolution) {
+  const TempDir dir;
+  EXPECT_NE(Refusal(dir / "none.db").find("none.db: cannot be read"), std::string::npos);
+  EXPECT_NE(Refusal(dir.Write("text.db", "timestamp,x,y\n")).find("text.db: is damaged or no solution"),
+            std::string::npos);
+  EXPECT_NE(Refusal(dir.Write("empty.db", "")).find("empty.db: is another kind of database"), std::string::npos);
+  Execute(dir / "other.db", "CREATE TABLE run (name); INSERT INTO run VALUES ('x')");
+  EXPECT_NE(Refusal(dir / "other.db").find("expected a solution of Trigpoint"), std::string::npos);
+}
+
+TEST(SolutionFile, RefusesANewerFormat) {
+  const TempDir dir;
+  WriteSolution(MakeSolution(), dir / "solution.db");
+  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 2"), "");
+  const std::string message = Refusal(dir / "solution.db");
+  EXPECT_NE(message.find("format version 2, this program reads up to 1"), std::string::npos) << message;
+}
+
+TEST(SolutionFile, RefusesAChangedNumber) {
+  for (const char* sql :
+       {"UPDATE points SET x = x + 1e-12 WHERE rowid = 7",
+        "UPDATE observations SET active = 1 - active WHERE rowid = 9", "UPDATE refs SET status = 'localized'",
+        "UPDATE run SET loss = 'none'", "DELETE FROM factors WHERE rowid = 5", "DELETE FROM checksum",
+        "UPDATE poses SET rig_from_odom_qw = 'one' WHERE rowid = 2", "DROP TABLE views",
+        "UPDATE cameras SET model = 'fisheye'", "UPDATE covariances SET covariance = x'00'", "DELETE FROM run",
+        "UPDATE observations SET point = 99999999999 WHERE rowid = 1"}) {
+    const TempDir dir;
+    WriteSolution(MakeSolution(), dir / "solution.db");
+    ASSERT_EQ(Execute(dir / "solution.db", sql), "") << sql;
+    const std::string message = Refusal(dir / "solution.db");
+    EXPECT_NE(message.find("solution.db: is damaged"), std::string::npos) << sql << ": " << message;
+    EXPECT_NE(message.find("compute it again"), std::string::npos) << message;
+  }
+}
+
+// A byte anywhere in the file, or its end: refused or without effect, never a crash or another number.
+TEST(SolutionFile, RefusesOrSurvivesDamageAnywhere) {
+  const TempDir dir;
+  const Solution s = MakeSolution();
+  WriteSolution(s, dir / "good.db");
+  const std::string good = ReadTextFile(dir / "good.db");
+  int refused = 0;
+  Random random(3);
+  for (int k = 0; k < 200; ++k) {
+    std::string bytes = good;
+    const size_t at = static_cast<size_t>(random.Uniform() * static_cast<double>(bytes.size()));
+    if (k % 4 == 0) {
+      bytes.resize(at);
+    } else {
+      bytes[at] = static_cast<char>(bytes[at] ^ (1 << (k % 8)));
+    }
+    dir.Write("bad.db", bytes);
+    try {
+      const Solution back = ReadSolution(dir / "bad.db");
+      WriteSolution(back, dir / "again.db");
+      EXPECT_EQ(ReadTextFile(dir / "again.db"), good) << "byte " << at;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find("bad.db"), std::string::npos) << e.what();
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 100);
+}
+
+TEST(SolutionFile, IsNotWrittenWhereItDoesNotFitTogether) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  s.problem.observations[5].pose = 7;
+  EXPECT_NE(MessageOf<InputError>([&] { WriteSolution(s, dir / "s.db"); }).find("observation 5 names pose 7 of 7"),
+            std::string::npos);
+  s = MakeSolution();
+  s.depth_m.pop_back();
+  EXPECT_NE(MessageOf<InputError>([&] { CheckSolution(s); }).find("39 depths for 40 points"), std::string::npos);
+}
+
+TEST(SolutionCovariance, OfAFileIsThatOfTheBundle) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  std::vector<Matrix6d> unused;
+  BundleCovariance(s.problem, 1, {}).PoseBlocks({}, &s.covariances, &unused);
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  const Eigen::MatrixXd expected = BundleCovariance(s.problem, 1, {}).Joint({2, 5, 6});
+  const Eigen::MatrixXd odom = SolutionCovariance(back, false, 1, {}).Odom({2, 5, 6});
+  const Matrix6d j2 = InverseJacobian(s.problem.poses[2]), j6 = InverseJacobian(s.problem.poses[6]);
+  EXPECT_TRUE((odom.block<6, 6>(0, 12).isApprox(j2 * expected.block<6, 6>(0, 12) * j6.transpose(), 1e-9)));
+  EXPECT_TRUE((odom.block<6, 6>(12, 12).isApprox(OdomCovariance(back, 6), 1e-9)));
+  const Eigen::MatrixXd world = SolutionCovariance(back, false, 1, {}).World({2, 5, 6});
+  EXPECT_TRUE((world.block<6, 6>(6, 6).isApprox(WorldCovariance(back, 5), 1e-9)));
+  // A length that is not known blurs what lies far from the beginning.
+  const Eigen::MatrixXd free = SolutionCovariance(back, true, 1, {}).Odom({5});
+  EXPECT_GT(free(3, 3), odom(9, 9));
+}
+
+// The covariance of world_from_rig against draws of poses and similarity.
+TEST(SolutionCovariance, InTheWorldIsThatOfDraws) {
+  Solution s = MakeSolution();
+  SolutionGeoreference& geo = *s.georeference;
+  s.covariances.assign(s.problem.poses.size(), 1e-6 * Matrix6d::Identity());
+  for (auto& block : geo.with_poses) block.setZero();
+  const Matrix6d predicted = WorldCovariance(s, 4);
+  const Eigen::Matrix<double, 7, 7> root = geo.covariance.llt().matrixL();
+  const Rigid3d world = geo.world_from_odom.TransformPose(s.problem.poses[4].Inverse());
+  Matrix6d sum = Matrix6d::Zero();
+  Random random(5);
+  constexpr int kDraws = 20000;
+  for (int k = 0; k < kDraws; ++k) {
+    Vector6d pose;
+    Eigen::Matrix<double, 7, 1> fit;
+    for (double& v : pose) v = 1e-3 * random.Normal();
+    for (double& v : fit) v = 0.1 * random.Normal();  // a tenth: small enough to be linear
+    fit = root * fit;
+    Sim3d similarity = geo.world_from_odom;
+    similarity.rotation = ExpSO3(fit.head<3>()) * similarity.rotation;
+    similarity.translation += fit.segment<3>(3);
+    similarity.scale += fit(6);
+    const Vector6d error = similarity.TransformPose(s.problem.poses[4].Plus(pose).Inverse()).Minus(world);
+    sum += error * error.transpose() / kDraws;
+  }
+  geo.covariance *= 0.01;
+  const Matrix6d expected = WorldCovariance(s, 4);
+  EXPECT_LT((sum - expected).norm(), 0.05 * expected.norm());
+  EXPECT_GT(predicted.norm(), expected.norm());
+}
+
+}  // namespace
+}  // namespace trigpoint
