@@ -9,6 +9,7 @@
 
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
+#include "calib/geometry/similarity.h"
 
 namespace trigpoint {
 namespace {
@@ -101,18 +102,10 @@ Eigen::MatrixXd CovarianceWithFit(const BundleProblem& p, const std::vector<int>
 PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, const Matrix6d& covariance,
                      const Eigen::Matrix<double, 6, 7>& with_fit) {
   PoseEstimate e;
-  const Sim3d& s = geo.world_from_odom;
-  e.world_from_x = s.TransformPose(odom_from_x);
-  const Eigen::Matrix3d rot = s.rotation.toRotationMatrix();
-  Matrix6d a = Matrix6d::Zero();  // d world / d odom_from_x
-  a.topLeftCorner<3, 3>() = rot;
-  a.bottomRightCorner<3, 3>() = s.scale * rot;
-  const Eigen::Vector3d rotated = s.rotation * odom_from_x.translation;
-  Eigen::Matrix<double, 6, 7> b = Eigen::Matrix<double, 6, 7>::Zero();  // d world / d global
-  b.topLeftCorner<3, 3>().setIdentity();
-  b.bottomLeftCorner<3, 3>() = -s.scale * Skew(rotated);
-  b.block<3, 3>(3, 3).setIdentity();
-  b.block<3, 1>(3, 6) = rotated;
+  e.world_from_x = geo.world_from_odom.TransformPose(odom_from_x);
+  Matrix6d a;
+  Eigen::Matrix<double, 6, 7> b;
+  SimilarityJacobians(geo.world_from_odom, odom_from_x, &a, &b);
   const Matrix6d cross = a * with_fit * b.transpose();
   e.covariance = a * covariance * a.transpose() + b * geo.covariance * b.transpose() + cross + cross.transpose();
   return e;
@@ -213,7 +206,6 @@ LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
   LocalizeOptions o;
   o.mode = mode;
   if (mode == "paper") {
-    static_cast<ReconstructRunOptions&>(o) = Paper();
     o.registration.ratio = 0.7;
   } else if (mode != "trigpoint") {
     throw OptionError("mode is '" + mode + "', expected trigpoint or paper");
@@ -228,21 +220,16 @@ std::vector<std::string> LocalizeOptions::Check() const {
   return problems;
 }
 
-Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
-                      const RefineReferences& refine) {
+Localization Localize(const LocalizeInput& input, Reconstruction run, const std::vector<GpsPlace>& gps,
+                      const LocalizeOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                      const CancelToken& cancel, const RefineReferences& refine) {
   const bool paper = options.mode == "paper";
   Localization result;
-  RunReconstruction run = ReconstructRun(input, options, paper, threads, seed, progress, cancel);
-  result.reconstruction = std::move(run.reconstruction);
-  result.tracks = std::move(run.tracks);
-  result.tracked = run.tracked;
-  result.loops = run.loops;
-  result.seconds = std::move(run.seconds);
+  result.reconstruction = std::move(run);
   StepTimes steps(&result.seconds);
   Reconstruction& r = result.reconstruction;
   BundleProblem& p = r.problem;
-  const size_t body_poses = p.poses.size();
+  const size_t body_poses = input.odom_from_body.size();
   result.retrieval = RetrieveViews(input, options.retrieval, paper, seed, threads, progress, cancel);
   steps.End("retrieval");
   std::vector<Registration> registrations =
@@ -363,17 +350,20 @@ Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& g
   const auto odom_from = [&](int pose) { return p.poses[static_cast<size_t>(pose)].Inverse(); };
   Eigen::MatrixXd with_fit;
   if (result.on_earth) with_fit = CovarianceWithFit(p, earth.poses, result.geo, *local);
-  std::vector<Matrix6d> covariances, unused;  // of all poses (rig_from_odom)
+  std::vector<Matrix6d>& covariances = result.pose_covariances;
+  std::vector<Matrix6d> unused;
   std::move(*local).PoseBlocks({}, &covariances, &unused);
   local.reset();
+  for (Eigen::Index row = 0; row < with_fit.rows(); row += 6) result.with_fit.push_back(with_fit.middleRows<6>(row));
   const auto world = [&](int pose) {
     const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], covariances[static_cast<size_t>(pose)]);
-    return ToWorld(result.geo, odom_from(pose), own, with_fit.middleRows<6>(6 * static_cast<Eigen::Index>(pose)));
+    return ToWorld(result.geo, odom_from(pose), own, result.with_fit[static_cast<size_t>(pose)]);
   };
   for (size_t i = 0; i < result.references.size(); ++i) {
     ReferenceAnswer& answer = result.references[i];
     const int pose = joint.pose_of_reference[i];
     if (pose < 0) continue;
+    answer.pose = pose;
     answer.registration.rig_from_odom = p.poses[static_cast<size_t>(pose)];
     answer.registration.covariance = covariances[static_cast<size_t>(pose)];
     if (result.on_earth) answer.world = world(pose);

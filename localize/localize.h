@@ -1,4 +1,4 @@
-// The whole localization: tracks, points, references, Earth. Options in, result out; no files.
+// References of a reconstructed run, the joint solution with them, the Earth. Options in, result out; no files.
 #pragma once
 
 #include <functional>
@@ -7,13 +7,14 @@
 
 #include "localize/frames.h"
 #include "localize/georegistration.h"
-#include "localize/reconstruct_run.h"
+#include "localize/reconstruct.h"
 #include "localize/registration.h"
 #include "localize/retrieval.h"
+#include "localize/step_times.h"
 
 namespace trigpoint {
 
-struct LocalizeOptions : ReconstructRunOptions {
+struct LocalizeOptions {
   std::string mode = "trigpoint";  // trigpoint, or paper: as published
   RetrievalOptions retrieval;
   RegistrationOptions registration;
@@ -25,7 +26,6 @@ struct LocalizeOptions : ReconstructRunOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.mode, {"mode", "", 0, 0, "trigpoint, or paper: as published"});
-    ReconstructRunOptions::Visit(self, visit);
     visit(self.retrieval, {"retrieval", "", 0, 0, "candidate references of an image"});
     visit(self.registration, {"registration", "", 0, 0, "poses of references"});
     visit(self.geo, {"geo", "", 0, 0, "the run's frame on the Earth"});
@@ -42,6 +42,7 @@ struct PoseEstimate {
 struct ReferenceAnswer {
   Registration registration;  // rig_from_odom after the joint solution
   PoseEstimate world;         // valid where the run is on the Earth
+  int pose = -1;              // of the reconstruction's problem; -1: not part of the joint solution
   bool geotag_used = false;
   bool geotag_outlier = false;
   Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // said - estimated, ENU, m
@@ -58,10 +59,10 @@ struct Localization {
   double odometry_scale = 1;  // applied in the run's frame: true / measured length
   double odometry_scale_sigma = 0;
   std::vector<PoseEstimate> cameras;  // each image, world_from_cam; empty when not on the Earth
-  LoopSummary loops;
+  // Of all poses of the reconstruction's problem (rig_from_odom), and of their odom_from_rig with the fit to the Earth.
+  std::vector<Matrix6d> pose_covariances;
+  std::vector<Eigen::Matrix<double, 6, 7>> with_fit;  // empty when not on the Earth
   Retrieval retrieval;
-  TrackSet tracks;      // their observations are the reconstruction's
-  int64_t tracked = 0;  // how many of these there were
   StepSeconds seconds;
 };
 
@@ -80,8 +81,9 @@ using RefineReferences =
     std::function<void(const Reconstruction& reconstruction, const Retrieval& retrieval,
                        std::vector<ReferenceViews>* references, std::vector<Registration>* registrations)>;
 
-Localization Localize(const LocalizeInput& input, const std::vector<GpsPlace>& gps, const LocalizeOptions& options,
-                      int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
-                      const RefineReferences& refine = nullptr);
+// `run`: the run by itself (reconstruct_run.h), which is extended.
+Localization Localize(const LocalizeInput& input, Reconstruction run, const std::vector<GpsPlace>& gps,
+                      const LocalizeOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                      const CancelToken& cancel, const RefineReferences& refine = nullptr);
 
 }  // namespace trigpoint

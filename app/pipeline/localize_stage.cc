@@ -6,20 +6,25 @@
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/time_check.h"
+#include "localize/reconstruct_run.h"
 
 namespace trigpoint {
 namespace {
 
 struct LocalizeStageOptions : LocalizeOptions {
+  ReconstructRunOptions run;
   std::string rig = "auto";  // of a stitched photo set
 
   LocalizeStageOptions() = default;
   explicit LocalizeStageOptions(const LocalizeOptions& options) : LocalizeOptions(options) {}
   static LocalizeStageOptions ForMode(const std::string& mode) {
-    return LocalizeStageOptions(LocalizeOptions::ForMode(mode));
+    LocalizeStageOptions options(LocalizeOptions::ForMode(mode));
+    if (mode == "paper") options.run = ReconstructRunOptions::Paper();
+    return options;
   }
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
+    ReconstructRunOptions::Visit(self.run, visit);
     LocalizeOptions::Visit(self, visit);
     visit(self.rig, {"rig", "", 0, 0,
                      "of a stitched photo set: fixed as stitched; scaled; prior: its photos move as far as stitching "
@@ -35,7 +40,7 @@ struct LocalizeStageOptions : LocalizeOptions {
   }
 };
 
-nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
+nlohmann::json Metrics(const LocalizeJob& job, const RunReconstruction& run, const Localization& result) {
   nlohmann::json m;
   int localized = 0, rejected = 0, unmatched = 0;
   for (const ReferenceAnswer& a : result.references) {
@@ -49,17 +54,17 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   m["localized"] = localized;
   m["rejected"] = rejected;
   m["unmatched"] = unmatched;
-  m["tracks"] = result.tracks.tracks;
-  m["observations"] = result.tracked;
+  m["tracks"] = run.tracks.tracks;
+  m["observations"] = run.tracked;
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
   for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
-  m["pairs_contradicting_odometry"] = result.tracks.odometry_contradicted;
-  m["loops"] = {{"tried", result.loops.tried},
-                {"found", result.loops.found},
-                {"contradicting", result.loops.contradicting},
-                {"closed", result.loops.closed},
-                {"merged_points", result.loops.merged_points},
-                {"correction_m", result.loops.correction_m}};
+  m["pairs_contradicting_odometry"] = run.tracks.odometry_contradicted;
+  m["loops"] = {{"tried", run.loops.tried},
+                {"found", run.loops.found},
+                {"contradicting", run.loops.contradicting},
+                {"closed", run.loops.closed},
+                {"merged_points", run.loops.merged_points},
+                {"correction_m", run.loops.correction_m}};
   m["on_earth"] = result.on_earth;
   m["earth_source"] = result.earth_source;
   m["earth_reason"] = result.earth_reason;
@@ -67,6 +72,7 @@ nlohmann::json Metrics(const LocalizeJob& job, const Localization& result) {
   m["odometry_scale_sigma"] = result.odometry_scale_sigma;
   m["retrieval_words"] = result.retrieval.words;
   m["retrieval_memory_mib"] = result.retrieval.memory_mib;
+  for (const auto& [name, seconds] : run.seconds) m["seconds"][name] = seconds;
   for (const auto& [name, seconds] : result.seconds) m["seconds"][name] = seconds;
   return m;
 }
@@ -129,8 +135,10 @@ StageInfo LocalizeStage() {
         sets = RefineSets(job, options.registration, options.rig, reconstruction, retrieval, context.seed,
                           context.progress, context.cancel, placed, answers);
       };
-      const Localization result = Localize(job.input, job.gps, options, context.threads, context.seed, context.progress,
-                                           context.cancel, refine);
+      RunReconstruction alone = ReconstructRun(job.input, options.run, options.mode == "paper", context.threads,
+                                               context.seed, context.progress, context.cancel);
+      const Localization result = Localize(job.input, std::move(alone.reconstruction), job.gps, options,
+                                           context.threads, context.seed, context.progress, context.cancel, refine);
       if (!result.on_earth)
         context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
       // Half of it: a height that one of many GPS fixes has is known.
@@ -141,7 +149,7 @@ StageInfo LocalizeStage() {
             "lay there, and are not known (1 sigma 10 km)");
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
-      context.metrics.update(Metrics(job, result));
+      context.metrics.update(Metrics(job, alone, result));
       const std::pair<const char*, TimeOffset> clocks[] = {
           {"gps", CheckGpsTime(r)}, {"odometry", CheckOdometryTime(r, FirstCameraTrajectory(job, result))}};
       for (const auto& [sensor, offset] : clocks) {

@@ -13,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "localize/localize.h"
+#include "localize/reconstruct_run.h"
 #include "tests/synthetic/synthetic_features.h"
 
 namespace trigpoint {
@@ -42,8 +43,8 @@ LocalizeInput InputOf(const SyntheticSite& site) {
 }
 
 // The noise as it is: nothing is estimated that is known.
-LocalizeOptions OptionsOf(const SyntheticOptions& site, bool estimate) {
-  LocalizeOptions options = LocalizeOptions::ForMode("trigpoint");
+ReconstructRunOptions RunOptionsOf(const SyntheticOptions& site, bool estimate) {
+  ReconstructRunOptions options;
   ReconstructOptions& r = options.reconstruct;
   r.sigma_px = site.pixel_sigma_px;
   r.odometry_rotation_deg = site.odometry_rotation_sigma_rad * kRadToDeg;
@@ -51,7 +52,6 @@ LocalizeOptions OptionsOf(const SyntheticOptions& site, bool estimate) {
   r.odometry_translation_m = site.odometry_translation_sigma_m;
   r.odometry_translation_part = site.odometry_translation_sigma_per_m;
   r.estimate_sigma = r.estimate_odometry = estimate;
-  options.registration.sigma_px = site.view_pixel_sigma_px;
   return options;
 }
 
@@ -109,7 +109,9 @@ int Main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   cv::setNumThreads(1);
   const SyntheticSite first = MakeSyntheticSite(synthetic, seed);
-  const LocalizeOptions options = OptionsOf(synthetic, estimate);
+  const ReconstructRunOptions run_options = RunOptionsOf(synthetic, estimate);
+  LocalizeOptions options;
+  options.registration.sigma_px = synthetic.view_pixel_sigma_px;
   std::map<std::string, Pool> pools;
   int answers = 0, wrong = 0, unsolved = 0;
   for (int k = 0; k < redraws; ++k) {
@@ -120,7 +122,8 @@ int Main(int argc, char** argv) {
     const SyntheticSite site = RedrawNoise(first, 1000 + static_cast<uint64_t>(k));
     ProgressSink progress;
     const LocalizeInput input = InputOf(site);
-    const Localization result = Localize(input, {}, options, threads, 1, progress, {});
+    RunReconstruction run = ReconstructRun(input, run_options, false, threads, 1, progress, {});
+    const Localization result = Localize(input, std::move(run.reconstruction), {}, options, threads, 1, progress, {});
     if (!result.on_earth) {
       ++unsolved;
       for (size_t i = 0; verbose && i < result.references.size(); ++i) {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/geo/geodetic.h"
-#include "localize/localize.h"
+#include "localize/reconstruct_run.h"
 #include "tests/localize/test_scene.h"
 
 namespace trigpoint {
@@ -64,38 +64,39 @@ Drive MakeDrive(double laps, uint64_t seed) {
   return drive;
 }
 
-Localization Solve(Drive& drive, bool close) {
+RunReconstruction Solve(Drive& drive, bool close) {
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
-  LocalizeOptions options;
+  ReconstructRunOptions options;
   options.loops.close = close;
   options.loops.gap_m = 20;
   ProgressSink progress;
-  return Localize(drive.input, {}, options, 2, 1, progress, {});
+  return ReconstructRun(drive.input, options, false, 2, 1, progress, {});
 }
 
 // RMSE of body positions relative to the first pose, m.
-double Error(const Drive& drive, const Localization& result) {
+double Error(const Drive& drive, const RunReconstruction& result) {
+  const std::vector<Rigid3d>& body_from_odom = result.reconstruction.problem.poses;
   double sum = 0;
-  for (size_t k = 0; k < result.body_from_odom.size(); ++k) {
+  for (size_t k = 0; k < body_from_odom.size(); ++k) {
     const Rigid3d truth = drive.odom_from_body[0].Inverse() * drive.odom_from_body[k];
-    sum += (result.body_from_odom[k].TargetOriginInSource() - truth.translation).squaredNorm();
+    sum += (body_from_odom[k].TargetOriginInSource() - truth.translation).squaredNorm();
   }
-  return std::sqrt(sum / static_cast<double>(result.body_from_odom.size()));
+  return std::sqrt(sum / static_cast<double>(body_from_odom.size()));
 }
 
 TEST(Loops, AreClosedAndHelp) {
   Drive drive = MakeDrive(1.15, 3);
-  const Localization open = Solve(drive, false), closed = Solve(drive, true);
+  const RunReconstruction open = Solve(drive, false), closed = Solve(drive, true);
   EXPECT_EQ(open.loops.tried, 0);
   EXPECT_GE(closed.loops.tried, 3);
   EXPECT_GE(closed.loops.closed, 3);
   EXPECT_EQ(closed.loops.contradicting, 0);
   EXPECT_GT(closed.loops.merged_points, 100);
   // Where the drive meets its beginning, the passages fit.
-  const size_t last = closed.body_from_odom.size() - 1;
-  const auto miss = [&](const Localization& result) {
+  const size_t last = drive.seen.size() - 1;
+  const auto miss = [&](const RunReconstruction& result) {
     const Rigid3d truth = drive.odom_from_body[0].Inverse() * drive.odom_from_body[last];
-    return (result.body_from_odom[last].TargetOriginInSource() - truth.translation).norm();
+    return (result.reconstruction.problem.poses[last].TargetOriginInSource() - truth.translation).norm();
   };
   EXPECT_LT(miss(closed), 0.05);
   EXPECT_LT(miss(closed), 0.5 * miss(open));
@@ -113,7 +114,7 @@ TEST(Loops, ACopyIsNotBelieved) {
   Drive drive = MakeDrive(1.06, 5);
   const size_t n = drive.seen.size();
   for (size_t k = 0; k < 10; ++k) drive.seen[n - 10 + k] = drive.seen[6 + k];
-  const Localization result = Solve(drive, true);
+  const RunReconstruction result = Solve(drive, true);
   EXPECT_GE(result.loops.found, 1);
   EXPECT_EQ(result.loops.closed, 0);
   EXPECT_EQ(result.loops.contradicting, result.loops.found);

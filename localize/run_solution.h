@@ -1,0 +1,22 @@
+// What `reconstruct` and `localize` find, as solutions (datasets/solution).
+#pragma once
+
+#include <string>
+
+#include "datasets/solution/solution.h"
+#include "localize/localize.h"
+#include "localize/reconstruct_run.h"
+
+namespace trigpoint {
+
+// Of a run by itself. The reconstruction is given up: a long run has no room for it twice. Without covariances.
+Solution SolutionOf(const LocalizeInput& input, const std::string& run, RunReconstruction reconstruction);
+// The reconstruction of a solution that was made of this input. Throws InputError where the images are others.
+Reconstruction ReconstructionOf(const LocalizeInput& input, Solution solution);
+
+// Of a run with its references, and where it lies; `counts`: how its reconstruction came about. The result's
+// reconstruction is given up.
+Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
+                    const SolutionCounts& counts, Localization* result);
+
+}  // namespace trigpoint

@@ -1,0 +1,140 @@
+// A run's solution: what is read back goes on to the same answers, and gives the covariances that localize states.
+#include "localize/run_solution.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <filesystem>
+
+#include "calib/base/error.h"
+#include "datasets/solution/solution_covariance.h"
+#include "datasets/solution/solution_file.h"
+#include "tests/synthetic/synthetic_features.h"
+
+namespace trigpoint {
+namespace {
+
+struct Drive {
+  SyntheticSite site;
+  LocalizeInput input;
+};
+
+Drive MakeDrive() {
+  SyntheticOptions options;
+  options.path = "street";
+  options.length_m = 40;
+  options.points_per_image = 60;
+  options.panoramas = 5;
+  Drive drive{MakeSyntheticSite(options, 3), {}};
+  LocalizeInput& input = drive.input;
+  input.cameras = drive.site.cameras;
+  for (size_t i = 0; i < drive.site.images.size(); ++i) {
+    const SyntheticImage& image = drive.site.images[i];
+    input.images.push_back({image.stamp_ns, std::to_string(i), image.camera, image.step});
+  }
+  for (const TimedPose& pose : drive.site.odometry.poses) {
+    input.pose_stamps.push_back(pose.stamp_ns);
+    input.odom_from_body.push_back(pose.target_from_body);
+  }
+  for (const SyntheticPanorama& panorama : drive.site.panoramas) {
+    input.references.push_back(
+        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, -1});
+  }
+  input.has_frame = true;
+  input.frame = drive.site.frame;
+  input.scale_sigma = options.odometry_scale_sigma;
+  return drive;
+}
+
+class RunSolution : public testing::Test {
+ protected:
+  RunSolution() : drive_(MakeDrive()) {
+    drive_.input.image_features = [this](int i) { return SyntheticImageFeatures(drive_.site, i); };
+    drive_.input.view_features = [this](int p, int v) { return SyntheticViewFeatures(drive_.site, p, v); };
+    file_ = std::filesystem::temp_directory_path() / ("trigpoint_run_solution_" + std::to_string(getpid()) + ".db");
+  }
+  ~RunSolution() override { std::filesystem::remove(file_); }
+  RunReconstruction Run() { return ReconstructRun(drive_.input, {}, false, 2, 1, progress_, {}); }
+  Localization Localized(Reconstruction run) {
+    return Localize(drive_.input, std::move(run), {}, LocalizeOptions(), 2, 1, progress_, {});
+  }
+  Drive drive_;
+  std::filesystem::path file_;
+  ProgressSink progress_;
+};
+
+TEST_F(RunSolution, ReadBackLeadsToTheSameAnswers) {
+  RunReconstruction run = Run();
+  Reconstruction kept = run.reconstruction;
+  WriteSolution(SolutionOf(drive_.input, "run1", std::move(run)), file_);
+  const Solution read = ReadSolution(file_);
+  ASSERT_FALSE(read.counts.empty());
+  EXPECT_EQ(read.counts.front().first, "tracks");
+  EXPECT_EQ(read.counts.front().second, static_cast<double>(kept.problem.points.size()));
+  const Localization a = Localized(std::move(kept)), b = Localized(ReconstructionOf(drive_.input, read));
+  ASSERT_TRUE(a.on_earth);
+  ASSERT_EQ(a.cameras.size(), b.cameras.size());
+  for (size_t i = 0; i < a.cameras.size(); ++i) {
+    EXPECT_EQ(a.cameras[i].world_from_x.translation, b.cameras[i].world_from_x.translation);
+    EXPECT_EQ(a.cameras[i].covariance, b.cameras[i].covariance);
+  }
+  for (size_t i = 0; i < a.references.size(); ++i) {
+    EXPECT_EQ(a.references[i].world.world_from_x.translation, b.references[i].world.world_from_x.translation);
+  }
+}
+
+TEST_F(RunSolution, OfAnotherRunIsRefused) {
+  const Solution solution = SolutionOf(drive_.input, "run1", Run());
+  drive_.input.images[3].name = "another";
+  try {
+    ReconstructionOf(drive_.input, solution);
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("the solution of run run1 holds other images"), std::string::npos) << e.what();
+  }
+}
+
+// What localize states of each camera and panorama is what the file gives back, alone and jointly.
+TEST_F(RunSolution, GivesTheCovariancesOfTheAnswers) {
+  Localization result = Localized(Run().reconstruction);
+  ASSERT_TRUE(result.on_earth);
+  const std::vector<ReferenceAnswer> references = result.references;
+  const std::vector<PoseEstimate> cameras = result.cameras;
+  WriteSolution(SolutionOf(drive_.input, "run1", "trigpoint", {}, &result), file_);
+  const Solution s = ReadSolution(file_);
+  std::vector<int> poses = {s.images[5].pose, s.images[20].pose};
+  int localized = 0;
+  for (size_t i = 0; i < references.size(); ++i) {
+    ASSERT_EQ(s.references[i].status, AnswerStatusName(references[i].registration.status));
+    if (s.references[i].pose < 0) continue;
+    ++localized;
+    poses.push_back(s.references[i].pose);
+    const Rigid3d world =
+        s.georeference->world_from_odom.TransformPose(s.problem.poses[static_cast<size_t>(poses.back())].Inverse());
+    EXPECT_LT((world.translation - references[i].world.world_from_x.translation).norm(), 1e-9);
+    EXPECT_TRUE(WorldCovariance(s, poses.back()).isApprox(references[i].world.covariance, 1e-9));
+    const double error = (world.translation - drive_.site.truth.world_from_pano[i].translation).norm();
+    EXPECT_LT(error, 5 * std::sqrt(references[i].world.covariance.diagonal().tail<3>().sum())) << s.references[i].name;
+  }
+  ASSERT_GE(localized, 3);
+  const Rigid3d body =
+      s.georeference->world_from_odom.TransformPose(s.problem.poses[static_cast<size_t>(poses[0])].Inverse());
+  const Matrix6d of_camera =
+      MountedCovariance(body, WorldCovariance(s, poses[0]), s.cameras[0].cam_from_body.Inverse());
+  EXPECT_TRUE(of_camera.isApprox(cameras[5].covariance, 1e-9));
+  const Eigen::MatrixXd joint = SolutionCovariance(s, false, 2, {}).World(poses);
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const auto at = 6 * static_cast<Eigen::Index>(i);
+    EXPECT_TRUE((joint.block<6, 6>(at, at).isApprox(WorldCovariance(s, poses[i]), 1e-6))) << i;
+  }
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(joint, Eigen::EigenvaluesOnly).eigenvalues()(0),
+            -1e-12 * joint.trace());
+  // They hang on one fit to the Earth, so that what is between two of them is known better than either.
+  const Eigen::Matrix3d a = joint.block<3, 3>(15, 15), b = joint.block<3, 3>(21, 21), ab = joint.block<3, 3>(15, 21);
+  EXPECT_LT((a + b - ab - ab.transpose()).trace(), (a + b).trace());
+}
+
+}  // namespace
+}  // namespace trigpoint
