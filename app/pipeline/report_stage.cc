@@ -80,7 +80,7 @@ std::vector<fs::path> Shown(const Project& project) {
 StageInfo ReportStage() {
   StageInfo info;
   info.name = "report";
-  info.help = "write every result as pages: index.html, figures, tables, and report.pdf on request";
+  info.help = "write a report of all results: index.html, figures, tables, and report.pdf with --pdf";
   info.per_run = false;
   info.metric = "pages";
   info.flags = {"pdf", "no-images=images", "paper"};
@@ -88,7 +88,7 @@ StageInfo ReportStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<ReportOptions>(project, "report", target);
     StageRequest request;
-    request.version = 4;
+    request.version = 5;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;
@@ -101,6 +101,10 @@ StageInfo ReportStage() {
       // The pages show states and times too, not only what the results hold.
       request.values["results"].push_back(
           {s.stage, s.name, s.state, s.reason, s.manifest.is_object() ? s.manifest.value("end", "") : ""});
+    }
+    std::error_code ignored;
+    for (fs::directory_iterator it(project.results() / "stitch", ignored), end; it != end; it.increment(ignored)) {
+      if (it->path().filename().string().front() != '.') request.inputs.push_back(it->path() / "manifest.json");
     }
     request.body = [=](StageContext& context) {
       ReportInput its = input;
@@ -123,7 +127,8 @@ StageInfo ReportStage() {
     std::string text = fmt::format("Report: {} ({:.1f} MB)\n", (outcome.dir / "index.html").string(),
                                    m.at("html_bytes").get<double>() / 1e6);
     if (fs::exists(outcome.dir / "report.pdf")) text += "        " + (outcome.dir / "report.pdf").string() + "\n";
-    if (m.at("renderer").get<std::string>().empty()) text += "The scene was not rendered; the report says why.\n";
+    if (m.at("renderer").get<std::string>().empty())
+      text += "The scene was not rendered; the report gives the reason.\n";
     return text;
   };
   return info;

@@ -343,11 +343,12 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
 
 void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
   const std::vector<nlohmann::json> groups = Groups(c.data);
-  blocks->push_back(Heading{2, "Accuracy", "accuracy", true});
+  blocks->push_back(Heading{2, "Accuracy", "accuracy"});
   if (groups.empty()) {
-    blocks->push_back(Paragraph{"There is no evaluation to show."});
+    AddSummary(c, blocks);
     return;
   }
+  AddSummary(c, blocks);
   AddGroupTable(c, groups, blocks);
   AddCurves(c, groups, blocks);
   for (const nlohmann::json& group : groups) {
@@ -370,16 +371,15 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   bool further = false;
   for (const VariantData& v : c.data.variants) further = further || !v.further.empty();
-  blocks->push_back(Heading{2, "Consistency", "consistency", true});
+  blocks->push_back(Heading{2, "Consistency", "consistency"});
   if (of_group.empty()) {
     blocks->push_back(
         Paragraph{"No answer has both an error and a covariance, so that the stated sigmas cannot be tested here."});
   } else {
     blocks->push_back(Paragraph{
-        "An estimate is worth as much as its stated uncertainty. The normalised error squared (NEES) is the error "
-        "measured in its own "
-        "covariance; if every sigma is right it follows a chi-square distribution. In the trust curve an honest system "
-        "lies on the diagonal, below it sigmas are too small."});
+        "The normalised error squared (NEES) is the squared error in units of its own covariance. If every sigma is "
+        "right, it follows a chi-square distribution, and the trust curve is the diagonal; below the diagonal the "
+        "sigmas are too small."});
     // A pair of charts a variant.
     std::set<std::string> variants;
     for (const auto& [name, records] : of_group) variants.insert(records.front()->variant);
@@ -394,7 +394,7 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
       const size_t shown_rows = std::min(kFurtherRows, f.rows.size());
       Table table{Slug(name),
                   f.comment + (shown_rows < f.rows.size() + f.left_out
-                                   ? fmt::format(" The first {} rows; {} more stand in the evaluation's own file.",
+                                   ? fmt::format(" The first {} rows; {} more are in the evaluation's own file.",
                                                  shown_rows, f.rows.size() + f.left_out - shown_rows)
                                    : ""),
                   {},

@@ -14,7 +14,7 @@ constexpr size_t kFilesShown = 6;  // of one folder and kind; more are shown as 
 
 void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"results",
-              "Every result this report could rest on. Times are UTC.",
+              "Every result of the project. Times are UTC.",
               {{"result"},
                {"state"},
                {"version"},
@@ -76,7 +76,7 @@ void AddInputs(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"inputs",
               "What was read, with SHA-256. Of a folder with many files: the hash of the lines 'hash  name' of all of "
               "them, in the order of names. "
-              "Single hashes stand in the manifests.",
+              "The hash of each file is in the manifests.",
               {{"file"}, {"files", true}, {"SHA-256"}},
               {}};
   for (const auto& [folder, names] : folders) {
@@ -134,19 +134,19 @@ void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
 }  // namespace
 
 void AddProvenance(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Provenance", "provenance", true});
-  blocks->push_back(Paragraph{"This report is made again by: " + c.input.command});
+  blocks->push_back(Heading{2, "Appendix: provenance", "provenance"});
+  blocks->push_back(Paragraph{"To make this report again: " + c.input.command});
   if (c.input.project->has_frame()) {
     const Geodetic& o = c.input.project->frame().origin();
-    blocks->push_back(
-        Paragraph{fmt::format("Site ENU (x east, y north, z up, metres) begins at latitude {:.8f}, longitude {:.8f} "
-                              "deg, ellipsoidal height {:.3f} m, WGS 84.",
-                              o.latitude_deg, o.longitude_deg, o.height_m)});
+    blocks->push_back(Paragraph{
+        fmt::format("Site ENU (x east, y north, z up, metres) has its origin at latitude {:.8f}, longitude {:.8f} "
+                    "deg, ellipsoidal height {:.3f} m, WGS 84.",
+                    o.latitude_deg, o.longitude_deg, o.height_m)});
   }
   AddStates(c, blocks);
   if (!c.data.reviews.empty()) {
     Table table{"reviews",
-                "Decisions of people, from review.jsonl.",
+                "Decisions of the review, from review.jsonl.",
                 {{"time"}, {"user"}, {"action"}, {"object"}, {"reason"}},
                 {}};
     for (const nlohmann::json& r : c.data.reviews) {

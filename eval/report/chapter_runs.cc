@@ -24,8 +24,8 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
                {"images", true},
                {"answers", true},
                {"rejected", true},
-               {"not recognised", true},
-               {"place on the Earth"},
+               {"not matched", true},
+               {"georeferenced"},
                {"odometry scale"},
                {"points", true},
                {"residual (px)", true}},
@@ -52,7 +52,7 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
                           {std::to_string(localized), localized, localized == 0 ? Tone::kBad : Tone::kPlain},
                           {std::to_string(rejected), rejected},
                           {std::to_string(unmatched), unmatched},
-                          {on_earth          ? "by " + TextAt(metrics, "earth_source")
+                          {on_earth          ? "from " + TextAt(metrics, "earth_source")
                            : metrics.empty() ? "not known"
                                              : "none: " + TextAt(metrics, "earth_reason")},
                           {scale},
@@ -85,7 +85,7 @@ void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
         Figure{"residuals",
                "Residuals of the runs' own points: mean reprojection error of each point over its images (px); the "
                "last bin holds "
-               "everything beyond. They say how well images and points agree, not how accurate a place is.",
+               "everything beyond. They measure how well images and points agree, not how accurate a position is.",
                HistogramChart(residuals, 40, limit, "mean reprojection error of a point (px)")});
   }
   if (!lengths.empty()) {
@@ -127,8 +127,8 @@ void AddTags(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"tags",
               "Tags: edge of the black square; sigma: 1 sigma of the largest axis of its centre, in the map's frame "
               "(survey: site ENU; cameras of "
-              "a run: that run's own frame). The residual of corners says how well images agree, not how accurate the "
-              "place is.",
+              "a run: that run's own frame). The residual of corners measures how well images agree, not how accurate "
+              "the position is.",
               {{"tag", true},
                {"source"},
                {"role"},
@@ -158,7 +158,7 @@ void AddTags(const ChapterContext& c, std::vector<Block>* blocks) {
 }  // namespace
 
 void AddRuns(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Runs", "runs", true});
+  blocks->push_back(Heading{2, "Runs", "runs"});
   if (c.data.runs.empty()) {
     blocks->push_back(Paragraph{"No run is localized."});
   } else {

@@ -42,7 +42,7 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
       "",
-      "Differences of the answers from what they are held against. self: tags seen by the same cameras, in the run's "
+      "Differences of the answers from their references. self: tags seen by the same cameras, in the run's "
       "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
       "its "
       "error budget. NEES: squared error in its own sigmas, 3 on average where these are right.",
@@ -111,7 +111,7 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{"",
               "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
-              "horizontal distance of what the picture says about itself from the answer.",
+              "horizontal distance of the geotag from the answer.",
               {{"run"},
                {"panorama"},
                {"inliers", true},
@@ -139,7 +139,7 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
 }  // namespace
 
 void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Stations", "stations", true});
+  blocks->push_back(Heading{2, "Appendix: stations", "stations", true});
   std::map<std::string, StationPart> parts;
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) parts[e.station].errors.push_back(&e);
@@ -223,13 +223,12 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
       const auto it = c.match_figures.find(CellKey(run->run, run->variant, a->panorama));
       if (it != c.match_figures.end()) figures.push_back(&it->second);
     }
-    blocks->push_back(
-        Heading{3, "Station " + station, c.station_anchor.at(station), !many && station != c.data.stations.front()});
+    blocks->push_back(Heading{3, "Station " + station, c.station_anchor.at(station)});
     for (const Station& s : c.input.project->site().stations) {
       if (s.name != station) continue;
       blocks->push_back(Paragraph{fmt::format(
-          "Tag {}; the panorama's centre lies {} {} {} {} from the tag's centre ({}), 1 sigma {} per axis.", s.tag_id,
-          c.Length(s.offset_m.x()), c.Length(s.offset_m.y()), c.Length(s.offset_m.z()), c.unit.name,
+          "Tag {}; offset of the panorama's centre from the tag's centre: {} {} {} {} ({}), 1 sigma {} per axis.",
+          s.tag_id, c.Length(s.offset_m.x()), c.Length(s.offset_m.y()), c.Length(s.offset_m.z()), c.unit.name,
           s.in_tag_frame ? "right, out, up in the tag's levelled frame" : "east, north, up", c.LengthUnit(s.sigma_m))});
     }
     if (many)
@@ -238,7 +237,7 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
     if (Table errors = ErrorsOf(c, part); !errors.rows.empty()) blocks->push_back(std::move(errors));
     AddReasons(c, part, blocks);
     if (!part.answers.empty()) blocks->push_back(AnswersOf(c, part));
-    if (part.errors.empty() && part.answers.empty()) blocks->push_back(Paragraph{"No run says anything about it."});
+    if (part.errors.empty() && part.answers.empty()) blocks->push_back(Paragraph{"No run has a result for it."});
     if (many) blocks->push_back(FoldEnd{});
     for (const Figure* figure : figures) blocks->push_back(*figure);
   }

@@ -114,7 +114,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
     if (bounds.is_array() && bounds.size() == 2 && bounds[0].is_number() && bounds[1].is_number()) {
       const double low = bounds[0].get<double>(), high = bounds[1].get<double>();
       detail = fmt::format(", {:.0f} % bounds {:.2f} to {:.2f}", 100 * confidence, low, high);
-      value = *anees < low ? "too cautious" : *anees > high ? "too small" : "right";
+      value = *anees < low ? "too large" : *anees > high ? "too small" : "right";
       tone = *anees < low || *anees > high ? Tone::kWarning : Tone::kGood;
     }
     facts.facts.push_back(
@@ -197,7 +197,7 @@ void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
     if (results == gates->end() || !results->is_array()) continue;
     Table table{"gates",
                 "Each gate is decided by the clustered confidence bound, not by the point estimate.",
-                {{"gate"}, {"verdict"}, {"what it says"}},
+                {{"gate"}, {"verdict"}, {"reason"}},
                 {}};
     for (const nlohmann::json& gate : *results) {
       const std::string its = TextAt(gate, "verdict");
@@ -237,38 +237,7 @@ std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const Repor
 }
 
 void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Summary", "summary"});
   const Headline headline = FindHeadline(c.data);
-  int localized = 0, rejected = 0, unmatched = 0;
-  for (const RunData& run : c.data.runs) {
-    if (!run.variant.empty()) continue;
-    for (const RunData::Answer& a : run.answers) {
-      ++(a.status == "localized" ? localized : a.status == "rejected" ? rejected : unmatched);
-    }
-  }
-  const size_t runs =
-      std::count_if(c.data.runs.begin(), c.data.runs.end(), [](const RunData& r) { return r.variant.empty(); });
-  if (c.data.runs.empty()) {
-    blocks->push_back(Paragraph{
-        "No run of this project is localized yet, so that there are no answers to show. What was found in the "
-        "folder and what failed stands under Provenance. Next: trigpoint run.",
-        Tone::kWarning});
-  } else {
-    blocks->push_back(Paragraph{
-        fmt::format("{} {} localized against {} panoramas and photo sets at {} station{}. {} answers were "
-                    "given; {} were refused because the evidence contradicted itself or was too thin; {} "
-                    "times a run did not recognise a place.",
-                    runs, runs == 1 ? "run was" : "runs were", c.input.project->site().references.size(),
-                    c.data.stations.size(), c.data.stations.size() == 1 ? "" : "s", localized, rejected, unmatched)});
-  }
-  for (const ResultRecord& s : c.input.stages) {
-    if (s.stage != "evaluate" || !s.manifest.is_object() || (s.state != "out of date" && s.state != "failed")) continue;
-    blocks->push_back(Paragraph{"The evaluation" + (s.name.empty() ? "" : " " + s.name) +
-                                    " does not stand for the results as they are now (" + s.state +
-                                    (s.reason.empty() ? "" : ": " + s.reason) +
-                                    "): its numbers are those of earlier ones. Next: trigpoint evaluate.",
-                                Tone::kWarning});
-  }
   AddGates(c, blocks);
   if (headline.group.is_object()) {
     AddHeadline(c, headline, blocks);
@@ -315,9 +284,9 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   if (!c.data.notes.empty()) {
     blocks->push_back(
-        FoldBegin{fmt::format("Notes: {} could not be used or {} a look",
+        FoldBegin{fmt::format("Notes: {} that could not be used or {} attention",
                               c.data.notes.size() == 1 ? "one thing" : std::to_string(c.data.notes.size()) + " things",
-                              c.data.notes.size() == 1 ? "deserves" : "deserve")});
+                              c.data.notes.size() == 1 ? "needs" : "need")});
     for (size_t i = 0; i < std::min<size_t>(40, c.data.notes.size()); ++i)
       blocks->push_back(Paragraph{c.data.notes[i]});
     if (c.data.notes.size() > 40)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,10 +47,15 @@ std::string CellKey(const std::string& run, const std::string& variant, const st
 // Answers in the order in which their pictures are wanted.
 std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data);
 
+// The first screen: what this is, how good it is, where, and the three worst things. `plan` may be empty.
+void AddVerdict(const ChapterContext& context, std::optional<Figure> plan, std::vector<Block>* blocks);
+// How good the answers are in more words: gates, the headline's comparison, every method beside it, the worst cells.
 void AddSummary(const ChapterContext& context, std::vector<Block>* blocks);
 void AddAccuracy(const ChapterContext& context, std::vector<Block>* blocks);
 void AddConsistency(const ChapterContext& context, std::vector<Block>* blocks);
 void AddRuns(const ChapterContext& context, std::vector<Block>* blocks);
+// Nothing without stitched sets. `images` false: numbers only.
+void AddStitched(const ChapterContext& context, bool images, std::vector<Block>* blocks);
 void AddStations(const ChapterContext& context, std::vector<Block>* blocks);
 void AddProvenance(const ChapterContext& context, std::vector<Block>* blocks);
 

@@ -273,6 +273,52 @@ Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limi
   return plot.drawing();
 }
 
+Drawing MatrixChart(const std::vector<std::string>& rows, const std::vector<std::string>& columns,
+                    const std::vector<std::vector<MatrixCell>>& cells, const std::vector<double>& limits,
+                    const std::string& unit) {
+  // One hue from light to dark: its order is seen by colour-blind readers and in print, too.
+  constexpr std::array<const char*, 5> kSteps = {"#fff3e0", "#fdd0a2", "#fd9a4f", "#b83c00", "#6b1f00"};
+  constexpr std::array<const char*, 5> kWords = {"#1d2329", "#1d2329", "#1d2329", "#ffffff", "#ffffff"};
+  const auto step = [&](double v) {
+    const auto at = static_cast<size_t>(std::lower_bound(limits.begin(), limits.end(), v) - limits.begin());
+    return std::min(at, kSteps.size() - 1);
+  };
+  constexpr double kRow = 26, kTop = 22;
+  double left = 40;
+  for (const std::string& row : rows) left = std::max(left, TextWidth(row, 13) + 10);
+  Drawing drawing;
+  const double width =
+      std::clamp((drawing.width - left) / static_cast<double>(std::max<size_t>(1, columns.size())), 34.0, 90.0);
+  drawing.width = std::max(left + width * static_cast<double>(columns.size()), 420.0);
+  drawing.height = kTop + kRow * static_cast<double>(rows.size()) + 30;
+  const auto fits = [&](const std::string& text) {
+    const auto letters = static_cast<size_t>(std::max(2.0, (width - 2) / 7));
+    return text.size() > letters ? text.substr(0, letters - 1) + "." : text;
+  };
+  for (size_t c = 0; c < columns.size(); ++c)
+    drawing.Text(left + width * (static_cast<double>(c) + 0.5), kTop - 7, fits(columns[c]), 0, 12, kInk, true);
+  for (size_t r = 0; r < rows.size(); ++r) {
+    const double y = kTop + kRow * static_cast<double>(r);
+    drawing.Text(left - 8, y + 18, rows[r], 1, 13, kInk, true);
+    for (size_t c = 0; c < columns.size(); ++c) {
+      const MatrixCell& cell = cells[r][c];
+      const double x = left + width * static_cast<double>(c);
+      const size_t k = cell.value ? step(*cell.value) : 0;
+      drawing.Rectangle(x + 1, y + 1, width - 2, kRow - 2, cell.value ? kSteps[k] : "#eef1f4");
+      drawing.Text(x + width / 2, y + 18, cell.value ? fmt::format("{:.2f}", *cell.value) : cell.text, 0, 13,
+                   cell.value ? kWords[k] : "#4a545d");
+    }
+  }
+  double x = left;
+  for (size_t k = 0; k <= limits.size() && k < kSteps.size(); ++k) {
+    const std::string name = k < limits.size() ? fmt::format("to {:g}", limits[k]) : fmt::format("more ({})", unit);
+    drawing.Rectangle(x, drawing.height - 18, 14, 14, kSteps[k]);
+    drawing.Text(x + 18, drawing.height - 6, name, -1, 11, kInk);
+    x += 30 + TextWidth(name, 11);
+  }
+  return drawing;
+}
+
 Drawing BarChart(const std::vector<std::pair<std::string, double>>& rows, const std::string& axis, int decimals) {
   Drawing drawing;
   const double row = 24;

@@ -42,6 +42,16 @@ struct Sample {
 Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
                        const Series* expected = nullptr);
 
+// A cell a row and column, its number on a colour of five steps; light is small. Cells without a number show their
+// text.
+struct MatrixCell {
+  std::optional<double> value;
+  std::string text;  // where there is no value
+};
+Drawing MatrixChart(const std::vector<std::string>& rows, const std::vector<std::string>& columns,
+                    const std::vector<std::vector<MatrixCell>>& cells, const std::vector<double>& limits,
+                    const std::string& unit);
+
 // A horizontal bar a row, with its number behind it.
 Drawing BarChart(const std::vector<std::pair<std::string, double>>& rows, const std::string& axis, int decimals);
 

@@ -22,12 +22,14 @@ struct Heading {
 struct Paragraph {
   std::string text;
   Tone tone = Tone::kPlain;
+  std::string anchor;  // of a heading it leads to
 };
 
 // Few numbers, large.
 struct Fact {
   std::string label, value, detail;
   Tone tone = Tone::kPlain;
+  std::string anchor;  // of a heading it leads to
 };
 struct Facts {
   std::vector<Fact> facts;
@@ -61,6 +63,7 @@ struct Figure {
   std::string name;  // of the file in figures/, without extension
   std::string caption;
   std::variant<Drawing, Picture> content;
+  bool thumbnail = false;  // small on the screen, large when it is pressed; on paper two in a row
 };
 
 // What stands between the two can be opened and closed on a screen; on paper it is open, or left to the tables beside
@@ -71,7 +74,10 @@ struct FoldBegin {
 };
 struct FoldEnd {};
 
-using Block = std::variant<Heading, Paragraph, Facts, Table, Figure, FoldBegin, FoldEnd>;
+// Two columns on a wide screen: kBegin, the left one, kNext, the right one, kEnd. On paper one follows the other.
+enum class Columns { kBegin, kNext, kEnd };
+
+using Block = std::variant<Heading, Paragraph, Facts, Table, Figure, FoldBegin, FoldEnd, Columns>;
 
 struct Document {
   std::string title, subtitle;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "eval/report/base64.h"
+
 namespace trigpoint {
 namespace {
 
@@ -83,6 +85,12 @@ void Drawing::Circle(double x, double y, double radius, const std::string& fill,
   s.kind = Shape::Kind::kCircle, s.points = {{x, y}}, s.radius = radius, s.fill = fill, s.opacity = opacity;
 }
 
+void Drawing::Photograph(double x, double y, double w, double h, std::string jpeg) {
+  Shape& s = shapes.emplace_back();
+  s.kind = Shape::Kind::kPicture, s.points = {{x, y}}, s.extent = {w, h};
+  s.picture = std::make_shared<const std::string>(std::move(jpeg));
+}
+
 void Drawing::Text(double x, double y, const std::string& text, int anchor, double size, const std::string& colour,
                    bool bold, bool upwards) {
   Shape& s = shapes.emplace_back();
@@ -125,6 +133,12 @@ std::string SvgOf(const Drawing& drawing, const std::string& title) {
         svg += ">";
         svg += Escape(s.text);
         svg += "</text>";
+        break;
+      case Shape::Kind::kPicture:
+        svg += fmt::format(
+            "<image x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" preserveAspectRatio=\"none\" "
+            "href=\"data:image/jpeg;base64,{}\"/>",
+            x, y, s.extent.first, s.extent.second, Base64(*s.picture));
         break;
     }
   }

@@ -1,6 +1,7 @@
 // A picture made of lines, areas and words, to be written as SVG or drawn on paper: one description, two outputs.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -9,18 +10,20 @@
 namespace trigpoint {
 
 struct Shape {
-  enum class Kind { kPath, kCircle, kText };
+  enum class Kind { kPath, kCircle, kText, kPicture };
   Kind kind = Kind::kPath;
-  std::vector<std::pair<double, double>> points;  // path: its corners; circle, text: one
+  std::vector<std::pair<double, double>> points;  // path: its corners; circle, text, picture (top left): one
   bool closed = false;
   std::string stroke, fill;  // "#rrggbb", empty: none. Text is written in `fill`
   double width = 1;          // of the line
   double opacity = 1;        // of the area
   bool dashed = false;
-  double radius = 0;  // of a circle
-  std::string text;   // UTF-8, any content
-  double size = 12;   // of text
-  int anchor = 0;     // -1 begins at the point, 0 is centred on it, 1 ends at it
+  double radius = 0;                           // of a circle
+  std::pair<double, double> extent;            // width and height of a picture
+  std::shared_ptr<const std::string> picture;  // a JPEG file
+  std::string text;                            // UTF-8, any content
+  double size = 12;                            // of text
+  int anchor = 0;                              // -1 begins at the point, 0 is centred on it, 1 ends at it
   bool bold = false;
   bool upwards = false;  // turned a quarter to the left
 };
@@ -35,6 +38,7 @@ struct Drawing {
   void Area(std::vector<std::pair<double, double>> points, const std::string& fill, double opacity = 1);
   void Rectangle(double x, double y, double w, double h, const std::string& fill, double opacity = 1);
   void Circle(double x, double y, double radius, const std::string& fill, double opacity = 1);
+  void Photograph(double x, double y, double w, double h, std::string jpeg);
   void Text(double x, double y, const std::string& text, int anchor = 0, double size = 12,
             const std::string& colour = "#333333", bool bold = false, bool upwards = false);
 };

@@ -34,10 +34,17 @@ figure{margin:1.1rem 0 1.6rem}
 figure>div{overflow-x:auto;border:1px solid var(--line);border-radius:3px;background:#fff}
 figure svg{display:block;width:100%;min-width:34rem;max-width:60rem;height:auto;margin:0 auto;padding:.5rem;font-family:inherit}
 figure img{display:block;max-width:100%;height:auto;margin:0 auto;cursor:zoom-in}
-figure.large img{max-width:none;cursor:zoom-out}
+figure.large img{cursor:zoom-out}
 figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;overflow-wrap:anywhere}
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:max(40rem,85vh);overflow-y:auto}
-.cap{font-size:.9rem;color:var(--soft);margin:1rem 0 .3rem;max-width:52rem;overflow-wrap:anywhere}
+caption{caption-side:top;text-align:left;font-size:.9rem;color:var(--soft);padding:.45rem .55rem;overflow-wrap:anywhere}
+.columns{display:grid;grid-template-columns:minmax(0,1fr) minmax(0,1fr);gap:0 1.6rem;align-items:start}
+.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0}.columns .facts{margin:.5rem 0}
+.columns h3{margin:.9rem 0 .3rem}.columns p{margin:.3rem 0}
+figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - .9rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
+figure.thumb figcaption{font-size:.8rem}
+figure.large{position:fixed;inset:0;z-index:9;margin:0;padding:1rem;width:auto;background:#fff;overflow:auto}
+figure.large div{border:0}figure.large img{width:100%;max-height:86vh;object-fit:contain}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}
 th,td{padding:.32rem .55rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 td{min-width:3.2rem;max-width:26rem;overflow-wrap:break-word}
@@ -46,7 +53,7 @@ td:first-child{position:sticky;left:0;background:var(--ground)}
 th:first-child{left:0;z-index:2}
 th{position:sticky;top:0;background:var(--panel);vertical-align:bottom;z-index:1}
 th button{font:inherit;text-align:inherit;font-weight:600;border:0;background:none;padding:0;color:inherit;cursor:pointer}
-th button::after{content:"\a0\2195";color:#9aa4ad}
+th button::after{content:"\a0\2195";color:#5a6570}
 th[aria-sort=ascending] button::after{content:"\a0\2191";color:var(--ink)}
 th[aria-sort=descending] button::after{content:"\a0\2193";color:var(--ink)}
 td.good{color:var(--good)}td.warn{color:var(--warn)}td.bad{color:var(--bad);font-weight:600}
@@ -54,6 +61,7 @@ tbody tr:hover,tbody tr:hover td:first-child{background:#f5f9fc}
 details{margin:.8rem 0;border:1px solid var(--line);border-radius:3px;padding:0 .8rem}
 summary{cursor:pointer;padding:.55rem 0;font-weight:600;overflow-wrap:anywhere}
 footer{color:var(--soft);font-size:.85rem;padding-top:2rem;padding-bottom:2.5rem}
+@media(max-width:60rem){.columns{grid-template-columns:1fr}}
 @media(max-width:40rem){body{font-size:15px}h1{font-size:1.5rem}h2{font-size:1.25rem}header,main,footer,nav div{padding-left:.9rem;padding-right:.9rem}.facts{grid-template-columns:1fr 1fr;gap:.5rem}.fact b{font-size:1.2rem}figure svg{min-width:30rem}details{padding:0 .5rem}}
 @media print{nav{display:none}.table{max-height:none;overflow:visible}th,td:first-child{position:static}figure,tr{break-inside:avoid}}
 )css";
@@ -61,6 +69,9 @@ footer{color:var(--soft);font-size:.85rem;padding-top:2rem;padding-bottom:2.5rem
 // Shows a picture that is pressed in its own size, and sorts a table by the column whose header is pressed. Reads the
 // page, writes only the order of rows.
 constexpr std::string_view kScript = R"js(
+document.addEventListener('keydown',function(e){var l=document.querySelector('figure.large');
+if(e.key==='Escape'&&l)l.classList.remove('large');
+else if(e.key==='Enter'&&e.target.tagName==='IMG')e.target.closest('figure').classList.toggle('large')});
 document.addEventListener('click',function(e){
 if(e.target.tagName==='IMG'){e.target.closest('figure').classList.toggle('large');return}
 var b=e.target.closest&&e.target.closest('th button');if(!b)return;
@@ -118,25 +129,28 @@ class HtmlWriter {
   void operator()(const Heading& h) const {
     html_ += fmt::format("<h{} id=\"{}\">{}</h{}>\n", h.level, h.anchor, Escape(h.text), h.level);
   }
-  void operator()(const Paragraph& p) const { html_ += "<p" + Classes("", p.tone) + ">" + Escape(p.text) + "</p>\n"; }
+  void operator()(const Paragraph& p) const {
+    html_ += "<p" + Classes("", p.tone) + ">" + Linked(p.text, p.anchor) + "</p>\n";
+  }
   void operator()(const Facts& facts) const {
     html_ += "<div class=\"facts\">";
     for (const Fact& f : facts.facts) {
-      html_ += "<div" + Classes("fact", f.tone) + "><span>" + Escape(f.label) + "</span><b>" + Escape(f.value) +
-               "</b><span>" + Escape(f.detail) + "</span></div>";
+      html_ += "<div" + Classes("fact", f.tone) + "><span>" + Linked(f.label, f.anchor) + "</span><b>" +
+               Escape(f.value) + "</b><span>" + Escape(f.detail) + "</span></div>";
     }
     html_ += "</div>\n";
   }
   void operator()(const Table& table) const {
-    if (!table.caption.empty()) html_ += "<p class=\"cap\">" + Escape(table.caption) + "</p>\n";
     // Closing tags of rows and cells are left out, as HTML allows: large tables are most of a large report.
     std::string numbers;
     for (size_t k = 0; k < table.columns.size() && k < kAlignedColumns; ++k) {
       if (table.columns[k].number) numbers += fmt::format("{}c{}", numbers.empty() ? "" : " ", k + 1);
     }
-    html_ += "<div class=\"table\"><table class=\"" + numbers + "\"><thead><tr>";
-    for (const TableColumn& c : table.columns) html_ += "<th><button>" + Escape(c.name) + "</button></th>";
-    html_ += "</tr></thead><tbody>\n";
+    html_ += "<div class=\"table\"><table class=\"" + numbers + "\">";
+    if (!table.caption.empty()) html_ += "<caption>" + Escape(table.caption) + "</caption>";
+    html_ += "<thead><tr>";
+    for (const TableColumn& c : table.columns) html_ += "<th scope=col><button>" + Escape(c.name) + "</button>";
+    html_ += "</thead><tbody>\n";
     for (const std::vector<TableCell>& row : table.rows) {
       html_ += "<tr>";
       for (const TableCell& cell : row) Cell(cell);
@@ -145,21 +159,29 @@ class HtmlWriter {
     html_ += "</tbody></table></div>\n";
   }
   void operator()(const Figure& figure) const {
-    html_ += "<figure><div>";
+    html_ += figure.thumbnail ? "<figure class=\"thumb\"><div>" : "<figure><div>";
     if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
       html_ += SvgOf(*drawing, figure.caption);
     } else {
       const Picture& picture = std::get<Picture>(figure.content);
-      html_ += fmt::format("<img width=\"{}\" height=\"{}\" alt=\"{}\" src=\"data:image/{};base64,", picture.width,
-                           picture.height, Escape(figure.caption), picture.jpeg ? "jpeg" : "png");
+      html_ += fmt::format("<img tabindex=\"0\" width=\"{}\" height=\"{}\" alt=\"{}\" src=\"data:image/{};base64,",
+                           picture.width, picture.height, Escape(figure.caption), picture.jpeg ? "jpeg" : "png");
       html_ += Base64(picture.bytes) + "\">";
     }
     html_ += "</div><figcaption>" + Escape(figure.caption) + "</figcaption></figure>\n";
   }
   void operator()(const FoldBegin& fold) const { html_ += "<details><summary>" + Escape(fold.title) + "</summary>\n"; }
   void operator()(const FoldEnd&) const { html_ += "</details>\n"; }
+  void operator()(const Columns& columns) const {
+    html_ += columns == Columns::kBegin  ? "<div class=\"columns\"><div>\n"
+             : columns == Columns::kNext ? "</div><div>\n"
+                                         : "</div></div>\n";
+  }
 
  private:
+  static std::string Linked(const std::string& text, const std::string& anchor) {
+    return anchor.empty() ? Escape(text) : "<a href=\"#" + Escape(anchor) + "\">" + Escape(text) + "</a>";
+  }
   void Cell(const TableCell& cell) const {
     constexpr size_t kLong = 40;  // letters that are not to be squeezed into a narrow column
     html_ += "<td" + Classes(cell.text.size() > kLong ? "long" : "", cell.tone);

@@ -40,7 +40,7 @@ void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUn
   const std::string u = " (" + unit.name + ")";
   Table table{"projects",
               "A row a project; press a name to open its report. Median and P90 of 3D differences over answers, "
-              "against what the column says; independent: the reference shares no data with the answers.",
+              "against what the column names; independent: the reference shares no data with the answers.",
               {{"project"},
                {"status"},
                {"answers", true},

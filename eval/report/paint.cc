@@ -77,12 +77,37 @@ void TextPainter::DrawAt(const Shape& text) {
   cairo_restore(cairo_);
 }
 
+namespace {
+
+void PaintPicture(cairo_t* cairo, const Shape& shape) {
+  const auto surface = DecodedSurface(*shape.picture);
+  if (!surface) return;
+  cairo_save(cairo);
+  cairo_translate(cairo, shape.points[0].first, shape.points[0].second);
+  cairo_scale(cairo, shape.extent.first / cairo_image_surface_get_width(surface.get()),
+              shape.extent.second / cairo_image_surface_get_height(surface.get()));
+  // On paper the file's own bytes go in.
+  auto* bytes = new std::string(*shape.picture);
+  cairo_surface_set_mime_data(
+      surface.get(), CAIRO_MIME_TYPE_JPEG, reinterpret_cast<const unsigned char*>(bytes->data()), bytes->size(),
+      [](void* data) { delete static_cast<std::string*>(data); }, bytes);
+  cairo_set_source_surface(cairo, surface.get(), 0, 0);
+  cairo_paint(cairo);
+  cairo_restore(cairo);
+}
+
+}  // namespace
+
 void Paint(cairo_t* cairo, const Drawing& drawing) {
   TextPainter painter(cairo);
   for (const Shape& s : drawing.shapes) {
     if (s.points.empty()) continue;
     if (s.kind == Shape::Kind::kText) {
       painter.DrawAt(s);
+      continue;
+    }
+    if (s.kind == Shape::Kind::kPicture) {
+      PaintPicture(cairo, s);
       continue;
     }
     cairo_new_path(cairo);

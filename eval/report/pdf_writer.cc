@@ -21,6 +21,19 @@ constexpr double kMargin = 46;  // points
 constexpr double kFoot = 26;
 constexpr double kTextPt = 9.5, kTablePt = 7.6, kSmallestPt = 5;
 
+// A part of the document's structure, for readers that read aloud. Never over the end of a page.
+class Tagged {
+ public:
+  Tagged(cairo_t* cairo, const char* name) : cairo_(cairo), name_(name) { cairo_tag_begin(cairo_, name_, nullptr); }
+  ~Tagged() { cairo_tag_end(cairo_, name_); }
+  Tagged(const Tagged&) = delete;
+  Tagged& operator=(const Tagged&) = delete;
+
+ private:
+  cairo_t* cairo_;
+  const char* name_;
+};
+
 class Pages {
  public:
   Pages(const Document& document, Paper paper, const std::string& file)
@@ -43,7 +56,7 @@ class Pages {
 
   void Write() {
     y_ = kMargin;
-    Words(document_.title, 20, true, kInk, 0);
+    Words(document_.title, 20, true, kInk, 0, "H1");
     Words(document_.subtitle, kTextPt, false, kSoft, 10);
     const std::vector<Block>& blocks = document_.blocks;
     for (size_t i = 0; i < blocks.size(); ++i) {
@@ -78,7 +91,7 @@ class Pages {
       cairo_stroke(cairo_.get());
       y_ += 6;
     }
-    Words(h.text, size, true, kInk, 5);
+    Words(h.text, size, true, kInk, 5, h.level == 2 ? "H2" : "H3");
   }
   void operator()(const Paragraph& p) {
     Words(p.text, kTextPt, false, p.tone == Tone::kBad ? kBad : p.tone == Tone::kWarning ? kWarn : kInk, 5);
@@ -88,6 +101,7 @@ class Pages {
     Words(fold.title, kTextPt, true, kInk, 4);
   }
   void operator()(const FoldEnd&) {}
+  void operator()(const Columns&) {}
 
   void operator()(const Facts& facts) {
     const int columns = std::clamp(static_cast<int>(facts.facts.size()), 1, 4);
@@ -97,6 +111,7 @@ class Pages {
       double h = 0;
       for (size_t i = begin; i < end; ++i) h = std::max(h, FactHeight(facts.facts[i], w));
       Need(h + gap);
+      const Tagged tag(cairo_.get(), "P");
       for (size_t i = begin; i < end; ++i)
         DrawFact(facts.facts[i], kMargin + static_cast<double>(i - begin) * (w + gap), w, h);
       y_ += h + gap;
@@ -107,6 +122,7 @@ class Pages {
     const auto [w, h] = SizeOf(figure, shrink_);
     Need(h + CaptionRoom(figure));
     const double x = kMargin + 0.5 * (Room() - w);
+    cairo_tag_begin(cairo_.get(), "Figure", nullptr);
     if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
       cairo_save(cairo_.get());
       cairo_translate(cairo_.get(), x, y_);
@@ -116,8 +132,9 @@ class Pages {
     } else {
       DrawPicture(std::get<Picture>(figure.content), x, w);
     }
+    cairo_tag_end(cairo_.get(), "Figure");
     y_ += h + 5;
-    Words(figure.caption, 8, false, kSoft, 9);
+    Words(figure.caption, 8, false, kSoft, 9, "Caption");
   }
 
   void operator()(const Table& table) {
@@ -179,8 +196,19 @@ class Pages {
   // would. `i`: the first; on return the last of them.
   void DrawFigures(const std::vector<Block>& blocks, size_t* i) {
     std::vector<const Figure*> figures;
-    for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k)
+    for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k) {
       figures.push_back(&std::get<Figure>(blocks[k]));
+      if (figures.back()->thumbnail != figures.front()->thumbnail) {
+        figures.pop_back();
+        break;
+      }
+    }
+    *i += figures.size() - 1;
+    if (figures.front()->thumbnail) {
+      for (size_t k = 0; k < figures.size(); k += 2)
+        DrawPair(*figures[k], k + 1 < figures.size() ? figures[k + 1] : nullptr);
+      return;
+    }
     const auto turns = [&](double shrink) {
       int count = 0;
       double y = y_;
@@ -196,7 +224,31 @@ class Pages {
     shrink_ = std::max(shrink_, kLeastShrink);
     for (const Figure* figure : figures) (*this)(*figure);
     shrink_ = 1;
-    *i += figures.size() - 1;
+  }
+
+  // Two thumbnails side by side, or one in the left half.
+  void DrawPair(const Figure& left, const Figure* right) {
+    const double gap = 12, w = 0.5 * (Room() - gap);
+    const auto height = [&](const Figure& figure) {
+      const Picture& picture = std::get<Picture>(figure.content);
+      return w * picture.height / std::max(1, picture.width);
+    };
+    const auto caption = [&](const Figure& figure) { return painter_->Height(figure.caption, 7.5, false, w); };
+    double h = height(left), text = caption(left);
+    if (right != nullptr) h = std::max(h, height(*right)), text = std::max(text, caption(*right));
+    Need(h + text + 14);
+    double x = kMargin;
+    for (const Figure* figure : {&left, right}) {
+      if (figure == nullptr) continue;
+      {
+        const Tagged tag(cairo_.get(), "Figure");
+        DrawPicture(std::get<Picture>(figure->content), x, w);
+      }
+      const Tagged tag(cairo_.get(), "Caption");
+      painter_->Draw(figure->caption, x, y_ + h + 4, 7.5, false, kSoft, w, -1, 0);
+      x += w + gap;
+    }
+    y_ += h + text + 14;
   }
 
   // A fold that isn't for paper: where its tables are. `i`: its beginning; on return its end.
@@ -290,9 +342,10 @@ class Pages {
     if (y_ + height > height_ - kMargin - 6 && y_ > kMargin) Turn();
   }
 
-  void Words(const std::string& text, double size, bool bold, const char* colour, double after) {
+  void Words(const std::string& text, double size, bool bold, const char* colour, double after, const char* tag = "P") {
     const double h = painter_->Height(text, size, bold, Room());
     Need(std::min(h, 200.0));
+    const Tagged tagged(cairo_.get(), tag);
     painter_->Draw(text, kMargin, y_, size, bold, colour, Room(), -1, 0);
     y_ += h + after;
   }
@@ -361,8 +414,10 @@ class Pages {
     SetColour(cairo_.get(), "#eef1f4", 1);
     cairo_rectangle(cairo_.get(), kMargin, y_, Across(part, widths, gap), h);
     cairo_fill(cairo_.get());
+    const Tagged tag(cairo_.get(), "TR");
     double x = kMargin + 2;
     for (size_t k : part) {
+      const Tagged cell(cairo_.get(), "TH");
       const double above = h - 0.15 * size - painter_->Height(table.columns[k].name, size, true, widths[k]);
       painter_->Draw(table.columns[k].name, x, y_ + above, size, true, kInk, widths[k],
                      table.columns[k].number ? 1 : -1, 0);
@@ -374,6 +429,7 @@ class Pages {
   void DrawRows(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
                 double gap) {
     Need(size * 1.6 * 3);
+    cairo_tag_begin(cairo_.get(), "Table", nullptr);
     Header(table, part, widths, size, gap);
     for (const auto& row : table.rows) {
       double h = size * 1.45;
@@ -383,12 +439,16 @@ class Pages {
         }
       }
       if (y_ + h > height_ - kMargin - 6) {
+        cairo_tag_end(cairo_.get(), "Table");
         Turn();
+        cairo_tag_begin(cairo_.get(), "Table", nullptr);
         Header(table, part, widths, size, gap);
       }
+      const Tagged tag(cairo_.get(), "TR");
       double x = kMargin + 2;
       for (size_t k : part) {
         if (k < row.size() && !row[k].text.empty()) {
+          const Tagged cell(cairo_.get(), "TD");
           const Tone tone = row[k].tone;
           painter_->Draw(row[k].text, x, y_ + 0.1 * size, size, false,
                          tone == Tone::kBad       ? kBad
@@ -406,6 +466,7 @@ class Pages {
       cairo_line_to(cairo_.get(), kMargin + Across(part, widths, gap), y_);
       cairo_stroke(cairo_.get());
     }
+    cairo_tag_end(cairo_.get(), "Table");
     y_ += 6;
   }
 

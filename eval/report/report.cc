@@ -68,7 +68,7 @@ void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<st
           }
           const std::string name = fmt::format("matches_{:03}", c->match_figures.size() + 1);
           c->match_figures[CellKey(run.run, run.variant, panorama)] =
-              Figure{name, result + ": " + m.caption, std::move(m.picture)};
+              Figure{name, result + ": " + m.caption, std::move(m.picture), true};
         } catch (const Cancelled&) {
           throw;
         } catch (const std::exception& e) {
@@ -161,8 +161,7 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
   ChapterContext context{input, data, unit, {}, {}};
   for (size_t i = 0; i < data.stations.size(); ++i)
     context.station_anchor[data.stations[i]] = fmt::format("station-{}", i + 1);
-  std::vector<Block> scenes =
-      DrawScenes(input, options.images, options.scene_px, &data.notes, &summary.renderer, progress, cancel);
+  Scenes scenes = DrawScenes(input, options.images, options.scene_px, &data.notes, &summary.renderer, progress, cancel);
   if (options.images) {
     DrawMatches(&context, options, &data.notes, &summary, progress, cancel);
     if (summary.match_pictures_left_out > 0) {
@@ -182,14 +181,15 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
                                           : "From results up to " + data.newest + " (UTC). Lengths in " + unit.name +
                                                 ", 1 sigma where a sigma is shown.";
   if (options.dated) document.subtitle += " Written " + UtcTimeText() + ".";
-  document.footer = "Made by Trigpoint. Every number stands in tables/, report.json and report.md beside this file.";
-  AddSummary(context, &document.blocks);
-  document.blocks.push_back(Heading{2, "Map", "map", true});
-  document.blocks.insert(document.blocks.end(), std::make_move_iterator(scenes.begin()),
-                         std::make_move_iterator(scenes.end()));
+  document.footer = "Made by Trigpoint. All numbers are also in tables/, report.json and report.md beside this file.";
+  AddVerdict(context, std::move(scenes.plan), &document.blocks);
   AddAccuracy(context, &document.blocks);
   AddConsistency(context, &document.blocks);
   AddRuns(context, &document.blocks);
+  document.blocks.push_back(Heading{2, "Pictures", "map"});
+  document.blocks.insert(document.blocks.end(), std::make_move_iterator(scenes.pictures.begin()),
+                         std::make_move_iterator(scenes.pictures.end()));
+  AddStitched(context, options.images, &document.blocks);
   AddStations(context, &document.blocks);
   AddProvenance(context, &document.blocks);
   cancel.ThrowIfCancelled();

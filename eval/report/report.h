@@ -30,7 +30,8 @@ struct ReportOptions {
     visit(self.max_pictures, {"max_pictures", "", 0, 10000, "pictures of matches, the worst cells first"});
     visit(self.pictures_mb, {"pictures_mb", "MB", 0, 1000, "all photographs together, as stored"});
     visit(self.scene_px, {"scene_px", "px", 160, 4096, "width of the scene's pictures"});
-    visit(self.dated, {"dated", "", 0, 1, "say when it was written; else the same results give the same bytes"});
+    visit(self.dated,
+          {"dated", "", 0, 1, "state when it was written; without it the same results give the same bytes"});
   }
   std::vector<std::string> Check() const;
 };

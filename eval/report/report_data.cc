@@ -57,6 +57,7 @@ class Reader {
       if (stage.stage == "localize") ReadRun(stage);
     }
     ReadTags();
+    ReadStitched();
     CollectStations();
     ReadReviews();
     for (const std::string& warning : project_.warnings()) data_.notes.push_back(warning);
@@ -141,6 +142,8 @@ class Reader {
       e.sigma_e_m = Number(table, row, "sigma_e_m"), e.sigma_n_m = Number(table, row, "sigma_n_m");
       e.sigma_u_m = Number(table, row, "sigma_u_m"), e.depth_sigma_m = Number(table, row, "depth_sigma_m");
       e.nees = Number(table, row, "nees");
+      const auto de = Number(table, row, "de_m"), dn = Number(table, row, "dn_m"), du = Number(table, row, "du_m");
+      if (de && dn && du) e.error_enu_m = {*de, *dn, *du};
       e.dof = Whole(table, row, "dof", 0);
       e.shares_evidence =
           table.HasColumn("shares_evidence") ? row.Text("shares_evidence") == "yes" : e.reference == "self";
@@ -197,10 +200,13 @@ class Reader {
             {Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m"), Number(table, row, "sigma_z_m")});
         const auto de = Number(table, row, "geotag_de_m"), dn = Number(table, row, "geotag_dn_m");
         if (de && dn) a.geotag_off_m = std::hypot(*de, *dn);
+        const auto x = Number(table, row, "x"), y = Number(table, row, "y"), z = Number(table, row, "z");
+        if (x && y && z) a.place_m = {*x, *y, *z};
+        a.sigma_h_m = Largest({Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m")});
         run.answers.push_back(std::move(a));
       });
     });
-    if (!HasColmapModel(dir / "sparse")) return;
+    if (!input_.points || !HasColmapModel(dir / "sparse")) return;
     Guard("localize/" + stage.name + "/sparse", [&] {
       const SparseModel model = ReadColmapModel(dir / "sparse");
       const size_t step = model.points.size() / kSampleSize + 1;
@@ -236,6 +242,26 @@ class Reader {
     }
     for (const Run& run : project_.site().runs) {
       read(project_.ResultDir("evaluate", "") / ("tags_" + run.name + ".csv"), "cameras of " + run.name);
+    }
+    const fs::path survey = project_.ResultDir("survey", "") / "summary.json";
+    if (!fs::exists(survey)) return;
+    Guard("survey", [&] { data_.survey = nlohmann::json::parse(ReadTextFile(survey)); });
+  }
+
+  void ReadStitched() {
+    std::error_code ignored;
+    std::set<fs::path> folders;
+    for (fs::directory_iterator it(project_.results() / "stitch", ignored), end; it != end; it.increment(ignored)) {
+      if (it->path().filename().string().front() != '.') folders.insert(it->path());
+    }
+    for (const fs::path& folder : folders) {
+      Guard("stitch/" + folder.filename().string(), [&] {
+        const nlohmann::json manifest = nlohmann::json::parse(ReadTextFile(folder / "manifest.json"));
+        StitchedSet set{folder.filename().string(), ObjectAt(manifest, "metrics"), {}};
+        if (const std::string file = TextAt(set.metrics, "panorama"); !file.empty()) set.panorama = folder / file;
+        data_.newest = std::max(data_.newest, TextAt(manifest, "end"));
+        data_.stitched.push_back(std::move(set));
+      });
     }
   }
 

@@ -2,6 +2,7 @@
 // and broken ones still tell what they can. Everything that could not be read is named in `notes`.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -27,6 +28,7 @@ struct ReportInput {
   std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
   std::vector<ResultRecord> stages;
   std::string command;  // that makes the report again
+  bool points = true;   // also read each run's sparse model, which takes a while
 };
 
 // A row of errors.csv; what is not given is unset.
@@ -34,6 +36,7 @@ struct ErrorRecord {
   std::string run, variant, method, station, panorama, reference, kind, status, reason, dominant, trusted;
   int tag_id = -1;
   std::optional<double> error_3d_m, error_h_m, error_v_m, sigma_e_m, sigma_n_m, sigma_u_m, nees, depth_sigma_m;
+  std::optional<Eigen::Vector3d> error_enu_m;
   int dof = 0;
   bool shares_evidence = false;
   bool Answered() const { return status == "localized" && error_3d_m.has_value(); }
@@ -61,8 +64,10 @@ struct RunData {
   struct Answer {
     std::string panorama, station, status, reason, geotag_status;
     int inliers = 0, matches = 0, views = 0;
-    std::optional<double> sigma_m;       // largest axis
-    std::optional<double> geotag_off_m;  // geotag minus estimate, horizontal
+    std::optional<double> sigma_m;           // largest axis
+    std::optional<double> geotag_off_m;      // geotag minus estimate, horizontal
+    std::optional<double> sigma_h_m;         // of the estimate, larger horizontal axis
+    std::optional<Eigen::Vector3d> place_m;  // in site ENU
   };
   std::vector<Answer> answers;
   std::vector<double> residuals_px;   // mean of each point
@@ -77,10 +82,19 @@ struct TagLine {
   int images = 0, runs = 0;
 };
 
+// A result of stitch.
+struct StitchedSet {
+  std::string name;
+  nlohmann::json metrics;
+  std::filesystem::path panorama;  // empty: only the rig was made
+};
+
 struct ReportData {
   std::vector<VariantData> variants;
   std::vector<RunData> runs;
   std::vector<TagLine> tags;
+  std::vector<StitchedSet> stitched;
+  nlohmann::json survey;              // summary.json of the first survey; null: none
   std::vector<std::string> stations;  // in the order of stations.csv, then those only results know
   std::vector<nlohmann::json> reviews;
   std::vector<std::string> notes;

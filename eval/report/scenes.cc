@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "eval/report/plan.h"
 #include "eval/scene/offscreen.h"
 #include "eval/scene/scene_view.h"
 
@@ -26,9 +27,10 @@ Picture Photograph(OffscreenWindow& window, int width, int height) {
 
 }  // namespace
 
-std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
-                              std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
-  std::vector<Block> blocks;
+Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
+                  std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
+  Scenes scenes;
+  std::vector<Block>& blocks = scenes.pictures;
   const int height = width * 2 / 3;
   progress.Begin("the scene", 0);
   SceneOptions options;
@@ -37,8 +39,10 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   for (const std::string& note : model.notes) notes->push_back("scene: " + note);
   if (model.Empty()) {
     blocks.push_back(Paragraph{"There is nothing to draw yet: no run has a result."});
-    return blocks;
+    return scenes;
   }
+  Plan plan = PlanOf(model);
+  scenes.plan = Figure{"plan", plan.caption, std::move(plan.drawing)};
   std::string reason;
   const std::unique_ptr<OffscreenWindow> window = OffscreenWindow::Create(&reason);
   if (!window) {
@@ -46,7 +50,7 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
         Paragraph{"The scene could not be rendered on this machine: " + reason + ". Everything else is complete.",
                   Tone::kWarning});
     notes->push_back("the scene was not rendered: " + reason);
-    return blocks;
+    return scenes;
   }
   *renderer = window->Device();
   SceneStyle style;
@@ -56,7 +60,7 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   SceneView view(model, style);
   view.AddTo(window->renderer());
   window->Render(kSamples * width, kSamples * height);  // gives the renderer its size
-  const std::string lines = std::string(" Blue: cameras, optimised; ochre: odometry, begun at the first camera") +
+  const std::string lines = std::string(" Blue: optimised cameras; ochre: odometry from the first camera on") +
                             (std::any_of(model.paths.begin(), model.paths.end(),
                                          [](const auto& p) { return p.kind == ScenePath::Kind::kTruth; })
                                  ? "; black: reference poses."
@@ -65,8 +69,8 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
       "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
   const std::string errors = model.errors.empty() ? ""
                                                   : fmt::format(
-                                                        " Red: differences from references, {:g} times longer than "
-                                                        "life, with {:.0f} % ellipsoids at the same scale.",
+                                                        " Red: differences from references, {:g} times "
+                                                        "enlarged, with {:.0f} % ellipsoids at the same scale.",
                                                         view.ErrorScale(), 100 * style.confidence);
   const auto show = [&](std::initializer_list<const char*> hidden) {
     for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, true);
@@ -74,11 +78,11 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
   };
   show({"points", "cameras"});
   view.LookDown(window->renderer());
-  blocks.push_back(Figure{"plan",
+  blocks.push_back(Figure{"plan_rendered",
                           "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
                               ". Panoramas as spheres at their estimated places, geotags as pale dots." + lines +
                               errors + " " + frame + ".",
-                          Photograph(*window, width, height)});
+                          Photograph(*window, width, height), true});
   cancel.ThrowIfCancelled();
   const std::pair<PointColour, const char*> colours[] = {
       {PointColour::kHeight, "height (m)"},
@@ -97,9 +101,9 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
         Figure{names[i],
                "From the south-west, 33 degrees above the horizon. Points by " + std::string(colours[i].second) +
                    "; colours from their 2nd to their 95th percentile." +
-                   (i == 0 && model.aerial ? " The ground is drawn at a height guessed from the points." : "") + lines +
+                   (i == 0 && model.aerial ? " The height of the ground is estimated from the points." : "") + lines +
                    " " + frame + ".",
-               Photograph(*window, width, height)});
+               Photograph(*window, width, height), true});
     cancel.ThrowIfCancelled();
   }
   show({"points", "ellipsoids", "geotags", "axes"});
@@ -124,11 +128,11 @@ std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, 
         "Station " + station +
             " with its surroundings: the panorama as it was taken, the tag at its real size, frusta of the cameras." +
             errors + " " + frame + ".",
-        Photograph(*window, width, height)});
+        Photograph(*window, width, height), true});
     cancel.ThrowIfCancelled();
   }
   view.RemoveFrom(window->renderer());
-  return blocks;
+  return scenes;
 }
 
 }  // namespace trigpoint

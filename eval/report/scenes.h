@@ -1,6 +1,7 @@
 // The scene's pictures for the report.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,10 +10,14 @@
 
 namespace trigpoint {
 
-// Plan (over the aerial image), oblique by height, track length and uncertainty, and some stations. `width` of a
-// picture, px. `images` false: no photographs, no aerial image. Without OpenGL a paragraph says so in their place;
-// `renderer` names the device.
-std::vector<Block> DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
-                              std::string* renderer, ProgressSink& progress, const CancelToken& cancel);
+// The plan, drawn, over the aerial image; rendered as thumbnails: oblique by height, track length and uncertainty, and
+// some stations. `width` of a rendered one, px. `images` false: no photographs, no aerial image. Without OpenGL a
+// paragraph says so in their place; `renderer` names the device.
+struct Scenes {
+  std::optional<Figure> plan;  // none without results
+  std::vector<Block> pictures;
+};
+Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
+                  std::string* renderer, ProgressSink& progress, const CancelToken& cancel);
 
 }  // namespace trigpoint

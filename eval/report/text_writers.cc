@@ -50,6 +50,7 @@ class MarkdownWriter {
   }
   void operator()(const FoldBegin& fold) const { text_ += "**" + Plain(fold.title) + "**\n\n"; }
   void operator()(const FoldEnd&) const {}
+  void operator()(const Columns&) const {}
 
  private:
   std::string& text_;

@@ -124,6 +124,54 @@ TEST_F(ReportTest, ShowsNumbersReasonsAndProvenance) {
   EXPECT_FALSE(fs::exists(site_ / "out/report.pdf"));
 }
 
+// The first screen: what it is, how good, the plan, what to look at, before any chapter of details.
+TEST_F(ReportTest, BeginsWithTheVerdict) {
+  WriteResults();
+  const std::string html = Report();
+  const size_t verdict = html.find("id=\"summary\""), accuracy = html.find("id=\"accuracy\"");
+  ASSERT_NE(verdict, std::string::npos);
+  ASSERT_LT(verdict, accuracy);
+  const std::string screen = html.substr(verdict, accuracy - verdict);
+  for (const char* part :
+       {"1 run (5 images) localized against", ">Located<", "<b>1 of 2</b>", "Absolute error, 3D", "0.12 m",
+        "against surveyed control", "3D error of each run at each station", "aria-label=\"Plan, north up",
+        "Look at these first", "<a href=\"#station-2\">Refused: run1 at S2, too &lt;few&gt; matches</a>"}) {
+    EXPECT_THAT(screen, HasSubstr(part));
+  }
+  // Rendered scenes are thumbnails, behind the numbers.
+  EXPECT_GT(html.find("id=\"map\""), html.find("id=\"runs\""));
+  EXPECT_THAT(html, HasSubstr("<caption>"));
+  EXPECT_THAT(html, HasSubstr("<th scope=col>"));
+}
+
+// Without tags: sigmas, agreement of runs, outlying geotags.
+TEST_F(ReportTest, WithoutTagsItSaysWhatCanBeSaid) {
+  WriteResults();
+  fs::remove_all(site_ / "results/evaluate");
+  const std::string text = site_.Read("results/localize/run1/panoramas.csv");
+  std::string other = text;
+  other.replace(other.find(",1,2,3,0,0,0,1,"), 6, ",1,2.5,3");
+  other.replace(other.find(",0,ok\n"), 6, ",0,outlier\n");
+  site_.Write("results/localize/run2/panoramas.csv", other);
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("their accuracy is not measured here"));
+  EXPECT_THAT(html, HasSubstr("<span>Stated uncertainty</span><b>0.20 m</b>"));
+  EXPECT_THAT(html, HasSubstr("<span>Agreement of runs</span><b>0.50 m</b>"));
+  EXPECT_THAT(html, HasSubstr("Outlying geotag: p1.jpg, 0.51 m horizontally"));
+}
+
+TEST_F(ReportTest, ShowsAStitchedPanorama) {
+  fs::remove_all(site_ / "runs");
+  site_.Write("results/stitch/corner/manifest.json",
+              R"({"metrics": {"photos": 12, "placed": 11, "covered_share": 0.5, "panorama": "panorama.png"}})");
+  cv::imwrite((site_ / "results/stitch/corner/panorama.png").string(), cv::Mat(100, 200, CV_8UC3, {40, 120, 200}));
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("Panorama of the photo set corner"));
+  EXPECT_THAT(html, HasSubstr("<td>11"));
+  EXPECT_THAT(html, Not(HasSubstr("Next: trigpoint run")));
+  EXPECT_TRUE(fs::exists(site_ / "out/figures/stitched_1.png"));
+}
+
 TEST_F(ReportTest, TheSameResultsGiveTheSameBytes) {
   WriteResults();
   ReportOptions options;

@@ -1,0 +1,320 @@
+// The first screen.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "eval/report/chapters.h"
+#include "eval/report/charts.h"
+#include "eval/report/verdict.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kTiles = 8;    // runs with a tile of their own
+constexpr size_t kAcross = 14;  // stations side by side; with more they stand below each other
+constexpr size_t kMatrixRows = 30;
+constexpr size_t kThings = 3;  // that went worst
+
+std::string Counted(size_t count, const std::string& one, const std::string& many) {
+  return fmt::format("{} {}", count, count == 1 ? one : many);
+}
+
+class VerdictChapter {
+ public:
+  VerdictChapter(const ChapterContext& c, std::vector<Block>* blocks)
+      : c_(c), blocks_(*blocks), verdict_(MakeVerdict(c.input, c.data)) {}
+
+  void Add(std::optional<Figure> plan) {
+    blocks_.push_back(Heading{2, "Verdict", "summary"});
+    About();
+    Stale();
+    Gates();
+    blocks_.push_back(Columns::kBegin);
+    Numbers();
+    Runs();
+    Matrix();
+    Worst();
+    blocks_.push_back(Columns::kNext);
+    if (plan) blocks_.push_back(std::move(*plan));
+    blocks_.push_back(Columns::kEnd);
+  }
+
+ private:
+  const Site& site() const { return c_.input.project->site(); }
+
+  void About() {
+    if (c_.data.runs.empty()) {
+      const bool photos = site().runs.empty();
+      blocks_.push_back(
+          Paragraph{photos ? "This project has photos but no run: there is nothing to localize. Its stitched "
+                             "panoramas are shown below."
+                           : "No run of this project is localized yet, so there are no answers to show. "
+                             "Provenance lists what was found and what failed. Next: trigpoint run.",
+                    photos ? Tone::kPlain : Tone::kWarning});
+      return;
+    }
+    std::string text = Counted(verdict_.runs.size(), "run", "runs");
+    if (verdict_.Images() > 0) text += fmt::format(" ({} images)", verdict_.Images());
+    text += " localized against " + Counted(site().references.size(), "panorama or photo", "panoramas and photos");
+    const size_t tags = std::set<std::string>(c_.data.stations.begin(), c_.data.stations.end()).size();
+    text +=
+        verdict_.Best() != nullptr
+            ? fmt::format(". The answers are compared with AprilTags at {}{}.", Counted(tags, "station", "stations"),
+                          site().control_points.empty()
+                              ? ""
+                              : " and " + Counted(site().control_points.size(), "surveyed point", "surveyed points"))
+            : ". There is no reference to compare the answers with, so their accuracy is not measured here.";
+    blocks_.push_back(Paragraph{text});
+  }
+
+  // An evaluation that is older than the results it is about.
+  void Stale() {
+    for (const ResultRecord& s : c_.input.stages) {
+      if (s.stage != "evaluate" || !s.manifest.is_object() || (s.state != "out of date" && s.state != "failed"))
+        continue;
+      blocks_.push_back(Paragraph{"The evaluation" + (s.name.empty() ? "" : " " + s.name) + " is " + s.state +
+                                      (s.reason.empty() ? "" : " (" + s.reason + ")") +
+                                      ": its numbers belong to earlier results. Next: trigpoint evaluate.",
+                                  Tone::kWarning});
+    }
+  }
+
+  void Gates() {
+    if (verdict_.gates.empty()) return;
+    const auto tone = [](const std::string& verdict) {
+      return verdict == "PASS" ? Tone::kGood : verdict == "FAIL" ? Tone::kBad : Tone::kWarning;
+    };
+    std::string text = "Quality gates: " + verdict_.gates + ".";
+    for (const auto& [verdict, message] : verdict_.gate_results) {
+      if (verdict != "PASS" || verdict_.gate_results.size() == 1) text += " " + message + ".";
+    }
+    blocks_.push_back(Paragraph{text, tone(verdict_.gates), "accuracy"});
+  }
+
+  Fact ErrorFact(const std::string& label, const VerdictErrors& e, const std::string& meaning) const {
+    return {label, c_.LengthUnit(e.median_m, 2),
+            fmt::format("median of {}; worst {}. {}", Counted(static_cast<size_t>(e.answers), "answer", "answers"),
+                        c_.LengthUnit(e.worst_m, 2), meaning),
+            Tone::kPlain, "accuracy"};
+  }
+
+  void Numbers() {
+    Facts facts;
+    const int asked = verdict_.Asked();
+    if (asked > 0) {
+      facts.facts.push_back({"Located", fmt::format("{} of {}", verdict_.Localized(), asked),
+                             "pairs of a run and a panorama; the others were refused or not matched",
+                             verdict_.Localized() > 0 ? Tone::kPlain : Tone::kBad, "stations"});
+    }
+    if (verdict_.relative) {
+      facts.facts.push_back(ErrorFact("Relative error, 3D", *verdict_.relative,
+                                      "In the run's own frame, against " + verdict_.relative->Against()));
+    }
+    if (verdict_.absolute) {
+      facts.facts.push_back(ErrorFact(
+          verdict_.absolute->shares_evidence ? "Absolute difference, 3D" : "Absolute error, 3D", *verdict_.absolute,
+          std::string("In site coordinates, against ") + verdict_.absolute->Against() +
+              (verdict_.absolute->shares_evidence ? ", which shares data with the answers: agreement, not accuracy"
+                                                  : "")));
+      if (verdict_.absolute->common_shift_m) facts.facts.push_back(ShiftFact(*verdict_.absolute));
+    }
+    if (verdict_.Best() == nullptr) Unmeasured(&facts);
+    SigmaFact(&facts);
+    if (!facts.facts.empty()) blocks_.push_back(facts);
+  }
+
+  Fact ShiftFact(const VerdictErrors& e) const {
+    std::set<std::string> sources;
+    for (const VerdictRun& run : verdict_.runs) sources.insert(run.source);
+    const std::string cause = sources == std::set<std::string>{"geotags"} ? "the geotags' own error"
+                              : sources == std::set<std::string>{"gps"}   ? "the GPS's own error"
+                                                                          : "the georeference";
+    return {"Common shift", c_.LengthUnit(e.common_shift_m, 2),
+            "length of the mean absolute error: a shift of all answers together, by " + cause, Tone::kPlain,
+            "accuracy"};
+  }
+
+  // What can be said without tags.
+  void Unmeasured(Facts* facts) const {
+    if (verdict_.stated_sigma_m) {
+      facts->facts.push_back(
+          {"Stated uncertainty", c_.LengthUnit(verdict_.stated_sigma_m, 2),
+           "1 sigma (standard deviation) of the largest axis, median over the answers; not tested here"});
+    }
+    if (verdict_.runs_agree_m) {
+      facts->facts.push_back({"Agreement of runs", c_.LengthUnit(verdict_.runs_agree_m, 2),
+                              fmt::format("median distance between the places that two runs give a panorama, {}",
+                                          Counted(static_cast<size_t>(verdict_.agreeing_pairs), "pair", "pairs"))});
+    }
+    if (!verdict_.runs.empty()) {
+      facts->facts.push_back({"Outlying geotags", std::to_string(verdict_.geotags.size()),
+                              "panoramas whose geotag the runs contradict",
+                              verdict_.geotags.empty() ? Tone::kGood : Tone::kWarning, "stations"});
+    }
+  }
+
+  void SigmaFact(Facts* facts) const {
+    const VerdictErrors* best = verdict_.Best();
+    if (best == nullptr) return;
+    const auto anees = At(best->group, {"nees", "mean_per_dof"});
+    const nlohmann::json& nees = ObjectAt(best->group, "nees");
+    const auto bounds = nees.find("bounds");
+    if (!anees || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
+        !(*bounds)[1].is_number())
+      return;
+    const double low = (*bounds)[0].get<double>(), high = (*bounds)[1].get<double>();
+    facts->facts.push_back(
+        {"Stated sigmas",
+         *anees < low    ? "too large"
+         : *anees > high ? "too small"
+                         : "consistent",
+         fmt::format(
+             "ANEES {:.2f}, consistent in {:.2f} to {:.2f}. Sigma: standard deviation. ANEES: mean squared error "
+             "in units of its own covariance, 1 if the sigmas are right",
+             *anees, low, high),
+         *anees < low || *anees > high ? Tone::kWarning : Tone::kGood, "consistency"});
+  }
+
+  // A tile a run.
+  void Runs() {
+    if (verdict_.runs.empty()) return;
+    const VerdictErrors* best = verdict_.Best();
+    std::vector<const VerdictRun*> runs;
+    for (const VerdictRun& run : verdict_.runs) runs.push_back(&run);
+    const auto median = [&](const VerdictRun* run) {
+      const auto it =
+          best == nullptr ? std::map<std::string, double>::const_iterator() : best->run_median_m.find(run->run);
+      return best == nullptr || it == best->run_median_m.end() ? std::optional<double>() : it->second;
+    };
+    if (runs.size() > kTiles) {  // the worst ones
+      std::stable_sort(runs.begin(), runs.end(),
+                       [&](const auto* a, const auto* b) { return median(a).value_or(0) > median(b).value_or(0); });
+    }
+    Facts tiles;
+    for (size_t i = 0; i < std::min(kTiles, runs.size()); ++i) {
+      const VerdictRun& run = *runs[i];
+      const auto value = median(&run);
+      std::string detail = fmt::format("{} of {} located", run.localized, run.Asked());
+      if (best != nullptr && value) detail += ", median " + best->kind + " error";
+      if (!run.georeferenced) detail += "; not georeferenced";
+      tiles.facts.push_back({run.run,
+                             value ? c_.LengthUnit(value, 2) : fmt::format("{} of {}", run.localized, run.Asked()),
+                             detail, run.localized == 0 || !run.georeferenced ? Tone::kWarning : Tone::kPlain, "runs"});
+    }
+    blocks_.push_back(tiles);
+    if (runs.size() > kTiles)
+      blocks_.push_back(Paragraph{fmt::format("The {} runs with the largest median of {}.", kTiles, runs.size()),
+                                  Tone::kPlain, "runs"});
+  }
+
+  // Stations and runs, coloured by the error.
+  void Matrix() {
+    const VerdictErrors* best = verdict_.Best();
+    if (best == nullptr) return;
+    std::map<std::pair<std::string, std::string>, MatrixCell> cells;
+    std::set<std::string> runs;
+    std::map<std::string, double> worst;
+    for (const VariantData& v : c_.data.variants) {
+      for (const ErrorRecord& e : v.errors) {
+        if (!best->Holds(e)) continue;
+        runs.insert(e.run);
+        MatrixCell& cell = cells[{e.station, e.run}];
+        if (e.Answered()) {
+          const double value = *e.error_3d_m / c_.unit.metres;
+          cell.value = std::max(cell.value.value_or(value), value);
+          worst[e.station] = std::max(worst[e.station], value);
+        } else if (!cell.value) {
+          cell.text = e.status == "unmatched" ? "no m." : e.status == "rejected" ? "ref." : "-";
+          worst.try_emplace(e.station, 0);
+        }
+      }
+    }
+    std::vector<std::string> stations;
+    for (const std::string& s : c_.data.stations) {
+      if (worst.count(s) > 0) stations.push_back(s);
+    }
+    std::string which;
+    if (stations.size() > kMatrixRows) {
+      std::stable_sort(stations.begin(), stations.end(),
+                       [&](const auto& a, const auto& b) { return worst[a] > worst[b]; });
+      which = fmt::format("The {} stations with the largest errors of {}. ", kMatrixRows, stations.size());
+      stations.resize(kMatrixRows);
+    }
+    std::vector<std::string> names(runs.begin(), runs.end());
+    if (names.size() > kAcross) names.resize(kAcross);
+    const bool across = stations.size() <= kAcross;
+    const std::vector<std::string>& rows = across ? names : stations;
+    const std::vector<std::string>& columns = across ? stations : names;
+    std::vector<std::vector<MatrixCell>> matrix;
+    for (const std::string& r : rows) {
+      matrix.emplace_back();
+      for (const std::string& k : columns) matrix.back().push_back(cells[across ? std::pair(k, r) : std::pair(r, k)]);
+    }
+    blocks_.push_back(Figure{"matrix",
+                             which + "3D error of each run at each station (" + c_.unit.name + "), " + best->kind +
+                                 ", against " + best->Against() +
+                                 "; the larger of several panoramas. no m.: no match; ref.: refused; -: no reference.",
+                             MatrixChart(rows, columns, matrix, {0.1, 0.25, 0.5, 1.0}, c_.unit.name)});
+  }
+
+  std::string AnchorOf(const std::string& station) const {
+    const auto it = c_.station_anchor.find(station);
+    return it == c_.station_anchor.end() ? "" : it->second;
+  }
+
+  // Of each kind the worst, in the order in which they matter.
+  void Worst() {
+    std::vector<Paragraph> things;
+    if (const VerdictErrors* best = verdict_.Best()) {
+      const ErrorRecord* most = nullptr;
+      for (const VariantData& v : c_.data.variants) {
+        for (const ErrorRecord& e : v.errors) {
+          if (e.Answered() && best->Holds(e) && (most == nullptr || *e.error_3d_m > *most->error_3d_m)) most = &e;
+        }
+      }
+      if (most != nullptr) {
+        things.push_back({"Largest error: " + most->run + " at " + most->station + ", " +
+                              c_.LengthUnit(most->error_3d_m, 2) + " " + best->kind,
+                          Tone::kPlain, AnchorOf(most->station)});
+      }
+    }
+    if (!verdict_.geotags.empty()) {
+      const VerdictGeotag& g = verdict_.geotags.front();
+      std::string text = "Outlying geotag: " + std::filesystem::path(g.panorama).filename().string() + ", " +
+                         c_.LengthUnit(g.off_m, 2) + " horizontally from the answer";
+      if (g.sigmas) text += fmt::format(" ({:.1f} sigma)", *g.sigmas);
+      things.push_back({text, Tone::kPlain, AnchorOf(g.station)});
+    }
+    for (const VerdictRun& run : verdict_.runs) {
+      if (!run.georeferenced && things.size() < kThings)
+        things.push_back({run.run + " is not georeferenced: " + run.source, Tone::kPlain, "runs"});
+    }
+    // A refusal says more than a panorama that a run did not pass.
+    for (const char* status : {"rejected", "unmatched"}) {
+      for (const VerdictRefusal& r : verdict_.refused) {
+        if (r.status != status || things.size() >= kThings) continue;
+        const std::string place = r.station.empty() ? std::filesystem::path(r.panorama).filename().string() : r.station;
+        things.push_back({std::string(r.status == "rejected" ? "Refused: " : "Not matched: ") + r.run + " at " + place +
+                              (r.reason.empty() ? "" : ", " + r.reason),
+                          Tone::kPlain, AnchorOf(r.station)});
+      }
+    }
+    if (things.empty()) return;
+    blocks_.push_back(Heading{3, "Look at these first", "worst"});
+    for (size_t i = 0; i < std::min(kThings, things.size()); ++i) blocks_.push_back(things[i]);
+  }
+
+  const ChapterContext& c_;
+  std::vector<Block>& blocks_;
+  ProjectVerdict verdict_;
+};
+
+}  // namespace
+
+void AddVerdict(const ChapterContext& context, std::optional<Figure> plan, std::vector<Block>* blocks) {
+  VerdictChapter(context, blocks).Add(std::move(plan));
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,185 @@
+#include "eval/report/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "eval/statistics.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kLeastForShift = 3;
+
+int Count(const nlohmann::json& json, const char* key) { return static_cast<int>(At(json, {key}).value_or(0)); }
+
+VerdictErrors ErrorsOf(const ReportData& data, const nlohmann::json& group, const std::string& variant) {
+  VerdictErrors errors;
+  errors.group = group;
+  errors.variant = TextAt(group, "variant").empty() ? variant : TextAt(group, "variant");
+  errors.method = TextAt(group, "method"), errors.reference = TextAt(group, "reference");
+  errors.kind = TextAt(group, "kind"), errors.shares_evidence = FlagAt(group, "shares_evidence");
+  errors.answers = Count(group, "answers"), errors.attempts = Count(group, "attempts");
+  errors.median_m = At(group, {"error_3d", "over_answers", "median_m"});
+  errors.p90_m = At(group, {"error_3d", "over_answers", "p90_m"});
+  errors.worst_m = At(group, {"error_3d", "over_answers", "max_m"});
+  std::map<std::string, std::vector<double>> of_run;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int vectors = 0, answered = 0;
+  for (const VariantData& v : data.variants) {
+    for (const ErrorRecord& e : v.errors) {
+      if (!e.Answered() || !errors.Holds(e)) continue;
+      of_run[e.run].push_back(*e.error_3d_m);
+      ++answered;
+      if (!e.error_enu_m) continue;
+      sum += *e.error_enu_m;
+      ++vectors;
+    }
+  }
+  for (const auto& [run, values] : of_run) errors.run_median_m[run] = Quantile(values, 0.5);
+  if (vectors >= kLeastForShift && vectors == answered) errors.common_shift_m = (sum / vectors).norm();
+  return errors;
+}
+
+// The better of two comparisons of a kind: no shared evidence before shared, the most answers, then control before
+// maps.
+bool Better(const VerdictErrors& a, const VerdictErrors& b) {
+  const auto rank = [](const VerdictErrors& e) {
+    return std::tuple(!e.shares_evidence, e.answers, e.reference == "control");
+  };
+  return rank(a) > rank(b);
+}
+
+void ChooseErrors(const ReportData& data, ProjectVerdict* verdict) {
+  for (const VariantData& v : data.variants) {
+    const auto groups = v.summary.find("groups");
+    if (groups == v.summary.end() || !groups->is_array()) continue;
+    for (const nlohmann::json& group : *groups) {
+      if (!group.is_object()) continue;
+      VerdictErrors errors = ErrorsOf(data, group, v.variant);
+      if (!errors.median_m || (!errors.variant.empty() && errors.variant != "paper")) continue;
+      const bool absolute = errors.kind == "absolute", g1 = errors.method == "g1";
+      if (!errors.variant.empty() && g1) continue;
+      std::optional<VerdictErrors>& place = !errors.variant.empty()
+                                                ? (absolute ? verdict->paper_absolute : verdict->paper_relative)
+                                            : g1 ? (absolute ? verdict->g1_absolute : verdict->g1_relative)
+                                                 : (absolute ? verdict->absolute : verdict->relative);
+      if (!place || Better(errors, *place)) place = std::move(errors);
+    }
+  }
+}
+
+void FindGeotags(const ReportInput& input, const ReportData& data, ProjectVerdict* verdict) {
+  std::map<std::string, VerdictGeotag> worst;
+  for (const RunData& run : data.runs) {
+    if (!run.variant.empty()) continue;
+    for (const RunData::Answer& a : run.answers) {
+      if (a.geotag_status != "outlier" || !a.geotag_off_m) continue;
+      VerdictGeotag& g = worst[a.panorama];
+      if (*a.geotag_off_m <= g.off_m) continue;
+      g = {a.panorama, a.station, run.run, *a.geotag_off_m, {}};
+      for (const Reference& reference : input.project->site().references) {
+        if (reference.name != a.panorama || !a.sigma_h_m) continue;
+        const double sigma = std::hypot(reference.geotag.sigma_h_m, *a.sigma_h_m);
+        if (sigma > 0) g.sigmas = g.off_m / sigma;
+      }
+    }
+  }
+  for (const auto& [name, geotag] : worst) verdict->geotags.push_back(geotag);
+  std::stable_sort(verdict->geotags.begin(), verdict->geotags.end(),
+                   [](const auto& a, const auto& b) { return a.off_m > b.off_m; });
+}
+
+// Sigmas, and how far apart runs put the same panorama.
+void FindAgreement(const ReportData& data, ProjectVerdict* verdict) {
+  std::vector<double> sigmas, distances;
+  std::map<std::string, std::vector<Eigen::Vector3d>> places;
+  for (const RunData& run : data.runs) {
+    if (!run.variant.empty() || !FlagAt(ObjectAt(run.manifest, "metrics"), "on_earth")) continue;
+    for (const RunData::Answer& a : run.answers) {
+      if (a.status != "localized") continue;
+      if (a.sigma_m) sigmas.push_back(*a.sigma_m);
+      if (!a.place_m) continue;
+      for (const Eigen::Vector3d& other : places[a.panorama]) distances.push_back((other - *a.place_m).norm());
+      places[a.panorama].push_back(*a.place_m);
+    }
+  }
+  if (!sigmas.empty()) verdict->stated_sigma_m = Quantile(sigmas, 0.5);
+  if (!distances.empty()) verdict->runs_agree_m = Quantile(distances, 0.5);
+  verdict->agreeing_pairs = static_cast<int>(distances.size());
+}
+
+void ReadGates(const ReportData& data, ProjectVerdict* verdict) {
+  for (const VariantData& v : data.variants) {
+    if (!v.variant.empty()) continue;
+    const nlohmann::json& gates = ObjectAt(v.summary, "gates");
+    verdict->gates = TextAt(gates, "verdict");
+    const auto results = gates.find("results");
+    if (results == gates.end() || !results->is_array()) continue;
+    for (const nlohmann::json& gate : *results) {
+      verdict->gate_results.emplace_back(TextAt(gate, "verdict"), TextAt(gate, "message"));
+    }
+  }
+}
+
+}  // namespace
+
+std::string VerdictErrors::Name() const {
+  return method + " against " + reference + ", " + kind +
+         (shares_evidence && reference != "self" ? ", shared evidence" : "") +
+         (variant.empty() ? "" : ", variant " + variant);
+}
+
+std::string VerdictErrors::Against() const {
+  if (reference == "self") return "tags in the same run's images";
+  if (reference == "control") return "surveyed control";
+  if (reference == "survey") return "the tag map";
+  return reference;
+}
+
+int ProjectVerdict::Images() const {
+  int sum = 0;
+  for (const VerdictRun& run : runs) sum += run.images;
+  return sum;
+}
+
+int ProjectVerdict::Localized() const {
+  int sum = 0;
+  for (const VerdictRun& run : runs) sum += run.localized;
+  return sum;
+}
+
+int ProjectVerdict::Asked() const {
+  int sum = 0;
+  for (const VerdictRun& run : runs) sum += run.Asked();
+  return sum;
+}
+
+ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data) {
+  ProjectVerdict verdict;
+  verdict.panoramas = static_cast<int>(input.project->site().references.size());
+  for (const RunData& run : data.runs) {
+    if (!run.variant.empty()) continue;
+    VerdictRun& r = verdict.runs.emplace_back();
+    r.run = run.run;
+    const nlohmann::json& metrics = ObjectAt(run.manifest, "metrics");
+    r.images = Count(metrics, "images");
+    r.georeferenced = FlagAt(metrics, "on_earth");
+    r.source = TextAt(metrics, r.georeferenced ? "earth_source" : "earth_reason");
+    for (const RunData::Answer& a : run.answers) {
+      if (a.status == "localized") {
+        ++r.localized;
+        continue;
+      }
+      ++(a.status == "rejected" ? r.rejected : r.unmatched);
+      verdict.refused.push_back({run.run, a.panorama, a.station, a.status, a.reason});
+    }
+  }
+  ChooseErrors(data, &verdict);
+  FindGeotags(input, data, &verdict);
+  FindAgreement(data, &verdict);
+  ReadGates(data, &verdict);
+  return verdict;
+}
+
+}  // namespace trigpoint

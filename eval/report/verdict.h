@@ -1,0 +1,77 @@
+// A project's results in the few numbers that a reader takes away: the last lines of a command and the first screen of
+// the report are made of the same ones.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "eval/report/report_data.h"
+
+namespace trigpoint {
+
+// One comparison of the evaluation: a method against a reference.
+struct VerdictErrors {
+  nlohmann::json group;  // of summary.json
+  std::string variant, method, reference, kind;
+  bool shares_evidence = false;
+  int answers = 0, attempts = 0;
+  std::optional<double> median_m, p90_m, worst_m;
+  // Length of the mean difference in space over at least three answers: what moving every answer alike would remove.
+  std::optional<double> common_shift_m;
+  std::map<std::string, double> run_median_m;
+  bool Holds(const ErrorRecord& e) const {
+    return e.variant == variant && e.method == method && e.reference == reference && e.kind == kind &&
+           e.shares_evidence == shares_evidence;
+  }
+  // "single against control, absolute": as the tables call it.
+  std::string Name() const;
+  // "tags seen by the same run's cameras", "surveyed control", "the tag map".
+  std::string Against() const;
+};
+
+struct VerdictRun {
+  std::string run;
+  int images = 0;
+  int localized = 0, rejected = 0, unmatched = 0;
+  bool georeferenced = false;
+  std::string source;  // geotags, gps; else why it is not georeferenced
+  int Asked() const { return localized + rejected + unmatched; }
+};
+
+struct VerdictRefusal {
+  std::string run, panorama, station, status, reason;
+};
+
+// A geotag that the runs contradict: the largest horizontal offset over the runs.
+struct VerdictGeotag {
+  std::string panorama, station, run;
+  double off_m = 0;
+  std::optional<double> sigmas;  // off_m in the combined 1 sigma of geotag and estimate
+};
+
+struct ProjectVerdict {
+  std::vector<VerdictRun> runs;  // of the first set of results
+  int panoramas = 0;
+  std::vector<VerdictRefusal> refused;
+  std::optional<VerdictErrors> relative, absolute, g1_relative, g1_absolute;  // of the first set of results
+  std::optional<VerdictErrors> paper_relative, paper_absolute;                // of the variant paper, if there is one
+  std::vector<VerdictGeotag> geotags;                                         // outlying ones, the worst first
+  // What can be said without tags: the median 1 sigma that answers state (largest axis), and the median distance
+  // between the places that two runs give the same panorama.
+  std::optional<double> stated_sigma_m, runs_agree_m;
+  int agreeing_pairs = 0;
+  std::string gates;                                              // PASS, FAIL, UNDECIDED; empty: none
+  std::vector<std::pair<std::string, std::string>> gate_results;  // verdict, message
+
+  int Images() const;
+  int Localized() const;
+  int Asked() const;
+  // Accuracy where there is one, else agreement.
+  const VerdictErrors* Best() const { return absolute ? &*absolute : relative ? &*relative : nullptr; }
+};
+
+ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data);
+
+}  // namespace trigpoint
