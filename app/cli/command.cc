@@ -4,6 +4,7 @@
 
 #include <cstdio>
 
+#include "datasets/io/site_inputs.h"
 #include "datasets/project/files.h"
 #include "datasets/project/yaml_json.h"
 
@@ -89,6 +90,36 @@ nlohmann::json ParseOverrides(const std::vector<std::string>& settings, const st
   return overrides;
 }
 
+namespace {
+
+// What was given and led to nothing: tables without a usable row, references of which none is localized.
+std::vector<std::string> GivenForNothing(const Project& project, const std::vector<JobResult>& results) {
+  std::vector<std::string> problems;
+  int64_t references = 0, localized = 0;
+  bool reads_tables = false;
+  for (const JobResult& result : results) {
+    const std::string& stage = result.job.stage->name;
+    reads_tables =
+        reads_tables || (stage != "features" && stage != "detect" && stage != "calibrate" && stage != "stitch");
+    const bool there = result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate;
+    if (stage != "localize" || !there) continue;
+    references += result.outcome.manifest["metrics"].value("references", int64_t{0});
+    localized += result.outcome.manifest["metrics"].value("localized", int64_t{0});
+  }
+  if (reads_tables) {
+    for (const std::string& why : UnusedTables(project.dir()))
+      problems.push_back(why + "; nothing of this file is used");
+  }
+  if (references > 0 && localized == 0) {
+    problems.push_back(fmt::format(
+        "localize: none of {} references is localized; column reason of results/localize/*/panoramas.csv has the cause",
+        references));
+  }
+  return problems;
+}
+
+}  // namespace
+
 int RunAndReport(Session& session, const std::string& command, const Project& project, const std::vector<Job>& jobs) {
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
   Terminal terminal = session.MakeTerminal();
@@ -128,11 +159,15 @@ int RunAndReport(Session& session, const std::string& command, const Project& pr
     if (there && result.outcome.manifest["metrics"].value("verdict", "PASS") != "PASS") gates_passed = false;
     if (there && result.job.stage->summary) session.Print(result.job.stage->summary(result.outcome, unit));
   }
+  const std::vector<std::string> problems = GivenForNothing(project, results);
+  for (const std::string& problem : problems) terminal.Log(LogLevel::kError, problem);
+  if (exit_code == 0 && !problems.empty()) exit_code = 1;
   if (exit_code == 0 && !gates_passed) exit_code = kGateExitCode;
   session.PrintJson({{"command", command},
                      {"project", project.dir().string()},
                      {"ok", exit_code == 0},
                      {"exit_code", exit_code},
+                     {"problems", problems},
                      {"stages", stages}});
   return exit_code;
 }

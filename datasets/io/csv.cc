@@ -6,16 +6,31 @@
 #include <optional>
 #include <stdexcept>
 
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 
 namespace trigpoint {
 namespace {
 
+// Spreadsheets compute cells that begin so. Text like that is written behind an apostrophe, as they do it, and read
+// without it.
+bool BeginsLikeAFormula(std::string_view text) {
+  return !text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos &&
+         !ParseDouble(text);
+}
+
+bool IsGuardedFormula(std::string_view text) {
+  const size_t first = text.find_first_not_of('\'');
+  return first != 0 && first != std::string_view::npos && BeginsLikeAFormula(text.substr(first));
+}
+
 struct Record {
   std::vector<std::string> cells;
   int line = 0;  // where it begins
 };
+
+constexpr size_t kLongestCell = 1'000'000;
 
 // Cuts the text into records; comments are collected apart.
 std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_view text,
@@ -61,6 +76,11 @@ std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_
         end = std::min(text.find_first_of(",\n", at), text.size());
         cell = Trim(text.substr(at, end - at));
       }
+      if (cell.size() > kLongestCell) {
+        throw InputError(FileLine(file, record.line) + ": expected cells of at most " + std::to_string(kLongestCell) +
+                         " bytes, found one of " + std::to_string(cell.size()));
+      }
+      if (IsGuardedFormula(cell)) cell.erase(0, 1);
       record.cells.push_back(std::move(cell));
       more = end < text.size() && text[end] == ',';
       at = end + 1;
@@ -97,7 +117,7 @@ const std::string& CsvRow::Text(std::string_view column) const {
 double CsvRow::Number(std::string_view column) const {
   const std::optional<double> value = ParseDouble(Text(column));
   if (!value || !std::isfinite(*value)) {
-    throw InputError(Where(column) + ": expected a number, found '" + Text(column) + "'");
+    throw InputError(Where(column) + ": expected a number, found '" + Excerpt(Text(column)) + "'");
   }
   return *value;
 }
@@ -106,7 +126,7 @@ double CsvRow::Number(std::string_view column, double missing) const { return Ha
 
 int64_t CsvRow::Integer(std::string_view column) const {
   const std::optional<int64_t> value = ParseInt(Text(column));
-  if (!value) throw InputError(Where(column) + ": expected a whole number, found '" + Text(column) + "'");
+  if (!value) throw InputError(Where(column) + ": expected a whole number, found '" + Excerpt(Text(column)) + "'");
   return *value;
 }
 
@@ -153,14 +173,14 @@ CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std
     if (known(header->columns, column)) continue;
     const std::string nearest = NearestName(column, spare);
     throw InputError(FileLine(file, header_line) + ": column '" + column + "' is missing in the header row" +
-                     (nearest.empty() ? "" : "; nearest column found: '" + nearest + "'"));
+                     (nearest.empty() ? "" : "; nearest column found: '" + Excerpt(nearest) + "'"));
   }
   if (!optional.empty()) {
     std::vector<std::string> all = required;
     all.insert(all.end(), optional.begin(), optional.end());
     for (const std::string& column : spare) {
       if (column.empty()) continue;
-      table.warnings_.push_back(FileLine(file, header_line) + ": column '" + column +
+      table.warnings_.push_back(FileLine(file, header_line) + ": column '" + Excerpt(column) +
                                 "' is not known and not used; nearest known column: '" + NearestName(column, all) +
                                 "'");
     }
@@ -215,13 +235,14 @@ void CsvWriter::Separate() {
 CsvWriter& CsvWriter::Text(std::string_view value) {
   const bool first = cell_ == 0;
   Separate();
+  const std::string guard = BeginsLikeAFormula(value) || IsGuardedFormula(value) ? "'" : "";
   const bool quote = value.find_first_of(",\"\n\r") != std::string_view::npos || value != Trim(value) ||
                      (first && value.starts_with('#'));
   if (!quote) {
-    text_ += value;
+    text_.append(guard).append(value);
     return *this;
   }
-  text_ += '"';
+  text_.append("\"").append(guard);
   for (char c : value) {
     if (c == '"') text_ += '"';
     text_ += c;

@@ -1,10 +1,13 @@
 #include "datasets/io/image.h"
 
+#include <climits>
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <new>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
@@ -12,6 +15,8 @@
 
 namespace trigpoint {
 namespace {
+
+std::string Size(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 std::vector<uchar> ReadBytes(const std::filesystem::path& file) {
   std::error_code error;
@@ -39,6 +44,33 @@ size_t JpegScanBegin(const std::vector<uchar>& b) {
     if (marker == kStartOfScan) return at <= b.size() ? at : 0;
   }
   return 0;
+}
+
+// Pixels across and down as stored, from the header of a PNG or JPEG; nothing for other kinds.
+std::optional<cv::Size> StoredSize(const std::vector<uchar>& b) {
+  const auto number = [&](size_t at, size_t bytes) {
+    int64_t value = 0;
+    for (size_t k = 0; k < bytes; ++k) value = value << 8 | b[at + k];
+    return static_cast<int>(std::min<int64_t>(value, INT_MAX));
+  };
+  constexpr size_t kPngWidth = 16, kPngHeight = 20;
+  if (b.size() >= kPngHeight + 4 && std::memcmp(b.data(), "\x89PNG", 4) == 0) {
+    return cv::Size(number(kPngWidth, 4), number(kPngHeight, 4));
+  }
+  if (b.size() < 4 || b[0] != 0xFF || b[1] != 0xD8) return std::nullopt;
+  for (size_t at = 2; at + 9 < b.size() && b[at] == 0xFF;) {
+    const uchar marker = b[at + 1];
+    if (marker == 0xFF) {
+      ++at;
+      continue;
+    }
+    // Start of frame: 0xC0 to 0xCF, but tables.
+    if (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC) {
+      return cv::Size(number(at + 7, 2), number(at + 5, 2));
+    }
+    at += 2 + static_cast<size_t>(number(at + 2, 2));
+  }
+  return std::nullopt;
 }
 
 // libjpeg fills what is missing with grey and calls it a success: look for the end marker ourselves.
@@ -84,6 +116,11 @@ cv::Mat Oriented(const cv::Mat& stored, int orientation) {
 }
 
 cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& bytes, bool grey, bool raw_orientation) {
+  constexpr int64_t kMostPixels = int64_t{1} << 30;  // what OpenCV decodes
+  if (const auto size = StoredSize(bytes); size && int64_t{size->width} * size->height > kMostPixels) {
+    throw InputError(file.string() + ": expected a picture of at most 2^30 pixels, found " +
+                     Size(size->width, size->height));
+  }
   int flags = (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_ANYDEPTH;
   // OpenCV does not find the orientation of a JPEG whose EXIF stands beside other application data.
   const bool jpeg = bytes.size() > 2 && bytes[0] == 0xFF && bytes[1] == 0xD8;
@@ -92,6 +129,7 @@ cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& byte
   try {
     picture = cv::imdecode(bytes, flags);
   } catch (const cv::Exception& e) {
+    if (e.code == cv::Error::StsNoMem) throw std::bad_alloc();  // not the picture's fault
     throw InputError(file.string() + ": the picture cannot be decoded: " + e.err);
   }
   if (picture.empty())
@@ -100,16 +138,14 @@ cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& byte
   return ToEightBits(file, picture);
 }
 
-std::string Size(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
-
-bool Fits(const cv::Mat& picture, const Camera& camera) {
-  return picture.cols == camera.width() && picture.rows == camera.height();
+bool Fits(const cv::Size& size, const Camera& camera) {
+  return size.width == camera.width() && size.height == camera.height();
 }
 
-void CheckFits(const std::filesystem::path& file, const cv::Mat& picture, const Camera& camera) {
-  if (Fits(picture, camera)) return;
+void CheckFits(const std::filesystem::path& file, const cv::Size& size, const Camera& camera) {
+  if (Fits(size, camera)) return;
   throw InputError(file.string() + ": expected a picture of " + Size(camera.width(), camera.height()) +
-                   " as its camera was calibrated, found " + Size(picture.cols, picture.rows));
+                   " as its camera was calibrated, found " + Size(size.width, size.height));
 }
 
 }  // namespace
@@ -117,12 +153,16 @@ void CheckFits(const std::filesystem::path& file, const cv::Mat& picture, const 
 cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey) {
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);
-  cv::Mat picture = Decode(file, bytes, grey, false);
-  if (!Fits(picture, camera)) {
-    const cv::Mat raw = Decode(file, bytes, grey, true);
-    if (Fits(raw, camera)) return raw;
+  // Before gigabytes are decoded for nothing. EXIF may say that sides are to be swapped.
+  if (const auto size = StoredSize(bytes); size && !Fits({size->height, size->width}, camera)) {
+    CheckFits(file, *size, camera);
   }
-  CheckFits(file, picture, camera);
+  cv::Mat picture = Decode(file, bytes, grey, false);
+  if (!Fits(picture.size(), camera)) {
+    const cv::Mat raw = Decode(file, bytes, grey, true);
+    if (Fits(raw.size(), camera)) return raw;
+  }
+  CheckFits(file, picture.size(), camera);
   return picture;
 }
 
@@ -131,7 +171,7 @@ cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) {
   cv::Mat picture;
   if (entry.video_frame >= 0) {
     picture = ReadVideoFrameGrey(entry.path, entry.video_frame);
-    CheckFits(entry.path, picture, camera);
+    CheckFits(entry.path, picture.size(), camera);
   } else {
     picture = LoadPhoto(entry.path, camera, true);
   }
@@ -146,9 +186,21 @@ cv::Mat LoadPicture(const std::filesystem::path& file, bool grey) {
 }
 
 cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey) {
-  cv::Mat picture = LoadPicture(file, grey);
+  const auto refuse = [&](const cv::Size& size) {
+    throw InputError(file.string() + ": expected an equirectangular panorama twice as wide as high (or GPano tags " +
+                     "that say which part it is), found " + Size(size.width, size.height));
+  };
+  const std::vector<uchar> bytes = ReadBytes(file);
+  CheckComplete(file, bytes);
+  const std::optional<cv::Size> stored = StoredSize(bytes);
+  std::optional<GPano> pano;
+  if (stored && stored->width != 2 * stored->height && stored->height != 2 * stored->width) {
+    pano = ReadPhotoMetadata(file).gpano;
+    if (!pano) refuse(*stored);  // before gigabytes are decoded for nothing
+  }
+  cv::Mat picture = Decode(file, bytes, grey, false);
   if (picture.cols == 2 * picture.rows) return picture;
-  const std::optional<GPano> pano = ReadPhotoMetadata(file).gpano;
+  if (!pano) pano = ReadPhotoMetadata(file).gpano;
   if (pano && pano->full_width > 0 && pano->full_width == 2 * pano->full_height && pano->crop_width > 0 &&
       pano->crop_height > 0 && pano->crop_left >= 0 && pano->crop_top >= 0 &&
       pano->crop_left + pano->crop_width <= pano->full_width &&
@@ -165,8 +217,8 @@ cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey) {
       return full;
     }
   }
-  throw InputError(file.string() + ": expected an equirectangular panorama twice as wide as high (or GPano tags that " +
-                   "say which part it is), found " + Size(picture.cols, picture.rows));
+  refuse(picture.size());
+  return {};
 }
 
 }  // namespace trigpoint

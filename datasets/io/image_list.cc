@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
@@ -17,6 +19,13 @@ int CameraIndex(const Run& run, std::string_view name) {
     if (run.cameras[i].name == name) return static_cast<int>(i);
   }
   return -1;
+}
+
+[[noreturn]] void FailUnknownCamera(const Run& run, std::string_view name) {
+  std::vector<std::string> names;
+  for (const BodyCamera& known : run.cameras) names.push_back(known.name);
+  throw InputError("there is no camera '" + Excerpt(name) + "' in camchain.yaml; nearest: '" +
+                   NearestName(name, names) + "'");
 }
 
 // `timestamp file [camera]`; a file name with spaces may be quoted, and need not if no camera follows.
@@ -41,23 +50,56 @@ ImageEntry ParseLine(const std::filesystem::path& site_dir, const Run& run, std:
     }
     if (!camera.empty()) rest = Trim(rest.substr(0, space));
   }
-  if (rest.empty()) throw InputError("expected 'timestamp file [camera]', found '" + std::string(line) + "'");
+  if (rest.empty()) throw InputError("expected 'timestamp file [camera]', found '" + Excerpt(line) + "'");
   entry.file = rest;
   entry.camera = camera.empty() ? 0 : CameraIndex(run, camera);
-  if (entry.camera < 0) {
-    std::vector<std::string> names;
-    for (const BodyCamera& known : run.cameras) names.push_back(known.name);
-    throw InputError("there is no camera '" + std::string(camera) + "' in camchain.yaml; nearest: '" +
-                     NearestName(camera, names) + "'");
-  }
+  if (entry.camera < 0) FailUnknownCamera(run, camera);
   entry.path = ResolveInside(site_dir, run.dir, entry.file, where);
+  const size_t last = entry.file.find_last_of(" \t");
+  if (camera.empty() && last != std::string::npos && !std::filesystem::exists(entry.path) &&
+      std::filesystem::exists(ResolveInside(site_dir, run.dir, Trim(entry.file.substr(0, last)), where))) {
+    FailUnknownCamera(run, std::string_view(entry.file).substr(last + 1));
+  }
   CheckPresent(entry.path, where);
   return entry;
+}
+
+// A picture is taken once: one that stands at two times is left out, as nothing shows which of them is right.
+void DropAmbiguous(const std::filesystem::path& file, const std::vector<int>& lines, Run* run) {
+  std::map<std::filesystem::path, std::vector<size_t>> rows;
+  for (size_t i = 0; i < run->images.size(); ++i) rows[run->images[i].path].push_back(i);
+  std::vector<bool> out(run->images.size(), false);
+  size_t ambiguous = 0;
+  std::string first;
+  for (const auto& [path, same] : rows) {
+    const ImageEntry& a = run->images[same.front()];
+    size_t other = 0;
+    for (size_t k = 1; k < same.size() && other == 0; ++k) {
+      const ImageEntry& b = run->images[same[k]];
+      if (a.stamp_ns != b.stamp_ns || a.camera != b.camera) other = k;
+    }
+    if (other == 0) continue;
+    for (size_t i : same) out[i] = true;
+    if (ambiguous++ > 0) continue;
+    first = FileLine(file, lines[same[other]]) + ": the image '" + a.file +
+            "' is listed at another time or camera in line " + std::to_string(lines[same.front()]) +
+            "; expected one line for each image; it is left out";
+  }
+  if (ambiguous == 0) return;
+  run->warnings.push_back(first +
+                          (ambiguous > 1 ? " (and " + std::to_string(ambiguous - 1) + " more such images)" : ""));
+  size_t kept = 0;
+  for (size_t i = 0; i < out.size(); ++i) {
+    if (!out[i]) run->images[kept++] = run->images[i];
+  }
+  run->images.resize(kept);
+  if (kept == 0) throw InputError(first + "; none of the listed images is usable");
 }
 
 void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::path& file, Run* run) {
   const std::string text = ReadTextFile(file);
   std::string first_problem;
+  std::vector<int> lines;  // of each image
   int skipped = 0, number = 1;
   constexpr int kNamed = 5;
   for (size_t at = 0; at < text.size(); ++number) {
@@ -68,6 +110,7 @@ void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::pat
     const std::string where = FileLine(file, number);
     try {
       run->images.push_back(ParseLine(site_dir, *run, line, where));
+      lines.push_back(number);
     } catch (const PathError&) {
       throw;
     } catch (const InputError& e) {
@@ -81,6 +124,7 @@ void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::pat
     run->warnings.push_back(file.string() + ": " + std::to_string(skipped - kNamed) + " more image(s) are skipped");
   }
   if (run->images.empty() && skipped > 0) throw InputError(first_problem + "; none of the listed images is usable");
+  DropAmbiguous(file, lines, run);
 }
 
 // Times from file names: nanoseconds or seconds since 1970 or on any clock, if every name looks like one.

@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <cstdio>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gps.h"
@@ -48,7 +50,10 @@ RunConfig ReadRunConfig(const std::filesystem::path& file) {
   const YamlMap odometry = map.Map("odometry", {"levelled", "scale_sigma", "time_offset_s"});
   config.odometry_levelled = odometry.Bool("levelled", config.odometry_levelled);
   config.odometry_scale_sigma = odometry.Number("scale_sigma", config.odometry_scale_sigma);
-  if (config.odometry_scale_sigma < 0) odometry.Fail("scale_sigma", "expected 0 or more");
+  if (!(config.odometry_scale_sigma > 0)) {
+    odometry.Fail("scale_sigma",
+                  "expected more than 0, the 1 sigma of the odometry's scale as a part of 1, such as 0.01");
+  }
   config.odometry_time_offset_s = odometry.Number("time_offset_s", 0);
   const YamlMap video = map.Map("video", {"start_s", "every"});
   config.video_start_s = video.Number("start_s", 0);
@@ -106,6 +111,13 @@ void AssignMasks(const std::filesystem::path& site_dir, Run* run) {
     bool found = false;
     for (BodyCamera& camera : run->cameras) {
       if (!name.empty() && camera.name != name) continue;
+      const PhotoMetadata picture = ReadPhotoMetadata(path);
+      if (picture.width != camera.camera.width() || picture.height != camera.camera.height()) {
+        throw InputError(yaml + ": expected a mask of " + std::to_string(camera.camera.width()) + " x " +
+                         std::to_string(camera.camera.height()) + " px as camera '" + camera.name + "', found " +
+                         path.string() + " of " + std::to_string(picture.width) + " x " +
+                         std::to_string(picture.height));
+      }
       camera.mask = path;
       found = true;
     }
@@ -117,13 +129,101 @@ void AssignMasks(const std::filesystem::path& site_dir, Run* run) {
   }
 }
 
+// Has a ray, and the ray the same pixel again, all along the picture's edge (but a fisheye's dark corners).
+bool CoversItsPicture(const Camera& camera) {
+  if (camera.model() != CameraModel::kRadtan && camera.model() != CameraModel::kRational) return true;
+  const double w = camera.width() - 1, h = camera.height() - 1;
+  for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(0, 0), Eigen::Vector2d(w, 0), Eigen::Vector2d(0, h),
+                                       Eigen::Vector2d(w, h), Eigen::Vector2d(0, h / 2), Eigen::Vector2d(w, h / 2)}) {
+    const auto ray = camera.Unproject(pixel);
+    const auto again = ray ? camera.Project(*ray) : std::nullopt;
+    if (!again || (*again - pixel).norm() > 0.5) return false;
+  }
+  return true;
+}
+
+// Calibrations that no real camera has: a slip of the pen, or the parameters of another picture size.
+void WarnOfImplausibleCameras(Run* run) {
+  for (const BodyCamera& c : run->cameras) {
+    const std::vector<double>& p = c.camera.params();
+    const double width = c.camera.width(), height = c.camera.height(), longer = std::max(width, height);
+    const auto warn = [&](const std::string& what) {
+      run->warnings.push_back(run->dir.string() + ": camera '" + c.name + "': " + what + "; check the calibration");
+    };
+    if (p.size() < 4) continue;
+    constexpr double kShortest = 0.15, kLongest = 30;  // of the longer side: 147 deg and 2 deg
+    for (int k = 0; k < 2; ++k) {
+      if (p[k] < kShortest * longer || p[k] > kLongest * longer) {
+        warn("focal length " + std::to_string(p[k]) + " px for a picture " + std::to_string(c.camera.width()) +
+             " px wide; expected " + std::to_string(kShortest) + " to " + std::to_string(kLongest) +
+             " times its longer side");
+        break;
+      }
+    }
+    if (std::abs(p[0] / p[1] - 1) > 0.2)
+      warn("focal lengths " + std::to_string(p[0]) + " and " + std::to_string(p[1]) +
+           " px; expected nearly square pixels");
+    if (std::abs(p[2] - 0.5 * width) > 0.3 * width || std::abs(p[3] - 0.5 * height) > 0.3 * height) {
+      warn("principal point " + std::to_string(p[2]) + ", " + std::to_string(p[3]) + "; expected near the middle " +
+           std::to_string(0.5 * (width - 1)) + ", " + std::to_string(0.5 * (height - 1)));
+    }
+    if (!CoversItsPicture(c.camera)) {
+      warn(
+          "its distortion folds the picture over before the corners: no ray is seen there; expected coefficients that "
+          "hold for all of the picture");
+    }
+  }
+}
+
 int64_t ToNs(double seconds) { return std::llround(seconds * 1e9); }
+
+// The line of a trajectory's file with this stamp.
+int LineOfStamp(const std::filesystem::path& file, int64_t stamp_ns) {
+  const std::string text = ReadTextFile(file);
+  int number = 1;
+  for (size_t at = 0; at < text.size(); ++number) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
+    at = end + 1;
+    if (line.empty() || line.front() == '#') continue;
+    try {
+      if (ParseSecondsToNs(line.substr(0, line.find_first_of(" \t,"))) == stamp_ns) return number;
+    } catch (const InputError&) {  // a header, or a row that was named before
+    }
+  }
+  return 1;
+}
+
+// No body on the ground moves so: a broken row, or another unit than metres.
+void CheckSpeed(const std::filesystem::path& file, const Trajectory& trajectory) {
+  constexpr double kFastest_m_s = 150, kJump = 20;  // a jump: so many times the median speed
+  const auto& poses = trajectory.poses;
+  std::vector<double> speeds;
+  for (size_t i = 1; i < poses.size(); ++i) {
+    const double moved = (poses[i].target_from_body.translation - poses[i - 1].target_from_body.translation).norm();
+    speeds.push_back(moved / (1e-9 * static_cast<double>(poses[i].stamp_ns - poses[i - 1].stamp_ns)));
+  }
+  const double median = Median(speeds);
+  for (size_t i = 0; i < speeds.size(); ++i) {
+    if (speeds[i] <= std::max(kFastest_m_s, kJump * median)) continue;
+    const double seconds = 1e-9 * static_cast<double>(poses[i + 1].stamp_ns - poses[i].stamp_ns);
+    char text[200];
+    std::snprintf(text, sizeof text, ": jumps %.1f m in %.3f s; expected a continuous motion in metres",
+                  speeds[i] * seconds, seconds);
+    throw InputError(FileLine(file, LineOfStamp(file, poses[i + 1].stamp_ns)) + text);
+  }
+  if (median > kFastest_m_s) {
+    throw InputError(file.string() + ": moves at " + std::to_string(std::llround(median)) +
+                     " m/s in the median; expected positions in metres and times in seconds");
+  }
+}
 
 void ReadOdometry(Run* run) {
   for (const char* name : {"odometry.tum", "odometry.txt", "odometry.csv"}) {
     const std::filesystem::path file = run->dir / name;
     if (!std::filesystem::exists(file)) continue;
     run->odometry = ReadTrajectory(file);
+    CheckSpeed(file, run->odometry);
     for (TimedPose& pose : run->odometry.poses) pose.stamp_ns += ToNs(run->config.odometry_time_offset_s);
     run->warnings.insert(run->warnings.end(), run->odometry.warnings.begin(), run->odometry.warnings.end());
     return;
@@ -194,6 +294,7 @@ Run ReadRunSettings(const std::filesystem::path& run_dir, const std::filesystem:
   run.config = ReadRunConfig(run.dir / "run.yaml");
   run.cameras = ReadCameras(site_dir, run);
   AssignMasks(site_dir, &run);
+  WarnOfImplausibleCameras(&run);
   return run;
 }
 

@@ -14,6 +14,13 @@ Run ReadRunSettings(const std::filesystem::path& run_dir, const std::filesystem:
 // Images, odometry, GPS into `run`. Throws InputError if none of it can be used.
 void ReadRunData(const std::filesystem::path& site_dir, Run* run);
 
+// A TIFF that says where on the Earth it lies?
+bool IsGeoTiff(const std::filesystem::path& file);
+
+// Takes the positions out that lie at latitude 0, longitude 0 or far from the rest of the site, with a warning that
+// names the cause where it shows (latitude and longitude swapped).
+void LeaveOutFarPlaces(Site* site);
+
 // Finds the run's images: images.txt, else folders of pictures, else videos. Ascending time, then camera.
 void ReadImageList(const std::filesystem::path& site_dir, Run* run);
 

@@ -7,6 +7,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/path_error.h"
 #include "datasets/io/run_parts.h"
+#include "datasets/io/site_inputs.h"
 #include "datasets/io/tables.h"
 
 namespace trigpoint {
@@ -53,6 +54,45 @@ void Append(std::vector<Reference> more, Site* site) {
   }
 }
 
+// Tables and pictures. Returns of each table that gave nothing why: it is left out like a bad row is, as the site may
+// do without it.
+std::vector<std::string> ReadTables(Site* site) {
+  std::vector<std::string> unused;
+  const auto lenient = [&](const char* name, const auto& read) {
+    const std::filesystem::path file = site->dir / name;
+    if (!std::filesystem::exists(file)) return false;
+    try {
+      if (read(file) > 0) return true;
+      unused.push_back(file.string() + ": expected rows below the header, found none");
+    } catch (const PathError&) {
+      throw;
+    } catch (const InputError& e) {
+      unused.push_back(e.what());
+    }
+    site->warnings.push_back(unused.back() + "; nothing of this file is used");
+    return true;
+  };
+  const auto append = [&](std::vector<Reference> more) {
+    const size_t count = more.size();
+    Append(std::move(more), site);
+    return count;
+  };
+  std::vector<std::string>* warnings = &site->warnings;
+  const bool table = lenient("panoramas.csv", [&](const std::filesystem::path& file) {
+    return append(ReadPanoramaTable(file, site->dir, warnings));
+  });
+  if (!table) append(ReadPanoramaFolder(site->dir / "panoramas", site->dir, warnings));
+  lenient("photos.csv",
+          [&](const std::filesystem::path& file) { return append(ReadPhotoTable(file, site->dir, warnings)); });
+  append(ReadPhotoSets(site->dir / "photos", warnings));
+  lenient("stations.csv",
+          [&](const std::filesystem::path& file) { return (site->stations = ReadStations(file, warnings)).size(); });
+  lenient("control_points.csv", [&](const std::filesystem::path& file) {
+    return (site->control_points = ReadControlPoints(file, warnings)).size();
+  });
+  return unused;
+}
+
 }  // namespace
 
 Site ReadSite(const std::filesystem::path& dir) {
@@ -66,33 +106,33 @@ Site ReadSite(const std::filesystem::path& dir) {
   if (present("origin.json")) site.origin = ReadOrigin(site.dir / "origin.json");
   if (present("tags.yaml")) site.tags = ReadTagSizes(site.dir / "tags.yaml");
   ReadRuns(&site);
-  // A table none of whose rows can be used is left out like a bad row is: the site may do without it.
-  const auto lenient = [&](const auto& read) {
-    try {
-      read();
-    } catch (const PathError&) {
-      throw;
-    } catch (const InputError& e) {
-      site.warnings.push_back(std::string(e.what()) + "; nothing of this file is used");
+  ReadTables(&site);
+  LeaveOutFarPlaces(&site);
+  if (present("aerial.tif")) {
+    if (IsGeoTiff(site.dir / "aerial.tif")) {
+      site.aerial = site.dir / "aerial.tif";
+    } else {
+      site.warnings.push_back((site.dir / "aerial.tif").string() +
+                              ": expected a TIFF with its place on the Earth (GeoTIFF); it is not used");
     }
-  };
-  if (present("panoramas.csv")) {
-    lenient([&] { Append(ReadPanoramaTable(site.dir / "panoramas.csv", site.dir, &site.warnings), &site); });
-  } else {
-    Append(ReadPanoramaFolder(site.dir / "panoramas", site.dir, &site.warnings), &site);
   }
-  if (present("photos.csv")) {
-    lenient([&] { Append(ReadPhotoTable(site.dir / "photos.csv", site.dir, &site.warnings), &site); });
-  }
-  Append(ReadPhotoSets(site.dir / "photos", &site.warnings), &site);
-  if (present("stations.csv")) {
-    lenient([&] { site.stations = ReadStations(site.dir / "stations.csv", &site.warnings); });
-  }
-  if (present("control_points.csv")) {
-    lenient([&] { site.control_points = ReadControlPoints(site.dir / "control_points.csv", &site.warnings); });
-  }
-  if (present("aerial.tif")) site.aerial = site.dir / "aerial.tif";
   return site;
+}
+
+std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir) {
+  Site site;
+  site.dir = site_dir;
+  return ReadTables(&site);
+}
+
+bool IsInputPath(const std::filesystem::path& relative) {
+  static const std::set<std::string> folders = {"runs", "panoramas", "photos", "models", "releases"};
+  static const std::set<std::string> files = {
+      "trigpoint.yaml", "review.jsonl",  "origin.json",        "tags.yaml",  "panoramas.csv",           "photos.csv",
+      "stations.csv",   "distances.csv", "control_points.csv", "aerial.tif", "control_observations.csv"};
+  const std::filesystem::path normal = relative.lexically_normal();
+  if (normal.empty()) return false;
+  return folders.count(normal.begin()->string()) > 0 || files.count(normal.string()) > 0;
 }
 
 }  // namespace trigpoint

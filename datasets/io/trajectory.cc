@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "calib/base/error.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -21,14 +22,14 @@ struct Line {
 };
 
 // The lines of a text that are neither empty nor comments.
-std::vector<Line> DataLines(std::string_view text, std::string_view* first_comment = nullptr) {
+std::vector<Line> DataLines(std::string_view text, std::vector<std::string_view>* comments = nullptr) {
   std::vector<Line> lines;
   int number = 1;
   for (size_t at = 0; at < text.size(); ++number) {
     const size_t end = std::min(text.find('\n', at), text.size());
     const std::string_view line = Trim(text.substr(at, end - at));
     if (line.starts_with('#')) {
-      if (first_comment != nullptr && first_comment->empty()) *first_comment = line.substr(1);
+      if (comments != nullptr) comments->push_back(line.substr(1));
     } else if (!line.empty()) {
       lines.push_back({line, number});
     }
@@ -61,8 +62,8 @@ Rigid3d ParsePose(const std::vector<std::string_view>& fields, Order order) {
   double v[7];
   for (size_t i = 0; i < 7; ++i) {
     const std::optional<double> value = ParseDouble(fields[i + 1]);
-    if (!value) throw InputError("expected a number, found '" + std::string(fields[i + 1]) + "'");
-    if (!std::isfinite(*value)) throw InputError("the pose holds '" + std::string(fields[i + 1]) + "'");
+    if (!value) throw InputError("expected a number, found '" + Excerpt(fields[i + 1]) + "'");
+    if (!std::isfinite(*value)) throw InputError("the pose holds '" + Excerpt(fields[i + 1]) + "'");
     v[i] = *value;
   }
   const Eigen::Quaterniond q =
@@ -71,6 +72,68 @@ Rigid3d ParsePose(const std::vector<std::string_view>& fields, Order order) {
     throw InputError("expected a unit quaternion, found one of length " + std::to_string(q.norm()));
   }
   return {q, {v[0], v[1], v[2]}};
+}
+
+// How well the body's direction of travel agrees over the trajectory, 0 to 1; nothing without enough motion.
+std::optional<double> TravelAgreement(const std::vector<std::vector<std::string_view>>& rows, Order order) {
+  std::vector<Rigid3d> poses;
+  for (const auto& row : rows) {
+    try {
+      poses.push_back(ParsePose(row, order));
+    } catch (const InputError&) {  // the reader names it
+    }
+  }
+  if (poses.empty()) return std::nullopt;
+  double reach = 0;
+  for (const Rigid3d& pose : poses) {
+    reach = std::max(reach, (pose.translation - poses.front().translation).norm());
+  }
+  constexpr int kLeastSteps = 8;
+  const double step = reach / 50;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int steps = 0;
+  const Rigid3d* last = &poses.front();
+  for (const Rigid3d& pose : poses) {
+    const Eigen::Vector3d moved = pose.translation - last->translation;
+    if (!(moved.norm() > step)) continue;
+    sum += (last->rotation.conjugate() * moved).normalized();
+    last = &pose;
+    ++steps;
+  }
+  if (steps < kLeastSteps) return std::nullopt;
+  return sum.norm() / steps;
+}
+
+// The order of rows with commas and no header: EuRoC's rows go on with velocity and biases; of eight fields, the
+// motion decides where it can.
+Order OrderOfRows(const std::filesystem::path& file, const std::vector<Line>& lines) {
+  constexpr size_t kPose = 8;
+  std::vector<std::vector<std::string_view>> rows;
+  for (const Line& line : lines) {
+    std::vector<std::string_view> fields = Fields(line.text);
+    if (fields.size() > kPose) return Order::kEuroc;
+    if (fields.size() == kPose) rows.push_back(std::move(fields));
+  }
+  constexpr double kAgrees = 0.9, kApart = 0.2;
+  const std::optional<double> tum = TravelAgreement(rows, Order::kTum), euroc = TravelAgreement(rows, Order::kEuroc);
+  if (tum && euroc) {
+    if (*tum > kAgrees && *euroc < *tum - kApart) return Order::kTum;
+    if (*euroc > kAgrees && *tum < *euroc - kApart) return Order::kEuroc;
+  }
+  throw InputError(file.string() +
+                   ": 8 fields with commas and no header: the motion does not show whether the quaternion's w comes "
+                   "first (EuRoC) or last (TUM); expected a header line such as 'timestamp,tx,ty,tz,qx,qy,qz,qw'");
+}
+
+// `0,5 1,25`: numbers written with a decimal comma.
+bool HasDecimalCommas(std::string_view line) {
+  const std::vector<std::string_view> words = SplitFields(line);
+  const auto decimal = [](std::string_view word) {
+    const size_t comma = word.find(',');
+    return comma != std::string_view::npos && comma > 0 && comma + 1 < word.size() &&
+           word.find_first_not_of("+-0123456789,eE") == std::string_view::npos;
+  };
+  return words.size() > 1 && std::count_if(words.begin(), words.end(), decimal) > 1;
 }
 
 // Sorts, drops doubled stamps, and says so.
@@ -149,28 +212,36 @@ std::optional<Rigid3d> Trajectory::At(int64_t stamp_ns, int64_t max_gap_ns) cons
 
 Trajectory ReadTrajectory(const std::filesystem::path& file) {
   const std::string text = ReadTextFile(file);
-  std::string_view header;
-  std::vector<Line> lines = DataLines(text, &header);
-  std::optional<Order> order = OrderOfHeader(header);
+  std::vector<std::string_view> comments;
+  std::vector<Line> lines = DataLines(text, &comments);
+  std::optional<Order> order;
+  for (std::string_view comment : comments) order = order ? order : OrderOfHeader(comment);
   if (!lines.empty() && OrderOfHeader(lines.front().text)) {  // a header row without '#'
     order = OrderOfHeader(lines.front().text);
     lines.erase(lines.begin());
+  }
+  const auto has_comma = [](const Line& line) { return line.text.find(',') != std::string_view::npos; };
+  if (const auto decimal =
+          std::find_if(lines.begin(), lines.end(), [](const Line& line) { return HasDecimalCommas(line.text); });
+      decimal != lines.end()) {
+    throw InputError(FileLine(file, decimal->number) + ": found numbers with a decimal comma; expected a dot");
+  }
+  if (!order) {
+    order = std::any_of(lines.begin(), lines.end(), has_comma) ? OrderOfRows(file, lines) : Order::kTum;
   }
   Trajectory trajectory;
   trajectory.poses.reserve(lines.size());
   BadRows bad(file);
   for (const Line& line : lines) {
     const std::vector<std::string_view> fields = Fields(line.text);
-    const bool commas = line.text.find(',') != std::string_view::npos;
     // EuRoC rows go on with velocity and biases; a TUM row has eight fields and no more.
-    if (fields.size() < 8 || (!commas && fields.size() > 8)) {
+    if (fields.size() < 8 || (!has_comma(line) && fields.size() > 8)) {
       bad.Add(line.number, "expected 8 numbers 'timestamp tx ty tz qx qy qz qw', found " +
                                std::to_string(fields.size()) + " field(s)");
       continue;
     }
     try {
-      trajectory.poses.push_back(
-          {ParseSecondsToNs(fields[0]), ParsePose(fields, order.value_or(commas ? Order::kEuroc : Order::kTum))});
+      trajectory.poses.push_back({ParseSecondsToNs(fields[0]), ParsePose(fields, *order)});
     } catch (const InputError& e) {
       bad.Add(line.number, e.what());
     }
@@ -239,7 +310,7 @@ void WriteTum(const std::filesystem::path& file, const std::vector<TimedPose>& p
 int64_t ParseSecondsToNs(std::string_view text) {
   const std::string_view whole = Trim(text);
   const auto fail = [&](const char* why) {
-    throw InputError("expected a time in seconds (or whole nanoseconds), found '" + std::string(whole) + "'" + why);
+    throw InputError("expected a time in seconds (or whole nanoseconds), found '" + Excerpt(whole) + "'" + why);
   };
   // Digits, a point, an exponent: taken apart by hand, as a double holds a Unix time to 200 ns only.
   std::string_view rest = whole;

@@ -5,16 +5,17 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
 
 std::string Describe(const YAML::Node& node) {
-  if (node.IsScalar()) return "'" + node.Scalar() + "'";
+  if (node.IsScalar()) return "'" + Excerpt(node.Scalar()) + "'";
   if (node.IsSequence()) return "a list of " + std::to_string(node.size());
   if (node.IsMap()) return "a map";
-  return "nothing";
+  return "nothing (the key is missing or empty)";
 }
 
 int LineOf(const YAML::Node& node) { return node.Mark().line + 1; }
@@ -98,7 +99,10 @@ std::vector<std::string> YamlMap::Keys() const {
 }
 
 std::string YamlMap::Where(const std::string& key) const {
-  return FileLine(file_, LineOf(Node(key))) + ": key '" + Name(key) + "'";
+  // A key that is missing is looked for where its map begins.
+  const bool there = node_.IsDefined() && node_.IsMap() && std::as_const(node_)[key].IsDefined();
+  const int line = there ? LineOf(Node(key)) : LineOf(node_);
+  return FileLine(file_, std::max(1, line)) + ": key '" + Name(key) + "'";
 }
 
 void YamlMap::Fail(const std::string& key, const std::string& what) const {

@@ -160,6 +160,29 @@ TEST(LoadGrey, NamesWhatIsBroken) {
   EXPECT_EQ(message(dir.Write("appended.jpg", jpeg + "a motion picture")), "");
 }
 
+TEST(LoadGrey, RefusesHugePicturesBeforeTheyAreDecoded) {
+  const TempDir dir;
+  // A header and no pixels: whoever decodes it says something else.
+  const auto png = [](int width, int height) {
+    std::string text = "\x89PNG\r\n\x1A\n";
+    const auto number = [&](int value) {
+      for (int shift = 24; shift >= 0; shift -= 8) text += static_cast<char>(value >> shift & 0xFF);
+    };
+    number(13);
+    text += "IHDR";
+    number(width);
+    number(height);
+    return text + std::string("\x08\x00\x00\x00\x00", 5) + "0000IEND";
+  };
+  const auto file = dir.Write("huge.png", png(20000, 20000));
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(RunWithCamera(64, 48), Entry(file)); }),
+              HasSubstr("expected a picture of 64 x 48 as its camera was calibrated, found 20000 x 20000"));
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(file, true); }), HasSubstr("found 20000 x 20000"));
+  const auto larger = dir.Write("larger.png", png(60000, 30000));
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(larger, true); }),
+              HasSubstr("expected a picture of at most 2^30 pixels, found 60000 x 30000"));
+}
+
 TEST(LoadGrey, WorksInManyThreads) {
   const TempDir dir;
   const trigpoint::Run run = RunWithCamera(64, 48);

@@ -7,6 +7,7 @@
 
 #include "datasets/io/path_error.h"
 #include "datasets/io/site.h"
+#include "datasets/io/site_inputs.h"
 #include "datasets/io/tables.h"
 #include "tests/datasets/io_temp_dir.h"
 
@@ -98,18 +99,31 @@ TEST_F(SiteTest, TakesNamesAsTheyAre) {
   Picture("runs/run1/" + umlaut);
   Picture("runs/run1/" + quoted);
   Picture("runs/run1/images/cam0 x.png");
+  Picture("runs/run1/images/\xC3\xA4 2.png");
   Write("runs/run1/images.txt",
         "\xEF\xBB\xBF"
         "1 " +
-            umlaut + "\r\n2 \"" + umlaut + "\" cam0\r\n3 " + quoted +
+            umlaut + "\r\n2 \"images/\xC3\xA4 2.png\" cam0\r\n3 " + quoted +
             "\r\n4\timages/cam0 x.png cam0\r\n5,images/1.png\r\n");
   const trigpoint::Run run = ReadOne();
   EXPECT_EQ(Warnings(run).find("skipped"), std::string::npos) << Warnings(run);
   ASSERT_EQ(run.images.size(), 5u);
   EXPECT_EQ(run.images[0].file, umlaut);
-  EXPECT_EQ(run.images[1].file, umlaut);
+  EXPECT_EQ(run.images[1].file, "images/\xC3\xA4 2.png");
   EXPECT_EQ(run.images[2].file, quoted);
   EXPECT_EQ(run.images[3].file, "images/cam0 x.png");
+}
+
+TEST_F(SiteTest, LeavesOutAnImageThatIsListedAtTwoTimes) {
+  Write("runs/run1/images.txt", "1 images/1.png\n2 images/2.png\n3 ./images/1.png\n3 images/3.png\n3 images/3.png\n");
+  const trigpoint::Run run = ReadOne();
+  ASSERT_EQ(run.images.size(), 2u);
+  EXPECT_EQ(run.images[0].file, "images/2.png");
+  EXPECT_EQ(run.images[1].file, "images/3.png");
+  EXPECT_THAT(Warnings(run),
+              HasSubstr("images.txt:3: the image 'images/1.png' is listed at another time or camera in line 1"));
+  Write("runs/run1/images.txt", "1 images/1.png\n3 images/1.png\n");
+  EXPECT_THAT(Refusal(), HasSubstr("none of the listed images is usable"));
 }
 
 TEST_F(SiteTest, SortsSeveralCameras) {
@@ -121,6 +135,8 @@ TEST_F(SiteTest, SortsSeveralCameras) {
   EXPECT_EQ(run.images[1].camera, 1);
   EXPECT_EQ(Warnings(run), "");
   Write("runs/run1/images.txt", "1 \"images/1.png\" lefd\n");
+  EXPECT_THAT(Refusal(), HasSubstr("images.txt:1: there is no camera 'lefd' in camchain.yaml; nearest: 'left'"));
+  Write("runs/run1/images.txt", "1 images/1.png lefd\n");
   EXPECT_THAT(Refusal(), HasSubstr("images.txt:1: there is no camera 'lefd' in camchain.yaml; nearest: 'left'"));
 }
 
@@ -165,6 +181,47 @@ TEST_F(SiteTest, RefusesABadRunYaml) {
   EXPECT_THAT(with("masks:\n  cam1: mask.png\n"), HasSubstr("there is no camera 'cam1'; nearest: 'cam0'"));
   EXPECT_EQ(with("masks: mask.png\n"), "");
   EXPECT_EQ(ReadOne().cameras[0].mask, dir_ / "runs/run1/mask.png");
+}
+
+TEST_F(SiteTest, RefusesAMaskOfAnotherSizeAndAScaleWithoutSigma) {
+  Picture("runs/run1/mask.png", 10, 10);
+  Write("runs/run1/run.yaml", "masks: mask.png\n");
+  EXPECT_THAT(Refusal(), HasSubstr("key 'masks': expected a mask of 64 x 48 px as camera 'cam0', found"));
+  for (const char* sigma : {"0", "-1"}) {
+    Write("runs/run1/run.yaml", std::string("odometry: {scale_sigma: ") + sigma + "}\n");
+    EXPECT_THAT(Refusal(), HasSubstr("key 'odometry.scale_sigma': expected more than 0"));
+  }
+}
+
+TEST_F(SiteTest, WarnsOfCamerasThatNobodyHas) {
+  const auto with = [&](const std::string& intrinsics, const std::string& distortion = "") {
+    Write("runs/run1/camchain.yaml",
+          "cam0:\n  camera_model: pinhole\n  intrinsics: " + intrinsics + "\n  resolution: [64, 48]\n" + distortion);
+    return Warnings(ReadOne());
+  };
+  EXPECT_EQ(with("[60, 60, 31.5, 23.5]"), "");
+  EXPECT_EQ(with("[60, 60, 31.5, 23.5]", "  distortion_model: radtan\n  distortion_coeffs: [-0.3, 0.1, 0, 0]\n"), "");
+  EXPECT_THAT(with("[4.2, 4.2, 31.5, 23.5]"), HasSubstr("camera 'cam0': focal length 4.2"));
+  EXPECT_THAT(with("[60, 90, 31.5, 23.5]"), HasSubstr("expected nearly square pixels"));
+  EXPECT_THAT(with("[60, 60, 479.5, 23.5]"), HasSubstr("principal point 479.5"));
+  EXPECT_THAT(with("[60, 60, 31.5, 23.5]", "  distortion_model: radtan\n  distortion_coeffs: [-0.9, 0, 0, 0]\n"),
+              HasSubstr("folds the picture over"));
+}
+
+TEST_F(SiteTest, NamesTheLineOfAJump) {
+  Write("runs/run1/odometry.tum",
+        "# t\n1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n2.5 10001 0 0 0 0 0 1\n4 10003 0 0 0 0 0 1\n");
+  EXPECT_THAT(Refusal(), HasSubstr("odometry.tum:4: jumps 10000.0 m in 0.500 s; expected a continuous motion"));
+  Write("runs/run1/odometry.tum", "1 0 0 0 0 0 0 1\n2 1400 0 0 0 0 0 1\n3 2800 0 0 0 0 0 1\n4 4200 0 0 0 0 0 1\n");
+  EXPECT_THAT(Refusal(), HasSubstr("odometry.tum: moves at 1400 m/s in the median; expected positions in metres"));
+}
+
+TEST_F(SiteTest, SaysThatAnAerialImageHasNoPlace) {
+  Write("aerial.tif", "garbage");
+  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a TIFF with its place on the Earth"));
+  EXPECT_TRUE(Read().aerial.empty());
+  Picture("aerial.tif");
+  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a TIFF with its place on the Earth"));
 }
 
 TEST_F(SiteTest, AppliesTimeOffsets) {
@@ -357,6 +414,40 @@ TEST_F(SiteTest, ReadsPhotosAndSets) {
   EXPECT_THAT(warnings, HasSubstr("lonely: a hand-held set needs at least two photos, found 1"));
 }
 
+TEST_F(SiteTest, LeavesOutPlacesFarFromTheSite) {
+  Picture("a.png", 64, 32);
+  Picture("b.png", 64, 32);
+  Picture("c.png", 64, 32);
+  const std::string header = "file,latitude_deg,longitude_deg,height_m\n";
+  const std::string right = "a.png,48.01,7.83,240\nb.png,48.0101,7.8301,240\n";
+  const auto positions = [](const Site& site) {
+    return std::count_if(site.references.begin(), site.references.end(),
+                         [](const Reference& reference) { return reference.geotag.has_position; });
+  };
+  Write("panoramas.csv", header + right + "c.png,7.83,48.01,240\n");
+  Site site = Read();
+  EXPECT_EQ(positions(site), 2) << "the one that differs from the others";
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("1 of 3 geotags of panoramas and photos lie"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("the columns of one of the two are swapped"));
+  Write("panoramas.csv", header + "a.png,7.83,48.01,240\nb.png,7.8301,48.0101,240\n");
+  EXPECT_EQ(positions(Read()), 2) << "nothing to compare with";
+  Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240}");
+  site = Read();
+  EXPECT_EQ(positions(site), 0);
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("km from origin.json"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("the columns of one of the two are swapped"));
+  Write("panoramas.csv", header + right + "c.png,0,0,0\n");
+  Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n1,0,0\n2,48.01,7.83\n3,12,7.83\n");
+  Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.01,7.83,240\n2,7.83,48.01,240\n");
+  site = Read();
+  EXPECT_EQ(positions(site), 2);
+  EXPECT_EQ(site.runs[0].gps.size(), 1u);
+  EXPECT_EQ(site.control_points.size(), 1u);
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("1 of 3 geotags of panoramas and photos state latitude 0, longitude 0"));
+  EXPECT_THAT(Warnings(site.runs[0]), HasSubstr("1 of 3 GPS fixes of run run1 state latitude 0, longitude 0"));
+  EXPECT_THAT(Warnings(site.runs[0]), HasSubstr("1 of 2 GPS fixes of run run1 lie"));
+}
+
 TEST_F(SiteTest, ReadsStationsInBothForms) {
   Write("stations.csv",
         "station,tag_id,east_m,north_m,up_m,right_m,out_m,sigma_m\nA,5,1,2,3,,,0.02\nB,6,,,3,1,2,\n"
@@ -450,6 +541,16 @@ TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   EXPECT_TRUE(site.stations.empty() && site.control_points.empty());
   EXPECT_THAT(Joined(site.warnings), HasSubstr("stations.csv:2: column tag_id: expected a whole number, found 'x'"));
   EXPECT_THAT(Joined(site.warnings), HasSubstr("control_points.csv:2: expected either a tag_id or a point"));
+  EXPECT_EQ(UnusedTables(dir_.path()).size(), 2u);
+  Write("stations.csv", "station,tag_id,east_m,north_m,up_m\nA,1,1,2,3\n");
+  Write("control_points.csv", "tag_id,x_m,y_m,z_m\n");
+  Write("panoramas.csv", "file;station\np.jpg;A\n");
+  Write("photos.csv", "");
+  const std::string unused = Joined(UnusedTables(dir_.path()));
+  EXPECT_THAT(unused, HasSubstr("control_points.csv: expected rows below the header, found none"));
+  EXPECT_THAT(unused, HasSubstr("panoramas.csv:1: column 'file' is missing"));
+  EXPECT_THAT(unused, HasSubstr("photos.csv: the table is empty"));
+  EXPECT_EQ(unused.find("stations"), std::string::npos);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "datasets/io/csv.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -85,6 +86,44 @@ TEST(Csv, WritesWhatItReads) {
   EXPECT_EQ(table.rows()[0].StampNs("t"), 1'000'000'000'000'000'001);
   EXPECT_FALSE(table.rows()[1].Has("x"));
   EXPECT_EQ(table.rows()[1].Number("x", 5), 5);
+}
+
+TEST(Csv, GuardsTextThatASpreadsheetWouldCompute) {
+  const TempDir dir;
+  const std::vector<std::string> texts = {
+      "=cmd|' /C calc'!A0", "+1+2", "-2-3", "@SUM(A1)", "'=quoted", "''+2a", "plain=1", "-", "'tis", "-4.5"};
+  CsvWriter csv({"text"});
+  for (const std::string& text : texts) csv.Text(text).EndRow();
+  csv.Save(dir / "out.csv");
+  EXPECT_THAT(ReadTextFile(dir / "out.csv"), HasSubstr("\n'=cmd|' /C calc'!A0\n'+1+2\n'-2-3\n'@SUM(A1)\n"));
+  EXPECT_THAT(ReadTextFile(dir / "out.csv"), HasSubstr("\nplain=1\n'-\n'tis\n-4.5\n"));
+  const CsvTable table = CsvTable::Read(dir / "out.csv", {"text"});
+  for (size_t i = 0; i < texts.size(); ++i) EXPECT_EQ(table.rows()[i].Text("text"), texts[i]);
+}
+
+TEST(Csv, LongContentIsCutInMessages) {
+  const TempDir dir;
+  const CsvTable table = CsvTable::Read(dir.Write("t.csv", "n\n" + std::string(5000, 'x') + "\n"), {"n"});
+  const std::string message = MessageOf<InputError>([&] { table.rows()[0].Number("n"); });
+  EXPECT_THAT(message, HasSubstr("xxx... (5000 bytes)'"));
+  EXPECT_LT(message.size(), dir.path().string().size() + 300);
+  EXPECT_THAT(MessageOf<InputError>(
+                  [&] { CsvTable::Read(dir.Write("t.csv", "n\n" + std::string(1'000'001, 'x') + "\n"), {"n"}); }),
+              HasSubstr("t.csv:2: expected cells of at most 1000000 bytes, found one of 1000001"));
+}
+
+TEST(Text, ExcerptsEndAtACharacter) {
+  EXPECT_EQ(Excerpt("short"), "short");
+  const std::string text = std::string(199, 'a') + "\xC3\xA4" + std::string(100, 'b');
+  EXPECT_EQ(Excerpt(text), std::string(199, 'a') + "... (301 bytes)");
+}
+
+TEST(Text, Latin1BecomesUtf8) {
+  EXPECT_EQ(ValidUtf8("H\xC3\xA4user \xE2\x82\xAC \xF0\x9F\x98\x80"), "H\xC3\xA4user \xE2\x82\xAC \xF0\x9F\x98\x80");
+  EXPECT_EQ(ValidUtf8("H\xE4user"), "H\xC3\xA4user");
+  EXPECT_EQ(ValidUtf8("cut \xE2\x82"), "cut \xC3\xA2\xC2\x82");
+  EXPECT_EQ(ValidUtf8("\xC0\xAF"), "\xC3\x80\xC2\xAF") << "overlong";
+  EXPECT_EQ(ValidUtf8("\xED\xA0\x80"), "\xC3\xAD\xC2\xA0\xC2\x80") << "a surrogate";
 }
 
 TEST(TextFile, IsReplacedAsAWhole) {

@@ -94,6 +94,46 @@ TEST(Euroc, PutsWFirst) {
   EXPECT_DOUBLE_EQ(ReadTrajectory(named).poses[0].target_from_body.rotation.w(), 0.8);
 }
 
+// A curve driven forward, its rows with commas.
+std::string CurveRows(bool w_first, const std::string& more = "") {
+  std::string text;
+  for (int i = 0; i < 40; ++i) {
+    const double a = 0.05 * i, x = 20 * std::sin(a), y = 20 * (1 - std::cos(a));
+    const std::string w = std::to_string(std::cos(a / 2)), z = std::to_string(std::sin(a / 2));
+    text += std::to_string(i) + "," + std::to_string(x) + "," + std::to_string(y) + ",0,";
+    text += (w_first ? w + ",0,0," + z : "0,0," + z + "," + w) + more + "\n";
+  }
+  return text;
+}
+
+TEST(CommaRows, TheMotionDecidesTheOrder) {
+  const TempDir dir;
+  for (const bool w_first : {false, true}) {
+    const Trajectory trajectory = ReadTrajectory(dir.Write("odometry.csv", CurveRows(w_first)));
+    ASSERT_EQ(trajectory.poses.size(), 40u);
+    EXPECT_NEAR(trajectory.poses[10].target_from_body.rotation.w(), std::cos(0.25), 1e-5) << w_first;
+    EXPECT_NEAR(trajectory.poses[10].target_from_body.rotation.z(), std::sin(0.25), 1e-5) << w_first;
+  }
+  EXPECT_NEAR(ReadTrajectory(dir.Write("long.csv", CurveRows(true, ",1,2,3"))).poses[10].target_from_body.rotation.w(),
+              std::cos(0.25), 1e-5);
+  EXPECT_NEAR(ReadTrajectory(dir.Write("named.csv", "# a car\n# t,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,0,1\n"))
+                  .poses[0]
+                  .target_from_body.rotation.w(),
+              1, 1e-12);
+}
+
+TEST(CommaRows, AnOrderThatTheMotionDoesNotShowIsRefused) {
+  const TempDir dir;
+  std::string straight;
+  for (int i = 0; i < 40; ++i) straight += std::to_string(i) + "," + std::to_string(i) + ",0,0,0,0,0,1\n";
+  for (const std::string& text : {straight, std::string("1,0,0,0,0,0,0,1\n")}) {
+    EXPECT_THAT(MessageOf<InputError>([&] { ReadTrajectory(dir.Write("odometry.csv", text)); }),
+                HasSubstr("expected a header line such as 'timestamp,tx,ty,tz,qx,qy,qz,qw'"));
+  }
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadTrajectory(dir.Write("de.tum", "1,5 2,5 0 0 0 0 0 1\n")); }),
+              HasSubstr("de.tum:1: found numbers with a decimal comma; expected a dot"));
+}
+
 TEST(Kitti, TakesItsTimesFromAside) {
   const TempDir dir;
   const auto poses =

@@ -1,0 +1,15 @@
+// Text of files as people and other programs can take it.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace trigpoint {
+
+// At most 200 bytes of a text, for messages.
+std::string Excerpt(std::string_view text);
+
+// The text if it is UTF-8, else with its bytes taken as Latin-1.
+std::string ValidUtf8(std::string_view text);
+
+}  // namespace trigpoint
