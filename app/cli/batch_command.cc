@@ -16,6 +16,7 @@
 
 #include "app/cli/batch_list.h"
 #include "app/cli/command.h"
+#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
 #include "eval/report/overview.h"
@@ -39,14 +40,6 @@ int64_t ParseMemory(const std::string& text) {
   if (factor == 0 || !number || !(*number > 0))
     throw OptionError("--memory " + text + ": expected a size like 4G or 800M");
   return static_cast<int64_t>(*number * factor);
-}
-
-int64_t AvailableMemory() {
-  std::ifstream file("/proc/meminfo");
-  for (std::string line; std::getline(file, line);) {
-    if (line.starts_with("MemAvailable:")) return ParseInt(SplitFields(line).at(1)).value_or(0) * 1024;
-  }
-  return int64_t{2} << 30;
 }
 
 // Resident memory of every process, by process group. A child leads a group of its own.
@@ -77,8 +70,10 @@ class Batch {
     const int cores = ResolveThreads(session.options.threads);
     jobs_ = std::max(1, std::min(arguments.jobs > 0 ? arguments.jobs : cores, static_cast<int>(entries.size())));
     threads_ = std::max(1, cores / jobs_);
-    limit_ = arguments.memory.empty() ? AvailableMemory() * 8 / 10 : ParseMemory(arguments.memory);
+    limit_ = arguments.memory.empty() ? AvailableMemoryBytes() * 8 / 10 : ParseMemory(arguments.memory);
     for (BatchEntry& entry : entries) results_.emplace_back().entry = std::move(entry);
+    RequireBatchFolder(out_);
+    WriteBatchSummary(results_, out_);
     fs::create_directories(out_ / "logs");
   }
 

@@ -13,6 +13,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/outputs.h"
 #include "eval/markdown.h"
 
 namespace trigpoint {
@@ -21,6 +22,8 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace {
+
+constexpr const char* kBatchSchema = "trigpoint batch 1";
 
 bool IsPattern(const std::string& text) { return text.find_first_of("*?[") != std::string::npos; }
 
@@ -178,11 +181,29 @@ json BatchJson(const std::vector<BatchResult>& results) {
                        {"peak_memory_bytes", r.peak_memory_bytes},
                        {"stages", r.stages}});
   }
-  return {{"schema", "trigpoint batch 1"},
+  return {{"schema", kBatchSchema},
           {"done", Count(results, "done") + Count(results, "gate")},
           {"gate", Count(results, "gate")},
           {"failed", Count(results, "failed")},
           {"entries", entries}};
+}
+
+void RequireBatchFolder(const fs::path& folder) {
+  RequireOutputPlace(folder / "summary.json");
+  std::error_code ignored;
+  bool empty = true;
+  for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+    empty = empty && it->path().filename().string().starts_with('.');
+  }
+  if (empty) return;
+  const fs::path summary = folder / "summary.json";
+  if (fs::is_regular_file(summary, ignored)) {
+    const json old = json::parse(ReadTextFile(summary), nullptr, false);
+    if (old.is_object() && old.value("schema", json()) == kBatchSchema) return;
+  }
+  throw InputError(folder.string() +
+                   ": expected a new folder or one with a batch's summary.json, found other files; "
+                   "give another --out");
 }
 
 void WriteBatchSummary(const std::vector<BatchResult>& results, const fs::path& folder) {

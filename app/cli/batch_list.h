@@ -30,6 +30,8 @@ struct BatchResult {
   nlohmann::json stages = nlohmann::json::array();  // as `run --json` gives them
 };
 
+// Throws InputError unless `folder` is new, empty, or holds the summary of a batch, and if a project reads it.
+void RequireBatchFolder(const std::filesystem::path& folder);
 // summary.json, summary.csv, summary.md in `folder`.
 void WriteBatchSummary(const std::vector<BatchResult>& results, const std::filesystem::path& folder);
 std::string FormatBatch(const std::vector<BatchResult>& results);

@@ -66,6 +66,8 @@ void AddExportCommand(CLI::App& app, Session& session) {
       ->check(CLI::Range(0.001, 1e6))
       ->capture_default_str();
   command.add_option("--out", *out, "file (gpkg, geojson, kml, gpx) or folder; default: results/export/");
+  command.add_flag("--force", request->force,
+                   "replace files of an earlier export that were changed since; other files are never replaced");
   command.callback([&session, dir, request, out] {
     session.action = [dir, request, out](Session& s) {
       request->out = *out;

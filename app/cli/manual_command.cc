@@ -3,6 +3,7 @@
 
 #include "app/cli/interchange_commands.h"
 #include "datasets/io/text.h"
+#include "datasets/project/outputs.h"
 
 namespace trigpoint {
 namespace {
@@ -147,7 +148,8 @@ void AddManualCommand(CLI::App& app, Session& session, const std::string& versio
   command.add_option("DIR", *dir, "where they go")->required();
   command.callback([&app, &session, dir, version] {
     session.action = [&app, dir, version](Session& s) {
-      const fs::path out(*dir);
+      OutputFiles output(*dir);
+      const fs::path out = output.staging();
       std::vector<std::pair<fs::path, std::string>> files = {
           {out / "man1/trigpoint.1", ManualPage(app, nullptr, version)},
           {out / "trigpoint", BashCompletion(app)},
@@ -157,7 +159,8 @@ void AddManualCommand(CLI::App& app, Session& session, const std::string& versio
         files.emplace_back(out / "man1" / ("trigpoint-" + sub->get_name() + ".1"), ManualPage(app, sub, version));
       }
       for (const auto& [file, text] : files) WriteFileAtomically(file, text);
-      s.Print(fmt::format("Wrote {} files to {}\n", files.size(), out.string()));
+      output.Publish();
+      s.Print(fmt::format("Wrote {} files to {}\n", files.size(), *dir));
       s.PrintJson({{"command", "manual"}, {"ok", true}, {"files", files.size()}});
       return 0;
     };

@@ -4,6 +4,7 @@
 #include "app/cli/command.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/text.h"
+#include "datasets/project/outputs.h"
 #include "eval/trajectory.h"
 
 namespace trigpoint {
@@ -22,6 +23,7 @@ struct TrajectoryArguments {
   std::vector<std::string> relative;
   std::vector<double> lever_arm, origin;
   std::string time_zero, out;
+  bool force = false;
 };
 
 bool IsGps(const fs::path& file) {
@@ -113,7 +115,12 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
     session.MakeTerminal().Log(LogLevel::kError, why);
     summary["failed"].push_back({{"name", file}, {"error", why}});
   }
-  if (!arguments.out.empty()) WriteFileAtomically(arguments.out, summary.dump(2) + "\n");
+  if (!arguments.out.empty()) {
+    const fs::path out = fs::absolute(arguments.out).lexically_normal();
+    OutputFiles output(out.parent_path(), arguments.force);
+    WriteFileAtomically(output.staging() / out.filename(), summary.dump(2) + "\n");
+    output.Publish();
+  }
   summary["command"] = "trajectory";
   summary["ok"] = failed.empty();
   session.PrintJson(summary);
@@ -152,7 +159,8 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
   command.add_option("--origin", a->origin, "LAT LON HEIGHT (deg, deg, m) of the frame that a GPS track is put into")
       ->expected(3);
   command.add_option("--time-zero", a->time_zero, "UTC of the estimates' time 0, for NMEA and GPX");
-  command.add_option("--out", a->out, "write the JSON summary to this file too");
+  command.add_option("--out", a->out, "write the JSON summary to this file too; only a summary is ever replaced");
+  command.add_flag("--force", a->force, "replace a summary that was changed since it was written");
   command.callback([&session, a] { session.action = [a](Session& s) { return Score(s, *a); }; });
 }
 

@@ -16,6 +16,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/outputs.h"
 #include "eval/results.h"
 
 namespace trigpoint {
@@ -204,11 +205,10 @@ const std::vector<ExportFormat>& ExportFormats() {
   return kFormats;
 }
 
-ExportReport ExportResults(const Project& project, const ExportRequest& asked, ProgressSink& progress,
-                           const CancelToken& cancel) {
-  ExportRequest request = asked;
-  const ExportFormat& format = FormatNamed(asked.to);
-  request.to = format.name;
+namespace {
+
+// What cannot be asked for.
+void CheckRequest(const ExportRequest& request, const ExportFormat& format) {
   for (const std::string& what : request.what) {
     if (std::find(format.what.begin(), format.what.end(), what) != format.what.end()) continue;
     throw OptionError(format.what.empty() ? "--what " + what + ": " + format.name + " has no parts to choose from"
@@ -223,43 +223,70 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
     throw OptionError("--frame " + request.frame + ": expected world or odom");
   }
   if (!request.variant.empty()) CheckVariantName(request.variant);
-  const std::string suffix = request.variant.empty() ? "" : "@" + request.variant;
-  const bool default_place = request.out.empty();
-  if (default_place) {
-    request.out = project.results() / "export";
-    request.out /= IsMap(request.to) && request.to != "csv" ? "site" + suffix + "." + request.to : request.to + suffix;
-  }
-  ExportReport report;
-  if (IsMap(request.to)) {
-    ExportMap(project, request, &report);
-    return report;
-  }
+}
+
+void ExportCameras(const Project& project, const std::string& run, const fs::path& out, ExportReport* report) {
+  report->files.push_back(out / "camchain.yaml");
+  std::error_code ignored;
+  fs::create_directories(out, ignored);
+  WriteCamchain(report->files.back(), project.run(run).cameras, {"cameras of run " + run + ", written by trigpoint"});
+  report->lines.push_back(fmt::format("{}: {} cameras", run, project.run(run).cameras.size()));
+}
+
+// Everything but maps: `request.out` is the folder of the one run, or of folders by run.
+void ExportRuns(const Project& project, const ExportRequest& request, bool one_folder, ExportReport* report,
+                ProgressSink& progress, const CancelToken& cancel) {
   std::vector<std::string> runs;
   if (request.to == "kalibr") {
     runs = request.runs.empty() ? project.RunNames() : request.runs;
   } else {
-    runs = LocalizedRuns(project, request, &report);
+    runs = LocalizedRuns(project, request, report);
   }
   progress.Begin("export to " + request.to, static_cast<int64_t>(runs.size()));
   for (const std::string& run : runs) {
     cancel.ThrowIfCancelled();
-    const fs::path out = runs.size() == 1 && !default_place ? request.out : request.out / run;
+    const fs::path out = runs.size() == 1 && one_folder ? request.out : request.out / run;
     if (request.to == "tum" || request.to == "kitti") {
-      ExportTrajectories(project, request, run, out, &report);
+      ExportTrajectories(project, request, run, out, report);
     } else if (request.to == "gpano") {
-      ExportGPano(project, request, run, out, &report, cancel);
+      ExportGPano(project, request, run, out, report, cancel);
     } else if (request.to == "kalibr") {
-      report.files.push_back(out / "camchain.yaml");
-      std::error_code ignored;
-      fs::create_directories(out, ignored);
-      WriteCamchain(report.files.back(), project.run(run).cameras,
-                    {"cameras of run " + run + ", written by trigpoint"});
-      report.lines.push_back(fmt::format("{}: {} cameras", run, project.run(run).cameras.size()));
+      ExportCameras(project, run, out, report);
     } else {
-      ExportScene(project, request, run, out, &report, cancel);
+      ExportScene(project, request, run, out, report, cancel);
     }
     progress.Advance(1);
   }
+}
+
+}  // namespace
+
+ExportReport ExportResults(const Project& project, const ExportRequest& asked, ProgressSink& progress,
+                           const CancelToken& cancel) {
+  ExportRequest request = asked;
+  const ExportFormat& format = FormatNamed(asked.to);
+  request.to = format.name;
+  CheckRequest(request, format);
+  const bool one_file = IsMap(request.to) && request.to != "csv", default_place = request.out.empty();
+  if (default_place) {
+    const std::string suffix = request.variant.empty() ? "" : "@" + request.variant;
+    request.out = project.results() / "export" / (one_file ? "site" + suffix + "." + request.to : request.to + suffix);
+  }
+  const fs::path place = fs::absolute(request.out).lexically_normal();
+  if (one_file && (fs::is_directory(place) || !place.has_filename())) {
+    throw OptionError("--out " + request.out.string() + ": expected a file for " + request.to + ", found a folder");
+  }
+  RequireOutputPlace(one_file ? place : place / "x");
+  OutputFiles output(one_file ? place.parent_path() : place, request.force);
+  request.out = one_file ? output.staging() / place.filename() : output.staging();
+  ExportReport report;
+  if (IsMap(request.to)) {
+    ExportMap(project, request, &report);
+  } else {
+    ExportRuns(project, request, !default_place, &report, progress, cancel);
+  }
+  for (fs::path& file : report.files) file = output.Final(file);
+  output.Publish();
   return report;
 }
 

@@ -26,6 +26,7 @@ struct ExportRequest {
   double confidence = 0.95;   // of ellipses
   double ellipse_scale = 1;   // ellipses are drawn so many times larger
   std::filesystem::path out;  // file or folder; empty: results/export/...
+  bool force = false;         // replace files of an earlier export that were changed since
 };
 
 struct ExportReport {
@@ -42,7 +43,8 @@ struct ExportFormat {
 };
 const std::vector<ExportFormat>& ExportFormats();
 
-// Writes the files. Throws OptionError for what cannot be asked for, InputError when the results it needs are missing
+// Writes the files, all or none of them, and never onto one that Trigpoint did not write (datasets/project/outputs.h).
+// Throws OptionError for what cannot be asked for, InputError when the results it needs are missing
 // (naming the command that makes them).
 ExportReport ExportResults(const Project& project, const ExportRequest& request, ProgressSink& progress,
                            const CancelToken& cancel);

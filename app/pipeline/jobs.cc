@@ -5,7 +5,7 @@
 
 #include "app/pipeline/crosscheck_stage.h"
 #include "datasets/project/files.h"
-
+#include "datasets/project/manifest.h"
 namespace trigpoint {
 
 namespace fs = std::filesystem;
@@ -155,6 +155,9 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
     state.needed = state.reason.empty();
     const std::string name = ResultName(*job.stage, job.target);
     if (const auto manifest = ReadManifest(project, job.stage->name, name)) state.manifest = *manifest;
+    if (state.needed && HasDamagedManifest(project, job.stage->name, name)) {
+      state.reason = "its manifest.json is not what was written; `trigpoint run` computes the result again";
+    }
     if (state.needed && project.site().broken_runs.count(job.target.run) > 0) {
       state.state = StageState::kFailed;
       state.reason = project.site().broken_runs.at(job.target.run);

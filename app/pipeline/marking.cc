@@ -49,13 +49,77 @@ NamedImage FindImage(const Project& project, const std::string& text) {
   throw InputError("there is no image '" + text + "'" + (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
 }
 
-void Save(const Project& project, const std::vector<PointMark>& marks) {
-  CsvWriter csv({"point", "image", "u", "v"},
-                {"trigpoint control_observations 1; pixels from the centre of the first"});
-  for (const PointMark& mark : marks) {
-    csv.Text(mark.point).Text(mark.image).Number(mark.pixel.x(), 3).Number(mark.pixel.y(), 3).EndRow();
+const std::vector<std::string> kMarkColumns = {"point", "image", "u", "v"};
+
+bool IsMarkOf(const CsvRow& row, const std::string& point, const std::string& image) {
+  return row.Text("point") == point && row.Text("image") == image;
+}
+
+// The text of the table without the marks of a point in an image; all other lines stay as the user wrote them.
+std::string WithoutMark(const std::string& text, const CsvTable& table, const std::string& point,
+                        const std::string& image) {
+  std::set<int> out;
+  for (const CsvRow& row : table.rows()) {
+    if (!IsMarkOf(row, point, image)) continue;
+    int line = row.line();
+    out.insert(line);
+    for (const std::string& column : table.columns()) {  // a quoted cell may go on in the next lines
+      const std::string& cell = row.Text(column);
+      for (auto ends = std::count(cell.begin(), cell.end(), '\n'); ends > 0; --ends) out.insert(++line);
+    }
   }
-  csv.Save(FileOf(project));
+  std::string kept;
+  int line = 0;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size() - 1) + 1;
+    if (out.count(++line) == 0) kept += text.substr(at, end - at);
+    at = end;
+  }
+  return kept;
+}
+
+std::string MarkLine(const std::vector<std::string>& columns, const PointMark& mark) {
+  CsvWriter csv(columns);
+  const size_t header = csv.text().size();
+  for (const std::string& column : columns) {
+    if (column == "point") {
+      csv.Text(mark.point);
+    } else if (column == "image") {
+      csv.Text(mark.image);
+    } else if (column == "u" || column == "v") {
+      csv.Number(column == "u" ? mark.pixel.x() : mark.pixel.y(), 3);
+    } else {
+      csv.Empty();
+    }
+  }
+  csv.EndRow();
+  return csv.text().substr(header);
+}
+
+// Takes the marks of a point in an image out of control_observations.csv and adds one. Where one was taken out, the
+// file as it was is kept in results/replaced/. Returns whether one was.
+bool EditMarks(const Project& project, const std::string& point, const std::string& image, const PointMark* added) {
+  const fs::path file = FileOf(project);
+  if (!fs::exists(file)) {
+    if (added == nullptr) return false;
+    CsvWriter csv(kMarkColumns, {"trigpoint control_observations 1; pixels from the centre of the first"});
+    WriteFileAtomically(file, csv.text() + MarkLine(kMarkColumns, *added));
+    return false;
+  }
+  const CsvTable table = CsvTable::Read(file, kMarkColumns);
+  const bool there = std::any_of(table.rows().begin(), table.rows().end(),
+                                 [&](const CsvRow& row) { return IsMarkOf(row, point, image); });
+  const std::string old = ReadTextFile(file);
+  std::string text = there ? WithoutMark(old, table, point, image) : old;
+  if (added != nullptr) {
+    if (!text.empty() && text.back() != '\n') text += '\n';
+    text += MarkLine(table.columns(), *added);
+  }
+  if (there) {
+    WriteFileAtomically(project.results() / "replaced" / (UtcTimeText() + "-" + file.filename().string()), old);
+  }
+  if (text != old) WriteFileAtomically(file, text);
+  return there;
 }
 
 // A localized image.
@@ -123,7 +187,7 @@ Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
 std::vector<PointMark> ReadPointMarks(const Project& project) {
   std::vector<PointMark> marks;
   if (!fs::exists(FileOf(project))) return marks;
-  const CsvTable table = CsvTable::Read(FileOf(project), {"point", "image", "u", "v"});
+  const CsvTable table = CsvTable::Read(FileOf(project), kMarkColumns);
   for (const CsvRow& row : table.rows()) {
     marks.push_back({row.Text("point"), row.Text("image"), {row.Number("u"), row.Number("v")}});
   }
@@ -139,26 +203,16 @@ PointMark SavePointMark(const Project& project, const std::string& point, const 
       (camera < named.run->cameras.size() && !named.run->cameras[camera].camera.Contains(pixel))) {
     throw InputError(named.image + ": the mark lies outside the image");
   }
-  std::vector<PointMark> marks = ReadPointMarks(project);
   const PointMark mark{std::string(Trim(point)), named.image, pixel};
-  const auto same = std::find_if(marks.begin(), marks.end(),
-                                 [&](const PointMark& m) { return m.point == mark.point && m.image == mark.image; });
-  if (same == marks.end()) {
-    marks.push_back(mark);
-  } else {
-    *same = mark;
-  }
-  Save(project, marks);
+  EditMarks(project, mark.point, mark.image, &mark);
   return mark;
 }
 
 void RemovePointMark(const Project& project, const std::string& point, const std::string& image) {
   const NamedImage named = FindImage(project, image);
-  std::vector<PointMark> marks = ReadPointMarks(project);
-  if (std::erase_if(marks, [&](const PointMark& m) { return m.point == point && m.image == named.image; }) == 0) {
+  if (!EditMarks(project, point, named.image, nullptr)) {
     throw InputError(FileOf(project).string() + ": point '" + point + "' is not marked in " + named.image);
   }
-  Save(project, marks);
 }
 
 PointSolution PredictPoint(const Project& project, const std::string& point, const std::string& variant) {

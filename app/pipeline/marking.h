@@ -15,7 +15,8 @@ namespace trigpoint {
 // Rows of control_observations.csv; `image`: below the project, "runs/run1/images/000012.jpg".
 // Empty without the file. Throws InputError naming file and line.
 std::vector<PointMark> ReadPointMarks(const Project& project);
-// Adds a mark, or moves the one of the same point in the same image. `image` may be RUN/FILE or below the project.
+// Adds a mark, or moves the one of the same point in the same image; then the file as it was is kept in
+// results/replaced/. The other lines of the file stay as they are. `image` may be RUN/FILE or below the project.
 // Throws InputError for an unknown image, a name that is empty, a pixel outside the image; IoError.
 PointMark SavePointMark(const Project& project, const std::string& point, const std::string& image,
                         const Eigen::Vector2d& pixel);

@@ -1,6 +1,7 @@
-// What the allocator keeps.
+// What the allocator keeps, and what there is.
 #pragma once
 
+#include <cstdint>
 #include <cstdlib>  // says whose library it is
 
 #if defined(__GLIBC__)
@@ -16,5 +17,9 @@ inline void ReturnFreeMemory() {
   malloc_trim(0);
 #endif
 }
+
+// How much more memory this process can get, bytes: of the machine, of its control group, and below its own limits
+// (ulimit -v, -d).
+int64_t AvailableMemoryBytes();
 
 }  // namespace trigpoint

@@ -20,6 +20,7 @@ IoError IoErrorFor(const fs::path& file, std::string_view done, int error_number
   switch (error_number) {
     case ENOSPC:
     case EDQUOT: text += "; free some space on that disk and run the same command again"; break;
+    case EFBIG: text += "; raise the limit of a file's size (ulimit -f)"; break;
     case EROFS:
     case EACCES:
     case EPERM: text += "; make the place writable or work in a copy of the project"; break;

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <chrono>
 #include <fstream>
+#include <map>
 #include <mutex>
 #include <new>
 #include <sstream>
@@ -15,6 +16,7 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/manifest.h"
 
 namespace trigpoint {
 
@@ -26,6 +28,7 @@ namespace {
 constexpr int kManifestSchema = 1;
 constexpr const char* kManifest = "manifest.json";
 constexpr const char* kLog = "log.txt";
+constexpr const char* kOwnHash = "sha256";
 
 fs::path Beside(const fs::path& dir, std::string_view prefix) {
   return dir.parent_path() / (std::string(prefix) + dir.filename().string());
@@ -35,13 +38,42 @@ std::string Title(const std::string& stage, const std::string& name) {
   return name.empty() || name.front() == '@' ? stage + name : stage + "/" + name;
 }
 
-// A manifest that is not there or not readable counts as none: its result is made again.
-std::optional<json> ReadManifestIn(const fs::path& dir) {
+// With a hash of itself, so that damage is noticed.
+void WriteManifest(const fs::path& dir, json manifest) {
+  manifest.erase(kOwnHash);
+  manifest[kOwnHash] = Sha256(DumpJson(manifest));
+  WriteFileAtomically(dir / kManifest, DumpJson(manifest, 2) + "\n");
+}
+
+// Are the members that are read here of their types? One written by hand has no hash.
+bool IsManifest(const json& m) {
+  if (!m.is_object() || !m.contains("schema") || m["schema"] != kManifestSchema) return false;
+  const std::pair<const char*, json::value_t> members[] = {
+      {"stage", json::value_t::string},   {"identity", json::value_t::string}, {"status", json::value_t::string},
+      {"files", json::value_t::object},   {"metrics", json::value_t::object},  {"inputs", json::value_t::object},
+      {"warnings", json::value_t::array}, {"end", json::value_t::string}};
+  for (const auto& [name, type] : members) {
+    if (m.contains(name) && m[name].type() != type) return false;
+  }
+  if (m.contains("version") && !m["version"].is_number_integer()) return false;
+  const auto own = m.find(kOwnHash);
+  if (own == m.end()) return true;
+  json rest = m;
+  rest.erase(kOwnHash);
+  return *own == Sha256(DumpJson(rest));
+}
+
+// A manifest that is not there or damaged counts as none: its result is made again.
+std::optional<json> ReadManifestIn(const fs::path& dir, bool* damaged = nullptr) {
   std::error_code ignored;
   if (!fs::is_regular_file(dir / kManifest, ignored)) return std::nullopt;
-  const json manifest = json::parse(ReadTextFile(dir / kManifest), nullptr, false);
-  if (!manifest.is_object() || manifest.value("schema", 0) != kManifestSchema) return std::nullopt;
-  return manifest;
+  json manifest = json::parse(ReadTextFile(dir / kManifest), nullptr, false);
+  if (IsManifest(manifest)) {
+    manifest.erase(kOwnHash);
+    return manifest;
+  }
+  if (damaged != nullptr) *damaged = true;
+  return std::nullopt;
 }
 
 // All regular files below a folder, in order, without half-made ones.
@@ -109,6 +141,29 @@ std::vector<std::string> ChangedFiles(const Project& project, const json& manife
   return changed;
 }
 
+// Files that somebody else put into a result's folder are carried over to the one that replaces it.
+void KeepForeignFiles(const fs::path& old, const fs::path& fresh) {
+  const std::optional<json> manifest = ReadManifestIn(old);
+  if (!manifest) return;
+  const json files = manifest->value("files", json::object());
+  for (const fs::path& file : FilesBelow(old)) {
+    const std::string name = RelativeTo(old, file);
+    if (name == kLog || name == kManifest || files.contains(name) || fs::exists(fresh / name)) continue;
+    fs::create_directories((fresh / name).parent_path());
+    fs::copy_file(file, fresh / name);
+  }
+}
+
+// A folder of the user's own at a result's place is never replaced.
+void RequireResultFolder(const fs::path& dir) {
+  std::error_code ignored;
+  if (!fs::exists(dir, ignored) || fs::exists(dir / kManifest, ignored)) return;
+  if (fs::is_directory(dir, ignored) && fs::is_empty(dir, ignored)) return;
+  throw InputError(dir.string() +
+                   ": expected a result with its manifest.json, found something that trigpoint did not "
+                   "write; move it elsewhere");
+}
+
 // Made of the same, with success; its files may have changed since.
 bool IsOf(const std::optional<json>& manifest, const std::string& identity) {
   return manifest && manifest->value("identity", "") == identity && manifest->value("status", "") == "done";
@@ -155,27 +210,42 @@ class StageLog final : public ProgressSink {
   void Log(LogLevel level, std::string_view text) override {
     static constexpr const char* kNames[] = {"debug", "info", "warning", "error"};
     Write(kNames[static_cast<size_t>(level)], text);
+    if (level == LogLevel::kWarning && !Count(std::string(text))) return;
     outer_.Log(level, text);
-    if (level != LogLevel::kWarning) return;
-    const std::lock_guard guard(mutex_);
-    warnings_.emplace_back(text);
   }
   void Write(std::string_view kind, std::string_view text) {
     const std::lock_guard guard(mutex_);
     out_ << UtcTimeText() << ' ' << kind << ' ' << text << '\n' << std::flush;
   }
-  const std::vector<std::string>& warnings() const { return warnings_; }
+  // Each once, in the order of their first time.
+  std::vector<std::string> warnings() const {
+    std::vector<std::string> texts;
+    for (const auto& [text, count] : warnings_) {
+      texts.push_back(count > 1 ? fmt::format("{} ({} times)", text, count) : text);
+    }
+    return texts;
+  }
   void Close() {
     out_.close();
     if (!out_) throw IoErrorFor(file_, "written", errno == 0 ? EIO : errno);
   }
 
  private:
+  // Counts a warning; true the first time.
+  bool Count(const std::string& text) {
+    const std::lock_guard guard(mutex_);
+    const auto [known, fresh] = known_.try_emplace(text, warnings_.size());
+    if (fresh) warnings_.emplace_back(text, 0);
+    ++warnings_[known->second].second;
+    return fresh;
+  }
+
   fs::path file_;
   std::ofstream out_;
   ProgressSink& outer_;
   std::mutex mutex_;
-  std::vector<std::string> warnings_;
+  std::vector<std::pair<std::string, int>> warnings_;
+  std::map<std::string, size_t> known_;
 };
 
 // Writers deep inside a stage may not notice that their last block didn't fit.
@@ -264,7 +334,8 @@ class Attempt {
         LeaveRecord();
         throw;
       }
-      WriteFileAtomically(temporary_ / kManifest, DumpJson(manifest_, 2) + "\n");
+      WriteManifest(temporary_, manifest_);
+      CallTranslated([&] { KeepForeignFiles(dir_, temporary_); });
       ReplaceFolder(temporary_, dir_);
     } catch (const Error&) {
       fs::remove_all(temporary_, failure);
@@ -284,7 +355,7 @@ class Attempt {
       for (const auto& entry : fs::directory_iterator(temporary_)) {
         if (entry.path().filename() != kLog) fs::remove_all(entry.path(), ignored);
       }
-      WriteFileAtomically(temporary_ / kManifest, DumpJson(manifest_, 2) + "\n");
+      WriteManifest(temporary_, manifest_);
       ReplaceFolder(temporary_, Beside(dir_, kFailedPrefix));
     } catch (const std::exception&) {
       fs::remove_all(temporary_, ignored);
@@ -328,7 +399,16 @@ StageOutcome RunStage(const Project& project, const StageRequest& request, int t
   CallTranslated([&] { inputs = HashInputs(project, request, threads, cancel); });
   project.hashes().Save();
   const std::string identity = Identity(request, seed, inputs);
-  if (const auto old = ReadManifestIn(outcome.dir); IsOf(old, identity)) {
+  RequireResultFolder(outcome.dir);
+  bool damaged = false;
+  const auto old = ReadManifestIn(outcome.dir, &damaged);
+  if (damaged) {
+    progress.Log(LogLevel::kWarning,
+                 fmt::format("{}: expected a manifest as it was written, found a damaged one; {} is "
+                             "computed again",
+                             (outcome.dir / kManifest).string(), title));
+  }
+  if (IsOf(old, identity)) {
     std::vector<std::string> changed;
     CallTranslated([&] { changed = ChangedFiles(project, *old, outcome.dir); });
     if (changed.empty()) {
@@ -371,6 +451,12 @@ StageState StateOf(const Project& project, const StageRequest& request, uint64_t
   if (IsOf(manifest, identity) && ChangedFiles(project, *manifest, dir).empty()) return StageState::kDone;
   if (failure && failure->value("identity", "") == identity) return StageState::kFailed;
   return manifest ? StageState::kOutOfDate : StageState::kMissing;
+}
+
+bool HasDamagedManifest(const Project& project, const std::string& stage, const std::string& name) {
+  bool damaged = false;
+  ReadManifestIn(project.ResultDir(stage, name), &damaged);
+  return damaged;
 }
 
 std::optional<json> ReadManifest(const Project& project, const std::string& stage, const std::string& name) {

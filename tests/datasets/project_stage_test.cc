@@ -9,6 +9,7 @@
 
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
+#include "datasets/project/manifest.h"
 #include "datasets/project/stage.h"
 #include "tests/datasets/project_folder.h"
 
@@ -256,6 +257,57 @@ TEST_F(StageTest, ReplacementCutBetweenItsStepsIsUndone) {
   fs::rename(Result(), folder_ / "results/toy/.old-run1");  // a file system that cannot exchange names, and a kill
   EXPECT_FALSE(Run().computed);
   EXPECT_EQ(folder_.Read("results/toy/run1/result.txt"), "1");
+}
+
+TEST_F(StageTest, FilesOfTheUserInAResultAreKept) {
+  Run();
+  folder_.Write("results/toy/run1/notes/mine.txt", "mine");
+  request_.options["size"] = 2;
+  Run();
+  EXPECT_EQ(folder_.Read("results/toy/run1/notes/mine.txt"), "mine");
+  fs::remove_all(folder_ / "results/toy/run1");
+  folder_.Write("results/toy/run1/mine.txt", "mine");
+  EXPECT_THAT(MessageOf<InputError>([&] { Run(); }), HasSubstr("did not write"));
+  EXPECT_EQ(folder_.Read("results/toy/run1/mine.txt"), "mine");
+}
+
+TEST_F(StageTest, ADamagedManifestIsNoticedAndSaid) {
+  Run();
+  const std::string whole = folder_.Read("results/toy/run1/manifest.json");
+  EXPECT_FALSE(HasDamagedManifest(project_, "toy", "run1"));
+  const std::vector<std::pair<std::string, std::string>> damages = {{"\"stage\": \"toy\"", "\"stage\": 7"},
+                                                                    {"\"answers\": 42", "\"answers\": 43"},
+                                                                    {"a bit odd", "a bit old"},
+                                                                    {"{", "["}};
+  for (const auto& [from, to] : damages) {
+    std::string damaged = whole;
+    ASSERT_NE(damaged.find(from), std::string::npos) << from;
+    folder_.Write("results/toy/run1/manifest.json", damaged.replace(damaged.find(from), from.size(), to));
+    EXPECT_TRUE(HasDamagedManifest(project_, "toy", "run1")) << to;
+    EXPECT_EQ(State(), StageState::kMissing) << to;
+    struct Listener final : ProgressSink {
+      void Log(LogLevel level, std::string_view line) override {
+        if (level == LogLevel::kWarning) text += line;
+      }
+      std::string text;
+    } listener;
+    EXPECT_TRUE(RunStage(project_, request_, 1, 1, listener, cancel_).computed);
+    EXPECT_THAT(listener.text, HasSubstr("manifest.json: expected a manifest as it was written, found a damaged one"));
+  }
+}
+
+TEST_F(StageTest, ARepeatedWarningIsSaidOnceWithItsCount) {
+  request_.body = [](StageContext& context) {
+    for (int i = 0; i < 3; ++i) context.progress.Log(LogLevel::kWarning, "the same");
+    context.progress.Log(LogLevel::kWarning, "another");
+  };
+  struct Listener final : ProgressSink {
+    void Log(LogLevel level, std::string_view) override { warnings += level == LogLevel::kWarning ? 1 : 0; }
+    int warnings = 0;
+  } listener;
+  const StageOutcome outcome = RunStage(project_, request_, 1, 1, listener, cancel_);
+  EXPECT_EQ(listener.warnings, 2);
+  EXPECT_EQ(outcome.manifest["warnings"], (nlohmann::json{"the same (3 times)", "another"}));
 }
 
 TEST_F(StageTest, BrokenManifestCountsAsNone) {

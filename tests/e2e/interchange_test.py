@@ -369,6 +369,71 @@ class Interchange(unittest.TestCase):
         write(f"{self.temporary}/bad.txt", "MARS\n1 2 3 4 5 a.jpg\n")
         self.assertIn("MARS", trigpoint("import", self.out("x"), "--from", f"{self.temporary}/bad.txt", expect=1).stderr)
 
+    def test_no_export_writes_onto_a_file_of_the_user(self):
+        site = self.out("kept site")
+        shutil.copytree(self.site, site)
+        write(f"{site}/panoramas.csv", "file,station\n")
+        write(f"{site}/control_points.csv", "tag_id,x_m,y_m,z_m\n1,0,0,0\n")
+        write(f"{site}/maps/notes.kml", "mine")
+
+        def files():
+            found = {}
+            for folder, _, names in os.walk(site):
+                for name in names:
+                    with open(os.path.join(folder, name), "rb") as data:
+                        found[os.path.join(folder, name)] = data.read()
+            return found
+
+        before = files()
+        for fmt, place, part in (("csv", ".", "reads its input there"), ("kalibr", "runs/run1", "reads its input there"), ("kml", "control_points.csv", "reads its input there"),
+                                 ("csv", "maps/..", "reads its input there"), ("colmap", "results/localize/run1/sparse", "belongs to the stages"),
+                                 ("geojson", "origin.json", "reads its input there"), ("kml", "maps/notes.kml", "was not written by trigpoint"),
+                                 ("tum", "runs/run1", "reads its input there"), ("gpx", "results/site.gpx", "belongs to the stages")):
+            for force in ([], ["--force"]):
+                refused = trigpoint("export", site, "--to", fmt, "--out", os.path.join(site, place), *force, expect=1)
+                self.assertIn(part, refused.stderr)
+        refused = trigpoint("trajectory", f"{site}/runs/run1/odometry.tum", f"{site}/runs/run1/odometry.tum", "--out", f"{site}/runs/run1/run.yaml", expect=1)
+        self.assertIn("reads its input there", refused.stderr)
+        refused = trigpoint("trajectory", f"{site}/runs/run1/odometry.tum", f"{site}/runs/run1/odometry.tum", "--out", f"{site}/maps/notes.kml", "--force", expect=1)
+        self.assertIn("was not written by trigpoint", refused.stderr)
+        write(self.out("list.txt"), f'"{site}"\n')
+        trigpoint("batch", self.out("list.txt"), "--out", f"{site}/maps", expect=1)
+        self.assertEqual(files(), before)
+        # Its own output is replaced; one that was edited needs --force.
+        for _ in range(2):
+            trigpoint("export", site, "--to", "kml", "--out", f"{site}/maps/site.kml")
+        write(f"{site}/maps/site.kml", "edited")
+        self.assertIn("--force", trigpoint("export", site, "--to", "kml", "--out", f"{site}/maps/site.kml", expect=1).stderr)
+        trigpoint("export", site, "--to", "kml", "--out", f"{site}/maps/site.kml", "--force")
+
+    def test_marks_leave_the_other_lines_as_they_are(self):
+        site = self.out("marked site")
+        shutil.copytree(self.site, site)
+        table = f"{site}/control_observations.csv"
+        (u0, v0), (u1, v1) = pixel(0, POINTS[0]), pixel(1, POINTS[0])
+        comment, header = "# measured by hand\n", "image,point,u,v,note\n"
+        first = f'runs/run1/images/000.jpg,P1,{u0:.3f},{v0:.3f},"corner, left"\n'
+        write(table, comment + header + first)
+
+        def text():
+            with open(table, encoding="utf-8") as rows:
+                return rows.read()
+
+        def mark(u):
+            trigpoint("mark", site, "P1", "--image", "run1/images/001.jpg", "--at", f"{u:.3f},{v1:.3f}")
+            return f"runs/run1/images/001.jpg,P1,{u:.3f},{v1:.3f},\n"
+
+        self.assertEqual(text(), comment + header + first)
+        second = mark(u1)
+        self.assertEqual(text(), comment + header + first + second)
+        self.assertFalse(os.path.exists(f"{site}/results/replaced"))
+        second = mark(u1 + 0.5)
+        self.assertEqual(text(), comment + header + first + second)
+        trigpoint("mark", site, "P1", "--image", "run1/images/000.jpg", "--remove")
+        self.assertEqual(text(), comment + header + second)
+        kept = os.listdir(f"{site}/results/replaced")
+        self.assertTrue(kept and all(name.endswith("control_observations.csv") for name in kept))
+
     def test_what_cannot_be_is_said_in_one_line(self):
         for arguments, code, part in ((["--to", "shapefile"], 2, "nearest"), (["--to", "gpkg", "--crs", "EPSG:999999"], 2, "EPSG"),
                                       (["--to", "gpkg", "--crs", "utm32"], 2, "EPSG:N"), (["--to", "gpkg", "--crs", "EPSG:4979"], 2, "two axes"),
