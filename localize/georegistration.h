@@ -45,7 +45,7 @@ struct GeoObservation {
 
 struct GeoRegistration {
   bool solved = false;
-  std::string reason;     // when not solved
+  std::string reason;     // when not solved; else what is to be known about it, or nothing
   Sim3d world_from_odom;  // scale: true length / length in the run's frame
   // Tangent [rotation (rad, left), translation (m), scale], 7 x 7.
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();

@@ -139,8 +139,10 @@ StageInfo LocalizeStage() {
                                                context.seed, context.progress, context.cancel);
       const Localization result = Localize(job.input, std::move(alone.reconstruction), job.gps, options,
                                            context.threads, context.seed, context.progress, context.cancel, refine);
-      if (!result.on_earth)
-        context.progress.Log(LogLevel::kWarning, "no position on the Earth: " + result.earth_reason);
+      if (!result.earth_reason.empty()) {
+        context.progress.Log(LogLevel::kWarning,
+                             (result.on_earth ? "" : "no position on the Earth: ") + result.earth_reason);
+      }
       // Half of it: a height that one of many GPS fixes has is known.
       if (result.on_earth && std::sqrt(result.geo.covariance(5, 5)) > 0.5 * kUnknownHeightSigma)
         context.progress.Log(

@@ -90,6 +90,84 @@ TEST(GeoRegistration, HeadingsThatCountAnotherWayAreTold) {
   EXPECT_FALSE(OtherHeadings({right.observations.begin(), right.observations.begin() + 3})) << "too few";
 }
 
+// The first panoramas of the site, with every so many metres' reach.
+struct Few {
+  std::vector<GeoObservation> observations;
+  Eigen::MatrixXd covariance;
+  GeoRegistration Fit() const { return RegisterToEarth(observations, covariance, 1, 0.01, false, {}); }
+};
+Few FirstOf(const Site& site, int count) {
+  return {{site.observations.begin(), site.observations.begin() + count},
+          site.odom_covariance.topLeftCorner(6 * count, 6 * count)};
+}
+
+double HorizontalError(const GeoRegistration& geo, const Site& site, const GeoObservation& o) {
+  const Eigen::Vector3d& p = o.odom_from_rig.translation;
+  return (geo.world_from_odom * p - site.world_from_odom * p).head<2>().norm();
+}
+
+TEST(GeoRegistration, OneGeotagFarOffDisplacesNothing) {
+  for (const double off_m : {30.0, 100.0, 1000.0, 50'000.0}) {
+    for (const bool headings : {true, false}) {
+      const Site site = MakeSite(7, 0);
+      Few few = FirstOf(site, 4);
+      few.observations[2].position.y() += off_m;
+      for (GeoObservation& o : few.observations) o.has_heading = o.has_tilt = headings;
+      const GeoRegistration geo = few.Fit();
+      ASSERT_TRUE(geo.solved) << geo.reason << off_m << headings;
+      for (size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(geo.outlier[i], i == 2) << off_m;
+        EXPECT_LT(HorizontalError(geo, site, few.observations[i]), 1.5) << off_m << " " << headings;
+      }
+    }
+  }
+}
+
+TEST(GeoRegistration, TwoGeotagsThatContradictEachOtherDecideNothing) {
+  const Site site = MakeSite(8, 0);
+  Few two = FirstOf(site, 2);
+  two.observations[1].position.x() += 1000;
+  EXPECT_FALSE(two.Fit().solved);
+  EXPECT_NE(two.Fit().reason.find("contradict"), std::string::npos) << two.Fit().reason;
+  Few four = FirstOf(site, 4);  // two and two
+  for (const size_t i : {2U, 3U}) four.observations[i].position.x() += 1000;
+  EXPECT_FALSE(four.Fit().solved);
+  EXPECT_NE(four.Fit().reason.find("two solutions"), std::string::npos) << four.Fit().reason;
+}
+
+TEST(GeoRegistration, HeadingsOfThreeThatContradictTheirPositionsAreWithheld) {
+  for (const int count : {2, 3}) {
+    for (const bool radians : {true, false}) {
+      Few few = FirstOf(MakeSite(9, 0), count);
+      for (GeoObservation& o : few.observations) {
+        o.attitude.heading_rad *= radians ? kDegToRad : -1;
+        o.attitude.heading_rad += radians ? 0 : 1.9;  // counter-clockwise, and not by chance right at north
+        o.has_tilt = false;
+      }
+      const GeoRegistration geo = few.Fit();
+      EXPECT_FALSE(geo.solved) << count << radians;
+      EXPECT_FALSE(geo.reason.empty());
+    }
+  }
+  const GeoRegistration right = FirstOf(MakeSite(9, 0), 3).Fit();
+  EXPECT_TRUE(right.solved) << right.reason;
+}
+
+TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
+  Site site = MakeSite(11, 0);
+  for (GeoObservation& o : site.observations) o.has_heading = o.has_tilt = false;
+  const double honest =
+      std::sqrt(RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {}).covariance(3, 3));
+  Random random(12);
+  for (GeoObservation& o : site.observations) {
+    o.position += Eigen::Vector3d(1.2 * random.Normal(), 1.2 * random.Normal(), 2 * random.Normal());
+  }
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_NE(geo.reason.find("times larger"), std::string::npos);
+  EXPECT_GT(std::sqrt(geo.covariance(3, 3)), 1.5 * honest);
+}
+
 // Mean NEES of a degree of freedom over redraws of geotags, places and scale.
 double MeanNees(double loss_chi2, int redraws) {
   GeoRegistrationOptions options;
