@@ -7,8 +7,10 @@
 
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
+#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
+#include "datasets/project/forked.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -48,34 +50,116 @@ void DrawOverlay(const Run& run, const ImageEntry& image, const ImageDetections&
   if (!written) throw IoError(file.string() + ": cannot be written");
 }
 
+// Exact, unlike detections.csv: the result does not depend on the process it was computed in.
+std::string Packed(const DetectTagsResult& result) {
+  nlohmann::json images = nlohmann::json::array();
+  for (const ImageTags& image : result.images) {
+    nlohmann::json tags = nlohmann::json::array();
+    for (const TagDetection& t : image.detections) {
+      nlohmann::json corners = nlohmann::json::array();
+      for (const Eigen::Vector2d& c : t.corners) corners.insert(corners.end(), {c.x(), c.y()});
+      tags.push_back({t.family, t.id, t.hamming, t.margin, corners, t.corner_sigma_px, t.refined});
+    }
+    images.push_back({image.usable, image.problem, tags});
+  }
+  std::string bytes;
+  nlohmann::json::to_cbor({images, result.unusable, result.detections, result.refused, result.unrefined}, bytes);
+  return bytes;
+}
+
+DetectTagsResult Unpacked(const std::string& bytes) {
+  const nlohmann::json all = nlohmann::json::from_cbor(bytes);
+  DetectTagsResult result;
+  for (const nlohmann::json& i : all.at(0)) {
+    ImageTags image;
+    image.usable = i.at(0);
+    image.problem = i.at(1);
+    for (const nlohmann::json& t : i.at(2)) {
+      TagDetection tag;
+      tag.family = t.at(0);
+      tag.id = t.at(1);
+      tag.hamming = t.at(2);
+      tag.margin = t.at(3);
+      for (size_t k = 0; k < 4; ++k)
+        tag.corners[k] = {t.at(4).at(2 * k).get<double>(), t.at(4).at(2 * k + 1).get<double>()};
+      tag.corner_sigma_px = t.at(5);
+      tag.refined = t.at(6);
+      image.detections.push_back(tag);
+    }
+    result.images.push_back(std::move(image));
+  }
+  result.unusable = all.at(1);
+  result.detections = all.at(2);
+  result.refused = all.at(3);
+  result.unrefined = all.at(4);
+  return result;
+}
+
+// Workers that the free memory allows. Throws Error if it is too small for one: the detector of the library does not
+// check what it allocates.
+int WorkersWithin(const Run& run, const DetectTagsOptions& options, int threads) {
+  // By its structures: labels of 8 bytes, copies of 1 byte, and up to four points of 12 bytes a border pixel, in arrays
+  // that grow twofold. Border pixels are taken as half of all.
+  constexpr double kBytesPerPixel = 64, kFixedBytes = 96 << 20;
+  double pixels = 0;
+  for (const BodyCamera& camera : run.cameras) {
+    pixels = std::max(pixels, static_cast<double>(camera.camera.width()) * camera.camera.height());
+  }
+  const double searched = pixels / (options.quad_decimate * options.quad_decimate);
+  const double each = std::max(1.0, kBytesPerPixel * searched + 4 * pixels);  // and the picture as it is read
+  const auto available = static_cast<double>(AvailableMemoryBytes());
+  const int workers = static_cast<int>(std::min<double>((available - kFixedBytes) / each, ResolveThreads(threads)));
+  if (workers >= 1) return workers;
+  constexpr double kMiB = 1 << 20;
+  throw Error(fmt::format(
+      "run {}: detecting tags in images of {:.1f} megapixels needs about {:.0f} MiB of memory, {:.0f} MiB are free; "
+      "free some, raise its limit (ulimit -v), or use a larger quad_decimate",
+      run.name, pixels * 1e-6, (each + kFixedBytes) / kMiB, available / kMiB));
+}
+
+// In a process of its own, so that a detector that dies of memory fails this stage and nothing else.
+DetectTagsResult DetectApart(const Run& run, const DetectOptions& options, StageContext& context) {
+  const auto entry = [&](int64_t i) -> const ImageEntry& { return run.images[static_cast<size_t>(i)]; };
+  const auto camera = [&](int64_t i) -> const Camera* {
+    const auto index = static_cast<size_t>(entry(i).camera);
+    return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
+  };
+  const int workers = WorkersWithin(run, options.detector, context.threads);
+  const ForkedResult forked = RunForked(
+      "run " + run.name + ": detecting tags",
+      [&](ProgressSink& progress) {
+        return Packed(DetectTags(
+            static_cast<int64_t>(run.images.size()), [&](int64_t i) { return LoadGrey(run, entry(i)); }, camera,
+            options.detector, workers, progress, context.cancel));
+      },
+      context.progress, context.cancel);
+  context.metrics["detector_peak_memory_bytes"] = forked.peak_memory_bytes;
+  return Unpacked(forked.bytes);
+}
+
 std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions& options, StageContext& context) {
   const auto count = static_cast<int64_t>(run.images.size());
   if (count == 0) {
     throw InputError(run.dir.string() + ": found no images; expected images.txt with its pictures, or a video");
   }
-  const auto entry = [&](int64_t i) -> const ImageEntry& { return run.images[static_cast<size_t>(i)]; };
-  const auto camera = [&](int64_t i) -> const BodyCamera* {
-    const auto index = static_cast<size_t>(entry(i).camera);
-    return index < run.cameras.size() ? &run.cameras[index] : nullptr;
-  };
-  const DetectTagsResult result = DetectTags(
-      count, [&](int64_t i) { return LoadGrey(run, entry(i)); },
-      [&](int64_t i) { return camera(i) != nullptr ? &camera(i)->camera : nullptr; }, options.detector, context.threads,
-      context.progress, context.cancel);
+  const DetectTagsResult result = DetectApart(run, options, context);
   std::vector<ImageDetections> images;
   int named = 0;
   for (int64_t i = 0; i < count; ++i) {
     const ImageTags& tags = result.images[static_cast<size_t>(i)];
     if (!tags.usable && named++ < kNamedImages) context.progress.Log(LogLevel::kWarning, tags.problem);
+    const ImageEntry& entry = run.images[static_cast<size_t>(i)];
+    const auto camera = static_cast<size_t>(entry.camera);
     images.push_back(
-        {entry(i).stamp_ns, entry(i).file, camera(i) != nullptr ? camera(i)->name : "cam0", tags.detections});
+        {entry.stamp_ns, entry.file, camera < run.cameras.size() ? run.cameras[camera].name : "cam0", tags.detections});
   }
   if (named > kNamedImages) {
     context.progress.Log(LogLevel::kWarning,
                          fmt::format("and {} more images that cannot be used", named - kNamedImages));
   }
-  if (named == count)
+  if (result.unusable == count) {
     throw InputError(run.dir.string() + ": none of its images can be used; the first: " + result.images[0].problem);
+  }
   context.metrics["images"] = count;
   context.metrics["images_unusable"] = result.unusable;
   context.metrics["refused"] = result.refused;
@@ -85,7 +169,8 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
     ParallelFor(count, context.threads, context.cancel, [&](int64_t i) {
       const ImageDetections& found = images[static_cast<size_t>(i)];
       if (!found.detections.empty()) {
-        DrawOverlay(run, entry(i), found, context.out / "overlays" / fmt::format("{:06}.jpg", i));
+        DrawOverlay(run, run.images[static_cast<size_t>(i)], found,
+                    context.out / "overlays" / fmt::format("{:06}.jpg", i));
       }
       context.progress.Advance(1);
     });

@@ -151,7 +151,6 @@ DetectTagsResult DetectTags(int64_t count, const PictureSource& picture, const C
       pool.Give(std::move(detector));
     } catch (const InputError& error) {
       out.problem = error.what();
-      progress.Log(LogLevel::kWarning, out.problem);
     }
     progress.Advance(1);
   });

@@ -1,0 +1,189 @@
+#include "datasets/project/forked.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <mutex>
+#include <new>
+
+#include "calib/base/error.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+// What goes through the pipe: a kind, a number, and a text of a given length.
+struct FrameHead {
+  char kind = 0;
+  int64_t number = 0;
+  uint64_t size = 0;
+};
+constexpr char kBegin = 'B', kAdvance = 'A', kLog = 'L', kResult = 'R', kError = 'E', kNoMemory = 'M';
+enum ErrorKind : int64_t { kOther, kInput, kOption, kIo, kNumeric };
+
+class FrameWriter final : public ProgressSink {
+ public:
+  explicit FrameWriter(int fd) : fd_(fd) {}
+  void Begin(std::string_view task, int64_t total) override { Write(kBegin, total, task); }
+  void Advance(int64_t steps) override { Write(kAdvance, steps, ""); }
+  void Log(LogLevel level, std::string_view text) override { Write(kLog, static_cast<int64_t>(level), text); }
+  void Write(char kind, int64_t number, std::string_view text) {
+    const std::lock_guard guard(mutex_);
+    const FrameHead head{kind, number, text.size()};
+    WriteAll(reinterpret_cast<const char*>(&head), sizeof head);
+    WriteAll(text.data(), text.size());
+  }
+
+ private:
+  void WriteAll(const char* data, size_t size) const {
+    while (size > 0) {
+      const ssize_t written = write(fd_, data, size);
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) _exit(1);  // nobody listens any more
+      data += written;
+      size -= static_cast<size_t>(written);
+    }
+  }
+
+  int fd_;
+  std::mutex mutex_;
+};
+
+ErrorKind KindOf(const Error& error) {
+  if (dynamic_cast<const InputError*>(&error) != nullptr) return kInput;
+  if (dynamic_cast<const OptionError*>(&error) != nullptr) return kOption;
+  if (dynamic_cast<const IoError*>(&error) != nullptr) return kIo;
+  if (dynamic_cast<const NumericError*>(&error) != nullptr) return kNumeric;
+  return kOther;
+}
+
+[[noreturn]] void ThrowAs(int64_t kind, const std::string& text) {
+  switch (kind) {
+    case kInput: throw InputError(text);
+    case kOption: throw OptionError(text);
+    case kIo: throw IoError(text);
+    case kNumeric: throw NumericError(text);
+    default: throw Error(text);
+  }
+}
+
+[[noreturn]] void RunInChild(const std::function<std::string(ProgressSink&)>& body, pid_t parent, int fd) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(1);
+  std::signal(SIGINT, SIG_IGN);  // the parent ends us
+  std::signal(SIGTERM, SIG_DFL);
+  // The project's lock is an open file: kept open here, it would outlive the parent for a moment.
+  constexpr int kPipe = 3;
+  if (fd != kPipe && dup2(fd, kPipe) < 0) _exit(1);
+  close_range(kPipe + 1, ~0U, 0);
+  FrameWriter out(kPipe);
+  try {
+    out.Write(kResult, 0, body(out));
+  } catch (const Error& e) {
+    out.Write(kError, KindOf(e), e.what());
+  } catch (const std::bad_alloc&) {
+    out.Write(kNoMemory, 0, "");
+  } catch (const std::exception& e) {
+    out.Write(kError, kOther, std::string("unexpected error: ") + e.what());
+  }
+  _exit(0);
+}
+
+// The child's side of the conversation, read until it ends.
+class Listener {
+ public:
+  Listener(int fd, ProgressSink& progress) : fd_(fd), progress_(progress) {}
+
+  // False at the end.
+  bool ReadSome() {
+    char buffer[1 << 16];
+    const ssize_t got = read(fd_, buffer, sizeof buffer);
+    if (got < 0 && errno == EINTR) return true;
+    if (got <= 0) return false;
+    waiting_.append(buffer, static_cast<size_t>(got));
+    size_t at = 0;
+    FrameHead head;
+    while (waiting_.size() - at >= sizeof head) {
+      std::memcpy(&head, waiting_.data() + at, sizeof head);
+      if (waiting_.size() - at - sizeof head < head.size) break;
+      Take(head, waiting_.substr(at + sizeof head, head.size));
+      at += sizeof head + head.size;
+    }
+    waiting_.erase(0, at);
+    return true;
+  }
+  char end() const { return end_; }  // kind of the last frame, 0 without one
+  int64_t error_kind() const { return error_kind_; }
+  std::string& text() { return text_; }
+
+ private:
+  void Take(const FrameHead& head, std::string text) {
+    switch (head.kind) {
+      case kBegin: progress_.Begin(text, head.number); break;
+      case kAdvance: progress_.Advance(head.number); break;
+      case kLog: progress_.Log(static_cast<LogLevel>(head.number), text); break;
+      default:
+        end_ = head.kind;
+        error_kind_ = head.number;
+        text_ = std::move(text);
+    }
+  }
+
+  int fd_;
+  ProgressSink& progress_;
+  std::string waiting_, text_;
+  char end_ = 0;
+  int64_t error_kind_ = 0;
+};
+
+}  // namespace
+
+ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
+                       ProgressSink& progress, const CancelToken& cancel) {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) throw IoErrorFor(what, "started", errno);
+  const pid_t parent = getpid();
+  const pid_t child = fork();
+  if (child == 0) {
+    close(ends[0]);
+    RunInChild(body, parent, ends[1]);
+  }
+  const int fork_error = errno;
+  close(ends[1]);
+  if (child < 0) {
+    close(ends[0]);
+    throw IoErrorFor(what, "started", fork_error);
+  }
+  Listener listener(ends[0], progress);
+  pollfd waiting{ends[0], POLLIN, 0};
+  constexpr int kPoll_ms = 50;
+  while (true) {
+    if (cancel.IsCancelled()) kill(child, SIGKILL);
+    if (poll(&waiting, 1, kPoll_ms) > 0 && !listener.ReadSome()) break;
+  }
+  close(ends[0]);
+  int status = 0;
+  rusage usage{};
+  while (wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
+  }
+  cancel.ThrowIfCancelled();
+  if (listener.end() == kError) ThrowAs(listener.error_kind(), listener.text());
+  if (listener.end() == kNoMemory) throw std::bad_alloc();
+  if (listener.end() != kResult) {
+    const std::string end = WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "without a result";
+    throw Error(
+        what + ": its process ended (" + end +
+        "), most likely for lack of memory; use fewer --threads, smaller images, or a machine with more memory");
+  }
+  return {std::move(listener.text()), static_cast<int64_t>(usage.ru_maxrss) * 1024};
+}
+
+}  // namespace trigpoint
