@@ -1,7 +1,9 @@
 // The launcher: the one place where errors become a line on standard error and an exit code.
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <iostream>
 #include <new>
 
@@ -27,6 +29,15 @@ int Fail(const Session& session, std::string message, int exit_code) {
   std::fputs(("trigpoint: " + message + "\n").c_str(), stderr);
   session.PrintJson({{"ok", false}, {"error", message}, {"exit_code", exit_code}});
   return exit_code;
+}
+
+// What was printed must have arrived: a full disk behind a redirection is an error like any other.
+int CheckPrinted(int exit_code) {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return exit_code;
+  const std::string why = errno != 0 ? std::strerror(errno) : "a write failed";
+  std::fputs(("trigpoint: standard output cannot be written: " + why + "\n").c_str(), stderr);
+  return exit_code == 0 ? 1 : exit_code;
 }
 
 int Launch(int argc, char** argv) {
@@ -68,14 +79,17 @@ int Launch(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
+    const int code = app.exit(e);
+    std::cout.flush();
+    return std::cout.good() ? CheckPrinted(code) : CheckPrinted(1);
   } catch (const CLI::ParseError& e) {
     return Fail(session, std::string(e.what()) + "; see trigpoint --help", 2);
   }
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond its limit (ulimit -f) is then an error of the write
   try {
-    return session.action(session);
+    return CheckPrinted(session.action(session));
   } catch (const Error& e) {
     return Fail(session, e.what(), e.ExitCode());
   } catch (const std::bad_alloc&) {

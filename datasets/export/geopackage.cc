@@ -8,6 +8,8 @@
 #include "calib/base/error.h"
 #include "datasets/export/layer_files.h"
 #include "datasets/export/layer_text.h"
+#include "datasets/io/readable.h"
+#include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
@@ -59,7 +61,8 @@ class Database {
     for (const LayerValue& value : values) {
       if (const auto* i = std::get_if<int64_t>(&value)) sqlite3_bind_int64(statement, at, *i);
       if (const auto* s = std::get_if<std::string>(&value)) {
-        sqlite3_bind_text(statement, at, s->c_str(), -1, SQLITE_TRANSIENT);
+        const std::string text = ValidUtf8(*s);
+        sqlite3_bind_text(statement, at, text.c_str(), -1, SQLITE_TRANSIENT);
       }
       const auto* d = std::get_if<double>(&value);
       if (d != nullptr && std::isfinite(*d)) sqlite3_bind_double(statement, at, *d);

@@ -5,11 +5,13 @@
 
 #include <cmath>
 
+#include "datasets/io/readable.h"
+
 namespace trigpoint {
 
 std::string XmlText(std::string_view text) {
   std::string out;
-  for (char c : text) {
+  for (char c : ValidUtf8(text)) {
     switch (c) {
       case '&': out += "&amp;"; break;
       case '<': out += "&lt;"; break;

@@ -13,6 +13,7 @@
 #include "datasets/import/made_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 
@@ -30,7 +31,7 @@ Rigid3d CamFromBody() {
 
 fs::path NewRun(const fs::path& site, const ColmapRunOptions& options) {
   if (options.run.empty() || options.run.find_first_of("/\\@") != std::string::npos || options.run.front() == '.') {
-    throw OptionError("--run '" + options.run + "': expected a name for the new run, without / and @");
+    throw OptionError("--name '" + options.run + "': expected a name for the new run, without / and @");
   }
   if (options.images.empty())
     throw OptionError("--images is missing: the folder that the model's image names begin in");
@@ -45,7 +46,12 @@ void CheckImages(const std::vector<std::string>& names, const fs::path& images) 
   std::string first;
   for (const std::string& name : names) {
     std::error_code error;
-    if (fs::path(name).is_absolute() || !fs::is_regular_file(images / name, error)) {
+    const fs::path normal = fs::path(name).lexically_normal();
+    if (normal.is_absolute() || normal.empty() || *normal.begin() == "..") {
+      throw InputError("the model names an image '" + Excerpt(name) +
+                       "'; expected names below the folder of --images, without ..");
+    }
+    if (!fs::is_regular_file(images / name, error)) {
       if (missing++ == 0) first = name;
     }
   }

@@ -95,6 +95,7 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
     cancel.ThrowIfCancelled();
     progress.Advance(1);
     try {
+      if (fs::is_symlink(file)) throw InputError(file.string() + ": is a link; expected the picture itself");
       if (!IsHeicName(file)) {
         made.Making(out / file.filename());
         fs::create_directories(out);

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "datasets/import/colmap_run.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/io/exif.h"
@@ -191,6 +192,33 @@ TEST(ImportPhotos, HeicBecomesJpegWithItsExif) {
   EXPECT_NEAR(metadata.position->latitude_deg, 48.01, 1e-9);
   ASSERT_TRUE(metadata.focal_px.has_value());
   EXPECT_NEAR(*metadata.focal_px, 26.0 / 36 * 256, 0.5);
+}
+
+TEST(ImportPhotos, LinksAreNotFollowedOut) {
+  const TempDir dir;
+  fs::create_directories(dir / "from");
+  cv::imwrite((dir / "elsewhere.jpg").string(), Gradient(64));
+  cv::imwrite((dir / "from/a.jpg").string(), Gradient(64));
+  fs::create_symlink(dir / "elsewhere.jpg", dir / "from/b.jpg");
+  const ImportReport report = ImportPhotos(dir / "site", dir / "from", "set", *std::make_unique<ProgressSink>(), {});
+  EXPECT_TRUE(fs::exists(dir / "site/photos/set/a.jpg"));
+  EXPECT_FALSE(fs::exists(dir / "site/photos/set/b.jpg"));
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("b.jpg: is a link"));
+}
+
+TEST(ImportColmap, NamesThatClimbOutAreRefused) {
+  const TempDir dir;
+  fs::create_directories(dir / "images");
+  cv::imwrite((dir / "secret.jpg").string(), Gradient(64));
+  dir.Write("model/cameras.txt", "1 PINHOLE 64 32 50 50 32 16\n");
+  dir.Write("model/images.txt", "1 1 0 0 0 0 0 0 1 sub/../../secret.jpg\n\n");
+  dir.Write("model/points3D.txt", "");
+  ColmapRunOptions options;
+  options.run = "run1";
+  options.images = dir / "images";
+  EXPECT_THAT(MessageOf<InputError>([&] { ImportColmapRun(dir / "site", dir / "model", options); }),
+              HasSubstr("names an image 'sub/../../secret.jpg'; expected names below"));
+  EXPECT_FALSE(fs::exists(dir / "site/runs"));
 }
 
 TEST(ImportMapillary, TheDescriptionIsRead) {

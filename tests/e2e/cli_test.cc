@@ -89,6 +89,26 @@ TEST(Cli, InitRunStatusOnFoldersOfAnyName) {
   }
 }
 
+TEST(Cli, WhatIsPrintedMustArrive) {
+  const ProjectFolder folder;
+  const std::string program = TRIGPOINT_PROGRAM, dir = folder.dir().string();
+  for (const std::string& arguments : {"status '" + dir + "'", std::string("--help"), std::string("--version")}) {
+    const int status = std::system((program + " " + arguments + " > /dev/full 2> '" + dir + "/err'").c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1) << arguments;
+    EXPECT_THAT(folder.Read("err"), HasSubstr("standard output cannot be written"));
+  }
+}
+
+TEST(Cli, AFileBeyondItsLimitIsAnError) {
+  const ProjectFolder folder;
+  const std::string dir = folder.dir().string();
+  const int status = std::system(
+      ("ulimit -f 0; " + std::string(TRIGPOINT_PROGRAM) + " init '" + dir + "' > /dev/null 2> /dev/null").c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_FALSE(fs::exists(folder / "trigpoint.yaml"));
+}
+
 TEST(Cli, QuietSaysNothing) {
   const ProjectFolder folder;
   const Finished run = Trigpoint({"detect", folder.dir().string(), "--quiet"});
@@ -253,6 +273,23 @@ void ExpectSameTables(const std::map<std::string, std::string>& a, const std::ma
         EXPECT_EQ(x[i], y[i]);
       }
     }
+  }
+}
+
+TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
+  const SmallSite site;
+  const std::string dir = site.dir().string();
+  const std::string table = ReadTextFile(site.dir() / "panoramas.csv");
+  std::string semicolons = table;
+  std::replace(semicolons.begin(), semicolons.end(), ',', ';');
+  for (const std::string& text : {semicolons, std::string(), std::string("file,station\n")}) {
+    WriteFileAtomically(site.dir() / "panoramas.csv", text);
+    const Finished finished = Trigpoint({"localize", dir, "--json"});
+    EXPECT_EQ(finished.exit_code, 1) << text;
+    EXPECT_THAT(finished.err, HasSubstr("panoramas.csv"));
+    EXPECT_THAT(finished.err, HasSubstr("nothing of this file is used"));
+    EXPECT_FALSE(finished.Json()["ok"]);
+    EXPECT_EQ(Trigpoint({"detect", dir}).exit_code, 0) << "needs no panorama";
   }
 }
 
