@@ -59,6 +59,11 @@ nlohmann::json Metrics(const LocalizeJob& job, const RunReconstruction& run, con
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
   for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
   m["pairs_contradicting_odometry"] = run.tracks.odometry_contradicted;
+  m["pairs"] = {{"tried", run.pairs_tried}, {"joined", run.pairs_joined}, {"rejected", run.pairs_rejected.size()}};
+  for (const ImagePair& pair : run.pairs_rejected) {
+    m["pairs"]["rejected_images"].push_back(
+        {job.input.images[static_cast<size_t>(pair.a)].name, job.input.images[static_cast<size_t>(pair.b)].name});
+  }
   m["loops"] = {{"tried", run.loops.tried},
                 {"found", run.loops.found},
                 {"contradicting", run.loops.contradicting},
@@ -101,7 +106,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 11;
+    request.version = 12;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;

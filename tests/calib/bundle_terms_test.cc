@@ -88,13 +88,19 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
     PoseFactor f;
     f.kind = GetParam();
     f.a = 0;
-    f.b = f.kind == PoseFactor::Kind::kBetween ? 1 : -1;
+    f.b = f.kind == PoseFactor::Kind::kBetween || f.kind == PoseFactor::Kind::kTwoView ? 1 : -1;
+    p.views = {RandomPose(&random, 1.0, 0.3), RandomPose(&random, 1.0, 0.3)};
+    f.view_a = 1;
     f.scaled = f.kind == PoseFactor::Kind::kBetween;
     // Residuals up to a radian and a metre: the Jacobians hold away from the minimum, too.
     const Rigid3d off = RandomPose(&random, 0.4, 0.5);
     switch (f.kind) {
       case PoseFactor::Kind::kBetween: f.measured = off * p.poses[0] * p.poses[1].Inverse(); break;
       case PoseFactor::Kind::kPrior: f.measured = off * p.poses[0]; break;
+      case PoseFactor::Kind::kTwoView:
+        f.measured = off * p.views[1] * p.poses[0] * (p.views[0] * p.poses[1]).Inverse();
+        f.measured.translation.normalize();
+        break;
       default: f.measured = off * p.poses[0].Inverse();
     }
     f.arm = Eigen::Vector3d(0.3, -0.2, 1.0);
@@ -127,7 +133,8 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
 }
 INSTANTIATE_TEST_SUITE_P(Kinds, FactorDerivatives,
                          testing::Values(PoseFactor::Kind::kBetween, PoseFactor::Kind::kPrior,
-                                         PoseFactor::Kind::kGeotag, PoseFactor::Kind::kPosition));
+                                         PoseFactor::Kind::kGeotag, PoseFactor::Kind::kPosition,
+                                         PoseFactor::Kind::kTwoView));
 
 }  // namespace
 }  // namespace trigpoint

@@ -165,5 +165,53 @@ TEST(TwoView, RefinesAPriorAndLeavesOutliersOut) {
   EXPECT_LT(AngleBetween(far.b_from_a.translation, pair.b_from_a.translation), 2 * kDegToRad);
 }
 
+// Matched rays of a pair, true ones first, and as many random ones as asked for.
+struct MatchedRays {
+  std::vector<Eigen::Vector3d> a, b;
+  size_t right = 0;
+};
+MatchedRays RaysWithOutliers(const Pair& pair, int random_ones) {
+  const DescriptorBlock a(pair.a.features.descriptors), b(pair.b.features.descriptors);
+  Matches matches = MatchMutual(a, b, 0.85, 0.8);
+  MatchedRays rays;
+  rays.right = matches.size();
+  Random random(9);
+  for (int k = 0; k < random_ones; ++k)
+    matches.emplace_back(static_cast<int>(random.Below(static_cast<uint64_t>(a.size()))),
+                         static_cast<int>(random.Below(static_cast<uint64_t>(b.size()))));
+  const auto rays_a = test::Rays(pair.camera, pair.a.features), rays_b = test::Rays(pair.camera, pair.b.features);
+  for (const auto& [i, j] : matches) {
+    rays.a.push_back(rays_a[static_cast<size_t>(i)]);
+    rays.b.push_back(rays_b[static_cast<size_t>(j)]);
+  }
+  return rays;
+}
+
+TEST(WideBaseline, FindsThePoseWithoutAPriorAndStatesItsInformation) {
+  const Pair pair = MakePair(0.3);
+  const MatchedRays rays = RaysWithOutliers(pair, 400);
+  WideBaselineOptions options;
+  options.inlier_rad = 2 / pair.camera.MeanFocal();
+  Rigid3d prior = pair.b_from_a;
+  prior.rotation = ExpSO3({0.3, -0.2, 0.1}) * prior.rotation;
+  const WideBaselineResult result = VerifyWideBaseline(rays.a, rays.b, prior, options);
+  ASSERT_TRUE(result.verified);
+  EXPECT_LT(result.log10_false_alarms, -20);
+  EXPECT_FALSE(result.rotation_only);
+  EXPECT_LT(AngleBetween(result.b_from_a.rotation, pair.b_from_a.rotation), 0.2 * kDegToRad);
+  EXPECT_LT(AngleBetween(result.b_from_a.translation, pair.b_from_a.translation), 2 * kDegToRad);
+  EXPECT_GT(result.information.diagonal().minCoeff(), 0);
+}
+
+TEST(WideBaseline, RefusesWhatChanceMakes) {
+  const Pair pair = MakePair(0.3);
+  MatchedRays rays = RaysWithOutliers(pair, 300);
+  rays.a.erase(rays.a.begin(), rays.a.begin() + static_cast<std::ptrdiff_t>(rays.right));
+  rays.b.erase(rays.b.begin(), rays.b.begin() + static_cast<std::ptrdiff_t>(rays.right));
+  WideBaselineOptions options;
+  options.inlier_rad = 2 / pair.camera.MeanFocal();
+  EXPECT_FALSE(VerifyWideBaseline(rays.a, rays.b, pair.b_from_a, options).verified);
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -1,0 +1,98 @@
+// Pairs of images beyond neighbours in time: they tie photos far apart, and wrong ones are rejected.
+#include "localize/view_graph.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "localize/track_table.h"
+#include "tests/localize/test_drive.h"
+
+namespace trigpoint {
+namespace {
+
+using test::Drive;
+using test::MakeDrive;
+
+RunReconstruction Solve(Drive& drive, int neighbours) {
+  drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
+  ReconstructRunOptions options;
+  options.pairs.neighbours = neighbours;
+  options.loops.close = false;
+  ProgressSink progress;
+  return ReconstructRun(drive.input, options, false, 2, 1, progress, {});
+}
+
+double OdometryError(const Drive& drive) {
+  std::vector<Rigid3d> body_from_odom;
+  for (const Rigid3d& pose : drive.input.odom_from_body) body_from_odom.push_back(pose.Inverse());
+  return test::Error(drive, body_from_odom);
+}
+
+TEST(ViewGraph, TiesPhotosThatStandFarApart) {
+  Drive drive = MakeDrive(1.6, 3, 3.0);
+  const RunReconstruction result = Solve(drive, 10);
+  EXPECT_GT(result.pairs_joined, static_cast<int>(drive.seen.size()));
+  EXPECT_LT(test::Error(drive, result.reconstruction.problem.poses), 0.3 * OdometryError(drive));
+}
+
+TEST(ViewGraph, TiesTheEndOfAVideoToItsBeginning) {
+  Drive drive = MakeDrive(1.15, 3);
+  const RunReconstruction with = Solve(drive, 10), without = Solve(drive, 0);
+  EXPECT_EQ(without.pairs_tried, 0);
+  EXPECT_GT(with.pairs_joined, 0);
+  EXPECT_LT(test::Error(drive, with.reconstruction.problem.poses),
+            0.7 * test::Error(drive, without.reconstruction.problem.poses));
+}
+
+// One photo is replaced by what another one, elsewhere, has seen: a facade that stands twice.
+TEST(ViewGraph, RejectsWhatOdometryContradicts) {
+  Drive drive = MakeDrive(1.6, 3, 3.0);
+  constexpr int kCopy = 12, kOriginal = 3;
+  drive.seen[kCopy] = drive.seen[kOriginal];
+  const RunReconstruction result = Solve(drive, 10);
+  const auto of_copy = [](const ImagePair& p) { return p.a == kCopy || p.b == kCopy; };
+  EXPECT_GT(std::count_if(result.pairs_rejected.begin(), result.pairs_rejected.end(), of_copy), 0);
+  EXPECT_LT(test::Error(drive, result.reconstruction.problem.poses), OdometryError(drive));
+}
+
+TEST(ViewGraph, ResultsDoNotDependOnThreads) {
+  Drive drive = MakeDrive(1.0, 4, 3.0);
+  drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
+  ProgressSink progress;
+  const auto poses = [&](int threads) {
+    return ReconstructRun(drive.input, {}, false, threads, 1, progress, {}).reconstruction.problem.poses;
+  };
+  const std::vector<Rigid3d> one = poses(1), three = poses(3);
+  ASSERT_EQ(one.size(), three.size());
+  for (size_t i = 0; i < one.size(); ++i) {
+    EXPECT_EQ(one[i].translation, three[i].translation);
+    EXPECT_EQ(one[i].rotation.coeffs(), three[i].rotation.coeffs());
+  }
+}
+
+TrackObservation At(int image, int feature) {
+  TrackObservation o;
+  o.image = image;
+  o.feature = feature;
+  return o;
+}
+
+TEST(TrackTable, JoinsWhatMatchesAndRefusesTwoFeaturesOfOneImage) {
+  TrackTable table;
+  EXPECT_TRUE(table.Join(At(0, 1), At(1, 5)));
+  EXPECT_TRUE(table.Join(At(1, 5), At(2, 7)));
+  EXPECT_TRUE(table.Join(At(3, 2), At(4, 2)));
+  EXPECT_FALSE(table.Join(At(0, 2), At(2, 7)));  // image 0 is there already, by feature 1
+  EXPECT_TRUE(table.Join(At(2, 7), At(3, 2)));
+  TrackSet out;
+  table.Close(
+      100, [](const TrackTable::Track& track) { return track.size() >= 2; }, &out);
+  ASSERT_EQ(out.tracks, 1);
+  std::vector<int> images;
+  for (const TrackObservation& o : out.observations) images.push_back(o.image);
+  EXPECT_EQ(images, (std::vector<int>{0, 1, 2, 3, 4}));
+}
+
+}  // namespace
+}  // namespace trigpoint
