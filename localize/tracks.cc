@@ -14,6 +14,10 @@
 namespace trigpoint {
 namespace {
 
+TrackTable::Keep AtLeast(int images) {
+  return [images](const TrackTable::Track& track) { return static_cast<int>(track.size()) >= images; };
+}
+
 std::vector<int> Gaps(int max_gap) {
   std::vector<int> gaps;
   for (int g = 2; g <= max_gap; g = g < 4 ? g + 1 : g + g / 2) gaps.push_back(g);
@@ -71,9 +75,6 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
            input.odom_from_body[static_cast<size_t>(f.pose)].Inverse();
   };
 
-  const auto keep = [&](const TrackTable::Track& track) {
-    return static_cast<int>(track.size()) >= options.min_length;
-  };
   progress.Begin("matching", n);
   for (const std::vector<int>& stream : streams) {
     std::vector<std::unique_ptr<PreparedImage>> window(stream.size());
@@ -186,9 +187,9 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
       }
       const int still_matched = std::max(0, end - std::max(1, options.max_gap));
       for (int k = 0; k < still_matched; ++k) window[static_cast<size_t>(k)] = nullptr;
-      open.Close(stream[static_cast<size_t>(still_matched)], keep, &result);
+      open.Close(stream[static_cast<size_t>(still_matched)], AtLeast(options.min_length), &result);
     }
-    open.Close(std::numeric_limits<int>::max(), keep, &result);
+    open.Close(std::numeric_limits<int>::max(), AtLeast(options.min_length), &result);
   }
   return result;
 }

@@ -91,6 +91,28 @@ void LeaveOutSets(Site* site, ProgressSink& progress) {
   }
 }
 
+void WarnOfEarth(const Localization& result, ProgressSink& progress) {
+  if (!result.earth_reason.empty()) {
+    progress.Log(LogLevel::kWarning, (result.on_earth ? "" : "no position on the Earth: ") + result.earth_reason);
+  }
+  // Half of it: a height that one of many GPS fixes has is known.
+  if (result.on_earth && std::sqrt(result.geo.covariance(5, 5)) > 0.5 * kUnknownHeightSigma)
+    progress.Log(LogLevel::kWarning,
+                 "no geotag says a height: heights are counted from the site's origin, as if the references "
+                 "lay there, and are not known (1 sigma 10 km)");
+}
+
+// Offsets of other clocks against the images'.
+void NoteClocks(const Run& r, const LocalizeJob& job, const Localization& result, StageContext* context) {
+  const std::pair<const char*, TimeOffset> clocks[] = {
+      {"gps", CheckGpsTime(r)}, {"odometry", CheckOdometryTime(r, FirstCameraTrajectory(job, result))}};
+  for (const auto& [sensor, offset] : clocks) {
+    if (!offset.observable) continue;
+    context->metrics["time_offsets"][sensor] = {{"offset_s", offset.offset_s}, {"sigma_s", offset.sigma_s}};
+    if (offset.warning) context->progress.Log(LogLevel::kWarning, *offset.warning);
+  }
+}
+
 }  // namespace
 
 StageInfo LocalizeStage() {
@@ -144,26 +166,11 @@ StageInfo LocalizeStage() {
                                                context.seed, context.progress, context.cancel);
       const Localization result = Localize(job.input, std::move(alone.reconstruction), job.gps, options,
                                            context.threads, context.seed, context.progress, context.cancel, refine);
-      if (!result.earth_reason.empty()) {
-        context.progress.Log(LogLevel::kWarning,
-                             (result.on_earth ? "" : "no position on the Earth: ") + result.earth_reason);
-      }
-      // Half of it: a height that one of many GPS fixes has is known.
-      if (result.on_earth && std::sqrt(result.geo.covariance(5, 5)) > 0.5 * kUnknownHeightSigma)
-        context.progress.Log(
-            LogLevel::kWarning,
-            "no geotag says a height: heights are counted from the site's origin, as if the references "
-            "lay there, and are not known (1 sigma 10 km)");
+      WarnOfEarth(result, context.progress);
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, alone, result));
-      const std::pair<const char*, TimeOffset> clocks[] = {
-          {"gps", CheckGpsTime(r)}, {"odometry", CheckOdometryTime(r, FirstCameraTrajectory(job, result))}};
-      for (const auto& [sensor, offset] : clocks) {
-        if (!offset.observable) continue;
-        context.metrics["time_offsets"][sensor] = {{"offset_s", offset.offset_s}, {"sigma_s", offset.sigma_s}};
-        if (offset.warning) context.progress.Log(LogLevel::kWarning, *offset.warning);
-      }
+      NoteClocks(r, job, result, &context);
       for (const SetRefinement& set : sets) {
         context.metrics["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},
                                              {"scale", set.rig.scale},

@@ -28,6 +28,12 @@ bool IsHeicName(const fs::path& file) {
   return ending == ".heic" || ending == ".heif" || ending == ".hif";
 }
 
+fs::path CopyInto(const fs::path& folder, const fs::path& file) {
+  fs::create_directories(folder);
+  fs::copy_file(file, folder / file.filename());
+  return folder / file.filename();
+}
+
 }  // namespace
 
 #ifdef TRIGPOINT_HAVE_HEIF
@@ -98,9 +104,7 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
       if (fs::is_symlink(file)) throw InputError(file.string() + ": is a link; expected the picture itself");
       if (!IsHeicName(file)) {
         made.Making(out / file.filename());
-        fs::create_directories(out);
-        fs::copy_file(file, out / file.filename());
-        report.files.push_back(out / file.filename());
+        report.files.push_back(CopyInto(out, file));
         continue;
       }
       std::vector<uint8_t> exif;

@@ -25,6 +25,12 @@ Picture Photograph(OffscreenWindow& window, int width, int height) {
   return {std::string(bytes.begin(), bytes.end()), true, width, height};
 }
 
+std::string ErrorsCaption(double scale, double confidence) {
+  return fmt::format(
+      " Red: differences from references, {:g} times enlarged, with {:.0f} % ellipsoids at the same scale.", scale,
+      100 * confidence);
+}
+
 }  // namespace
 
 Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
@@ -67,11 +73,7 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
                                  : ".");
   const std::string frame =
       "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
-  const std::string errors = model.errors.empty() ? ""
-                                                  : fmt::format(
-                                                        " Red: differences from references, {:g} times "
-                                                        "enlarged, with {:.0f} % ellipsoids at the same scale.",
-                                                        view.ErrorScale(), 100 * style.confidence);
+  const std::string errors = model.errors.empty() ? "" : ErrorsCaption(view.ErrorScale(), style.confidence);
   const auto show = [&](std::initializer_list<const char*> hidden) {
     for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, true);
     for (const char* layer : hidden) view.SetVisible(layer, false);
