@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "calib/estimation/random.h"
 
 namespace trigpoint {
@@ -79,8 +81,8 @@ double WayError(const std::vector<Rigid3d>& odom_from_body) {
 Reconstruction Solve(const Street& street) {
   ProgressSink progress;
   const CancelToken cancel;
-  return Reconstruct(street.input, street.tracks.tracks, street.tracks.observations, ReconstructOptions(), false, 2,
-                     progress, cancel);
+  return Reconstruct(street.input, {street.input.odom_from_body}, street.tracks.tracks, street.tracks.observations,
+                     ReconstructOptions(), false, 2, progress, cancel);
 }
 
 std::vector<Rigid3d> Bodies(const Reconstruction& r) {
@@ -103,6 +105,36 @@ TEST(Reconstruct, ImagesThatDriftInScaleAreBelievedLess) {
   EXPECT_GT(r.correlation_inflation, 2);
   // No better than odometry, but not much worse either.
   EXPECT_LT(WayError(Bodies(r)), 2 * WayError(street.input.odom_from_body));
+}
+
+// Every fifth track gets an observation of another point: a wrong match has joined two.
+TEST(Reconstruct, TracksThatWrongMatchesJoinedAreSplit) {
+  Street street = MakeStreet(0, 5);
+  std::vector<std::vector<TrackObservation>> tracks(static_cast<size_t>(street.tracks.tracks));
+  for (const TrackObservation& o : street.tracks.observations) tracks[static_cast<size_t>(o.track)].push_back(o);
+  street.tracks.observations.clear();
+  int wrong = 0;
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    std::vector<TrackObservation> track = tracks[t];
+    if (t % 5 == 0 && track.size() >= 3) {
+      const size_t other = (t + tracks.size() / 2) % tracks.size();
+      for (TrackObservation o : tracks[other]) {
+        const auto same = [&](const TrackObservation& x) { return x.image == o.image; };
+        if (std::any_of(track.begin(), track.end(), same)) continue;
+        o.track = static_cast<int>(t);
+        track.push_back(o);
+        ++wrong;
+        break;
+      }
+      std::sort(track.begin(), track.end(),
+                [](const TrackObservation& x, const TrackObservation& y) { return x.image < y.image; });
+    }
+    street.tracks.observations.insert(street.tracks.observations.end(), track.begin(), track.end());
+  }
+  ASSERT_GT(wrong, 50);
+  const Reconstruction r = Solve(street);
+  EXPECT_NEAR(r.sigma_px, 0.3, 0.05);
+  EXPECT_LT(WayError(Bodies(r)), 0.8 * WayError(street.input.odom_from_body));
 }
 
 }  // namespace
