@@ -241,7 +241,7 @@ void SolveFromFarOff(const ReconstructOptions& options, BundleOptions bundle, Re
   bundle.max_iterations = 12;
   bundle.relative_cost_tolerance = 1e-3;
   r->point_valid.assign(p.points.size(), false);
-  for (const double wider : {20.0, 5.0}) {
+  for (const double wider : {20.0, 8.0, 3.0}) {
     const double gate = wider * wider * options.outlier_chi2;
     RetriangulateInvalid(gate, r, bundle.threads, cancel);
     Gate(options, gate, r);
