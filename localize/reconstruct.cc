@@ -103,18 +103,18 @@ double LongWaveExcess(const BundleProblem& p) {
 }
 
 // Whitened squared error of an observation at a point.
-double SquaredErrorAt(const Rigid3d& view_from_world, const BearingObservation& o, const Eigen::Vector3d& ray,
-                      const Eigen::Vector3d& y) {
+double SquaredErrorAt(const Rigid3d& view_from_world, const BearingObservation& o, const Eigen::Vector3d& y) {
   const Eigen::Vector3d u = (view_from_world * y).normalized();
-  return u.dot(ray) > 0 ? (o.w.cast<double>() * u).squaredNorm() : std::numeric_limits<double>::infinity();
+  return u.dot(o.ray.cast<double>()) > 0 ? (o.w.cast<double>() * u).squaredNorm()
+                                         : std::numeric_limits<double>::infinity();
 }
 
 // One track's rays. A track that wrong matches have joined shows two points: the one that more of its rays meet is
-// kept, the other rays are set aside.
+// kept, the other rays do not count.
 class TrackTriangulation {
  public:
-  void Add(const Rigid3d& view_from_world, BearingObservation* o, const Eigen::Vector3d& ray) {
-    poses_.push_back(view_from_world), observations_.push_back(o), rays_.push_back(ray);
+  void Add(const Rigid3d& view_from_world, const BearingObservation& o) {
+    poses_.push_back(view_from_world), observations_.push_back(&o), rays_.push_back(o.ray.cast<double>());
   }
   void Clear() { poses_.clear(), observations_.clear(), rays_.clear(); }
 
@@ -139,7 +139,7 @@ class TrackTriangulation {
     std::vector<Rigid3d> poses;
     std::vector<Eigen::Vector3d> rays;
     for (size_t i = 0; i < rays_.size(); ++i) {
-      if (SquaredErrorAt(poses_[i], *observations_[i], rays_[i], best) < chi2) {
+      if (SquaredErrorAt(poses_[i], *observations_[i], best) < chi2) {
         poses.push_back(poses_[i]), rays.push_back(rays_[i]);
       }
     }
@@ -149,11 +149,11 @@ class TrackTriangulation {
  private:
   size_t Count(const Eigen::Vector3d& y, double chi2) const {
     size_t count = 0;
-    for (size_t i = 0; i < rays_.size(); ++i) count += SquaredErrorAt(poses_[i], *observations_[i], rays_[i], y) < chi2;
+    for (size_t i = 0; i < rays_.size(); ++i) count += SquaredErrorAt(poses_[i], *observations_[i], y) < chi2;
     return count;
   }
   std::vector<Rigid3d> poses_;
-  std::vector<BearingObservation*> observations_;
+  std::vector<const BearingObservation*> observations_;
   std::vector<Eigen::Vector3d> rays_;
 };
 
@@ -169,10 +169,9 @@ void Triangulate(double chi2, Reconstruction* r, int threads, const CancelToken&
     for (size_t j = static_cast<size_t>(block) * 1024; j < end; ++j) {
       track.Clear();
       for (int k = first[j]; k < first[j + 1]; ++k) {
-        BearingObservation& o = p.observations[static_cast<size_t>(k)];
+        const BearingObservation& o = p.observations[static_cast<size_t>(k)];
         if (!o.active) continue;
-        track.Add(p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)], &o,
-                  o.ray.cast<double>());
+        track.Add(p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)], o);
       }
       p.points[j] = track.Solve(chi2);
     }
@@ -352,9 +351,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
                            bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
   Reconstruction r;
   BundleProblem& p = r.problem;
-  for (const BodyCamera& c : input.cameras) {
-    p.views.push_back(c.cam_from_body);
-  }
+  for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
   for (const Rigid3d& pose : start.odom_from_body) p.poses.push_back(pose.Inverse());
   p.pose_constant.assign(p.poses.size(), false);
   if (!p.pose_constant.empty()) p.pose_constant[0] = true;
