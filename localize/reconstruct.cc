@@ -102,6 +102,18 @@ double LongWaveExcess(const BundleProblem& p) {
   return stretches >= 4 ? sum / static_cast<double>(stretches) : 0;
 }
 
+// By how much images contradict odometry, 1 where they do not: the larger of the mean squared odometry residual,
+// whitened, and of the noise factors that the data ask for (`wanted`: times the noise of the factors), which may not
+// grow. A step that slipped counts as kSlipped at most: one in a run is odometry's fault.
+double Contradiction(const BundleProblem& p, const Vector6d& wanted) {
+  constexpr double kSlipped = 100;
+  double sum = 0;
+  for (const PoseFactor& f : p.factors) {
+    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).squaredNorm());
+  }
+  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())), wanted.squaredNorm() / 6);
+}
+
 // Whitened squared error of an observation at a point.
 double SquaredErrorAt(const Rigid3d& view_from_world, const BearingObservation& o, const Eigen::Vector3d& y) {
   const Eigen::Vector3d u = (view_from_world * y).normalized();
@@ -326,6 +338,39 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
   return factors;
 }
 
+namespace {
+
+// Images that many odometry steps contradict have errors that no residual shows: a calibration that is off, wrong
+// matches that agree, panoramas that are not level. Their noise is widened until the two are consistent, so that a
+// result is not worse than the odometry it was given.
+void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& options, const BundleOptions& bundle,
+                          const Vector6d& most_noise, Vector6d* noise_factor, Reconstruction* r, ProgressSink& progress,
+                          const CancelToken& cancel) {
+  BundleProblem& p = r->problem;
+  if (p.factors.size() < 4) return;
+  constexpr int kRounds = 12;
+  // Two standard deviations of a mean of chi-squares with 6 dof above 1.
+  const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(p.factors.size()));
+  for (int round = 0; round < kRounds; ++round) {
+    const Vector6d wanted = EstimateOdometryNoise(p, bundle.threads, cancel);
+    const double contradiction = Contradiction(p, wanted);
+    if (contradiction < limit) return;
+    const double wider = std::clamp(std::sqrt(contradiction), 1.4, 3.0);
+    ScaleObservationNoise(wider, &p);
+    r->correlation_inflation *= wider;
+    p.loss = MakeLoss(options.loss, options.loss_chi2 / (r->correlation_inflation * r->correlation_inflation));
+    Gate(options, options.outlier_chi2, r);
+    r->summary = SolveBundle(p, bundle, progress, cancel);
+    RetriangulateInvalid(4 * options.outlier_chi2, r, bundle.threads, cancel);
+    Gate(options, options.outlier_chi2, r);
+    const Vector6d factor = EstimateOdometryNoise(p, bundle.threads, cancel);
+    *noise_factor = noise_factor->cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+    p.factors = OdometryFactors(input, options, *noise_factor);
+  }
+}
+
+}  // namespace
+
 bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,
                      Eigen::Vector3d* point) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
@@ -428,6 +473,9 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
         }
       }
     }
+  }
+  if (!paper && options.estimate_sigma && options.estimate_odometry) {
+    WidenUntilConsistent(input, options, bundle, most_noise, &noise_factor, &r, progress, cancel);
   }
   Gate(options, options.outlier_chi2, &r);
   if (!paper) {
