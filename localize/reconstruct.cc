@@ -391,9 +391,11 @@ bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vec
   return 2 * front > rays.size();
 }
 
-Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& start, int tracks,
-                           std::vector<TrackObservation> track_observations, const ReconstructOptions& options,
-                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
+namespace {
+
+// The problem that is to be solved: poses where they start, the first held, points nowhere yet.
+Reconstruction Unsolved(const LocalizeInput& input, const ReconstructStart& start, int tracks,
+                        std::vector<TrackObservation> track_observations, const ReconstructOptions& options) {
   Reconstruction r;
   BundleProblem& p = r.problem;
   for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
@@ -418,9 +420,18 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
     r.image_of.push_back(t.image);
     r.feature_of.push_back(t.feature);
   }
-  track_observations = {};
   r.sigma_px = options.sigma_px;
   p.loss = MakeLoss(options.loss, options.loss_chi2);
+  return r;
+}
+
+}  // namespace
+
+Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& start, int tracks,
+                           std::vector<TrackObservation> track_observations, const ReconstructOptions& options,
+                           bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
+  Reconstruction r = Unsolved(input, start, tracks, std::move(track_observations), options);
+  BundleProblem& p = r.problem;
   BundleOptions bundle;
   bundle.threads = threads;
 
