@@ -53,14 +53,19 @@ SolutionReference ReferenceOf(const ReferenceViews& views, const ReferenceAnswer
 
 }  // namespace
 
-Solution SolutionOf(const LocalizeInput& input, const std::string& run, RunReconstruction reconstruction) {
+Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
+                    RunReconstruction reconstruction) {
   Solution s = WithImages(input, run);
+  s.mode = mode;
   const LoopSummary& loops = reconstruction.loops;
   s.counts = {{"tracks", reconstruction.tracks.tracks},
               {"observations", static_cast<double>(reconstruction.tracked)},
               {"pairs", reconstruction.tracks.pairs},
               {"verified_matches", static_cast<double>(reconstruction.tracks.verified_matches)},
               {"pairs_contradicting_odometry", reconstruction.tracks.odometry_contradicted},
+              {"pairs_tried", reconstruction.pairs_tried},
+              {"pairs_joined", reconstruction.pairs_joined},
+              {"pairs_rejected", static_cast<double>(reconstruction.pairs_rejected.size())},
               {"loops_tried", loops.tried},
               {"loops_found", loops.found},
               {"loops_contradicting", loops.contradicting},

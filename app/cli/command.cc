@@ -84,6 +84,7 @@ nlohmann::json ParseOverrides(const std::vector<std::string>& settings, const st
     }
     *at = JsonFromYamlText(setting.substr(equals + 1));
   }
+  overrides = MovedOptions(std::move(overrides));
   std::vector<std::string> problems;
   for (const auto& [stage, values] : overrides.items()) StageNamed(stage).check(values, "command line", problems);
   ThrowIfAny(problems);
@@ -99,8 +100,8 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
   bool reads_tables = false;
   for (const JobResult& result : results) {
     const std::string& stage = result.job.stage->name;
-    reads_tables =
-        reads_tables || (stage != "features" && stage != "detect" && stage != "calibrate" && stage != "stitch");
+    reads_tables = reads_tables || (stage != "features" && stage != "reconstruct" && stage != "detect" &&
+                                    stage != "calibrate" && stage != "stitch");
     const bool there = result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate;
     if (stage != "localize" || !there) continue;
     references += result.outcome.manifest["metrics"].value("references", int64_t{0});

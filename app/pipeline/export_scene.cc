@@ -168,8 +168,12 @@ PoseGraph MakePoseGraph(const Project& project, const std::string& variant, cons
   const Run& run = project.run(scene.run);
   const StageTarget target{scene.run, variant, nlohmann::json::object()};
   const nlohmann::json manifest = LocalizeManifest(project, target);
-  const nlohmann::json options =
-      manifest.value("options", nlohmann::json::object()).value("reconstruct", nlohmann::json::object());
+  const StageInfo& stage = StageNamed("reconstruct");
+  const auto made =
+      ReadManifest(project, stage.name, ResultName(stage, TargetRead(project, stage, "localize", target)));
+  const nlohmann::json options = made.value_or(nlohmann::json::object())
+                                     .value("options", nlohmann::json::object())
+                                     .value("reconstruct", nlohmann::json::object());
   const nlohmann::json metrics = manifest.value("metrics", nlohmann::json::object());
   const std::vector<double> factors =
       metrics.value("odometry_noise_factor_rx_ry_rz_x_y_z", std::vector<double>(6, 1.0));

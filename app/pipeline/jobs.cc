@@ -12,13 +12,18 @@ namespace fs = std::filesystem;
 
 namespace {
 
+bool NeedsStage(const StageInfo& stage, const std::string& other) {
+  return std::find(stage.needs.begin(), stage.needs.end(), other) != stage.needs.end();
+}
+
 // Does `job` read the result of `earlier`?
-bool Needs(const Job& job, const Job& earlier) {
-  const std::vector<std::string>& needs = job.stage->needs;
-  if (std::find(needs.begin(), needs.end(), earlier.stage->name) == needs.end()) return false;
+bool Needs(const Project& project, const Job& job, const Job& earlier) {
+  if (!NeedsStage(*job.stage, earlier.stage->name)) return false;
   if (job.stage->per_run && earlier.stage->per_run && job.target.run != earlier.target.run) return false;
-  // Without variants of its own a stage gives its one result to all variants of those behind it.
-  return !earlier.stage->variants || !job.stage->variants || job.target.variant == earlier.target.variant;
+  if (!earlier.stage->variants || !job.stage->variants) return true;
+  StageTarget target = job.target;
+  target.run = earlier.target.run;
+  return TargetRead(project, *earlier.stage, job.stage->name, target).variant == earlier.target.variant;
 }
 
 std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
@@ -34,6 +39,19 @@ std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
   }
   for (const std::string& stage : stages) add(stage);
   return all;
+}
+
+// The results of a stage that a target of the query comes down to: those that the stages behind it read.
+std::vector<StageTarget> WantedTargets(const Project& project, const StageInfo& stage, const StageTarget& target,
+                                       const JobQuery& query, const std::set<std::string>& wanted) {
+  std::vector<StageTarget> targets;
+  const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
+  for (const StageInfo& reader : Stages()) {
+    if (asked || !stage.read_as || wanted.count(reader.name) == 0 || !NeedsStage(reader, stage.name)) continue;
+    targets.push_back(TargetRead(project, stage, reader.name, target));
+  }
+  if (targets.empty()) targets.push_back(target);
+  return targets;
 }
 
 std::string WhyNotNeeded(const Project& project, const Job& job) {
@@ -77,7 +95,7 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     return std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& other) {
       const bool asked = std::find(query.stages.begin(), query.stages.end(), other.name) != query.stages.end();
       return !other.per_run && !asked && !query.stages.empty() && wanted.count(other.name) > 0 &&
-             std::find(other.needs.begin(), other.needs.end(), stage.name) != other.needs.end();
+             NeedsStage(other, stage.name);
     });
   };
   std::vector<Job> jobs;
@@ -87,7 +105,15 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     const std::vector<std::string>& its_runs = for_all_runs(stage) ? there : runs;
     const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
-      for (const std::string& run : names) jobs.push_back({&stage, {run, variant, query.overrides}});
+      for (const std::string& run : names) {
+        for (const StageTarget& target :
+             WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {
+          const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {
+            return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant;
+          });
+          if (!known) jobs.push_back({&stage, target});
+        }
+      }
     }
   }
   return jobs;
@@ -114,7 +140,7 @@ std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& j
     result.job = job;
     int needed = 0, broken = 0;
     for (const JobResult& earlier : results) {
-      if (!Needs(job, earlier.job)) continue;
+      if (!Needs(project, job, earlier.job)) continue;
       ++needed;
       if (earlier.end != JobEnd::kFailed && earlier.end != JobEnd::kSkipped) continue;
       ++broken;
@@ -177,7 +203,7 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
           // A variant that was never made is no reason: this one was made without it.
           if (earlier.state == StageState::kMissing && !job.stage->variants && !earlier.job.target.variant.empty())
             continue;
-          if (earlier.needed && Needs(job, earlier.job) && earlier.state != StageState::kDone) {
+          if (earlier.needed && Needs(project, job, earlier.job) && earlier.state != StageState::kDone) {
             state.state = StageState::kOutOfDate;
             state.reason = earlier.job.Title() + " is " + std::string(StageStateName(earlier.state));
           }

@@ -3,28 +3,25 @@
 #include <set>
 
 #include "app/pipeline/localize_files.h"
+#include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/time_check.h"
-#include "localize/reconstruct_run.h"
+#include "localize/run_solution.h"
 
 namespace trigpoint {
 namespace {
 
 struct LocalizeStageOptions : LocalizeOptions {
-  ReconstructRunOptions run;
   std::string rig = "auto";  // of a stitched photo set
 
   LocalizeStageOptions() = default;
   explicit LocalizeStageOptions(const LocalizeOptions& options) : LocalizeOptions(options) {}
   static LocalizeStageOptions ForMode(const std::string& mode) {
-    LocalizeStageOptions options(LocalizeOptions::ForMode(mode));
-    if (mode == "paper") options.run = ReconstructRunOptions::Paper();
-    return options;
+    return LocalizeStageOptions(LocalizeOptions::ForMode(mode));
   }
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    ReconstructRunOptions::Visit(self.run, visit);
     LocalizeOptions::Visit(self, visit);
     visit(self.rig, {"rig", "", 0, 0,
                      "of a stitched photo set: fixed as stitched; scaled; prior: its photos move as far as stitching "
@@ -40,7 +37,7 @@ struct LocalizeStageOptions : LocalizeOptions {
   }
 };
 
-nlohmann::json Metrics(const LocalizeJob& job, const RunReconstruction& run, const Localization& result) {
+nlohmann::json Metrics(const LocalizeJob& job, const SolutionCounts& counts, const Localization& result) {
   nlohmann::json m;
   int localized = 0, rejected = 0, unmatched = 0;
   for (const ReferenceAnswer& a : result.references) {
@@ -54,22 +51,11 @@ nlohmann::json Metrics(const LocalizeJob& job, const RunReconstruction& run, con
   m["localized"] = localized;
   m["rejected"] = rejected;
   m["unmatched"] = unmatched;
-  m["tracks"] = run.tracks.tracks;
-  m["observations"] = run.tracked;
+  for (const auto& [name, count] : counts) {
+    if (name == "tracks" || name == "observations") m[name] = static_cast<int64_t>(count);
+  }
   m["feature_sigma_px"] = result.reconstruction.sigma_px;
   for (double f : result.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
-  m["pairs_contradicting_odometry"] = run.tracks.odometry_contradicted;
-  m["pairs"] = {{"tried", run.pairs_tried}, {"joined", run.pairs_joined}, {"rejected", run.pairs_rejected.size()}};
-  for (const ImagePair& pair : run.pairs_rejected) {
-    m["pairs"]["rejected_images"].push_back(
-        {job.input.images[static_cast<size_t>(pair.a)].name, job.input.images[static_cast<size_t>(pair.b)].name});
-  }
-  m["loops"] = {{"tried", run.loops.tried},
-                {"found", run.loops.found},
-                {"contradicting", run.loops.contradicting},
-                {"closed", run.loops.closed},
-                {"merged_points", run.loops.merged_points},
-                {"correction_m", run.loops.correction_m}};
   m["on_earth"] = result.on_earth;
   m["earth_source"] = result.earth_source;
   m["earth_reason"] = result.earth_reason;
@@ -77,7 +63,6 @@ nlohmann::json Metrics(const LocalizeJob& job, const RunReconstruction& run, con
   m["odometry_scale_sigma"] = result.odometry_scale_sigma;
   m["retrieval_words"] = result.retrieval.words;
   m["retrieval_memory_mib"] = result.retrieval.memory_mib;
-  for (const auto& [name, seconds] : run.seconds) m["seconds"][name] = seconds;
   for (const auto& [name, seconds] : result.seconds) m["seconds"][name] = seconds;
   return m;
 }
@@ -120,7 +105,7 @@ StageInfo LocalizeStage() {
   info.name = "localize";
   info.help = "find the pose of every camera and panorama of a run";
   info.variants = true;
-  info.needs = {"features", "references"};
+  info.needs = {"features", "reconstruct", "references"};
   info.reviewed = {"image", "panorama"};
   info.metric = "localized";
   info.flags = {"mode"};
@@ -138,6 +123,7 @@ StageInfo LocalizeStage() {
       if (std::filesystem::exists(project.dir() / table)) request.inputs.push_back(project.dir() / table);
     }
     request.inputs.push_back(ManifestOf(project, "features", plain));
+    request.inputs.push_back(ReconstructionManifest(project, "localize", target));
     request.inputs.push_back(ManifestOf(project, "references", plain));
     const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
     const std::filesystem::path references = ResultOf(project, "references", plain) / "features.db";
@@ -162,14 +148,14 @@ StageInfo LocalizeStage() {
         sets = RefineSets(job, options.registration, options.rig, reconstruction, retrieval, context.seed,
                           context.progress, context.cancel, placed, answers);
       };
-      RunReconstruction alone = ReconstructRun(job.input, options.run, options.mode == "paper", context.threads,
-                                               context.seed, context.progress, context.cancel);
-      const Localization result = Localize(job.input, std::move(alone.reconstruction), job.gps, options,
+      Solution alone = ReadReconstruction(context.project, "localize", target);
+      const SolutionCounts counts = alone.counts;
+      const Localization result = Localize(job.input, ReconstructionOf(job.input, std::move(alone)), job.gps, options,
                                            context.threads, context.seed, context.progress, context.cancel, refine);
       WarnOfEarth(result, context.progress);
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
-      context.metrics.update(Metrics(job, alone, result));
+      context.metrics.update(Metrics(job, counts, result));
       NoteClocks(r, job, result, &context);
       for (const SetRefinement& set : sets) {
         context.metrics["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},

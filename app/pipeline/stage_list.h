@@ -6,6 +6,7 @@
 namespace trigpoint {
 
 StageInfo FeaturesStage();
+StageInfo ReconstructStage();
 StageInfo ReferencesStage();
 StageInfo LocalizeStage();
 StageInfo DetectStage();

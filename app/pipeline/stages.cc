@@ -16,9 +16,9 @@ using nlohmann::json;
 
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
-  static const std::vector<StageInfo> kStages = {FeaturesStage(), ReferencesStage(), LocalizeStage(),
-                                                 DetectStage(),   SurveyStage(),     ReferenceStage(),
-                                                 EvaluateStage(), CrosscheckStage(), ReportStage()};
+  static const std::vector<StageInfo> kStages = {
+      FeaturesStage(), ReconstructStage(), ReferencesStage(), LocalizeStage(),   DetectStage(),
+      SurveyStage(),   ReferenceStage(),   EvaluateStage(),   CrosscheckStage(), ReportStage()};
   return kStages;
 }
 
@@ -90,21 +90,43 @@ std::vector<fs::path> ReferenceInputs(const Project& project) {
   return inputs;
 }
 
+StageTarget TargetRead(const Project& project, const StageInfo& stage, const std::string& reader,
+                       const StageTarget& target) {
+  StageTarget read = target;
+  if (!stage.variants) read.variant.clear();
+  return stage.read_as ? stage.read_as(project, reader, read) : read;
+}
+
+json MovedOptions(json stages) {
+  const auto from = stages.find("localize");
+  if (from == stages.end() || !from->is_object()) return stages;
+  json moved = json::object();
+  for (const char* group : {"tracks", "pairs", "reconstruct", "loops"}) {
+    if (!from->contains(group)) continue;
+    moved[group] = from->at(group);
+    from->erase(group);
+  }
+  if (moved.empty()) return stages;
+  if (from->empty()) stages.erase("localize");
+  if (const auto own = stages.find("reconstruct"); own != stages.end()) moved.merge_patch(*own);
+  stages["reconstruct"] = std::move(moved);
+  return stages;
+}
+
 std::vector<OptionLayer> OptionLayers(const Project& project, const std::string& stage, const StageTarget& target) {
   const std::string file = (project.dir() / "trigpoint.yaml").string();
-  std::vector<OptionLayer> layers = {{project.StageOptions(stage), file + ": stages." + stage}};
+  const auto of_stage = [&](const json& stages) { return MovedOptions(stages).value(stage, json::object()); };
+  std::vector<OptionLayer> layers = {{of_stage(project.stages()), file + ": stages." + stage}};
   if (target.variant == "paper" && !project.variants().contains("paper")) {
     const std::vector<std::string>& flags = StageNamed(stage).flags;
     if (std::find(flags.begin(), flags.end(), "mode") != flags.end()) {
       layers.push_back({{{"mode", "paper"}}, "the variant paper"});
     }
   } else if (!target.variant.empty()) {
-    layers.push_back(
-        {project.VariantOptions(target.variant, stage), file + ": variants." + target.variant + "." + stage});
+    layers.push_back({of_stage(project.variants().value(target.variant, json::object())),
+                      file + ": variants." + target.variant + "." + stage});
   }
-  if (const auto it = target.overrides.find(stage); it != target.overrides.end()) {
-    layers.push_back({*it, "command line"});
-  }
+  if (const json given = of_stage(target.overrides); !given.empty()) layers.push_back({given, "command line"});
   return layers;
 }
 
@@ -112,7 +134,8 @@ void CheckProjectOptions(const Project& project) {
   const std::string file = (project.dir() / "trigpoint.yaml").string();
   std::vector<std::string> problems;
   const auto check = [&](const json& stages, const std::string& where) {
-    for (const auto& [name, values] : stages.items()) {
+    const json moved = MovedOptions(stages);
+    for (const auto& [name, values] : moved.items()) {
       try {
         StageNamed(name).check(values, where + "." + name, problems);
       } catch (const OptionError& e) {

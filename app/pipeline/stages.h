@@ -58,9 +58,16 @@ struct StageInfo {
   std::function<StageRequest(const Project&, const StageTarget&)> make;
   // What a person reads on the command line when the result is there: tables, where things lie. Optional.
   std::function<std::string(const StageOutcome&, const DisplayUnit&)> summary;
+  // Of a stage with variants: the target whose result `reader`, a stage that needs it, reads for its own target.
+  // Absent: the same variant's.
+  std::function<StageTarget(const Project&, const std::string& reader, const StageTarget&)> read_as;
   // Why there is nothing to do for a target ("no stations.csv"), empty if there is. Optional.
   std::function<std::string(const Project&, const StageTarget&)> not_needed;
 };
+
+// The target whose result of `stage` the stage `reader` reads for `target`.
+StageTarget TargetRead(const Project& project, const StageInfo& stage, const std::string& reader,
+                       const StageTarget& target);
 
 // All stages that are built, each after those it needs.
 const std::vector<StageInfo>& Stages();
@@ -94,11 +101,15 @@ struct OptionLayer {
 // The variant "paper" needs no entry in trigpoint.yaml: a stage that has an option `mode` gets mode: paper by it.
 std::vector<OptionLayer> OptionLayers(const Project& project, const std::string& stage, const StageTarget& target);
 
-// The defaults, with the target's layers over them. Options with modes (a static ForMode(name)) begin with the defaults
-// of the mode that the layers name. Throws OptionError listing everything that is wrong.
+// {stage: {option: value}} with the options that once were another stage's in their places: those of `reconstruct` were
+// localize's, and project files that set them there are read.
+nlohmann::json MovedOptions(nlohmann::json stages);
+
+// `options`, by default the defaults, with the target's layers over them. Options with modes (a static ForMode(name))
+// begin with the defaults of the mode that the layers name. Throws OptionError listing everything that is wrong.
 template <typename Options>
-Options ResolveOptions(const Project& project, const std::string& stage, const StageTarget& target) {
-  Options options;
+Options ResolveOptions(const Project& project, const std::string& stage, const StageTarget& target,
+                       Options options = {}) {
   if constexpr (requires { Options::ForMode(std::string()); }) {
     for (const OptionLayer& layer : OptionLayers(project, stage, target)) {
       const auto mode = layer.values.find("mode");

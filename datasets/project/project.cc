@@ -273,12 +273,6 @@ bool AddRuns(std::string& text, const std::vector<std::string>& all) {
   return true;
 }
 
-const nlohmann::json& ObjectAt(const nlohmann::json& json, const std::string& key) {
-  static const nlohmann::json kEmpty = nlohmann::json::object();
-  const auto it = json.find(key);
-  return it == json.end() ? kEmpty : *it;
-}
-
 fs::path ExistingFolder(const fs::path& dir) {
   std::error_code failure;
   if (!fs::exists(dir, failure)) throw InputError(dir.string() + ": there is no such folder");
@@ -468,12 +462,6 @@ const Run& Project::run(const std::string& name) const {
 }
 
 std::vector<std::string> Project::RunNames() const { return NamesOfRuns(site_); }
-
-const nlohmann::json& Project::StageOptions(const std::string& stage) const { return ObjectAt(stages_, stage); }
-
-const nlohmann::json& Project::VariantOptions(const std::string& variant, const std::string& stage) const {
-  return ObjectAt(ObjectAt(variants_, variant), stage);
-}
 
 fs::path Project::ResultDir(const std::string& stage, const std::string& name) const {
   if (name.empty() || name.front() == '@') return results() / (stage + name);

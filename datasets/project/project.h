@@ -49,11 +49,8 @@ class Project {
   // Site ENU: from trigpoint.yaml or origin.json, else the mean of control points, panoramas, GPS. None: no geo data.
   bool has_frame() const { return has_frame_; }
   const LocalFrame& frame() const { return frame_; }
-  // Option values of a stage from trigpoint.yaml (stages: <stage>: {key: value}), as JSON; empty object if none.
-  const nlohmann::json& StageOptions(const std::string& stage) const;
-  // The same for a variant (variants: <variant>: <stage>: {key: value}), to be laid over StageOptions.
-  const nlohmann::json& VariantOptions(const std::string& variant, const std::string& stage) const;
-  // All of it: {stage: {...}} and {variant: {stage: {...}}}.
+  // Option values of trigpoint.yaml: {stage: {option: value}}, and those of variants, which are laid over them:
+  // {variant: {stage: {option: value}}}.
   const nlohmann::json& stages() const { return stages_; }
   const nlohmann::json& variants() const { return variants_; }
   // Thresholds of `evaluate`, {name: limit}.

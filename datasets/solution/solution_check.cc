@@ -51,6 +51,9 @@ void CheckSolution(const Solution& s) {
   for (size_t i = 0; i < p.factors.size(); ++i) {
     CheckIndex("factor", i, "pose", p.factors[i].a, p.poses.size());
     if (p.factors[i].b != -1) CheckIndex("factor", i, "pose", p.factors[i].b, p.poses.size());
+    if (p.factors[i].kind != PoseFactor::Kind::kTwoView) continue;
+    CheckIndex("factor", i, "view", p.factors[i].view_a, p.views.size());
+    CheckIndex("factor", i, "view", p.factors[i].view_b, p.views.size());
   }
   for (size_t i = 0; i < s.references.size(); ++i) {
     if (s.references[i].pose != -1) CheckIndex("reference", i, "pose", s.references[i].pose, p.poses.size());

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <memory>
 
 #include "calib/base/error.h"
@@ -214,14 +215,18 @@ Table ObservationTable(Solution& s) {
 
 Table FactorTable(Solution& s) {
   std::vector<PoseFactor>& f = s.problem.factors;
-  static const char* const kKinds[] = {"between", "prior", "geotag", "position"};  // PoseFactor::Kind
+  static const std::map<PoseFactor::Kind, std::string> kKinds = {{PoseFactor::Kind::kBetween, "between"},
+                                                                 {PoseFactor::Kind::kPrior, "prior"},
+                                                                 {PoseFactor::Kind::kGeotag, "geotag"},
+                                                                 {PoseFactor::Kind::kTwoView, "two_view"},
+                                                                 {PoseFactor::Kind::kPosition, "position"}};
   Table t{"factors", f.size(), [&](size_t n) { f.resize(n); }, {}};
   t.AddMade(
-      "kind", [&](size_t i) { return std::string(kKinds[static_cast<int>(f[i].kind)]); },
+      "kind", [&](size_t i) { return kKinds.at(f[i].kind); },
       [&](size_t i, const std::string& v) {
-        for (int k = 0; k < 4; ++k) {
-          if (v != kKinds[k]) continue;
-          f[i].kind = static_cast<PoseFactor::Kind>(k);
+        for (const auto& [kind, name] : kKinds) {
+          if (v != name) continue;
+          f[i].kind = kind;
           return true;
         }
         return false;
@@ -236,6 +241,10 @@ Table FactorTable(Solution& s) {
       "measured_", [&](size_t i) -> auto& { return f[i].measured; });
   t.Add(
       "arm", [&](size_t i) -> auto& { return f[i].arm; });
+  t.Add(
+      "view_a", [&](size_t i) -> auto& { return f[i].view_a; });
+  t.Add(
+      "view_b", [&](size_t i) -> auto& { return f[i].view_b; });
   t.Add(
       "sqrt_info", [&](size_t i) -> auto& { return f[i].sqrt_info; });
   t.AddMade(

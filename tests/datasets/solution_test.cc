@@ -52,6 +52,17 @@ Solution MakeSolution() {
     f.weight = 0.1 + 0.2;
     s.problem.factors.push_back(f);
   }
+  PoseFactor between = s.problem.factors.front();
+  between.kind = PoseFactor::Kind::kTwoView;
+  between.measured.translation.normalize();
+  between.view_b = 1;
+  s.problem.factors.push_back(between);
+  PoseFactor antenna;
+  antenna.kind = PoseFactor::Kind::kPosition;
+  antenna.a = 5;
+  antenna.arm = {0.1, -0.2, 1};
+  antenna.measured.translation = s.problem.poses[5].Inverse() * antenna.arm;
+  s.problem.factors.push_back(antenna);
   s.problem.poses.push_back(Rigid3d(ExpSO3({0.1, 0.2, 0.3}), {-2, 1, 0.5}));  // of the localized reference
   s.problem.pose_constant.push_back(false);
   s.problem.views.push_back(Rigid3d());
@@ -171,7 +182,10 @@ TEST(SolutionFile, ComesBackBitByBit) {
   }
   EXPECT_EQ(back.image_of, s.image_of);
   EXPECT_EQ(back.feature_of, s.feature_of);
-  ASSERT_EQ(back.problem.factors.size(), 5u);
+  ASSERT_EQ(back.problem.factors.size(), 7u);
+  for (size_t k = 0; k < 7; ++k) EXPECT_EQ(back.problem.factors[k].kind, s.problem.factors[k].kind);
+  EXPECT_EQ(back.problem.factors[5].view_b, 1);
+  EXPECT_EQ(back.problem.factors[6].arm, s.problem.factors[6].arm);
   EXPECT_EQ(back.problem.factors[2].sqrt_info, s.problem.factors[2].sqrt_info);
   EXPECT_EQ(back.problem.factors[2].weight, s.problem.factors[2].weight);
   ExpectSamePose(back.problem.factors[2].measured, s.problem.factors[2].measured);

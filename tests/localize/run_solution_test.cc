@@ -68,7 +68,7 @@ class RunSolution : public testing::Test {
 TEST_F(RunSolution, ReadBackLeadsToTheSameAnswers) {
   RunReconstruction run = Run();
   Reconstruction kept = run.reconstruction;
-  WriteSolution(SolutionOf(drive_.input, "run1", std::move(run)), file_);
+  WriteSolution(SolutionOf(drive_.input, "run1", "trigpoint", std::move(run)), file_);
   const Solution read = ReadSolution(file_);
   ASSERT_FALSE(read.counts.empty());
   EXPECT_EQ(read.counts.front().first, "tracks");
@@ -86,7 +86,7 @@ TEST_F(RunSolution, ReadBackLeadsToTheSameAnswers) {
 }
 
 TEST_F(RunSolution, OfAnotherRunIsRefused) {
-  const Solution solution = SolutionOf(drive_.input, "run1", Run());
+  const Solution solution = SolutionOf(drive_.input, "run1", "trigpoint", Run());
   drive_.input.images[3].name = "another";
   try {
     ReconstructionOf(drive_.input, solution);

@@ -1,0 +1,148 @@
+// reconstruct: a run's images and odometry to its solution, without references and without the Earth.
+#include "app/pipeline/reconstruct_stage.h"
+
+#include <fmt/format.h>
+
+#include "app/pipeline/localize_files.h"
+#include "app/pipeline/stage_list.h"
+#include "datasets/solution/solution_file.h"
+#include "localize/run_solution.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSolution = "solution.db";
+
+ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
+  const bool paper = ModeOf(project, target) == "paper";
+  return ResolveOptions(project, "reconstruct", target,
+                        paper ? ReconstructRunOptions::Paper() : ReconstructRunOptions());
+}
+
+nlohmann::json IdentityOptions(const Project& project, const StageTarget& target) {
+  nlohmann::json options = JsonFromOptions(OptionsFor(project, target));
+  options["mode"] = ModeOf(project, target);
+  return options;
+}
+
+StageTarget Plain(StageTarget target) {
+  target.variant.clear();
+  return target;
+}
+
+// A variant that sets none of these options shares the reconstruction of the first set. The survey's map is the truth
+// that the published method is held against, too: it does not rest on it.
+StageTarget ReadAs(const Project& project, const std::string& reader, const StageTarget& target) {
+  if (target.variant.empty()) return target;
+  if (reader == "survey" && ModeOf(project, target) == "paper") return Plain(target);
+  if (IdentityOptions(project, target) != IdentityOptions(project, Plain(target))) return target;
+  // A variant made by options of the command line is known by its result.
+  const bool made = !project.variants().contains(target.variant) && target.variant != "paper" &&
+                    fs::exists(ManifestOf(project, "reconstruct", target));
+  return made ? target : Plain(target);
+}
+
+nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruction& run) {
+  nlohmann::json m;
+  m["images"] = job.input.images.size();
+  m["images_without_odometry"] = job.without_odometry;
+  m["tracks"] = run.tracks.tracks;
+  m["observations"] = run.tracked;
+  m["feature_sigma_px"] = run.reconstruction.sigma_px;
+  for (double f : run.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
+  m["pairs_contradicting_odometry"] = run.tracks.odometry_contradicted;
+  m["pairs"] = {{"tried", run.pairs_tried}, {"joined", run.pairs_joined}, {"rejected", run.pairs_rejected.size()}};
+  for (const ImagePair& pair : run.pairs_rejected) {
+    m["pairs"]["rejected_images"].push_back(
+        {job.input.images[static_cast<size_t>(pair.a)].name, job.input.images[static_cast<size_t>(pair.b)].name});
+  }
+  m["loops"] = {{"tried", run.loops.tried},
+                {"found", run.loops.found},
+                {"contradicting", run.loops.contradicting},
+                {"closed", run.loops.closed},
+                {"merged_points", run.loops.merged_points},
+                {"correction_m", run.loops.correction_m}};
+  for (const auto& [name, seconds] : run.seconds) m["seconds"][name] = seconds;
+  return m;
+}
+
+void MakeReconstruction(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
+                        StageContext& context) {
+  Run run = context.project.run(target.run);
+  const Review& review = context.project.review();
+  std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
+  const LocalizeJob job = MakeRunJob(run, ResultOf(context.project, "features", Plain(target)) / "features.db");
+  for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
+  RunReconstruction result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed,
+                                            context.progress, context.cancel);
+  context.metrics.update(ReconstructionMetrics(job, result));
+  context.progress.Begin("writing the solution", 0);
+  WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolution);
+}
+
+}  // namespace
+
+std::string ModeOf(const Project& project, const StageTarget& target) {
+  std::string mode = "trigpoint";
+  for (const OptionLayer& layer : OptionLayers(project, "localize", target)) {
+    const auto given = layer.values.find("mode");
+    if (given != layer.values.end() && given->is_string()) mode = given->get<std::string>();
+  }
+  return mode;
+}
+
+fs::path ReconstructionManifest(const Project& project, const std::string& reader, const StageTarget& target) {
+  return ManifestOf(project, "reconstruct", TargetRead(project, StageNamed("reconstruct"), reader, target));
+}
+
+Solution ReadReconstruction(const Project& project, const std::string& reader, const StageTarget& target) {
+  const fs::path file = ReconstructionManifest(project, reader, target).parent_path() / kSolution;
+  if (!fs::exists(file)) {
+    throw InputError("run " + target.run + ": is not reconstructed yet (" + file.string() +
+                     " is missing); run `trigpoint reconstruct` first");
+  }
+  return ReadSolution(file);
+}
+
+StageInfo ReconstructStage() {
+  StageInfo info;
+  info.name = "reconstruct";
+  info.help = "find a run's camera poses and scene points from its images and odometry";
+  info.variants = true;
+  info.needs = {"features"};
+  info.reviewed = {"image"};
+  info.metric = "tracks";
+  info.read_as = ReadAs;
+  UseOptions<ReconstructRunOptions>(info);
+  info.make = [](const Project& project, const StageTarget& target) {
+    const ReconstructRunOptions options = OptionsFor(project, target);
+    StageRequest request;
+    request.version = 1;
+    request.options = IdentityOptions(project, target);
+    request.inputs = RunInputs(project, project.run(target.run));
+    request.inputs.push_back(ManifestOf(project, "features", Plain(target)));
+    request.body = [=, mode = ModeOf(project, target)](StageContext& context) {
+      MakeReconstruction(options, mode, target, context);
+    };
+    return request;
+  };
+  info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
+    for (const Run& r : project.site().runs) {
+      if (r.name != target.run) continue;
+      if (r.images.empty()) return "run " + r.name + " has no images";
+      if (r.odometry.poses.empty()) return "run " + r.name + " has no odometry";
+    }
+    return "";
+  };
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
+    const nlohmann::json& m = outcome.manifest.at("metrics");
+    return fmt::format("{} images, {} tracks, {} observations, features' noise {:.2f} px (1 sigma); {} loops closed\n",
+                       m.at("images").get<int>(), m.at("tracks").get<int>(), m.at("observations").get<int64_t>(),
+                       m.at("feature_sigma_px").get<double>(), m.at("loops").at("closed").get<int>());
+  };
+  return info;
+}
+
+}  // namespace trigpoint

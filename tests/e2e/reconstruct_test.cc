@@ -1,0 +1,144 @@
+// The reconstruct stage: made once, shared, made again where its solution is damaged, read by what follows.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "datasets/io/text.h"
+#include "datasets/solution/solution_file.h"
+#include "tests/datasets/project_folder.h"
+#include "tests/e2e/program.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+// The second run of the embedded site, with few features in the panoramas' views.
+class Reconstructed : public testing::Test {
+ protected:
+  Reconstructed() {
+    fs::remove(folder_ / "control_points.csv");
+    fs::remove_all(folder_ / "runs");
+    fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
+    fs::remove_all(folder_ / "runs/run1");
+    Configure("");
+  }
+  void Configure(const std::string& more) const {
+    folder_.Write("trigpoint.yaml",
+                  "stages:\n  references: {views: {size_px: 400}, references: {max_features: 600}}\n" + more);
+  }
+  // What became of each stage's result.
+  std::map<std::string, std::string> Stages(const std::vector<std::string>& arguments,
+                                            std::string* warnings = nullptr) {
+    std::vector<std::string> all = arguments;
+    all.insert(all.begin() + 1, dir());
+    all.push_back("--json");
+    const Finished finished = Trigpoint(all);
+    EXPECT_EQ(finished.exit_code, 0) << finished.err;
+    if (warnings != nullptr) *warnings = finished.err;
+    std::map<std::string, std::string> ends;
+    for (const auto& stage : finished.Json()["stages"]) {
+      const std::string name = stage["name"];
+      ends[stage["stage"].get<std::string>() + "/" + name] = stage.value("status", stage.value("state", ""));
+    }
+    return ends;
+  }
+  nlohmann::json Manifest(const std::string& result) const {
+    return nlohmann::json::parse(folder_.Read("results/" + result + "/manifest.json"));
+  }
+  std::string Answers(const std::string& result) const {
+    std::string text;
+    for (const char* file : {"cameras.tum", "cameras_odom.tum", "cameras.csv", "panoramas.csv", "views.csv"}) {
+      text += folder_.Read("results/localize/" + result + "/" + file);
+    }
+    return text;
+  }
+  std::string dir() const { return folder_.dir().string(); }
+  ProjectFolder folder_;
+};
+
+TEST_F(Reconstructed, IsMadeOnceAndMadeAgainWhereItIsDamaged) {
+  auto ends = Stages({"reconstruct"});
+  EXPECT_EQ(ends.at("reconstruct/run2"), "computed");
+  EXPECT_EQ(ends.count("references/"), 0u) << "a reconstruction needs no panoramas";
+  const fs::path file = folder_ / "results/reconstruct/run2/solution.db";
+  const Solution solution = ReadSolution(file);
+  EXPECT_EQ(solution.run, "run2");
+  EXPECT_EQ(solution.images.size(), 25u);
+  EXPECT_EQ(solution.problem.poses.size(), 25u);
+  EXPECT_GT(solution.problem.points.size(), 500u);
+  EXPECT_FALSE(solution.georeference);
+
+  ends = Stages({"localize"});
+  EXPECT_EQ(ends.at("reconstruct/run2"), "up to date");
+  EXPECT_EQ(ends.at("localize/run2"), "computed");
+  const std::string answers = Answers("run2");
+  ASSERT_THAT(answers, HasSubstr("localized"));
+  EXPECT_EQ(Stages({"status"}).at("reconstruct/run2"), "done");
+
+  const std::string bytes = ReadTextFile(file);
+  for (const bool gone : {true, false}) {
+    SCOPED_TRACE(gone ? "gone" : "changed");
+    if (gone) {
+      fs::remove(file);
+    } else {
+      WriteFileAtomically(file, bytes.substr(0, bytes.size() / 2));
+    }
+    EXPECT_EQ(Stages({"status"}).at("reconstruct/run2"), "out of date");
+    std::string warnings;
+    ends = Stages({"localize"}, &warnings);
+    EXPECT_THAT(warnings, HasSubstr("solution.db is not what was written there any more"));
+    EXPECT_EQ(ends.at("reconstruct/run2"), "computed");
+    EXPECT_EQ(ends.at("localize/run2"), "up to date") << "the same solution changes nothing";
+    EXPECT_EQ(ReadTextFile(file), bytes);
+  }
+  fs::remove_all(folder_ / "results/localize");
+  EXPECT_EQ(Stages({"localize", "--threads", "2"}).at("localize/run2"), "computed");
+  EXPECT_EQ(Answers("run2"), answers);
+}
+
+TEST_F(Reconstructed, IsSharedByVariantsThatDoNotConcernIt) {
+  Configure(
+      "variants:\n"
+      "  strict: {localize: {registration: {min_inliers: 40}}}\n"
+      "  short: {reconstruct: {tracks: {min_length: 5}}}\n");
+  Stages({"localize", "--variant", "strict"});
+  EXPECT_TRUE(fs::exists(folder_ / "results/localize/run2@strict/manifest.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "results/reconstruct/run2@strict"));
+  auto ends = Stages({"localize", "--variant", "short"});
+  EXPECT_EQ(ends.at("reconstruct/run2@short"), "computed");
+  EXPECT_EQ(ends.count("reconstruct/run2"), 0u);
+  ends = Stages({"localize", "--mode", "paper"});
+  EXPECT_EQ(ends.at("reconstruct/run2@paper"), "computed");
+  EXPECT_EQ(Manifest("reconstruct/run2@paper")["options"]["tracks"]["max_gap"], 1);
+  EXPECT_EQ(ReadSolution(folder_ / "results/reconstruct/run2@paper/solution.db").mode, "paper");
+  ends = Stages({"status"});
+  for (const char* result : {"reconstruct/run2", "reconstruct/run2@short", "reconstruct/run2@paper",
+                             "localize/run2@strict", "localize/run2@short", "localize/run2@paper"}) {
+    EXPECT_EQ(ends.at(result), "done") << result;
+  }
+  EXPECT_EQ(ends.count("reconstruct/run2@strict"), 0u);
+}
+
+// Its options were once those of localize.
+TEST_F(Reconstructed, TakesItsOptionsFromWhereTheyWere) {
+  Configure("  localize: {tracks: {min_length: 4}, rig: fixed}\n");
+  Stages({"reconstruct"});
+  EXPECT_EQ(Manifest("reconstruct/run2")["options"]["tracks"]["min_length"], 4);
+  auto ends = Stages({"reconstruct", "--set", "tracks.min_length=4"});
+  EXPECT_EQ(ends.at("reconstruct/run2"), "up to date");
+  Configure("  localize: {tracks: {min_length: 4}, rig: fixed}\n  reconstruct: {tracks: {min_length: 3}}\n");
+  ends = Stages({"localize", "--set", "tracks.min_length=4"});
+  EXPECT_EQ(ends.at("reconstruct/run2"), "up to date");
+  EXPECT_EQ(ends.at("localize/run2"), "computed");
+  EXPECT_FALSE(Manifest("localize/run2")["options"].contains("tracks"));
+  EXPECT_EQ(Manifest("localize/run2")["options"]["rig"], "fixed");
+  Configure("  localize: {tracks: {min_lenth: 4}}\n");
+  const Finished wrong = Trigpoint({"status", dir()});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("stages.reconstruct: unknown option 'tracks.min_lenth'"));
+}
+
+}  // namespace
+}  // namespace trigpoint
