@@ -270,6 +270,8 @@ Table ReferenceTable(Solution& s) {
   t.Add(
       "name", [&](size_t i) -> auto& { return r[i].name; });
   t.Add(
+      "row", [&](size_t i) -> auto& { return r[i].row; });
+  t.Add(
       "station", [&](size_t i) -> auto& { return r[i].station; });
   t.Add(
       "status", [&](size_t i) -> auto& { return r[i].status; });

@@ -104,7 +104,8 @@ Solution MakeSolution() {
   s.references.resize(2);
   s.references[0].name = "p0", s.references[0].status = "rejected", s.references[0].reason = "chance";
   s.references[1].name = "p1", s.references[1].status = "localized", s.references[1].pose = 6;
-  s.references[1].support = 33.25, s.references[1].geotag = "ok", s.references[1].geotag_difference = {1, -0.0, 3};
+  s.references[1].row = "photos/a", s.references[1].support = 33.25, s.references[1].geotag = "ok",
+  s.references[1].geotag_difference = {1, -0.0, 3};
   SolutionGeoreference& geo = s.georeference.emplace();
   geo.source = "geotags";
   geo.origin = {48.1, 11.5, 500.25};
@@ -205,6 +206,7 @@ TEST(SolutionFile, ComesBackBitByBit) {
   ASSERT_EQ(back.references.size(), 2u);
   EXPECT_EQ(back.references[0].reason, "chance");
   EXPECT_EQ(back.references[1].pose, 6);
+  EXPECT_EQ(back.references[1].row, "photos/a");
   EXPECT_TRUE(SameBytes(back.references[1].geotag_difference, s.references[1].geotag_difference));
   ASSERT_TRUE(back.georeference);
   EXPECT_EQ(back.georeference->covariance, s.georeference->covariance);

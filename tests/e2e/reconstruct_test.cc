@@ -38,7 +38,8 @@ class Reconstructed : public testing::Test {
     EXPECT_EQ(finished.exit_code, 0) << finished.err;
     if (warnings != nullptr) *warnings = finished.err;
     std::map<std::string, std::string> ends;
-    for (const auto& stage : finished.Json()["stages"]) {
+    const nlohmann::json summary = finished.Json();
+    for (const auto& stage : summary["stages"]) {
       const std::string name = stage["name"];
       ends[stage["stage"].get<std::string>() + "/" + name] = stage.value("status", stage.value("state", ""));
     }
