@@ -27,10 +27,8 @@ nlohmann::json IdentityOptions(const Project& project, const StageTarget& target
   return options;
 }
 
-StageTarget Plain(StageTarget target) {
-  target.variant.clear();
-  return target;
-}
+// Of the first set of results. What the command line sets for a variant is the variant's.
+StageTarget Plain(const StageTarget& target) { return {target.run, "", nlohmann::json::object()}; }
 
 // A variant that sets none of these options shares the reconstruction of the first set. The survey's map is the truth
 // that the published method is held against, too: it does not rest on it.
