@@ -272,10 +272,11 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
     const std::string suffix = request.variant.empty() ? "" : "@" + request.variant;
     request.out = project.results() / "export" / (one_file ? "site" + suffix + "." + request.to : request.to + suffix);
   }
-  const fs::path place = fs::absolute(request.out).lexically_normal();
+  fs::path place = fs::absolute(request.out).lexically_normal();
   if (one_file && (fs::is_directory(place) || !place.has_filename())) {
     throw OptionError("--out " + request.out.string() + ": expected a file for " + request.to + ", found a folder");
   }
+  if (one_file && !place.has_extension()) place += "." + request.to;  // programs choose their reader by it
   RequireOutputPlace(one_file ? place : place / "x");
   OutputFiles output(one_file ? place.parent_path() : place, request.force);
   request.out = one_file ? output.staging() / place.filename() : output.staging();

@@ -8,6 +8,7 @@
 
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/csv_dialect.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/results.h"
@@ -96,6 +97,19 @@ std::string MarkLine(const std::vector<std::string>& columns, const PointMark& m
   return csv.text().substr(header);
 }
 
+// Marks are added as lines with commas and decimal points.
+void RequireCommas(const fs::path& file, const std::string& text) {
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
+    at = end + 1;
+    if (line.empty() || line.starts_with('#')) continue;
+    if (DelimiterOf(line) == ',') return;
+    throw InputError(file.string() + ": its cells are separated by '" + DelimiterOf(line) +
+                     "'; marks are added to a table with commas and decimal points alone: save it so first");
+  }
+}
+
 // Takes the marks of a point in an image out of control_observations.csv and adds one. Where one was taken out, the
 // file as it was is kept in results/replaced/. Returns whether one was.
 bool EditMarks(const Project& project, const std::string& point, const std::string& image, const PointMark* added) {
@@ -110,6 +124,7 @@ bool EditMarks(const Project& project, const std::string& point, const std::stri
   const bool there = std::any_of(table.rows().begin(), table.rows().end(),
                                  [&](const CsvRow& row) { return IsMarkOf(row, point, image); });
   const std::string old = ReadTextFile(file);
+  RequireCommas(file, old);
   std::string text = there ? WithoutMark(old, table, point, image) : old;
   if (added != nullptr) {
     if (!text.empty() && text.back() != '\n') text += '\n';

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/base/error.h"
+#include "datasets/io/exif_positions.h"
 #include "datasets/io/image.h"
 #include "datasets/io/panorama_writer.h"
 #include "datasets/io/photo_sets.h"
@@ -41,10 +42,21 @@ fs::path FolderOfSet(const Project& project, const std::string& name) {
   throw InputError("project " + project.dir().string() + " has no photo set '" + name + "'");
 }
 
+// Photos of a walk hang together by chance at most: what came out would look like a panorama and be none.
+void RequireOneSpot(const PhotoSet& set, const fs::path& dir) {
+  std::vector<PhotoMetadata> photos;
+  for (const Photo& photo : set.photos) photos.push_back(photo.metadata);
+  const std::string why = WhyNotFromOneSpot(photos);
+  if (why.empty()) return;
+  throw InputError(dir.string() + ": " + why + "; put photos taken on the way into runs/" + set.name +
+                   "/images/ as a run, or list single ones in photos.csv");
+}
+
 // Position and times of the panorama from its photos: the mean of their geotags.
 PanoramaMetadata MetadataOf(const StitchedRig& rig, const Composite& composite) {
   PanoramaMetadata m;
   m.width = composite.width, m.height = composite.height;
+  m.part = composite.part;
   m.photos = rig.placed;
   if (rig.heading_rad) m.heading_deg = *rig.heading_rad * kRadToDeg;
   int positions = 0, heights = 0;
@@ -69,8 +81,9 @@ PanoramaMetadata MetadataOf(const StitchedRig& rig, const Composite& composite) 
   if (positions > 0) m.position = mean;
   m.has_height = heights > 0;
   if (composite.covered < 0.999) {
-    m.description = fmt::format("{:.1f} % of the sphere is covered; the rest is black, transparent in TIFF",
-                                100 * composite.covered);
+    m.description = fmt::format("{:.1f} % of the sphere is covered; {}", 100 * composite.covered,
+                                composite.part.width < composite.width ? "the picture is the part that holds it"
+                                                                       : "the rest is black, transparent in TIFF");
   }
   return m;
 }
@@ -157,10 +170,11 @@ StageInfo StitchStage() {
     const fs::path dir = FolderOfSet(project, target.run);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.version = 6;
+    request.version = 7;
     request.inputs = PicturesIn(dir);
     request.body = [options, dir, name = target.run](StageContext& context) {
       const PhotoSet set = ReadPhotoSet(dir, name);
+      RequireOneSpot(set, dir);
       const auto load = [](bool grey) { return [grey](const Photo& photo) { return LoadPicture(photo.file, grey); }; };
       const StitchedRig rig =
           StitchPhotos(set, load(true), options.rig, context.threads, context.seed, context.progress, context.cancel);
@@ -173,20 +187,22 @@ StageInfo StitchStage() {
         return;
       }
       const std::string file = "panorama." + options.panorama.format;
-      const int width = options.panorama.width > 0 ? options.panorama.width : NativeWidth(rig);
-      PanoramaWriter writer(context.out / file, width, width / 2, options.panorama.quality);
-      const Composite composite = CompositePanorama(
-          rig, load(false), options.panorama, context.threads, [&](const cv::Mat& rows) { writer.Write(rows); },
-          context.progress, context.cancel);
-      writer.Finish();
+      std::optional<PanoramaWriter> writer;
+      const auto begin = [&](const Composite& c) {
+        writer.emplace(context.out / file, c.part.width, c.part.height, options.panorama.quality);
+      };
+      const Composite composite = CompositePanorama(rig, load(false), options.panorama, context.threads,
+                                                    {begin, [&](const cv::Mat& rows) { writer->Write(rows); }},
+                                                    context.progress, context.cancel);
+      writer->Finish();
       WritePanoramaMetadata(context.out / file, MetadataOf(rig, composite));
       if (!cv::imwrite((context.out / "coverage.png").string(), composite.coverage)) {
         throw IoError((context.out / "coverage.png").string() + ": cannot be written");
       }
       WriteRigFiles(rig, &composite, context.out);
       context.metrics["panorama"] = file;
-      context.metrics["width_px"] = composite.width;
-      context.metrics["height_px"] = composite.height;
+      context.metrics["width_px"] = composite.part.width;
+      context.metrics["height_px"] = composite.part.height;
       context.metrics["covered_share"] = composite.covered;
     };
     return request;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "datasets/io/csv_dialect.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
@@ -32,10 +33,11 @@ struct Record {
 
 constexpr size_t kLongestCell = 1'000'000;
 
-// Cuts the text into records; comments are collected apart.
-std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_view text,
+// Cuts the text into records, at the delimiter of the first; comments are collected apart.
+std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_view text, char* delimiter,
                                  std::vector<std::string>* comments) {
   std::vector<Record> records;
+  std::string ends = ",\n";
   int line = 1;
   size_t at = 0;
   while (at < text.size()) {
@@ -47,10 +49,11 @@ std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_
       ++line;
       continue;
     }
+    if (records.empty()) ends[0] = *delimiter = DelimiterOf(whole);
     Record record{{}, line};
     for (bool more = true; more;) {
       std::string cell;
-      while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
+      while (at < text.size() && text[at] != *delimiter && (text[at] == ' ' || text[at] == '\t')) ++at;
       if (at < text.size() && text[at] == '"') {
         const int opened = line;
         for (++at;; ++at) {
@@ -66,14 +69,13 @@ std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_
             break;
           }
         }
-        end = std::min(text.find_first_of(",\n", at), text.size());
+        end = std::min(text.find_first_of(ends, at), text.size());
         if (!Trim(text.substr(at, end - at)).empty()) {
-          throw InputError(FileLine(file, line) +
-                           ": text follows a closing quote; expected a comma or the line's end " +
-                           "(a quote inside a quoted cell is written twice)");
+          throw InputError(FileLine(file, line) + ": text follows a closing quote; expected a '" + ends.substr(0, 1) +
+                           "' or the line's end " + "(a quote inside a quoted cell is written twice)");
         }
       } else {
-        end = std::min(text.find_first_of(",\n", at), text.size());
+        end = std::min(text.find_first_of(ends, at), text.size());
         cell = Trim(text.substr(at, end - at));
       }
       if (cell.size() > kLongestCell) {
@@ -82,13 +84,43 @@ std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_
       }
       if (IsGuardedFormula(cell)) cell.erase(0, 1);
       record.cells.push_back(std::move(cell));
-      more = end < text.size() && text[end] == ',';
+      more = end < text.size() && text[end] == *delimiter;
       at = end + 1;
     }
     ++line;
     records.push_back(std::move(record));
   }
   return records;
+}
+
+// Decimal commas to decimal points, if no number of the table has a decimal point.
+bool MendDecimalCommas(std::vector<Record>* records) {
+  bool comma = false;
+  for (size_t i = 1; i < records->size(); ++i) {
+    for (const std::string& cell : (*records)[i].cells) {
+      if (IsNumberWith('.', cell)) return false;
+      comma = comma || IsNumberWith(',', cell);
+    }
+  }
+  for (size_t i = 1; comma && i < records->size(); ++i) {
+    for (std::string& cell : (*records)[i].cells) {
+      if (IsNumberWith(',', cell)) cell[cell.find(',')] = '.';
+    }
+  }
+  return comma;
+}
+
+std::string NameOf(char delimiter) {
+  return delimiter == ';' ? "semicolons" : delimiter == '\t' ? "tabs" : delimiter == '|' ? "bars" : "commas";
+}
+
+// What of a table is not as documented and how it was taken; "" if all is.
+std::string Understood(const std::vector<std::string>& columns, char delimiter, bool decimal_comma) {
+  std::string text;
+  for (const std::string& column : columns) text += (text.empty() ? "" : ", ") + column;
+  if (delimiter != ',') text += (text.empty() ? "" : "; ") + ("cells separated by " + NameOf(delimiter));
+  if (decimal_comma) text += std::string(text.empty() ? "" : "; ") + "decimal commas";
+  return text;
 }
 
 }  // namespace
@@ -151,7 +183,8 @@ void CsvRow::Fail(const std::string& what) const { throw InputError(Where() + ":
 CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std::string>& required,
                         const std::vector<std::string>& optional) {
   CsvTable table;
-  std::vector<Record> records = SplitRecords(file, ReadTextFile(file), &table.comments_);
+  char delimiter = ',';
+  std::vector<Record> records = SplitRecords(file, ReadTextFile(file), &delimiter, &table.comments_);
   if (records.empty()) throw InputError(file.string() + ": the table is empty; expected a header row");
   auto header = std::make_shared<CsvRow::Header>();
   header->file = file;
@@ -165,6 +198,11 @@ CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std
   const auto known = [](const std::vector<std::string>& names, const std::string& name) {
     return std::find(names.begin(), names.end(), name) != names.end();
   };
+  std::vector<std::string> all = required;
+  all.insert(all.end(), optional.begin(), optional.end());
+  const std::vector<std::string> renamed = UseKnownColumns(all, &header->columns);
+  const std::string understood = Understood(renamed, delimiter, MendDecimalCommas(&records));
+  if (!understood.empty()) table.warnings_.push_back(FileLine(file, header_line) + ": understood as " + understood);
   std::vector<std::string> spare;  // columns nobody asked for, candidates for a slip of the pen
   for (const std::string& column : header->columns) {
     if (!known(required, column) && !known(optional, column)) spare.push_back(column);
@@ -173,11 +211,10 @@ CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std
     if (known(header->columns, column)) continue;
     const std::string nearest = NearestName(column, spare);
     throw InputError(FileLine(file, header_line) + ": column '" + column + "' is missing in the header row" +
-                     (nearest.empty() ? "" : "; nearest column found: '" + Excerpt(nearest) + "'"));
+                     (nearest.empty() ? "" : "; nearest column found: '" + Excerpt(nearest) + "'") +
+                     (understood.empty() ? "" : " (understood: " + Excerpt(understood) + ")"));
   }
   if (!optional.empty()) {
-    std::vector<std::string> all = required;
-    all.insert(all.end(), optional.begin(), optional.end());
     for (const std::string& column : spare) {
       if (column.empty()) continue;
       table.warnings_.push_back(FileLine(file, header_line) + ": column '" + Excerpt(column) +

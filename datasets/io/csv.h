@@ -1,7 +1,8 @@
 // Comma-separated tables, read and written: every table of a project and of its results goes through here.
 //
 // Read: UTF-8 (a byte order mark is fine), LF or CRLF, '#' comment lines and empty lines anywhere, one header row,
-// cells quoted with "..." where they hold commas, quotes ("" is one quote) or line ends, dot decimal.
+// cells quoted with "..." where needed ("" is one quote), dot decimal; also what csv_dialect.h recognises, with a
+// warning.
 //
 //   const CsvTable table = CsvTable::Read(file, {"tag_id", "x", "y"}, {"role"});
 //   for (const CsvRow& row : table.rows()) {

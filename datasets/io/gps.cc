@@ -6,6 +6,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/table_position.h"
 
 namespace trigpoint {
 
@@ -37,16 +38,21 @@ void PutFixesInOrder(const std::filesystem::path& file, GpsTrack* track) {
 
 GpsTrack ReadGpsCsv(const std::filesystem::path& file) {
   GpsTrack track;
-  const CsvTable table =
-      CsvTable::Read(file, {"timestamp_s", "latitude_deg", "longitude_deg"}, {"height_m", "sigma_h_m", "sigma_v_m"});
+  std::vector<std::string> optional = {"sigma_h_m", "sigma_v_m"};
+  optional.insert(optional.end(), PositionColumns().begin(), PositionColumns().end());
+  const CsvTable table = CsvTable::Read(file, {"timestamp_s"}, optional);
+  if (!table.HasColumn("latitude_deg") && !table.HasColumn("easting_m")) {
+    CsvTable::Read(file, {"timestamp_s", "latitude_deg", "longitude_deg"}, optional);  // names the nearest
+  }
   track.warnings = table.warnings();
   table.ForEachUsable(&track.warnings, [&](const CsvRow& row) {
     GpsFix fix;
     fix.stamp_ns = row.StampNs("timestamp_s");
-    fix.position = {row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m", 0)};
-    CheckOnEarth(fix.position, row.Where());
+    const auto stated = PositionOfRow(row);
+    if (!stated) row.Fail("expected a position in columns latitude_deg and longitude_deg, found none");
+    fix.position = stated->position;
     fix.sigma_h_m = row.Number("sigma_h_m", fix.sigma_h_m);
-    fix.sigma_v_m = row.Has("height_m") ? row.Number("sigma_v_m", fix.sigma_v_m) : kUnknownHeightSigma;
+    fix.sigma_v_m = stated->has_height ? row.Number("sigma_v_m", fix.sigma_v_m) : kUnknownHeightSigma;
     if (fix.sigma_h_m <= 0 || fix.sigma_v_m <= 0) row.Fail("expected positive sigmas");
     track.fixes.push_back(fix);
   });

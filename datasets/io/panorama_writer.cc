@@ -39,6 +39,21 @@ Exiv2::URational Thousandths(double value) {
   return {static_cast<uint32_t>(std::llround(std::abs(value) * 1000)), 1000};
 }
 
+// Where the picture lies in the full sphere.
+cv::Rect PutPart(const PanoramaMetadata& m, Exiv2::XmpData* xmp) {
+  const cv::Rect part = m.part.empty() ? cv::Rect(0, 0, m.width, m.height) : m.part;
+  const auto put = [&](const char* name, int value) {
+    (*xmp)[std::string("Xmp.GPano.") + name] = std::to_string(value);
+  };
+  put("FullPanoWidthPixels", m.width);
+  put("FullPanoHeightPixels", m.height);
+  put("CroppedAreaImageWidthPixels", part.width);
+  put("CroppedAreaImageHeightPixels", part.height);
+  put("CroppedAreaLeftPixels", part.x);
+  put("CroppedAreaTopPixels", part.y);
+  return part;
+}
+
 }  // namespace
 
 struct PanoramaWriter::Impl {
@@ -191,12 +206,7 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
     put("UsePanoramaViewer", "True");
     put("CaptureSoftware", "Trigpoint");
     put("StitchingSoftware", "Trigpoint");
-    put("FullPanoWidthPixels", std::to_string(m.width));
-    put("FullPanoHeightPixels", std::to_string(m.height));
-    put("CroppedAreaImageWidthPixels", std::to_string(m.width));
-    put("CroppedAreaImageHeightPixels", std::to_string(m.height));
-    put("CroppedAreaLeftPixels", "0");
-    put("CroppedAreaTopPixels", "0");
+    const cv::Rect part = PutPart(m, &xmp);
     put("SourcePhotosCount", std::to_string(m.photos));
     put("InitialViewHeadingDegrees", std::to_string(std::lround(m.heading_deg.value_or(0)) % 360));
     put("InitialViewPitchDegrees", "0");
@@ -233,7 +243,9 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
     }
     if (m.heading_deg) {
       exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
-      exif["Exif.GPSInfo.GPSImgDirection"] = Thousandths(*m.heading_deg);
+      // EXIF's is that of the picture's centre.
+      const double offset_deg = ((part.x + 0.5 * part.width) / m.width - 0.5) * 360;
+      exif["Exif.GPSInfo.GPSImgDirection"] = Thousandths(std::fmod(*m.heading_deg + offset_deg + 720, 360));
     }
     image->writeMetadata();
   } catch (const Exiv2::AnyError& e) {

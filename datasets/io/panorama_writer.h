@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
 #include <optional>
 #include <string>
 
@@ -32,8 +33,9 @@ class PanoramaWriter {
 };
 
 struct PanoramaMetadata {
-  int width = 0, height = 0;  // of the full sphere, which the picture is
-  // Of the picture's centre: clockwise from north, above the horizon, clockwise; no heading: not known.
+  int width = 0, height = 0;  // of the full sphere
+  cv::Rect part;              // of it that the picture is; empty: all of it
+  // Of the full sphere's centre: clockwise from north, above the horizon, clockwise; no heading: not known.
   std::optional<double> heading_deg;
   double pitch_deg = 0, roll_deg = 0;
   int photos = 0;                                    // it was made from

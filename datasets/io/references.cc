@@ -6,17 +6,22 @@
 #include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
-#include "datasets/io/exif.h"
+#include "datasets/io/exif_positions.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/table_position.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
 
-const std::vector<std::string> kGeoTagColumns = {"station",     "latitude_deg",      "longitude_deg", "height_m",
-                                                 "heading_deg", "pitch_deg",         "roll_deg",      "sigma_h_m",
-                                                 "sigma_v_m",   "sigma_heading_deg", "sigma_tilt_deg"};
+std::vector<std::string> GeoTagColumns() {
+  std::vector<std::string> columns = {"station",   "heading_deg", "pitch_deg",         "roll_deg",
+                                      "sigma_h_m", "sigma_v_m",   "sigma_heading_deg", "sigma_tilt_deg",
+                                      "source",    "captured_at", "licence",           "attribution"};
+  columns.insert(columns.end(), PositionColumns().begin(), PositionColumns().end());
+  return columns;
+}
 
 double PositiveSigma(const CsvRow& row, const char* column, double missing) {
   const double sigma = row.Number(column, missing);
@@ -26,16 +31,10 @@ double PositiveSigma(const CsvRow& row, const char* column, double missing) {
 
 GeoTag ReadGeoTag(const CsvRow& row) {
   GeoTag tag;
-  if (row.Has("latitude_deg") != row.Has("longitude_deg")) {
-    row.Fail("expected both latitude_deg and longitude_deg, or neither");
-  }
-  if (row.Has("latitude_deg")) {
+  if (const auto stated = PositionOfRow(row)) {
     tag.has_position = true;
-    tag.position.latitude_deg = row.Number("latitude_deg");
-    tag.position.longitude_deg = row.Number("longitude_deg");
-    tag.has_height = row.Has("height_m");
-    tag.position.height_m = row.Number("height_m", 0);
-    CheckOnEarth(tag.position, row.Where());
+    tag.position = stated->position;
+    tag.has_height = stated->has_height;
   }
   tag.has_heading = row.Has("heading_deg");
   tag.attitude.heading_rad = row.Number("heading_deg", 0) * kDegToRad;
@@ -90,7 +89,7 @@ std::vector<Reference> ReadPanoramaTable(const std::filesystem::path& file, cons
                                          std::vector<std::string>* warnings) {
   std::vector<Reference> references;
   std::set<std::string> names;
-  const CsvTable table = CsvTable::Read(file, {"file"}, kGeoTagColumns);
+  const CsvTable table = CsvTable::Read(file, {"file"}, GeoTagColumns());
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     const std::string& name = row.Text("file");
@@ -127,7 +126,7 @@ std::vector<Reference> ReadPhotoTable(const std::filesystem::path& file, const s
   std::vector<Reference> references;
   std::set<std::string> names;
   std::map<std::filesystem::path, Camera> cameras;
-  std::vector<std::string> optional = kGeoTagColumns;
+  std::vector<std::string> optional = GeoTagColumns();
   optional.push_back("camera");
   const CsvTable table = CsvTable::Read(file, {"file"}, optional);
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
@@ -175,9 +174,10 @@ std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vect
     set.kind = ReferenceKind::kPhotoSet;
     set.name = set.station = folder.filename().string();
     int positions = 0;
+    std::vector<PhotoMetadata> photos;
     for (const std::filesystem::path& file : PicturesIn(folder)) {
       try {
-        const PhotoMetadata metadata = ReadPhotoMetadata(file);
+        const PhotoMetadata& metadata = photos.emplace_back(ReadPhotoMetadata(file));
         if (!set.camera) set.camera = CameraFromMetadata(metadata);
         if (metadata.position) {
           // The mean of a set's geotags, as far as they are told.
@@ -200,6 +200,11 @@ std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vect
     if (set.files.size() < 2) {
       warnings->push_back(folder.string() + ": a hand-held set needs at least two photos, found " +
                           std::to_string(set.files.size()) + "; the set is skipped");
+      continue;
+    }
+    if (const std::string why = WhyNotFromOneSpot(photos); !why.empty()) {
+      warnings->push_back(folder.string() + ": " + why + "; the set is skipped: as a walk, make it a run (runs/" +
+                          set.name + "/)");
       continue;
     }
     references.push_back(std::move(set));

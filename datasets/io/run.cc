@@ -4,7 +4,7 @@
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
-#include "datasets/io/exif.h"
+#include "datasets/io/exif_positions.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
@@ -244,13 +244,15 @@ std::optional<std::filesystem::path> GpsFile(const std::filesystem::path& dir) {
 // GPS is a help, not a need: a broken track is left out with its reason.
 void ReadGps(Run* run) {
   const auto file = GpsFile(run->dir);
-  if (!file) return;
   try {
     const RunClock clock{run->config.time_zero_utc_ns, run->config.date};
-    GpsTrack track = file->extension() == ".csv"    ? ReadGpsCsv(*file)
+    GpsTrack track = !file                          ? ReadImagePositions(*run)
+                     : file->extension() == ".csv"  ? ReadGpsCsv(*file)
                      : file->extension() == ".nmea" ? ReadNmea(*file, clock)
                                                     : ReadGpx(*file, clock);
-    for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run->config.gps_time_offset_s);
+    if (file) {  // the positions in images have the images' times
+      for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run->config.gps_time_offset_s);
+    }
     run->gps = std::move(track.fixes);
     run->warnings.insert(run->warnings.end(), track.warnings.begin(), track.warnings.end());
   } catch (const InputError& e) {

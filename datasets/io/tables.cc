@@ -6,40 +6,13 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/csv_dialect.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/table_position.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 
 namespace trigpoint {
-namespace {
-
-// A position in a named coordinate reference system.
-Geodetic FromCrs(const CsvRow& row) {
-  std::string crs = row.Text("crs");
-  if (crs.starts_with("EPSG:") || crs.starts_with("epsg:")) crs.erase(0, 5);
-  const int code = static_cast<int>(ParseInt(crs).value_or(0));
-  const double east = row.Number("easting_m"), north = row.Number("northing_m"), height = row.Number("height_m");
-  if (code == 4326 || code == 4979) return {north, east, height};
-  // ETRS89's ellipsoid is that of WGS 84 to a tenth of a millimetre; the plate has carried it off by less than a metre,
-  // which is part of the shift that is estimated between control and satellites.
-  const bool etrs89 = code >= 25828 && code <= 25838;
-  const bool northern = etrs89 || (code > 32600 && code <= 32660), southern = code > 32700 && code <= 32760;
-  if (!northern && !southern) {
-    throw InputError(
-        row.Where("crs") +
-        ": expected EPSG:326zz or EPSG:327zz (UTM on WGS 84), EPSG:258zz (on ETRS89) or EPSG:4326, found '" +
-        row.Text("crs") +
-        "'; other systems need their datum's transformation, which is not built in: " + "convert the points first");
-  }
-  try {
-    return GeodeticFromUtm({code % 100, northern, east, north}, height);
-  } catch (const InputError& e) {
-    row.Fail(e.what());
-  }
-}
-
-}  // namespace
-
 std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<Station> stations;
   const CsvTable table =
@@ -101,10 +74,8 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
     if (local) {
       point.local_m = Eigen::Vector3d(row.Number("x_m"), row.Number("y_m"), row.Number("z_m"));
     } else {
-      point.geodetic = projected
-                           ? FromCrs(row)
-                           : Geodetic{row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m")};
-      CheckOnEarth(*point.geodetic, row.Where());
+      point.geodetic = PositionOfRow(row)->position;
+      row.Number("height_m");  // a control point has all three coordinates
     }
     point.sigma_h_m = row.Number("sigma_h_m", point.sigma_h_m);
     point.sigma_v_m = row.Number("sigma_v_m", point.sigma_v_m);
@@ -157,23 +128,30 @@ Geodetic ReadOrigin(const std::filesystem::path& file) {
   if (json.is_discarded() || !json.is_object()) {
     throw InputError(file.string() + ": expected JSON as {\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240.0}");
   }
-  const std::vector<std::string> keys = {"lat", "lon", "alt"};
+  const std::vector<std::string> keys = {"latitude_deg", "longitude_deg", "height_m"};
+  std::map<std::string, const nlohmann::json*> values;
   for (const auto& [key, value] : json.items()) {
-    if (std::find(keys.begin(), keys.end(), key) == keys.end() && key != "schema") {
-      throw InputError(file.string() + ": unknown key '" + key + "'; nearest known key: '" + NearestName(key, keys) +
-                       "'");
+    if (key == "schema") continue;
+    const std::string meant = KnownColumn(key, keys, false);
+    if (meant.empty()) {
+      throw InputError(file.string() + ": unknown key '" + key + "'; nearest known key: '" +
+                       NearestName(key, {"lat", "lon", "alt"}) + "'");
+    }
+    if (!values.emplace(meant, &value).second) {
+      throw InputError(file.string() + ": key '" + key + "' states what another key states, too; keep one");
     }
   }
-  const auto number = [&](const char* key, bool required) {
-    const auto it = json.find(key);
-    if (it == json.end() && !required) return 0.0;
-    if (it == json.end() || !it->is_number()) {
+  const auto number = [&](const char* name, const char* key, bool required) {
+    const auto it = values.find(name);
+    if (it == values.end() && !required) return 0.0;
+    if (it == values.end() || !it->second->is_number()) {
       throw InputError(file.string() + ": key '" + key + "': expected a number, found " +
-                       (it == json.end() ? "nothing" : it->dump()));
+                       (it == values.end() ? "nothing" : it->second->dump()));
     }
-    return it->get<double>();
+    return it->second->get<double>();
   };
-  const Geodetic origin{number("lat", true), number("lon", true), number("alt", false)};
+  const Geodetic origin{number(keys[0].c_str(), "lat", true), number(keys[1].c_str(), "lon", true),
+                        number(keys[2].c_str(), "alt", false)};
   CheckOnEarth(origin, file.string());
   return origin;
 }

@@ -352,6 +352,44 @@ cv::Mat FindSeams(std::vector<LowPhoto>* photos, int width, const std::string& k
   return label;
 }
 
+// The full sphere, unless a part of the horizon is not seen and what is lies within the ends of the picture: then the
+// box about it. `coverage` is a smaller picture of the full sphere.
+cv::Rect FilledPart(const cv::Mat& coverage, int width) {
+  const cv::Rect whole(0, 0, width, width / 2);
+  cv::Mat columns;
+  cv::reduce(coverage, columns, 0, cv::REDUCE_MAX);
+  const int unseen = coverage.cols - cv::countNonZero(columns);
+  constexpr int kLeastGap = 16;  // of the horizon, 1 part of so many
+  if (unseen * kLeastGap < coverage.cols || unseen == coverage.cols) return whole;
+  const cv::Rect box = cv::boundingRect(coverage);
+  if (box.x == 0 || box.br().x == coverage.cols) return whole;
+  const double scale = static_cast<double>(width) / coverage.cols;
+  const cv::Point first(static_cast<int>((box.x - 1) * scale), static_cast<int>(std::max(0, box.y - 1) * scale));
+  const cv::Point last(static_cast<int>((box.br().x + 1) * scale), static_cast<int>((box.br().y + 1) * scale));
+  cv::Rect part = cv::Rect(first, last) & whole;
+  if (part.width == 2 * part.height) part.height -= 1;  // a picture twice as wide as high is taken for a full sphere
+  return part;
+}
+
+// Coverage, what each photo fills, and the part of the sphere that is worth a picture.
+void MeasureCoverage(const cv::Mat& label, Composite* result) {
+  result->coverage = label >= 0;
+  double seen = 0, all = 0;
+  for (int y = 0; y < label.rows; ++y) {
+    const double area = std::cos((0.5 - (y + 0.5) / label.rows) * kPi);
+    for (int x = 0; x < label.cols; ++x) {
+      all += area;
+      const short l = label.at<short>(y, x);
+      if (l < 0) continue;
+      seen += area;
+      result->share[static_cast<size_t>(l)] += area;
+    }
+  }
+  for (double& s : result->share) s /= all;
+  result->covered = seen / all;
+  result->part = FilledPart(result->coverage, result->width);
+}
+
 }  // namespace
 
 std::vector<std::string> CompositeOptions::Check() const {
@@ -394,31 +432,20 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
   result.gains = FindGains(rig, low, low_width, options.exposure);
   const cv::Mat label = FindSeams(&low, low_width, options.seams, result.gains, cancel);
   low.clear();
-  result.coverage = label >= 0;
   result.share.assign(rig.photos.size(), 0.0);
-  double seen = 0, all = 0;
-  for (int y = 0; y < label.rows; ++y) {
-    const double area = std::cos((0.5 - (y + 0.5) / label.rows) * kPi);
-    for (int x = 0; x < label.cols; ++x) {
-      all += area;
-      const short l = label.at<short>(y, x);
-      if (l < 0) continue;
-      seen += area;
-      result.share[static_cast<size_t>(l)] += area;
-    }
-  }
-  for (double& s : result.share) s /= all;
-  result.covered = seen / all;
+  MeasureCoverage(label, &result);
+  sink.begin(result);
 
   const int tile = 1024, margin = options.bands > 0 ? 4 << options.bands : 0;
   const double scale = static_cast<double>(low_width) / width;
-  const int strips = (height + tile - 1) / tile, columns = (width + tile - 1) / tile;
+  const cv::Rect& part = result.part;
+  const int strips = (part.height + tile - 1) / tile, columns = (part.width + tile - 1) / tile;
   progress.Begin("panorama", static_cast<int64_t>(strips) * columns);
   for (int strip = 0; strip < strips; ++strip) {
-    const int y0 = strip * tile, rows = std::min(tile, height - y0);
-    cv::Mat out(rows, width, CV_8UC4, cv::Scalar::all(0));
+    const int y0 = part.y + strip * tile, rows = std::min(tile, part.br().y - y0);
+    cv::Mat out(rows, part.width, CV_8UC4, cv::Scalar::all(0));
     ParallelFor(columns, threads, cancel, [&](int64_t c) {
-      const int x0 = static_cast<int>(c) * tile, cols = std::min(tile, width - x0);
+      const int x0 = part.x + static_cast<int>(c) * tile, cols = std::min(tile, part.br().x - x0);
       const int top = std::max(0, y0 - margin), bottom = std::min(height, y0 + rows + margin);
       const Region region(x0 - margin, top, cols + 2 * margin, bottom - top);
       // Labels of the region: the nearest low-resolution pixel, with seams smoothed by the blending.
@@ -444,15 +471,15 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
         for (const short photo : used) {
           // The part of the region that the photo can fill, and what the pyramid needs around it.
           const cv::Mat mine = labels == photo;
-          Region part = cv::boundingRect(mine);
-          part.x = std::max(0, part.x - margin), part.y = std::max(0, part.y - margin);
-          part.width = std::min(region.width, cv::boundingRect(mine).br().x + margin) - part.x;
-          part.height = std::min(region.height, cv::boundingRect(mine).br().y + margin) - part.y;
-          const Region place(region.x + part.x, region.y + part.y, part.width, part.height);
+          Region box = cv::boundingRect(mine);
+          box.x = std::max(0, box.x - margin), box.y = std::max(0, box.y - margin);
+          box.width = std::min(region.width, cv::boundingRect(mine).br().x + margin) - box.x;
+          box.height = std::min(region.height, cv::boundingRect(mine).br().y + margin) - box.y;
+          const Region place(region.x + box.x, region.y + box.y, box.width, box.height);
           cv::Mat map, inside, warped, signed16;
           renderer.Maps(photo, place, width, 1.0, &map, &inside);
           cv::remap(cache.Get(photo), warped, map, cv::Mat(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
-          const cv::Mat mask = mine(part) & (inside > 0);
+          const cv::Mat mask = mine(box) & (inside > 0);
           WithGain(warped, result.gains[static_cast<size_t>(photo)]).convertTo(signed16, CV_16S);
           blender->feed(signed16, mask, place.tl());
         }
@@ -461,14 +488,14 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
         const Region interior(margin, y0 - top, cols, rows);
         cv::Mat eight;
         blended(interior).convertTo(eight, CV_8U);
-        cv::Mat to = out(cv::Rect(x0, 0, cols, rows));
+        cv::Mat to = out(cv::Rect(x0 - part.x, 0, cols, rows));
         const int channels[] = {0, 0, 1, 1, 2, 2, 3, 3};
         const std::vector<cv::Mat> from = {eight, mask(interior)};
         cv::mixChannels(from.data(), from.size(), &to, 1, channels, 4);
       }
       progress.Advance(1);
     });
-    sink(out);
+    sink.rows(out);
   }
   return result;
 }

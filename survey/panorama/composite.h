@@ -44,15 +44,18 @@ struct CompositeOptions {
 };
 
 struct Composite {
-  int width = 0, height = 0;
-  double covered = 0;                  // share of the sphere's solid angle
+  int width = 0, height = 0;  // of the full sphere
+  cv::Rect part;              // of it that is the picture: all of it, or what is filled where that is no full turn
+  double covered = 0;         // share of the sphere's solid angle
   std::vector<Eigen::Vector3d> gains;  // B, G, R of each photo; 1 where it takes no part
   std::vector<double> share;           // of the picture that each photo fills
   cv::Mat coverage;                    // 8-bit, low resolution: 255 where there is a picture
 };
 
-// Called with rows from top to bottom, 8-bit BGRA, the full width; alpha 0 where no photo looks.
-using StripSink = std::function<void(const cv::Mat& rows)>;
+struct StripSink {
+  std::function<void(const Composite&)> begin;    // its size and part are known now
+  std::function<void(const cv::Mat& rows)> rows;  // from top to bottom, 8-bit BGRA, as wide as the part; alpha 0: hole
+};
 
 // `load` gives a photo 8-bit BGR, orientation applied; called from several threads.
 Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(const Photo&)>& load,

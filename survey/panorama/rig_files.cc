@@ -181,8 +181,9 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
                           {"sigma_deg", rig.heading_sigma_rad * kRadToDeg}};
   }
   if (composite != nullptr) {
-    sidecar["panorama"] = {
-        {"width_px", composite->width}, {"height_px", composite->height}, {"covered_share", composite->covered}};
+    sidecar["panorama"] = {{"width_px", composite->part.width},
+                           {"height_px", composite->part.height},
+                           {"covered_share", composite->covered}};
   }
   WriteFileAtomically(dir / "rig.json", sidecar.dump(1) + "\n");
 }

@@ -249,11 +249,11 @@ TEST_F(SiteTest, SaysWhereOdometryAndGpsDoNotReach) {
   EXPECT_THAT(Warnings(ReadOne()), HasSubstr("all 2 poses are the same"));
   Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n7201,48,8\n7202,48,8\n");
   EXPECT_THAT(Warnings(ReadOne()), HasSubstr("no GPS fix falls into the images' time"));
-  Write("runs/run1/gps.csv", "time,latitude_deg,longitude_deg\n1,48,8\n");
+  Write("runs/run1/gps.csv", "when,latitude_deg,longitude_deg\n1,48,8\n");
   const trigpoint::Run run = ReadOne();
   EXPECT_TRUE(run.gps.empty());
   EXPECT_THAT(Warnings(run),
-              HasSubstr("column 'timestamp_s' is missing in the header row; nearest column found: 'time'; "
+              HasSubstr("column 'timestamp_s' is missing in the header row; nearest column found: 'when'; "
                         "the run goes on without GPS"));
 }
 
@@ -523,8 +523,11 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
   };
   EXPECT_THAT(with("origin.json", "{\"lat\": \"48\", \"lon\": 8}"),
               HasSubstr("key 'lat': expected a number, found \"48\""));
-  EXPECT_THAT(with("origin.json", "{\"lat\": 48, \"long\": 8}"),
-              HasSubstr("unknown key 'long'; nearest known key: 'lon'"));
+  EXPECT_THAT(with("origin.json", "{\"lat\": 48, \"lone\": 8}"),
+              HasSubstr("unknown key 'lone'; nearest known key: 'lon'"));
+  EXPECT_THAT(with("origin.json", "{\"lat\": 48, \"latitude\": 8, \"lon\": 8}"), HasSubstr("keep one"));
+  Write("origin.json", "{\"latitude\": 48.5, \"lng\": 8, \"altitude\": 240}");
+  EXPECT_EQ(Read().origin->height_m, 240);
   EXPECT_THAT(with("origin.json", "{lat: 48"), HasSubstr("expected JSON"));
   EXPECT_THAT(with("origin.json", "{\"lat\": 98, \"lon\": 8}"), HasSubstr("expected a latitude"));
   std::filesystem::remove(dir_ / "origin.json");
@@ -536,7 +539,7 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
 
 TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   Write("stations.csv", "station,tag_id,east_m,north_m,up_m\nA,x,1,2,3\n");
-  Write("control_points.csv", "tag,lat,lon\n1,2,3\n");
+  Write("control_points.csv", "plate,up,down\n1,2,3\n");
   const Site site = Read();
   EXPECT_TRUE(site.stations.empty() && site.control_points.empty());
   EXPECT_THAT(Joined(site.warnings), HasSubstr("stations.csv:2: column tag_id: expected a whole number, found 'x'"));
@@ -544,7 +547,7 @@ TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   EXPECT_EQ(UnusedTables(dir_.path()).size(), 2u);
   Write("stations.csv", "station,tag_id,east_m,north_m,up_m\nA,1,1,2,3\n");
   Write("control_points.csv", "tag_id,x_m,y_m,z_m\n");
-  Write("panoramas.csv", "file;station\np.jpg;A\n");
+  Write("panoramas.csv", "files;station\np.jpg;A\n");
   Write("photos.csv", "");
   const std::string unused = Joined(UnusedTables(dir_.path()));
   EXPECT_THAT(unused, HasSubstr("control_points.csv: expected rows below the header, found none"));

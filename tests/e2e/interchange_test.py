@@ -197,6 +197,13 @@ class Interchange(unittest.TestCase):
         self.assertIn("RFC 7946", refused.stderr)
 
     @unittest.skipUnless(shutil.which("ogrinfo"), "gdal-bin is not installed")
+    def test_a_file_without_an_ending_gets_one(self):
+        for fmt in ["gpkg", "geojson", "kml", "gpx"]:
+            said = trigpoint("export", self.site, "--to", fmt, "--out", self.out("plain"))
+            self.assertTrue(os.path.isfile(self.out("plain." + fmt)), fmt)
+            self.assertIn("plain." + fmt, said.stdout)
+        self.assertFalse(os.path.exists(self.out("plain")))
+
     def test_gdal_reads_the_maps(self):
         for fmt, more in (("gpkg", []), ("gpkg", ["--crs", "EPSG:32632"]), ("gpkg", ["--crs", "EPSG:25832"]), ("geojson", []), ("kml", []), ("gpx", [])):
             file = self.export(fmt, "by_gdal." + fmt, *more)

@@ -293,7 +293,9 @@ TEST(Composite, ShowsTheSphereAcrossItsEnds) {
   cv::Mat picture;
   const Composite made = CompositePanorama(
       rig, [&](const Photo& p) { return set.Colour(p); }, options, 2,
-      [&](const cv::Mat& rows) { picture.push_back(rows); }, progress, cancel);
+      {[](const Composite& c) { EXPECT_EQ(c.part, cv::Rect(0, 0, 1600, 800)); },
+       [&](const cv::Mat& rows) { picture.push_back(rows); }},
+      progress, cancel);
   ASSERT_EQ(picture.cols, 1600);
   ASSERT_EQ(picture.rows, 800);
   EXPECT_EQ(made.height, 800);
@@ -324,6 +326,36 @@ TEST(Composite, ShowsTheSphereAcrossItsEnds) {
   EXPECT_GT(holes, 1000);
   // A band as high as the photos: sin of half their field of view, and a little for the pitch they were held with.
   EXPECT_NEAR(made.covered, std::sin(std::atan(0.5 * kHeight / kFocal)), 0.03);
+}
+
+TEST(Composite, APartOfTheHorizonIsAPictureOfThatPart) {
+  const MemorySet set = Ring(0, 60, 30, kFocal);
+  const StitchedRig rig = StitchSet(set, Small());
+  CompositeOptions options;
+  options.width = 1600;
+  options.seam_width = 800;
+  ProgressSink progress;
+  CancelToken cancel;
+  cv::Mat picture;
+  cv::Rect begun;
+  const Composite made = CompositePanorama(
+      rig, [&](const Photo& p) { return set.Colour(p); }, options, 2,
+      {[&](const Composite& c) { begun = c.part; }, [&](const cv::Mat& rows) { picture.push_back(rows); }}, progress,
+      cancel);
+  EXPECT_EQ(begun, made.part);
+  EXPECT_EQ(picture.size(), made.part.size());
+  EXPECT_EQ(made.width, 1600);
+  // The photos' own field of view and 60 deg between the first and the last.
+  const double field_deg = 60 + 2 * std::atan(0.5 * kWidth / kFocal) * kRadToDeg;
+  EXPECT_NEAR(made.part.width, 1600 * field_deg / 360, 40);
+  EXPECT_LT(made.part.height, 500);
+  // All that is seen is in it, and most of it is filled.
+  cv::Mat alpha;
+  cv::extractChannel(picture, alpha, 3);
+  EXPECT_GT(cv::countNonZero(alpha), 0.7 * picture.total());
+  for (const cv::Mat& edge : {alpha.row(0), alpha.row(alpha.rows - 1), alpha.col(0), alpha.col(alpha.cols - 1)}) {
+    EXPECT_EQ(cv::countNonZero(edge), 0);
+  }
 }
 
 }  // namespace
