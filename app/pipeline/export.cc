@@ -13,6 +13,7 @@
 #include "datasets/export/layer_files.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -136,6 +137,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
   }
   const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
   const CsvTable table = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
+  const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
   int written = 0;
   for (const CsvRow& row : table.rows()) {
     cancel.ThrowIfCancelled();
@@ -146,6 +148,9 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     pose.attitude = {row.Number("heading_deg") * kDegToRad, row.Number("pitch_deg") * kDegToRad,
                      row.Number("roll_deg") * kDegToRad};
     pose.sigma_h_m = std::hypot(row.Number("sigma_x_m", 0), row.Number("sigma_y_m", 0));
+    if (const auto credit = credits.find(row.Text("panorama")); credit != credits.end()) {
+      pose.copyright = credit->second.attribution;
+    }
     report->files.push_back(out / picture->second.filename());
     WritePanoramaWithPose(picture->second, report->files.back(), pose);
     ++written;

@@ -8,6 +8,7 @@
 #include "app/pipeline/export.h"
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/stages.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "eval/evaluate.h"
 #include "eval/evaluation_files.h"
@@ -29,6 +30,7 @@ struct Spread {
 struct Sources {
   const Project& project;
   const ExportRequest& request;
+  std::map<std::string, PictureCredit> credits;
   std::vector<Spread> spreads;
   Layer tags, stations, panoramas, cameras, trajectories, ellipses, residuals;
 };
@@ -53,6 +55,35 @@ void AppendCells(const CsvRow& row, const std::vector<LayerField>& fields, size_
   }
 }
 
+Layer PanoramaLayer() {
+  return {"panoramas",
+          "panoramas as the cameras see them (1 sigma)",
+          LayerGeometry::kPoint,
+          "#d62728",
+          {Text("run"),           Text("station"),         Text("status"),
+           Text("reason"),        Real("sigma_x_m", 5),    Real("sigma_y_m", 5),
+           Real("sigma_z_m", 5),  Real("latitude_deg", 9), Real("longitude_deg", 9),
+           Real("height_m"),      Real("heading_deg"),     Real("pitch_deg"),
+           Real("roll_deg"),      Whole("inliers"),        Whole("views"),
+           Real("geotag_de_m"),   Real("geotag_dn_m"),     Real("geotag_du_m"),
+           Text("geotag_status"), Text("source"),          Text("captured_at"),
+           Text("licence"),       Text("attribution")},
+          {}};
+}
+
+// The last four of a panorama's values: whose picture it is.
+void PutCredit(const std::map<std::string, PictureCredit>& credits, const std::string& panorama,
+               std::vector<LayerValue>* values) {
+  const auto credit = credits.find(panorama);
+  if (credit == credits.end()) return;
+  const PictureCredit& c = credit->second;
+  size_t at = values->size() - 4;
+  for (const std::string& text : {c.source, c.captured_at, c.licence, c.attribution}) {
+    if (!text.empty()) (*values)[at] = text;
+    ++at;
+  }
+}
+
 Geodetic OnEarth(const Sources& s, const Eigen::Vector3d& enu) { return s.project.frame().GeodeticFromEnu(enu); }
 
 void AddResidual(Sources* s, const std::string& run, const std::string& name, const std::string& kind,
@@ -72,6 +103,7 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     feature.name = row.Text("panorama");
     feature.values = {run};
     AppendCells(row, s->panoramas.fields, 1, &feature.values);
+    PutCredit(s->credits, feature.name, &feature.values);
     if (row.Has("x") && row.Has("latitude_deg")) {
       const Eigen::Vector3d at = columns(row);
       feature.geometry = {OnEarth(*s, at)};
@@ -238,7 +270,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
         project.dir().string() +
         ": nothing ties it to the Earth; add origin.json, or panoramas, control points or GPS with positions");
   }
-  Sources s{project, request, {}, {}, {}, {}, {}, {}, {}, {}};
+  Sources s{project, request, ReadCredits(project.dir()), {}, {}, {}, {}, {}, {}, {}, {}};
   s.tags = {"tags",
             "tags of the map, their centres",
             LayerGeometry::kPoint,
@@ -266,15 +298,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
             {}};
   s.stations = {"stations", "panorama stations as measured from their tags",    LayerGeometry::kPoint,
                 "#9467bd",  {Whole("tag_id"), Real("sigma_m"), Text("reason")}, {}};
-  s.panoramas = {"panoramas",
-                 "panoramas as the cameras see them (1 sigma)",
-                 LayerGeometry::kPoint,
-                 "#d62728",
-                 {Text("run"), Text("station"), Text("status"), Text("reason"), Real("sigma_x_m", 5),
-                  Real("sigma_y_m", 5), Real("sigma_z_m", 5), Real("latitude_deg", 9), Real("longitude_deg", 9),
-                  Real("height_m"), Real("heading_deg"), Real("pitch_deg"), Real("roll_deg"), Whole("inliers"),
-                  Whole("views"), Real("geotag_de_m"), Real("geotag_dn_m"), Real("geotag_du_m"), Text("geotag_status")},
-                 {}};
+  s.panoramas = PanoramaLayer();
   s.cameras = {
       "cameras",
       "images of the runs (1 sigma)",

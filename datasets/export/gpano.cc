@@ -60,6 +60,7 @@ void WritePanoramaWithPose(const std::filesystem::path& picture, const std::file
     exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
     exif["Exif.GPSInfo.GPSImgDirection"] = Thousandths(heading_deg);
     if (pose.sigma_h_m > 0) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(pose.sigma_h_m);
+    if (!pose.copyright.empty()) exif["Exif.Image.Copyright"] = pose.copyright;
     image->writeMetadata();
   } catch (const Exiv2::AnyError& e) {
     std::filesystem::remove(out, error);

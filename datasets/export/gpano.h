@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "calib/geo/geodetic.h"
 
@@ -12,6 +13,7 @@ struct PanoramaPose {
   Geodetic position;  // ellipsoidal height
   Attitude attitude;  // of the image centre
   double sigma_h_m = 0;
+  std::string copyright;  // whose picture it is, if that is known
 };
 
 // Copies the picture (JPEG or TIFF; its pixels unchanged) and writes the pose over whatever it said; tags about size

@@ -9,9 +9,7 @@
 #include <set>
 
 #include "calib/base/error.h"
-#include "datasets/import/made_files.h"
 #include "datasets/import/panorama_provider.h"
-#include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -120,19 +118,25 @@ class PanoramaFolder final : public PanoramaProvider {
 
   std::string Name() const override { return dir_.string(); }
   std::vector<std::string> Warnings() const override { return warnings_; }
+  // Street View style positions: levelled in roll but not in the vehicle's pitch.
+  PanoramaSigmas Sigmas() const override { return {0.6, 20, 1, 2.5}; }
 
-  std::vector<PanoramaRecord> Find(const std::optional<Geodetic>& near, double radius_m) const override {
-    if (!near) return records_;
+  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken&) override {
     std::vector<PanoramaRecord> found;
-    const LocalFrame frame({near->latitude_deg, near->longitude_deg, 0});
     for (const PanoramaRecord& record : records_) {
-      const Geodetic g{record.position.latitude_deg, record.position.longitude_deg, 0};
-      if (frame.EnuFromGeodetic(g).head<2>().norm() <= radius_m) found.push_back(record);
+      if (area.Contains(record.position)) found.push_back(record);
     }
     return found;
   }
 
-  cv::Mat Load(const std::string& id) const override {
+  PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken&) override {
+    cv::Mat whole = Whole(record.id);
+    if (width > 0 && whole.cols > width) cv::resize(whole, whole, {width, width / 2}, 0, 0, cv::INTER_AREA);
+    return {"", whole};
+  }
+
+ private:
+  cv::Mat Whole(const std::string& id) const {
     for (const char* ending : {".jpg", ".jpeg", ".png", ".tif", ".JPG"}) {
       if (fs::exists(dir_ / (id + ending))) return LoadPanorama(dir_ / (id + ending), false);
     }
@@ -178,7 +182,6 @@ class PanoramaFolder final : public PanoramaProvider {
     return AssembleTiles(grid);
   }
 
- private:
   static fs::path Picture(const fs::path& dir, const std::vector<std::string>& stems) {
     for (const std::string& stem : stems) {
       for (const char* ending : {".jpg", ".jpeg", ".png"}) {
@@ -255,61 +258,6 @@ cv::Mat AssembleFaces(const std::vector<cv::Mat>& faces, int width) {
     part.copyTo(panorama, mask);
   }
   return panorama;
-}
-
-ImportReport ImportPanoramas(const fs::path& site, const PanoramaProvider& provider,
-                             const PanoramaImportOptions& options, ProgressSink& progress, const CancelToken& cancel) {
-  ImportReport report;
-  const fs::path table = site / "panoramas.csv";
-  if (fs::exists(table))
-    throw InputError(table.string() + ": is there already; move it away, or import into another folder");
-  report.warnings = provider.Warnings();
-  const std::vector<PanoramaRecord> records = provider.Find(options.near, options.radius_m);
-  if (records.empty() && options.near) {
-    throw InputError(fmt::format("{}: no panorama lies within {:g} m of latitude {:.7f}, longitude {:.7f}",
-                                 provider.Name(), options.radius_m, options.near->latitude_deg,
-                                 options.near->longitude_deg));
-  }
-  CsvWriter csv({"file", "station", "latitude_deg", "longitude_deg", "height_m", "heading_deg", "pitch_deg", "roll_deg",
-                 "sigma_h_m", "sigma_v_m", "sigma_heading_deg", "sigma_tilt_deg"},
-                {"trigpoint panoramas; from " + provider.Name()});
-  progress.Begin("panoramas", static_cast<int64_t>(records.size()));
-  int written = 0;
-  MadeFiles made;
-  for (const PanoramaRecord& record : records) {
-    cancel.ThrowIfCancelled();
-    progress.Advance(1);
-    const std::string name = "panoramas/" + record.id + ".jpg";
-    try {
-      if (fs::exists(site / name)) throw InputError((site / name).string() + ": is there already");
-      const cv::Mat picture = provider.Load(record.id);
-      std::vector<uchar> bytes;
-      cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
-      WriteFileAtomically(made.Making(site / name),
-                          std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
-    } catch (const InputError& e) {
-      report.warnings.push_back(std::string(e.what()) + "; the panorama is skipped");
-      continue;
-    }
-    csv.Text(name).Text(record.id).Number(record.position.latitude_deg, 9).Number(record.position.longitude_deg, 9);
-    record.has_height ? csv.Number(record.position.height_m, 3) : csv.Empty();
-    for (const auto& angle : {record.heading_deg, record.pitch_deg, record.roll_deg}) {
-      angle ? csv.Number(*angle, 4) : csv.Empty();
-    }
-    csv.Number(options.sigma_h_m, 3).Number(options.sigma_v_m, 3);
-    csv.Number(options.sigma_heading_deg, 3).Number(options.sigma_tilt_deg, 3).EndRow();
-    report.files.push_back(site / name);
-    ++written;
-  }
-  if (written == 0) {
-    throw InputError(provider.Name() + ": no panorama could be imported" +
-                     (report.warnings.empty() ? "" : "; the first problem: " + report.warnings.front()));
-  }
-  csv.Save(made.Making(table));
-  made.Keep();
-  report.files.push_back(table);
-  report.lines.push_back(fmt::format("{} of {} panoramas", written, records.size()));
-  return report;
 }
 
 }  // namespace trigpoint

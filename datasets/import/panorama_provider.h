@@ -1,5 +1,4 @@
-// Where panoramas come from: services and folders behind one interface. Nothing here downloads anything; a folder that
-// somebody filled is the first provider.
+// Where panoramas come from: folders (here) and services (providers/) behind one interface.
 #pragma once
 
 #include <filesystem>
@@ -15,23 +14,52 @@
 
 namespace trigpoint {
 
-// What a service says about a panorama. Angles of the image centre, degrees; height is rarely of use.
+// What a source states of a panorama. Angles of the image centre, degrees; height is rarely of use.
 struct PanoramaRecord {
   std::string id;
   Geodetic position;
   bool has_height = false;
   std::optional<double> heading_deg, pitch_deg, roll_deg;
-  std::string date;  // as said
+  std::optional<double> sigma_h_m;  // 1 sigma per axis, if the source states the position's error
+  std::string date;                 // of capture, as stated
+  std::string owner;                // who took it
+  std::string licence;              // its short name
+  std::string attribution;          // what to write beside the picture
+  int width_px = 0;                 // of the full turn; 0: not stated
+};
+
+// Around points, such as one place or a run's track; no point: everywhere.
+struct SearchArea {
+  std::vector<Geodetic> points;
+  double radius_m = 0;
+  // Distance from the nearest point, m; 0 without points. Heights take no part.
+  double Distance_m(const Geodetic& position) const;
+  bool Contains(const Geodetic& position) const { return points.empty() || Distance_m(position) <= radius_m; }
+};
+
+// How good what a source states is, 1 sigma, where it does not say it of each picture.
+struct PanoramaSigmas {
+  double h_m, v_m, heading_deg, tilt_deg;
+};
+
+// An equirectangular picture, 2:1: its file's bytes where they are to be kept as they came, else pixels (BGR).
+struct PanoramaPicture {
+  std::string jpeg;
+  cv::Mat pixels;
 };
 
 class PanoramaProvider {
  public:
   virtual ~PanoramaProvider() = default;
   virtual std::string Name() const = 0;
-  // Those within `radius_m` of `near`, or all.
-  virtual std::vector<PanoramaRecord> Find(const std::optional<Geodetic>& near, double radius_m) const = 0;
-  // The whole picture, equirectangular, BGR, 2:1. Throws InputError naming what is missing.
-  virtual cv::Mat Load(const std::string& id) const = 0;
+  // What begins the names of its pictures' files; empty: nothing.
+  virtual std::string Prefix() const { return ""; }
+  virtual PanoramaSigmas Sigmas() const = 0;
+  // Those that lie in the area, in the order of their ids.
+  virtual std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) = 0;
+  // The picture of a record that Find gave, at most `width` px wide unless 0. Throws InputError naming what is missing
+  // or wrong with this one; other errors mean that the next one would fail, too.
+  virtual PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) = 0;
   // What is wrong with single ones, one sentence each.
   virtual std::vector<std::string> Warnings() const { return {}; }
 };
@@ -45,17 +73,23 @@ class PanoramaProvider {
 std::unique_ptr<PanoramaProvider> OpenPanoramaFolder(const std::filesystem::path& dir);
 
 struct PanoramaImportOptions {
-  std::optional<Geodetic> near;
-  double radius_m = 1000;
-  // What Street View style positions are good to, 1 sigma: levelled in roll but not in the vehicle's pitch.
-  double sigma_h_m = 0.6, sigma_v_m = 20, sigma_heading_deg = 1, sigma_tilt_deg = 2.5;
+  SearchArea area;
+  int width = 0;             // px at most; 0: as the source has it
+  std::string since, until;  // capture dates (2024, 2024-05, 2024-05-12), both included; empty: all
+  int limit = 0;             // the nearest so many; 0: all
 };
 
-// Writes SITE/panoramas/<id>.jpg and SITE/panoramas.csv. Throws InputError if the table is there already.
-ImportReport ImportPanoramas(const std::filesystem::path& site, const PanoramaProvider& provider,
+// Those of the provider that the options ask for. Throws InputError if there are none.
+std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const PanoramaImportOptions& options,
+                                            const CancelToken& cancel);
+
+// Writes SITE/panoramas/<prefix><id>.jpg and adds their rows to SITE/panoramas.csv, whose old form is kept in
+// SITE/results/replaced/. A picture that is there is not loaded again; a row that is there is left as it is. When the
+// source fails on the way, what has arrived is kept and the error thrown.
+ImportReport ImportPanoramas(const std::filesystem::path& site, PanoramaProvider& provider,
                              const PanoramaImportOptions& options, ProgressSink& progress, const CancelToken& cancel);
 
-// Puts tiles or faces together; for the provider and its tests.
+// Puts tiles or faces together; for the providers and their tests.
 cv::Mat AssembleTiles(const std::vector<std::vector<cv::Mat>>& rows);
 // Faces front, right, back, left, up, down, square, 90 deg each; empty ones stay black. `width`: of the panorama.
 cv::Mat AssembleFaces(const std::vector<cv::Mat>& faces, int width);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "datasets/io/credits.h"
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
 #include "eval/report/chapters.h"
@@ -95,6 +96,25 @@ void AddInputs(const ChapterContext& c, std::vector<Block>* blocks) {
   blocks->push_back(FoldEnd{});
 }
 
+// Pictures of other people: what must be written beside them.
+void AddCredits(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::map<std::vector<std::string>, int> counts;
+  for (const auto& [file, credit] : ReadCredits(c.input.project->dir())) {
+    ++counts[{credit.attribution, credit.licence, credit.source}];
+  }
+  if (counts.empty()) return;
+  Table table{
+      "credits",
+      "Panoramas and photos of others, as panoramas.csv and photos.csv state it. Their licences hold for what is "
+      "shown of them here, too.",
+      {{"attribution"}, {"licence"}, {"from"}, {"pictures", true}},
+      {}};
+  for (const auto& [text, count] : counts) {
+    table.rows.push_back({{text[0]}, {text[1]}, {text[2]}, {std::to_string(count), static_cast<double>(count)}});
+  }
+  blocks->push_back(table);
+}
+
 void Flatten(const std::string& prefix, const nlohmann::json& json, std::map<std::string, std::string>* out) {
   if (json.is_object()) {
     for (const auto& [key, value] : json.items()) Flatten(prefix.empty() ? key : prefix + "." + key, value, out);
@@ -143,6 +163,7 @@ void AddProvenance(const ChapterContext& c, std::vector<Block>* blocks) {
                     "deg, ellipsoidal height {:.3f} m, WGS 84.",
                     o.latitude_deg, o.longitude_deg, o.height_m)});
   }
+  AddCredits(c, blocks);
   AddStates(c, blocks);
   if (!c.data.reviews.empty()) {
     Table table{"reviews",

@@ -63,8 +63,7 @@ TEST(ImportPanoramas, WholeTilesAndFacesBecomeOneTable) {
     {"id": "cube", "latitude": 48.0102, "longitude": 7.8302}, {"id": "far", "latitude": 49, "longitude": 8},
     {"id": "missing", "latitude": 48.0102, "longitude": 7.8302}, {"id": "nowhere"}, {"id": "../x", "latitude": 48, "longitude": 7}])");
   PanoramaImportOptions options;
-  options.near = Geodetic{48.01, 7.83, 0};
-  options.radius_m = 500;
+  options.area = {{{48.01, 7.83, 0}}, 500};
   ProgressSink progress;
   const ImportReport report = ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken());
   const std::string warnings = Joined(report.warnings);
@@ -88,7 +87,10 @@ TEST(ImportPanoramas, WholeTilesAndFacesBecomeOneTable) {
   EXPECT_NEAR(at(64, 64), 140, 4);    // to the left
   EXPECT_NEAR(at(2, 100), 180, 4);    // up
   EXPECT_NEAR(at(125, 100), 220, 4);  // down
-  EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
+  // Once more changes nothing.
+  const ImportReport again = ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken());
+  EXPECT_THAT(Joined(again.lines), HasSubstr("3 of 4 panoramas, 3 of them were there already"));
+  EXPECT_EQ(ReadTextFile(site / "panoramas.csv"), table);
 }
 
 // A failed import leaves the place as it was: not even a folder.
@@ -100,7 +102,7 @@ TEST(ImportFailures, LeaveNothing) {
   dir.Write("street/one.json", R"({"id": "one", "latitude": 48, "longitude": 7})");
   PanoramaImportOptions options;
   EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
-  options.near = Geodetic{10, 10, 0};
+  options.area = {{{10, 10, 0}}, 1000};
   EXPECT_THROW(ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken()), InputError);
   dir.Write("phone/a.heic", "no picture");
   EXPECT_THROW(ImportPhotos(site, dir / "phone", "corner", progress, CancelToken()), InputError);

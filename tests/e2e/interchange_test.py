@@ -196,7 +196,6 @@ class Interchange(unittest.TestCase):
         refused = trigpoint("export", self.site, "--to", "geojson", "--crs", "EPSG:32632", expect=2)
         self.assertIn("RFC 7946", refused.stderr)
 
-    @unittest.skipUnless(shutil.which("ogrinfo"), "gdal-bin is not installed")
     def test_a_file_without_an_ending_gets_one(self):
         for fmt in ["gpkg", "geojson", "kml", "gpx"]:
             said = trigpoint("export", self.site, "--to", fmt, "--out", self.out("plain"))
@@ -204,6 +203,7 @@ class Interchange(unittest.TestCase):
             self.assertIn("plain." + fmt, said.stdout)
         self.assertFalse(os.path.exists(self.out("plain")))
 
+    @unittest.skipUnless(shutil.which("ogrinfo"), "gdal-bin is not installed")
     def test_gdal_reads_the_maps(self):
         for fmt, more in (("gpkg", []), ("gpkg", ["--crs", "EPSG:32632"]), ("gpkg", ["--crs", "EPSG:25832"]), ("geojson", []), ("kml", []), ("gpx", [])):
             file = self.export(fmt, "by_gdal." + fmt, *more)

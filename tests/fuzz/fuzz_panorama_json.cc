@@ -5,8 +5,8 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::filesystem::path file = trigpoint::FuzzFile("m.json", data, size);
   try {
-    for (const auto& record :
-         trigpoint::OpenPanoramaFolder(file.parent_path())->Find(trigpoint::Geodetic{48, 7, 0}, 1e6)) {
+    const auto folder = trigpoint::OpenPanoramaFolder(file.parent_path());
+    for (const auto& record : folder->Find({{{48, 7, 0}}, 1e6}, trigpoint::CancelToken())) {
       if (record.id.empty()) std::abort();
     }
   } catch (const trigpoint::Error& e) {

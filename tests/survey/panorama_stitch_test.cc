@@ -329,7 +329,7 @@ TEST(Composite, ShowsTheSphereAcrossItsEnds) {
 }
 
 TEST(Composite, APartOfTheHorizonIsAPictureOfThatPart) {
-  const MemorySet set = Ring(0, 60, 30, kFocal);
+  const MemorySet set = Ring(0, 90, 30, kFocal);  // three photos
   const StitchedRig rig = StitchSet(set, Small());
   CompositeOptions options;
   options.width = 1600;

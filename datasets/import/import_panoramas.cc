@@ -1,0 +1,205 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/import/made_files.h"
+#include "datasets/import/panorama_provider.h"
+#include "datasets/import/panorama_table.h"
+#include "datasets/import/providers/http_client.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Does a date as 2024-05-12... lie in the range, compared as far as its ends say?
+bool IsBetween(const std::string& date, const std::string& since, const std::string& until) {
+  return date.substr(0, since.size()) >= since && (until.empty() || date.substr(0, until.size()) <= until);
+}
+
+std::map<std::string, std::string> RowOf(const PanoramaRecord& record, const PanoramaProvider& provider,
+                                         const std::string& file) {
+  const PanoramaSigmas sigmas = provider.Sigmas();
+  const auto number = [](double value, int decimals) { return fmt::format("{:.{}f}", value, decimals); };
+  const auto optional = [&](const std::optional<double>& value) { return value ? number(*value, 4) : std::string(); };
+  return {{"file", file},
+          {"station", record.id},
+          {"latitude_deg", number(record.position.latitude_deg, 9)},
+          {"longitude_deg", number(record.position.longitude_deg, 9)},
+          {"height_m", record.has_height ? number(record.position.height_m, 3) : ""},
+          {"heading_deg", optional(record.heading_deg)},
+          {"pitch_deg", optional(record.pitch_deg)},
+          {"roll_deg", optional(record.roll_deg)},
+          {"sigma_h_m", number(record.sigma_h_m.value_or(sigmas.h_m), 3)},
+          {"sigma_v_m", number(sigmas.v_m, 3)},
+          {"sigma_heading_deg", number(sigmas.heading_deg, 3)},
+          {"sigma_tilt_deg", number(sigmas.tilt_deg, 3)},
+          {"source", provider.Name()},
+          {"captured_at", record.date},
+          {"licence", record.licence},
+          {"attribution", record.attribution}};
+}
+
+std::string NameOf(const PanoramaProvider& provider, const PanoramaRecord& record) {
+  return "panoramas/" + provider.Prefix() + record.id + ".jpg";
+}
+
+void WritePicture(const PanoramaPicture& picture, const fs::path& file) {
+  if (!picture.jpeg.empty()) {
+    WriteFileAtomically(file, picture.jpeg);
+    return;
+  }
+  std::vector<uchar> bytes;
+  cv::imencode(".jpg", picture.pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+  WriteFileAtomically(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+}  // namespace
+
+double SearchArea::Distance_m(const Geodetic& position) const {
+  double nearest = points.empty() ? 0 : std::numeric_limits<double>::infinity();
+  const Eigen::Vector3d at = EcefFromGeodetic({position.latitude_deg, position.longitude_deg, 0});
+  for (const Geodetic& point : points) {
+    nearest = std::min(nearest, (EcefFromGeodetic({point.latitude_deg, point.longitude_deg, 0}) - at).norm());
+  }
+  return nearest;
+}
+
+std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const PanoramaImportOptions& options,
+                                            const CancelToken& cancel) {
+  std::vector<PanoramaRecord> records = provider.Find(options.area, cancel);
+  if (records.empty()) {
+    if (options.area.points.empty()) throw InputError(provider.Name() + ": holds no panorama");
+    const Geodetic& first = options.area.points.front();
+    throw InputError(fmt::format("{}: no panorama lies within {:g} m of {}latitude {:.7f}, longitude {:.7f}",
+                                 provider.Name(), options.area.radius_m,
+                                 options.area.points.size() > 1 ? "the track that begins at " : "", first.latitude_deg,
+                                 first.longitude_deg));
+  }
+  const size_t found = records.size();
+  std::erase_if(records, [&](const PanoramaRecord& r) { return !IsBetween(r.date, options.since, options.until); });
+  if (records.empty()) {
+    throw InputError(fmt::format("{}: none of the {} panoramas there was taken between {} and {}", provider.Name(),
+                                 found, options.since.empty() ? "ever" : options.since,
+                                 options.until.empty() ? "now" : options.until));
+  }
+  if (options.limit > 0 && records.size() > static_cast<size_t>(options.limit)) {
+    std::stable_sort(records.begin(), records.end(), [&](const PanoramaRecord& a, const PanoramaRecord& b) {
+      return options.area.Distance_m(a.position) < options.area.Distance_m(b.position);
+    });
+    records.resize(static_cast<size_t>(options.limit));
+  }
+  return records;
+}
+
+namespace {
+
+// One import on its way. What a service has sent is kept, whatever comes; an import of a folder is done or leaves
+// nothing.
+class PanoramaImport {
+ public:
+  PanoramaImport(const fs::path& site, PanoramaProvider& provider, const PanoramaImportOptions& options)
+      : site_(site), provider_(provider), options_(options), table_(site), service_(!provider.Prefix().empty()) {}
+
+  // Throws what ends the import.
+  void Take(const PanoramaRecord& record, bool last, const CancelToken& cancel) {
+    const std::string name = NameOf(provider_, record);
+    if (table_.Has(name)) {
+      ++there_;
+      return;
+    }
+    try {
+      Load(record, name, cancel);
+      failures_ = 0;
+    } catch (const InputError& e) {
+      skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
+      return;
+    } catch (const NetworkError& e) {
+      // One picture that a server fails on is skipped; a second one in a row is the server or the connection.
+      if (++failures_ >= 2 || last) throw;
+      skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
+      return;
+    }
+    report_.files.push_back(site_ / name);
+    table_.Add(RowOf(record, provider_, name));
+  }
+
+  // After an error that ended a service's import.
+  void KeepWhatCame() {
+    if (service_) SaveTable();
+  }
+  int arrived() const { return loaded_ + there_; }
+
+  ImportReport Finish(size_t records) {
+    SaveTable();
+    report_.warnings = provider_.Warnings();
+    report_.warnings.insert(report_.warnings.end(), skipped_.begin(), skipped_.end());
+    if (arrived() == 0) {
+      throw InputError(provider_.Name() + ": no panorama could be imported; the first problem: " + skipped_.front());
+    }
+    report_.lines.push_back(fmt::format("{} of {} panoramas{}", arrived(), records,
+                                        there_ > 0 ? fmt::format(", {} of them were there already", there_) : ""));
+    return report_;
+  }
+
+ private:
+  void Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
+    cancel.ThrowIfCancelled();
+    // A picture without a row is what an import that was killed had loaded.
+    if (fs::exists(site_ / name)) {
+      ++there_;
+      return;
+    }
+    const PanoramaPicture picture = provider_.Load(record, options_.width, cancel);
+    if (!service_) made_.Making(site_ / name);
+    WritePicture(picture, site_ / name);
+    ++loaded_;
+  }
+  void SaveTable() {
+    if (!table_.Changed()) return;
+    made_.Making(site_ / "panoramas.csv");
+    report_.files.push_back(table_.Save());
+    made_.Keep();
+  }
+
+  fs::path site_;
+  PanoramaProvider& provider_;
+  const PanoramaImportOptions& options_;
+  PanoramaTable table_;
+  bool service_;
+  MadeFiles made_;
+  ImportReport report_;
+  int loaded_ = 0, there_ = 0, failures_ = 0;
+  std::vector<std::string> skipped_;
+};
+
+}  // namespace
+
+ImportReport ImportPanoramas(const fs::path& site, PanoramaProvider& provider, const PanoramaImportOptions& options,
+                             ProgressSink& progress, const CancelToken& cancel) {
+  const std::vector<PanoramaRecord> records = ChoosePanoramas(provider, options, cancel);
+  PanoramaImport import(site, provider, options);
+  progress.Begin("panoramas", static_cast<int64_t>(records.size()));
+  try {
+    for (const PanoramaRecord& record : records) {
+      import.Take(record, &record == &records.back(), cancel);
+      progress.Advance(1);
+    }
+  } catch (const NetworkError& e) {
+    import.KeepWhatCame();
+    if (import.arrived() == 0) throw;
+    throw NetworkError(fmt::format("{} ({} of {} panoramas are there; run the same command again for the others)",
+                                   e.what(), import.arrived(), records.size()));
+  } catch (const Error&) {
+    import.KeepWhatCame();
+    throw;
+  }
+  return import.Finish(records.size());
+}
+
+}  // namespace trigpoint

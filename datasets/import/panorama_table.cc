@@ -1,0 +1,84 @@
+#include "datasets/import/panorama_table.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> Columns() {
+  std::vector<std::string> columns = {"file",      "station",     "latitude_deg",      "longitude_deg",
+                                      "height_m",  "heading_deg", "pitch_deg",         "roll_deg",
+                                      "sigma_h_m", "sigma_v_m",   "sigma_heading_deg", "sigma_tilt_deg"};
+  columns.insert(columns.end(), kCreditColumns.begin(), kCreditColumns.end());
+  return columns;
+}
+
+bool IsOfAService(const std::string& name) {
+  return name.starts_with("panoramax-") || name.starts_with("mapillary-") || name.starts_with("kartaview-");
+}
+
+}  // namespace
+
+PanoramaTable::PanoramaTable(const fs::path& site)
+    : site_(site), file_(site / "panoramas.csv"), columns_(Columns()), comments_{"trigpoint panoramas 1"} {
+  if (!fs::exists(file_)) {
+    for (const fs::path& picture : PicturesIn(site / "panoramas")) {
+      if (IsOfAService(picture.filename().string())) continue;  // of an import that was killed, which goes on
+      const std::string name = "panoramas/" + picture.filename().string();
+      files_.emplace(name, rows_.size());
+      rows_.push_back({{"file", name}, {"station", picture.stem().string()}});
+    }
+    return;
+  }
+  const CsvTable table = CsvTable::Read(file_, {"file"}, columns_);
+  comments_ = table.comments();
+  columns_ = table.columns();
+  for (const std::string& column : Columns()) {
+    if (std::find(columns_.begin(), columns_.end(), column) == columns_.end()) columns_.push_back(column);
+  }
+  for (const CsvRow& row : table.rows()) {
+    std::map<std::string, std::string> cells;
+    for (const std::string& column : table.columns()) cells[column] = row.Text(column);
+    files_.emplace(row.Text("file"), rows_.size());
+    rows_.push_back(std::move(cells));
+  }
+}
+
+void PanoramaTable::Add(std::map<std::string, std::string> row) {
+  files_.emplace(row.at("file"), rows_.size());
+  rows_.push_back(std::move(row));
+  changed_ = true;
+}
+
+fs::path PanoramaTable::Save() {
+  if (fs::exists(file_)) {
+    const std::string time = fmt::format("{:%Y-%m-%dT%H-%M-%SZ}", fmt::gmtime(std::time(nullptr)));
+    fs::path kept = site_ / "results" / "replaced" / (time + "-panoramas.csv");
+    for (int n = 2; fs::exists(kept); ++n) kept.replace_filename(fmt::format("{}-{}-panoramas.csv", time, n));
+    WriteFileAtomically(kept, ReadTextFile(file_));
+  }
+  CsvWriter csv(columns_, comments_);
+  for (const auto& row : rows_) {
+    for (const std::string& column : columns_) {
+      const auto cell = row.find(column);
+      csv.Text(cell == row.end() ? "" : cell->second);
+    }
+    csv.EndRow();
+  }
+  csv.Save(file_);
+  changed_ = false;
+  return file_;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,136 @@
+// Mapillary's Graph API, version 4, as documented at mapillary.com/developer/api-documentation: images by box (at most
+// 0.01 deg a side, 2000 an answer), a token in the Authorization header, picture addresses that expire.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+
+#include "calib/base/error.h"
+#include "datasets/import/providers/answers.h"
+#include "datasets/import/providers/services.h"
+
+namespace trigpoint {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kMapillaryBox_deg = 0.0099;
+constexpr size_t kItemsPerAnswer = 2000;
+constexpr int kMostHalvings = 6;
+const char* const kFields =
+    "id,captured_at,geometry,computed_geometry,compass_angle,computed_compass_angle,is_pano,camera_type,width,height,"
+    "creator";
+
+std::string DateOf(std::optional<double> captured_at_ms) {
+  if (!captured_at_ms || *captured_at_ms < 0 || *captured_at_ms > 4e12) return "";
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(*captured_at_ms / 1000)));
+}
+
+class Mapillary final : public PanoramaProvider {
+ public:
+  explicit Mapillary(const ServiceOptions& options) : client_("mapillary", options.url, options.http) {
+    client_.AddHeader("Authorization", "OAuth " + options.token);
+  }
+
+  std::string Name() const override { return "mapillary"; }
+  std::string Prefix() const override { return "mapillary-"; }
+  // Positions and headings that Mapillary's reconstruction has computed, where there are any.
+  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
+  std::vector<std::string> Warnings() const override { return warnings_; }
+
+  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) override {
+    std::map<std::string, PanoramaRecord> found;
+    warnings_.clear();
+    unusable_ = 0;
+    for (const auto& box : BoxesOf(area, kMapillaryBox_deg)) FindInBox(box, 0, area, cancel, &found);
+    if (unusable_ > 0) {
+      warnings_.push_back(
+          fmt::format("mapillary: {} panoramas have no usable id or position, and are left out", unusable_));
+    }
+    std::vector<PanoramaRecord> records;
+    for (auto& [id, record] : found) records.push_back(std::move(record));
+    return records;
+  }
+
+  PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) override {
+    // Addresses hold for a while only: asked for when they are used.
+    const std::string field = width > 0 && width <= 2048 ? "thumb_2048_url" : "thumb_original_url";
+    const json answer =
+        GetJson(client_, Name(), fmt::format("{}/{}?fields={}", client_.base(), record.id, field), cancel);
+    const auto url = answer.find(field);
+    if (url == answer.end() || !url->is_string()) {
+      throw InputError("mapillary: panorama " + record.id + " has no " + field);
+    }
+    return GetPicture(client_, Name(), record.id, url->get<std::string>(), width, cancel);
+  }
+
+ private:
+  // A box whose answer is full is cut into four.
+  void FindInBox(const std::array<double, 4>& box, int halvings, const SearchArea& area, const CancelToken& cancel,
+                 std::map<std::string, PanoramaRecord>* found) {
+    const auto [west, south, east, north] = box;
+    const json answer =
+        GetJson(client_, Name(),
+                fmt::format("{}/images?is_pano=true&fields={}&limit={}&bbox={:.7f},{:.7f},{:.7f},{:.7f}",
+                            client_.base(), kFields, kItemsPerAnswer, west, south, east, north),
+                cancel);
+    const auto data = answer.find("data");
+    if (data == answer.end() || !data->is_array()) {
+      throw InputError("mapillary: " + client_.base() + "/images: expected a list \"data\", found none");
+    }
+    if (data->size() >= kItemsPerAnswer && halvings < kMostHalvings && found->size() < kMostRecords) {
+      const double x = 0.5 * (west + east), y = 0.5 * (south + north);
+      for (const std::array<double, 4>& quarter : {std::array{west, south, x, y}, std::array{x, south, east, y},
+                                                   std::array{west, y, x, north}, std::array{x, y, east, north}}) {
+        FindInBox(quarter, halvings + 1, area, cancel, found);
+      }
+      return;
+    }
+    for (const json& image : *data) Take(image, area, found);
+  }
+
+  void Take(const json& image, const SearchArea& area, std::map<std::string, PanoramaRecord>* found) {
+    if (!image.is_object()) return;
+    const auto pano = image.find("is_pano");
+    const std::string camera = TextIn(image, "camera_type");
+    if (pano == image.end() || *pano != true ||
+        (!camera.empty() && camera != "spherical" && camera != "equirectangular")) {
+      return;
+    }
+    PanoramaRecord record;
+    record.id = TextIn(image, "id");
+    const json* computed = ObjectIn(image, "computed_geometry");
+    const json* stated = ObjectIn(image, "geometry");
+    auto position = computed != nullptr ? PointOf(*computed) : std::nullopt;
+    record.heading_deg = NumberIn(image, position ? "computed_compass_angle" : "compass_angle");
+    if (!record.heading_deg) record.heading_deg = NumberIn(image, "compass_angle");
+    if (!position && stated != nullptr) position = PointOf(*stated);
+    // Cameras without a compass state a negative one.
+    if (record.heading_deg && *record.heading_deg < 0) record.heading_deg.reset();
+    if (!IsPlainId(record.id) || !position) {
+      ++unusable_;
+      return;
+    }
+    record.position = *position;
+    if (!area.Contains(record.position)) return;
+    record.date = DateOf(NumberIn(image, "captured_at"));
+    if (const json* creator = ObjectIn(image, "creator")) record.owner = TextIn(*creator, "username");
+    record.licence = "CC-BY-SA-4.0";  // of all pictures there, by the terms of use
+    record.attribution = (record.owner.empty() ? "" : record.owner + ", ") + "Mapillary, " + record.licence;
+    record.width_px = static_cast<int>(std::clamp(NumberIn(image, "width").value_or(0), 0.0, 1e6));
+    found->emplace(record.id, std::move(record));
+  }
+
+  HttpClient client_;
+  std::vector<std::string> warnings_;
+  int unusable_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<PanoramaProvider> OpenMapillary(const ServiceOptions& options) {
+  return std::make_unique<Mapillary>(options);
+}
+
+}  // namespace trigpoint

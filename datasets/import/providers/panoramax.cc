@@ -1,0 +1,162 @@
+// Panoramax: a STAC API (1.0.0) with the extensions view and perspective imagery. No key. Documented at
+// docs.panoramax.fr.
+#include <fmt/format.h>
+
+#include <map>
+#include <set>
+
+#include "calib/base/error.h"
+#include "datasets/import/providers/answers.h"
+#include "datasets/import/providers/services.h"
+#include "datasets/io/readable.h"
+
+namespace trigpoint {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kPanoramaxBox_deg = 0.02;
+constexpr int kItemsPerPage = 1000;
+// The accuracy is the radius that holds 95 %, of two axes alike.
+constexpr double kRadius95PerSigma = 2.4477;
+
+class Panoramax final : public PanoramaProvider {
+ public:
+  explicit Panoramax(const ServiceOptions& options) : client_("panoramax", options.url, options.http) {}
+
+  std::string Name() const override { return "panoramax"; }
+  std::string Prefix() const override { return "panoramax-"; }
+  // GPS of action cameras and phones on vehicles and helmets; headings mostly from the track.
+  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
+  std::vector<std::string> Warnings() const override { return warnings_; }
+
+  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) override {
+    std::map<std::string, PanoramaRecord> found;
+    warnings_.clear();
+    unusable_ = 0;
+    for (const auto& [west, south, east, north] : BoxesOf(area, kPanoramaxBox_deg)) {
+      std::string url = fmt::format("{}/search?bbox={:.7f},{:.7f},{:.7f},{:.7f}&limit={}", client_.base(), west, south,
+                                    east, north, kItemsPerPage);
+      std::set<std::string> visited;
+      while (!url.empty() && static_cast<int>(visited.size()) < kMostPages && visited.insert(url).second) {
+        const json page = GetJson(client_, Name(), url, cancel);
+        const auto features = page.find("features");
+        if (features == page.end() || !features->is_array()) {
+          throw InputError("panoramax: " + WithoutQuery(url) + ": expected a list \"features\", found none");
+        }
+        for (const json& item : *features) Take(item, area, &found);
+        if (found.size() > kMostRecords) break;
+        url = NextPage(page);
+      }
+    }
+    if (unusable_ > 0) {
+      warnings_.push_back(
+          fmt::format("panoramax: {} pictures of 360 deg have no usable id, position or file, and are "
+                      "left out",
+                      unusable_));
+    }
+    std::vector<PanoramaRecord> records;
+    for (auto& [id, record] : found) records.push_back(std::move(record));
+    return records;
+  }
+
+  PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) override {
+    const auto files = files_.find(record.id);
+    if (files == files_.end()) throw InputError("panoramax: panorama " + record.id + " was not found before");
+    // The small derivate is 2048 px wide.
+    const bool small = width > 0 && width <= 2048 && !files->second.small.empty();
+    const std::string& url = small || files->second.full.empty() ? files->second.small : files->second.full;
+    return GetPicture(client_, Name(), record.id, url, width, cancel);
+  }
+
+ private:
+  struct Files {
+    std::string full, small;
+  };
+
+  // The next page's address, if there is one and it is on the same server.
+  std::string NextPage(const json& page) const {
+    const auto links = page.find("links");
+    if (links == page.end() || !links->is_array()) return "";
+    for (const json& link : *links) {
+      if (!link.is_object() || TextIn(link, "rel") != "next") continue;
+      const auto href = link.find("href");
+      if (href == link.end() || !href->is_string()) return "";
+      const std::string url = href->get<std::string>();
+      if (OriginOf(url) == OriginOf(client_.base())) return url;
+      throw InputError("panoramax: the next page is said to be at " + Excerpt(WithoutQuery(url)) +
+                       "; expected one of the same server");
+    }
+    return "";
+  }
+
+  void Take(const json& item, const SearchArea& area, std::map<std::string, PanoramaRecord>* found) {
+    const json* properties = item.is_object() ? ObjectIn(item, "properties") : nullptr;
+    if (properties == nullptr) return;
+    const json* interior = ObjectIn(*properties, "pers:interior_orientation");
+    if (interior == nullptr || NumberIn(*interior, "field_of_view") != 360.0) return;
+    PanoramaRecord record;
+    record.id = TextIn(item, "id");
+    const json* geometry = ObjectIn(item, "geometry");
+    const auto position = geometry != nullptr ? PointOf(*geometry) : std::nullopt;
+    Files files;
+    if (const json* assets = ObjectIn(item, "assets")) {
+      for (const auto& [name, url] : {std::pair{"hd", &files.full}, std::pair{"sd", &files.small}}) {
+        const json* asset = ObjectIn(*assets, name);
+        const auto href = asset != nullptr ? asset->find("href") : json::const_iterator();
+        if (asset != nullptr && href != asset->end() && href->is_string()) *url = href->get<std::string>();
+      }
+    }
+    if (!IsPlainId(record.id) || !position || (files.full.empty() && files.small.empty())) {
+      ++unusable_;
+      return;
+    }
+    record.position = *position;
+    if (!area.Contains(record.position)) return;
+    record.heading_deg = NumberIn(*properties, "view:azimuth");
+    record.pitch_deg = NumberIn(*properties, "pers:pitch");
+    record.roll_deg = NumberIn(*properties, "pers:roll");
+    if (const auto accuracy = NumberIn(*properties, "quality:horizontal_accuracy"); accuracy && *accuracy > 0) {
+      record.sigma_h_m = *accuracy / kRadius95PerSigma;
+    }
+    record.date = TextIn(*properties, "datetime");
+    record.owner = OwnerOf(item, *properties);
+    record.licence = TextIn(*properties, "license");
+    record.attribution = (record.owner.empty() ? "" : record.owner + ", ") + "Panoramax" +
+                         (record.licence.empty() ? "" : ", " + record.licence);
+    const auto size = interior->find("sensor_array_dimensions");
+    if (size != interior->end() && size->is_array() && !size->empty() && (*size)[0].is_number()) {
+      const double width = (*size)[0].get<double>();
+      if (width > 0 && width < 1e6) record.width_px = static_cast<int>(width);
+    }
+    files_[record.id] = files;
+    found->emplace(record.id, std::move(record));
+  }
+
+  static std::string OwnerOf(const json& item, const json& properties) {
+    const auto providers = item.find("providers");
+    if (providers != item.end() && providers->is_array()) {
+      for (const json& provider : *providers) {
+        if (!provider.is_object()) continue;
+        const auto roles = provider.find("roles");
+        const bool producer = roles != provider.end() && roles->is_array() &&
+                              std::find(roles->begin(), roles->end(), "producer") != roles->end();
+        if (producer && !TextIn(provider, "name").empty()) return TextIn(provider, "name");
+      }
+    }
+    return TextIn(properties, "geovisio:producer");
+  }
+
+  HttpClient client_;
+  std::map<std::string, Files> files_;
+  std::vector<std::string> warnings_;
+  int unusable_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<PanoramaProvider> OpenPanoramax(const ServiceOptions& options) {
+  return std::make_unique<Panoramax>(options);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,38 @@
+// Services that have panoramas, by the documentation they publish of their interfaces.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "datasets/import/panorama_provider.h"
+#include "datasets/import/providers/http_client.h"
+
+namespace trigpoint {
+
+struct ServiceOptions {
+  std::string url;    // of the service; empty: its public one
+  std::string token;  // of those that need one
+  HttpOptions http;
+};
+
+struct Service {
+  std::string name;       // "panoramax"
+  std::string url;        // its public address
+  std::string token_env;  // the environment's name of the token; empty: none is needed
+  std::string help;       // one line
+  std::unique_ptr<PanoramaProvider> (*open)(const ServiceOptions& options);
+};
+const std::vector<Service>& Services();
+const Service* ServiceNamed(const std::string& name);  // null: none
+
+// The token of a service: `file` if it is named, which nobody but its owner may read (mode 0600), else from the
+// environment. Throws InputError or OptionError; the token itself is in no message.
+std::string ReadToken(const Service& service, const std::string& file);
+
+// STAC items of a Panoramax server. Pictures of 360 deg alone.
+std::unique_ptr<PanoramaProvider> OpenPanoramax(const ServiceOptions& options);
+// Mapillary's Graph API, version 4; panoramas alone.
+std::unique_ptr<PanoramaProvider> OpenMapillary(const ServiceOptions& options);
+
+}  // namespace trigpoint

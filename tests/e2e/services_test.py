@@ -1,0 +1,402 @@
+#!/usr/bin/env python3
+"""`trigpoint import --from SERVICE` against a server on this machine that answers as the services' documentation says.
+
+    services_test.py PROGRAM SOURCE_DIR
+
+No request leaves this machine: every address is 127.0.0.1.
+"""
+import csv
+import http.server
+import json
+import os
+import re
+import shutil
+import signal
+import ssl
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+import urllib.parse
+
+PROGRAM = ""
+SOURCE = ""
+TOKEN = "MLY|123|a-secret-that-must-not-show"
+NEAR = (48.0125518, 7.8322567)
+
+
+class Server(http.server.ThreadingHTTPServer):
+    """Counts requests; `faults` maps a path to answers to give before the right one."""
+
+    daemon_threads = True
+
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server_address[1]}"
+        self.files_url = self.url
+        self.log, self.faults, self.items, self.pictures = [], {}, [], {}
+        self.page_size, self.delay_s, self.token = 1000, 0, TOKEN
+        threading.Thread(target=self.serve_forever, args=(0.01,), daemon=True).start()
+
+    def paths(self, part):
+        return [path for path, _ in self.log if part in path]
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+
+    def log_message(self, *_):
+        pass
+
+    def send(self, status, body, kind="application/json", headers=(), length=None):
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body) if length is None else length))
+        for name, value in headers:
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def do_GET(self):
+        try:
+            self.answer()
+        except BrokenPipeError:
+            pass  # of a client that was killed
+
+    def answer(self):
+        server = self.server
+        url = urllib.parse.urlsplit(self.path)
+        query = dict(urllib.parse.parse_qsl(url.query))
+        server.log.append((self.path, dict(self.headers)))
+        faults = server.faults.get(url.path, [])
+        fault = faults.pop(0) if faults else None
+        if isinstance(fault, tuple):
+            return self.send(fault[0], fault[1], headers=fault[2])
+        if url.path == "/api/search":
+            return self.search(query)
+        if url.path == "/graph/images" or re.fullmatch(r"/graph/\d+", url.path):
+            return self.graph(url.path, query)
+        if url.path in server.pictures:
+            return self.picture(server.pictures[url.path], fault)
+        return self.send(404, b"{}")
+
+    def picture(self, body, fault):
+        time.sleep(self.server.delay_s)
+        if fault == "cut":
+            self.send(200, body[:len(body) // 2], "image/jpeg", length=len(body))
+            self.close_connection = True
+            return
+        begin = int(re.match(r"bytes=(\d+)-", self.headers.get("Range", "bytes=0-")).group(1))
+        if begin:
+            self.send(206, body[begin:], "image/jpeg", [("Content-Range", f"bytes {begin}-{len(body) - 1}/{len(body)}")])
+        else:
+            self.send(200, body, "image/jpeg")
+
+    def search(self, query):
+        west, south, east, north = map(float, query["bbox"].split(","))
+        inside = [i for i in self.server.items if west <= i["geometry"]["coordinates"][0] <= east and south <= i["geometry"]["coordinates"][1] <= north]
+        page, size = int(query.get("page", 0)), self.server.page_size
+        links = [{"rel": "root", "href": self.server.url + "/api/"}]
+        if (page + 1) * size < len(inside):
+            links.append({"rel": "next", "href": f"{self.server.url}/api/search?bbox={query['bbox']}&page={page + 1}"})
+        answer = {"type": "FeatureCollection", "features": inside[page * size:(page + 1) * size], "links": links}
+        self.send(200, json.dumps(answer).encode(), "application/geo+json")
+
+    def graph(self, path, query):
+        if self.headers.get("Authorization") != "OAuth " + self.server.token:
+            error = {"error": {"message": f"Invalid OAuth 2.0 Access Token {self.headers.get('Authorization')}", "type": "OAuthException", "code": 190}}
+            return self.send(401, json.dumps(error).encode())
+        if path == "/graph/images":
+            west, south, east, north = map(float, query["bbox"].split(","))
+            assert east - west <= 0.01 + 1e-9 and north - south <= 0.01 + 1e-9, query
+            return self.send(200, json.dumps({"data": [i["graph"] for i in self.server.items]}).encode())
+        number = path.rsplit("/", 1)[1]
+        return self.send(200, json.dumps({"id": number, query["fields"]: f"{self.server.files_url}/signed/{number}.jpg?oh=signature-that-must-not-show"}).encode())
+
+
+def item(server, number, east_m=0.0, **more):
+    """A picture of 360 deg as Panoramax describes it, `east_m` from the middle."""
+    name = f"00000000-0000-4000-8000-{number:012d}"
+    properties = {"datetime": f"20{20 + number % 5}-05-12T09:43:20+00:00", "license": "CC-BY-SA-4.0", "view:azimuth": 90 + number, "geovisio:producer": "somebody",
+                  "pers:interior_orientation": {"field_of_view": 360, "sensor_array_dimensions": [4096, 2048]}}
+    properties.update(more.pop("properties", {}))
+    result = {"type": "Feature", "stac_version": "1.0.0", "id": name, "collection": "c",
+              "geometry": {"type": "Point", "coordinates": [NEAR[1] + east_m / 74500, NEAR[0]]}, "properties": properties,
+              "assets": {"hd": {"href": f"{server.url}/files/{number}.jpg", "type": "image/jpeg", "roles": ["data"]}},
+              "providers": [{"name": "an instance", "roles": ["host"]}, {"name": "Ann \"the\" Walker", "roles": ["producer"]}], "links": []}
+    result.update(more)
+    return result
+
+
+def with_gpano(jpeg, **values):
+    tags = " ".join(f'GPano:{k}="{v}"' for k, v in values.items())
+    xmp = (b'http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+           b'<rdf:Description rdf:about="" xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" ' + tags.encode() + b'/></rdf:RDF></x:xmpmeta>')
+    return jpeg[:2] + b"\xff\xe1" + (len(xmp) + 2).to_bytes(2, "big") + xmp + jpeg[2:]
+
+
+def content(path):
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def size_of(path):
+    data, at = content(path), 2
+    while data[at + 1] not in (0xC0, 0xC1, 0xC2):
+        at += 2 + int.from_bytes(data[at + 2:at + 4], "big")
+    return int.from_bytes(data[at + 7:at + 9], "big"), int.from_bytes(data[at + 5:at + 7], "big")
+
+
+class Services(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="trigpoint_services_")
+        self.site = os.path.join(self.folder, "site")
+        self.server = Server()
+        with open(f"{SOURCE}/datasets/parking_lot/panoramas/pano_057.jpg", "rb") as panorama:
+            self.panorama = panorama.read()
+        with open(f"{SOURCE}/datasets/parking_lot/runs/run1/images/000000.jpg", "rb") as photo:
+            self.photo = photo.read()
+        self.environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy") and not k.startswith("MAPILLARY")}
+
+    def tearDown(self):
+        self.server.shutdown()
+        self.server.server_close()
+        shutil.rmtree(self.folder)
+
+    def command(self, *more, service="panoramax", url=None):
+        path = "/api" if service == "panoramax" else "/graph"
+        return [PROGRAM, "import", self.site, "--from", service, "--url", url or self.server.url + path, *more]
+
+    def run_import(self, *more, expect=0, near=NEAR, service="panoramax", url=None, **environment):
+        where = [] if "--along" in more else ["--near", f"{near[0]},{near[1]}"]
+        done = subprocess.run(self.command(*where, *more, service=service, url=url), capture_output=True, text=True, check=False,
+                              env={**self.environment, **environment})
+        self.assertEqual(done.returncode, expect, done.stdout + done.stderr)
+        for secret in [TOKEN, "a-secret", "signature-that-must-not-show"]:
+            self.assertNotIn(secret, done.stdout + done.stderr)
+        return done
+
+    def table(self):
+        with open(f"{self.site}/panoramas.csv", encoding="utf-8") as rows:
+            return list(csv.DictReader(line for line in rows if not line.startswith("#")))
+
+    def add(self, count, **more):
+        for number in range(count):
+            self.server.items.append(item(self.server, number, 3 * number, **more))
+            self.server.pictures[f"/files/{number}.jpg"] = self.panorama
+
+    def test_list_takes_nothing(self):
+        self.add(5)
+        self.server.items.append(item(self.server, 5, 400))  # too far
+        self.server.items.append(item(self.server, 6, 1, properties={"pers:interior_orientation": {"field_of_view": 70}}))
+        done = self.run_import("--list")
+        self.assertIn("5 panoramas: 1 of 2020, 1 of 2021", done.stdout)
+        self.assertIn('Ann "the" Walker', done.stdout)
+        self.assertFalse(os.path.exists(self.site))
+        listed = json.loads(self.run_import("--list", "--json").stdout)["panoramas"]
+        self.assertEqual([p["licence"] for p in listed], ["CC-BY-SA-4.0"] * 5)
+        self.assertEqual(listed[1]["heading_deg"], 91)
+        dated = json.loads(self.run_import("--list", "--json", "--since", "2021-05-12", "--until", "2022").stdout)["panoramas"]
+        self.assertEqual(sorted(p["captured_at"][:4] for p in dated), ["2021", "2022"])
+        self.assertIn("none of the 5 panoramas there was taken between 2030 and now", self.run_import("--since", "2030", expect=1).stderr)
+
+    def test_what_is_stated_is_in_the_table(self):
+        self.add(3)
+        self.server.items[0]["properties"].update({"pers:pitch": -2.5, "pers:roll": 1.25, "quality:horizontal_accuracy": 4.8954})
+        del self.server.items[1]["properties"]["view:azimuth"]
+        self.run_import()
+        rows = self.table()
+        self.assertEqual(len(rows), 3)
+        first = rows[0]
+        self.assertEqual(first["file"], f"panoramas/panoramax-{self.server.items[0]['id']}.jpg")
+        self.assertAlmostEqual(float(first["latitude_deg"]), NEAR[0], 8)
+        self.assertEqual([float(first[c]) for c in ["heading_deg", "pitch_deg", "roll_deg", "sigma_h_m"]], [90, -2.5, 1.25, 2])
+        self.assertEqual([first[c] for c in ["source", "captured_at", "licence"]], ["panoramax", "2020-05-12T09:43:20+00:00", "CC-BY-SA-4.0"])
+        self.assertEqual(first["attribution"], 'Ann "the" Walker, Panoramax, CC-BY-SA-4.0')
+        self.assertEqual([rows[1]["heading_deg"], rows[1]["pitch_deg"], rows[1]["sigma_h_m"]], ["", "", "3.000"])
+        with open(f"{self.site}/{first['file']}", "rb") as kept:
+            self.assertEqual(kept.read(), self.panorama)  # as it came: it is no wider than asked for
+        done = subprocess.run([PROGRAM, "init", self.site], capture_output=True, text=True, check=True)
+        self.assertIn("3 panoramas", done.stdout)
+        self.assertNotIn("not known", done.stdout + done.stderr)
+
+    def test_pages_and_rates(self):
+        self.add(7)
+        self.server.page_size = 3
+        self.server.faults["/api/search"] = [(429, b"slow down", [("Retry-After", "0.3")]), (503, b"{}", [("Retry-After", "0")])]
+        begin = time.time()
+        self.run_import("--width", "512")
+        self.assertGreater(time.time() - begin, 0.3)
+        self.assertEqual(len(self.table()), 7)
+        self.assertEqual(len(self.server.paths("/api/search")), 2 + 3)
+        self.assertEqual({size_of(f"{self.site}/{row['file']}") for row in self.table()}, {(512, 256)})
+        # A server that wants to be left alone is.
+        self.server.faults["/api/search"] = [(429, b"", [("Retry-After", "3600")])]
+        self.assertIn("too much was asked", self.run_import(expect=1).stderr)
+
+    def test_a_cut_connection_goes_on_where_it_broke(self):
+        self.add(1)
+        self.server.faults["/files/0.jpg"] = ["cut"]
+        self.run_import()
+        ranges = [headers.get("Range") for path, headers in self.server.log if path.startswith("/files/")]
+        self.assertEqual(ranges, [None, f"bytes={len(self.panorama) // 2}-"])
+        with open(f"{self.site}/{self.table()[0]['file']}", "rb") as kept:
+            self.assertEqual(kept.read(), self.panorama)
+
+    def test_pictures_that_are_none_are_left_out_and_named(self):
+        self.add(7)
+        part = {"FullPanoWidthPixels": 1920, "FullPanoHeightPixels": 960, "CroppedAreaImageWidthPixels": 960, "CroppedAreaImageHeightPixels": 600,
+                "CroppedAreaLeftPixels": 400, "CroppedAreaTopPixels": 200, "ProjectionType": "equirectangular"}
+        self.server.pictures.update({"/files/0.jpg": self.photo, "/files/1.jpg": self.panorama[:50000], "/files/2.jpg": b"<html>sorry</html>",
+                                     "/files/3.jpg": with_gpano(self.photo, **part)})
+        del self.server.pictures["/files/4.jpg"]
+        self.server.faults["/files/5.jpg"] = [(500, b"", [("Retry-After", "0")])] * 5
+        done = self.run_import()
+        rows = {row["file"][-8:-4]: row for row in self.table()}
+        self.assertEqual(sorted(rows), ["0003", "0006"])
+        self.assertEqual(size_of(f"{self.site}/{rows['0003']['file']}"), (1920, 960))  # a part, in a sphere
+        for number, why in [(0, "960 x 600"), (1, ""), (2, ""), (4, "status 404")]:
+            self.assertRegex(done.stderr, rf"panorama 00000000-0000-4000-8000-{number:012d}.*{why}.*the panorama is skipped")
+        self.assertIn("fails (status 500)", done.stderr)
+        self.assertIn("2 of 7 panoramas", done.stdout)
+
+    def test_hostile_answers(self):
+        self.add(1)
+        good = self.server.items[0]
+        self.server.items += [{**good, "id": "../../etc/passwd"}, {**good, "id": "x" * 500}, {**good, "id": "none", "assets": {"hd": {"href": 7}}}]
+        self.server.items.append({**good, "id": "elsewhere", "assets": {"hd": {"href": "file:///etc/passwd"}}})
+        self.server.items.append({**good, "id": "plain", "assets": {"hd": {"href": "http://192.0.2.1/a.jpg"}}})
+        done = self.run_import()
+        self.assertEqual(len(self.table()), 1)
+        self.assertIn("expected one that begins with https://", done.stderr)
+        self.assertFalse(os.path.exists("/etc/passwd.jpg"))
+        for body, why in [(b"[" * 100000, "expected a JSON object"), (b"", "expected a JSON object"), (b'{"features": 3}', 'expected a list "features"'),
+                          (b'{"features": [], "links": [{"rel": "next", "href": "http://127.0.0.1:9/x"}]}', "of the same server"),
+                          (b'{"features": [null, 3, {"id": 5}], "links": 7}', "no panorama lies within")]:
+            self.server.faults["/api/search"] = [(200, body, [])]
+            self.assertIn(why, self.run_import(expect=1).stderr)
+
+    def test_entries_are_added_and_the_old_table_is_kept(self):
+        self.add(2)
+        os.makedirs(f"{self.site}/panoramas")
+        own = "# mine\nfile;lat;long;Note\npanoramas/own.jpg;48,5;7,5;\"a, b\"\n"
+        with open(f"{self.site}/panoramas.csv", "w", encoding="utf-8") as table:
+            table.write(own)
+        self.run_import()
+        rows = self.table()
+        self.assertEqual([row["Note"] for row in rows], ["a, b", "", ""])
+        self.assertEqual([rows[0]["latitude_deg"], rows[0]["longitude_deg"], rows[0]["licence"]], ["48.5", "7.5", ""])
+        replaced = os.listdir(f"{self.site}/results/replaced")
+        self.assertEqual(len(replaced), 1)
+        with open(f"{self.site}/results/replaced/{replaced[0]}", encoding="utf-8") as kept:
+            self.assertEqual(kept.read(), own)
+        # What is there is neither loaded nor written again.
+        before, count = content(f"{self.site}/panoramas.csv"), len(self.server.paths("/files/"))
+        self.assertIn("2 of them were there already", self.run_import().stdout)
+        self.assertEqual(content(f"{self.site}/panoramas.csv"), before)
+        self.assertEqual(len(self.server.paths("/files/")), count)
+
+    def test_a_kill_loses_the_picture_in_flight_alone(self):
+        self.add(8)
+        self.server.delay_s = 0.3
+        process = subprocess.Popen(self.command("--near", f"{NEAR[0]},{NEAR[1]}"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment)
+        while len(self.server.paths("/files/")) < 4:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        asked = self.server.paths("/files/")
+        self.server.delay_s = 0
+        self.run_import()
+        self.assertEqual(len(self.table()), 8)
+        self.assertTrue(all(row["heading_deg"] for row in self.table()))
+        again = self.server.paths("/files/")[len(asked):]
+        self.assertLessEqual(len(set(asked) & set(again)), 1)
+
+    def test_a_server_that_cannot_be_reached_is_one_clear_message(self):
+        for url, why in [("http://127.0.0.1:9/api", "cannot be reached"), ("ftp://127.0.0.1/api", "expected an address that begins with https://"),
+                         ("http://192.0.2.1/api", "expected an address that begins with https://")]:
+            done = self.run_import(url=url, expect=2 if "expected" in why else 1)
+            self.assertIn(why, done.stderr)
+            self.assertEqual(len(done.stderr.strip().splitlines()), 1)
+        self.assertFalse(os.path.exists(self.site))
+
+    def test_through_a_proxy(self):
+        self.add(1)
+        self.run_import("--list", url="http://127.0.0.1:9/api", http_proxy=self.server.url)
+        self.assertTrue(self.server.log[0][0].startswith("http://127.0.0.1:9/api/search?bbox="))
+
+    @unittest.skipUnless(shutil.which("openssl"), "openssl makes the certificate")
+    def test_a_certificate_that_nobody_vouches_for_is_refused(self):
+        pem = os.path.join(self.folder, "server.pem")
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", pem, "-out", pem + ".crt", "-days", "1", "-subj", "/CN=127.0.0.1"],
+                       capture_output=True, check=True)
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(pem + ".crt", pem)
+        self.server.socket = context.wrap_socket(self.server.socket, server_side=True)
+        done = self.run_import("--list", url=self.server.url.replace("http:", "https:") + "/api", expect=1)
+        self.assertRegex(done.stderr, "certificate")
+        self.assertEqual(self.server.log, [])
+
+    def test_along_a_run(self):
+        self.add(1)
+        self.server.items += [item(self.server, 1, 200), item(self.server, 2, 200, geometry={"type": "Point", "coordinates": [NEAR[1] + 200 / 74500, NEAR[0] + 100 / 111000]})]
+        self.server.pictures.update({"/files/1.jpg": self.panorama, "/files/2.jpg": self.panorama})
+        run = f"{self.site}/runs/walk"
+        os.makedirs(f"{run}/images")
+        for number in range(3):
+            shutil.copy(f"{SOURCE}/datasets/parking_lot/runs/run1/images/000000.jpg", f"{run}/images/{number:06d}.jpg")
+        shutil.copy(f"{SOURCE}/datasets/parking_lot/runs/run1/camchain.yaml", run)
+        with open(f"{run}/gps.csv", "w", encoding="utf-8") as gps:
+            gps.write("timestamp_s,latitude_deg,longitude_deg,sigma_h_m\n" + "".join(f"{i},{NEAR[0]},{NEAR[1] + i / 74500},2\n" for i in range(0, 201, 5)))
+        listed = json.loads(self.run_import("--along", "walk", "--radius", "20", "--list", "--json").stdout)["panoramas"]
+        self.assertEqual([p["id"][-1] for p in listed], ["0", "1"])
+
+    def graph(self, number, **more):
+        return {"id": str(number), "captured_at": 1_700_000_000_000, "is_pano": True, "camera_type": "spherical", "width": 4096, "height": 2048, "compass_angle": 10.5,
+                "creator": {"username": "mappy", "id": "1"}, "geometry": {"type": "Point", "coordinates": [NEAR[1], NEAR[0]]}, **more}
+
+    def test_mapillary(self):
+        self.server.items = [{"graph": g} for g in [
+            self.graph(1, computed_geometry={"type": "Point", "coordinates": [NEAR[1] + 1e-5, NEAR[0]]}, computed_compass_angle=200.25), self.graph(2),
+            self.graph(3, is_pano=False), self.graph(4, compass_angle=-1)]]
+        store = Server()
+        self.addCleanup(store.server_close)
+        self.addCleanup(store.shutdown)
+        store.pictures = {f"/signed/{n}.jpg": self.panorama for n in range(5)}
+        self.server.files_url = store.url
+        self.assertIn("needs a token: set MAPILLARY_ACCESS_TOKEN", self.run_import(service="mapillary", expect=1).stderr)
+        self.run_import(service="mapillary", MAPILLARY_ACCESS_TOKEN=TOKEN)
+        rows = self.table()
+        self.assertEqual([row["file"] for row in rows], [f"panoramas/mapillary-{n}.jpg" for n in (1, 2, 4)])
+        self.assertEqual([row["heading_deg"] for row in rows], ["200.2500", "10.5000", ""])
+        self.assertAlmostEqual(float(rows[0]["longitude_deg"]), NEAR[1] + 1e-5, 8)
+        self.assertEqual(rows[0]["captured_at"], "2023-11-14T22:13:20Z")
+        self.assertEqual(rows[0]["attribution"], "mappy, Mapillary, CC-BY-SA-4.0")
+        # The token goes to the service, and to nobody else.
+        self.assertTrue(all("Authorization" in headers for path, headers in self.server.log[1:]))
+        self.assertEqual(len(store.log), 3)
+        self.assertFalse(any("Authorization" in headers or TOKEN in path for path, headers in store.log))
+        for folder, _, files in os.walk(self.site):
+            for name in files:
+                with open(os.path.join(folder, name), "rb") as content:
+                    self.assertNotIn(b"a-secret", content.read())
+        # An expired one is refused in words that do not show it.
+        self.server.token = "another"
+        self.assertIn("the token is missing, wrong or expired", self.run_import("--list", service="mapillary", expect=1, MAPILLARY_ACCESS_TOKEN=TOKEN).stderr)
+
+    def test_a_token_file_is_for_its_owner_alone(self):
+        self.server.items = [{"graph": self.graph(1)}]
+        path = os.path.join(self.folder, "token")
+        with open(path, "w", encoding="utf-8") as token:
+            token.write(TOKEN + "\n")
+        os.chmod(path, 0o644)
+        self.assertIn("chmod 600", self.run_import("--list", "--token-file", path, service="mapillary", expect=1).stderr)
+        os.chmod(path, 0o600)
+        self.run_import("--list", "--token-file", path, service="mapillary")
+
+
+if __name__ == "__main__":
+    PROGRAM, SOURCE = os.path.abspath(sys.argv.pop(1)), os.path.abspath(sys.argv.pop(1))
+    unittest.main()
