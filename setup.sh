@@ -15,6 +15,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")"
 
 packages=(
   build-essential cmake ninja-build ccache pkg-config git clang-format-14 clang-tidy-14 python3 python3-numpy
+  python3-pil python3-yaml
   libeigen3-dev libceres-dev libboost-dev libopencv-dev libopencv-contrib-dev libopengv-dev libapriltag-dev libgeographiclib-dev
   libexiv2-dev libexpat1-dev libjpeg-dev libtiff-dev
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev

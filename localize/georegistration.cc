@@ -8,6 +8,7 @@
 
 #include "calib/base/median.h"
 #include "calib/geometry/alignment.h"
+#include "localize/odometry_unit.h"
 
 namespace trigpoint {
 namespace {
@@ -18,6 +19,9 @@ constexpr size_t kStarts = 12;          // the most plausible ones
 constexpr double kDifferent = 5;        // solutions farther apart than so many sigmas are two
 constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves which headings are wrong
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
+constexpr double kMostScale = 0.15;     // logarithm: a scale farther off is a wrong unit, not drift
+constexpr double kLessCost = 14;        // another scale is looked at if the fit is better by this
+constexpr double kUnknownScale = 0.5;   // sigmas of the scale from here on: it is measured, not known
 constexpr double kMostSigmaFactor = 5;  // sigmas too small by more than this are a contradiction
 
 using Vector7d = Eigen::Matrix<double, 7, 1>;
@@ -197,17 +201,19 @@ std::vector<Sim3d> EarthFit::Guesses() const {
       s.translation = o.position - s.scale * (s.rotation * o.odom_from_rig.translation);
       add(s);
     }
-    // Two positions give the yaw of a nearly level frame.
+    // Two positions give the yaw of a nearly level frame, and its scale where nothing else does.
     for (size_t b = 0; b < a && obs_.size() <= kMostPairs; ++b) {
       if (!obs_[b].has_position) continue;
       const Eigen::Vector3d od = o.odom_from_rig.translation - obs_[b].odom_from_rig.translation;
       const Eigen::Vector3d wd = o.position - obs_[b].position;
       if (od.head<2>().norm() < kApart_m) continue;
       Sim3d s;
-      s.scale = scale_prior_;
+      s.scale =
+          scale_sigma_ > kUnknownScale * scale_prior_ && wd.norm() > kApart_m ? wd.norm() / od.norm() : scale_prior_;
       s.rotation = Eigen::AngleAxisd(std::atan2(wd.y(), wd.x()) - std::atan2(od.y(), od.x()), Eigen::Vector3d::UnitZ());
-      s.translation = 0.5 * (o.position + obs_[b].position) -
-                      s.rotation * (0.5 * (o.odom_from_rig.translation + obs_[b].odom_from_rig.translation));
+      s.translation =
+          0.5 * (o.position + obs_[b].position) -
+          s.scale * (s.rotation * (0.5 * (o.odom_from_rig.translation + obs_[b].odom_from_rig.translation)));
       add(s);
     }
   }
@@ -386,6 +392,76 @@ std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution
   return "";
 }
 
+std::vector<EarthSolution> SolveFromStarts(const EarthFit& fit, const std::vector<Sim3d>& guesses,
+                                           const std::vector<GeoObservation>& obs) {
+  // A geotag far off draws the first solution away if it has full weight; so every start weighs it by its own fit.
+  std::vector<EarthSolution> solutions = {fit.Solve(guesses.front(), false)};
+  size_t starts = 0;
+  for (const Sim3d& guess : guesses) {
+    const bool known = starts > 0 && std::any_of(solutions.begin(), solutions.end(), [&](const EarthSolution& other) {
+                         return !Differ(guess, other.s, obs);
+                       });
+    if (known) continue;
+    solutions.push_back(fit.Solve(guess, true));
+    if (++starts >= (obs.size() <= kFew ? kStarts : 1)) break;
+  }
+  return solutions;
+}
+
+std::vector<EarthSolution>::const_iterator Best(const std::vector<EarthSolution>& solutions) {
+  return std::min_element(solutions.begin(), solutions.end(), [](const auto& a, const auto& b) {
+    return std::pair(!a.good, a.cost) < std::pair(!b.good, b.cost);
+  });
+}
+
+// A scale of the run under which the geotags agree with each other, though not under that of odometry.
+struct OtherScale {
+  double factor = 1, sigma = 0, stated_sigma = 0;  // true / measured length
+  std::string Describe() const {
+    const std::string unit = UnitOfLength(factor, std::max(0.02, 3 * sigma / factor));
+    return fmt::format(
+        "the geotags agree with each other if odometry is {:.4g} +- {:.2g} times as long as it states, which its "
+        "scale_sigma of {:g} does not allow{}; convert its positions to metres, or state odometry: scale_sigma in "
+        "run.yaml",
+        factor, sigma, stated_sigma, unit.empty() ? "" : ": it seems to be in " + unit);
+  }
+};
+
+std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::vector<EarthSolution>& free,
+                                         const std::vector<GeoObservation>& obs, double scale_prior, double scale_sigma,
+                                         const GeoRegistrationOptions& options) {
+  constexpr int kLeastPositions = 3;
+  constexpr double kSigmas = 5;
+  if (free.empty()) return std::nullopt;
+  const EarthSolution& other = *Best(free);
+  if (!other.good || !(other.s.scale > 0)) return std::nullopt;
+  int positions = 0, outliers = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    positions += obs[i].has_position ? 1 : 0;
+    outliers += obs[i].has_position && other.position_chi2[i] > options.outlier_chi2 ? 1 : 0;
+  }
+  if (positions < kLeastPositions || 4 * outliers > positions || other.cost > best.cost - kLessCost) {
+    return std::nullopt;
+  }
+  OtherScale scale;
+  scale.factor = other.s.scale / scale_prior;
+  scale.sigma = std::sqrt(other.h.ldlt().solve(Matrix7d::Identity())(6, 6)) / scale_prior;
+  scale.stated_sigma = scale_sigma;
+  if (std::abs(scale.factor - 1) < kSigmas * std::hypot(scale.sigma, scale_sigma)) return std::nullopt;
+  return scale;
+}
+
+std::string NoDirection(size_t geotags) {
+  if (geotags == 1) {
+    return "one localized geotag without heading does not fix the run's direction: at least two are needed";
+  }
+  return fmt::format(
+      "none of {} localized geotags or GPS fixes has a heading, and they lie within {} m of each other: they do not "
+      "fix "
+      "the run's direction",
+      geotags, kApart_m);
+}
+
 // The factor by which the stated sigmas are too small where most positions are beyond the gate; 1 where they are not.
 double SigmaFactor(const EarthSolution& best, const std::vector<GeoObservation>& obs, double outlier_chi2) {
   constexpr double kMedianChi2[] = {0, 0.455, 1.386, 2.366};
@@ -426,28 +502,24 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   const EarthFit fit(obs, odom_covariance, scale_prior, scale_sigma, tilt_sigma, options);
   const std::vector<Sim3d> guesses = fit.Guesses();
   if (guesses.empty()) {
-    result.reason = n == 1 ? "one localized geotag without heading does not fix the run's direction: at least two are "
-                             "needed"
-                           : fmt::format(
-                                 "none of {} localized geotags or GPS fixes has a heading, and they lie within "
-                                 "{} m of each other: they do not fix the run's direction",
-                                 n, kApart_m);
+    result.reason = NoDirection(n);
     return result;
   }
-  // A geotag far off draws the first solution away if it has full weight; so every start weighs it by its own fit.
-  std::vector<EarthSolution> solutions = {fit.Solve(guesses.front(), false)};
-  size_t starts = 0;
-  for (const Sim3d& guess : guesses) {
-    const bool known = starts > 0 && std::any_of(solutions.begin(), solutions.end(), [&](const EarthSolution& other) {
-                         return !Differ(guess, other.s, obs);
-                       });
-    if (known) continue;
-    solutions.push_back(fit.Solve(guess, true));
-    if (++starts >= (n <= kFew ? kStarts : 1)) break;
+  std::vector<EarthSolution> solutions = SolveFromStarts(fit, guesses, obs);
+  auto best = Best(solutions);
+  const EarthFit free_fit(obs, odom_covariance, scale_prior, scale_prior, tilt_sigma, options);
+  std::vector<EarthSolution> free;
+  if (scale_sigma < kUnknownScale && best->cost > kLessCost) free = SolveFromStarts(free_fit, free_fit.Guesses(), obs);
+  const auto other = FindOtherScale(*best, free, obs, scale_prior, scale_sigma, options);
+  if (other && std::abs(std::log(other->factor)) > kMostScale) {
+    result.residuals = best->residuals;
+    result.reason = other->Describe();
+    return result;
   }
-  const auto best = std::min_element(solutions.begin(), solutions.end(), [](const auto& a, const auto& b) {
-    return std::pair(!a.good, a.cost) < std::pair(!b.good, b.cost);
-  });
+  if (other) {
+    solutions = free;
+    best = Best(solutions);
+  }
   result.iterations = best->iterations;
   if (!best->good) {
     result.reason = "the geotags do not fix the run's frame";
@@ -469,14 +541,16 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
         std::count(result.outlier.begin(), result.outlier.end(), true), n, factor);
     return result;
   }
+  if (other) result.reason = other->Describe() + "; the scale is taken from the geotags";
   if (factor > 1) {
-    result.reason = fmt::format(
-        "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
-        "times larger for it",
-        factor);
+    result.reason += (result.reason.empty() ? "" : "; ") +
+                     fmt::format(
+                         "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
+                         "times larger for it",
+                         factor);
   }
   result.solved = true;
-  fit.Describe(*best, &result);
+  (other ? free_fit : fit).Describe(*best, &result);
   result.covariance *= factor * factor;
   return result;
 }

@@ -14,6 +14,7 @@ struct ReconstructRunOptions {
   ViewGraphOptions pairs;
   ReconstructOptions reconstruct;
   LoopOptions loops;
+  bool check_conventions = true;  // refuse odometry that the images contradict; for the caller
 
   // As published: consecutive frames, noise as stated.
   static ReconstructRunOptions Paper();
@@ -23,6 +24,8 @@ struct ReconstructRunOptions {
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
     visit(self.pairs, {"pairs", "", 0, 0, "pairs of images beyond neighbours in time"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
+    visit(self.check_conventions, {"check_conventions", "", 0, 1,
+                                   "refuse odometry that images or GPS contradict: order, signs, axes, unit, jumps"});
     visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }

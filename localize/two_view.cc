@@ -216,6 +216,56 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, con
   return result;
 }
 
+RelativePoseEstimate EstimateRelativePose(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                                          const WideBaselineOptions& options) {
+  constexpr double kNearly = 1.15;  // of the least cost
+  constexpr double kOtherRotation = 2 * EIGEN_PI / 180, kOtherDirection = 20 * EIGEN_PI / 180;
+  RelativePoseEstimate estimate;
+  WideBaselineResult& best = estimate.best;
+  const int n = static_cast<int>(a.size());
+  if (n < 12) return estimate;
+  const double sigma = 0.5 * options.inlier_rad;
+  const Matrix5d free = 1e-6 * Matrix5d::Identity();
+  RansacOptions ransac;
+  ransac.max_iterations = options.ransac_iterations;
+  ransac.confidence = 0.999;
+  ransac.threshold = options.inlier_rad;
+  ransac.seed = options.seed;
+  const auto found = Ransac<Rigid3d, 5>(
+      n, ransac, [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
+      [&](const Rigid3d& pose, int i) {
+        const auto k = static_cast<size_t>(i);
+        return MeetInFront(pose, a[k], b[k]) ? std::abs(EpipolarError(pose, a[k], b[k])) : 1.0;
+      });
+  if (!found.found) return estimate;
+  // Along each axis and both ways: a short or a planar scene has several minima.
+  std::vector<Rigid3d> starts = {found.model};
+  for (int k = 0; k < 3; ++k) {
+    for (const double sign : {-1.0, 1.0}) starts.emplace_back(found.model.rotation, sign * Eigen::Vector3d::Unit(k));
+  }
+  std::vector<std::pair<double, Rigid3d>> solutions;
+  for (const Rigid3d& start : starts) {
+    const Rigid3d pose = Refine(a, b, start, free, start, sigma, 8, 15);
+    solutions.emplace_back(Cost(a, b, pose, pose, free, options.inlier_rad), pose);
+  }
+  std::stable_sort(solutions.begin(), solutions.end(), [](const auto& x, const auto& y) { return x.first < y.first; });
+  const Rigid3d& pose = solutions.front().second;
+  for (const auto& [cost, other] : solutions) {
+    if (cost > kNearly * solutions.front().first) break;
+    estimate.rotation_ambiguous |= AngleBetween(pose.rotation, other.rotation) > kOtherRotation;
+    estimate.direction_ambiguous |= AngleBetween(pose.translation, other.translation) > kOtherDirection;
+  }
+  best.b_from_a = pose;
+  best.inliers = EpipolarInliers(a, b, pose, options.inlier_rad);
+  const int inliers = static_cast<int>(best.inliers.size());
+  best.log10_false_alarms = Log10FalseAlarms(n, inliers, 2 * options.inlier_rad / options.span_rad);
+  best.verified = inliers >= 12 && best.log10_false_alarms < std::log10(options.max_false_alarms);
+  if (!best.verified) return estimate;
+  best.rotation_only = RotationExplains(a, b, best.inliers, 2 * options.inlier_rad);
+  best.information = EdgeInformation(a, b, pose, best.inliers, 0.5 * options.inlier_rad);
+  return estimate;
+}
+
 TwoViewResult VerifyTwoView(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
                             const Rigid3d& prior, const TwoViewOptions& options) {
   TwoViewResult result;

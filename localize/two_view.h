@@ -61,6 +61,17 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& rays_a
                                       const std::vector<Eigen::Vector3d>& rays_b, const Rigid3d& prior_b_from_a,
                                       const WideBaselineOptions& options);
 
+// The relative pose that explains most matches, whatever a prior would say: the best of what five-point RANSAC and
+// refinement find from several starts.
+struct RelativePoseEstimate {
+  WideBaselineResult best;
+  bool rotation_ambiguous = false;   // another pose with another rotation explains nearly as many
+  bool direction_ambiguous = false;  // or with another direction of translation
+};
+RelativePoseEstimate EstimateRelativePose(const std::vector<Eigen::Vector3d>& rays_a,
+                                          const std::vector<Eigen::Vector3d>& rays_b,
+                                          const WideBaselineOptions& options);
+
 // The paper's verification: inliers of a homography (RANSAC), as indices into the matches. `homography`: b from a.
 std::vector<int> VerifyHomography(const std::vector<Eigen::Vector2f>& a, const std::vector<Eigen::Vector2f>& b,
                                   double threshold_px, Eigen::Matrix3d* homography = nullptr);

@@ -6,6 +6,8 @@
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/solution/solution_file.h"
+#include "localize/odometry_check.h"
+#include "localize/odometry_unit.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {
@@ -66,6 +68,14 @@ nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruc
   return m;
 }
 
+// Refuses odometry that follows other conventions than those of docs/file_formats.md.
+void RequireConventions(const Run& run, const LocalizeInput& input, StageContext& context) {
+  if (const auto unit = FindOtherUnit(run)) throw InputError(*unit);
+  const auto contradiction = FindContradiction(input, (run.dir / "odometry.tum").string(), {}, context.threads,
+                                               context.seed, context.progress, context.cancel);
+  if (contradiction) throw InputError(*contradiction);
+}
+
 void MakeReconstruction(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
                         StageContext& context) {
   Run run = context.project.run(target.run);
@@ -73,6 +83,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
   const LocalizeJob job = MakeRunJob(run, ResultOf(context.project, "features", Plain(target)) / "features.db");
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
+  if (options.check_conventions) RequireConventions(run, job.input, context);
   RunReconstruction result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed,
                                             context.progress, context.cancel);
   context.metrics.update(ReconstructionMetrics(job, result));
@@ -117,7 +128,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 1;
+    request.version = 2;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

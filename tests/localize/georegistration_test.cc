@@ -153,6 +153,41 @@ TEST(GeoRegistration, HeadingsOfThreeThatContradictTheirPositionsAreWithheld) {
   EXPECT_TRUE(right.solved) << right.reason;
 }
 
+// The site with places whose unit is `metres` long.
+Site InUnit(Site site, double metres) {
+  for (GeoObservation& o : site.observations) o.odom_from_rig.translation /= metres;
+  for (Eigen::Index k = 0; k < site.odom_covariance.rows(); k += 6) {
+    site.odom_covariance.block<3, 3>(k + 3, k + 3) /= metres * metres;
+  }
+  site.world_from_odom.scale *= metres;
+  return site;
+}
+
+TEST(GeoRegistration, AnotherUnitIsNamedAndWithheld) {
+  const std::vector<std::pair<std::string, double>> units = {
+      {"feet", 0.3048}, {"centimetres", 0.01}, {"inches", 0.0254}};
+  for (const auto& [name, metres] : units) {
+    for (const int count : {3, 4, 8}) {
+      Few few = FirstOf(InUnit(MakeSite(12, 0), metres), count);
+      const GeoRegistration geo = few.Fit();
+      EXPECT_FALSE(geo.solved) << name << count;
+      EXPECT_NE(geo.reason.find(name), std::string::npos) << geo.reason;
+    }
+  }
+  EXPECT_TRUE(FirstOf(MakeSite(12, 0), 3).Fit().solved);
+}
+
+TEST(GeoRegistration, AScaleThatIsOffIsMeasuredAndTold) {
+  for (uint64_t seed = 20; seed < 40; ++seed) {
+    const Site site = InUnit(MakeSite(seed, 0), 1.09);
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+    ASSERT_TRUE(geo.solved) << geo.reason;
+    EXPECT_NE(geo.reason.find("the scale is taken from the geotags"), std::string::npos) << geo.reason;
+    EXPECT_LT(std::abs(geo.world_from_odom.scale - site.world_from_odom.scale), 4 * std::sqrt(geo.covariance(6, 6)));
+    EXPECT_LT(HorizontalError(geo, site, site.observations[0]), 0.6);
+  }
+}
+
 TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   Site site = MakeSite(11, 0);
   for (GeoObservation& o : site.observations) o.has_heading = o.has_tilt = false;

@@ -1,0 +1,343 @@
+#!/usr/bin/env python3
+"""Plants the faults of faults.py into copies of a good project and judges what the program makes of each.
+
+  run_faults.py PROGRAM SITE [--truth DIR] [--run RUN] [--every N] [--features N] [--quick] [--only REGEX]
+                [--json FILE] [--jobs N] [--work DIR]
+  run_faults.py --table docs/faults.md FILE.json...
+
+Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
+position on the Earth, with the cause), refused (exit 1 naming the cause). Failures: FALSE (a position outside three of
+its stated sigmas), unnamed (refused or withheld without the cause), crashed.
+"""
+import argparse
+import concurrent.futures
+import csv
+import json
+import math
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+import faults
+from site_files import NotApplicable, Project, copy_links
+
+GOOD = ("right", "warned", "withheld", "refused")
+GATE = 3.0  # stated sigmas
+ROUNDING_M = 0.005  # of what the truth is written in
+
+
+def rows_of(path):
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return list(csv.DictReader(lines))
+
+
+def header_of(path):
+    return path.read_text().split("\n", 1)[0]
+
+
+class Earth:
+    """East, north, up about a site's true origin, of latitude, longitude, height."""
+
+    A, E2 = 6378137.0, 6.69437999014e-3
+
+    def __init__(self, latitude, longitude, height):
+        lat, lon = math.radians(latitude), math.radians(longitude)
+        self.origin = self.ecef(latitude, longitude, height)
+        self.rotation = np.array([[-math.sin(lon), math.cos(lon), 0],
+                                  [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)],
+                                  [math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)]])
+
+    def ecef(self, latitude, longitude, height):
+        lat, lon = math.radians(latitude), math.radians(longitude)
+        n = self.A / math.sqrt(1 - self.E2 * math.sin(lat) ** 2)
+        return np.array([(n + height) * math.cos(lat) * math.cos(lon), (n + height) * math.cos(lat) * math.sin(lon),
+                         (n * (1 - self.E2) + height) * math.sin(lat)])
+
+    def enu(self, row):
+        place = self.ecef(float(row["latitude_deg"]), float(row["longitude_deg"]), float(row["height_m"]))
+        return self.rotation @ (place - self.origin)
+
+
+class Truth:
+    def __init__(self, folder, site, run):
+        self.cameras, self.panoramas, self.tags = {}, {}, {}
+        origin = json.loads((site / "origin.json").read_text())
+        self.earth = Earth(origin["lat"], origin["lon"], origin["alt"])
+        for name in (f"runs/{run}_cameras.tum", f"{run}_cameras.tum"):
+            if (folder / name).exists():
+                self.cameras = self.poses(folder / name)
+        for name in ("panoramas.tum", "photos.tum"):
+            if (folder / name).exists():
+                self.panoramas.update(self.poses(folder / name))
+        if (folder / "tags.csv").exists():
+            for row in rows_of(folder / "tags.csv"):
+                self.tags[row["tag_id"]] = np.array([float(row[k]) for k in "xyz"])
+
+    @staticmethod
+    def poses(path):
+        lines = [line.split() for line in path.read_text().splitlines() if line and not line.startswith("#")]
+        return {line[0].split(".")[0] if "." not in line[0] else f"{float(line[0]):.4f}": np.array(line[1:4], float)
+                for line in lines}
+
+
+def sigmas_off(error, sigma):
+    """Largest error of an axis in stated sigmas."""
+    return max((abs(e) - ROUNDING_M) / max(s, 1e-9) if abs(e) > ROUNDING_M else 0.0 for e, s in zip(error, sigma))
+
+
+class Positions:
+    """What a result states, against the truth."""
+
+    def __init__(self):
+        self.count, self.outside, self.worst, self.largest_m = 0, 0, 0.0, 0.0
+
+    def add(self, error, sigma):
+        off = sigmas_off(error, sigma)
+        self.count += 1
+        self.outside += off > GATE
+        self.worst = max(self.worst, off)
+        self.largest_m = max(self.largest_m, float(np.linalg.norm(error)))
+
+
+def judge_localize(project, run, truth, positions):
+    folder = project / "results" / "localize" / run
+    manifest = json.loads((folder / "manifest.json").read_text())
+    if not manifest["metrics"].get("on_earth"):
+        return manifest["metrics"].get("earth_reason") or "not on the Earth"
+    for row in rows_of(folder / "cameras.csv"):
+        at = truth.cameras.get(f"{float(row['timestamp']):.4f}")
+        if at is not None and row.get("latitude_deg"):
+            positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "enu"])
+    for row in rows_of(folder / "panoramas.csv"):
+        at = truth.panoramas.get(row["station"].lstrip("S"), truth.panoramas.get(row["station"]))
+        if row["status"] == "localized" and at is not None and row.get("latitude_deg"):
+            positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "xyz"])
+    return ""
+
+
+def judge_survey(project, truth, positions):
+    folder = project / "results" / "survey"
+    if "frame=enu" not in header_of(folder / "tags.csv"):
+        return "not on the Earth"
+    for row in rows_of(folder / "tags.csv"):
+        if row["tag_id"] in truth.tags and row["x"]:
+            error = np.array([float(row[k]) for k in "xyz"]) - truth.tags[row["tag_id"]]
+            positions.add(error, [float(row[f"sigma_{k}_m"]) for k in "xyz"])
+    return ""
+
+
+def warnings_of(text):
+    """Warnings without their numbers, as those differ from run to run."""
+    lines = [line for line in text.splitlines() if re.search(r"warning", line, re.I)]
+    return {re.sub(r"[0-9.]+", "0", line) for line in lines}, lines
+
+
+class Runner:
+    def __init__(self, options):
+        self.options = options
+        self.program = str(pathlib.Path(options.program).resolve())
+        self.work = pathlib.Path(options.work or tempfile.mkdtemp(prefix="faults-"))
+        self.base = self.work / "good"
+        self.site = pathlib.Path(options.site)
+        truth = pathlib.Path(options.truth) if options.truth else self.site / "truth"
+        self.run = options.run
+        self.truth = Truth(truth, self.site, self.run)
+        self.baseline = {}
+
+    def call(self, *arguments):
+        done = subprocess.run([self.program, *map(str, arguments), "--threads", "1"], capture_output=True, text=True,
+                              errors="replace", timeout=self.options.timeout)
+        return done.returncode, done.stdout + done.stderr
+
+    def commands(self, project, names):
+        """Runs the stages; the first failure ends it."""
+        text = ""
+        for name in names:
+            arguments = [name, project] + (["--run", self.run] if name in ("localize", "detect") else [])
+            code, said = self.call(*arguments)
+            text += said
+            if code != 0:
+                return code, text
+        return 0, text
+
+    def prepare(self):
+        """The good project with the results that faults leave as they are."""
+        shutil.rmtree(self.base, ignore_errors=True)
+        copy_links_or_copy(self.site, self.base)
+        for other in (self.base / "runs").iterdir():
+            if other.name != self.run:
+                shutil.rmtree(other)
+        project = Project(self.base, self.run)
+        if self.options.every > 1:
+            project.rows("images.txt", lambda rows: rows[::self.options.every])
+            listed = set(project.images())
+            for file in (project.run / "images").glob("*"):
+                if file not in listed:
+                    file.unlink()
+        self.init(self.base)
+        for names in (["localize"], ["detect", "survey"]):
+            if names[0] == "detect" and not (self.base / "tags.yaml").exists():
+                continue
+            code, said = self.commands(self.base, names)
+            if code != 0:
+                raise SystemExit(f"the good project fails: {said}")
+            self.baseline[names[-1]] = warnings_of(said)[0]
+            verdict = self.judge(self.base, names, code, said, None)
+            print("good:", names[-1], verdict, flush=True)
+            if verdict["verdict"] not in ("right", "warned"):
+                raise SystemExit("the good project is not judged right")
+        for stage in ("localize", "survey"):
+            shutil.rmtree(self.base / "results" / stage, ignore_errors=True)
+
+    def init(self, project):
+        code, said = self.call("init", project)
+        if code != 0:
+            return code, said
+        n = self.options.features
+        if n:
+            options = f"{{images: {{max_features: {n}}}, references: {{max_features: {n}}}}}"
+            path = project / "trigpoint.yaml"
+            path.write_text(re.sub(r"(?m)^stages: \{\}", f"stages: {{features: {options}, references: {options}}}",
+                                   path.read_text()))
+        return 0, said
+
+    def judge(self, project, names, code, said, fault):
+        cause = fault.cause if fault else None
+        names_cause = cause is not None and re.search(cause, said, re.I) is not None
+        last = [line for line in said.strip().splitlines() if line][-1:]
+        result = {"exit": code, "said": (last or [""])[0][-400:]}
+        if code < 0 or code > 3:
+            return {**result, "verdict": "crashed"}
+        if code != 0:
+            return {**result, "verdict": "refused" if names_cause else "unnamed"}
+        positions, withheld = Positions(), ""
+        if "localize" in names:
+            withheld = judge_localize(project, self.run, self.truth, positions)
+        if "survey" in names:
+            withheld = judge_survey(project, self.truth, positions) or withheld
+        result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(positions.worst, 2),
+                      largest_m=round(positions.largest_m, 3))
+        new, lines = warnings_of(said)
+        new -= self.baseline.get(names[-1], set())
+        if new:
+            result["said"] = [line for line in lines if re.sub(r"[0-9.]+", "0", line) in new][-1][-400:]
+        if positions.outside > 0:
+            return {**result, "verdict": "FALSE"}
+        if withheld:
+            result["said"] = withheld
+            named = cause is None or re.search(cause, said + withheld, re.I)
+            return {**result, "verdict": "withheld" if named else "unnamed"}
+        return {**result, "verdict": "warned" if new else "right"}
+
+    def one(self, index, fault):
+        folder = self.work / f"{index:03}"
+        result = {"fault": fault.name, "group": fault.group, "index": index}
+        try:
+            copy_links(self.base, folder)
+            project = Project(folder, self.run)
+            project.init = False
+            fault.apply(project)
+            said, code = "", 0
+            if project.init:
+                code, said = self.init(folder)
+            if code == 0:
+                code, more = self.commands(folder, fault.commands)
+                said += more
+            result.update(self.judge(folder, fault.commands, code, said.replace(str(folder), ""), fault))
+        except NotApplicable as e:
+            result.update(verdict="not applicable", said=str(e))
+        except subprocess.TimeoutExpired:
+            result.update(verdict="crashed", said="no end")
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        return result
+
+    def run_all(self):
+        self.prepare()
+        chosen = [(i, f) for i, f in enumerate(faults.FAULTS)
+                  if (f.quick or not self.options.quick) and
+                  (not self.options.only or re.search(self.options.only, f"{f.group}: {f.name}"))]
+        results = []
+        with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
+            for result in pool.map(lambda item: self.one(*item), chosen):
+                results.append(result)
+                mark = " " if result["verdict"] in (*GOOD, "not applicable") else "!"
+                numbers = "".join(f" {k}={result[k]}" for k in ("outside", "worst_sigmas", "largest_m") if k in result)
+                print(f"{mark} {result['verdict']:9} {result['group']}: {result['fault']}{numbers}\n"
+                      f"      {result.get('said', '')}", flush=True)
+        return results
+
+
+def copy_links_or_copy(source, target):
+    """The site's own files are copied: they may lie on another file system, and are the user's."""
+    shutil.copytree(source, target, ignore=shutil.ignore_patterns("results", "truth", "trigpoint.yaml"))
+
+
+def write_table(path, files):
+    """A page with a row for each fault and a column for each data set."""
+    sets = []
+    for file in files:
+        data = json.loads(pathlib.Path(file).read_text())
+        sets.append((data["name"], {(r["group"], r["fault"]): r for r in data["results"]}))
+    lines = [pathlib.Path(__file__).with_name("page.md").read_text().rstrip(), ""]
+    lines += ["| data | " + " | ".join([*GOOD, "failed"]) + " |", "|---|" + "---|" * (len(GOOD) + 1)]
+    for name, results in sets:
+        verdicts = [r["verdict"] for r in results.values()]
+        failed = sum(v not in (*GOOD, "not applicable") for v in verdicts)
+        lines.append(f"| {name} | " + " | ".join(str(verdicts.count(v)) for v in GOOD) + f" | {failed} |")
+    group = None
+    for fault in faults.FAULTS:
+        key = (fault.group, fault.name)
+        found = [results.get(key) for _, results in sets]
+        if not any(found):
+            continue
+        if fault.group != group:
+            group = fault.group
+            lines += ["", f"## {group.capitalize()}", "", "| fault | " + " | ".join(name for name, _ in sets) + " |",
+                      "|---|" + "---|" * len(sets)]
+        cells = ["" if r is None or r["verdict"] == "not applicable" else r["verdict"] for r in found]
+        lines.append(f"| {fault.name} | " + " | ".join(cells) + " |")
+    pathlib.Path(path).write_text("\n".join(lines) + "\n")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--table")
+    parser.add_argument("--truth")
+    parser.add_argument("--run", default="run1")
+    parser.add_argument("--every", type=int, default=1, help="every n-th image of the run")
+    parser.add_argument("--features", type=int, default=0, help="features of an image; 0: the default")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--only")
+    parser.add_argument("--json")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--timeout", type=float, default=3600)
+    parser.add_argument("--work")
+    parser.add_argument("files", nargs="+")
+    options = parser.parse_args()
+    if options.table:
+        write_table(options.table, options.files)
+        return 0
+    options.program, options.site = options.files
+    runner = Runner(options)
+    try:
+        results = runner.run_all()
+    finally:
+        if not options.work:
+            shutil.rmtree(runner.work, ignore_errors=True)
+    if options.json:
+        data = {"name": pathlib.Path(options.site).name, "results": results}
+        pathlib.Path(options.json).write_text(json.dumps(data, indent=1) + "\n")
+    bad = [r for r in results if r["verdict"] not in (*GOOD, "not applicable")]
+    print(f"{len(results)} faults: " + ", ".join(
+        f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
