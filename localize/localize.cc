@@ -10,6 +10,7 @@
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
+#include "localize/gps_check.h"
 
 namespace trigpoint {
 namespace {
@@ -314,14 +315,14 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     result.earth_reason = "the project has no origin: nothing says where on the Earth it is";
   } else {
     const auto fit = [&](double scale_prior) {
-      return RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,
-                             input.scale_sigma, input.levelled, options.geo);
+      GeoRegistration geo = RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,
+                                            input.scale_sigma, input.levelled, options.geo);
+      if (!earth.gps) HeedGps(p, gps, &geo);
+      return geo;
     };
     result.geo = fit(1);
-    result.earth_reason = result.geo.reason;
     if (result.geo.solved && !paper) {
-      const double scale = result.geo.world_from_odom.scale;
-      result.odometry_scale = scale;
+      const double scale = result.odometry_scale = result.geo.world_from_odom.scale;
       const Eigen::Vector3d origin = p.poses[0].TargetOriginInSource();
       for (Rigid3d& pose : p.poses) {
         const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
@@ -337,8 +338,8 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
       if (other_headings) leave_out_headings();
       local = std::make_unique<BundleCovariance>(p, threads, cancel);
       result.geo = fit(1 / scale);
-      result.earth_reason = result.geo.reason;
     }
+    result.earth_reason = result.geo.reason;
     if (result.geo.solved) {
       result.on_earth = true;
       result.earth_source = earth.gps ? (earth.references.front() >= 0 ? "geotags and gps" : "gps") : "geotags";

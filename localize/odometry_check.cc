@@ -97,13 +97,20 @@ std::vector<int> NextOfCamera(const LocalizeInput& input) {
   return next;
 }
 
-// From an image to a later one that shows enough motion and yet the same things.
+// The image `count` images later; -1 after the last.
+int Later(const std::vector<int>& next, int image, int count) {
+  for (int k = 0; k < count && image >= 0; ++k) image = next[static_cast<size_t>(image)];
+  return image;
+}
+
+// From an image to a later one, at least `first_apart` images on, that shows enough motion and yet the same things.
 std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std::vector<int>& next, int image,
-                                          const OdometryCheckOptions& options, uint64_t seed) {
+                                          int first_apart, const OdometryCheckOptions& options, uint64_t seed) {
   const View a = ReadView(input, image);
   std::optional<MeasuredMotion> found;
-  int other = next[static_cast<size_t>(image)];
-  for (int apart = 1; apart <= options.most_apart && other >= 0; apart *= 2) {
+  for (int apart = first_apart; apart <= options.most_apart; apart *= 2) {
+    const int other = Later(next, image, apart);
+    if (other < 0) break;
     const View b = ReadView(input, other);
     const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
     if (static_cast<int>(matches.size()) < options.least_matches) break;
@@ -112,9 +119,8 @@ std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std:
       if (motion && (!found || motion->has_direction)) found = motion;
       if (found && found->has_direction) break;
     }
-    for (int k = 0; k < apart && other >= 0; ++k) other = next[static_cast<size_t>(other)];
   }
-  return found;
+  return found || first_apart == 1 ? found : MeasureFrom(input, next, image, 1, options, seed);
 }
 
 // `count` images spread over the run by their order; half a stride later for `second`.
@@ -273,8 +279,10 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
   std::vector<std::optional<MeasuredMotion>> measured(first_images.size());
   ParallelFor(static_cast<int64_t>(first_images.size()), threads, cancel, [&](int64_t i) {
     const int image = first_images[static_cast<size_t>(i)];
+    // Neighbours show the direction of motion best, images farther apart the rotation.
+    const int first_apart = i % 2 == 0 ? 1 : std::min(4, options.most_apart);
     measured[static_cast<size_t>(i)] =
-        MeasureFrom(input, next, image, options, seed + 1009 * static_cast<uint64_t>(image));
+        MeasureFrom(input, next, image, first_apart, options, seed + 1009 * static_cast<uint64_t>(image));
   });
   std::vector<MeasuredMotion> motions;
   for (const auto& m : measured) {

@@ -182,14 +182,17 @@ std::vector<PoseReading> PoseReadings() {
            [](const Rigid3d& p) { return Rigid3d(p.rotation.conjugate(), p.translation); }),
       Part("its poses are body_from_odom (expected odom_from_body)", "invert every pose",
            [](const Rigid3d& p) { return p.Inverse(); })};
-  std::vector<PoseReading> readings, frames = {AsRead()};
+  // Body axes last: they explain what others do where the motion shows little.
   const std::vector<PoseReading> axes = AxesReadings(), signs = SignReadings();
-  frames.insert(frames.end(), axes.begin(), axes.end());
+  std::vector<PoseReading> readings;
+  for (const PoseReading& order : orders) {
+    for (const PoseReading& direction : directions) readings.push_back(Combined(order, direction));
+    for (const PoseReading& sign : signs) readings.push_back(Combined(order, sign));
+  }
   for (const PoseReading& order : orders) {
     for (const PoseReading& direction : directions) {
-      for (const PoseReading& frame : frames) readings.push_back(Combined(Combined(order, direction), frame));
+      for (const PoseReading& frame : axes) readings.push_back(Combined(Combined(order, direction), frame));
     }
-    for (const PoseReading& sign : signs) readings.push_back(Combined(order, sign));
   }
   std::stable_sort(readings.begin(), readings.end(),
                    [](const PoseReading& a, const PoseReading& b) { return a.changes < b.changes; });

@@ -200,7 +200,7 @@ class Runner:
             return code, said
         n = self.options.features
         if n:
-            options = f"{{images: {{max_features: {n}}}, references: {{max_features: {n}}}}}"
+            options = f"{{images: {{max_features: {n}}}, references: {{max_features: {n}}}, views: {{size_px: 512}}}}"
             path = project / "trigpoint.yaml"
             path.write_text(re.sub(r"(?m)^stages: \{\}", f"stages: {{features: {options}, references: {options}}}",
                                    path.read_text()))

@@ -70,7 +70,7 @@ TEST(OdometryCheck, DoesNotDecideWithoutMotion) {
   for (Rigid3d& pose : drive.input.odom_from_body) pose = Rigid3d();
   for (test::SeenFeatures& seen : drive.seen) seen = drive.seen.front();
   EXPECT_EQ(ContradictionOf(drive), "");
-  Drive few = MakeDrive(0.05, 3);  // three images
+  Drive few = MakeDrive(0.03, 3);  // three images
   for (Rigid3d& pose : few.input.odom_from_body) pose = pose.Inverse();
   EXPECT_EQ(ContradictionOf(few), "");
 }
