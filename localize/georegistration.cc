@@ -20,7 +20,7 @@ constexpr double kDifferent = 5;        // solutions farther apart than so many 
 constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves which headings are wrong
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
 constexpr double kMostScale = 0.15;     // logarithm: a scale farther off is a wrong unit, not drift
-constexpr double kLessCost = 14;        // another scale is looked at if the fit is better by this
+constexpr double kLessCost = 5;         // another scale is looked at if the fit is better by this
 constexpr double kUnknownScale = 0.5;   // sigmas of the scale from here on: it is measured, not known
 constexpr double kMostSigmaFactor = 5;  // sigmas too small by more than this are a contradiction
 
@@ -417,6 +417,10 @@ std::vector<EarthSolution>::const_iterator Best(const std::vector<EarthSolution>
 // A scale of the run under which the geotags agree with each other, though not under that of odometry.
 struct OtherScale {
   double factor = 1, sigma = 0, stated_sigma = 0;  // true / measured length
+  // Too far off for drift, and surely so.
+  bool IsUnit() const {
+    return std::abs(std::log(factor)) > kMostScale && std::abs(factor - 1) > 5 * std::hypot(sigma, stated_sigma);
+  }
   std::string Describe() const {
     const std::string unit = UnitOfLength(factor, std::max(0.02, 3 * sigma / factor));
     return fmt::format(
@@ -431,7 +435,7 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
                                          const std::vector<GeoObservation>& obs, double scale_prior, double scale_sigma,
                                          const GeoRegistrationOptions& options) {
   constexpr int kLeastPositions = 3;
-  constexpr double kSigmas = 5;
+  constexpr double kSigmas = 2.5;  // beyond them the stated sigma is not believed
   if (free.empty()) return std::nullopt;
   const EarthSolution& other = *Best(free);
   if (!other.good || !(other.s.scale > 0)) return std::nullopt;
@@ -511,7 +515,7 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   std::vector<EarthSolution> free;
   if (scale_sigma < kUnknownScale && best->cost > kLessCost) free = SolveFromStarts(free_fit, free_fit.Guesses(), obs);
   const auto other = FindOtherScale(*best, free, obs, scale_prior, scale_sigma, options);
-  if (other && std::abs(std::log(other->factor)) > kMostScale) {
+  if (other && other->IsUnit()) {
     result.residuals = best->residuals;
     result.reason = other->Describe();
     return result;
