@@ -61,6 +61,7 @@ int Launch(int argc, char** argv) {
   AddCalibrateCommand(app, session);
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
   AddPublishCommand(app, session);
+  AddVerifyCommand(app, session);
   AddCompareCommand(app, session);
   AddManualCommand(app, session, TRIGPOINT_VERSION);
   AddStitchCommand(app, session);

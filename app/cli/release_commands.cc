@@ -1,9 +1,12 @@
-// publish: releases/<name>. compare: projects, releases or variants against each other.
+// publish: releases/<name>. verify: is a release as it was published? compare: projects, releases or variants against
+// each other.
 #include <fmt/format.h>
 
 #include "app/cli/command.h"
 #include "app/pipeline/compared.h"
 #include "app/pipeline/publish.h"
+#include "app/pipeline/release_files.h"
+#include "datasets/project/hash.h"
 #include "eval/epoch.h"
 
 namespace trigpoint {
@@ -47,36 +50,96 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
 
 void AddPublishCommand(CLI::App& app, Session& session) {
   struct Arguments {
-    std::string dir, name, variant;
+    std::string dir;
+    PublishOptions options;
   };
   CLI::App& command = AddCommand(
-      app, session, "publish", "freeze map, covariances, tables and hashes under a name",
+      app, session, "publish", "freeze map, tables and all they were computed from under a name",
       "A release is never overwritten and never changes: `evaluate --reference NAME` holds results against its\n"
-      "map, so that next month's run does not move last month's truth; `compare` says what changed since.\n\n"
+      "map, so that next month's run does not move last month's truth; `compare` says what changed since. It has\n"
+      "tables, settings, review and calibrations of the project, options and versions of every result; pictures and\n"
+      "videos as hashes, or copied with --copy-inputs. What is out of date is not published.\n\n"
       "Examples:\n"
       "  trigpoint publish my_site --name 2026-05\n"
+      "  trigpoint publish my_site --name 2026-06 --copy-inputs\n"
+      "  trigpoint verify my_site/releases/2026-05\n"
       "  trigpoint evaluate my_site --reference 2026-05\n"
       "  trigpoint compare my_site/releases/2026-05 my_site");
   const auto arguments = std::make_shared<Arguments>();
+  PublishOptions& options = arguments->options;
   command.add_option("DIR", arguments->dir, "the project")->required();
-  command.add_option("--name", arguments->name, "the release's name, releases/NAME")->required();
-  command.add_option("--variant", arguments->variant, "publish this variant's map and tables");
+  command.add_option("--name", options.name, "the release's name, releases/NAME")->required();
+  command.add_option("--variant", options.variant, "publish this variant's map and tables");
+  command.add_flag("--copy-inputs", options.copy_inputs, "copy pictures and videos too; without it, their hashes");
   command.callback([&session, arguments] {
     session.action = [arguments](Session& s) {
       const Project project = OpenProject(s, arguments->dir);
-      const Release release = Publish(project, arguments->name, arguments->variant, s.options.seed);
+      const Release release = Publish(project, arguments->options, *s.cancel);
       s.Print(
           fmt::format("Published {}: {} files, a map of {} tags\n", release.dir.string(), release.files, release.tags));
+      s.Print(fmt::format("Inputs: {}, of which {} by hash alone{}\nSHA-256 of release.json: {}\n", release.inputs,
+                          release.inputs_by_hash, release.inputs_by_hash > 0 ? " (--copy-inputs copies them)" : "",
+                          release.sha256));
       s.PrintJson({{"command", "publish"},
                    {"ok", true},
                    {"dir", release.dir.string()},
+                   {"sha256", release.sha256},
                    {"files", release.files},
+                   {"inputs", release.inputs},
+                   {"inputs_by_hash", release.inputs_by_hash},
                    {"tags", release.tags},
                    {"runs", release.runs},
                    {"evidence", release.evidence}});
       return 0;
     };
   });
+}
+
+namespace {
+
+int Verify(const Session& session, const std::string& dir) {
+  constexpr size_t kMostShown = 20;
+  const ReleaseRecord record = ReadReleaseRecord(dir);
+  const ReleaseDifferences differences = CompareRelease(dir, record, session.options.threads, *session.cancel);
+  std::string text = fmt::format("Release {} of {}, published {}: {} files\n", CleanPath(record.json.value("name", "")),
+                                 CleanPath(record.json.value("project", "")),
+                                 CleanPath(record.json.value("published", "")), record.files.size());
+  const auto show = [&](const char* what, const std::vector<std::string>& files) {
+    for (size_t i = 0; i < std::min(files.size(), kMostShown); ++i) text += fmt::format("{:<9}{}\n", what, files[i]);
+    if (files.size() > kMostShown) text += fmt::format("{:<9}{} more\n", what, files.size() - kMostShown);
+  };
+  if (record.damaged) text += "changed  release.json: its content does not have the hash that it states\n";
+  show("changed", differences.changed);
+  show("missing", differences.missing);
+  show("added", differences.added);
+  const bool as_published = !record.damaged && !differences.Any();
+  text += as_published ? "All files are as they were published\n" : "The release is not as it was published\n";
+  text += "SHA-256 of release.json: " + Sha256OfFile(std::filesystem::path(dir) / kReleaseRecord) + "\n";
+  session.Print(text);
+  session.PrintJson({{"command", "verify"},
+                     {"ok", as_published},
+                     {"release", dir},
+                     {"files", record.files.size()},
+                     {"record_changed", record.damaged},
+                     {"changed", differences.changed},
+                     {"missing", differences.missing},
+                     {"added", differences.added}});
+  return as_published ? 0 : 1;
+}
+
+}  // namespace
+
+void AddVerifyCommand(CLI::App& app, Session& session) {
+  CLI::App& command =
+      AddCommand(app, session, "verify", "is a release as it was published? what was changed, added, removed",
+                 "Reads a release's folder, wherever it came from, and names every file that was changed, is missing\n"
+                 "or was added. Exit code 0 if none, else 1.\n\n"
+                 "Examples:\n"
+                 "  trigpoint verify my_site/releases/2026-05\n"
+                 "  trigpoint verify my_site/releases/2026-05 --json");
+  const auto dir = std::make_shared<std::string>();
+  command.add_option("RELEASE", *dir, "the release's folder")->required();
+  command.callback([&session, dir] { session.action = [dir](Session& s) { return Verify(s, *dir); }; });
 }
 
 void AddCompareCommand(CLI::App& app, Session& session) {

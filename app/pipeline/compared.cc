@@ -87,7 +87,10 @@ Compared OpenCompared(const std::string& written) {
     const json release = ReadJsonOrNothing(dir / "release.json");
     ReadRows(dir / "evaluate" / "errors.csv", variant.empty() ? release.value("variant", "") : variant, &compared);
     const json stages = release.value("stages", json::object());
-    for (const auto& [name, record] : stages.items()) compared.stages[name] = record;
+    // Other variants stand in it where the evaluation read them.
+    for (const auto& [name, record] : stages.items()) {
+      if (name.find('@') == std::string::npos) compared.stages[name] = record;
+    }
     ReadTags(dir / "map", &compared);
     return compared;
   }

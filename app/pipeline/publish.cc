@@ -1,11 +1,15 @@
 #include "app/pipeline/publish.h"
 
 #include <algorithm>
+#include <set>
 
 #include "app/pipeline/reference_maps.h"
-#include "app/pipeline/stages.h"
+#include "app/pipeline/release_files.h"
+#include "app/pipeline/released_results.h"
+#include "app/pipeline/versions.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/hash.h"
 
 namespace trigpoint {
 
@@ -14,13 +18,41 @@ using nlohmann::json;
 
 namespace {
 
-// Large or private to the computation: features, sparse models, overlays.
+constexpr uintmax_t kLargestTable = 100'000'000;  // bytes of an input that is always copied
+
+bool HasExtension(const fs::path& file, const std::vector<std::string>& extensions) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
+}
+
+// Large or private to the computation: features, sparse models, overlays. Their hashes are in the record.
 bool BelongsIn(const fs::path& file) {
-  const std::string extension = file.extension().string();
-  for (const char* kept : {".csv", ".tum", ".json", ".md", ".html", ".pdf", ".png", ".txt", ".yaml"}) {
-    if (extension == kept) return true;
-  }
-  return false;
+  return HasExtension(file, {".csv", ".tum", ".json", ".md", ".html", ".pdf", ".png", ".txt", ".yaml", ".xml"});
+}
+
+bool IsPictureOrVideo(const fs::path& file) {
+  return HasExtension(file,
+                      {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".heif", ".avif", ".dng",
+                       ".ppm", ".pgm",  ".mp4", ".mov", ".avi",  ".mkv", ".m4v",  ".webm", ".bag",  ".mcap"});
+}
+
+// What a project's folder has at its top, whether a stage names it or not.
+const std::vector<std::string>& SiteFiles() {
+  static const std::vector<std::string> kFiles = {"trigpoint.yaml",
+                                                  "review.jsonl",
+                                                  "origin.json",
+                                                  "tags.yaml",
+                                                  "stations.csv",
+                                                  "control_points.csv",
+                                                  "control_observations.csv",
+                                                  "ground_control_points.json",
+                                                  "gcp_list.txt",
+                                                  "distances.csv",
+                                                  "panoramas.csv",
+                                                  "photos.csv"};
+  return kFiles;
 }
 
 void CopyFile(const fs::path& from, const fs::path& to) {
@@ -28,43 +60,115 @@ void CopyFile(const fs::path& from, const fs::path& to) {
   fs::copy_file(from, to, fs::copy_options::overwrite_existing);
 }
 
-void CopyResult(const fs::path& from, const fs::path& to) {
-  if (!fs::is_directory(from)) return;
-  for (const auto& entry : fs::recursive_directory_iterator(from)) {
-    if (entry.is_regular_file() && BelongsIn(entry.path()))
-      CopyFile(entry.path(), to / fs::relative(entry.path(), from));
+// Files of a result that its manifest names, with the manifest and the log.
+void CopyResult(const RestedOn& result, const fs::path& to) {
+  const json files = result.manifest.value("files", json::object());
+  for (const auto& [file, hash] : files.items()) {
+    if (BelongsIn(file)) CopyFile(result.dir / file, to / file);
+  }
+  for (const char* file : {"manifest.json", "log.txt"}) {
+    if (fs::exists(result.dir / file)) CopyFile(result.dir / file, to / file);
   }
 }
 
-json StageRecord(const fs::path& manifest_file) {
-  const json manifest = json::parse(ReadTextFile(manifest_file), nullptr, false);
+json RecordOf(const RestedOn& result, const std::string& copied_to) {
   json record = json::object();
-  for (const char* key : {"stage", "name", "version", "options", "values", "inputs", "seed", "start", "end"}) {
-    if (manifest.is_object() && manifest.contains(key)) record[key] = manifest[key];
+  for (const char* key : {"stage", "name", "version", "identity", "options", "given", "values", "inputs", "seed",
+                          "threads", "warnings", "files", "start", "end"}) {
+    if (result.manifest.contains(key)) record[key] = result.manifest[key];
+  }
+  if (!copied_to.empty()) record["copied_to"] = copied_to;
+  return record;
+}
+
+// Where a published result lies in the release; empty: only its record is kept.
+std::string PlaceInRelease(const RestedOn& result, const std::string& variant) {
+  const std::string& stage = result.job.stage->name;
+  if (result.job.stage->variants && result.job.target.variant != variant) return "";
+  if (stage == "survey") return "map";
+  if (stage == "evaluate" || stage == "report") return stage;
+  if (stage == "localize" || stage == "reference") return stage + "/" + result.job.target.run;
+  return "";
+}
+
+// What is published itself.
+std::vector<RestedOn> Published(const Project& project, const std::string& variant) {
+  std::vector<RestedOn> results;
+  const auto add = [&](const std::string& stage, const StageTarget& target) {
+    if (std::optional<RestedOn> result = ResultNow(project, stage, target)) results.push_back(std::move(*result));
+  };
+  for (const std::string& run : project.RunNames()) {
+    add("localize", {run, variant});
+    add("reference", {run, ""});
+  }
+  add("survey", {"", variant});
+  add("evaluate", {"", variant});
+  add("report", {});
+  return results;
+}
+
+// The report shows results; nothing is computed from it.
+std::vector<RestedOn> WithoutReport(std::vector<RestedOn> results) {
+  std::erase_if(results, [](const RestedOn& result) { return result.job.stage->name == "report"; });
+  return results;
+}
+
+// The release's own variant goes without its name, so that releases of variants can be compared.
+std::string KeyOf(const RestedOn& result, const std::string& at) {
+  std::string key = result.Title();
+  if (!at.empty() && key.ends_with(at)) key.resize(key.size() - at.size());
+  return key;
+}
+
+// The files that the results were computed from: path as in the manifests -> file.
+std::map<std::string, fs::path> InputsOf(const Project& project, const std::vector<RestedOn>& results) {
+  std::map<std::string, fs::path> inputs;
+  const auto add = [&](const fs::path& input) {
+    const fs::path path = input.is_absolute() ? input : project.dir() / input;
+    std::error_code ignored;
+    if (fs::is_regular_file(path, ignored)) inputs[RelativeTo(project.dir(), path)] = path;
+  };
+  for (const RestedOn& result : results) {
+    const json its = result.manifest.value("inputs", json::object());
+    for (const auto& [input, hash] : its.items()) {
+      if (!input.starts_with("results/")) add(input);
+    }
+    // A calibration is taken over as it is: its board's pictures are behind it, and it serves as an input.
+    if (result.job.stage->name == "calibrate") {
+      for (const char* file : {"camchain.yaml", "manifest.json"}) add(result.dir / file);
+    }
+  }
+  for (const std::string& name : project.RunNames()) {
+    if (project.site().broken_runs.count(name) > 0) continue;
+    for (const fs::path& input : RunInputs(project, project.run(name))) add(input);
+  }
+  for (const fs::path& input : ReferenceInputs(project)) add(input);
+  for (const std::string& file : SiteFiles()) add(file);
+  return inputs;
+}
+
+// Copies what belongs into the release, and records the rest by hash.
+json CopyInputs(const Project& project, const std::vector<RestedOn>& results, bool all, const fs::path& to,
+                const CancelToken& cancel, Release* release) {
+  json record = json::object();
+  for (const auto& [path, file] : InputsOf(project, results)) {
+    cancel.ThrowIfCancelled();
+    const uintmax_t bytes = fs::file_size(file);
+    const bool inside = StaysInside(path);
+    if (all && !inside) {
+      throw InputError(file.string() + ": lies outside the project's folder, so that the release cannot carry it; " +
+                       "move it into " + project.dir().string() + ", or publish without --copy-inputs");
+    }
+    const bool copied = inside && (all || (!IsPictureOrVideo(file) && bytes < kLargestTable));
+    if (copied) CopyFile(file, to / path);
+    record[path] = {{"sha256", project.hashes().Of(file)}, {"bytes", bytes}, {"copied", copied}};
+    ++release->inputs;
+    if (!copied) ++release->inputs_by_hash;
   }
   return record;
 }
 
-// Refuses to freeze what its inputs have left behind. Options given on the command line are the result's own.
-void RequireUpToDate(const Project& project, const std::string& variant) {
-  for (const char* name : {"survey", "evaluate"}) {
-    const StageInfo& stage = StageNamed(name);
-    StageTarget target;
-    target.variant = variant;
-    const auto manifest = ReadManifest(project, name, ResultName(stage, target));
-    if (!manifest || (stage.not_needed && !stage.not_needed(project, target).empty())) continue;
-    target.overrides[name] = manifest->value("options", json::object());
-    const StageState state =
-        StateOf(project, MakeRequest(project, stage, target), manifest->value("seed", uint64_t{1}));
-    if (state == StageState::kDone) continue;
-    throw InputError(std::string(name) + " is " + std::string(StageStateName(state)) + "; run `trigpoint " + name +
-                     " " + project.dir().string() + "` first");
-  }
-}
-
-}  // namespace
-
-Release Publish(const Project& project, const std::string& name, const std::string& variant, uint64_t /*seed*/) {
+void CheckName(const Project& project, const std::string& name) {
   if (name.empty() || name.front() == '.' || name.find_first_of(std::string("/\\@\n\0", 5)) != std::string::npos) {
     throw OptionError("the release's name '" + name + "' cannot be a folder's; use letters, digits, '-' and '_'");
   }
@@ -75,77 +179,104 @@ Release Publish(const Project& project, const std::string& name, const std::stri
   if (fs::exists(target)) {
     throw InputError(target.string() + " is published already; a release is never overwritten: choose another name");
   }
+}
+
+// The map's frame, and what fixes it.
+json MapRecord(const Project& project, const std::string& at, Release* release) {
+  json record = {{"runs", json::array()}, {"evidence", json::array()}};
+  const fs::path map = project.ResultDir("survey", at);
+  if (!fs::exists(map / "tags.csv")) return record;
+  const std::string frame = TagMapFrame(map / "tags.csv");
+  record["frame"] = frame.empty() ? "enu" : frame;
+  if (!IsSiteFrame(frame)) return record;
+  const ReferenceMap reference = ReadReferenceMap(project, map, "survey" + at);
+  release->tags = static_cast<int>(reference.tags.size());
+  release->runs = reference.runs;
+  release->evidence = reference.evidence;
+  record["runs"] = reference.runs;
+  record["evidence"] = reference.evidence;
+  return record;
+}
+
+// Writes the whole release into the folder `fresh`.
+void WriteRelease(const Project& project, const PublishOptions& options, const std::vector<RestedOn>& published,
+                  const std::vector<RestedOn>& behind, const fs::path& fresh, const CancelToken& cancel,
+                  Release* release) {
+  const std::string at = options.variant.empty() ? "" : "@" + options.variant;
+  json stages = json::object();
+  for (const RestedOn& result : behind) {
+    const bool itself = std::any_of(published.begin(), published.end(),
+                                    [&](const RestedOn& other) { return other.Title() == result.Title(); });
+    const std::string place = itself ? PlaceInRelease(result, options.variant) : "";
+    if (!place.empty()) CopyResult(result, fresh / place);
+    stages[KeyOf(result, at)] = RecordOf(result, place);
+  }
+  json order = json::array();
+  for (const RestedOn& result : ResultsBehind(project, WithoutReport(published))) order.push_back(KeyOf(result, at));
+  json record = {{"schema", "trigpoint release 2"},
+                 {"name", options.name},
+                 {"project", project.name()},
+                 {"folder", project.dir().filename().string()},
+                 {"variant", options.variant},
+                 {"published", UtcTimeText()},
+                 {"user", UserName()},
+                 {"program", ProgramVersions()},
+                 {"map", MapRecord(project, at, release)},
+                 {"stages", stages},
+                 {"order", order},
+                 {"inputs", CopyInputs(project, behind, options.copy_inputs, fresh / "site", cancel, release)},
+                 {"files", json::object()}};
+  if (project.has_frame()) {
+    const Geodetic& o = project.frame().origin();
+    record["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(fresh)) {
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  for (const fs::path& file : files) {
+    cancel.ThrowIfCancelled();
+    record["files"][RelativeTo(fresh, file)] = {{"sha256", Sha256OfFile(file)}, {"bytes", fs::file_size(file)}};
+    fs::permissions(file, fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write,
+                    fs::perm_options::remove);
+  }
+  for (const auto& [path, input] : record["inputs"].items()) {
+    if (input["copied"] && record["files"]["site/" + path]["sha256"] != input["sha256"]) {
+      throw InputError((project.dir() / path).string() + ": was changed while it was published; publish again");
+    }
+  }
+  release->files = files.size();
+  WriteReleaseRecord(fresh, record);
+  release->sha256 = Sha256OfFile(fresh / kReleaseRecord);
+  fs::permissions(fresh / kReleaseRecord, fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+}
+
+}  // namespace
+
+Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel,
+                const std::function<void(const fs::path&)>& sign) {
+  CheckName(project, options.name);
+  const fs::path target = ReleaseFolder(project, options.name);
   const auto lock = project.Lock();
-  const std::string at = variant.empty() ? "" : "@" + variant;
+  const std::string at = options.variant.empty() ? "" : "@" + options.variant;
   const fs::path map = project.ResultDir("survey", at), tables = project.ResultDir("evaluate", at);
   if (!fs::exists(map / "tags.csv") && !fs::exists(tables / "errors.csv")) {
     throw InputError("there is nothing to publish: neither " + (map / "tags.csv").string() + " nor " +
                      (tables / "errors.csv").string() + "; run `trigpoint run " + project.dir().string() + "` first");
   }
-  RequireUpToDate(project, variant);
+  const std::vector<RestedOn> published = Published(project, options.variant);
+  const std::vector<RestedOn> behind = ResultsBehind(project, published);
+  RequireCurrent(project, behind);
+  project.hashes().Save();
   RecoverFolder(project.dir() / "releases");
-  const fs::path fresh = target.parent_path() / (std::string(kTemporaryPrefix) + name);
+  const fs::path fresh = target.parent_path() / (std::string(kTemporaryPrefix) + options.name);
   Release release;
   release.dir = target;
   try {
     fs::remove_all(fresh);
     fs::create_directories(fresh);
-    CopyResult(map, fresh / "map");
-    CopyResult(tables, fresh / "evaluate");
-    CopyResult(project.ResultDir("report", ""), fresh / "report");
-    json stages = json::object();
-    for (const char* stage : {"localize", "reference", "detect"}) {
-      for (const std::string& run : project.RunNames()) {
-        const std::string result = run + (std::string(stage) == "localize" ? at : "");
-        const fs::path from = project.ResultDir(stage, result);
-        if (fs::exists(from / "manifest.json")) {
-          stages[std::string(stage) + "/" + run] = StageRecord(from / "manifest.json");
-          if (std::string(stage) != "detect") CopyResult(from, fresh / stage / run);
-        }
-      }
-    }
-    if (fs::exists(map / "manifest.json")) stages["survey"] = StageRecord(map / "manifest.json");
-    if (fs::exists(tables / "manifest.json")) stages["evaluate"] = StageRecord(tables / "manifest.json");
-    for (const char* file : {"trigpoint.yaml", "origin.json", "tags.yaml", "stations.csv", "control_points.csv",
-                             "distances.csv", "panoramas.csv"}) {
-      if (fs::exists(project.dir() / file)) CopyFile(project.dir() / file, fresh / "site" / file);
-    }
-    json record = {{"schema", "trigpoint release 1"},
-                   {"name", name},
-                   {"project", project.name()},
-                   {"variant", variant},
-                   {"published", UtcTimeText()},
-                   {"map", {{"runs", json::array()}, {"evidence", json::array()}}},
-                   {"stages", stages},
-                   {"files", json::object()}};
-    if (fs::exists(map / "tags.csv")) {
-      const std::string frame = TagMapFrame(map / "tags.csv");
-      record["map"]["frame"] = frame.empty() ? "enu" : frame;
-      if (IsSiteFrame(frame)) {
-        const ReferenceMap reference = ReadReferenceMap(project, map, "survey" + at);
-        release.tags = static_cast<int>(reference.tags.size());
-        release.runs = reference.runs;
-        release.evidence = reference.evidence;
-        record["map"]["runs"] = reference.runs;
-        record["map"]["evidence"] = reference.evidence;
-      }
-    }
-    if (project.has_frame()) {
-      const Geodetic& o = project.frame().origin();
-      record["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
-    }
-    std::vector<fs::path> files;
-    for (const auto& entry : fs::recursive_directory_iterator(fresh)) {
-      if (entry.is_regular_file()) files.push_back(entry.path());
-    }
-    for (const fs::path& file : files) {
-      record["files"][RelativeTo(fresh, file)] = Sha256OfFile(file);
-      fs::permissions(file, fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write,
-                      fs::perm_options::remove);
-    }
-    release.files = files.size();
-    WriteFileAtomically(fresh / "release.json", DumpJson(record, 2) + "\n");
-    fs::permissions(fresh / "release.json", fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+    WriteRelease(project, options, published, behind, fresh, cancel, &release);
+    if (sign) sign(fresh);
     fs::rename(fresh, target);  // fails if somebody was faster: a folder that is there and not empty stays
   } catch (const fs::filesystem_error& e) {
     std::error_code ignored;

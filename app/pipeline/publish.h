@@ -1,26 +1,46 @@
-// Releases: releases/<name>, frozen copies of what results rest on.
+// Releases: releases/<name>, frozen copies of what results rest on, complete enough to compute them again.
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "calib/base/progress.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
 
+// What only a person knows, for the certificate; empty: not stated.
+struct Statement {
+  std::string author;      // who answers for it
+  std::string instrument;  // what the control was measured with
+  std::string note;
+};
+
+struct PublishOptions {
+  std::string name;
+  std::string variant;
+  bool copy_inputs = false;  // pictures and videos too; else their hashes
+  Statement statement;
+};
+
 struct Release {
   std::filesystem::path dir;
+  std::string sha256;  // of its record
   size_t files = 0;
+  size_t inputs = 0, inputs_by_hash = 0;
   int tags = 0;                       // of its map
   std::vector<std::string> runs;      // behind the map
   std::vector<std::string> evidence;  // control points, geotags behind it
 };
 
-// Copies map, covariances, reference poses, tables, localized poses, report and tables of the site, and writes
-// release.json with every file's sha256, and options, inputs and versions of every stage. All of it or nothing; files
-// are read-only. Throws OptionError for a name that is no folder's, InputError if the release is there already (it is
-// never overwritten), if there is nothing to publish, or if a result is out of date.
-Release Publish(const Project& project, const std::string& name, const std::string& variant, uint64_t seed);
+// Copies map, covariances, reference poses, tables, localized poses, report and everything they were computed from
+// (pictures and videos as hashes unless asked for), and writes release.json: every file's sha256; options, inputs and
+// versions of every result behind them. All of it or nothing; files are read-only. Throws OptionError for a name that
+// is no folder's, InputError if the release is there already (it is never overwritten), if there is nothing to publish,
+// or if any result behind it is out of date. `sign` is called with the finished folder before it gets its name.
+Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel,
+                const std::function<void(const std::filesystem::path&)>& sign = {});
 
 }  // namespace trigpoint

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/release_files.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
-#include "datasets/project/hash.h"
 
 namespace trigpoint {
 
@@ -177,13 +177,18 @@ std::vector<std::string> ReleaseNames(const Project& project) {
 }
 
 void CheckRelease(const fs::path& release) {
-  const json record = ReadJson(release / "release.json");
-  for (const auto& [file, hash] : record.at("files").items()) {
-    const fs::path path = release / file;
-    if (!fs::exists(path)) throw InputError(path.string() + ": is missing from the release; restore it from a copy");
-    if (Sha256OfFile(path) != hash.get<std::string>()) {
-      throw InputError(path.string() + ": was changed after it was published; restore it from a copy");
-    }
+  const ReleaseRecord record = ReadReleaseRecord(release);
+  const ReleaseDifferences differences = CompareRelease(release, record, 1, CancelToken());
+  const char* const kRestore = "; `trigpoint verify` names all that differs; restore the release from a copy";
+  if (record.damaged) {
+    throw InputError((release / kReleaseRecord).string() + ": was changed after it was published" + kRestore);
+  }
+  if (!differences.missing.empty()) {
+    throw InputError((release / differences.missing.front()).string() + ": is missing from the release" + kRestore);
+  }
+  if (!differences.changed.empty()) {
+    throw InputError(release.string() + ": was changed after it was published: " + differences.changed.front() +
+                     kRestore);
   }
 }
 

@@ -47,6 +47,7 @@ StageRequest MakeRequest(const Project& project, const StageInfo& stage, const S
   StageRequest request = stage.make(project, target);
   request.stage = stage.name;
   request.name = ResultName(stage, target);
+  request.given = target.overrides;
   // Only where something is decided, so that a project without a review keeps its results.
   json review = project.review().InForce(stage.reviewed, stage.per_run ? target.run : "");
   if (!review.is_null()) request.values["review"] = std::move(review);

@@ -418,21 +418,22 @@ StageOutcome RunStage(const Project& project, const StageRequest& request, int t
     progress.Log(LogLevel::kWarning, fmt::format("{} is not what was written there any more; {} is computed again",
                                                  RelativeTo(project.dir(), outcome.dir / changed.front()), title));
   }
-  const json manifest = {{"schema", kManifestSchema},
-                         {"stage", request.stage},
-                         {"name", request.name},
-                         {"version", request.version},
-                         {"identity", identity},
-                         {"options", request.options},
-                         {"values", request.values},
-                         {"inputs", inputs},
-                         {"seed", seed},
-                         {"threads", ResolveThreads(threads)},
-                         {"metrics", json::object()},
-                         {"warnings", json::array()},
-                         {"files", json::object()},
-                         {"status", "running"},
-                         {"error", nullptr}};
+  json manifest = {{"schema", kManifestSchema},
+                   {"stage", request.stage},
+                   {"name", request.name},
+                   {"version", request.version},
+                   {"identity", identity},
+                   {"options", request.options},
+                   {"values", request.values},
+                   {"inputs", inputs},
+                   {"seed", seed},
+                   {"threads", ResolveThreads(threads)},
+                   {"metrics", json::object()},
+                   {"warnings", json::array()},
+                   {"files", json::object()},
+                   {"status", "running"},
+                   {"error", nullptr}};
+  if (!request.given.empty()) manifest["given"] = request.given;
   outcome.manifest = Attempt(project, request, manifest).Run(threads, seed, progress, cancel);
   outcome.computed = true;
   return outcome;

@@ -42,6 +42,9 @@ struct StageRequest {
   std::function<void(StageContext&)> body;
   // What else the result depends on and no input file says, e.g. the site's origin. Also goes into the manifest.
   nlohmann::json values = nlohmann::json::object();
+  // Options that were given on the command line, {stage: {option: value}}: part of `options`, kept apart in the
+  // manifest so that a change of trigpoint.yaml is noticed behind them.
+  nlohmann::json given = nlohmann::json::object();
 };
 
 enum class StageState { kMissing, kDone, kOutOfDate, kFailed, kRunning };

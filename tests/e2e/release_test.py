@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""Releases as a user makes, checks and repeats them.
+
+    release_test.py PROGRAM
+"""
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import survey_site
+
+PROGRAM = ""
+FOLDER = ""
+
+
+def trigpoint(*arguments, expect=0):
+    done = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+def read(path):
+    with open(path, encoding="utf-8") as file:
+        return file.read()
+
+
+class Release(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        """One computed site, and one release of it, which the tests copy."""
+        cls.made = os.path.join(FOLDER, "made")
+        survey_site.write_site(cls.made)
+        trigpoint("run", cls.made)
+        trigpoint("publish", cls.made, "--name", "may")
+
+    def setUp(self):
+        self.site = os.path.join(FOLDER, self._testMethodName)
+        shutil.copytree(self.made, self.site)
+        self.release = f"{self.site}/releases/may"
+
+    def edit(self, path, change):
+        os.chmod(path, 0o644)
+        text = change(read(path))
+        os.remove(path)
+        survey_site.write(path, text)
+
+    def one_line(self, *arguments, expect=1):
+        err = trigpoint(*arguments, expect=expect).stderr
+        self.assertEqual(err.count("\n"), 1, err)
+        return err
+
+    def verify(self, expect):
+        return json.loads(trigpoint("verify", self.release, "--json", expect=expect).stdout)
+
+    def test_holds_all_that_it_was_computed_from(self):
+        record = json.loads(read(f"{self.release}/release.json"))
+        for file in ("trigpoint.yaml", "origin.json", "tags.yaml", "control_points.csv", "runs/monday/run.yaml",
+                     "runs/monday/detections.csv", "runs/monday/odometry.tum", "runs/monday/camchain.yaml"):
+            self.assertTrue(record["inputs"][file]["copied"], file)
+            self.assertEqual(read(f"{self.release}/site/{file}"), read(f"{self.site}/{file}"))
+        self.assertEqual(record["order"], ["detect/monday", "survey", "reference/monday"])
+        for stage in record["order"]:
+            self.assertIn("options", record["stages"][stage])
+            self.assertTrue(record["stages"][stage]["files"], stage)
+        self.assertRegex(record["program"]["trigpoint"], r"\d+\.\d+\.\d+")
+        for library in ("Ceres", "Eigen", "OpenCV", "GeographicLib", "SQLite"):
+            self.assertTrue(record["program"]["libraries"][library])
+        for path, file in record["files"].items():
+            self.assertEqual(os.path.getsize(f"{self.release}/{path}"), file["bytes"])
+
+    def test_pictures_by_hash_unless_copied(self):
+        # A picture that no stage reads does not belong in; one of a run does.
+        survey_site.write(f"{self.site}/runs/monday/board.jpg", "a picture")
+        trigpoint("run", self.site)
+        by_hash = json.loads(trigpoint("publish", self.site, "--name", "june", "--json").stdout)
+        self.assertEqual(by_hash["inputs_by_hash"], 1)
+        self.assertFalse(os.path.exists(f"{self.site}/releases/june/site/runs/monday/board.jpg"))
+        copied = json.loads(trigpoint("publish", self.site, "--name", "july", "--copy-inputs", "--json").stdout)
+        self.assertEqual(copied["inputs_by_hash"], 0)
+        self.assertEqual(read(f"{self.site}/releases/july/site/runs/monday/board.jpg"), "a picture")
+
+    def test_refuses_what_is_out_of_date(self):
+        def refused(name):
+            err = self.one_line("publish", self.site, "--name", "june")
+            self.assertIn("up to date", err)
+            self.assertIn(name, err)
+            self.assertEqual(sorted(os.listdir(f"{self.site}/releases")), ["may"])
+        # An input of the first stage, behind the map.
+        self.edit(f"{self.site}/runs/monday/detections.csv", lambda t: t + "# new\n")
+        refused("detect/monday: out of date")
+        trigpoint("run", self.site)
+        # An option in trigpoint.yaml.
+        self.edit(f"{self.site}/trigpoint.yaml", lambda t: t + "stages: {survey: {tie_points: false}}\n")
+        refused("survey: out of date")
+        trigpoint("run", self.site)
+        # A decision of the review.
+        trigpoint("review", self.site, "exclude", "tag:5", "--reason", "moved")
+        refused("survey: out of date")
+        trigpoint("run", self.site)
+        # A result that was edited.
+        self.edit(f"{self.site}/results/reference/monday/poses.csv", lambda t: t + "\n")
+        refused("reference/monday: out of date")
+        trigpoint("run", self.site)
+        # Only the report.
+        self.edit(f"{self.site}/results/report/report.md", lambda t: t + "\n")
+        refused("report: out of date")
+        trigpoint("run", self.site)
+        trigpoint("publish", self.site, "--name", "june")
+
+    def test_options_of_the_command_line_are_the_results_own(self):
+        trigpoint("survey", self.site, "--set", "tie_points=false")
+        for behind in ("reference", "report"):
+            shutil.rmtree(f"{self.site}/results/{behind}")
+        trigpoint("publish", self.site, "--name", "june")
+        given = json.loads(read(f"{self.site}/releases/june/release.json"))["stages"]["survey"]["given"]
+        self.assertEqual(given, {"survey": {"tie_points": False}})
+        # Behind them a change of trigpoint.yaml is seen.
+        self.edit(f"{self.site}/trigpoint.yaml", lambda t: t + "stages: {survey: {stations: false}}\n")
+        self.assertIn("survey: out of date", self.one_line("publish", self.site, "--name", "july"))
+
+    def test_verify_names_what_differs(self):
+        self.assertTrue(self.verify(0)["ok"])
+        self.edit(f"{self.release}/map/tags.csv", lambda t: t.replace("10.", "10,", 1))
+        self.edit(f"{self.release}/map/tags_cov.csv", lambda t: t + "\n")
+        os.remove(f"{self.release}/site/tags.yaml")
+        survey_site.write(f"{self.release}/map/extra.csv", "x\n")
+        os.symlink("/etc/passwd", f"{self.release}/map/link.csv")
+        found = self.verify(1)
+        self.assertEqual([text.split(":")[0] for text in found["changed"]], ["map/tags.csv", "map/tags_cov.csv"])
+        self.assertEqual(found["missing"], ["site/tags.yaml"])
+        self.assertEqual(found["added"], ["map/extra.csv", "map/link.csv"])
+        out = trigpoint("verify", self.release, expect=1).stdout
+        self.assertIn("missing  site/tags.yaml", out)
+        # Nothing is held against a map that was changed.
+        self.assertIn("missing", self.one_line("compare", self.release, self.site))
+
+    def test_verify_notices_an_edited_record(self):
+        self.edit(f"{self.release}/release.json", lambda t: t.replace('"six tags"', '"five tags"'))
+        found = self.verify(1)
+        self.assertTrue(found["record_changed"])
+        self.assertEqual(found["changed"], [])
+
+    def test_a_link_or_a_pipe_in_a_files_place_is_no_file(self):
+        inside = f"{self.release}/map/tags.csv"
+        shutil.copy(inside, f"{self.site}/copy.csv")
+        os.remove(inside)
+        os.symlink(f"{self.site}/copy.csv", inside)
+        self.assertIn("map/tags.csv: expected a file, found a link", self.verify(1)["changed"][0])
+        os.remove(inside)
+        os.mkfifo(inside)  # opening it would wait for ever
+        self.assertIn("map/tags.csv: expected a file", self.verify(1)["changed"][0])
+        os.remove(inside)
+        shutil.move(f"{self.release}/map", f"{self.site}/map")
+        os.symlink(f"{self.site}/map", f"{self.release}/map")
+        self.assertTrue(any(text.startswith("map/tags_cov.csv") for text in self.verify(1)["changed"]))
+
+    def test_a_huge_file_is_not_read(self):
+        inside = f"{self.release}/map/tags.csv"
+        os.chmod(inside, 0o644)
+        os.truncate(inside, 1 << 40)  # sparse: it would take hours to hash
+        self.assertIn("found 1099511627776", self.verify(1)["changed"][0])
+
+    def test_hostile_records_are_one_message(self):
+        path = f"{self.release}/release.json"
+        good = json.loads(read(path))
+        sha = "0" * 64
+        for name, files in {"../../outside.txt": sha, "/etc/passwd": sha, "map/../../x": sha, "a//b": sha, "": sha,
+                            "a\u0007b": sha, "x" * 5000: sha}.items():
+            self.edit(path, lambda _, n=name, f=files: json.dumps({**good, "files": {n: f}}))
+            self.assertIn("leaves the release", self.one_line("verify", self.release))
+            self.assertIn("leaves the release", self.one_line("compare", self.release, self.site))
+        for text, expected in {"": "expected a JSON object", "{": "expected a JSON object", "[" * 100000: "JSON object",
+                               "[]": "expected a JSON object", "{}": "expected schema",
+                               '{"schema": "trigpoint release 9"}': "expected schema",
+                               json.dumps({**good, "files": []}): "the list 'files'",
+                               json.dumps({**good, "files": {"a": 1}}): "expected a SHA-256",
+                               json.dumps({**good, "files": {"a": {"sha256": sha, "bytes": -1}}}): "sha256 and bytes",
+                               json.dumps({**good, "files": {"a": {"sha256": "z", "bytes": 1}}}): "SHA-256 of 64",
+                               json.dumps({**good, "name": 5}): "'name'",
+                               json.dumps({**good, "stages": 5}): "'stages'"}.items():
+            self.edit(path, lambda _, t=text: t)
+            self.assertIn(expected, self.one_line("verify", self.release))
+        os.remove(path)
+        os.symlink("/etc/passwd", path)
+        self.assertIn("found a link", self.one_line("verify", self.release))
+        os.remove(path)
+        os.mkfifo(path)
+        self.assertIn("regular file", self.one_line("verify", self.release))
+        os.remove(path)
+        survey_site.write(path, "")
+        os.truncate(path, 1 << 40)
+        self.assertIn("at most", self.one_line("verify", self.release))
+        os.remove(path)
+        self.assertIn("expected a release", self.one_line("verify", self.release))
+        self.assertIn("expected a release", self.one_line("verify", f"{self.site}/nowhere"))
+
+    def test_names_that_cannot_be_a_releases(self):
+        for name in ("", "..", ".x", "a/b", "self", "control", "survey"):
+            trigpoint("publish", self.site, "--name", name, expect=2)
+        self.assertIn("never overwritten", self.one_line("publish", self.site, "--name", "may"))
+
+
+if __name__ == "__main__":
+    PROGRAM = os.path.abspath(sys.argv.pop(1))
+    with tempfile.TemporaryDirectory(prefix="trigpoint_release_") as FOLDER:
+        unittest.main(verbosity=1)
