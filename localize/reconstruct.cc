@@ -316,6 +316,29 @@ void ScaleObservationNoise(double factor, BundleProblem* p) {
 
 }  // namespace
 
+namespace {
+
+// Holds the length of a run that nothing has measured, and nothing else: how far the farthest pose is from the first.
+PoseFactor LengthFactor(const LocalizeInput& input) {
+  PoseFactor f;
+  f.kind = PoseFactor::Kind::kBetween;
+  f.scaled = true;
+  f.a = 0;
+  double farthest = 0;
+  for (size_t k = 1; k < input.odom_from_body.size(); ++k) {
+    const Rigid3d first_from_k = input.odom_from_body[0].Inverse() * input.odom_from_body[k];
+    if (first_from_k.translation.norm() <= farthest) continue;
+    farthest = first_from_k.translation.norm();
+    f.b = static_cast<int>(k);
+    f.measured = first_from_k;
+  }
+  f.sqrt_info.setZero();
+  f.sqrt_info.bottomRightCorner<1, 3>() = f.measured.translation.normalized().transpose() / (1e-3 * farthest);
+  return f;
+}
+
+}  // namespace
+
 std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& o,
                                         const Vector6d& noise_factor) {
   std::vector<PoseFactor> factors;
@@ -335,6 +358,7 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
     f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
     factors.push_back(f);
   }
+  if (!input.has_odometry) factors.push_back(LengthFactor(input));
   return factors;
 }
 

@@ -63,7 +63,7 @@ struct Reconstruction {
 };
 
 // Factors between consecutive body poses: odometry with the noise of the options times `noise_factor` (of the body's
-// axes, rotation first).
+// axes, rotation first). Without odometry one more holds the length.
 std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& options,
                                         const Vector6d& noise_factor);
 

@@ -49,10 +49,20 @@ ReconstructStart JoinPairs(const LocalizeInput& input, const ReconstructRunOptio
   return {graph.odom_from_body, std::sqrt(graph.odometry_variance)};
 }
 
+// Images' own motion holds the gauge, its length among it, and nothing else.
+ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
+  o.reconstruct.odometry_rotation_deg = 20;
+  o.reconstruct.odometry_translation_m = 0.01;
+  o.reconstruct.odometry_translation_part = 0.05;
+  o.reconstruct.estimate_odometry = false;
+  return o;
+}
+
 }  // namespace
 
-RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& options, bool paper,
+RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& given, bool paper,
                                  int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+  const ReconstructRunOptions options = input.has_odometry ? given : WithoutOdometry(given);
   if (input.odom_from_body.size() < 2) throw InputError("a reconstruction needs at least 2 images with odometry");
   RunReconstruction run;
   StepTimes steps(&run.seconds);

@@ -4,6 +4,7 @@
 #include "localize/loops.h"
 #include "localize/reconstruct.h"
 #include "localize/step_times.h"
+#include "localize/structure_from_motion.h"
 #include "localize/tracks.h"
 #include "localize/view_graph.h"
 
@@ -16,6 +17,8 @@ struct ReconstructRunOptions {
   LoopOptions loops;
   bool check_conventions = true;  // refuse odometry that the images contradict; for the caller
 
+  StructureFromMotionOptions motion;
+
   // As published: consecutive frames, noise as stated.
   static ReconstructRunOptions Paper();
 
@@ -26,6 +29,7 @@ struct ReconstructRunOptions {
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
     visit(self.check_conventions, {"check_conventions", "", 0, 1,
                                    "refuse odometry that images or GPS contradict: order, signs, axes, unit, jumps"});
+    visit(self.motion, {"motion", "", 0, 0, "motion of runs without odometry, from images alone"});
     visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }

@@ -187,9 +187,12 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, con
   const double sigma = 0.5 * options.inlier_rad;
   const double widest =
       std::clamp(std::sqrt(options.prior_covariance.topLeftCorner<3, 3>().trace()) / sigma, 8.0, 256.0);
-  result.b_from_a = Refine(a, b, first, information, first, sigma, widest, 20);
+  // Epipolar errors do not see the sign of the translation: a start that nothing is known of may end behind the views.
+  const bool known = options.prior_covariance.topLeftCorner<3, 3>().trace() < 1;  // rad^2
+  std::vector<Rigid3d> guesses;
+  if (known) guesses.push_back(Refine(a, b, first, information, first, sigma, widest, 20));
   // Where most matches agree with odometry there is nothing else to look for.
-  if (2 * EpipolarInliers(a, b, result.b_from_a, options.inlier_rad).size() < a.size()) {
+  if (!known || 2 * EpipolarInliers(a, b, guesses[0], options.inlier_rad).size() < a.size()) {
     RansacOptions ransac;
     ransac.max_iterations = options.ransac_iterations;
     ransac.confidence = 0.999;
@@ -200,12 +203,12 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, con
         [&](const Rigid3d& pose, int i) {
           return std::abs(EpipolarError(pose, a[static_cast<size_t>(i)], b[static_cast<size_t>(i)]));
         },
-        {result.b_from_a});
+        guesses);
     if (!best.found) return result;
-    const Rigid3d other = Refine(a, b, first, information, best.model, sigma, 4, 10);
-    const auto cost = [&](const Rigid3d& pose) { return Cost(a, b, pose, first, information, options.inlier_rad); };
-    if (cost(other) < cost(result.b_from_a)) result.b_from_a = other;
+    guesses.push_back(Refine(a, b, first, information, best.model, sigma, 4, 10));
   }
+  const auto cost = [&](const Rigid3d& pose) { return Cost(a, b, pose, first, information, options.inlier_rad); };
+  result.b_from_a = guesses.size() == 2 && cost(guesses[1]) >= cost(guesses[0]) ? guesses[0] : guesses.back();
   result.inliers = EpipolarInliers(a, b, result.b_from_a, options.inlier_rad);
   const int inliers = static_cast<int>(result.inliers.size());
   result.log10_false_alarms = Log10FalseAlarms(n, inliers, 2 * options.inlier_rad / options.span_rad);

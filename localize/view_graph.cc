@@ -262,6 +262,15 @@ ViewEdge VerifyPair(const LocalizeInput& input, const ImagePair& pair, const Pre
   return edge;
 }
 
+// The candidates that `which` indexes become matches of the edge.
+void AddMatches(const PreparedImage& a, const PreparedImage& b, const std::vector<int>& which, ViewEdge* edge) {
+  for (int k : which) {
+    const auto [i, j] = edge->candidates[static_cast<size_t>(k)];
+    edge->matches.push_back({{0, edge->pair.a, i, a.features.points[static_cast<size_t>(i)]},
+                             {0, edge->pair.b, j, b.features.points[static_cast<size_t>(j)]}});
+  }
+}
+
 // The matches of an edge that fit the relative pose which all pairs together have: what fits the geometry of this pair
 // alone, as repeated structure does, is not among them. Matches are those that are distinctive in the whole picture:
 // along an epipolar curve the wrong one of two windows would do.
@@ -277,13 +286,7 @@ void KeepAgreeingMatches(const LocalizeInput& input, const PreparedImage& a, con
   const std::vector<Eigen::Vector3d> rays_b = RaysOf(b, edge->candidates, false);
   const Rigid3d refined = VerifyTwoView(rays_a, rays_b, b_from_a, two).b_from_a;
   const std::vector<int> agreeing = EpipolarInliers(rays_a, rays_b, refined, two.inlier_rad);
-  if (static_cast<int>(agreeing.size()) >= kLeastMatches) {
-    for (int k : agreeing) {
-      const auto [i, j] = edge->candidates[static_cast<size_t>(k)];
-      edge->matches.push_back({{0, edge->pair.a, i, a.features.points[static_cast<size_t>(i)]},
-                               {0, edge->pair.b, j, b.features.points[static_cast<size_t>(j)]}});
-    }
-  }
+  if (static_cast<int>(agreeing.size()) >= kLeastMatches) AddMatches(a, b, agreeing, edge);
   edge->candidates = {};
 }
 
@@ -516,6 +519,23 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
     return x.geometry.log10_false_alarms < y.geometry.log10_false_alarms;
   });
   return graph;
+}
+
+std::vector<ViewEdge> VerifyPairs(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
+                                  const ViewGraphOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                                  const CancelToken& cancel) {
+  const Matrix6d nothing = 1e4 * Matrix6d::Identity();
+  std::vector<ViewEdge> edges(pairs.size());
+  progress.Begin("pairs of images", static_cast<int64_t>(pairs.size()));
+  ForEachPair(input, pairs, threads, cancel, [&](size_t i, const PreparedImage& a, const PreparedImage& b) {
+    ViewEdge& e = edges[i];
+    e = VerifyPair(input, pairs[i], a, b, nothing, options, seed + 1000003 * static_cast<uint64_t>(i));
+    if (e.geometry.verified) AddMatches(a, b, e.geometry.inliers, &e);
+    e.candidates = {};
+    progress.Advance(1);
+  });
+  std::erase_if(edges, [](const ViewEdge& e) { return !e.geometry.verified; });
+  return edges;
 }
 
 TrackSet JoinTracks(const LocalizeInput& input, const ViewGraph& graph, const TrackSet& tracks,

@@ -79,6 +79,11 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
                          const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options, int threads,
                          uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
 
+// The pairs that images alone verify, without odometry; the matches of an edge are those that fit its geometry.
+std::vector<ViewEdge> VerifyPairs(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
+                                  const ViewGraphOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                                  const CancelToken& cancel);
+
 // Tracks joined by the matches of the graph's edges; those of two images are kept where their parallax suffices.
 TrackSet JoinTracks(const LocalizeInput& input, const ViewGraph& graph, const TrackSet& tracks,
                     const ViewGraphOptions& options, int min_length);

@@ -423,11 +423,8 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
   input.cameras = run.cameras;
   input.levelled = run.config.odometry_levelled;
   input.scale_sigma = run.config.odometry_scale_sigma;
-  if (run.odometry.poses.empty()) {
-    throw InputError("run " + run.name +
-                     ": has no odometry; localize needs odometry.tum (timestamp tx ty tz qx qy qz qw)");
-  }
-  const int64_t gap = LongestGap(run.odometry);
+  input.has_odometry = !run.odometry.poses.empty();
+  const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
   const auto store = std::make_shared<FeatureStore>(run_features);
   std::map<int64_t, int> pose_of;
   for (const ImageEntry& entry : run.images) {
@@ -437,7 +434,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
     }
     const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);
     const int64_t stamp = entry.stamp_ns + shift;
-    const std::optional<Rigid3d> odom_from_body = run.odometry.At(stamp, gap);
+    const std::optional<Rigid3d> odom_from_body = input.has_odometry ? run.odometry.At(stamp, gap) : Rigid3d();
     if (!odom_from_body) {
       ++job.without_odometry;
       continue;

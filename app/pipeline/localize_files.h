@@ -30,7 +30,8 @@ struct LocalizeJob {
   int without_features = 0;
 };
 
-// The run alone: images with odometry and features. Throws as below.
+// The run alone: images with features, and with odometry if the run has any (else every pose is the identity). Throws
+// as below.
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features);
 // `rigs`: folders of stitched rigs by the name of their photo set; a set with one is one reference of many views, else
 // every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).

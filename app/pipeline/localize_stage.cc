@@ -1,7 +1,10 @@
 #include <fmt/format.h>
 
+#include <cmath>
+#include <functional>
 #include <set>
 
+#include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
@@ -47,6 +50,7 @@ nlohmann::json Metrics(const LocalizeJob& job, const SolutionCounts& counts, con
   }
   m["images"] = job.input.images.size();
   m["images_without_odometry"] = job.without_odometry;
+  m["has_odometry"] = job.input.has_odometry;
   m["references"] = result.references.size();
   m["localized"] = localized;
   m["rejected"] = rejected;
@@ -98,6 +102,27 @@ void NoteClocks(const Run& r, const LocalizeJob& job, const Localization& result
   }
 }
 
+// Without odometry the length of the run is first known once it lies on the Earth. Thresholds in metres hold from then
+// on, so it is localized again.
+Localization AtItsLength(const LocalizeJob& job, const std::function<Localization(double length)>& localize) {
+  constexpr int kRounds = 3;
+  constexpr double kGoodEnough = 1.1;
+  double length = 1;
+  for (int round = 1;; ++round) {
+    Localization result = localize(length);
+    const bool known = std::abs(std::log(result.odometry_scale)) < std::log(kGoodEnough);
+    if (job.input.has_odometry || !result.on_earth || known || round == kRounds) return result;
+    length *= result.odometry_scale;
+  }
+}
+
+// How long a run is, and how well that is known.
+std::string LengthText(const nlohmann::json& metrics) {
+  const double sigma = metrics.at("odometry_scale_sigma").get<double>();
+  if (!metrics.value("has_odometry", true)) return fmt::format("length known to {:.1f} % (1 sigma)", 100 * sigma);
+  return fmt::format("odometry scale {:.4f} +- {:.4f} (1 sigma)", metrics.at("odometry_scale").get<double>(), sigma);
+}
+
 }  // namespace
 
 StageInfo LocalizeStage() {
@@ -139,8 +164,11 @@ StageInfo LocalizeStage() {
       std::erase_if(r.images, [&](const ImageEntry& i) { return review.ExcludesImage(r.name, i.file, i.stamp_ns); });
       std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
       if (options.mode == "paper") LeaveOutSets(&site, context.progress);
+      const bool has_odometry = !r.odometry.poses.empty();
+      if (!has_odometry) FollowImageMotion(ImageMotionFile(context.project, "localize", target), &r);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
+      job.input.has_odometry = has_odometry;
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       std::vector<SetRefinement> sets;
       const auto refine = [&](const Reconstruction& reconstruction, const Retrieval& retrieval,
@@ -148,10 +176,15 @@ StageInfo LocalizeStage() {
         sets = RefineSets(job, options.registration, options.rig, reconstruction, retrieval, context.seed,
                           context.progress, context.cancel, placed, answers);
       };
-      Solution alone = ReadReconstruction(context.project, "localize", target);
-      const SolutionCounts counts = alone.counts;
-      const Localization result = Localize(job.input, ReconstructionOf(job.input, std::move(alone)), job.gps, options,
-                                           context.threads, context.seed, context.progress, context.cancel, refine);
+      SolutionCounts counts;
+      const Localization result = AtItsLength(job, [&](double length) {
+        Solution alone = ReadReconstruction(context.project, "localize", target);
+        counts = alone.counts;
+        Reconstruction reconstruction = ReconstructionOf(job.input, std::move(alone));
+        if (length != 1) ScaleReconstruction(length, &reconstruction);
+        return Localize(job.input, std::move(reconstruction), job.gps, options, context.threads, context.seed,
+                        context.progress, context.cancel, refine);
+      });
       WarnOfEarth(result, context.progress);
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
@@ -184,9 +217,7 @@ StageInfo LocalizeStage() {
                        m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
                        m.at("unmatched").get<int>(), m.at("images").get<int>(),
                        m.at("on_earth").get<bool>()
-                           ? fmt::format("on the Earth by {}, odometry scale {:.4f} +- {:.4f} (1 sigma)",
-                                         m.at("earth_source").get<std::string>(), m.at("odometry_scale").get<double>(),
-                                         m.at("odometry_scale_sigma").get<double>())
+                           ? "on the Earth by " + m.at("earth_source").get<std::string>() + ", " + LengthText(m)
                            : "not on the Earth: " + m.at("earth_reason").get<std::string>());
   };
   return info;

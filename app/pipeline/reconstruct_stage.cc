@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/solution/solution_file.h"
@@ -16,6 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kSolution = "solution.db";
+constexpr const char* kMotion = "motion.tum";
 
 ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
   const bool paper = ModeOf(project, target) == "paper";
@@ -81,7 +83,20 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   Run run = context.project.run(target.run);
   const Review& review = context.project.review();
   std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
-  const LocalizeJob job = MakeRunJob(run, ResultOf(context.project, "features", Plain(target)) / "features.db");
+  const fs::path features = ResultOf(context.project, "features", Plain(target)) / "features.db";
+  LocalizeJob job = MakeRunJob(run, features);
+  if (!job.input.has_odometry) {
+    if (mode == "paper") {
+      throw InputError("run " + run.name +
+                       ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
+                       "qw); without it run `trigpoint localize` in its own mode");
+    }
+    FindImageMotion(run, job, options, context.out / kMotion, context.threads, context.seed, context.progress,
+                    context.cancel);
+    FollowImageMotion(context.out / kMotion, &run);
+    job = MakeRunJob(run, features);
+    job.input.has_odometry = false;
+  }
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   if (options.check_conventions) RequireConventions(run, job.input, context);
   RunReconstruction result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed,
@@ -115,6 +130,10 @@ Solution ReadReconstruction(const Project& project, const std::string& reader, c
   return ReadSolution(file);
 }
 
+fs::path ImageMotionFile(const Project& project, const std::string& reader, const StageTarget& target) {
+  return ReconstructionManifest(project, reader, target).parent_path() / kMotion;
+}
+
 StageInfo ReconstructStage() {
   StageInfo info;
   info.name = "reconstruct";
@@ -141,7 +160,6 @@ StageInfo ReconstructStage() {
     for (const Run& r : project.site().runs) {
       if (r.name != target.run) continue;
       if (r.images.empty()) return "run " + r.name + " has no images";
-      if (r.odometry.poses.empty()) return "run " + r.name + " has no odometry";
     }
     return "";
   };

@@ -189,7 +189,9 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     }
     if (run.cameras.empty()) report.missing.push_back(prefix + "camchain.yaml, the camera's calibration");
     if (run.odometry.poses.empty()) {
-      report.missing.push_back(prefix + "odometry.tum: `localize` needs the motion between images in metres");
+      report.missing.push_back(prefix +
+                               "odometry.tum: the motion comes from the images alone then, and its length from GPS or "
+                               "geotagged panoramas");
     }
     for (const std::string& warning : run.warnings) report.warnings.push_back(warning);
   }

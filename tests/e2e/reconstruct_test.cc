@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_file.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/e2e/program.h"
@@ -122,6 +123,35 @@ TEST_F(Reconstructed, IsSharedByVariantsThatDoNotConcernIt) {
     EXPECT_EQ(ends.at(result), "done") << result;
   }
   EXPECT_EQ(ends.count("reconstruct/run2@strict"), 0u);
+}
+
+// world_from_cam positions of cameras.tum, m.
+std::vector<Eigen::Vector3d> Positions(const fs::path& file) {
+  std::vector<Eigen::Vector3d> positions;
+  for (const TimedPose& pose : ReadTrajectory(file).poses) positions.push_back(pose.target_from_body.translation);
+  return positions;
+}
+
+TEST_F(Reconstructed, FollowsTheImagesOfARunWithoutOdometry) {
+  Stages({"localize"});
+  const fs::path cameras = folder_ / "results/localize/run2/cameras.tum";
+  const std::vector<Eigen::Vector3d> with = Positions(cameras);
+  fs::remove(folder_ / "runs/run2/odometry.tum");
+  std::string warnings;
+  auto ends = Stages({"localize"}, &warnings);
+  EXPECT_EQ(ends.at("features/run2"), "up to date");
+  EXPECT_EQ(ends.at("reconstruct/run2"), "computed");
+  EXPECT_THAT(warnings, HasSubstr("run run2 has no odometry: the motion of 24 of 24 poses was found from its images"));
+  EXPECT_THAT(folder_.Read("results/reconstruct/run2/motion.tum"), HasSubstr("from=images"));
+  // Geotagged panoramas say how long the run is.
+  const std::vector<Eigen::Vector3d> without = Positions(cameras);
+  ASSERT_EQ(without.size(), with.size());
+  for (size_t i = 0; i < with.size(); ++i) EXPECT_LT((without[i] - with[i]).norm(), 0.3) << i;
+  const nlohmann::json metrics = Manifest("localize/run2")["metrics"];
+  EXPECT_GT(metrics["odometry_scale_sigma"], 0.005) << "nothing but the panoramas knows the length";
+  const Finished paper = Trigpoint({"localize", dir(), "--mode", "paper"});
+  EXPECT_EQ(paper.exit_code, 1);
+  EXPECT_THAT(paper.err, HasSubstr("has no odometry, which the published method needs"));
 }
 
 // Its options were once those of localize.

@@ -1,0 +1,98 @@
+#include "app/pipeline/image_motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+
+#include "calib/base/error.h"
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+namespace {
+
+// The time of a body pose that an image belongs to.
+int64_t PoseStamp(const Run& run, const ImageEntry& image) {
+  return image.stamp_ns + std::llround(run.cameras[static_cast<size_t>(image.camera)].time_offset_s * 1e9);
+}
+
+// Root mean square distance from their mean.
+double Spread(const std::vector<Eigen::Vector3d>& places) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : places) mean += p / static_cast<double>(places.size());
+  double sum = 0;
+  for (const Eigen::Vector3d& p : places) sum += (p - mean).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(places.size()));
+}
+
+// True over found length, where GPS shows more than its own noise.
+std::optional<double> LengthByGps(const Run& run, const std::vector<TimedPose>& motion) {
+  constexpr int64_t kSameTimeNs = 300'000'000;
+  if (run.gps.empty()) return {};
+  const LocalFrame frame(run.gps.front().position);
+  std::vector<Eigen::Vector3d> found, said;
+  double sigma = 0;
+  for (const GpsFix& fix : run.gps) {
+    const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
+      return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
+    });
+    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
+    found.push_back(near->target_from_body.translation);
+    said.push_back(frame.EnuFromGeodetic(fix.position));
+    said.back().z() = 0;  // heights of fixes are the noisiest, and people move on the ground
+    sigma = std::max(sigma, fix.sigma_h_m);
+  }
+  if (found.size() < 3 || Spread(said) < 3 * sigma || !(Spread(found) > 0)) return {};
+  return Spread(said) / Spread(found);
+}
+
+}  // namespace
+
+void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+                     const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
+                     const CancelToken& cancel) {
+  const ImageMotion found = MotionFromImages(job.input, options.motion, options.pairs, threads, seed, progress, cancel);
+  std::vector<TimedPose> poses;
+  for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
+    if (found.odom_from_body[i]) poses.push_back({job.input.pose_stamps[i], *found.odom_from_body[i]});
+  }
+  const std::optional<double> length = LengthByGps(run, poses);
+  for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
+  const std::string unit = length ? "m, by the run's GPS" : "unknown: points are 10 of it away in the median";
+  progress.Log(
+      LogLevel::kWarning,
+      fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
+                  "pairs verified); its unit of length is {}",
+                  run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, unit));
+  WriteTum(file, poses, {"trigpoint motion 1; frame=odom (first placed pose); from=images; unit=" + unit});
+}
+
+void FollowImageMotion(const std::filesystem::path& file, Run* run) {
+  run->odometry = ReadTrajectory(file);
+  run->config.odometry_scale_sigma = kUnknownScaleSigma;
+  run->config.odometry_levelled = false;
+  std::set<int64_t> placed;
+  for (const TimedPose& pose : run->odometry.poses) placed.insert(pose.stamp_ns);
+  std::erase_if(run->images, [&](const ImageEntry& i) { return placed.count(PoseStamp(*run, i)) == 0; });
+}
+
+void ScaleReconstruction(double length, Reconstruction* r) {
+  for (Rigid3d& pose : r->problem.poses) pose.translation *= length;
+  for (Eigen::Vector3d& y : r->problem.points) y *= length;
+  for (PoseFactor& f : r->problem.factors) {
+    f.measured.translation *= length;
+    f.sqrt_info.rightCols<3>() /= length;
+  }
+  const double most = ReconstructOptions().max_depth_m;
+  for (size_t j = 0; j < r->depth_m.size(); ++j) {
+    r->depth_m[j] *= length;
+    if (r->depth_m[j] > most) r->point_valid[j] = false;
+  }
+  for (BearingObservation& o : r->problem.observations) {
+    o.active = o.active && r->point_valid[static_cast<size_t>(o.point)];
+  }
+}
+
+}  // namespace trigpoint
