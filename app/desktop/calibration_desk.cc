@@ -103,6 +103,12 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   all->addWidget(split, 1);
   connect(name_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::Load);
   connect(camera_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::ShowCamera);
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    ++generation_;
+    view_.reset();
+    camera_->clear();
+    ShowCamera();
+  });
   connect(workspace_, &Workspace::Opened, this, &CalibrationDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CalibrationDesk::Refresh);
 }
@@ -123,6 +129,7 @@ void CalibrationDesk::Refresh() {
 }
 
 void CalibrationDesk::Load() {
+  const int generation = ++generation_;
   view_.reset();
   if (!workspace_->snapshot() || name_->currentText().isEmpty()) {
     const QSignalBlocker block(camera_);
@@ -137,8 +144,8 @@ void CalibrationDesk::Load() {
       [dir] {
         return std::shared_ptr<const CalibrationSheet>(std::make_shared<CalibrationSheet>(LoadCalibration(dir)));
       },
-      [this, shown = name_->currentText()](const Attempted<std::shared_ptr<const CalibrationSheet>>& loaded) {
-        if (name_->currentText() != shown) return;
+      [this, generation](const Attempted<std::shared_ptr<const CalibrationSheet>>& loaded) {
+        if (generation != generation_) return;
         view_ = loaded.value;
         const QSignalBlocker block(camera_);
         camera_->clear();

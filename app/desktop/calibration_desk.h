@@ -36,6 +36,7 @@ class CalibrationDesk : public QWidget {
   PictureView *residuals_, *coverage_, *map_;
   QTableWidget* parameters_;
   std::shared_ptr<const CalibrationSheet> view_;
+  int generation_ = 0;
 };
 
 }  // namespace trigpoint

@@ -13,6 +13,8 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/flow_layout.h"
+#include "app/desktop/number_item.h"
 #include "app/desktop/scene_desk.h"
 #include "app/pipeline/compared.h"
 #include "app/pipeline/reviewed.h"
@@ -30,11 +32,13 @@ struct Comparison {
   std::string text;
 };
 
-// One run's rows alone lose its name, so that they are paired with another one's.
-void KeepRun(const std::string& run, std::vector<ErrorRow>* rows) {
+// Two different runs lose their names, so that their rows are paired.
+void KeepRun(const std::string& run, bool rename, std::vector<ErrorRow>* rows) {
   if (run.empty()) return;
   std::erase_if(*rows, [&](const ErrorRow& row) { return row.run != run; });
-  for (ErrorRow& row : *rows) row.run.clear();
+  for (ErrorRow& row : *rows) {
+    if (rename) row.run.clear();
+  }
 }
 
 // Rows of two variants are paired by what they are of.
@@ -53,19 +57,10 @@ QTableWidget* MakeTable(const char* name, const QString& accessible) {
   return table;
 }
 
-// Sorts numbers as numbers.
-class NumberItem : public QTableWidgetItem {
- public:
-  explicit NumberItem(const QString& text) : QTableWidgetItem(text) {
-    setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
-  }
-  bool operator<(const QTableWidgetItem& other) const override { return text().toDouble() < other.text().toDouble(); }
-};
-
 }  // namespace
 
 CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  auto* top = new QHBoxLayout;
+  auto* top = new FlowLayout;
   const char* names[] = {"a", "b"};
   for (int i = 0; i < 2; ++i) {
     Side& side = sides_[i];
@@ -84,7 +79,6 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   auto* other = new QPushButton(tr("Other &project or release ..."));
   other->setObjectName("compare.other");
   top->addWidget(other);
-  top->addStretch();
   errors_ = MakeTable("compare.errors", tr("Errors side by side"));
   differences_ = MakeTable("compare.differences", tr("What changed in inputs, options and version"));
   text_ = new QPlainTextEdit;
@@ -99,8 +93,12 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   tabs_->addTab(text_, tr("Paired statistics"));
   tabs_->addTab(differences_, tr("What changed"));
   tabs_->addTab(scenes_, tr("3D"));
+  note_ = new QLabel;
+  note_->setObjectName("compare.note");
+  note_->setWordWrap(true);
   auto* all = new QVBoxLayout(this);
   all->addLayout(top);
+  all->addWidget(note_);
   all->addWidget(tabs_, 1);
   connect(other, &QPushButton::clicked, this, [this] {
     const QString dir = QFileDialog::getExistingDirectory(this, tr("A project, a release, or a folder of errors.csv"));
@@ -115,6 +113,7 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
     const auto items = errors_->selectedItems();
     if (!items.isEmpty()) workspace_->Select(items.front()->data(Qt::UserRole).toString());
   });
+  connect(workspace_, &Workspace::Replaced, this, [this] { added_.clear(); });
   connect(workspace_, &Workspace::Opened, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &CompareDesk::Compare);
@@ -180,20 +179,28 @@ void CompareDesk::Compare() {
     sides_[i].source = SceneSourceOf(written[i]);
   }
   if (written[0].empty() || written[1].empty()) {
-    text_->setPlainText(tr("Nothing to compare yet: there is no evaluation."));
-    return;
+    return Note(tr("Nothing to compare yet: no evaluation is there. Run evaluate first."));
   }
+  QString note;
+  if (runs[0].empty() != runs[1].empty()) {
+    const QString run = QString::fromStdString(runs[0].empty() ? runs[1] : runs[0]);
+    note = tr("One side is %1 alone: of the other side's runs only %1 is compared.").arg(run);
+  } else if (written[0] == written[1] && runs[0] == runs[1]) {
+    note = tr("A and B are the same results: choose another variant, run, release or project for B.");
+  }
+  Note(tr("Comparing ..."));
   InBackground(
       this,
       [written_a = written[0], written_b = written[1], run_a = runs[0], run_b = runs[1], name_a = names[0],
        name_b = names[1]] {
-        if (run_a.empty() != run_b.empty()) throw InputError("a single run is compared with a single run");
         trigpoint::Compared a = OpenCompared(written_a), b = OpenCompared(written_b);
         Comparison c;
-        for (const std::string& note : a.notes) c.text += note + "\n";
-        for (const std::string& note : b.notes) c.text += note + "\n";
-        KeepRun(run_a, &a.rows);
-        KeepRun(run_b, &b.rows);
+        for (const std::string& line : a.notes) c.text += line + "\n";
+        for (const std::string& line : b.notes) c.text += line + "\n";
+        // Of all runs on one side the one that the other side names takes part.
+        const bool rename = !run_a.empty() && !run_b.empty() && run_a != run_b;
+        KeepRun(run_a.empty() ? run_b : run_a, rename, &a.rows);
+        KeepRun(run_b.empty() ? run_a : run_b, rename, &b.rows);
         ForgetVariant(&a.rows);
         ForgetVariant(&b.rows);
         c.text += FormatComparison(CompareErrors(a.rows, b.rows), name_a, name_b);
@@ -205,12 +212,11 @@ void CompareDesk::Compare() {
         c.changes = ChangesBetween(a, b);
         return c;
       },
-      [this, generation, single = !runs[0].empty()](const Attempted<Comparison>& compared) {
+      [this, generation, note,
+       single = !runs[0].empty() && !runs[1].empty() && runs[0] != runs[1]](const Attempted<Comparison>& compared) {
         if (generation != generation_) return;
-        if (!compared.error.isEmpty()) {
-          text_->setPlainText(compared.error);
-          return;
-        }
+        if (!compared.error.isEmpty()) return Note(compared.error);
+        Note(compared.value.rows.empty() ? tr("A and B have no panorama in common that both evaluate.") : note);
         const QString unit = workspace_->unit();
         const auto length = [this](const std::optional<double>& metres) {
           return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', 4) : QString();
@@ -261,6 +267,11 @@ void CompareDesk::Compare() {
         if (tabs_->currentWidget() == scenes_) ShowScenes();
         emit Compared();
       });
+}
+
+void CompareDesk::Note(const QString& text) {
+  note_->setText(text);
+  note_->setVisible(!text.isEmpty());
 }
 
 void CompareDesk::ShowScenes() {

@@ -39,6 +39,7 @@ class CompareDesk : public QWidget {
   void Refresh();
   void Compare();
   void ShowScenes();
+  void Note(const QString& text);  // what is compared, or why nothing is
 
   Workspace* workspace_;
   std::vector<std::filesystem::path> added_;
@@ -47,6 +48,7 @@ class CompareDesk : public QWidget {
   QTableWidget *errors_, *differences_;
   QPlainTextEdit* text_;
   QWidget* scenes_;
+  QLabel* note_;
   int generation_ = 0;
 };
 

@@ -13,6 +13,7 @@
 #include <cmath>
 
 #include "app/desktop/background.h"
+#include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
@@ -119,25 +120,22 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   auto* middle = new QWidget;
   auto* rows = new QVBoxLayout(middle);
   rows->setContentsMargins(0, 0, 0, 0);
-  auto* top = new QHBoxLayout;
-  top->addWidget(detections_);
-  top->addWidget(tracks_);
-  top->addWidget(inliers_);
-  top->addWidget(outliers_);
-  top->addStretch();
-  top->addWidget(reference_);
-  top->addWidget(match);
+  auto* top = new FlowLayout;
+  for (QWidget* w : std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, reference_, match}) {
+    top->addWidget(w);
+  }
   rows->addLayout(top);
   rows->addWidget(pictures, 1);
   rows->addWidget(slider_);
-  auto* bottom = new QHBoxLayout;
-  bottom->addWidget(new QLabel(tr("Point")));
-  bottom->addWidget(point_);
-  bottom->addWidget(mark_);
-  bottom->addWidget(confirm_);
-  bottom->addWidget(status_, 1);
-  bottom->addWidget(place_);
+  auto* bottom = new FlowLayout;
+  for (QWidget* w : std::initializer_list<QWidget*>{new QLabel(tr("Point")), point_, mark_, confirm_}) {
+    bottom->addWidget(w);
+  }
   rows->addLayout(bottom);
+  auto* below = new QHBoxLayout;
+  below->addWidget(status_, 1);
+  below->addWidget(place_);
+  rows->addLayout(below);
   auto* split = new QSplitter;
   split->addWidget(side);
   split->addWidget(middle);
@@ -178,6 +176,7 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
     }
   });
   connect(point_, &QComboBox::currentTextChanged, this, &ImagesDesk::ShowMarks);
+  connect(workspace_, &Workspace::Replaced, this, &ImagesDesk::Clear);
   connect(workspace_, &Workspace::Opened, this, &ImagesDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &ImagesDesk::Refresh);
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
@@ -191,6 +190,7 @@ QString ImagesDesk::image() const { return images_->currentItem() != nullptr ? i
 
 void ImagesDesk::Refresh() {
   const QString run_before = run_->currentText(), image_before = image(), reference = reference_->currentText();
+  const QString point = point_->currentText();
   {
     const QSignalBlocker block_run(run_), block_reference(reference_), block_point(point_);
     run_->clear();
@@ -202,7 +202,7 @@ void ImagesDesk::Refresh() {
       }
       for (const SnapshotReference& r : snapshot->references) reference_->addItem(QString::fromStdString(r.name));
       for (const SnapshotControl& c : snapshot->controls) point_->addItem(QString::fromStdString(c.name));
-      point_->setCurrentText("");
+      point_->setCurrentText(point);
     }
     run_->setCurrentIndex(std::max(0, run_->findText(run_before)));
     reference_->setCurrentIndex(std::max(0, reference_->findText(reference)));
@@ -216,6 +216,27 @@ void ImagesDesk::Refresh() {
     ShowImage();
   }
   ShowReference();
+  ShowMarks();  // predicted from other results now
+}
+
+void ImagesDesk::Clear() {
+  ++generation_;
+  ++reference_generation_;
+  inspected_.reset();
+  matches_.reset();
+  predictions_.clear();
+  wanted_.clear();
+  mark_->setChecked(false);
+  confirm_->setEnabled(false);
+  status_->clear();
+  place_->clear();
+  {
+    const QSignalBlocker block(point_);
+    point_->clearEditText();
+  }
+  for (PictureView* view : {left_, right_}) view->SetMarks({});
+  left_->SetPicture({}, tr("no image"));
+  right_->SetPicture({}, tr("no panorama"));
 }
 
 void ImagesDesk::FillImages() {
@@ -290,6 +311,7 @@ void ImagesDesk::ShowImage() {
 }
 
 void ImagesDesk::ShowReference() {
+  const int generation = ++reference_generation_;
   right_->SetMarks({});
   const auto& snapshot = workspace_->snapshot();
   const int index = reference_->currentIndex();
@@ -306,8 +328,8 @@ void ImagesDesk::ShowReference() {
       [file = reference.files.empty() ? std::filesystem::path() : reference.files.front()] {
         return LoadAnyPicture(file, 0);
       },
-      [this, name = QString::fromStdString(reference.name)](const Attempted<QImage>& picture) {
-        if (reference_->currentText() != name) return;
+      [this, generation, name = QString::fromStdString(reference.name)](const Attempted<QImage>& picture) {
+        if (generation != reference_generation_) return;
         right_->SetPicture(picture.value, picture.error.isEmpty() ? name : picture.error);
       });
 }
@@ -455,8 +477,8 @@ void ImagesDesk::ShowMarks() {
         }
         return answer;
       },
-      [this, point](const Attempted<Answer>& answer) {
-        if (point_->currentText().trimmed().toStdString() != point) return;
+      [this, point, of = workspace_->snapshot()](const Attempted<Answer>& answer) {
+        if (of != workspace_->snapshot() || point_->currentText().trimmed().toStdString() != point) return;
         predictions_ = answer.value.predictions;
         status_->setText(answer.error.isEmpty() ? answer.value.text : answer.error);
         Redraw();

@@ -42,6 +42,7 @@ class ImagesDesk : public QWidget {
 
  private:
   void Refresh();
+  void Clear();  // nothing of a project that is no longer open stays
   void FillImages();
   void ShowImage();
   void ShowReference();
@@ -75,7 +76,7 @@ class ImagesDesk : public QWidget {
   };
   std::vector<Prediction> predictions_;
   QString wanted_;  // object to look at when its image is there
-  int generation_ = 0;
+  int generation_ = 0, reference_generation_ = 0;
 };
 
 }  // namespace trigpoint

@@ -109,6 +109,7 @@ JobController::~JobController() {
 
 bool JobController::Start(const QString& dir, const JobQuery& query, int threads, quint64 seed) {
   if (thread_ != nullptr) return false;
+  dir_ = dir;
   cancel_ = std::make_shared<CancelToken>();
   const auto ending = std::make_shared<Ending>();
   thread_ = QThread::create([this, path = dir.toStdString(), query, threads, seed, cancel = cancel_, ending] {
@@ -123,6 +124,10 @@ bool JobController::Start(const QString& dir, const JobQuery& query, int threads
   emit Started(QString::fromStdString(CommandLine(dir.toStdString(), query, threads, seed)));
   thread_->start(QThread::LowPriority);
   return true;
+}
+
+QString JobController::OtherProject(const QString& open) const {
+  return dir_ == open ? QString() : dir_.section('/', -1);
 }
 
 void JobController::Cancel() {

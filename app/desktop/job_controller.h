@@ -22,6 +22,10 @@ class JobController : public QObject {
   ~JobController() override;  // cancels, and waits for the worker
 
   bool running() const { return thread_ != nullptr; }
+  // Of the run that goes on, or went on last.
+  const QString& dir() const { return dir_; }
+  // Its name if it is another one than that in `open`; else empty.
+  QString OtherProject(const QString& open) const;
   // The same runner as `trigpoint run`. False if a run is going on.
   bool Start(const QString& dir, const JobQuery& query, int threads, quint64 seed);
   void Cancel();
@@ -36,6 +40,7 @@ class JobController : public QObject {
   void Finished(trigpoint::JobController::End end, const QString& error);
 
  private:
+  QString dir_;
   std::shared_ptr<CancelToken> cancel_;
   QThread* thread_ = nullptr;
 };

@@ -15,7 +15,6 @@
 #include <QStyleFactory>
 #include <QTabWidget>
 #include <QTimer>
-#include <QVBoxLayout>
 
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_desk.h"
@@ -92,24 +91,24 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   AddDesk(panoramas_, "panoramas", tr("Panoramas"));
   AddDesk(calibration_, "calibration", tr("Calibration"));
 
-  auto* middle = new QWidget;
-  auto* column = new QVBoxLayout(middle);
-  column->setContentsMargins(0, 0, 0, 0);
-  column->addWidget(problem_);
-  column->addWidget(desks_, 1);
-  setCentralWidget(middle);
-  auto* dock = new QDockWidget(tr("Site"));
-  dock->setObjectName("site");
-  dock->setWidget(tree_);
-  dock->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
-  addDockWidget(Qt::LeftDockWidgetArea, dock);
-  resizeDocks({dock}, {300}, Qt::Horizontal);
-  progress_ = new QLabel(tr("Drop a project folder here, or open one (Ctrl+O)."));
+  setCentralWidget(desks_);
+  site_ = new QDockWidget(tr("Site"));
+  site_->setObjectName("site");
+  site_->setWidget(tree_);
+  site_->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
+  addDockWidget(Qt::LeftDockWidgetArea, site_);
+  resizeDocks({site_}, {300}, Qt::Horizontal);
+  progress_ = new QLabel;
   progress_->setObjectName("progress");
+  progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
+  progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
   cancel_ = new QPushButton(tr("Cancel"));
   cancel_->setObjectName("cancel");
   cancel_->hide();
   statusBar()->addWidget(progress_, 1);
+  statusBar()->addWidget(problem_, 2);
+  // As high as with a problem, so that none moves what is above.
+  statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
   statusBar()->addPermanentWidget(cancel_);
   MakeMenus();
 
@@ -131,27 +130,43 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
     recent.prepend(workspace_->dir());
     settings.setValue("recent", QStringList(recent.mid(0, kMostRecent)));
     ShowRecent();
-    if (!jobs_->running()) progress_->setText(workspace_->dir());
+    ShowIdle();
     if (!select_after_open_.isEmpty()) workspace_->Select(std::exchange(select_after_open_, QString()));
     save_soon();
   });
-  connect(workspace_, &Workspace::Closed, this, [this] { setWindowTitle(tr("Trigpoint")); });
+  connect(workspace_, &Workspace::Closed, this, [this, save_soon] {
+    setWindowTitle(tr("Trigpoint"));
+    setWindowFilePath("");
+    problem_->hide();
+    ShowIdle();
+    save_soon();
+  });
   connect(workspace_, &Workspace::Problem, problem_, &ProblemBar::Show);
+  connect(workspace_, &Workspace::Problem, this, [this] {
+    if (!workspace_->opening()) ShowIdle();
+  });
   connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
-  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) { tree_->SetState(job, "running"); });
+  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) {
+    if (jobs_->dir() == workspace_->dir()) tree_->SetState(job, "running");
+  });
   connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
-    if (end != "skipped") tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
+    if (end != "skipped" && jobs_->dir() == workspace_->dir())
+      tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
   });
   connect(
       jobs_, &JobController::Progress, this,
       [this](const QString& job, const QString& task, qint64 done, qint64 total) {
-        progress_->setText(total > 0 ? tr("%1: %2, %3 %").arg(job, task).arg(100 * done / total) : job + ": " + task);
+        const QString of = jobs_->OtherProject(workspace_->dir());
+        const QString name = of.isEmpty() ? job : of + ": " + job;
+        progress_->setText(total > 0 ? tr("%1: %2, %3 %").arg(name, task).arg(100 * done / total) : name + ": " + task);
       });
   connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
     cancel_->hide();
-    progress_->setText(end == JobController::End::kDone     ? tr("Done.")
-                       : end == JobController::End::kFailed ? tr("Failed.")
-                                                            : tr("Cancelled; finished stages are kept."));
+    const QString of = jobs_->OtherProject(workspace_->dir());
+    progress_->setText((of.isEmpty() ? "" : of + ": ") + (end == JobController::End::kDone ? tr("Done.")
+                                                          : end == JobController::End::kFailed
+                                                              ? tr("Failed.")
+                                                              : tr("Cancelled; finished stages are kept.")));
     if (closing_) {
       close();
     } else {
@@ -185,6 +200,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   const QString unit = settings.value("unit").toString();
   if (unit == "ft" || unit == "us-ft") workspace_->SetUnit(unit);
   ShowRecent();
+  ShowIdle();
 }
 
 MainWindow::~MainWindow() {
@@ -247,6 +263,8 @@ void MainWindow::MakeMenus() {
         desks_->tabText(i), this, [this, i] { desks_->setCurrentIndex(i); }, QKeySequence(tr("Ctrl+%1").arg(i + 1)));
   }
   view->addSeparator();
+  view->addAction(site_->toggleViewAction());
+  view->addSeparator();
   const auto choices = [this, view](const QString& title, const QStringList& names, const QStringList& texts,
                                     const char* key, const QString& standard, auto set) {
     QMenu* menu = view->addMenu(title);
@@ -302,6 +320,13 @@ void MainWindow::SaveSession() {
   settings.setValue("unit", workspace_->unit());
   settings.setValue("theme", theme_);
   settings.sync();
+}
+
+void MainWindow::ShowIdle() {
+  if (jobs_->running()) return;
+  progress_->setText(workspace_->snapshot() ? workspace_->dir()
+                                            : tr("Drop a project folder here, or open one (Ctrl+O)."));
+  progress_->setToolTip(workspace_->dir());
 }
 
 QStringList MainWindow::RecentProjects() const { return QSettings().value("recent").toStringList(); }

@@ -6,6 +6,7 @@
 #include "app/desktop/job_controller.h"
 #include "app/desktop/workspace.h"
 
+class QDockWidget;
 class QLabel;
 class QMenu;
 class QPushButton;
@@ -66,6 +67,7 @@ class MainWindow : public QMainWindow {
   void ShowRecent();
   void Show(const QString& object);  // on the desk that shows it best
   void SaveSession();
+  void ShowIdle();  // in the status bar, while nothing runs
   void AddDesk(QWidget* desk, const char* name, const QString& title);
 
   Workspace* workspace_;
@@ -73,6 +75,7 @@ class MainWindow : public QMainWindow {
   ProblemBar* problem_;
   SiteTree* tree_;
   QTabWidget* desks_;
+  QDockWidget* site_;
   RunDesk* run_;
   SceneDesk* scene_;
   ImagesDesk* images_;

@@ -105,19 +105,8 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   all->addWidget(split, 1);
   connect(set_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &PanoramaDesk::ShowSet);
   connect(stitch, &QPushButton::clicked, this, &PanoramaDesk::StitchRequested);
-  connect(photos_, &QTableWidget::currentCellChanged, this, [this](int row) {
-    const auto& snapshot = workspace_->snapshot();
-    const auto index = static_cast<size_t>(set_->currentData().toInt());
-    if (!snapshot || row < 0 || index >= snapshot->references.size()) return;
-    const auto& files = snapshot->references[index].files;
-    if (static_cast<size_t>(row) >= files.size()) return;
-    InBackground(
-        this, [file = files[static_cast<size_t>(row)]] { return LoadAnyPicture(file, 2048); },
-        [this, name = QString::fromStdString(files[static_cast<size_t>(row)].filename().string())](
-            const Attempted<QImage>& image) {
-          photo_->SetPicture(image.value, image.error.isEmpty() ? name : image.error);
-        });
-  });
+  connect(photos_, &QTableWidget::currentCellChanged, this, &PanoramaDesk::ShowPhoto);
+  connect(workspace_, &Workspace::Replaced, this, &PanoramaDesk::Clear);
   connect(workspace_, &Workspace::Opened, this, &PanoramaDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &PanoramaDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &PanoramaDesk::ShowSet);
@@ -142,6 +131,32 @@ void PanoramaDesk::Refresh() {
   ShowSet();
 }
 
+void PanoramaDesk::ShowPhoto(int row) {
+  const auto& snapshot = workspace_->snapshot();
+  const auto index = static_cast<size_t>(set_->currentData().toInt());
+  if (!snapshot || row < 0 || index >= snapshot->references.size()) return;
+  const auto& files = snapshot->references[index].files;
+  if (static_cast<size_t>(row) >= files.size()) return;
+  InBackground(
+      this, [file = files[static_cast<size_t>(row)]] { return LoadAnyPicture(file, 2048); },
+      [this, row, generation = generation_,
+       name = QString::fromStdString(files[static_cast<size_t>(row)].filename().string())](
+          const Attempted<QImage>& image) {
+        if (generation != generation_ || photos_->currentRow() != row) return;
+        photo_->SetPicture(image.value, image.error.isEmpty() ? name : image.error);
+      });
+}
+
+void PanoramaDesk::Clear() {
+  ++generation_;
+  photos_->setRowCount(0);
+  graph_->SetMarks({});
+  graph_->SetPicture({}, "");
+  photo_->SetPicture({}, tr("select a photo"));
+  panorama_->SetPicture({}, tr("no panorama"));
+  text_->clear();
+}
+
 void PanoramaDesk::showEvent(QShowEvent* event) {
   QWidget::showEvent(event);
   if (stale_) ShowSet();
@@ -150,18 +165,10 @@ void PanoramaDesk::showEvent(QShowEvent* event) {
 void PanoramaDesk::ShowSet() {
   stale_ = !isVisible();
   if (stale_ && workspace_->snapshot()) return;
-  photos_->setRowCount(0);
-  graph_->SetMarks({});
+  Clear();
   const auto& snapshot = workspace_->snapshot();
-  if (!snapshot || set_->currentIndex() < 0) {
-    panorama_->SetPicture({}, tr("no panorama"));
-    graph_->SetPicture({}, "");
-    photo_->SetPicture({}, "");
-    text_->clear();
-    return;
-  }
+  if (!snapshot || set_->currentIndex() < 0) return;
   panorama_->SetPicture({}, tr("reading %1 ...").arg(set_->currentText()));
-  graph_->SetPicture({}, "");
   const SnapshotReference reference = snapshot->references[static_cast<size_t>(set_->currentData().toInt())];
   const bool is_set = reference.kind == "photo set";
   std::vector<std::string> names;
@@ -180,8 +187,9 @@ void PanoramaDesk::ShowSet() {
         if (!file.empty()) loaded.picture = LoadAnyPicture(file, kLongestPanorama);
         return loaded;
       },
-      [this, reference, is_set, shown = set_->currentText()](const Attempted<Loaded>& loaded) {
-        if (set_->currentText() != shown) return;
+      [this, reference, is_set, shown = set_->currentText(),
+       generation = generation_](const Attempted<Loaded>& loaded) {
+        if (generation != generation_) return;
         const PhotoSetView& set = loaded.value.set;
         panorama_->SetPicture(loaded.value.picture, !loaded.error.isEmpty()         ? loaded.error
                                                     : loaded.value.picture.isNull() ? tr("not stitched yet")

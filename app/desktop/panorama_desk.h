@@ -30,6 +30,8 @@ class PanoramaDesk : public QWidget {
  private:
   void Refresh();
   void ShowSet();
+  void ShowPhoto(int row);
+  void Clear();
 
   Workspace* workspace_;
   bool stale_ = false;  // to be loaded when it is seen
@@ -37,6 +39,7 @@ class PanoramaDesk : public QWidget {
   QLabel* text_;
   QTableWidget* photos_;
   PictureView *panorama_, *graph_, *photo_;
+  int generation_ = 0;
 };
 
 }  // namespace trigpoint

@@ -2,69 +2,107 @@
 
 #include <QApplication>
 #include <QClipboard>
+#include <QEvent>
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QPlainTextEdit>
 #include <QPushButton>
 #include <QStyle>
-#include <QVBoxLayout>
+#include <algorithm>
 
 namespace trigpoint {
 
+namespace {
+
+constexpr int kDetailsHeight = 160;
+
+}  // namespace
+
 ProblemBar::ProblemBar(QWidget* parent) : QFrame(parent) {
   setObjectName("problem");
-  setFrameShape(QFrame::StyledPanel);
-  setAutoFillBackground(true);
   auto* icon = new QLabel;
-  icon->setPixmap(style()->standardIcon(QStyle::SP_MessageBoxWarning).pixmap(24, 24));
-  sentence_ = new QLabel;
-  sentence_->setObjectName("problem.sentence");
-  sentence_->setAccessibleName(tr("Problem"));
-  sentence_->setWordWrap(true);
-  sentence_->setTextInteractionFlags(Qt::TextSelectableByMouse | Qt::TextSelectableByKeyboard);
+  icon->setPixmap(style()->standardIcon(QStyle::SP_MessageBoxWarning).pixmap(20, 20));
+  label_ = new QLabel;
+  label_->setObjectName("problem.sentence");
+  label_->setAccessibleName(tr("Problem"));
+  label_->setTextInteractionFlags(Qt::TextSelectableByMouse | Qt::TextSelectableByKeyboard);
+  label_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  QFont bold = label_->font();
+  bold.setBold(true);
+  label_->setFont(bold);
   more_ = new QPushButton(tr("&Details"));
   more_->setObjectName("problem.details");
   more_->setCheckable(true);
   auto* copy = new QPushButton(tr("C&opy"));
   copy->setObjectName("problem.copy");
-  auto* close = new QPushButton(tr("C&lose"));
+  auto* close = new QPushButton(tr("D&ismiss"));
   close->setObjectName("problem.close");
-  details_ = new QPlainTextEdit;
+  details_ = new QPlainTextEdit(this);
   details_->setObjectName("problem.text");
   details_->setAccessibleName(tr("Details of the problem"));
   details_->setReadOnly(true);
-  details_->setMaximumHeight(140);
   details_->hide();
-  auto* line = new QHBoxLayout;
+  auto* line = new QHBoxLayout(this);
+  line->setContentsMargins(2, 0, 2, 0);
   line->addWidget(icon);
-  line->addWidget(sentence_, 1);
+  line->addWidget(label_, 1);
   line->addWidget(more_);
   line->addWidget(copy);
   line->addWidget(close);
-  auto* all = new QVBoxLayout(this);
-  all->setContentsMargins(6, 4, 6, 4);
-  all->addLayout(line);
-  all->addWidget(details_);
-  connect(more_, &QPushButton::toggled, details_, &QWidget::setVisible);
-  connect(copy, &QPushButton::clicked, this,
-          [this] { QApplication::clipboard()->setText(sentence() + "\n" + details_->toPlainText()); });
+  connect(more_, &QPushButton::toggled, this, [this](bool on) {
+    if (!details_) return;  // the window goes
+    PlaceDetails();
+    details_->setVisible(on);
+  });
+  connect(copy, &QPushButton::clicked, this, [this] { QApplication::clipboard()->setText(details_->toPlainText()); });
   connect(close, &QPushButton::clicked, this, &QWidget::hide);
   hide();
 }
 
 void ProblemBar::Show(const QString& sentence, const QString& details) {
-  // Problems that come together stand together: the first in the sentence, the others in the details.
-  if (isVisible() && sentence != this->sentence()) {
-    details_->appendPlainText(sentence + (details.isEmpty() ? "" : "\n" + details));
-    more_->setText(tr("&Details (%1)").arg(details_->blockCount()));
+  const QString text = details.isEmpty() ? sentence : sentence + "\n" + details;
+  // Of problems that come together the first stands in the sentence, all in the details.
+  if (isVisible() && sentence != sentence_) {
+    details_->appendPlainText(text);
   } else {
-    sentence_->setText(sentence);
-    details_->setPlainText(details);
-    more_->setText(tr("&Details"));
+    sentence_ = sentence;
+    details_->setPlainText(text);
   }
+  more_->setText(details_->blockCount() > 1 ? tr("&Details (%1)").arg(details_->blockCount()) : tr("&Details"));
+  ShowSentence();
   show();
 }
 
-QString ProblemBar::sentence() const { return sentence_->text(); }
+void ProblemBar::ShowSentence() {
+  label_->setText(label_->fontMetrics().elidedText(sentence_.simplified(), Qt::ElideRight, label_->width()));
+  label_->setToolTip(sentence_);
+  label_->setAccessibleDescription(sentence_);
+}
+
+void ProblemBar::PlaceDetails() {
+  if (details_->parentWidget() != window()) {
+    details_->setParent(window());
+    window()->installEventFilter(this);
+  }
+  const int bottom = mapTo(window(), QPoint(0, 0)).y();
+  const int height = std::min(kDetailsHeight, bottom / 2);
+  details_->setGeometry(0, bottom - height, window()->width(), height);
+  details_->raise();
+}
+
+void ProblemBar::resizeEvent(QResizeEvent* event) {
+  QFrame::resizeEvent(event);
+  ShowSentence();
+}
+
+void ProblemBar::hideEvent(QHideEvent* event) {
+  QFrame::hideEvent(event);
+  more_->setChecked(false);
+}
+
+bool ProblemBar::eventFilter(QObject* watched, QEvent* event) {
+  if (event->type() == QEvent::Resize && details_ && details_->isVisible()) PlaceDetails();
+  return QFrame::eventFilter(watched, event);
+}
 
 }  // namespace trigpoint

@@ -12,11 +12,14 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/flow_layout.h"
 #include "app/pipeline/reviewed.h"
 
 namespace trigpoint {
 
 namespace {
+
+constexpr double kLeastChange_m = 5e-5;  // what four decimals show
 
 QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header) {
   auto* table = new QTableWidget(0, header.size());
@@ -86,11 +89,10 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   form->addRow(tr("Object"), object_);
   form->addRow(tr("Reason"), reason_);
   form->addRow(tr("User"), user_);
-  auto* buttons = new QHBoxLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_}) buttons->addWidget(w);
-  buttons->addStretch();
-  buttons->addWidget(variant_);
-  buttons->addWidget(solve_);
+  auto* buttons = new FlowLayout;
+  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_, variant_, solve_}) {
+    buttons->addWidget(w);
+  }
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(entries_);
   auto* lower = new QWidget;
@@ -121,6 +123,14 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   }
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
     if (!object.isEmpty()) object_->setText(object);
+  });
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    before_.clear();
+    solving_ = false;
+    changes_->setRowCount(0);
+    summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));
+    object_->clear();
+    reason_->clear();
   });
   connect(workspace_, &Workspace::Opened, this, &ReviewDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &ReviewDesk::Refresh);
@@ -218,7 +228,8 @@ void ReviewDesk::ShowChanges() {
   const auto text = [this](const std::optional<double>& metres) {
     return metres ? workspace_->Length(*metres, 4) : QString("-");
   };
-  const auto changed = ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_));
+  const auto changed =
+      ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_), kLeastChange_m);
   for (const ReviewedError& row : changed) {
     AddRow(changes_,
            {QString::fromStdString(row.reference), QString::fromStdString(row.method), QString::fromStdString(row.run),

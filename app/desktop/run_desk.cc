@@ -147,6 +147,7 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     Say(job + ": " + end + (why.isEmpty() ? "" : ": " + why));
   });
   connect(jobs_, &JobController::Finished, this, &RunDesk::ShowEnd);
+  connect(workspace_, &Workspace::Replaced, this, &RunDesk::Forget);
   connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
   Refresh();
@@ -191,6 +192,18 @@ void RunDesk::Refresh() {
   setEnabled(snapshot != nullptr);
   ListNames();
   ShowStage();
+}
+
+void RunDesk::Forget() {
+  form_->Reset();
+  const QSignalBlocker block(variant_);
+  variant_->clearEditText();
+  runs_->clear();
+  if (jobs_->running()) return;  // another project's run goes on, and says whose it is
+  log_->clear();
+  status_->setText(tr("Nothing runs."));
+  bar_->setRange(0, 1000);
+  bar_->setValue(0);
 }
 
 void RunDesk::ListNames() {
@@ -252,7 +265,10 @@ void RunDesk::ShowStage() {
       values = MakeRequest(*workspace_->snapshot()->project, info, target).options;
     } catch (const Error&) {  // what is wrong with the project is shown when it is opened; the defaults serve here
     }
+    // What is typed outlasts a run, a reload, and another variant.
+    const auto edits = form_->stage() == stage ? form_->Edits() : std::map<std::string, QString>();
     form_->SetStage(stage, values);
+    form_->Restore(edits);
   }
   ShowCommand();
 }
@@ -282,7 +298,8 @@ void RunDesk::Run() {
 void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left) {
   bar_->setRange(0, total > 0 ? 1000 : 0);
   if (total > 0) bar_->setValue(static_cast<int>(1000 * done / total));
-  QString text = job + ": " + task;
+  const QString of = jobs_->OtherProject(workspace_->dir());
+  QString text = (of.isEmpty() ? "" : tr("Project %1: ").arg(of)) + job + ": " + task;
   if (total > 0) text += tr(", %1 of %2").arg(done).arg(total);
   if (seconds_left >= 0) text += tr(", %1 left").arg(Duration(seconds_left));
   status_->setText(text);

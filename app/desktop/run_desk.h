@@ -34,6 +34,7 @@ class RunDesk : public QWidget {
  private:
   JobQuery Query() const;
   void Refresh();    // after a project was opened
+  void Forget();     // before another one is
   void ShowStage();  // the form of the chosen stage
   void ListNames();  // runs, photo sets or calibrations, whatever the chosen stage has results for
   void ShowCommand();

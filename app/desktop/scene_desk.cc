@@ -28,6 +28,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "app/desktop/background.h"
+#include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
@@ -161,11 +162,10 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   column->addWidget(layers_, 2);
   column->addWidget(text_);
   column->addWidget(picture_, 2);
-  auto* top = new QHBoxLayout;
+  auto* top = new FlowLayout;
   for (QWidget* w : std::initializer_list<QWidget*>{mode_, colour_, variant_, measure_, step_, screenshot_}) {
     top->addWidget(w);
   }
-  top->addStretch();
   auto* bottom = new QHBoxLayout;
   bottom->addWidget(run_);
   bottom->addWidget(time_, 1);
@@ -254,10 +254,9 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
       variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
       variant_->setVisible(kind_ == Kind::kFull && variant_->count() > 1);
     }
-    if (HasScene() && vtk_->scene->dir != workspace_->snapshot()->dir) vtk_->looked = false;
     if (kind_ == Kind::kFull) Load();  // the others are told which results to show
   });
-  connect(workspace_, &Workspace::Closed, this, &SceneDesk::Load);
+  connect(workspace_, &Workspace::Replaced, this, &SceneDesk::Forget);
   connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowSelected);
 }
@@ -316,24 +315,7 @@ void SceneDesk::Load() {
   stale_ = workspace_->snapshot() && !isVisible();
   if (stale_) return;
   const int generation = ++generation_;
-  const auto clear = [this] {
-    vtk_->widget->makeCurrent();
-    vtk_->Clear(vtk_->highlights);
-    vtk_->Clear(vtk_->measure);
-    vtk_->highlighted.clear();
-    vtk_->HideSky();
-    if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
-    vtk_->view.reset();
-    vtk_->scene.reset();
-  };
-  if (!workspace_->snapshot()) {
-    clear();
-    vtk_->looked = false;
-    layers_->clear();
-    Say("");
-    Render();
-    return;
-  }
+  if (!workspace_->snapshot()) return Forget();
   const SceneSource source =
       source_.value_or(SceneSource{workspace_->snapshot()->dir, variant_->currentData().toString().toStdString(), ""});
   // Everything but the points is there at once; these follow.
@@ -350,21 +332,20 @@ void SceneDesk::Load() {
           if (points == 0) options.aerial_px = 0;
           if (points == 0 || snapshot->references.size() > kMostTextures) options.panorama_width_px = 0;
           const auto scene = std::make_shared<LoadedScene>();
-          scene->dir = snapshot->dir;
           std::vector<std::string> problems;
           scene->model = source.project == snapshot->dir
                              ? LoadScene(*snapshot->project, options)
                              : LoadScene(Project::OpenTolerant(source.project, &problems), options);
           return std::shared_ptr<const LoadedScene>(scene);
         },
-        [this, generation, clear, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {
+        [this, generation, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {
           if (generation != generation_) return;
           if (!loaded.value) {
             emit workspace_->Problem(loaded.error, tr("The scene is not shown."));
             return;
           }
           if (points == 0 && vtk_->scene && !vtk_->scene->model.points.empty() && vtk_->looked) return;
-          clear();
+          ClearScene();
           vtk_->scene = loaded.value;
           SceneStyle style;
           style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
@@ -388,6 +369,38 @@ void SceneDesk::Load() {
           emit Loaded();
         });
   }
+}
+
+void SceneDesk::ClearScene() {
+  vtk_->widget->makeCurrent();
+  vtk_->Clear(vtk_->highlights);
+  vtk_->Clear(vtk_->measure);
+  vtk_->measured_from.reset();
+  vtk_->highlighted.clear();
+  vtk_->HideSky();
+  step_->setText(tr("Step &inside"));
+  if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
+  vtk_->view.reset();
+  vtk_->scene.reset();
+}
+
+void SceneDesk::Forget() {
+  ++generation_;
+  ClearScene();
+  stale_ = false;
+  vtk_->looked = false;
+  vtk_->cameras.clear();
+  source_.reset();
+  shown_from_.reset();
+  const QSignalBlocker block_run(run_), block_time(time_);
+  layers_->clear();
+  run_->clear();
+  time_->setRange(0, 0);
+  camera_->clear();
+  picture_->SetMarks({});
+  picture_->SetPicture({}, "");
+  Say("");
+  Render();
 }
 
 void SceneDesk::ShowLayers() {
@@ -459,8 +472,8 @@ void SceneDesk::ShowPicture() {
           }
           return {};
         },
-        [this, object, of = workspace_->selected()](const Attempted<QImage>& image) {
-          if (workspace_->selected() != of) return;
+        [this, object, of = workspace_->selected(), generation = generation_](const Attempted<QImage>& image) {
+          if (generation != generation_ || workspace_->selected() != of) return;
           picture_->SetMarks({});
           picture_->SetPicture(image.value, image.error.isEmpty()
                                                 ? QString::fromStdString(object.substr(object.find(':') + 1))
@@ -499,8 +512,8 @@ void SceneDesk::ShowPointPicture(const std::string& name) {
         seen.picture = LoadRunPicture(*snapshot->project, run, seen.images.front());
         return seen;
       },
-      [this, of = workspace_->selected()](const Attempted<Seen>& seen) {
-        if (workspace_->selected() != of) return;
+      [this, of = workspace_->selected(), generation = generation_](const Attempted<Seen>& seen) {
+        if (generation != generation_ || workspace_->selected() != of) return;
         if (seen.value.images.empty()) return Say(text_->text() + "\n" + seen.error);
         QStringList images;
         for (const std::string& image : seen.value.images) images << QString::fromStdString(image);

@@ -63,6 +63,8 @@ class SceneDesk : public QWidget {
  private:
   struct Vtk;
   void Load();
+  void ClearScene();  // what is drawn, until the next scene is there
+  void Forget();      // and everything that is said of it: another project is opened
   void ShowLayers();
   void ShowSelected();
   void ShowPicture();

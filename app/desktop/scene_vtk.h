@@ -20,7 +20,6 @@ namespace trigpoint {
 
 // What is loaded in the background.
 struct LoadedScene {
-  std::filesystem::path dir;  // of the project
   SceneModel model;
 };
 

@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kObject = Qt::UserRole, kStage = Qt::UserRole + 1, kRun = Qt::UserRole + 2;
 constexpr int kMostImages = 20000;  // listed below a run
+constexpr int kMostUnfolded = 12;   // entries of a group that is open from the beginning
 
 QColor ColourOf(const std::string& state) {
   if (state == "done") return QColor(0, 158, 115);
@@ -45,6 +46,10 @@ SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent),
       emit Activated(item->data(0, kObject).toString());
     }
   });
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    results_ = nullptr;
+    clear();
+  });
   connect(workspace_, &Workspace::Opened, this, &SiteTree::Refresh);
   connect(workspace_, &Workspace::Closed, this, &SiteTree::Refresh);
   connect(workspace_, &Workspace::ResultsChanged, this, &SiteTree::ShowStates);
@@ -70,8 +75,13 @@ QTreeWidgetItem* SiteTree::AddObject(QTreeWidgetItem* group, const QString& text
 void SiteTree::Refresh() {
   showing_ = true;
   QStringList open;
+  const auto name = [](const QTreeWidgetItem* group) { return group->text(0).section(' ', 0, 0); };
   for (int i = 0; i < topLevelItemCount(); ++i) {
-    if (topLevelItem(i)->isExpanded()) open << topLevelItem(i)->text(0).section(' ', 0, 0);
+    const QTreeWidgetItem* group = topLevelItem(i);
+    if (group->isExpanded()) open << name(group);
+    for (int k = 0; k < group->childCount(); ++k) {
+      if (group->child(k)->isExpanded()) open << name(group) + "/" + group->child(k)->text(0);
+    }
   }
   const bool first = topLevelItemCount() == 0;
   clear();
@@ -129,8 +139,10 @@ void SiteTree::Refresh() {
   results_ = AddGroup(tr("results"));
   for (int i = 0; i < topLevelItemCount(); ++i) {
     QTreeWidgetItem* group = topLevelItem(i);
-    group->setExpanded(first ? group != runs || snapshot->runs.size() < 10
-                             : open.contains(group->text(0).section(' ', 0, 0)));
+    group->setExpanded(first ? group->childCount() <= kMostUnfolded : open.contains(name(group)));
+    for (int k = 0; k < group->childCount(); ++k) {
+      group->child(k)->setExpanded(open.contains(name(group) + "/" + group->child(k)->text(0)));
+    }
   }
   showing_ = false;
   ShowStates();
@@ -179,7 +191,11 @@ void SiteTree::ShowSelected() {
   showing_ = true;
   for (QTreeWidgetItemIterator it(this); *it != nullptr; ++it) {
     if ((*it)->data(0, kObject).toString() != object) continue;
+    // A group that is folded stays so: what is selected elsewhere unfolds no thousand images here.
+    const bool folded = !(*it)->parent()->isExpanded();
+    setAutoScroll(!folded);
     setCurrentItem(*it);
+    setAutoScroll(true);
     break;
   }
   showing_ = false;

@@ -137,6 +137,26 @@ json StageForm::Changes() const {
   return changes;
 }
 
+std::map<std::string, QString> StageForm::Edits() const {
+  std::map<std::string, QString> edits;
+  for (const Field& field : fields_) {
+    if (field.Value() == field.start) continue;
+    edits[field.option.name] =
+        field.check != nullptr ? QString(field.check->isChecked() ? "1" : "0") : field.edit->text();
+  }
+  return edits;
+}
+
+void StageForm::Restore(const std::map<std::string, QString>& edits) {
+  for (const Field& field : fields_) {
+    const auto edit = edits.find(field.option.name);
+    if (edit == edits.end()) continue;
+    if (field.check != nullptr) field.check->setChecked(edit->second == "1");
+    if (field.edit != nullptr) field.edit->setText(edit->second);
+  }
+  emit Changed();
+}
+
 std::vector<std::string> StageForm::Problems() const {
   std::vector<std::string> problems;
   for (const Field& field : fields_) {

@@ -184,6 +184,11 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   });
   connect(view_, &QTableView::activated, this,
           [this](const QModelIndex& index) { emit Activated(index.data(DataTableModel::kObjectRole).toString()); });
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    ++generation_;
+    model_->SetTable(nullptr);
+    filter_->clear();
+  });
   connect(workspace_, &Workspace::Opened, this, &TablesDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &TablesDesk::Refresh);
   connect(workspace_, &Workspace::Selected, this, &TablesDesk::ShowSelected);

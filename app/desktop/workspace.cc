@@ -20,6 +20,7 @@ void Workspace::Close() {
   results_.clear();
   inspectors_.clear();
   Select("");
+  emit Replaced();
   emit Closed();
 }
 
@@ -35,10 +36,12 @@ void Workspace::Load(const QString& dir, bool again) {
           emit Problem(opened.error, tr("The project was not opened."));
           return;
         }
+        const bool other = snapshot_ && snapshot_->dir != opened.value->dir;
         snapshot_ = opened.value;
         inspectors_.clear();
         results_ = ResultsOfSnapshot(*snapshot_);
         if (!again) selected_.clear();
+        if (other) emit Replaced();
         related_ = snapshot_->Related(selected_.toStdString());
         for (const std::string& problem : snapshot_->problems) {
           emit Problem(QString::fromStdString(problem), tr("The rest of the project is open."));

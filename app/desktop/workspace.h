@@ -49,6 +49,7 @@ class Workspace : public QObject {
   QString Length(double metres, int decimals = 3) const;
 
  signals:
+  void Replaced();        // another project than before is open, or none: nothing of the old one may stay on a desk
   void Opened();          // a snapshot is there, or a new one of the same project
   void ResultsChanged();  // states of results are known
   void Closed();

@@ -6,6 +6,7 @@
 #include <vtkNew.h>
 #include <vtkPolyDataNormals.h>
 #include <vtkProperty.h>
+#include <vtkRenderer.h>
 #include <vtkSphereSource.h>
 #include <vtkTextActor.h>
 #include <vtkTextProperty.h>
@@ -69,25 +70,11 @@ void SceneView::Parts::BuildGround() {
   const auto [low, high] = model.Bounds();
   const double z = model.ground_z + 0.02;
   const double margin = 0.03 * extent_m + 0.5;
-  // Scale bar along the southern edge: four parts, dark and light, framed to be seen on any ground.
-  const double length = RoundNumber(0.3 * extent_m), height = 0.012 * extent_m;
+  BuildScaleBar();
   const Eigen::Vector3d corner(low.x(), low.y() - margin, z);
-  for (int part = 0; part < 4; ++part) {
-    const double x = corner.x() + 0.25 * part * length;
-    Add("axes", FlatActor(Polygon({{x, corner.y(), z},
-                                   {x + 0.25 * length, corner.y(), z},
-                                   {x + 0.25 * length, corner.y() + height, z},
-                                   {x, corner.y() + height, z}}),
-                          part % 2 == 0 ? kBlack : kWhite, 1));
-  }
-  Add("axes",
-      FlatActor(Lines({{corner, corner + Eigen::Vector3d(length, 0, 0), corner + Eigen::Vector3d(length, height, 0),
-                        corner + Eigen::Vector3d(0, height, 0), corner}}),
-                kBlack, 2));
-  AddLabel("axes", Label(ShortNumber(length) + " m", corner + Eigen::Vector3d(length, 1.2 * height, 0), style.text_px));
   // Axes beside it; in site ENU they are east, north, up.
   const double arm = 0.09 * extent_m;
-  const Eigen::Vector3d origin(corner.x() + 1.25 * length, corner.y(), z);
+  const Eigen::Vector3d origin(corner.x() + 1.25 * ScaleBarLength(), corner.y(), z);
   const char* names[] = {model.on_earth ? "E" : "x", model.on_earth ? "N" : "y", model.on_earth ? "U" : "z"};
   const Colour colours[] = {kVermilion, kGreen, kBlue};
   for (int k = 0; k < 3; ++k) {
@@ -104,6 +91,46 @@ void SceneView::Parts::BuildGround() {
   Add("axes",
       FlatActor(Lines({{foot + wide, foot + 1.6 * arm * north, foot + 0.35 * arm * north, foot + wide}}), kBlack, 2));
   AddLabel("axes", Label("N", foot + Eigen::Vector3d(0, 1.65 * arm, 0), 1.2 * style.text_px));
+}
+
+double SceneView::Parts::ScaleBarLength() const { return RoundNumber(0.3 * extent_m / unit.metres) * unit.metres; }
+
+// Along the southern edge: four parts, dark and light, framed to be seen on any ground.
+void SceneView::Parts::BuildScaleBar() {
+  if (model.Empty()) return;
+  auto& axes = layers["axes"];
+  for (const auto& prop : scale_bar) {
+    if (renderer != nullptr) {
+      prop->ReleaseGraphicsResources(renderer->GetVTKWindow());
+      renderer->RemoveViewProp(prop);
+    }
+    std::erase(axes, prop);
+    std::erase_if(labels, [&](const auto& label) { return label.Get() == prop.Get(); });
+  }
+  const size_t before = axes.size();
+  const auto [low, high] = model.Bounds();
+  const double z = model.ground_z + 0.02, margin = 0.03 * extent_m + 0.5;
+  const double length = ScaleBarLength(), height = 0.012 * extent_m;
+  const Eigen::Vector3d corner(low.x(), low.y() - margin, z);
+  for (int part = 0; part < 4; ++part) {
+    const double x = corner.x() + 0.25 * part * length;
+    Add("axes", FlatActor(Polygon({{x, corner.y(), z},
+                                   {x + 0.25 * length, corner.y(), z},
+                                   {x + 0.25 * length, corner.y() + height, z},
+                                   {x, corner.y() + height, z}}),
+                          part % 2 == 0 ? kBlack : kWhite, 1));
+  }
+  Add("axes",
+      FlatActor(Lines({{corner, corner + Eigen::Vector3d(length, 0, 0), corner + Eigen::Vector3d(length, height, 0),
+                        corner + Eigen::Vector3d(0, height, 0), corner}}),
+                kBlack, 2));
+  AddLabel("axes", Label(ShortNumber(length / unit.metres) + " " + unit.name,
+                         corner + Eigen::Vector3d(length, 1.2 * height, 0), style.text_px));
+  scale_bar.assign(axes.begin() + static_cast<std::ptrdiff_t>(before), axes.end());
+  for (const auto& prop : scale_bar) {
+    prop->SetVisibility(visible["axes"]);
+    if (renderer != nullptr) renderer->AddViewProp(prop);
+  }
 }
 
 void SceneView::Parts::BuildLegend() {

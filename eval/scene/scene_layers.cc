@@ -118,13 +118,14 @@ void SceneView::Parts::BuildPoints() {
 }
 
 void SceneView::Parts::ColourPoints(PointColour colour) {
+  points_by = colour;
   if (!points) return;
   vtkNew<vtkFloatArray> values;
   std::vector<double> sample;
   for (const ScenePoint& p : model.points) {
-    const double value = colour == PointColour::kHeight        ? p.position.z()
+    const double value = colour == PointColour::kHeight        ? p.position.z() / unit.metres
                          : colour == PointColour::kTrackLength ? p.track_length
-                                                               : p.sigma_m;
+                                                               : p.sigma_m / unit.metres;
     values->InsertNextValue(static_cast<float>(value));
     if (std::isfinite(value)) sample.push_back(value);
   }
@@ -138,9 +139,10 @@ void SceneView::Parts::ColourPoints(PointColour colour) {
   points->SetMapper(all_points);
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
   bar->SetLookupTable(point_colours);
-  bar->SetTitle(colour == PointColour::kHeight        ? "height (m)"
-                : colour == PointColour::kTrackLength ? "images"
-                                                      : "sigma (m)");
+  const std::string title = colour == PointColour::kHeight        ? "height (" + unit.name + ")"
+                            : colour == PointColour::kTrackLength ? "images"
+                                                                  : "sigma (" + unit.name + ")";
+  bar->SetTitle(title.c_str());
 }
 
 // Values of the points, not of the cells they are drawn as: a vertex carries its colour, where a cell's must be looked

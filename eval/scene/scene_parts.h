@@ -22,6 +22,9 @@ struct SceneView::Parts {
   const SceneModel& model;
   SceneStyle style;
   DisplayUnit unit;
+  vtkRenderer* renderer = nullptr;  // to which it was added
+  PointColour points_by = PointColour::kHeight;
+  std::vector<vtkSmartPointer<vtkProp>> scale_bar;  // of the layer "axes"
   double error_scale = 1;
   double extent_m = 10;  // longest side of the scene's box
   std::map<std::string, std::vector<vtkSmartPointer<vtkProp>>> layers;
@@ -46,7 +49,9 @@ struct SceneView::Parts {
   void BuildPanoramas();
   void BuildTags();
   void BuildErrors();
-  void BuildGround();  // aerial, axes, north arrow, scale bar
+  void BuildGround();    // aerial, axes, north arrow
+  void BuildScaleBar();  // in the unit shown, in place of the one there is
+  double ScaleBarLength() const;
   void BuildLegend();
   void ColourPoints(PointColour colour);
   void ThinPoints(int most);

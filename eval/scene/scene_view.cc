@@ -185,9 +185,11 @@ void SceneView::AddTo(vtkRenderer* renderer) {
     for (const auto& prop : props) renderer->AddViewProp(prop);
   }
   renderer->SetBackground(1, 1, 1);
+  parts_->renderer = renderer;
 }
 
 void SceneView::RemoveFrom(vtkRenderer* renderer) {
+  parts_->renderer = nullptr;
   for (const auto& [layer, props] : parts_->layers) {
     for (const auto& prop : props) {
       prop->ReleaseGraphicsResources(renderer->GetVTKWindow());
@@ -352,6 +354,12 @@ ScenePick SceneView::Describe(const std::string& layer, int index) const {
   return pick;
 }
 
-void SceneView::SetUnit(const DisplayUnit& unit) { parts_->unit = unit; }
+void SceneView::SetUnit(const DisplayUnit& unit) {
+  const bool same = unit.name == parts_->unit.name;
+  parts_->unit = unit;
+  if (same) return;
+  parts_->BuildScaleBar();
+  parts_->ColourPoints(parts_->points_by);
+}
 
 }  // namespace trigpoint

@@ -1,4 +1,6 @@
 #include <gtest/gtest.h>
+#include <vtkBillboardTextActor3D.h>
+#include <vtkPropCollection.h>
 #include <vtkRenderer.h>
 
 #include <cmath>
@@ -181,6 +183,18 @@ TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
   EXPECT_EQ(view.Describe("cameras", 7).text, pick->text);
   view.SetUnit({"ft", 0.3048});
   EXPECT_NE(view.Describe("cameras", 7).text.find(" ft"), std::string::npos);
+  // The scale bar, too, and no metres are left.
+  int feet = 0, metres = 0;
+  vtkPropCollection* props = renderer->GetViewProps();
+  props->InitTraversal();
+  while (vtkProp* prop = props->GetNextProp()) {
+    auto* label = vtkBillboardTextActor3D::SafeDownCast(prop);
+    const std::string text = label != nullptr ? label->GetInput() : "";
+    feet += text.ends_with(" ft") ? 1 : 0;
+    metres += text.ends_with(" m") ? 1 : 0;
+  }
+  EXPECT_EQ(feet, 1);
+  EXPECT_EQ(metres, 0);
   EXPECT_THROW(view.Describe("cameras", 100000), InputError);
   const Eigen::Vector2d empty = Pixel({0, 0, 1.8});
   EXPECT_FALSE(view.Pick(renderer, empty.x(), empty.y()));
