@@ -3,6 +3,7 @@
 #include <QActionGroup>
 #include <QApplication>
 #include <QCloseEvent>
+#include <QDesktopServices>
 #include <QDockWidget>
 #include <QDragEnterEvent>
 #include <QFileDialog>
@@ -15,11 +16,13 @@
 #include <QStyleFactory>
 #include <QTabWidget>
 #include <QTimer>
+#include <QUrl>
 
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_desk.h"
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
+#include "app/desktop/overview_desk.h"
 #include "app/desktop/panorama_desk.h"
 #include "app/desktop/problem_bar.h"
 #include "app/desktop/review_desk.h"
@@ -74,6 +77,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   desks_->setObjectName("desks");
   desks_->setAccessibleName(tr("Desks"));
   desks_->setDocumentMode(true);
+  overview_ = new OverviewDesk(workspace_);
   run_ = new RunDesk(workspace_, jobs_);
   scene_ = new SceneDesk(workspace_);
   images_ = new ImagesDesk(workspace_);
@@ -82,6 +86,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   review_ = new ReviewDesk(workspace_, jobs_);
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
+  AddDesk(overview_, "overview", tr("Overview"));
   AddDesk(run_, "run", tr("Run"));
   AddDesk(scene_, "scene", tr("3D"));
   AddDesk(images_, "images", tr("Images"));
@@ -186,6 +191,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
+  ConnectOverview();
   connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] {
     run_->Choose("calibrate", "");
     ShowDesk("run");
@@ -212,6 +218,51 @@ MainWindow::~MainWindow() {
   delete takeCentralWidget();
 }
 
+void MainWindow::ConnectOverview() {
+  connect(overview_, &OverviewDesk::Activated, this, &MainWindow::Show);
+  connect(overview_, &OverviewDesk::SceneRequested, this, [this](const QString& object) {
+    workspace_->Select(object);
+    ShowDesk("scene");
+    scene_->LookAt(object);
+  });
+  connect(overview_, &OverviewDesk::ReviewRequested, this, [this](const QString& object) {
+    workspace_->Select(object);
+    ShowDesk("review");
+  });
+  connect(overview_, &OverviewDesk::RunRequested, this, &MainWindow::RunAll);
+  connect(overview_, &OverviewDesk::ReportRequested, this, &MainWindow::ShowReport);
+  connect(overview_, &OverviewDesk::CreateRequested, this, &MainWindow::CreateProject);
+  connect(overview_, &OverviewDesk::ProjectRequested, this, &MainWindow::Visit);
+  connect(overview_, &OverviewDesk::OpenRequested, this, &MainWindow::ChooseProject);
+}
+
+void MainWindow::ChooseProject() {
+  const QString dir = QFileDialog::getExistingDirectory(this, tr("Open a project's folder"));
+  if (!dir.isEmpty()) Visit(dir);
+}
+
+void MainWindow::Visit(const QString& dir) {
+  ShowDesk("overview");
+  OpenProject(dir);
+}
+
+void MainWindow::RunAll() {
+  run_->Choose("", "");
+  ShowDesk("run");
+  run_->Run();
+}
+
+void MainWindow::ShowReport() {
+  const QString file = workspace_->dir() + "/results/report/index.html";
+  if (!QFileInfo::exists(file)) {
+    emit workspace_->Problem(tr("There is no report yet: run the stage report."), file);
+    return;
+  }
+  if (!QDesktopServices::openUrl(QUrl::fromLocalFile(file))) {
+    emit workspace_->Problem(tr("No program opens the report: %1").arg(file), "");
+  }
+}
+
 void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) {
   desk->setObjectName(QString("desk.") + name);
   desks_->addTab(desk, title);
@@ -219,35 +270,17 @@ void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) 
 
 void MainWindow::MakeMenus() {
   QMenu* file = menuBar()->addMenu(tr("&File"));
-  file->addAction(
-      tr("&Open project ..."), this,
-      [this] {
-        const QString dir = QFileDialog::getExistingDirectory(this, tr("Open a project's folder"));
-        if (!dir.isEmpty()) OpenProject(dir);
-      },
-      QKeySequence::Open);
-  file->addAction(
-      tr("&New project from a folder ..."), this,
-      [this] {
-        const QString dir = QFileDialog::getExistingDirectory(this, tr("A folder with runs and panoramas"));
-        if (!dir.isEmpty()) CreateProject(dir);
-      },
-      QKeySequence::New);
+  file->addAction(tr("&Open project or folder ..."), this, &MainWindow::ChooseProject, QKeySequence::Open);
   recent_ = file->addMenu(tr("&Recent projects"));
   file->addAction(tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
   file->addAction(tr("&Close project"), workspace_, &Workspace::Close, QKeySequence::Close);
   file->addSeparator();
+  file->addAction(tr("Open the &report"), this, &MainWindow::ShowReport, QKeySequence(tr("Ctrl+Shift+O")));
+  file->addSeparator();
   file->addAction(tr("&Quit"), this, &QWidget::close, QKeySequence::Quit);
 
   QMenu* run = menuBar()->addMenu(tr("&Run"));
-  run->addAction(
-      tr("Run all that is &out of date"), this,
-      [this] {
-        run_->Choose("", "");
-        ShowDesk("run");
-        run_->Run();
-      },
-      QKeySequence(tr("Ctrl+R")));
+  run->addAction(tr("Run all that is &out of date"), this, &MainWindow::RunAll, QKeySequence(tr("Ctrl+R")));
   run->addAction(tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
   run->addAction(
       tr("Re-&solve after a review"), this,
@@ -304,7 +337,7 @@ void MainWindow::CreateProject(const QString& dir) {
 
 void MainWindow::RestoreSession() {
   const QSettings settings;
-  ShowDesk(settings.value("session/desk", "run").toString());
+  ShowDesk(settings.value("session/desk", "overview").toString());
   const QString dir = settings.value("session/project").toString();
   if (dir.isEmpty()) return;
   select_after_open_ = settings.value("session/selected").toString();
@@ -333,7 +366,7 @@ QStringList MainWindow::RecentProjects() const { return QSettings().value("recen
 
 void MainWindow::ShowRecent() {
   recent_->clear();
-  for (const QString& dir : RecentProjects()) recent_->addAction(dir, this, [this, dir] { OpenProject(dir); });
+  for (const QString& dir : RecentProjects()) recent_->addAction(dir, this, [this, dir] { Visit(dir); });
   recent_->setEnabled(!recent_->isEmpty());
 }
 
@@ -388,10 +421,8 @@ void MainWindow::dragEnterEvent(QDragEnterEvent* event) {
 void MainWindow::dropEvent(QDropEvent* event) {
   for (const QUrl& url : event->mimeData()->urls()) {
     const QFileInfo info(url.toLocalFile());
-    const QString dir = info.isDir() ? info.absoluteFilePath() : info.absolutePath();
     event->acceptProposedAction();
-    // A folder that was never a project becomes one.
-    QFileInfo(dir + "/trigpoint.yaml").exists() ? OpenProject(dir) : CreateProject(dir);
+    Visit(info.isDir() ? info.absoluteFilePath() : info.absolutePath());
     return;
   }
 }

@@ -18,6 +18,7 @@ namespace trigpoint {
 class CalibrationDesk;
 class CompareDesk;
 class ImagesDesk;
+class OverviewDesk;
 class PanoramaDesk;
 class ProblemBar;
 class ReviewDesk;
@@ -33,8 +34,9 @@ class MainWindow : public QMainWindow {
   explicit MainWindow(QWidget* parent = nullptr);
   ~MainWindow() override;
 
-  // A folder; one that is no project yet gets its trigpoint.yaml if `create`.
+  // A folder, whether it is a project yet or not; nothing is written.
   void OpenProject(const QString& dir);
+  // Writes its trigpoint.yaml, and opens it.
   void CreateProject(const QString& dir);
   // The project, desk and selection of the last session, if it ended without Quit or a project was open.
   void RestoreSession();
@@ -43,6 +45,7 @@ class MainWindow : public QMainWindow {
   JobController* jobs() const { return jobs_; }
   ProblemBar* problem() const { return problem_; }
   SiteTree* tree() const { return tree_; }
+  OverviewDesk* overview() const { return overview_; }
   RunDesk* run_desk() const { return run_; }
   SceneDesk* scene() const { return scene_; }
   ImagesDesk* images() const { return images_; }
@@ -51,7 +54,7 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review() const { return review_; }
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
-  // "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration".
+  // "overview", "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -64,6 +67,11 @@ class MainWindow : public QMainWindow {
 
  private:
   void MakeMenus();
+  void ConnectOverview();
+  void ChooseProject();
+  void Visit(const QString& dir);  // opens it, on the overview
+  void RunAll();
+  void ShowReport();
   void ShowRecent();
   void Show(const QString& object);  // on the desk that shows it best
   void SaveSession();
@@ -76,6 +84,7 @@ class MainWindow : public QMainWindow {
   SiteTree* tree_;
   QTabWidget* desks_;
   QDockWidget* site_;
+  OverviewDesk* overview_;
   RunDesk* run_;
   SceneDesk* scene_;
   ImagesDesk* images_;

@@ -102,7 +102,8 @@ void PictureView::paintEvent(QPaintEvent*) {
   for (const PictureMark& mark : marks_) {
     if (std::find(hidden_.begin(), hidden_.end(), mark.layer) != hidden_.end()) continue;
     const bool strong = !mark.object.isEmpty() && mark.object == highlight_;
-    painter.setPen(QPen(mark.colour, strong ? 4 : 1.5));
+    if (mark.colour.alpha() == 0 && !strong) continue;  // it can be clicked, the picture shows it
+    painter.setPen(QPen(mark.colour.alpha() == 0 ? QColor(213, 94, 0) : mark.colour, strong ? 4 : 1.5));
     painter.setBrush(Qt::NoBrush);
     QPolygonF at;
     for (const QPointF& point : mark.points) at << WidgetAt(point);

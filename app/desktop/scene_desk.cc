@@ -361,6 +361,7 @@ void SceneDesk::Load() {
           }
           ShowLayers();
           ShowSelected();
+          if (!look_at_.isEmpty()) LookAt(look_at_);
           Render();
           QStringList notes;
           for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
@@ -388,6 +389,7 @@ void SceneDesk::Forget() {
   ++generation_;
   ClearScene();
   stale_ = false;
+  look_at_.clear();
   vtk_->looked = false;
   vtk_->cameras.clear();
   source_.reset();
@@ -637,6 +639,14 @@ std::vector<double> SceneDesk::Turn(int steps) {
   vtk_->DrawMoving(false);
   Render();
   return frames_ms;
+}
+
+void SceneDesk::LookAt(const QString& object) {
+  look_at_ = vtk_->view ? QString() : object;
+  const std::vector<ScenePick> found = vtk_->Find(object.toStdString());
+  if (found.empty() || inside()) return;
+  vtk_->LookNear(found.front().position);
+  Render();
 }
 
 void SceneDesk::SetMode(const QString& mode) {

@@ -47,6 +47,8 @@ class SceneDesk : public QWidget {
   void ShowResults(const SceneSource& source, const QString& run);
   // Both views are turned and moved together from now on.
   void ShareCamera(SceneDesk* other);
+  // Near an object, from where one looks now; as soon as the scene is there.
+  void LookAt(const QString& object);
   // "orbit", "fly", "plan".
   void SetMode(const QString& mode);
 
@@ -87,7 +89,7 @@ class SceneDesk : public QWidget {
   SceneDesk* twin_ = nullptr;
   Kind kind_;
   std::optional<SceneSource> source_;  // nothing: the opened project's, with the chosen variant
-  QString only_run_;
+  QString only_run_, look_at_;
   std::shared_ptr<const Snapshot> shown_from_;
   bool stale_ = false;  // to be loaded when it is seen
   int generation_ = 0;

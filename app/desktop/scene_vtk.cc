@@ -19,6 +19,7 @@ namespace trigpoint {
 
 namespace {
 
+constexpr double kNear_m = 16;  // from what is looked at
 constexpr int kSkyColumns = 128, kSkyRows = 64;
 
 }  // namespace
@@ -89,6 +90,17 @@ void SceneDesk::Vtk::AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d&
 
 void SceneDesk::Vtk::DrawMoving(bool moving) {
   if (view) view->DrawMoving(moving);
+}
+
+void SceneDesk::Vtk::LookNear(const Eigen::Vector3d& at) {
+  vtkCamera* camera = renderer->GetActiveCamera();
+  double direction[3];
+  camera->GetDirectionOfProjection(direction);
+  camera->SetFocalPoint(at.x(), at.y(), at.z());
+  const double away = camera->GetParallelProjection() ? camera->GetDistance() : kNear_m;
+  camera->SetPosition(at.x() - away * direction[0], at.y() - away * direction[1], at.z() - away * direction[2]);
+  if (camera->GetParallelProjection()) camera->SetParallelScale(0.5 * kNear_m);
+  renderer->ResetCameraClippingRange();
 }
 
 void SceneDesk::Vtk::LookThrough(const SceneCamera& shown) {

@@ -46,6 +46,8 @@ struct SceneDesk::Vtk {
   void AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
   void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
   void DrawMoving(bool moving);
+  // The same direction of view, a few metres away.
+  void LookNear(const Eigen::Vector3d& at);
   // The camera of an image.
   void LookThrough(const SceneCamera& camera);
   // A sphere about the viewer with the panorama on it.

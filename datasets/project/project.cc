@@ -13,6 +13,7 @@
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "datasets/project/files.h"
+#include "datasets/project/look.h"
 #include "datasets/project/yaml_json.h"
 
 namespace trigpoint {
@@ -448,6 +449,15 @@ InitReport Project::Init(const fs::path& dir_in) {
   if (old.origin) origin = SiteOrigin{*old.origin, std::string("from ") + kProjectFile};
   Describe(site, origin, report);
   Open(dir);  // what was written must be readable, and what the user wrote before is checked in full
+  return report;
+}
+
+InitReport LookAt(const fs::path& dir_in) {
+  InitReport report;
+  const fs::path dir = ExistingFolder(dir_in);
+  report.file = dir / kProjectFile;
+  const Site site = ReadSite(dir);
+  Describe(site, FindOrigin(site), report);
   return report;
 }
 

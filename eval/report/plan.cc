@@ -7,6 +7,7 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 namespace trigpoint {
 namespace {
@@ -49,7 +50,7 @@ class PlanPainter {
           "difference at the same enlargement.",
           enlarged_);
     }
-    return {std::move(drawing_), caption};
+    return {std::move(drawing_), caption, std::move(spots_)};
   }
 
  private:
@@ -162,9 +163,11 @@ class PlanPainter {
 
   void Panoramas() {
     std::map<std::string, std::pair<Eigen::Vector2d, int>> stations;
+    std::set<std::string> alone;
     for (const ScenePanorama& p : scene_.panoramas) {
       auto& [sum, count] =
           stations.try_emplace(p.station.empty() ? p.panorama : p.station, Eigen::Vector2d::Zero(), 0).first->second;
+      if (p.station.empty()) alone.insert(p.panorama);
       sum += p.world_from_pano.translation.head<2>();
       ++count;
     }
@@ -172,6 +175,8 @@ class PlanPainter {
     for (const auto& [name, place] : stations) {
       const Eigen::Vector2d p = place.first / place.second;
       dots.emplace_back(X(p.x()), Y(p.y()));
+      const bool station = alone.count(name) == 0;
+      spots_.push_back({station ? name : "", station ? "" : name, dots.back().first, dots.back().second});
       drawing_.Circle(dots.back().first, dots.back().second, 6, "#ffffff");
       drawing_.Circle(dots.back().first, dots.back().second, 4.2, kInk);
     }
@@ -221,6 +226,7 @@ class PlanPainter {
 
   const SceneModel& scene_;
   Drawing drawing_;
+  std::vector<PlanSpot> spots_;
   Eigen::Vector2d low_, high_;
   double scale_ = 1, enlarged_ = 1;
   std::vector<cv::Rect2d> labels_;

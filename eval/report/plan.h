@@ -6,9 +6,16 @@
 
 namespace trigpoint {
 
+// A station, or a panorama without one, in the drawing's units.
+struct PlanSpot {
+  std::string station, panorama;  // one of them is empty
+  double x = 0, y = 0;
+};
+
 struct Plan {
   Drawing drawing;
   std::string caption;
+  std::vector<PlanSpot> spots;
 };
 
 // Of a scene with a path or a panorama. Lengths in the scene's frame, metres.

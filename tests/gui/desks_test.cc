@@ -22,6 +22,7 @@
 
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
+#include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
@@ -262,7 +263,8 @@ TEST_F(DesksTest, OptionFormsSayRangesAndTheCommandLineFollows) {
 }
 
 TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
-  for (const char* desk : {"run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration"}) {
+  for (const char* desk :
+       {"overview", "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration"}) {
     window_->ShowDesk(desk);
     EXPECT_EQ(window_->desk(), desk);
     for (QWidget* widget : window_->findChildren<QWidget*>()) {
@@ -280,7 +282,7 @@ TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
       }
     }
   }
-  for (int key = 0; key < 8; ++key) {  // Ctrl+1 ... Ctrl+8
+  for (int key = 0; key < 9; ++key) {  // Ctrl+1 ... Ctrl+9
     QTest::keyClick(window_.get(), static_cast<Qt::Key>(Qt::Key_1 + key), Qt::ControlModifier);
   }
   EXPECT_EQ(window_->desk(), "calibration");
@@ -375,7 +377,7 @@ TEST(BrokenProjects, NoFolderIsOneSentence) {
   EXPECT_THAT(window->problem()->sentence().toStdString(), HasSubstr("/nowhere/at/all"));
 }
 
-TEST(NewProjects, AFolderDraggedInBecomesOne) {
+TEST(NewProjects, AFolderDraggedInIsLookedAtAndBecomesOneOnRequest) {
   QSettings().clear();
   const QTemporaryDir site;
   ResultsSiteSize size;
@@ -390,8 +392,17 @@ TEST(NewProjects, AFolderDraggedInBecomesOne) {
   EXPECT_TRUE(enter.isAccepted());
   QDropEvent drop({100, 100}, Qt::CopyAction, &data, Qt::LeftButton, Qt::NoModifier);
   QApplication::sendEvent(window.get(), &drop);
-  EXPECT_TRUE(WaitFor([&] { return window->workspace()->snapshot() != nullptr; }));
-  EXPECT_TRUE(QFile::exists(site.path() + "/trigpoint.yaml"));
+  EXPECT_EQ(window->desk(), "overview");
+  auto* next = Child<QAbstractButton>(window.get(), "overview.next");
+  ASSERT_TRUE(WaitFor([&] { return next->isVisible(); }));
+  EXPECT_THAT(next->text().toStdString(), HasSubstr("trigpoint.yaml"));
+  QString shown;
+  for (const auto* label : window->overview()->findChildren<QLabel*>()) shown += label->text();
+  EXPECT_THAT(shown.toStdString(), HasSubstr("run run1: 4 images"));
+  EXPECT_FALSE(QFile::exists(site.path() + "/trigpoint.yaml"));
+  Screenshot(window.get(), "folder");
+  QTest::mouseClick(next, Qt::LeftButton);
+  EXPECT_TRUE(WaitFor([&] { return QFile::exists(site.path() + "/trigpoint.yaml"); }));
 }
 
 }  // namespace

@@ -22,7 +22,8 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* kDesks[] = {"run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration"};
+constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",     "tables",
+                                  "compare",  "review", "panoramas", "calibration"};
 
 class MendedTest : public ResultsWindowTest {};
 

@@ -1,0 +1,158 @@
+#include "app/desktop/overview.h"
+
+#include <algorithm>
+#include <set>
+
+#include "datasets/project/look.h"
+#include "datasets/project/stage.h"
+#include "eval/report/chapters.h"
+#include "eval/report/verdict.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr double kPlanScale = 2.5;  // pixels a unit of the drawing
+
+ReportInput InputOf(const Snapshot& snapshot) {
+  ReportInput input;
+  input.project = snapshot.project.get();
+  input.variants = snapshot.variants;
+  input.points = false;
+  for (const SnapshotResult& result : ResultsOfSnapshot(snapshot)) {
+    ResultRecord record;
+    record.stage = result.stage;
+    record.name = result.run;
+    if (!result.variant.empty()) record.name += "@" + result.variant;
+    if (const auto manifest = ReadManifest(*snapshot.project, record.stage, record.name)) record.manifest = *manifest;
+    input.stages.push_back(std::move(record));
+  }
+  return input;
+}
+
+void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* overview) {
+  overview->comparison = best.kind + ", against " + best.Against();
+  std::set<std::string> stations, runs;
+  for (const VariantData& variant : data.variants) {
+    for (const ErrorRecord& e : variant.errors) {
+      if (!best.Holds(e)) continue;
+      overview->matrix.push_back(e);
+      stations.insert(e.station);
+      runs.insert(e.run);
+    }
+  }
+  overview->runs.assign(runs.begin(), runs.end());
+  for (const std::string& station : data.stations) {
+    if (stations.erase(station) > 0) overview->stations.push_back(station);
+  }
+  overview->stations.insert(overview->stations.end(), stations.begin(), stations.end());
+}
+
+void FillVerdict(const ReportInput& input, const ReportData& data, const DisplayUnit& unit, Overview* overview) {
+  ChapterContext context{input, data, unit, {}, {}};
+  for (const std::string& station : data.stations) context.station_anchor[station] = "station:" + station;
+  std::vector<Block> blocks;
+  AddVerdict(context, std::nullopt, &blocks);
+  const auto check = At(data.survey, {"check", "rmse_3d_m"});
+  const auto facts = std::find_if(blocks.begin(), blocks.end(),
+                                  [](const Block& block) { return std::holds_alternative<Facts>(block); });
+  if (check && facts != blocks.end()) {
+    const auto count = static_cast<int>(At(data.survey, {"check", "n"}).value_or(0));
+    std::get<Facts>(*facts).facts.push_back({"Check points, 3D", context.LengthUnit(check, 2),
+                                             "RMSE of the tag map at " + std::to_string(count) +
+                                                 (count == 1 ? " surveyed point" : " surveyed points") +
+                                                 " it was not fitted to"});
+  }
+  for (Block& block : blocks) {
+    const auto* heading = std::get_if<Heading>(&block);
+    const bool title = heading != nullptr && heading->level == 2;
+    if (title || std::holds_alternative<Columns>(block) || std::holds_alternative<Figure>(block)) continue;
+    overview->verdict.push_back(std::move(block));
+  }
+}
+
+void FillPlan(const Snapshot& snapshot, Overview* overview) {
+  SceneOptions options;
+  options.max_points = options.max_cameras = options.panorama_width_px = 0;
+  const SceneModel scene = LoadScene(*snapshot.project, options);
+  if (scene.paths.empty() && scene.panoramas.empty()) return;
+  Plan plan = PlanOf(scene);
+  overview->plan_png = PngOf(plan.drawing, kPlanScale);
+  overview->plan_caption = plan.caption;
+  for (PlanSpot& spot : plan.spots) {
+    spot.x *= kPlanScale, spot.y *= kPlanScale;
+    overview->spots.push_back(std::move(spot));
+  }
+}
+
+void FillWarnings(const Project& project, const ReportData& data, Overview* overview) {
+  std::vector<std::string> all = project.warnings();
+  for (const Run& run : project.site().runs) all.insert(all.end(), run.warnings.begin(), run.warnings.end());
+  all.insert(all.end(), data.notes.begin(), data.notes.end());
+  std::set<std::string> seen;
+  for (const std::string& warning : all) {
+    if (seen.insert(warning).second) overview->warnings.push_back(warning);
+  }
+}
+
+class NoProgress final : public ProgressSink {};
+
+}  // namespace
+
+Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
+  Overview overview;
+  overview.has_project_file = std::filesystem::exists(snapshot.dir / "trigpoint.yaml");
+  const ReportInput input = InputOf(snapshot);
+  NoProgress progress;
+  const ReportData data = ReadReportData(input, progress, {});
+  FillWarnings(*snapshot.project, data, &overview);
+  if (!overview.has_project_file) {
+    InitReport look = LookAt(snapshot.dir);
+    overview.found = std::move(look.found);
+    overview.missing = std::move(look.missing);
+  }
+  FillVerdict(input, data, unit, &overview);
+  const ProjectVerdict verdict = MakeVerdict(input, data);
+  if (verdict.Best() != nullptr) FillMatrix(data, *verdict.Best(), &overview);
+  for (const VariantData& variant : data.variants) {
+    for (const ErrorRecord& e : variant.errors) {
+      if (e.variant.empty()) overview.errors.push_back(e);
+    }
+  }
+  try {
+    FillPlan(snapshot, &overview);
+  } catch (const Error& e) {
+    overview.warnings.push_back(std::string("plan: ") + e.what());
+  }
+  return overview;
+}
+
+std::string MethodName(const std::string& method) {
+  if (method == "g1") return "view (G1)";
+  return method == "g2" || method == "single" ? "panorama (G2)" : method;
+}
+
+NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, bool has_project_file) {
+  NextStep next;
+  if (!has_project_file) {
+    next.kind = NextStep::Kind::kCreate;
+    return next;
+  }
+  if (snapshot.runs.empty() && snapshot.references.empty()) return next;
+  for (const SnapshotResult& result : results) {
+    const bool failed = result.state == "failed";
+    if (!failed && result.state != "missing" && result.state != "out of date") continue;
+    if (next.results == 0) next.title = result.title;
+    ++next.results;
+    next.failed += failed ? 1 : 0;
+    if (failed && next.reason.empty()) next.reason = result.title + ": " + result.reason;
+  }
+  if (next.results > 0) {
+    next.kind = NextStep::Kind::kRun;
+  } else if (std::filesystem::exists(snapshot.dir / "results" / "report" / "index.html")) {
+    next.kind = NextStep::Kind::kReport;
+  }
+  return next;
+}
+
+}  // namespace trigpoint

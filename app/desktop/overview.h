@@ -1,0 +1,46 @@
+// What the overview shows of a project: the report's first screen as values. No Qt here.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/desktop/snapshot.h"
+#include "eval/display_unit.h"
+#include "eval/report/document.h"
+#include "eval/report/plan.h"
+#include "eval/report/report_data.h"
+
+namespace trigpoint {
+
+struct Overview {
+  bool has_project_file = false;
+  std::vector<std::string> found, missing;  // of a folder without trigpoint.yaml
+  std::vector<std::string> warnings;        // of the inputs, and of results that could not be read
+  std::vector<Block> verdict;               // facts, paragraphs and headings; a station's anchor is its object
+  std::string comparison;                   // what the matrix is of; empty: nothing is evaluated
+  std::vector<std::string> stations, runs;  // of the matrix
+  std::vector<ErrorRecord> matrix;          // its errors
+  std::vector<ErrorRecord> errors;          // all of the first set of results
+  std::string plan_png, plan_caption;       // empty: there is nothing to draw
+  std::vector<PlanSpot> spots;              // in the picture's pixels
+};
+
+// Reads what is there; what is missing or broken is left out, or named in `warnings`.
+Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit);
+
+// "panorama (G2)", "view (G1)": what errors.csv calls single, g2 and g1.
+std::string MethodName(const std::string& method);
+
+// What to do next, as `status` shows it.
+struct NextStep {
+  enum class Kind { kNone, kCreate, kRun, kReport };
+  Kind kind = Kind::kNone;
+  std::string title;   // of the result that comes first; empty for the other kinds
+  std::string reason;  // of a failure
+  int results = 0;     // that are missing, out of date or failed
+  int failed = 0;
+};
+NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, bool has_project_file);
+
+}  // namespace trigpoint

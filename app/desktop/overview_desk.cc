@@ -1,0 +1,535 @@
+#include "app/desktop/overview_desk.h"
+
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QPushButton>
+#include <QResizeEvent>
+#include <QScrollArea>
+#include <QSettings>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QVBoxLayout>
+#include <algorithm>
+#include <array>
+
+#include "app/desktop/background.h"
+#include "app/desktop/flow_layout.h"
+#include "app/desktop/overview.h"
+#include "app/desktop/picture_view.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kTileWidth = 196;
+constexpr int kSideBySide = 900;     // px; in a narrower desk the plan stands below
+constexpr int kHighestMatrix = 420;  // px, then it scrolls
+constexpr int kMostWarnings = 12;
+// Errors in metres and their colours, as in the report: one hue, light is small.
+constexpr std::array<double, 4> kLimits = {0.1, 0.25, 0.5, 1.0};
+constexpr std::array<const char*, 5> kSteps = {"#fff3e0", "#fdd0a2", "#fd9a4f", "#b83c00", "#6b1f00"};
+
+QString Text(const std::string& text) { return QString::fromStdString(text); }
+
+const char* ToneColour(Tone tone) {
+  switch (tone) {
+    case Tone::kGood: return "#00784f";
+    case Tone::kWarning: return "#c77c00";
+    case Tone::kBad: return "#c0392b";
+    case Tone::kPlain: return "#8a949d";
+  }
+  return "";
+}
+
+QLabel* Wrapped(const QString& text) {
+  auto* label = new QLabel(text);
+  label->setWordWrap(true);
+  label->setTextInteractionFlags(Qt::TextBrowserInteraction);
+  return label;
+}
+
+QWidget* Tile(const Fact& fact) {
+  auto* tile = new QFrame;
+  tile->setObjectName("tile");
+  tile->setStyleSheet(
+      QString("QFrame#tile { background: palette(base); border-left: 4px solid %1; }").arg(ToneColour(fact.tone)));
+  tile->setFixedWidth(kTileWidth);
+  tile->setSizePolicy(QSizePolicy::Fixed, QSizePolicy::Expanding);
+  tile->setToolTip(Text(fact.detail));
+  auto* column = new QVBoxLayout(tile);
+  column->setContentsMargins(10, 6, 8, 6);
+  column->setSpacing(1);
+  auto* value = new QLabel(Text(fact.value));
+  QFont large = value->font();
+  large.setPointSizeF(1.5 * large.pointSizeF());
+  large.setBold(true);
+  value->setFont(large);
+  value->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  auto* detail = new QLabel(QString("<small>%1</small>").arg(Text(fact.detail).toHtmlEscaped()));
+  detail->setWordWrap(true);
+  column->addWidget(new QLabel(Text(fact.label)));
+  column->addWidget(value);
+  column->addWidget(detail);
+  column->addStretch();
+  return tile;
+}
+
+void Clear(QLayout* layout) {
+  while (QLayoutItem* item = layout->takeAt(0)) {
+    delete item->widget();
+    if (item->layout() != nullptr) Clear(item->layout());
+    delete item;
+  }
+}
+
+}  // namespace
+
+OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  title_ = new QLabel;
+  title_->setObjectName("overview.title");
+  QFont large = title_->font();
+  large.setPointSizeF(1.3 * large.pointSizeF());
+  large.setBold(true);
+  title_->setFont(large);
+  next_text_ = new QLabel;
+  next_text_->setObjectName("overview.next_text");
+  next_text_->setWordWrap(true);
+  next_ = new QPushButton;
+  next_->setObjectName("overview.next");
+  next_->setDefault(true);
+  scroll_ = new QScrollArea;
+  scroll_->setObjectName("overview.scroll");
+  scroll_->setAccessibleName(tr("Verdict"));
+  scroll_->setWidgetResizable(true);
+  scroll_->setFrameShape(QFrame::NoFrame);
+  plan_ = new PictureView;
+  plan_->setObjectName("overview.plan");
+  plan_->setAccessibleName(tr("Plan"));
+  MakeCard();
+  auto* top = new QHBoxLayout;
+  top->addWidget(title_);
+  top->addWidget(next_text_, 1);
+  top->addWidget(next_);
+  auto* lower = new QWidget;
+  auto* card = new QVBoxLayout(lower);
+  card->setContentsMargins(0, 0, 0, 0);
+  card->addWidget(card_title_);
+  card->addWidget(card_, 1);
+  card->addWidget(card_buttons_);
+  auto* right = new QSplitter(Qt::Vertical);
+  right->addWidget(plan_);
+  right->addWidget(lower);
+  right->setSizes({500, 260});
+  split_ = new QSplitter;
+  split_->addWidget(scroll_);
+  split_->addWidget(right);
+  split_->setSizes({560, 560});
+  auto* all = new QVBoxLayout(this);
+  all->addLayout(top);
+  all->addWidget(split_, 1);
+
+  connect(plan_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
+    if (!object.isEmpty()) workspace_->Select(object);
+  });
+  connect(next_, &QPushButton::clicked, this, [this] { Follow(next_->property("anchor").toString()); });
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    ++generation_;
+    overview_.reset();
+    Show();
+  });
+  connect(workspace_, &Workspace::Opened, this, &OverviewDesk::Load);
+  connect(workspace_, &Workspace::Closed, this, &OverviewDesk::Show);
+  connect(workspace_, &Workspace::ResultsChanged, this, &OverviewDesk::ShowNext);
+  connect(workspace_, &Workspace::UnitChanged, this, &OverviewDesk::Load);
+  connect(workspace_, &Workspace::Selected, this, &OverviewDesk::ShowSelected);
+  Show();
+}
+
+void OverviewDesk::MakeCard() {
+  card_title_ = new QLabel;
+  card_title_->setObjectName("overview.card_title");
+  card_title_->setWordWrap(true);
+  card_ = new QTableWidget;
+  card_->setObjectName("overview.card");
+  card_->setAccessibleName(tr("Errors of the selected station"));
+  card_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  card_->setSelectionBehavior(QAbstractItemView::SelectRows);
+  card_->verticalHeader()->hide();
+  card_->verticalHeader()->setDefaultSectionSize(card_->fontMetrics().height() + 6);
+  card_buttons_ = new QWidget;
+  auto* buttons = new FlowLayout(card_buttons_);
+  const auto add = [&](const char* name, const QString& text, auto signal) {
+    auto* button = new QPushButton(text);
+    button->setObjectName(name);
+    buttons->addWidget(button);
+    connect(button, &QPushButton::clicked, this, [this, signal] { emit(this->*signal)(workspace_->selected()); });
+  };
+  add("overview.scene", tr("Show in &3D"), &OverviewDesk::SceneRequested);
+  add("overview.image", tr("Show the best &image"), &OverviewDesk::Activated);
+  add("overview.review", tr("&Exclude ..."), &OverviewDesk::ReviewRequested);
+}
+
+void OverviewDesk::resizeEvent(QResizeEvent* event) {
+  QWidget::resizeEvent(event);
+  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
+  if (way == split_->orientation()) return;
+  split_->setOrientation(way);
+  split_->setSizes({1000, 1000});
+}
+
+void OverviewDesk::Load() {
+  const int generation = ++generation_;
+  if (!workspace_->snapshot()) return;
+  if (!overview_) title_->setText(tr("Reading ..."));
+  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  InBackground(
+      this,
+      [snapshot = workspace_->snapshot(), unit] {
+        return std::shared_ptr<const Overview>(std::make_shared<Overview>(LoadOverview(*snapshot, unit)));
+      },
+      [this, generation](const Attempted<std::shared_ptr<const Overview>>& loaded) {
+        if (generation != generation_) return;
+        if (!loaded.value) emit workspace_->Problem(loaded.error, tr("The overview is not shown."));
+        overview_ = loaded.value;
+        Show();
+        emit Loaded();
+      });
+}
+
+void OverviewDesk::Show() {
+  matrix_ = nullptr;
+  auto* content = new QWidget;
+  auto* column = new QVBoxLayout(content);
+  column->setContentsMargins(0, 0, 6, 0);
+  const auto& snapshot = workspace_->snapshot();
+  title_->setText(snapshot ? Text(snapshot->name) : tr("Trigpoint"));
+  if (overview_) {
+    if (!overview_->has_project_file) ShowFolder(column);
+    ShowVerdict(column);
+    ShowWarnings(column);
+  } else if (!snapshot) {
+    ShowWelcome(column);
+  }
+  column->addStretch();
+  scroll_->setWidget(content);  // deletes the one before
+  split_->widget(1)->setVisible(snapshot != nullptr);
+  ShowPlan();
+  ShowNext();
+  ShowSelected();
+}
+
+void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
+  column->addWidget(
+      Wrapped(tr("Localizes panoramas and photos against a camera's run, surveys tags, and measures how "
+                 "good the answers are.")));
+  auto* row = new QWidget;
+  auto* buttons = new FlowLayout(row);
+  auto* open = new QPushButton(tr("&Open a project ..."));
+  open->setObjectName("overview.open");
+  connect(open, &QPushButton::clicked, this, &OverviewDesk::OpenRequested);
+  buttons->addWidget(open);
+  column->addWidget(row);
+  const QStringList recent = QSettings().value("recent").toStringList();
+  QString text = tr("A folder can also be dropped into the window. It is only read; what is written, is asked for.");
+  text += "<br><br><b>" + tr("Recent projects") + "</b>";
+  if (recent.isEmpty()) {
+    text += "<br>" + tr("None yet. The command <tt>trigpoint demo</tt> makes a small example to open here.");
+  }
+  for (const QString& dir : recent) {
+    text += QString("<br><a href=\"open:%1\">%2</a> <small>%3</small>")
+                .arg(dir.toHtmlEscaped(), dir.section('/', -1).toHtmlEscaped(), dir.toHtmlEscaped());
+  }
+  QLabel* label = Wrapped(text);
+  label->setObjectName("overview.recent");
+  connect(label, &QLabel::linkActivated, this, &OverviewDesk::Follow);
+  column->addWidget(label);
+}
+
+void OverviewDesk::ShowFolder(QVBoxLayout* column) {
+  const auto list = [&](const QString& title, const std::vector<std::string>& lines) {
+    if (lines.empty()) return;
+    QString text = "<b>" + title + "</b><ul>";
+    for (const std::string& line : lines) text += "<li>" + Text(line).toHtmlEscaped() + "</li>";
+    column->addWidget(Wrapped(text + "</ul>"));
+  };
+  column->addWidget(Wrapped(tr("This folder has no trigpoint.yaml. Nothing is written into it until you ask for it.")));
+  list(tr("Found"), overview_->found);
+  list(tr("Missing"), overview_->missing);
+}
+
+void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
+  bool matrix = overview_->matrix.empty();
+  for (const Block& block : overview_->verdict) {
+    if (const auto* heading = std::get_if<Heading>(&block)) {
+      column->addWidget(new QLabel("<b>" + Text(heading->text) + "</b>"));
+    } else if (const auto* paragraph = std::get_if<Paragraph>(&block)) {
+      const QString anchor = Text(paragraph->anchor), words = Text(paragraph->text).toHtmlEscaped();
+      QLabel* label =
+          Wrapped(anchor.contains(':') ? QString("<a href=\"%1\">%2</a>").arg(anchor.toHtmlEscaped(), words) : words);
+      if (paragraph->tone != Tone::kPlain) {
+        label->setStyleSheet(QString("border-left: 4px solid %1; padding-left: 6px;").arg(ToneColour(paragraph->tone)));
+      }
+      connect(label, &QLabel::linkActivated, this, &OverviewDesk::Follow);
+      column->addWidget(label);
+    } else if (const auto* facts = std::get_if<Facts>(&block)) {
+      auto* row = new QWidget;
+      auto* tiles = new FlowLayout(row);
+      for (const Fact& fact : facts->facts) tiles->addWidget(Tile(fact));
+      column->addWidget(row);
+      if (!std::exchange(matrix, true)) ShowMatrix(column);
+    }
+  }
+}
+
+void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
+  const QString unit = workspace_->unit();
+  auto* caption = Wrapped(tr("<b>3D error (%1)</b>, %2. Below it 1 sigma of the difference, and NEES per degree of "
+                             "freedom (about 1 if the sigmas are right).")
+                              .arg(unit, Text(overview_->comparison).toHtmlEscaped()));
+  column->addWidget(caption);
+  const auto rows = static_cast<int>(overview_->stations.size()), columns = static_cast<int>(overview_->runs.size());
+  matrix_ = new QTableWidget(rows, columns);
+  matrix_->setObjectName("overview.matrix");
+  matrix_->setAccessibleName(tr("Errors by station and run"));
+  matrix_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  matrix_->setSelectionMode(QAbstractItemView::SingleSelection);
+  QStringList names;
+  for (const std::string& run : overview_->runs) names << Text(run);
+  matrix_->setHorizontalHeaderLabels(names);
+  names.clear();
+  for (const std::string& station : overview_->stations) names << Text(station);
+  matrix_->setVerticalHeaderLabels(names);
+  const auto index = [](const std::vector<std::string>& all, const std::string& name) {
+    return static_cast<int>(std::find(all.begin(), all.end(), name) - all.begin());
+  };
+  const double metres = workspace_->metres_per_unit();
+  for (const ErrorRecord& e : overview_->matrix) {
+    const int row = index(overview_->stations, e.station), at = index(overview_->runs, e.run);
+    const QTableWidgetItem* before = matrix_->item(row, at);
+    const bool worse = before == nullptr || before->data(Qt::UserRole).toDouble() < e.error_3d_m.value_or(-1);
+    if (!worse) continue;  // of several panoramas the largest
+    auto* item = new QTableWidgetItem;
+    item->setData(Qt::UserRole, e.error_3d_m.value_or(-1));
+    item->setTextAlignment(Qt::AlignCenter);
+    item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
+                     (e.reason.empty() ? "" : "\n" + Text(e.reason)));
+    if (e.Answered()) {
+      QString text = QString::number(*e.error_3d_m / metres, 'f', 3), below;
+      if (e.sigma_e_m && e.sigma_n_m && e.sigma_u_m) {
+        const double sigma =
+            std::sqrt(*e.sigma_e_m * *e.sigma_e_m + *e.sigma_n_m * *e.sigma_n_m + *e.sigma_u_m * *e.sigma_u_m);
+        below = QString::fromUtf8("\xcf\x83 ") + QString::number(sigma / metres, 'f', 3);
+      }
+      if (e.nees && e.dof > 0) below += (below.isEmpty() ? "" : "  ") + QString::number(*e.nees / e.dof, 'f', 1);
+      item->setText(below.isEmpty() ? text : text + "\n" + below);
+      const auto step =
+          static_cast<size_t>(std::lower_bound(kLimits.begin(), kLimits.end(), *e.error_3d_m) - kLimits.begin());
+      item->setBackground(QColor(kSteps[step]));
+      item->setForeground(step < 3 ? QColor("#1d2329") : QColor(Qt::white));
+    } else {
+      item->setText(Text(e.status));
+    }
+    matrix_->setItem(row, at, item);
+  }
+  matrix_->resizeColumnsToContents();
+  matrix_->resizeRowsToContents();
+  const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
+  matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
+  connect(matrix_, &QTableWidget::currentCellChanged, this, [this](int row) {
+    if (!showing_ && row >= 0) workspace_->Select("station:" + matrix_->verticalHeaderItem(row)->text());
+  });
+  connect(matrix_, &QTableWidget::cellDoubleClicked, this, [this] { emit SceneRequested(workspace_->selected()); });
+  column->addWidget(matrix_);
+}
+
+void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
+  if (overview_->warnings.empty()) return;
+  QString text = "<b>" + tr("Warnings (%1)").arg(overview_->warnings.size()) + "</b><ul>";
+  int shown = 0;
+  for (const std::string& warning : overview_->warnings) {
+    if (++shown > kMostWarnings) break;
+    text += "<li>" + Text(warning).toHtmlEscaped() + "</li>";
+  }
+  text += "</ul>";
+  if (shown > kMostWarnings) {
+    text += tr("... and %1 more; <tt>trigpoint status</tt> lists all.")
+                .arg(overview_->warnings.size() - static_cast<size_t>(kMostWarnings));
+  }
+  QLabel* label = Wrapped(text);
+  label->setObjectName("overview.warnings");
+  label->setStyleSheet(QString("border-left: 4px solid %1; padding-left: 6px;").arg(ToneColour(Tone::kWarning)));
+  column->addWidget(label);
+}
+
+void OverviewDesk::ShowPlan() {
+  std::vector<PictureMark> marks;
+  QImage image;
+  if (overview_) {
+    image = QImage::fromData(reinterpret_cast<const uchar*>(overview_->plan_png.data()),
+                             static_cast<int>(overview_->plan_png.size()), "PNG");
+    for (const PlanSpot& spot : overview_->spots) {
+      PictureMark mark;
+      mark.kind = PictureMark::Kind::kCircle;
+      mark.points << QPointF(spot.x, spot.y) << QPointF(18, 0);
+      mark.colour = QColor(0, 0, 0, 0);  // the picture has it; what is selected gets its ring
+      mark.object = Text(spot.station.empty() ? "panorama:" + spot.panorama : "station:" + spot.station);
+      marks.push_back(mark);
+    }
+  }
+  plan_->SetPicture(image, image.isNull() ? tr("Nothing to draw yet: run localize.") : tr("plan"));
+  if (overview_) plan_->setToolTip(Text(overview_->plan_caption));
+  plan_->SetMarks(std::move(marks));
+}
+
+void OverviewDesk::ShowNext() {
+  const auto& snapshot = workspace_->snapshot();
+  NextStep next;
+  if (snapshot && overview_) next = NextOf(*snapshot, workspace_->results(), overview_->has_project_file);
+  QString text, button;
+  const char* anchor = "";
+  switch (next.kind) {
+    case NextStep::Kind::kCreate:
+      text = tr("Not a project yet.");
+      button = tr("&Make it a project (write trigpoint.yaml)");
+      anchor = "do:create";
+      break;
+    case NextStep::Kind::kRun:
+      text = next.failed > 0
+                 ? tr("%1 results failed. %2").arg(next.failed).arg(Text(next.reason))
+                 : tr("%1 results are missing or out of date, %2 first.").arg(next.results).arg(Text(next.title));
+      button = next.failed > 0 ? tr("&Run again what failed") : tr("&Run what is out of date");
+      anchor = "do:run";
+      break;
+    case NextStep::Kind::kReport:
+      text = tr("Every result is up to date.");
+      button = tr("Open the &report");
+      anchor = "do:report";
+      break;
+    case NextStep::Kind::kNone: break;
+  }
+  next_text_->setText(text);
+  next_->setText(button);
+  next_->setProperty("anchor", anchor);
+  next_->setVisible(!button.isEmpty());
+}
+
+void OverviewDesk::ShowSelected() {
+  QString object;
+  for (const std::string& related : workspace_->related()) {
+    if (related.starts_with("station:") || (object.isEmpty() && related.starts_with("panorama:"))) {
+      object = Text(related);
+    }
+  }
+  plan_->SetHighlight(object);
+  if (matrix_ != nullptr) {
+    showing_ = true;
+    const int at = matrix_->currentRow();
+    const QString name = object.section(':', 1);
+    if (at < 0 || matrix_->verticalHeaderItem(at)->text() != name) {
+      matrix_->setCurrentItem(nullptr);
+      for (int row = 0; row < matrix_->rowCount(); ++row) {
+        if (object.startsWith("station:") && matrix_->verticalHeaderItem(row)->text() == name) {
+          matrix_->setCurrentCell(row, 0);
+        }
+      }
+    }
+    showing_ = false;
+  }
+  shown_ = object;
+  ShowCard();
+}
+
+void OverviewDesk::ShowCard() {
+  card_->setRowCount(0);
+  const bool any = overview_ != nullptr && !shown_.isEmpty();
+  card_buttons_->setVisible(any);
+  card_->setVisible(any);
+  if (!any) {
+    card_title_->setText(tr("Select a station in the plan, in the matrix, or in the tree."));
+    return;
+  }
+  const QString unit = workspace_->unit();
+  const QStringList header{tr("compared"),
+                           tr("run"),
+                           tr("answer"),
+                           tr("3D (%1)").arg(unit),
+                           tr("dE (%1)").arg(unit),
+                           tr("dN (%1)").arg(unit),
+                           tr("dU (%1)").arg(unit),
+                           QString::fromUtf8("\xcf\x83 E (%1)").arg(unit),
+                           QString::fromUtf8("\xcf\x83 N (%1)").arg(unit),
+                           QString::fromUtf8("\xcf\x83 U (%1)").arg(unit),
+                           tr("NEES / dof"),
+                           tr("status")};
+  card_->setColumnCount(header.size());
+  card_->setHorizontalHeaderLabels(header);
+  const std::string name = shown_.section(':', 1).toStdString();
+  const bool station = shown_.startsWith("station:");
+  std::vector<const ErrorRecord*> rows;
+  for (const ErrorRecord& e : overview_->errors) {
+    if ((station ? e.station : e.panorama) == name) rows.push_back(&e);
+  }
+  // Final answers before single views, then as they are compared, then by run.
+  const auto key = [](const ErrorRecord* e) { return std::tie(e->kind, e->reference, e->run, e->panorama); };
+  std::stable_sort(rows.begin(), rows.end(), [&](const auto* a, const auto* b) {
+    return (a->method == "g1") != (b->method == "g1") ? b->method == "g1" : key(a) < key(b);
+  });
+  const auto length = [this](const std::optional<double>& metres) {
+    return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', 3) : QString();
+  };
+  for (const ErrorRecord* e : rows) {
+    const auto part = [&](int k) {
+      return length(e->error_enu_m ? std::optional<double>((*e->error_enu_m)(k)) : std::nullopt);
+    };
+    const QString against = e->reference == "self" ? tr("own tags") : Text(e->reference);
+    const QStringList cells{Text(e->kind) + ", " + against,
+                            Text(e->run),
+                            Text(MethodName(e->method)),
+                            length(e->error_3d_m),
+                            part(0),
+                            part(1),
+                            part(2),
+                            length(e->sigma_e_m),
+                            length(e->sigma_n_m),
+                            length(e->sigma_u_m),
+                            e->nees && e->dof > 0 ? QString::number(*e->nees / e->dof, 'f', 2) : QString(),
+                            e->reason.empty() ? Text(e->status) : Text(e->status + ": " + e->reason)};
+    const int row = card_->rowCount();
+    card_->insertRow(row);
+    for (int c = 0; c < cells.size(); ++c) {
+      auto* item = new QTableWidgetItem(cells[c]);
+      if (c >= 3 && c <= 10) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
+      if (e->method == "g1") item->setForeground(palette().color(QPalette::Disabled, QPalette::Text));
+      item->setToolTip(Text(e->panorama));
+      card_->setItem(row, c, item);
+    }
+  }
+  card_->resizeColumnsToContents();
+  card_->setVisible(!rows.empty());
+  QString tag;
+  for (const SnapshotStation& s : workspace_->snapshot()->stations) {
+    if (station && s.name == name && s.tag_id >= 0) tag = tr(", tag %1").arg(s.tag_id);
+  }
+  card_title_->setText(
+      "<b>" + (station ? tr("Station %1%2") : tr("Panorama %1%2")).arg(Text(name).toHtmlEscaped(), tag) + "</b> " +
+      (rows.empty() ? tr("No answer of it is evaluated.")
+                    : tr("Relative: in the run's own frame. Absolute: in site coordinates, the georeference's error "
+                         "included.")));
+}
+
+void OverviewDesk::Follow(const QString& anchor) {
+  if (anchor == "do:run") {
+    emit RunRequested();
+  } else if (anchor == "do:create") {
+    emit CreateRequested(workspace_->dir());
+  } else if (anchor == "do:report") {
+    emit ReportRequested();
+  } else if (anchor.startsWith("open:")) {
+    emit ProjectRequested(anchor.section(':', 1));
+  } else if (anchor.contains(':')) {
+    workspace_->Select(anchor);
+  }
+}
+
+}  // namespace trigpoint
