@@ -217,41 +217,7 @@ void CompareDesk::Compare() {
         if (generation != generation_) return;
         if (!compared.error.isEmpty()) return Note(compared.error);
         Note(compared.value.rows.empty() ? tr("A and B have no panorama in common that both evaluate.") : note);
-        const QString unit = workspace_->unit();
-        const auto length = [this](const std::optional<double>& metres) {
-          return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', 4) : QString();
-        };
-        const QSignalBlocker block(errors_);
-        errors_->setSortingEnabled(false);
-        errors_->setColumnCount(9);
-        errors_->setColumnHidden(2, single);
-        errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
-                                            tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
-                                            tr("B - A (%1)").arg(unit), tr("status A / B")});
-        for (const ReviewedError& row : compared.value.rows) {
-          const int r = errors_->rowCount();
-          errors_->insertRow(r);
-          std::optional<double> difference;
-          if (row.before_m && row.after_m) difference = *row.after_m - *row.before_m;
-          const QString status = QString::fromStdString(
-              row.status_before == row.status_after ? row.status_before : row.status_before + " / " + row.status_after);
-          const QStringList cells{QString::fromStdString(row.reference),
-                                  QString::fromStdString(row.method),
-                                  QString::fromStdString(row.run),
-                                  QString::fromStdString(row.station),
-                                  QString::fromStdString(row.panorama),
-                                  length(row.before_m),
-                                  length(row.after_m),
-                                  length(difference),
-                                  status};
-          for (int c = 0; c < cells.size(); ++c) {
-            auto* item = c >= 5 && c <= 7 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
-            item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
-            errors_->setItem(r, c, item);
-          }
-        }
-        errors_->setSortingEnabled(true);
-        errors_->resizeColumnsToContents();
+        ShowErrors(compared.value.rows, single);
         text_->setPlainText(QString::fromStdString(compared.value.text));
         differences_->setColumnCount(1);
         differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
@@ -267,6 +233,44 @@ void CompareDesk::Compare() {
         if (tabs_->currentWidget() == scenes_) ShowScenes();
         emit Compared();
       });
+}
+
+void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single) {
+  const QString unit = workspace_->unit();
+  const auto length = [this](const std::optional<double>& metres) {
+    return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', 4) : QString();
+  };
+  const QSignalBlocker block(errors_);
+  errors_->setSortingEnabled(false);
+  errors_->setColumnCount(9);
+  errors_->setColumnHidden(2, single);
+  errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
+                                      tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
+                                      tr("B - A (%1)").arg(unit), tr("status A / B")});
+  for (const ReviewedError& row : rows) {
+    const int r = errors_->rowCount();
+    errors_->insertRow(r);
+    std::optional<double> difference;
+    if (row.before_m && row.after_m) difference = *row.after_m - *row.before_m;
+    const QString status = QString::fromStdString(
+        row.status_before == row.status_after ? row.status_before : row.status_before + " / " + row.status_after);
+    const QStringList cells{QString::fromStdString(row.reference),
+                            QString::fromStdString(row.method),
+                            QString::fromStdString(row.run),
+                            QString::fromStdString(row.station),
+                            QString::fromStdString(row.panorama),
+                            length(row.before_m),
+                            length(row.after_m),
+                            length(difference),
+                            status};
+    for (int c = 0; c < cells.size(); ++c) {
+      auto* item = c >= 5 && c <= 7 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
+      item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
+      errors_->setItem(r, c, item);
+    }
+  }
+  errors_->setSortingEnabled(true);
+  errors_->resizeColumnsToContents();
 }
 
 void CompareDesk::Note(const QString& text) {

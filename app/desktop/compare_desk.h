@@ -16,6 +16,7 @@ class QTabWidget;
 
 namespace trigpoint {
 
+struct ReviewedError;
 class SceneDesk;
 
 class CompareDesk : public QWidget {
@@ -38,6 +39,7 @@ class CompareDesk : public QWidget {
   };
   void Refresh();
   void Compare();
+  void ShowErrors(const std::vector<ReviewedError>& rows, bool single);
   void ShowScenes();
   void Note(const QString& text);  // what is compared, or why nothing is
 

@@ -150,35 +150,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(workspace_, &Workspace::Problem, this, [this] {
     if (!workspace_->opening()) ShowIdle();
   });
-  connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
-  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) {
-    if (jobs_->dir() == workspace_->dir()) tree_->SetState(job, "running");
-  });
-  connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
-    if (end != "skipped" && jobs_->dir() == workspace_->dir())
-      tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
-  });
-  connect(
-      jobs_, &JobController::Progress, this,
-      [this](const QString& job, const QString& task, qint64 done, qint64 total) {
-        const QString of = jobs_->OtherProject(workspace_->dir());
-        const QString name = of.isEmpty() ? job : of + ": " + job;
-        progress_->setText(total > 0 ? tr("%1: %2, %3 %").arg(name, task).arg(100 * done / total) : name + ": " + task);
-      });
-  connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
-    cancel_->hide();
-    const QString of = jobs_->OtherProject(workspace_->dir());
-    progress_->setText((of.isEmpty() ? "" : of + ": ") + (end == JobController::End::kDone ? tr("Done.")
-                                                          : end == JobController::End::kFailed
-                                                              ? tr("Failed.")
-                                                              : tr("Cancelled; finished stages are kept.")));
-    if (closing_) {
-      close();
-    } else {
-      workspace_->Reload();
-    }
-  });
-  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
+  ConnectJobs();
   connect(tree_, &SiteTree::Activated, this, &MainWindow::Show);
   connect(tree_, &SiteTree::RunRequested, this, [this](const QString& stage, const QString& run) {
     run_->Choose(stage, run);
@@ -216,6 +188,38 @@ MainWindow::~MainWindow() {
   jobs_->disconnect();
   delete tree_;
   delete takeCentralWidget();
+}
+
+void MainWindow::ConnectJobs() {
+  connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
+  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) {
+    if (jobs_->dir() == workspace_->dir()) tree_->SetState(job, "running");
+  });
+  connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
+    if (end != "skipped" && jobs_->dir() == workspace_->dir())
+      tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
+  });
+  connect(
+      jobs_, &JobController::Progress, this,
+      [this](const QString& job, const QString& task, qint64 done, qint64 total) {
+        const QString of = jobs_->OtherProject(workspace_->dir());
+        const QString name = of.isEmpty() ? job : of + ": " + job;
+        progress_->setText(total > 0 ? tr("%1: %2, %3 %").arg(name, task).arg(100 * done / total) : name + ": " + task);
+      });
+  connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
+    cancel_->hide();
+    const QString of = jobs_->OtherProject(workspace_->dir());
+    progress_->setText((of.isEmpty() ? "" : of + ": ") + (end == JobController::End::kDone ? tr("Done.")
+                                                          : end == JobController::End::kFailed
+                                                              ? tr("Failed.")
+                                                              : tr("Cancelled; finished stages are kept.")));
+    if (closing_) {
+      close();
+    } else {
+      workspace_->Reload();
+    }
+  });
+  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
 }
 
 void MainWindow::ConnectOverview() {

@@ -67,6 +67,7 @@ class MainWindow : public QMainWindow {
 
  private:
   void MakeMenus();
+  void ConnectJobs();
   void ConnectOverview();
   void ChooseProject();
   void Visit(const QString& dir);  // opens it, on the overview

@@ -11,12 +11,13 @@
 #include <QTableWidget>
 #include <QVBoxLayout>
 #include <algorithm>
-#include <array>
+#include <cmath>
 
 #include "app/desktop/background.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/picture_view.h"
+#include "app/desktop/tolerance.h"
 
 namespace trigpoint {
 
@@ -26,10 +27,6 @@ constexpr int kTileWidth = 196;
 constexpr int kSideBySide = 900;     // px; in a narrower desk the plan stands below
 constexpr int kHighestMatrix = 420;  // px, then it scrolls
 constexpr int kMostWarnings = 12;
-// Errors in metres and their colours, as in the report: one hue, light is small.
-constexpr std::array<double, 4> kLimits = {0.1, 0.25, 0.5, 1.0};
-constexpr std::array<const char*, 5> kSteps = {"#fff3e0", "#fdd0a2", "#fd9a4f", "#b83c00", "#6b1f00"};
-
 QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 const char* ToneColour(Tone tone) {
@@ -323,10 +320,9 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
       }
       if (e.nees && e.dof > 0) below += (below.isEmpty() ? "" : "  ") + QString::number(*e.nees / e.dof, 'f', 1);
       item->setText(below.isEmpty() ? text : text + "\n" + below);
-      const auto step =
-          static_cast<size_t>(std::lower_bound(kLimits.begin(), kLimits.end(), *e.error_3d_m) - kLimits.begin());
-      item->setBackground(QColor(kSteps[step]));
-      item->setForeground(step < 3 ? QColor("#1d2329") : QColor(Qt::white));
+      const ErrorColours colours = ColoursOfError(*e.error_3d_m);
+      item->setBackground(colours.background);
+      item->setForeground(colours.text);
     } else {
       item->setText(Text(e.status));
     }

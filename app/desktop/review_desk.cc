@@ -124,14 +124,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
     if (!object.isEmpty()) object_->setText(object);
   });
-  connect(workspace_, &Workspace::Replaced, this, [this] {
-    before_.clear();
-    solving_ = false;
-    changes_->setRowCount(0);
-    summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));
-    object_->clear();
-    reason_->clear();
-  });
+  connect(workspace_, &Workspace::Replaced, this, &ReviewDesk::Forget);
   connect(workspace_, &Workspace::Opened, this, &ReviewDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &ReviewDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &ReviewDesk::ShowChanges);
@@ -151,6 +144,15 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
 }
 
 ReviewDesk::~ReviewDesk() = default;
+
+void ReviewDesk::Forget() {
+  before_.clear();
+  solving_ = false;
+  changes_->setRowCount(0);
+  summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));
+  object_->clear();
+  reason_->clear();
+}
 
 void ReviewDesk::Decide(const QString& action, const QString& object, const QString& reason) {
   if (!workspace_->snapshot() || deciding_) return;

@@ -36,6 +36,7 @@ class ReviewDesk : public QWidget {
 
  private:
   void Refresh();
+  void Forget();  // before another project is opened
   void ShowChanges();
 
   Workspace* workspace_;

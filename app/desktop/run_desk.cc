@@ -128,10 +128,8 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   connect(copy, &QPushButton::clicked, this, [this] { QApplication::clipboard()->setText(command_->text()); });
   connect(reset, &QPushButton::clicked, form_, &StageForm::Reset);
   connect(run_, &QPushButton::clicked, this, &RunDesk::Run);
-  connect(cancel_, &QPushButton::clicked, this, [this] {
-    status_->setText(tr("Stopping ..."));
-    jobs_->Cancel();
-  });
+  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
+  connect(cancel_, &QPushButton::clicked, this, [this] { status_->setText(tr("Stopping ...")); });
   connect(jobs_, &JobController::Started, this, [this](const QString& command) {
     run_->setEnabled(false);
     cancel_->setEnabled(true);

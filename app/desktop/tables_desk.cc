@@ -2,38 +2,53 @@
 
 #include <QApplication>
 #include <QClipboard>
-#include <QComboBox>
 #include <QFileDialog>
 #include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
 #include <QLineEdit>
+#include <QMenu>
 #include <QPushButton>
+#include <QSettings>
 #include <QShortcut>
 #include <QSortFilterProxyModel>
+#include <QSplitter>
 #include <QTableView>
+#include <QTreeWidget>
 #include <QVBoxLayout>
 #include <algorithm>
+#include <map>
 
 #include "app/desktop/background.h"
+#include "app/desktop/tolerance.h"
 
 namespace trigpoint {
 
 namespace {
 
 constexpr int kWidestColumn = 30;  // characters, until somebody widens it
+constexpr const char* kHidden = "tables/hidden";
 
-bool IsLength(const std::string& column) {
-  static const std::set<std::string> kPlain = {"x", "y", "z", "odom_x", "odom_y", "odom_z", "tx", "ty", "tz"};
-  return column.ends_with("_m") || kPlain.count(column) > 0;
-}
+// What has no value comes last, whichever way one sorts.
+class BlanksLast : public QSortFilterProxyModel {
+ public:
+  using QSortFilterProxyModel::QSortFilterProxyModel;
+
+ protected:
+  bool lessThan(const QModelIndex& left, const QModelIndex& right) const override {
+    const QVariant a = left.data(sortRole()), b = right.data(sortRole());
+    const bool no_a = a.toString().isEmpty(), no_b = b.toString().isEmpty();
+    if (no_a != no_b) return sortOrder() == Qt::AscendingOrder ? no_b : no_a;
+    return QSortFilterProxyModel::lessThan(left, right);
+  }
+};
 
 }  // namespace
 
 void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
   beginResetModel();
   table_ = std::move(table);
-  length_.clear();
+  formats_.clear();
   numeric_.clear();
   for (size_t c = 0; table_ && c < table_->columns.size(); ++c) {
     bool numeric = false;
@@ -43,7 +58,7 @@ void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
       if (!numeric) break;
     }
     numeric_.push_back(numeric);
-    length_.push_back(numeric && IsLength(table_->columns[c]));
+    formats_.push_back(FormatOf(QString::fromStdString(table_->columns[c]), numeric));
   }
   rows_.clear();
   for (size_t r = 0; table_ && r < table_->objects.size(); ++r) {
@@ -80,21 +95,21 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
   const QString text = QString::fromStdString(table_->rows[r][c]);
   switch (role) {
     case Qt::DisplayRole:
-      if (length_[c] && workspace_->unit() != "m" && !text.isEmpty()) {
-        return QString::number(text.toDouble() / workspace_->metres_per_unit(), 'f', 4);
-      }
-      return text;
+      return formats_[c].Cell(text, {workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+    case Qt::ToolTipRole: return text;  // as the file has it
     case kSortRole: return numeric_[c] ? (text.isEmpty() ? QVariant() : QVariant(text.toDouble())) : QVariant(text);
     case kObjectRole: return QString::fromStdString(table_->objects[r]);
     case Qt::TextAlignmentRole:
       return static_cast<int>((numeric_[c] ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignVCenter);
-    case Qt::BackgroundRole: {  // what belongs to the selection
+    case Qt::BackgroundRole: {  // errors by their size; what belongs to the selection
+      if (formats_[c].error && !text.isEmpty()) return ColoursOfError(text.toDouble()).background;
       if (table_->objects[r].empty() || workspace_->related().count(table_->objects[r]) == 0) return {};
       QColor tint = QApplication::palette().color(QPalette::Highlight);
       tint.setAlpha(70);
       return tint;
     }
     case Qt::ForegroundRole: {
+      if (formats_[c].error && !text.isEmpty()) return ColoursOfError(text.toDouble()).text;
       const std::string& object = table_->objects[r];
       const auto& snapshot = workspace_->snapshot();
       const bool out = snapshot && snapshot->excluded.count(object) > 0;
@@ -105,21 +120,19 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
 }
 
 QVariant DataTableModel::headerData(int section, Qt::Orientation orientation, int role) const {
-  if (role != Qt::DisplayRole || !table_) return {};
+  if (!table_ || (role != Qt::DisplayRole && role != Qt::ToolTipRole)) return {};
   if (orientation == Qt::Vertical) return section + 1;
   const auto c = static_cast<size_t>(section);
-  QString name = QString::fromStdString(table_->columns[c]);
-  if (!length_[c]) return name;
-  if (name.endsWith("_m")) name.chop(2);
-  return name + " (" + workspace_->unit() + ")";
+  if (role == Qt::ToolTipRole) return QString::fromStdString(table_->columns[c]);
+  return formats_[c].Header({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
 }
 
 TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  choice_ = new QComboBox;
-  choice_->setObjectName("tables.choice");
-  choice_->setAccessibleName(tr("Table"));
-  choice_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  choice_->setMinimumContentsLength(28);
+  tree_ = new QTreeWidget;
+  tree_->setObjectName("tables.tree");
+  tree_->setAccessibleName(tr("Tables"));
+  tree_->setHeaderHidden(true);
+  tree_->setUniformRowHeights(true);
   filter_ = new QLineEdit;
   filter_->setObjectName("tables.filter");
   filter_->setAccessibleName(tr("Filter of the rows"));
@@ -132,6 +145,9 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   copy->setToolTip(tr("Copy the selected rows (Ctrl+C)"));
   auto* save = new QPushButton(tr("&Export ..."));
   save->setObjectName("tables.export");
+  auto* columns = new QPushButton(tr("Co&lumns ..."));
+  columns->setObjectName("tables.columns");
+  columns->setToolTip(tr("Choose the columns that are shown; also by a right click on the header"));
   view_ = new QTableView;
   view_->setObjectName("tables.view");
   view_->setAccessibleName(tr("Rows of the table"));
@@ -141,7 +157,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   view_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   view_->verticalHeader()->setDefaultSectionSize(view_->fontMetrics().height() + 6);
   model_ = new DataTableModel(workspace, this);
-  proxy_ = new QSortFilterProxyModel(this);
+  proxy_ = new BlanksLast(this);
   proxy_->setSourceModel(model_);
   proxy_->setSortRole(DataTableModel::kSortRole);
   proxy_->setFilterKeyColumn(-1);
@@ -150,16 +166,28 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   view_->sortByColumn(-1, Qt::AscendingOrder);
 
   auto* line = new QHBoxLayout;
-  line->addWidget(choice_);
   line->addWidget(filter_, 1);
   line->addWidget(count_);
+  line->addWidget(columns);
   line->addWidget(copy);
   line->addWidget(save);
+  auto* right = new QWidget;
+  auto* rows = new QVBoxLayout(right);
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addLayout(line);
+  rows->addWidget(view_, 1);
+  auto* split = new QSplitter;
+  split->addWidget(tree_);
+  split->addWidget(right);
+  split->setStretchFactor(1, 1);
+  split->setSizes({190, 900});
   auto* all = new QVBoxLayout(this);
-  all->addLayout(line);
-  all->addWidget(view_, 1);
+  all->addWidget(split);
 
-  connect(choice_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &TablesDesk::ShowTable);
+  view_->horizontalHeader()->setContextMenuPolicy(Qt::CustomContextMenu);
+  connect(view_->horizontalHeader(), &QWidget::customContextMenuRequested, this, &TablesDesk::ColumnMenu);
+  connect(columns, &QPushButton::clicked, this, [this, columns] { ColumnMenu(columns->mapTo(this, {0, 0})); });
+  connect(tree_, &QTreeWidget::currentItemChanged, this, &TablesDesk::ShowTable);
   connect(filter_, &QLineEdit::textChanged, this, [this](const QString& text) {
     showing_ = true;  // rows that go take the current one along: that is no choice of anybody's
     proxy_->setFilterFixedString(text);
@@ -171,8 +199,12 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   auto* shortcut = new QShortcut(QKeySequence::Copy, view_, nullptr, nullptr, Qt::WidgetShortcut);
   connect(shortcut, &QShortcut::activated, copy, &QPushButton::click);
   connect(save, &QPushButton::clicked, this, [this] {
-    const QString file = QFileDialog::getSaveFileName(this, tr("Export the rows shown"), "", tr("CSV (*.csv)"));
-    if (file.isEmpty()) return;
+    QFileDialog dialog(this, tr("Export the rows shown"), QString(), tr("CSV (*.csv)"));
+    dialog.setAcceptMode(QFileDialog::AcceptSave);
+    dialog.setDefaultSuffix("csv");
+    dialog.selectFile(ExportName());
+    if (dialog.exec() != QDialog::Accepted || dialog.selectedFiles().isEmpty()) return;
+    const QString file = dialog.selectedFiles().first();
     try {
       Export(file);
     } catch (const std::exception& e) {
@@ -195,42 +227,114 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(workspace_, &Workspace::UnitChanged, model_, &DataTableModel::ShowUnit);
 }
 
-bool TablesDesk::Choose(const QString& title) {
-  const int index = choice_->findText(title);
-  if (index >= 0) choice_->setCurrentIndex(index);
-  return index >= 0;
+QTreeWidgetItem* TablesDesk::ItemOf(const QString& title) const {
+  for (QTreeWidgetItemIterator it(tree_); *it != nullptr; ++it) {
+    if ((*it)->data(0, Qt::UserRole).toString() == title && !title.isEmpty()) return *it;
+  }
+  return nullptr;
 }
 
+QString TablesDesk::title() const {
+  return tree_->currentItem() == nullptr ? QString() : tree_->currentItem()->data(0, Qt::UserRole).toString();
+}
+
+bool TablesDesk::Choose(const QString& title) {
+  QTreeWidgetItem* item = ItemOf(title);
+  if (item != nullptr) tree_->setCurrentItem(item);
+  return item != nullptr;
+}
+
+QString TablesDesk::ExportName() const { return title().replace('/', '_') + ".csv"; }
+
 void TablesDesk::Refresh() {
-  const QString before = choice_->currentText();
+  const QString before = title();
   {
-    const QSignalBlocker block(choice_);
-    choice_->clear();
+    const QSignalBlocker block(tree_);
+    QStringList open;
+    for (QTreeWidgetItemIterator it(tree_); *it != nullptr; ++it) {
+      if ((*it)->isExpanded()) open << (*it)->data(0, Qt::UserRole + 1).toString();
+    }
+    const bool first = tree_->topLevelItemCount() == 0;
+    tree_->clear();
     sources_.clear();
     if (workspace_->snapshot()) sources_ = FindTables(workspace_->snapshot()->dir / "results");
-    for (const DataTableSource& source : sources_) choice_->addItem(QString::fromStdString(source.title));
-    choice_->setCurrentIndex(std::max(0, choice_->findText(before)));
+    std::map<QString, QTreeWidgetItem*> folders = {{"", tree_->invisibleRootItem()}};
+    for (const DataTableSource& source : sources_) {
+      const QStringList parts = QString::fromStdString(source.title).split('/');
+      QString folder;
+      for (int i = 0; i + 1 < parts.size(); ++i) {  // localize, run1, panoramas
+        const QString inner = folder.isEmpty() ? parts[i] : folder + "/" + parts[i];
+        QTreeWidgetItem*& item = folders[inner];
+        if (item == nullptr) {
+          item = new QTreeWidgetItem(folders[folder], {parts[i]});
+          item->setFlags(item->flags() & ~Qt::ItemIsSelectable);
+          item->setData(0, Qt::UserRole + 1, inner);
+          item->setExpanded(first ? inner == "evaluate" : open.contains(inner));
+        }
+        folder = inner;
+      }
+      auto* item = new QTreeWidgetItem(folders[folder], {parts.last()});
+      item->setData(0, Qt::UserRole, QString::fromStdString(source.title));
+    }
+    QTreeWidgetItem* now = ItemOf(before);
+    if (now == nullptr && !sources_.empty()) now = ItemOf(QString::fromStdString(sources_.front().title));
+    tree_->setCurrentItem(now);
   }
   ShowTable();
 }
 
+void TablesDesk::ColumnMenu(const QPoint& at) {
+  if (model_->table() == nullptr) return;
+  QMenu menu;
+  for (int c = 0; c < model_->columnCount(); ++c) {
+    const QString name = QString::fromStdString(model_->table()->columns[static_cast<size_t>(c)]);
+    QAction* action = menu.addAction(model_->headerData(c, Qt::Horizontal, Qt::DisplayRole).toString());
+    action->setCheckable(true);
+    action->setChecked(!view_->isColumnHidden(c));
+    connect(action, &QAction::toggled, this, [this, name](bool on) { ShowColumn(name, on); });
+  }
+  menu.exec(mapToGlobal(at));
+}
+
+void TablesDesk::ShowColumn(const QString& column, bool shown) {
+  QSettings settings;
+  QStringList hidden = settings.value(kHidden).toStringList();
+  hidden.removeAll(column);
+  if (!shown) hidden << column;
+  settings.setValue(kHidden, hidden);
+  ShowColumns();
+}
+
+void TablesDesk::ShowColumns() {
+  const QStringList hidden = QSettings().value(kHidden).toStringList();
+  for (int c = 0; c < model_->columnCount(); ++c) {
+    view_->setColumnHidden(c,
+                           hidden.contains(QString::fromStdString(model_->table()->columns[static_cast<size_t>(c)])));
+  }
+}
+
 void TablesDesk::ShowTable() {
+  const QString wanted = title();
+  if (wanted.isEmpty() && tree_->currentItem() != nullptr) return;  // a folder: the table stays
   const int generation = ++generation_;
-  const int index = choice_->currentIndex();
-  if (index < 0) {
+  const auto found = std::find_if(sources_.begin(), sources_.end(), [&](const DataTableSource& source) {
+    return QString::fromStdString(source.title) == wanted;
+  });
+  if (found == sources_.end()) {
     model_->SetTable(nullptr);
     count_->setText(tr("no tables yet"));
     return;
   }
   InBackground(
       this,
-      [source = sources_[static_cast<size_t>(index)]] {
+      [source = *found] {
         return std::shared_ptr<const DataTable>(std::make_shared<DataTable>(LoadDataTable(source)));
       },
       [this, generation](const Attempted<std::shared_ptr<const DataTable>>& table) {
         if (generation != generation_) return;
         if (!table.value) emit workspace_->Problem(table.error, tr("The table is not shown."));
         model_->SetTable(table.value);
+        ShowColumns();
         count_->setText(tr("%1 of %2 rows").arg(proxy_->rowCount()).arg(model_->rowCount()));
         if (model_->rowCount() < 2000) view_->resizeColumnsToContents();
         for (int c = 0; c < model_->columnCount(); ++c) {
@@ -274,12 +378,15 @@ void TablesDesk::Export(const QString& file) const {
 QString TablesDesk::SelectionAsText() const {
   QStringList lines, cells;
   for (int c = 0; c < model_->columnCount(); ++c) {
+    if (view_->isColumnHidden(c)) continue;
     cells << model_->headerData(c, Qt::Horizontal, Qt::DisplayRole).toString();
   }
   lines << cells.join('\t');
   for (const QModelIndex& row : view_->selectionModel()->selectedRows()) {
     cells.clear();
-    for (int c = 0; c < proxy_->columnCount(); ++c) cells << row.sibling(row.row(), c).data().toString();
+    for (int c = 0; c < proxy_->columnCount(); ++c) {
+      if (!view_->isColumnHidden(c)) cells << row.sibling(row.row(), c).data().toString();
+    }
     lines << cells.join('\t');
   }
   return lines.join('\n') + "\n";

@@ -6,14 +6,16 @@
 #include <memory>
 #include <unordered_map>
 
+#include "app/desktop/column_format.h"
 #include "app/desktop/data_table.h"
 #include "app/desktop/workspace.h"
 
-class QComboBox;
 class QLabel;
 class QLineEdit;
 class QSortFilterProxyModel;
 class QTableView;
+class QTreeWidget;
+class QTreeWidgetItem;
 
 namespace trigpoint {
 
@@ -36,8 +38,8 @@ class DataTableModel : public QAbstractTableModel {
   const Workspace* workspace_;
   std::shared_ptr<const DataTable> table_;
   std::unordered_multimap<std::string, int> rows_;  // by object
-  std::vector<bool> length_;                        // columns in metres
-  std::vector<bool> numeric_;                       // columns of numbers
+  std::vector<ColumnFormat> formats_;
+  std::vector<bool> numeric_;  // columns of numbers
 };
 
 class TablesDesk : public QWidget {
@@ -50,6 +52,10 @@ class TablesDesk : public QWidget {
   bool Choose(const QString& title);
   // The rows shown, in their order, as CSV in metres. Throws IoError.
   void Export(const QString& file) const;
+  // What is proposed for it: "evaluate_errors.csv".
+  QString ExportName() const;
+  // By the name that the file has; what is hidden stays so for every table that has it.
+  void ShowColumn(const QString& column, bool shown);
   QString SelectionAsText() const;  // tab separated, with a header
 
  signals:
@@ -59,10 +65,14 @@ class TablesDesk : public QWidget {
   void Refresh();
   void ShowTable();
   void ShowSelected();
+  void ShowColumns();  // all but those that somebody hid
+  void ColumnMenu(const QPoint& at);
+  QTreeWidgetItem* ItemOf(const QString& title) const;
+  QString title() const;  // of the table chosen
 
   Workspace* workspace_;
   std::vector<DataTableSource> sources_;
-  QComboBox* choice_;
+  QTreeWidget* tree_;
   QLineEdit* filter_;
   QLabel* count_;
   QTableView* view_;

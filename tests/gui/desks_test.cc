@@ -143,6 +143,47 @@ TEST_F(DesksTest, TableSortsFiltersCopiesExportsAndShowsFeet) {
   EXPECT_THAT(text, testing::Not(HasSubstr("p002.jpg")));
 }
 
+TEST_F(DesksTest, TablesStandInATreeWithUnitsColoursAndBlanksLast) {
+  WriteFileAtomically(Path("results/evaluate/extra.csv").toStdString(),
+                      "# trigpoint extra 1\nstation,error_3d_m,heading_deg,left_m\n"
+                      "S0,0.02,1.23456789,3\nS1,,2,0.00001\nS2,1.5,-3,2\n");
+  window_->workspace()->Reload();
+  window_->ShowDesk("tables");
+  TablesDesk* tables = window_->tables();
+  ASSERT_TRUE(WaitFor([&] { return tables->Choose("evaluate/extra"); }));
+  view_ = Child<QTableView>(window_.get(), "tables.view");
+  ASSERT_TRUE(WaitFor([&] { return view_->model()->columnCount() == 4; }));
+  const auto header = [&](int c) { return view_->model()->headerData(c, Qt::Horizontal).toString().toStdString(); };
+  EXPECT_EQ(header(1), "error_3d (m)");
+  EXPECT_EQ(header(2), "heading (deg)");
+  const auto column = [&](int c) {
+    QStringList all;
+    for (int row = 0; row < view_->model()->rowCount(); ++row) all << view_->model()->index(row, c).data().toString();
+    return all.join(' ').toStdString();
+  };
+  EXPECT_EQ(column(2), "1.2346 2.0000 -3.0000");
+  EXPECT_EQ(column(3), "3.0000 1e-05 2.0000");  // never a zero that is none
+  view_->sortByColumn(1, Qt::AscendingOrder);
+  EXPECT_EQ(column(0), "S0 S2 S1");
+  view_->sortByColumn(1, Qt::DescendingOrder);
+  EXPECT_EQ(column(0), "S2 S0 S1");
+  const auto colour = [&](int row) { return view_->model()->index(row, 1).data(Qt::BackgroundRole); };
+  EXPECT_TRUE(colour(0).isValid());
+  EXPECT_NE(colour(0), colour(1));
+  EXPECT_FALSE(colour(2).isValid());
+  EXPECT_EQ(tables->ExportName(), "evaluate_extra.csv");
+  tables->ShowColumn("heading_deg", false);
+  EXPECT_TRUE(view_->isColumnHidden(2));
+  ClickRow(view_, 0);
+  EXPECT_THAT(tables->SelectionAsText().toStdString(), testing::Not(HasSubstr("heading")));
+  Screenshot(window_.get(), "tables_tree");
+  // Another table keeps it hidden, and a reload the table.
+  window_->workspace()->Reload();
+  QTest::qWait(200);
+  EXPECT_TRUE(WaitFor([&] { return view_->model()->columnCount() == 4 && view_->isColumnHidden(2); }));
+  QFile::remove(Path("results/evaluate/extra.csv"));
+}
+
 TEST_F(DesksTest, ResidualLeadsToItsImageAndThePixel) {
   ImagesDesk* images = window_->images();
   window_->ShowDesk("images");
