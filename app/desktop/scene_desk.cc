@@ -2,10 +2,6 @@
 
 #include <vtkCallbackCommand.h>
 #include <vtkCamera.h>
-#include <vtkInteractorStyleFlight.h>
-#include <vtkInteractorStyleTerrain.h>
-#include <vtkInteractorStyleTrackballCamera.h>
-#include <vtkObjectFactory.h>
 #include <vtkRenderWindowInteractor.h>
 
 #include <QApplication>
@@ -14,12 +10,11 @@
 #include <QElapsedTimer>
 #include <QEvent>
 #include <QFileDialog>
+#include <QFormLayout>
 #include <QHBoxLayout>
 #include <QInputDialog>
-#include <QKeyEvent>
 #include <QLabel>
 #include <QListWidget>
-#include <QMouseEvent>
 #include <QPushButton>
 #include <QSlider>
 #include <QSplitter>
@@ -30,8 +25,10 @@
 #include "app/desktop/background.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
+#include "app/desktop/measurement.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -46,15 +43,7 @@ constexpr size_t kMostTextures = 40;  // panoramas drawn with their pictures; wi
 constexpr int kMostNames = 8;         // images listed of a point
 constexpr int kSkyWidth = 4096;       // px, of the panorama one stands in
 
-// Looks straight down: dragging moves, the wheel zooms.
-class PlanStyle : public vtkInteractorStyleTrackballCamera {
- public:
-  static PlanStyle* New();
-  vtkTypeMacro(PlanStyle, vtkInteractorStyleTrackballCamera) void Rotate() override { Pan(); }
-};
-vtkStandardNewMacro(PlanStyle)
-
-    std::string ObjectOf(const ScenePick& pick) {
+std::string ObjectOf(const ScenePick& pick) {
   if (pick.layer == "cameras") return "image:" + pick.run + "/" + pick.name;
   if (pick.layer == "panoramas" || pick.layer == "geotags" || pick.layer == "errors" || pick.layer == "ellipsoids") {
     return "panorama:" + pick.name;
@@ -80,6 +69,15 @@ vtkStandardNewMacro(PlanStyle)
 
 SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
     : QWidget(parent), workspace_(workspace), vtk_(std::make_unique<Vtk>()), kind_(kind) {
+  MakeControls();
+  MakeView();
+  Arrange();
+  ConnectControls();
+  ConnectLook();
+  ConnectWorkspace();
+}
+
+void SceneDesk::MakeControls() {
   mode_ = new QComboBox;
   mode_->setObjectName("scene.mode");
   mode_->setAccessibleName(tr("How the mouse moves the view"));
@@ -119,9 +117,31 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   text_->setWordWrap(true);
   text_->setTextInteractionFlags(Qt::TextSelectableByMouse);
   camera_ = new QLabel;
+  place_ = new QLabel;
+  place_->setObjectName("scene.place");
+  place_->setAccessibleName(tr("Coordinates under the mouse"));
+  place_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  place_->setToolTip(tr("On the ground under the mouse; Ctrl+C in the view copies it"));
+  place_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  measurements_ = new MeasurementList(workspace_);
+  opacity_ = new QSlider(Qt::Horizontal);
+  opacity_->setObjectName("scene.opacity");
+  opacity_->setAccessibleName(tr("Opacity of the chosen layer"));
+  opacity_->setToolTip(opacity_->accessibleName());
+  opacity_->setRange(5, 100);
+  opacity_->setValue(100);
+  opacity_->setEnabled(false);
+  size_ = new QSlider(Qt::Horizontal);
+  size_->setObjectName("scene.size");
+  size_->setAccessibleName(tr("Size of the points"));
+  size_->setToolTip(size_->accessibleName());
+  size_->setRange(1, 10);
+  size_->setValue(2);
   picture_ = new PictureView;
   picture_->setAccessibleName(tr("Image of what is picked"));
+}
 
+void SceneDesk::MakeView() {
   vtk_->widget = new QVTKOpenGLNativeWidget;
   vtk_->widget->setObjectName("scene.view");
   vtk_->widget->setAccessibleName(tr("Scene"));
@@ -155,11 +175,17 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   vtk_->detail = detail;
   vtk_->widget->installEventFilter(this);
   SetMode("orbit");
+}
 
+void SceneDesk::Arrange() {
   auto* panel = new QWidget;
   auto* column = new QVBoxLayout(panel);
   column->setContentsMargins(0, 0, 0, 0);
   column->addWidget(layers_, 2);
+  auto* look = new QFormLayout;
+  look->addRow(tr("opacity"), opacity_);
+  look->addRow(tr("points"), size_);
+  column->addLayout(look);
   column->addWidget(text_);
   column->addWidget(picture_, 2);
   auto* top = new FlowLayout;
@@ -176,7 +202,10 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   rows->setContentsMargins(0, 0, 0, 0);
   rows->addLayout(top);
   rows->addWidget(vtk_->widget, 1);
+  rows->addWidget(place_);
   rows->addLayout(bottom);
+  rows->addWidget(measurements_);
+  measurements_->setMaximumHeight(6 * fontMetrics().height() + 20);
   auto* split = new QSplitter;
   split->addWidget(middle);
   split->addWidget(panel);
@@ -184,14 +213,16 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   split->setSizes({800, 220});
   auto* all = new QVBoxLayout(this);
   all->addWidget(split);
-  if (kind == Kind::kCompact) {
+  if (kind_ == Kind::kCompact) {
     panel->hide();
     all->setContentsMargins(0, 0, 0, 0);
     for (QWidget* w : std::initializer_list<QWidget*>{variant_, measure_, step_, screenshot_, run_, time_, follow_}) {
       w->hide();
     }
   }
+}
 
+void SceneDesk::ConnectControls() {
   connect(mode_, QOverload<int>::of(&QComboBox::activated), this, [this] { SetMode(mode_->currentData().toString()); });
   connect(colour_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] {
     if (!vtk_->view) return;
@@ -217,7 +248,7 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   connect(time_, &QSlider::valueChanged, this, &SceneDesk::ShowCamera);
   connect(follow_, &QCheckBox::toggled, this, [this] { ShowCamera(time_->value()); });
   connect(measure_, &QCheckBox::toggled, this, [this](bool on) {
-    vtk_->measured_from.reset();
+    measured_from_.reset();
     if (!on) vtk_->Clear(vtk_->measure);
     Render();
   });
@@ -242,6 +273,9 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
     if (file.isEmpty()) return;
     if (!Screenshot(width, height).save(file)) emit workspace_->Problem(tr("%1: cannot be written").arg(file), "");
   });
+}
+
+void SceneDesk::ConnectWorkspace() {
   connect(workspace_, &Workspace::Opened, this, [this] {
     {
       const QSignalBlocker block(variant_);
@@ -259,6 +293,22 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
   connect(workspace_, &Workspace::Replaced, this, &SceneDesk::Forget);
   connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowSelected);
+}
+
+void SceneDesk::ConnectLook() {
+  vtk_->widget->setMouseTracking(true);
+  connect(layers_, &QListWidget::currentRowChanged, this, &SceneDesk::ShowOpacity);
+  connect(opacity_, &QSlider::valueChanged, this, &SceneDesk::SetOpacity);
+  connect(size_, &QSlider::valueChanged, this, [this] {
+    DrawAsSet();
+    Render();
+  });
+  connect(measurements_, &MeasurementList::SaveRequested, this, &SceneDesk::SaveMeasurements);
+  connect(measurements_, &MeasurementList::ClearRequested, this, [this] {
+    measurements_->Clear();
+    vtk_->Clear(vtk_->measure);
+    Render();
+  });
 }
 
 SceneDesk::~SceneDesk() {
@@ -376,8 +426,9 @@ void SceneDesk::ClearScene() {
   vtk_->widget->makeCurrent();
   vtk_->Clear(vtk_->highlights);
   vtk_->Clear(vtk_->measure);
-  vtk_->measured_from.reset();
+  measured_from_.reset();
   vtk_->highlighted.clear();
+  if (inside()) UseStyle(mode());
   vtk_->HideSky();
   step_->setText(tr("Step &inside"));
   if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
@@ -399,6 +450,8 @@ void SceneDesk::Forget() {
   run_->clear();
   time_->setRange(0, 0);
   camera_->clear();
+  place_->clear();
+  measurements_->Clear();
   picture_->SetMarks({});
   picture_->SetPicture({}, "");
   Say("");
@@ -417,10 +470,16 @@ void SceneDesk::ShowLayers() {
     const QString name = QString::fromStdString(layer);
     auto* item = new QListWidgetItem(tr(layer.c_str()), layers_);
     item->setData(Qt::UserRole, name);
+    if (const QColor colour(QString::fromStdString(SceneView::ColourOfLayer(layer))); colour.isValid()) {
+      QPixmap swatch(12, 12);
+      swatch.fill(colour);
+      item->setIcon(swatch);
+    }
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
     item->setCheckState(off.contains(name) ? Qt::Unchecked : Qt::Checked);
     vtk_->view->SetVisible(layer, !off.contains(name));
   }
+  DrawAsSet();
   const QString run = run_->currentText();
   const QSignalBlocker block_run(run_);
   run_->clear();
@@ -443,7 +502,7 @@ void SceneDesk::ShowSelected() {
     const bool small = object.starts_with("image:") || object.starts_with("point:");
     for (const ScenePick& pick : found) {
       // From inside a panorama its own mark would be a cage.
-      if (pick.layer != "errors" && !inside()) vtk_->AddSphere(vtk_->highlights, pick.position, small ? 0.4 : 0.8);
+      if (pick.layer != "errors" && !inside()) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
       const QString text = QString::fromStdString(pick.text);
       if (!texts.contains(text)) texts << text;
     }
@@ -537,19 +596,7 @@ QString SceneDesk::PickAt(double x, double y) {
   if (!pick) return "";
   const QString text = QString::fromStdString(pick->text);
   if (measure_->isChecked()) {
-    if (!vtk_->measured_from) {
-      vtk_->Clear(vtk_->measure);
-      vtk_->measured_from = pick->position;
-      vtk_->AddSphere(vtk_->measure, pick->position, 0.15);
-      Say(tr("from %1").arg(text));
-    } else {
-      const double distance = (pick->position - *vtk_->measured_from).norm();
-      const QString length = workspace_->Length(distance);
-      vtk_->AddLine(*vtk_->measured_from, pick->position, length.toStdString());
-      vtk_->measured_from.reset();
-      Say(tr("%1 to %2").arg(length, text));
-    }
-    Render();
+    MeasureTo(*pick);
     return text_->text();
   }
   Say(text);
@@ -579,36 +626,44 @@ bool SceneDesk::StepInside(const QString& panorama) {
   for (size_t i = 0; model != nullptr && i < model->panoramas.size(); ++i) {
     const ScenePanorama& p = model->panoramas[i];
     if (p.panorama != panorama.toStdString() || p.file.empty() || p.kind != ReferenceKind::kPanorama) continue;
-    const int generation = generation_;
-    InBackground(
-        this,
-        [file = p.file]() -> cv::Mat {
-          cv::Mat picture = LoadPanorama(file, false);
-          if (picture.cols > kSkyWidth)
-            cv::resize(picture.clone(), picture, {kSkyWidth, kSkyWidth / 2}, 0, 0, cv::INTER_AREA);
-          return picture;
-        },
-        [this, i, generation, panorama](const Attempted<cv::Mat>& picture) {
-          if (generation != generation_) return;
-          if (!picture.error.isEmpty()) {
-            emit workspace_->Problem(picture.error, tr("The panorama is not shown."));
-            return;
-          }
-          const ScenePanorama& shown = vtk_->scene->model.panoramas[i];
-          vtk_->widget->makeCurrent();
-          vtk_->ShowSky(shown, picture.value);
-          vtk_->Clear(vtk_->highlights);
-          for (const std::string& layer : SceneView::Layers()) {  // over the picture points and tags alone
-            if (layer != "points" && layer != "tags") vtk_->view->SetVisible(layer, false);
-          }
-          step_->setText(tr("Step &outside"));
-          Say(tr("inside %1, as localized by %2").arg(panorama, QString::fromStdString(shown.run)));
-          Render();
-          emit SteppedInside();
-        });
+    StepInto(i);
     return true;
   }
   return false;
+}
+
+void SceneDesk::StepInto(size_t panorama) {
+  InBackground(
+      this,
+      [file = vtk_->model()->panoramas[panorama].file]() -> cv::Mat {
+        cv::Mat picture = LoadPanorama(file, false);
+        if (picture.cols > kSkyWidth)
+          cv::resize(picture.clone(), picture, {kSkyWidth, kSkyWidth / 2}, 0, 0, cv::INTER_AREA);
+        return picture;
+      },
+      [this, panorama, generation = generation_](const Attempted<cv::Mat>& picture) {
+        if (generation != generation_) return;
+        if (!picture.error.isEmpty()) {
+          emit workspace_->Problem(picture.error, tr("The panorama is not shown."));
+          return;
+        }
+        const ScenePanorama& shown = vtk_->scene->model.panoramas[panorama];
+        vtk_->widget->makeCurrent();
+        vtk_->ShowSky(shown, picture.value);
+        vtk_->inside = panorama;
+        vtk_->Clear(vtk_->highlights);
+        // Over the picture only what is seen in it.
+        for (const std::string& layer : SceneView::Layers()) {
+          const bool over = layer == "points" || layer == "tags" || layer == "labels";
+          if (!over) vtk_->view->SetVisible(layer, false);
+        }
+        UseStyle("inside");
+        step_->setText(tr("Step &outside"));
+        Say(tr("inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others")
+                .arg(QString::fromStdString(shown.panorama), QString::fromStdString(shown.run)));
+        Render();
+        emit SteppedInside();
+      });
 }
 
 void SceneDesk::StepOutside() {
@@ -620,7 +675,8 @@ void SceneDesk::StepOutside() {
     vtk_->view->SetVisible(layers_->item(i)->data(Qt::UserRole).toString().toStdString(),
                            layers_->item(i)->checkState() == Qt::Checked);
   }
-  SetMode(mode_->currentData().toString());
+  UseStyle(mode());
+  ShowSelected();
 }
 
 std::vector<double> SceneDesk::Turn(int steps) {
@@ -649,28 +705,20 @@ void SceneDesk::LookAt(const QString& object) {
   Render();
 }
 
-void SceneDesk::SetMode(const QString& mode) {
-  mode_->setCurrentIndex(mode_->findData(mode));
-  vtkRenderWindowInteractor* interactor = vtk_->window->GetInteractor();
-  vtkSmartPointer<vtkInteractorStyle> style;
-  if (mode == "plan") {
-    style = vtkSmartPointer<PlanStyle>::New();
-  } else if (mode == "fly") {
-    style = vtkSmartPointer<vtkInteractorStyleFlight>::New();
-  } else {
-    style = vtkSmartPointer<vtkInteractorStyleTerrain>::New();
-  }
+void SceneDesk::UseStyle(const QString& mode) {
+  const vtkSmartPointer<vtkInteractorStyle> style = MakeSceneStyle(mode.toStdString(), &vtk_->pivot);
   style->SetDefaultRenderer(vtk_->renderer);
   style->AddObserver(vtkCommand::StartInteractionEvent, vtk_->detail);
   style->AddObserver(vtkCommand::EndInteractionEvent, vtk_->detail);
+  vtkRenderWindowInteractor* interactor = vtk_->window->GetInteractor();
   if (interactor != nullptr) interactor->SetInteractorStyle(style);
-  if (!vtk_->view) return;
-  if (mode == "plan") {
-    vtk_->view->LookDown(vtk_->renderer);
-  } else {
-    vtk_->view->LookOblique(vtk_->renderer);
-  }
-  Render();
+}
+
+void SceneDesk::SetMode(const QString& mode) {
+  mode_->setCurrentIndex(mode_->findData(mode));
+  if (inside()) StepOutside();
+  UseStyle(mode);
+  ShowAll();
 }
 
 void SceneDesk::ShowCamera(int index) {
@@ -682,36 +730,6 @@ void SceneDesk::ShowCamera(int index) {
   if (!follow_->isChecked()) return;
   vtk_->LookThrough(camera);
   Render();
-}
-
-bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
-  const double ratio = vtk_->widget->devicePixelRatioF();
-  if (event->type() == QEvent::MouseButtonPress) {
-    pressed_ = static_cast<QMouseEvent*>(event)->localPos();
-  } else if (event->type() == QEvent::MouseButtonRelease) {
-    const auto* mouse = static_cast<QMouseEvent*>(event);
-    if (mouse->button() == Qt::LeftButton && (mouse->localPos() - pressed_).manhattanLength() < 4) {
-      PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y());
-    }
-  } else if (event->type() == QEvent::MouseButtonDblClick) {
-    if (!workspace_->selected().isEmpty()) emit Activated(workspace_->selected());
-  } else if (event->type() == QEvent::KeyPress) {
-    vtkCamera* camera = vtk_->renderer->GetActiveCamera();
-    switch (static_cast<QKeyEvent*>(event)->key()) {
-      case Qt::Key_Left: camera->Azimuth(5); break;
-      case Qt::Key_Right: camera->Azimuth(-5); break;
-      case Qt::Key_Up: camera->Elevation(-3); break;
-      case Qt::Key_Down: camera->Elevation(3); break;
-      case Qt::Key_Plus: camera->GetParallelProjection() ? camera->Zoom(1.2) : camera->Dolly(1.2); break;
-      case Qt::Key_Minus: camera->GetParallelProjection() ? camera->Zoom(1 / 1.2) : camera->Dolly(1 / 1.2); break;
-      default: return QWidget::eventFilter(watched, event);
-    }
-    camera->OrthogonalizeViewUp();
-    vtk_->renderer->ResetCameraClippingRange();
-    Render();
-    return true;
-  }
-  return QWidget::eventFilter(watched, event);
 }
 
 void SceneDesk::Render() {

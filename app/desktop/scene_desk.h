@@ -4,6 +4,7 @@
 
 #include <QImage>
 #include <QWidget>
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -12,6 +13,7 @@
 
 class QCheckBox;
 class QComboBox;
+class QKeyEvent;
 class QLabel;
 class QListWidget;
 class QPushButton;
@@ -19,7 +21,10 @@ class QSlider;
 
 namespace trigpoint {
 
+class MeasurementList;
 class PictureView;
+struct MeasuredPlace;
+struct ScenePick;
 
 class SceneDesk : public QWidget {
   Q_OBJECT
@@ -51,6 +56,10 @@ class SceneDesk : public QWidget {
   void LookAt(const QString& object);
   // "orbit", "fly", "plan".
   void SetMode(const QString& mode);
+  QString mode() const;
+  // What the wheel does at a pixel of the view (device pixels from its top left): it stays where it is.
+  void ZoomAt(const QPointF& at, double factor);
+  MeasurementList* measurements() const { return measurements_; }
 
  signals:
   void Loaded();                          // a scene is on the screen
@@ -64,6 +73,11 @@ class SceneDesk : public QWidget {
 
  private:
   struct Vtk;
+  void MakeControls();
+  void MakeView();
+  void Arrange();
+  void ConnectControls();
+  void ConnectWorkspace();
   void Load();
   void ClearScene();  // what is drawn, until the next scene is there
   void Forget();      // and everything that is said of it: another project is opened
@@ -72,6 +86,18 @@ class SceneDesk : public QWidget {
   void ShowPicture();
   void ShowPointPicture(const std::string& name);
   void ShowCamera(int index);
+  void ConnectLook();
+  void UseStyle(const QString& mode);
+  bool PressKey(QKeyEvent* event);
+  void Hover(const QPointF& at);  // says where the mouse is
+  void ShowAll();
+  void StepInto(size_t panorama);  // index into the model
+  void StepBy(int by);             // to the next panorama of the run one stands in
+  void MeasureTo(const ScenePick& pick);
+  void SaveMeasurements();
+  void ShowOpacity();
+  void SetOpacity(int percent);  // of the chosen layer
+  void DrawAsSet();              // opacities and size, in a scene that is new
   void Render();
   void Say(const QString& text);
   void ShowBackground();
@@ -82,8 +108,11 @@ class SceneDesk : public QWidget {
   QListWidget* layers_;
   QCheckBox *follow_, *measure_;
   QPushButton *step_, *screenshot_;
-  QSlider* time_;
-  QLabel *text_, *camera_;
+  QSlider *time_, *opacity_, *size_;
+  QLabel *text_, *camera_, *place_;
+  MeasurementList* measurements_;
+  std::unique_ptr<MeasuredPlace> measured_from_;
+  std::map<std::string, int> opacities_;  // percent, by layer; others are 100
   PictureView* picture_;
   QPointF pressed_;
   SceneDesk* twin_ = nullptr;

@@ -1,10 +1,10 @@
 #include "app/desktop/scene_vtk.h"
 
 #include <vtkCamera.h>
+#include <vtkFollower.h>
 #include <vtkImageData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
-#include <vtkSphereSource.h>
 #include <vtkTextProperty.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkWindowToImageFilter.h>
@@ -19,7 +19,8 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kNear_m = 16;  // from what is looked at
+constexpr double kFarGround = 4;  // times as far as what one looks at, the ground is no longer meant
+constexpr double kNear_m = 16;    // from what is looked at
 constexpr int kSkyColumns = 128, kSkyRows = 64;
 
 }  // namespace
@@ -58,23 +59,49 @@ void SceneDesk::Vtk::Clear(std::vector<vtkSmartPointer<vtkProp>>& props) {
   props.clear();
 }
 
-void SceneDesk::Vtk::AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius) {
-  vtkNew<vtkSphereSource> source;
-  source->SetRadius(radius);
-  source->SetCenter(at.x(), at.y(), at.z());
-  source->SetThetaResolution(24);
-  source->SetPhiResolution(12);
-  vtkNew<vtkPolyDataMapper> mapper;
-  mapper->SetInputConnection(source->GetOutputPort());
-  const auto actor = vtkSmartPointer<vtkActor>::New();
-  actor->SetMapper(mapper);
-  actor->GetProperty()->SetRepresentationToWireframe();
-  actor->GetProperty()->SetColor(0.835, 0.369, 0.0);
-  actor->GetProperty()->SetLighting(false);
-  actor->GetProperty()->SetLineWidth(2);
-  actor->PickableOff();
-  renderer->AddActor(actor);
-  props.emplace_back(actor);
+void SceneDesk::Vtk::AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius) {
+  std::vector<Eigen::Vector3d> circle;
+  for (int i = 0; i <= 48; ++i) {
+    const double angle = 2 * M_PI * i / 48;
+    circle.emplace_back(radius * std::cos(angle), radius * std::sin(angle), 0);
+  }
+  const auto line = FlatActor(Lines({circle}), kVermilion, 3);
+  const auto ring = vtkSmartPointer<vtkFollower>::New();
+  ring->SetMapper(line->GetMapper());
+  ring->SetProperty(line->GetProperty());
+  ring->SetPosition(at.x(), at.y(), at.z());
+  ring->SetCamera(renderer->GetActiveCamera());
+  ring->PickableOff();
+  renderer->AddActor(ring);
+  props.emplace_back(ring);
+}
+
+Eigen::Vector3d SceneDesk::Vtk::PlaceUnder(double x, double y) const {
+  vtkCamera* camera = renderer->GetActiveCamera();
+  const Eigen::Vector3d eye(camera->GetPosition()), focus(camera->GetFocalPoint());
+  renderer->SetWorldPoint(focus.x(), focus.y(), focus.z(), 1);
+  renderer->WorldToDisplay();
+  const double depth = renderer->GetDisplayPoint()[2];
+  const auto world = [&](double at_depth) {
+    renderer->SetDisplayPoint(x, window->GetSize()[1] - 1 - y, at_depth);
+    renderer->DisplayToWorld();
+    const double* p = renderer->GetWorldPoint();
+    return Eigen::Vector3d(p[0] / p[3], p[1] / p[3], p[2] / p[3]);
+  };
+  const Eigen::Vector3d at_focus = world(depth);
+  const Eigen::Vector3d from = camera->GetParallelProjection() ? world(0) : eye;
+  const Eigen::Vector3d ray = at_focus - from;
+  if (!scene || std::abs(ray.z()) < 1e-9) return at_focus;
+  const double t = (scene->model.ground_z - from.z()) / ray.z();
+  return t > 0 && t < kFarGround ? Eigen::Vector3d(from + t * ray) : at_focus;
+}
+
+void SceneDesk::Vtk::Move(const Eigen::Vector3d& by) {
+  vtkCamera* camera = renderer->GetActiveCamera();
+  const Eigen::Vector3d eye = Eigen::Vector3d(camera->GetPosition()) + by;
+  const Eigen::Vector3d focus = Eigen::Vector3d(camera->GetFocalPoint()) + by;
+  camera->SetPosition(eye.data());
+  camera->SetFocalPoint(focus.data());
 }
 
 void SceneDesk::Vtk::AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text) {
@@ -140,6 +167,7 @@ void SceneDesk::Vtk::ShowSky(const ScenePanorama& panorama, const cv::Mat& pictu
   sky->AddActor(sphere);
   window->AddRenderer(sky);
   renderer->SetLayer(1);
+  outside->DeepCopy(renderer->GetActiveCamera());
   const Eigen::Vector3d eye = panorama.world_from_pano.translation;
   const Eigen::Vector3d ahead = eye + panorama.world_from_pano.rotation * Eigen::Vector3d::UnitZ();
   vtkCamera* camera = renderer->GetActiveCamera();
@@ -159,6 +187,8 @@ void SceneDesk::Vtk::HideSky() {
   sphere = nullptr;
   renderer->SetLayer(0);
   window->RemoveRenderer(sky);
+  renderer->GetActiveCamera()->DeepCopy(outside);  // leaving leaves nothing behind
+  renderer->ResetCameraClippingRange();
 }
 
 void SceneDesk::Vtk::SyncSky() {

@@ -4,6 +4,7 @@
 #include <QVTKOpenGLNativeWidget.h>
 #include <vtkActor.h>
 #include <vtkBillboardTextActor3D.h>
+#include <vtkCamera.h>
 #include <vtkCommand.h>
 #include <vtkGenericOpenGLRenderWindow.h>
 #include <vtkNew.h>
@@ -32,7 +33,9 @@ struct SceneDesk::Vtk {
   std::unique_ptr<SceneView> view;  // of scene->model
   std::vector<vtkSmartPointer<vtkProp>> highlights;
   std::vector<vtkSmartPointer<vtkProp>> measure;
-  std::optional<Eigen::Vector3d> measured_from;
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // about which a drag turns
+  vtkNew<vtkCamera> outside;                        // where one looked from before stepping inside
+  size_t inside = 0;                                // index of the panorama one stands in
   vtkSmartPointer<vtkActor> sphere;
   vtkSmartPointer<vtkCommand> detail;
   QStringList highlighted;
@@ -43,7 +46,11 @@ struct SceneDesk::Vtk {
   // What the scene has of an object: a panorama's answers and their errors, a tag's poses; the main one first.
   std::vector<ScenePick> Find(const std::string& object) const;
   void Clear(std::vector<vtkSmartPointer<vtkProp>>& props);
-  void AddSphere(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
+  // It faces the viewer and hides nothing.
+  void AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
+  // Of a pixel (device pixels from the top left) the place on the ground, else at the distance one looks at.
+  Eigen::Vector3d PlaceUnder(double x, double y) const;
+  void Move(const Eigen::Vector3d& by);  // the camera
   void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
   void DrawMoving(bool moving);
   // The same direction of view, a few metres away.

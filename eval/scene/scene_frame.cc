@@ -49,7 +49,7 @@ void SceneView::Parts::BuildErrors() {
     ball->SetThetaResolution(24);
     ball->SetPhiResolution(16);
     ball->Update();
-    vtkSmartPointer<vtkActor> actor = SolidActor(ball->GetOutput(), kVermilion, 0.14);
+    vtkSmartPointer<vtkActor> actor = SolidActor(ball->GetOutput(), kVermilion, kVeil);
     actor->SetPosition(tip.x(), tip.y(), tip.z());
     const Eigen::Vector3d size = (2 * k * e.sigma_m->array()).max(1e-3);  // the source's diameter is 1
     actor->SetScale(size.x(), size.y(), size.z());
@@ -134,9 +134,16 @@ void SceneView::Parts::BuildScaleBar() {
 }
 
 void SceneView::Parts::BuildLegend() {
-  std::vector<std::pair<std::string, Colour>> lines;
   const auto add = [&](const char* layer, const std::string& text, const Colour& colour) {
-    if (layers.count(layer) > 0) lines.emplace_back(text, colour);
+    if (layers.count(layer) == 0) return;
+    const auto line = vtkSmartPointer<vtkTextActor>::New();
+    line->SetInput((" " + text + " ").c_str());
+    line->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+    StyleText(line->GetTextProperty(), 0.85 * style.text_px, colour);
+    line->GetTextProperty()->BoldOn();
+    line->GetTextProperty()->SetVerticalJustificationToTop();
+    Add("legend", line);
+    legend.emplace_back(layer, line);
   };
   add("optimised", "cameras, optimised", kBlue);
   add("odometry", "odometry, begun at the first camera", kOrange);
@@ -147,20 +154,19 @@ void SceneView::Parts::BuildLegend() {
   for (const std::string& name : truths) add("truth", name, kBlack);
   add("estimates", "other systems, fitted rigidly", kPurple);
   add("geotags", "geotags of panoramas", kSky);
-  if (!model.errors.empty()) {
-    lines.emplace_back(
-        fmt::format("errors x {}, ellipsoids {:.0f} %", ShortNumber(error_scale), 100 * style.confidence), kVermilion);
-  }
+  add("errors", fmt::format("errors x {}", ShortNumber(error_scale)), kVermilion);
+  add("ellipsoids",
+      fmt::format("ellipsoids of errors, {:.0f} %, x {}", 100 * style.confidence, ShortNumber(error_scale)),
+      kVermilion);
+  PlaceLegend();
+}
+
+void SceneView::Parts::PlaceLegend() {
   double y = 0.985;
-  for (const auto& [text, colour] : lines) {
-    vtkNew<vtkTextActor> line;
-    line->SetInput((" " + text + " ").c_str());
-    line->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+  for (const auto& [layer, line] : legend) {
+    line->SetVisibility(visible["legend"] && visible[layer]);
+    if (!visible[layer]) continue;
     line->SetPosition(0.012, y);
-    StyleText(line->GetTextProperty(), 0.85 * style.text_px, colour);
-    line->GetTextProperty()->BoldOn();
-    line->GetTextProperty()->SetVerticalJustificationToTop();
-    Add("legend", line);
     y -= 0.034;
   }
 }

@@ -190,7 +190,7 @@ void SceneView::Parts::BuildCameras() {
     lines.push_back({corners[0], corners[1], corners[2], corners[3], corners[0], centre, corners[1]});
     lines.push_back({corners[2], centre, corners[3]});
   }
-  if (!lines.empty()) Add("cameras", FlatActor(Lines(lines), {0.35, 0.55, 0.75}, 1));
+  if (!lines.empty()) Add("cameras", FlatActor(Lines(lines), kCameraBlue, 1));
 }
 
 void SceneView::Parts::BuildPanoramas() {

@@ -8,6 +8,7 @@
 #include <vtkPolyDataMapper.h>
 #include <vtkProp.h>
 #include <vtkSmartPointer.h>
+#include <vtkTextActor.h>
 
 #include <map>
 #include <string>
@@ -31,6 +32,7 @@ struct SceneView::Parts {
   std::map<std::string, bool> visible;
   std::vector<vtkSmartPointer<vtkBillboardTextActor3D>> labels;  // of all layers
   bool moving = false;
+  std::vector<std::pair<std::string, vtkSmartPointer<vtkTextActor>>> legend;  // by layer
   vtkSmartPointer<vtkActor> points;
   vtkSmartPointer<vtkProp> points_bar;
   vtkSmartPointer<vtkPolyDataMapper> all_points, few_points;  // few: made when they are first asked for
@@ -53,10 +55,14 @@ struct SceneView::Parts {
   void BuildScaleBar();  // in the unit shown, in place of the one there is
   double ScaleBarLength() const;
   void BuildLegend();
+  void PlaceLegend();  // one line below the other, of the layers that are drawn
   void ColourPoints(PointColour colour);
   void ThinPoints(int most);
   void DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* values) const;
 };
+
+constexpr double kVeil = 0.14;  // opacity of an ellipsoid
+inline constexpr Colour kCameraBlue = {0.35, 0.55, 0.75};
 
 // The layer a path belongs to.
 const char* LayerOf(ScenePath::Kind kind);

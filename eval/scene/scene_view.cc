@@ -4,6 +4,7 @@
 #include <vtkCamera.h>
 #include <vtkMatrix4x4.h>
 #include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
 #include <vtkRenderer.h>
 
 #include <algorithm>
@@ -51,6 +52,7 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
     const SceneCamera& c = model.cameras[i];
     pick->run = c.run, pick->name = c.image;
     pick->position = c.world_from_cam.translation;
+    pick->sigma_m = c.sigma_m;
     pick->text = c.run + " " + c.image + " at " + say.Place(pick->position) + say.Sigma(c.sigma_m);
   } else if (layer == "panoramas" || layer == "geotags") {
     const ScenePanorama& p = model.panoramas[i];
@@ -61,12 +63,14 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
       pick->text = "geotag of " + p.panorama + " at " + say.Place(*p.geotag);
     } else {
       pick->position = p.world_from_pano.translation;
+      pick->sigma_m = p.sigma_m;
       pick->text = p.panorama + " by " + p.run + " at " + say.Place(pick->position) + say.Sigma(p.sigma_m);
     }
   } else if (layer == "tags") {
     const SceneTag& t = model.tags[i];
     pick->name = std::to_string(t.id);
     pick->position = t.world_from_tag.translation;
+    pick->sigma_m = t.sigma_m;
     pick->text = fmt::format("tag {} ({} wide, {}) from {} at ", t.id, say.Length(t.size_m), t.family, t.source) +
                  say.Place(pick->position) + say.Sigma(t.sigma_m);
   } else if (layer == "errors" || layer == "ellipsoids") {
@@ -173,6 +177,34 @@ void SceneView::SetVisible(const std::string& layer, bool visible) {
   it->second = visible;
   const bool drawn = visible && !(parts_->moving && layer == "ellipsoids");
   for (const auto& prop : parts_->layers[layer]) prop->SetVisibility(drawn);
+  parts_->PlaceLegend();
+}
+
+void SceneView::SetOpacity(const std::string& layer, double opacity) {
+  if (parts_->visible.count(layer) == 0) {
+    throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
+  }
+  for (const auto& prop : parts_->layers[layer]) {
+    // An ellipsoid is a veil already.
+    if (auto* actor = vtkActor::SafeDownCast(prop)) {
+      actor->GetProperty()->SetOpacity(layer == "ellipsoids" ? kVeil * opacity : opacity);
+    }
+  }
+}
+
+void SceneView::SetPointSize(double pixels) {
+  if (parts_->points) parts_->points->GetProperty()->SetPointSize(static_cast<float>(pixels));
+}
+
+std::string SceneView::ColourOfLayer(const std::string& layer) {
+  static const std::map<std::string, Colour> kColours = {
+      {"odometry", kOrange},      {"optimised", kBlue},     {"truth", kBlack},
+      {"estimates", kPurple},     {"geotags", kSky},        {"errors", kVermilion},
+      {"ellipsoids", kVermilion}, {"cameras", kCameraBlue}, {"panoramas", kBlue}};
+  const auto it = kColours.find(layer);
+  if (it == kColours.end()) return "";
+  const auto byte = [&](size_t k) { return static_cast<int>(std::lround(255 * it->second[k])); };
+  return fmt::format("#{:02x}{:02x}{:02x}", byte(0), byte(1), byte(2));
 }
 
 bool SceneView::Visible(const std::string& layer) const {

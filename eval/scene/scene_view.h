@@ -42,6 +42,7 @@ struct ScenePick {
   std::string run;    // empty where it is of no run
   std::string name;   // image, panorama, tag id, the point's number, or the path's source
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the object, scene frame; of a path its nearest pose
+  std::optional<Eigen::Vector3d> sigma_m;              // of the position per axis, where it is given
   std::string text;                                    // one line for a person, with units and sigmas
 };
 
@@ -58,6 +59,11 @@ class SceneView {
   bool HasContent(const std::string& layer) const;
   void SetVisible(const std::string& layer, bool visible);  // throws OptionError for an unknown layer
   bool Visible(const std::string& layer) const;
+  // 0 to 1, of everything in a layer. Throws OptionError for an unknown layer.
+  void SetOpacity(const std::string& layer, double opacity);
+  void SetPointSize(double pixels);
+  // "#rrggbb" a layer is drawn in; empty: it has no colour of its own.
+  static std::string ColourOfLayer(const std::string& layer);
 
   // Adds every layer; a view belongs to one renderer at a time. Sets a plain background.
   void AddTo(vtkRenderer* renderer);

@@ -1,0 +1,245 @@
+// The scene desk's mouse and keyboard, and what stands under the mouse.
+#include <fmt/format.h>
+#include <vtkCamera.h>
+
+#include <QApplication>
+#include <QClipboard>
+#include <QComboBox>
+#include <QFileDialog>
+#include <QKeyEvent>
+#include <QLabel>
+#include <QListWidget>
+#include <QMouseEvent>
+#include <QSlider>
+#include <QWheelEvent>
+#include <algorithm>
+#include <cmath>
+
+#include "app/desktop/measurement.h"
+#include "app/desktop/scene_desk.h"
+#include "app/desktop/scene_styles.h"
+#include "app/desktop/scene_vtk.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr double kKeyTurn_deg = 5;
+constexpr double kKeyZoom = 1.2;
+constexpr double kNarrowest_deg = 5, kWidest_deg = 110;  // of the view from inside a panorama
+
+// Easting and northing where the project's CRS is a UTM zone; else empty.
+QString UtmText(const Geodetic& place, const std::string& crs) {
+  if (crs.size() != 10 || (!crs.starts_with("EPSG:326") && !crs.starts_with("EPSG:327"))) return "";
+  const int zone = std::atoi(crs.c_str() + 8);
+  if (zone < 1 || zone > 60 || std::abs(place.latitude_deg) > 84) return "";
+  const Utm utm = UtmFromGeodetic(place, zone);
+  return QString::fromStdString(fmt::format("{} {:.3f} {:.3f}", crs, utm.easting_m, utm.northing_m));
+}
+
+}  // namespace
+
+bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
+  const double ratio = vtk_->widget->devicePixelRatioF();
+  switch (event->type()) {
+    case QEvent::MouseButtonPress:
+      pressed_ = static_cast<QMouseEvent*>(event)->localPos();
+      vtk_->pivot = vtk_->PlaceUnder(ratio * pressed_.x(), ratio * pressed_.y());
+      break;
+    case QEvent::MouseButtonRelease: {
+      const auto* mouse = static_cast<QMouseEvent*>(event);
+      if (mouse->button() == Qt::LeftButton && (mouse->localPos() - pressed_).manhattanLength() < 4) {
+        PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y());
+      }
+      break;
+    }
+    case QEvent::MouseButtonDblClick:
+      if (!workspace_->selected().isEmpty()) emit Activated(workspace_->selected());
+      break;
+    case QEvent::MouseMove: Hover(ratio * static_cast<QMouseEvent*>(event)->localPos()); break;
+    case QEvent::Wheel: {
+      const auto* wheel = static_cast<QWheelEvent*>(event);
+      ZoomAt(ratio * wheel->position(), std::pow(1.0015, wheel->angleDelta().y()));
+      return true;
+    }
+    case QEvent::KeyPress: return PressKey(static_cast<QKeyEvent*>(event));
+    case QEvent::KeyRelease: return true;  // VTK has keys of its own: r shrinks, 3 turns everything magenta
+    default: break;
+  }
+  return QWidget::eventFilter(watched, event);
+}
+
+bool SceneDesk::PressKey(QKeyEvent* event) {
+  vtkCamera* camera = vtk_->renderer->GetActiveCamera();
+  const QPointF middle(0.5 * vtk_->window->GetSize()[0], 0.5 * vtk_->window->GetSize()[1]);
+  const Eigen::Vector3d eye(camera->GetPosition()), focus(camera->GetFocalPoint());
+  const bool plan = mode() == "plan" && !inside();
+  const auto turn = [&](double left, double up) {
+    if (plan) {  // looks straight down: moves instead
+      const double step = 0.1 * camera->GetParallelScale();
+      vtk_->Move(Eigen::Vector3d((left > 0 ? -step : left < 0 ? step : 0), (up > 0 ? step : up < 0 ? -step : 0), 0));
+    } else if (inside()) {
+      TurnAbout(camera, eye, left, up);
+    } else {
+      TurnAbout(camera, focus, left, up);
+    }
+    vtk_->renderer->ResetCameraClippingRange();
+    Render();
+  };
+  switch (event->key()) {
+    case Qt::Key_Tab:
+    case Qt::Key_Backtab: return false;
+    case Qt::Key_Left: turn(kKeyTurn_deg, 0); break;
+    case Qt::Key_Right: turn(-kKeyTurn_deg, 0); break;
+    case Qt::Key_Up: turn(0, kKeyTurn_deg); break;
+    case Qt::Key_Down: turn(0, -kKeyTurn_deg); break;
+    case Qt::Key_Plus:
+    case Qt::Key_Equal: ZoomAt(middle, kKeyZoom); break;
+    case Qt::Key_Minus: ZoomAt(middle, 1 / kKeyZoom); break;
+    case Qt::Key_Home: ShowAll(); break;
+    case Qt::Key_F: LookAt(workspace_->selected()); break;
+    case Qt::Key_Escape:
+      if (inside()) StepOutside();
+      break;
+    case Qt::Key_PageDown: StepBy(1); break;
+    case Qt::Key_PageUp: StepBy(-1); break;
+    case Qt::Key_C:
+      if ((event->modifiers() & Qt::ControlModifier) != 0) QApplication::clipboard()->setText(place_->text());
+      break;
+    default: break;
+  }
+  return true;
+}
+
+QString SceneDesk::mode() const { return mode_->currentData().toString(); }
+
+void SceneDesk::ZoomAt(const QPointF& at, double factor) {
+  if (!vtk_->view) return;
+  vtkCamera* camera = vtk_->renderer->GetActiveCamera();
+  if (inside()) {
+    camera->SetViewAngle(std::clamp(camera->GetViewAngle() / factor, kNarrowest_deg, kWidest_deg));
+  } else {
+    const Eigen::Vector3d eye(camera->GetPosition()), focus(camera->GetFocalPoint());
+    const Eigen::Vector3d place = vtk_->PlaceUnder(at.x(), at.y());
+    // What is under the mouse stays there.
+    if (camera->GetParallelProjection()) {
+      const Eigen::Vector3d ahead = (focus - eye).normalized();
+      Eigen::Vector3d by = (1 - 1 / factor) * (place - focus);
+      by -= by.dot(ahead) * ahead;
+      vtk_->Move(by);
+      camera->SetParallelScale(camera->GetParallelScale() / factor);
+    } else {
+      if ((place - eye).norm() < 0.1 && factor > 1) return;
+      const Eigen::Vector3d new_eye = eye + (1 - 1 / factor) * (place - eye);
+      const Eigen::Vector3d new_focus = new_eye + (focus - eye) / factor;
+      camera->SetPosition(new_eye.data());
+      camera->SetFocalPoint(new_focus.data());
+    }
+  }
+  vtk_->renderer->ResetCameraClippingRange();
+  Render();
+}
+
+void SceneDesk::ShowAll() {
+  if (!vtk_->view || inside()) return;
+  mode() == "plan" ? vtk_->view->LookDown(vtk_->renderer) : vtk_->view->LookOblique(vtk_->renderer);
+  Render();
+}
+
+void SceneDesk::Hover(const QPointF& at) {
+  const SceneModel* model = vtk_->model();
+  if (model == nullptr || inside() || model->Empty()) return place_->clear();
+  const Eigen::Vector3d p = vtk_->PlaceUnder(at.x(), at.y());
+  const double metres = workspace_->metres_per_unit();
+  const auto length = [&](double value) { return QString::number(value / metres, 'f', 2); };
+  QString text = (model->on_earth ? tr("E %1  N %2  U %3 %4") : tr("x %1  y %2  z %3 %4"))
+                     .arg(length(p.x()), length(p.y()), length(p.z()), workspace_->unit());
+  const auto& snapshot = workspace_->snapshot();
+  if (model->on_earth && snapshot && snapshot->project->has_frame()) {
+    const Geodetic place = snapshot->project->frame().GeodeticFromEnu(p);
+    text += QString("   WGS 84 %1, %2").arg(place.latitude_deg, 0, 'f', 7).arg(place.longitude_deg, 0, 'f', 7);
+    const QString utm = UtmText(place, snapshot->project->crs());
+    if (!utm.isEmpty()) text += "   " + utm;
+  }
+  place_->setText(text);
+}
+
+void SceneDesk::MeasureTo(const ScenePick& pick) {
+  const QString what = pick.name.empty() ? QString::fromStdString(pick.layer) : QString::fromStdString(pick.name);
+  const MeasuredPlace place{what, pick.position, pick.sigma_m};
+  if (!measured_from_) {
+    vtk_->Clear(vtk_->measure);
+    measured_from_ = std::make_unique<MeasuredPlace>(place);
+    vtk_->AddRing(vtk_->measure, place.position, 0.3);
+    Say(tr("from %1").arg(QString::fromStdString(pick.text)));
+  } else {
+    const Measurement m = MeasureBetween(*measured_from_, place, vtk_->model()->on_earth);
+    measured_from_.reset();
+    const QString length = workspace_->Length(m.slope_m);
+    vtk_->AddLine(m.from.position, m.to.position, length.toStdString());
+    measurements_->Add(m);
+    QString text = tr("%1 to %2").arg(length, QString::fromStdString(pick.text));
+    text += "\n" + tr("horizontal %1, height difference %2")
+                       .arg(workspace_->Length(m.horizontal_m), workspace_->Length(m.height_m));
+    if (m.azimuth_deg) text += tr(", azimuth %1 deg").arg(*m.azimuth_deg, 0, 'f', 3);
+    Say(text);
+  }
+  Render();
+}
+
+void SceneDesk::SaveMeasurements() {
+  QFileDialog dialog(this, tr("Save the measurements"), QString(), tr("CSV (*.csv)"));
+  dialog.setAcceptMode(QFileDialog::AcceptSave);
+  dialog.setDefaultSuffix("csv");
+  dialog.selectFile("measurements.csv");
+  if (dialog.exec() != QDialog::Accepted || dialog.selectedFiles().isEmpty()) return;
+  try {
+    measurements_->Save(dialog.selectedFiles().first(),
+                        vtk_->model() == nullptr ? "" : QString::fromStdString(vtk_->model()->frame));
+  } catch (const std::exception& e) {
+    emit workspace_->Problem(QString::fromUtf8(e.what()), "");
+  }
+}
+
+void SceneDesk::StepBy(int by) {
+  const SceneModel* model = vtk_->model();
+  if (model == nullptr || !inside()) return;
+  const ScenePanorama& here = model->panoramas[vtk_->inside];
+  std::vector<size_t> others;
+  for (size_t i = 0; i < model->panoramas.size(); ++i) {
+    const ScenePanorama& p = model->panoramas[i];
+    if (p.run == here.run && p.kind == ReferenceKind::kPanorama && !p.file.empty()) others.push_back(i);
+  }
+  const auto at = std::find(others.begin(), others.end(), vtk_->inside);
+  if (at == others.end() || others.size() < 2) return;
+  const auto count = static_cast<std::ptrdiff_t>(others.size());
+  const std::ptrdiff_t next = ((at - others.begin()) + by + count) % count;
+  StepInto(others[static_cast<size_t>(next)]);
+}
+
+void SceneDesk::ShowOpacity() {
+  const QListWidgetItem* item = layers_->currentItem();
+  opacity_->setEnabled(item != nullptr);
+  if (item == nullptr) return;
+  const QSignalBlocker block(opacity_);
+  const auto set = opacities_.find(item->data(Qt::UserRole).toString().toStdString());
+  opacity_->setValue(set == opacities_.end() ? 100 : set->second);
+}
+
+void SceneDesk::SetOpacity(int percent) {
+  const QListWidgetItem* item = layers_->currentItem();
+  if (item == nullptr) return;
+  opacities_[item->data(Qt::UserRole).toString().toStdString()] = percent;
+  DrawAsSet();
+  Render();
+}
+
+void SceneDesk::DrawAsSet() {
+  if (!vtk_->view) return;
+  for (const auto& [layer, percent] : opacities_) vtk_->view->SetOpacity(layer, 0.01 * percent);
+  vtk_->view->SetPointSize(size_->value());
+}
+
+}  // namespace trigpoint
