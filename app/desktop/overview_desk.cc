@@ -265,7 +265,8 @@ void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
       QLabel* label =
           Wrapped(anchor.contains(':') ? QString("<a href=\"%1\">%2</a>").arg(anchor.toHtmlEscaped(), words) : words);
       if (paragraph->tone != Tone::kPlain) {
-        label->setStyleSheet(QString("border-left: 4px solid %1; padding-left: 6px;").arg(ToneColour(paragraph->tone)));
+        label->setStyleSheet(QString("background: palette(base); border-left: 4px solid %1; padding: 4px 6px;")
+                                 .arg(ToneColour(paragraph->tone)));
       }
       connect(label, &QLabel::linkActivated, this, &OverviewDesk::Follow);
       column->addWidget(label);
@@ -354,7 +355,8 @@ void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
   }
   QLabel* label = Wrapped(text);
   label->setObjectName("overview.warnings");
-  label->setStyleSheet(QString("border-left: 4px solid %1; padding-left: 6px;").arg(ToneColour(Tone::kWarning)));
+  label->setStyleSheet(QString("background: palette(base); border-left: 4px solid %1; padding: 4px 6px;")
+                           .arg(ToneColour(Tone::kWarning)));
   column->addWidget(label);
 }
 

@@ -411,7 +411,7 @@ void SceneDesk::Load() {
           }
           ShowLayers();
           ShowSelected();
-          if (!look_at_.isEmpty()) LookAt(look_at_);
+          if (!look_at_.isEmpty()) LookAt(std::exchange(look_at_, QString()));
           Render();
           QStringList notes;
           for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
