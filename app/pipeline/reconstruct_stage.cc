@@ -98,7 +98,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
     job.input.has_odometry = false;
   }
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-  if (options.check_conventions) RequireConventions(run, job.input, context);
+  if (options.check_conventions && job.input.has_odometry) RequireConventions(run, job.input, context);
   RunReconstruction result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed,
                                             context.progress, context.cancel);
   context.metrics.update(ReconstructionMetrics(job, result));
