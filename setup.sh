@@ -2,7 +2,7 @@
 # Sets Trigpoint up on Debian 12 and uses it. Run it again at any time: what is done is not done twice.
 #
 #   ./setup.sh            installs the packages that are missing and builds Release
-#   ./setup.sh demo [DIR] the same, then runs the example site (default ./trigpoint-demo) to its tables
+#   ./setup.sh demo [DIR] the same, then runs the example site (default ./trigpoint-demo)
 #   ./setup.sh test       the same with the tests, then ctest and clang-format
 #   ./setup.sh nightly    the same, then what takes hours: the long tests, the example site in an empty folder, all
 #                         tests with AddressSanitizer, the fuzz targets for 10 minutes each (FUZZ_SECONDS)

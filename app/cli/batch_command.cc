@@ -310,8 +310,10 @@ int RunBatch(const Session& session, BatchArguments arguments) {
   }
   Batch batch(session, std::move(entries), arguments);
   const int exit_code = batch.Run();
-  session.Print(FormatBatch(batch.results()) + "Summary: " + (fs::path(arguments.out) / "summary.md").string() + "\n" +
-                "Reports: " + (fs::path(arguments.out) / "index.html").string() + "\n");
+  session.PrintDetails(FormatBatch(batch.results()) + "\n");
+  session.End(BatchEnding(batch.results(), session.Taken())
+                  .Look("Summary", fs::path(arguments.out) / "summary.md")
+                  .Look("Reports", fs::path(arguments.out) / "index.html"));
   nlohmann::json summary = BatchJson(batch.results());
   summary["command"] = "batch";
   summary["ok"] = exit_code == 0;

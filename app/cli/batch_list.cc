@@ -167,6 +167,22 @@ std::string FormatBatch(const std::vector<BatchResult>& results) {
   return AlignMarkdown(lines) + "\n" + Counts(results) + "\n";
 }
 
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& taken) {
+  Ending ending("Batch done in " + taken + ": " + Counts(results));
+  std::vector<std::pair<double, std::string>> medians;
+  for (const BatchResult& r : results) {
+    if (const double median = MedianOf(r, "median_m"); std::isfinite(median))
+      medians.emplace_back(median, r.entry.name);
+    if (r.status == "failed") ending.Problem("Failed", r.entry.name + ": " + r.error);
+    if (r.status == "gate") ending.Problem("Gate", r.entry.name + ": " + VerdictOf(r));
+  }
+  if (medians.empty()) return ending;
+  std::sort(medians.begin(), medians.end());
+  return ending.Fact("Median", fmt::format("{:.2f} m of {} projects; best {:.2f} m ({}), worst {:.2f} m ({})",
+                                           medians[medians.size() / 2].first, medians.size(), medians.front().first,
+                                           medians.front().second, medians.back().first, medians.back().second));
+}
+
 json BatchJson(const std::vector<BatchResult>& results) {
   json entries = json::array();
   for (const BatchResult& r : results) {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "app/cli/ending.h"
+
 namespace trigpoint {
 
 struct BatchEntry {
@@ -34,6 +36,8 @@ struct BatchResult {
 void RequireBatchFolder(const std::filesystem::path& folder);
 // summary.json, summary.csv, summary.md in `folder`.
 void WriteBatchSummary(const std::vector<BatchResult>& results, const std::filesystem::path& folder);
+// Done, failed and not passed, the worst medians; `taken` as in "55 s".
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& taken);
 std::string FormatBatch(const std::vector<BatchResult>& results);
 nlohmann::json BatchJson(const std::vector<BatchResult>& results);
 

@@ -75,6 +75,44 @@ StageTarget TargetOf(const Project& project, const Arguments& arguments) {
   return target;
 }
 
+Ending CalibrationEnding(const StageOutcome& outcome, const std::string& name, const std::string& taken) {
+  const bool refused = outcome.manifest.at("metrics").value("refused", false);
+  Ending ending("Calibration " + name +
+                (refused            ? " is refused"
+                 : outcome.computed ? " done in " + taken
+                                    : " is up to date"));
+  const nlohmann::json document = nlohmann::json::parse(ReadTextFile(outcome.dir / "calibration.json"));
+  const std::string text = document.value("text", "");  // of a hand-eye calibration or an import
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    if (end > at) ending.Row(text.substr(at, end - at));
+    at = end + 1;
+  }
+  if (text.empty()) {
+    for (const nlohmann::json& camera : document.at("cameras")) {
+      ending.Fact(camera.at("name").get<std::string>(),
+                  fmt::format("{}, {} of {} pictures, rms {:.3f} px", camera.at("model").get<std::string>(),
+                              camera.at("views_used").get<int>(), camera.at("views").get<int>(),
+                              camera.at("rms_px").get<double>()));
+    }
+    for (const nlohmann::json& camera : document.at("quality").at("cameras")) {
+      ending.Fact(
+          camera.at("name").get<std::string>(),
+          fmt::format("the board covers {:.0f} % of the picture; a far point's pixel is known to {:.3f} px "
+                      "(median, 1 sigma)",
+                      100 * camera.at("coverage").get<double>(), camera.at("uncertainty_median_px").get<double>()));
+    }
+    for (const nlohmann::json& f : document.at("quality").at("findings")) {
+      const std::string advice = f.at("advice").get<std::string>();
+      ending.Problem(Capitalised(f.at("level").get<std::string>()), f.at("check").get<std::string>() + ": " +
+                                                                        f.at("reason").get<std::string>() +
+                                                                        (advice.empty() ? "" : ". Next: " + advice));
+    }
+  }
+  ending.Look("Files", outcome.dir);
+  return refused ? ending : ending.Next("camera: " + name + " in the run.yaml of the runs that this camera took");
+}
+
 int Calibrate(Session& session, const Arguments& arguments) {
   CheckVariantName(arguments.name);
   MakeProject(arguments.dir);
@@ -91,7 +129,9 @@ int Calibrate(Session& session, const Arguments& arguments) {
   const nlohmann::json& metrics = outcome.manifest.at("metrics");
   const bool refused = metrics.value("refused", false);
   terminal.Say("calibrate/" + arguments.name + ": " + (outcome.computed ? "computed" : "up to date"));
-  session.Print(stage.summary(outcome, DisplayUnitNamed(session.options.units)));
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  session.PrintDetails(stage.summary(outcome, unit));
+  session.End(CalibrationEnding(outcome, arguments.name, session.Taken()));
   session.PrintJson({{"command", "calibrate"},
                      {"project", project.dir().string()},
                      {"ok", !refused},

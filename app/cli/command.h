@@ -2,11 +2,13 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "app/cli/ending.h"
 #include "app/cli/terminal.h"
 #include "app/pipeline/jobs.h"
 
@@ -15,6 +17,7 @@ namespace trigpoint {
 // --quiet, --log-level, ... of the command that was given.
 struct CommonOptions {
   bool quiet = false;
+  bool verbose = false;
   bool json = false;
   std::string log_level = "warning";
   int threads = 0;
@@ -22,27 +25,52 @@ struct CommonOptions {
   std::string units = "m";
 };
 
-// One invocation: the options, and where output goes. Tables go to standard output, the rest to standard error; with
-// --json standard output holds one JSON document and nothing else.
+// One invocation: the options, and where output goes. The ending and what was asked for go to standard output, the rest
+// to standard error; with --json standard output holds one JSON document and nothing else.
 struct Session {
   CommonOptions options;
   const CancelToken* cancel = nullptr;
   std::function<int(Session&)> action;  // set by the command that was given; returns the exit code
+  std::shared_ptr<Messages> messages = std::make_shared<Messages>();
+  std::chrono::steady_clock::time_point begun = std::chrono::steady_clock::now();
 
-  Terminal MakeTerminal() const { return Terminal(LogLevelNamed(options.log_level), options.quiet); }
-  void Print(const std::string& text) const;     // unless --quiet or --json
-  void PrintJson(nlohmann::json summary) const;  // if --json; adds the schema
+  Terminal MakeTerminal() const;
+  // On a terminal the ending alone shows warnings, where people look; elsewhere they are also written as they arise.
+  bool HoldsWarnings() const;
+  void Print(const std::string& text) const;         // unless --quiet or --json
+  void PrintDetails(const std::string& text) const;  // with --verbose: tables and what else is too long for an ending
+  void PrintJson(nlohmann::json summary) const;      // if --json; adds the schema
+  // The last thing a command does: its ending with the warnings and errors of this invocation.
+  void End(Ending ending, size_t lines = kEndingLines) const;
+  std::string Taken() const;  // "55 s", since the command began
 };
 
 // The exit code when everything was done but a quality gate is not passed.
 constexpr int kGateExitCode = 3;
 
+// --quiet, --json, ...; also those of the program itself, so that they may stand before the command.
+void AddCommonOptions(CLI::App& app, CommonOptions& options);
 // A command with the common options, and examples at the end of its help.
 CLI::App& AddCommand(CLI::App& app, Session& session, const std::string& name, const std::string& help,
                      const std::string& footer);
 
-// Runs jobs with progress, one line each on standard error, and their tables. Returns the exit code.
+// What became of jobs.
+struct RunReport {
+  std::vector<JobResult> results;
+  std::vector<std::string> problems;  // what was given and led to nothing
+  nlohmann::json json;                // of --json
+  int exit_code = 0;
+};
+// Runs jobs with progress, one line each on standard error; with --verbose their tables on standard output.
+RunReport RunJobsShown(const Session& session, const std::string& command, const Project& project,
+                       const std::vector<Job>& jobs);
+// What is to be said at the end of it.
+Ending EndingOf(const Session& session, const std::string& command, const Project& project, const RunReport& report);
+// Both, with the JSON. Returns the exit code.
 int RunAndReport(Session& session, const std::string& command, const Project& project, const std::vector<Job>& jobs);
+
+// A metric of a manifest as people read it; a name that ends in _m is a length. Empty if there is none.
+std::string MetricText(const nlohmann::json& metrics, const std::string& name, const DisplayUnit& unit);
 
 // Opens a project, checks its options, and shows its warnings.
 Project OpenProject(const Session& session, const std::string& dir);
@@ -64,5 +92,6 @@ void AddReviewCommand(CLI::App& app, Session& session);
 void AddInspectCommand(CLI::App& app, Session& session);
 void AddMarkCommand(CLI::App& app, Session& session);
 void AddDemoCommand(CLI::App& app, Session& session);
+void AddDoctorCommand(CLI::App& app, Session& session, const std::string& version);
 
 }  // namespace trigpoint

@@ -51,15 +51,13 @@ int Demo(Session& session, const std::string& dir) {
     Project::Init(dir);
   }
   const Project project = OpenProject(session, dir);
-  const int exit_code = RunAndReport(session, "demo", project, PlanJobs(project, {}));
-  session.Print("Results: " + project.results().string() + "\n");
-  return exit_code;
+  return RunAndReport(session, "demo", project, PlanJobs(project, {}));
 }
 
 }  // namespace
 
 void AddDemoCommand(CLI::App& app, Session& session) {
-  CLI::App& command = AddCommand(app, session, "demo", "copy the embedded site, run everything, print the tables",
+  CLI::App& command = AddCommand(app, session, "demo", "copy the embedded site, run everything, say how good it is",
                                  "A folder that holds the site already is used as it is; finished results are kept.\n\n"
                                  "Examples:\n  trigpoint demo\n  trigpoint demo /tmp/lot --units ft");
   const auto dir = std::make_shared<std::string>("trigpoint-demo");

@@ -12,13 +12,14 @@ int Export(Session& session, const std::string& dir, const ExportRequest& reques
   terminal.ClearProgress();
   for (const std::string& warning : report.warnings) terminal.Log(LogLevel::kWarning, warning);
   nlohmann::json files = nlohmann::json::array();
-  std::string text;
-  for (const std::string& line : report.lines) text += line + "\n";
+  Ending ending("Exported " + request.to + " in " + session.Taken() + ": " +
+                Counted(static_cast<int64_t>(report.files.size()), "file", "files"));
+  for (const std::string& line : report.lines) ending.Fact("Contents", line);
   for (const auto& file : report.files) {
     files.push_back(file.string());
-    text += "Wrote " + file.string() + "\n";
+    ending.Row("Wrote     " + ShownPath(file));
   }
-  session.Print(text);
+  session.End(ending);
   session.PrintJson({{"command", "export"},
                      {"ok", true},
                      {"files", files},

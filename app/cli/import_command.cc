@@ -5,6 +5,7 @@
 #include <map>
 
 #include "app/cli/interchange_commands.h"
+#include "app/pipeline/command_line.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/import/providers/services.h"
@@ -150,12 +151,13 @@ int TakeIn(Session& session, const Arguments& a) {
   const ImportReport report = Import(a, as, terminal, *session.cancel);
   terminal.ClearProgress();
   for (const std::string& warning : report.warnings) terminal.Log(LogLevel::kWarning, warning);
-  std::string text;
+  Ending ending(fmt::format("Imported {} in {}: {} below {}", as, session.Taken(),
+                            Counted(static_cast<int64_t>(report.files.size()), "new file", "new files"),
+                            ShownPath(a.dir)));
   nlohmann::json files = nlohmann::json::array();
-  for (const std::string& line : report.lines) text += line + "\n";
+  for (const std::string& line : report.lines) ending.Fact("Contents", line);
   for (const fs::path& file : report.files) files.push_back(file.string());
-  text += fmt::format("Wrote {} files below {}\nNext: trigpoint init {}\n", report.files.size(), a.dir, a.dir);
-  session.Print(text);
+  session.End(ending.Next("trigpoint init " + ShellWord(a.dir)));
   session.PrintJson({{"command", "import"},
                      {"ok", true},
                      {"as", as},

@@ -23,19 +23,19 @@ int Inspect(const Session& session, const InspectArguments& a) {
   RunInspector inspector(project, a.run, a.variant);
   if (a.point >= 0) {
     const std::vector<std::string> images = inspector.ImagesOf(a.point);
-    std::string text = fmt::format("point {} of {} is seen by {} images\n", a.point, a.run, images.size());
-    for (const std::string& image : images) text += image + "\n";
-    session.Print(text);
+    Ending ending(fmt::format("Point {} of {} is observed in {} images", a.point, a.run, images.size()));
+    for (const std::string& image : images) ending.Row(image);
+    session.End(ending);
     session.PrintJson({{"command", "inspect"}, {"ok", true}, {"point", a.point}, {"images", images}});
     return 0;
   }
   const InspectedImage image = inspector.Image(a.image);
-  std::string text = fmt::format("{}/{}: {} x {} px{}\n", a.run, a.image, image.width, image.height,
-                                 image.excluded ? ", excluded by the review" : "");
+  Ending ending(fmt::format("{}/{}: {} x {} px{}", a.run, a.image, image.width, image.height,
+                            image.excluded ? ", excluded by the review" : ""));
   nlohmann::json tags = nlohmann::json::array(), points = nlohmann::json::array(), matches = nlohmann::json::array();
   for (const InspectedTag& tag : image.tags) {
-    text += fmt::format("tag {} at {:.2f} {:.2f} px (its first corner), sigma {:.2f} px (1 sigma){}\n", tag.id,
-                        tag.corners[0].x(), tag.corners[0].y(), tag.sigma_px, tag.excluded ? ", excluded" : "");
+    ending.Row(fmt::format("tag {} at {:.2f} {:.2f} px (its first corner), sigma {:.2f} px (1 sigma){}", tag.id,
+                           tag.corners[0].x(), tag.corners[0].y(), tag.sigma_px, tag.excluded ? ", excluded" : ""));
     tags.push_back({{"tag_id", tag.id}, {"sigma_px", tag.sigma_px}, {"excluded", tag.excluded}});
     for (const Eigen::Vector2d& corner : tag.corners) tags.back()["corners"].push_back(Pixel(corner));
   }
@@ -46,8 +46,8 @@ int Inspect(const Session& session, const InspectArguments& a) {
                       {"images", point.track_length}});
   }
   if (image.rms_px) {
-    text += fmt::format("{} points of the model, root mean square reprojection error {:.2f} px\n", image.points.size(),
-                        *image.rms_px);
+    ending.Fact("Points", fmt::format("{} of the model, root mean square reprojection error {:.2f} px",
+                                      image.points.size(), *image.rms_px));
   }
   int inliers = 0;
   if (!a.panorama.empty()) {
@@ -59,10 +59,10 @@ int Inspect(const Session& session, const InspectArguments& a) {
                          {"error_px", std::isfinite(match.error_px) ? nlohmann::json(match.error_px) : nullptr},
                          {"inlier", match.inlier}});
     }
-    text += fmt::format("{} matches with {}, {} of them inliers (3 px from their epipolar lines)\n", matches.size(),
-                        a.panorama, inliers);
+    ending.Fact("Matches", fmt::format("{} with {}, {} of them inliers (3 px from their epipolar lines)",
+                                       matches.size(), a.panorama, inliers));
   }
-  session.Print(text);
+  session.End(ending);
   session.PrintJson({{"command", "inspect"},
                      {"ok", true},
                      {"excluded", image.excluded},
@@ -95,16 +95,16 @@ int Mark(const Session& session, const MarkArguments& a) {
     SavePointMark(project, a.point, a.image, ParsePixel(a.at));
   }
   nlohmann::json json = {{"command", "mark"}, {"ok", true}, {"point", a.point}};
-  std::string text;
+  Ending ending("");
   try {
     const PointSolution solution = PredictPoint(project, a.point, a.variant);
     const DisplayUnit unit = DisplayUnitNamed(session.options.units);
     const Eigen::Vector3d sigma = solution.covariance.diagonal().cwiseSqrt() / unit.metres;
     const Eigen::Vector3d at = solution.world_m / unit.metres;
-    text = fmt::format(
+    ending.Headline(fmt::format(
         "{}: {:.3f} {:.3f} {:.3f} {} (site east, north, up; 1 sigma {:.3f} {:.3f} {:.3f}, cameras held), {} marks, "
-        "{:.2f} px\n",
-        a.point, at.x(), at.y(), at.z(), unit.name, sigma.x(), sigma.y(), sigma.z(), solution.marks, solution.rms_px);
+        "{:.2f} px",
+        a.point, at.x(), at.y(), at.z(), unit.name, sigma.x(), sigma.y(), sigma.z(), solution.marks, solution.rms_px));
     std::vector<std::vector<std::string>> rows;
     json["world_m"] = {solution.world_m.x(), solution.world_m.y(), solution.world_m.z()};
     json["rms_px"] = solution.rms_px;
@@ -117,13 +117,18 @@ int Mark(const Session& session, const MarkArguments& a) {
           {{"run", p.run}, {"image", p.file}, {"predicted", Pixel(p.pixel)}, {"sigma_px", spread}});
       if (p.marked) json["images"].back()["marked"] = Pixel(*p.marked);
     }
-    text += TableText({"image", "u px", "v px", "1 sigma px", ""}, rows);
+    const std::string table = TableText({"image", "u px", "v px", "1 sigma px", ""}, rows);
+    for (size_t at_line = 0; at_line < table.size();) {
+      const size_t end = table.find('\n', at_line);
+      ending.Row(table.substr(at_line, end - at_line));
+      at_line = end + 1;
+    }
   } catch (const InputError& e) {
     if (a.image.empty()) throw;
-    text = std::string("Saved. ") + e.what() + "\n";  // the first mark of a point
+    ending.Headline(std::string("Saved. ") + e.what());  // the first mark of a point
     json["predicted"] = nullptr;
   }
-  session.Print(text);
+  session.End(ending);
   session.PrintJson(json);
   return 0;
 }

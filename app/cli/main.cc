@@ -26,6 +26,11 @@ void OnSignal(int signal) {
 
 int Fail(const Session& session, std::string message, int exit_code) {
   for (char& c : message) c = c == '\n' ? ' ' : c;
+  if (session.HoldsWarnings()) {  // there will be no ending to show them
+    for (const auto& [level, text] : session.messages->said()) {
+      if (level == LogLevel::kWarning) std::fputs(("warning: " + text + "\n").c_str(), stderr);
+    }
+  }
   std::fputs(("trigpoint: " + message + "\n").c_str(), stderr);
   session.PrintJson({{"ok", false}, {"error", message}, {"exit_code", exit_code}});
   return exit_code;
@@ -48,6 +53,7 @@ int Launch(int argc, char** argv) {
   app.set_version_flag("--version", TRIGPOINT_VERSION);
   app.require_subcommand(1);
   Session session;
+  AddCommonOptions(app, session.options);
   session.cancel = &cancel_token;
   AddDemoCommand(app, session);
   AddInitCommand(app, session);
@@ -67,6 +73,8 @@ int Launch(int argc, char** argv) {
   AddStitchCommand(app, session);
   AddTrajectoryCommand(app, session);
   AddBatchCommand(app, session);
+  AddDoctorCommand(app, session, TRIGPOINT_VERSION);
+  AddCompletionCommand(app, session);
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());

@@ -136,7 +136,28 @@ std::string FishCompletion(const CLI::App& root) {
   return text;
 }
 
+std::string Completion(const CLI::App& root, const std::string& shell) {
+  return shell == "bash" ? BashCompletion(root) : shell == "zsh" ? ZshCompletion(root) : FishCompletion(root);
+}
+
 }  // namespace
+
+void AddCompletionCommand(CLI::App& app, Session& session) {
+  CLI::App& command = AddCommand(app, session, "completion", "print the completion of commands and options for a shell",
+                                 "The Debian package has it in place. Without it:\n"
+                                 "  bash   eval \"$(trigpoint completion bash)\"   in ~/.bashrc\n"
+                                 "  zsh    trigpoint completion zsh > ~/.zfunc/_trigpoint   (a folder of fpath)\n"
+                                 "  fish   trigpoint completion fish > ~/.config/fish/completions/trigpoint.fish\n\n"
+                                 "Example:\n  eval \"$(trigpoint completion bash)\"");
+  const auto shell = std::make_shared<std::string>();
+  command.add_option("SHELL", *shell, "bash, zsh or fish")->required()->check(CLI::IsMember({"bash", "zsh", "fish"}));
+  command.callback([&app, &session, shell] {
+    session.action = [&app, shell](Session&) {
+      std::fputs(Completion(app, *shell).c_str(), stdout);
+      return 0;
+    };
+  });
+}
 
 void AddManualCommand(CLI::App& app, Session& session, const std::string& version) {
   CLI::App& command =
@@ -160,7 +181,7 @@ void AddManualCommand(CLI::App& app, Session& session, const std::string& versio
       }
       for (const auto& [file, text] : files) WriteFileAtomically(file, text);
       output.Publish();
-      s.Print(fmt::format("Wrote {} files to {}\n", files.size(), *dir));
+      s.End(Ending(fmt::format("Wrote {} files to {}", files.size(), *dir)));
       s.PrintJson({{"command", "manual"}, {"ok", true}, {"files", files.size()}});
       return 0;
     };

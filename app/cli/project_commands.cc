@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "app/cli/command.h"
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
 
@@ -16,27 +17,13 @@ double AgeSeconds(const nlohmann::json& manifest) {
   return end ? std::chrono::duration<double>(now).count() - 1e-9 * static_cast<double>(*end) : 0;
 }
 
-// A metric as people read it; the name's end says whether it is a length.
-std::string MetricText(const nlohmann::json& metrics, const std::string& name, const DisplayUnit& unit) {
-  const auto it = metrics.find(name);
-  if (name.empty() || it == metrics.end() || it->is_null()) return "";
-  if (!it->is_number()) return name + " " + (it->is_string() ? it->get<std::string>() : it->dump());
-  if (name.ends_with("_m")) {
-    return fmt::format("{} {:.3f} {}", name.substr(0, name.size() - 2), it->get<double>() / unit.metres, unit.name);
-  }
-  if (it->is_number_integer()) return fmt::format("{} {}", name, it->get<int64_t>());
-  return fmt::format("{} {:.4g}", name, it->get<double>());
-}
-
 int Init(const Session& session, const std::string& dir) {
   const InitReport report = Project::Init(dir);
-  std::string text =
-      report.created ? "Wrote " + report.file.string() + "\n" : report.file.string() + " was there and is kept\n";
-  for (const std::string& line : report.found) text += "found    " + line + "\n";
-  for (const std::string& line : report.missing) text += "missing  " + line + "\n";
-  for (const std::string& line : report.warnings) text += "warning  " + line + "\n";
-  text += "Next: trigpoint run " + dir + "\n";
-  session.Print(text);
+  Ending ending(report.created ? "Wrote " + ShownPath(report.file) : ShownPath(report.file) + " was there and is kept");
+  for (const std::string& line : report.found) ending.Fact("Found", line);
+  for (const std::string& line : report.missing) ending.Problem("Missing", line);
+  for (const std::string& line : report.warnings) ending.Problem("Warning", line);
+  session.End(ending.Next("trigpoint run " + ShellWord(ShownPath(dir))));
   session.PrintJson({{"command", "init"},
                      {"ok", true},
                      {"file", report.file.string()},
@@ -47,14 +34,38 @@ int Init(const Session& session, const std::string& dir) {
   return 0;
 }
 
+// A line for each state that results are in.
+void EndStatus(const Session& session, const Project& project,
+               const std::map<std::string, std::vector<std::string>>& by_state, Ending ending) {
+  const auto in = [&](const char* state) {
+    const auto it = by_state.find(state);
+    return it == by_state.end() ? std::vector<std::string>() : it->second;
+  };
+  size_t all = 0, needed = 0;
+  for (const auto& [state, titles] : by_state) {
+    all += titles.size();
+    if (state != "not needed") needed += titles.size();
+  }
+  const size_t done = in("done").size();
+  ending.Headline(all == 0 ? ShownPath(project.dir()) + ": there is nothing to compute yet"
+                           : fmt::format("{}: {} of {} done", ShownPath(project.dir()), done,
+                                         Counted(static_cast<int64_t>(needed), "result", "results")));
+  for (const char* state : {"running", "failed", "out of date", "missing", "done", "not needed"}) {
+    if (const auto titles = in(state); !titles.empty()) ending.Fact(Capitalised(state), Listed(titles, 8));
+  }
+  session.End(done < needed ? ending.Next("trigpoint run " + ShellWord(ShownPath(project.dir()))) : ending);
+}
+
 int Status(const Session& session, const std::string& dir) {
   const Project project = OpenProject(session, dir);
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
   JobQuery query;
   query.variants = KnownVariants(project);
+  Ending ending("");
   std::vector<std::vector<std::string>> rows;
   nlohmann::json stages = nlohmann::json::array();
   std::string reasons;
+  std::map<std::string, std::vector<std::string>> by_state;
   // Photo sets first: localize reads their rigs.
   std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
   for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
@@ -67,18 +78,21 @@ int Status(const Session& session, const std::string& dir) {
         there ? state.manifest.value("metrics", nlohmann::json::object()) : nlohmann::json::object();
     rows.push_back({stage.name, name, shown, there ? AgeText(AgeSeconds(state.manifest)) : "",
                     MetricText(metrics, stage.metric, unit)});
+    by_state[shown].push_back(state.job.Title());
+    if (shown == "failed") ending.Problem("Failed", state.job.Title() + ": " + state.reason);
     if (!state.reason.empty()) reasons += state.job.Title() + ": " + state.reason + "\n";
     stages.push_back(
         {{"stage", stage.name}, {"name", name}, {"state", shown}, {"reason", state.reason}, {"metrics", metrics}});
     if (there) stages.back()["age_seconds"] = AgeSeconds(state.manifest);
   }
   const auto holder = ProjectLock::Holder(project.results());
-  session.Print(TableText({"stage", "name", "state", "age", "main metric"}, rows) +
-                (reasons.empty() ? "" : "\n" + reasons));
   if (holder) {
-    session.Print(fmt::format("\nin use by process {} of {} on {} since {}\n", holder->process, holder->user,
-                              holder->host, holder->since));
+    ending.Problem("Note", fmt::format("in use by process {} of {} on {} since {}", holder->process, holder->user,
+                                       holder->host, holder->since));
   }
+  session.PrintDetails(TableText({"stage", "name", "state", "age", "main metric"}, rows) +
+                       (reasons.empty() ? "" : "\n" + reasons) + "\n");
+  EndStatus(session, project, by_state, std::move(ending));
   session.PrintJson({{"command", "status"}, {"ok", true}, {"project", project.dir().string()}, {"stages", stages}});
   return 0;
 }

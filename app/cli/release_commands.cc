@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/command.h"
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/compared.h"
 #include "app/pipeline/publish.h"
 #include "app/pipeline/release_files.h"
@@ -22,6 +23,8 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
     for (const std::string& note : side.notes) terminal.Log(LogLevel::kWarning, note);
   }
   nlohmann::json pairs = nlohmann::json::array();
+  Ending ending("");
+  std::vector<std::string> others;
   const Compared& a = opened.front();
   for (size_t i = 1; i < opened.size(); ++i) {
     session.cancel->ThrowIfCancelled();
@@ -30,18 +33,35 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
     std::string text = "## " + a.label + " against " + b.label + "\n\n";
     text += FormatComparison(groups, a.label, b.label, unit.name, unit.metres) + "\n";
     nlohmann::json pair = ComparisonJson(groups, a.label, b.label);
+    others.push_back(b.label);
+    for (const ComparedGroup& g : groups) {
+      ending.Fact(b.label, g.answer + ", " + g.kind + ", " + g.reference + ": " +
+                               Describe(g.paired, a.label, b.label, unit.name, unit.metres));
+    }
+    if (groups.empty()) ending.Fact(b.label, "has no group of errors in common with " + a.label);
     const std::vector<std::string> changes = ChangesBetween(a, b);
+    if (changes.empty()) ending.Fact("Changed", "nothing in inputs, options and versions");
+    for (const std::string& change : changes) ending.Row("Changed   " + change);
     text += changes.empty() ? "Nothing changed in inputs, options and versions\n" : "### What changed\n\n";
     for (const std::string& change : changes) text += "- " + change + "\n";
     pair["changes"] = changes;
     if (!a.tags.empty() && !b.tags.empty()) {
       const EpochTest test = TestEpoch(a.tags, b.tags, significance);
+      std::vector<std::string> moved;
+      for (const TagMove& t : test.tags) {
+        if (t.moved || t.turned) moved.push_back(std::to_string(t.tag_id));
+      }
+      ending.Fact("Tags", moved.empty() ? fmt::format("none of {} moved", test.tags.size())
+                                        : fmt::format("moved or turned: {} of {}: {}", moved.size(), test.tags.size(),
+                                                      Listed(moved)));
       text += "\n" + FormatEpoch(test, a.label, b.label, unit.name, unit.metres);
       pair["map"] = EpochJson(test);
     }
-    session.Print(text + "\n");
+    session.PrintDetails(text + "\n");
     pairs.push_back(std::move(pair));
   }
+  ending.Headline("Compared " + a.label + " with " + Listed(others) + " in " + session.Taken());
+  session.End(ending);
   session.PrintJson({{"command", "compare"}, {"ok", true}, {"comparisons", pairs}});
   return 0;
 }
@@ -75,11 +95,16 @@ void AddPublishCommand(CLI::App& app, Session& session) {
     session.action = [arguments](Session& s) {
       const Project project = OpenProject(s, arguments->dir);
       const Release release = Publish(project, arguments->options, *s.cancel);
-      s.Print(
-          fmt::format("Published {}: {} files, a map of {} tags\n", release.dir.string(), release.files, release.tags));
-      s.Print(fmt::format("Inputs: {}, of which {} by hash alone{}\nSHA-256 of release.json: {}\n", release.inputs,
-                          release.inputs_by_hash, release.inputs_by_hash > 0 ? " (--copy-inputs copies them)" : "",
-                          release.sha256));
+      const std::string dir = ShellWord(ShownPath(project.dir())), name = release.dir.filename().string();
+      s.End(Ending(fmt::format("Published {}: {}, a map of {}, {}", name,
+                               Counted(static_cast<int64_t>(release.files), "file", "files"),
+                               Counted(static_cast<int64_t>(release.tags), "tag", "tags"),
+                               release.runs.empty() ? "no run" : "runs " + Listed(release.runs)))
+                .Fact("Inputs", fmt::format("{}, of which {} by hash alone{}", release.inputs, release.inputs_by_hash,
+                                            release.inputs_by_hash > 0 ? " (--copy-inputs copies them)" : ""))
+                .Fact("SHA-256", release.sha256 + " of release.json")
+                .Look("Release", release.dir)
+                .Next("trigpoint evaluate " + dir + " --reference " + name));
       s.PrintJson({{"command", "publish"},
                    {"ok", true},
                    {"dir", release.dir.string()},

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/command.h"
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/reviewed.h"
 #include "datasets/project/files.h"
 
@@ -22,10 +23,10 @@ nlohmann::json OrNull(const std::optional<double>& value) {
 
 int List(const Session& session, const ReviewArguments& arguments) {
   const Project project = Project::Open(arguments.dir);
-  std::string text;
+  std::vector<std::string> rows;
   nlohmann::json entries = nlohmann::json::array();
   for (const ReviewEntry& entry : project.review().entries()) {
-    text += FormatReviewEntry(entry) + "\n";
+    rows.push_back(FormatReviewEntry(entry));
     entries.push_back({{"entry", entry.number},
                        {"time", entry.time},
                        {"user", entry.user},
@@ -35,7 +36,11 @@ int List(const Session& session, const ReviewArguments& arguments) {
                        {"reason", entry.reason},
                        {"in_force", entry.in_force}});
   }
-  session.Print(text.empty() ? "No decisions yet.\n" : text);
+  Ending ending(rows.empty()
+                    ? "No decisions yet."
+                    : Counted(static_cast<int64_t>(rows.size()), "decision", "decisions") + ", the newest first");
+  for (auto row = rows.rbegin(); row != rows.rend(); ++row) ending.Row(*row);
+  session.End(ending);
   session.PrintJson({{"command", "review"},
                      {"ok", true},
                      {"entries", entries},
@@ -49,9 +54,7 @@ int Solve(Session& session, const ReviewArguments& arguments) {
   const Project project = OpenProject(session, arguments.dir);
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
   const std::vector<ErrorRow> before = ErrorsOf(project, arguments.variant);
-  Session quiet = session;
-  quiet.options.json = false;
-  const int exit_code = RunAndReport(quiet, "review", project, PlanJobs(project, ReviewQuery(arguments.variant)));
+  const RunReport report = RunJobsShown(session, "review", project, PlanJobs(project, ReviewQuery(arguments.variant)));
   std::vector<std::vector<std::string>> rows;
   nlohmann::json changes = nlohmann::json::array();
   for (const ReviewedError& row : ChangedErrors(before, ErrorsOf(project, arguments.variant))) {
@@ -67,20 +70,25 @@ int Solve(Session& session, const ReviewArguments& arguments) {
                        {"status_before", row.status_before},
                        {"status_after", row.status_after}});
   }
-  session.Print(rows.empty() ? "Nothing changed at stations and check points.\n"
-                             : "Changed 3D errors, " + unit.name + "\n" +
-                                   TableText({"reference", "method", "run", "station", "before", "after",
-                                              "status before", "status after"},
-                                             rows));
-  session.PrintJson({{"command", "review"}, {"ok", exit_code == 0}, {"changes", changes}});
-  return exit_code;
+  if (!rows.empty()) {
+    session.PrintDetails(
+        "Changed 3D errors, " + unit.name + "\n" +
+        TableText({"reference", "method", "run", "station", "before", "after", "status before", "status after"}, rows));
+  }
+  Ending ending = EndingOf(session, "review", project, report);
+  ending.Fact("Changed", rows.empty() ? "nothing at stations and check points"
+                                      : Counted(static_cast<int64_t>(rows.size()), "error", "errors") +
+                                            " at stations and check points (--verbose lists them)");
+  session.End(ending);
+  session.PrintJson({{"command", "review"}, {"ok", report.exit_code == 0}, {"changes", changes}});
+  return report.exit_code;
 }
 
 int Decide(const Session& session, const ReviewArguments& arguments) {
   const Project project = OpenProject(session, arguments.dir);
   const ReviewEntry entry =
       AppendReview(project, {arguments.action, arguments.object, arguments.role, arguments.reason, arguments.user});
-  session.Print(FormatReviewEntry(entry) + "\nNext: trigpoint review " + arguments.dir + " solve\n");
+  session.End(Ending(FormatReviewEntry(entry)).Next("trigpoint review " + ShellWord(arguments.dir) + " solve"));
   session.PrintJson({{"command", "review"},
                      {"ok", true},
                      {"entry", entry.number},

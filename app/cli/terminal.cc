@@ -12,6 +12,7 @@ namespace trigpoint {
 namespace {
 
 constexpr auto kRedraw = std::chrono::milliseconds(200);
+constexpr auto kPlainLine = std::chrono::seconds(30);
 
 size_t TerminalWidth() {
   winsize size{};
@@ -48,8 +49,22 @@ LogLevel LogLevelNamed(const std::string& name) {
   throw OptionError("unknown log level '" + name + "'; expected debug, info, warning or error");
 }
 
-Terminal::Terminal(LogLevel level, bool quiet)
-    : level_(level), quiet_(quiet), draws_(!quiet && isatty(STDERR_FILENO) == 1) {}
+void Messages::Add(LogLevel level, const std::string& text) {
+  const std::lock_guard guard(mutex_);
+  said_.emplace_back(level, text);
+}
+
+std::vector<std::pair<LogLevel, std::string>> Messages::said() const {
+  const std::lock_guard guard(mutex_);
+  return said_;
+}
+
+Terminal::Terminal(LogLevel level, bool quiet, std::shared_ptr<Messages> messages, bool holds_warnings)
+    : level_(level),
+      quiet_(quiet),
+      draws_(!quiet && isatty(STDERR_FILENO) == 1),
+      holds_warnings_(holds_warnings),
+      messages_(std::move(messages)) {}
 
 Terminal::~Terminal() { ClearProgress(); }
 
@@ -72,7 +87,10 @@ void Terminal::Log(LogLevel level, std::string_view text) {
   static constexpr const char* kPrefixes[] = {"debug: ", "", "warning: ", "error: "};
   if (level < level_ || (quiet_ && level < LogLevel::kError)) return;
   const std::lock_guard guard(mutex_);
-  Line(kPrefixes[static_cast<size_t>(level)] + std::string(text));
+  const std::string titled = title_.empty() ? std::string(text) : title_ + ": " + std::string(text);
+  if (level >= LogLevel::kWarning) messages_->Add(level, titled);
+  if (level == LogLevel::kWarning && holds_warnings_) return;
+  Line(kPrefixes[static_cast<size_t>(level)] + titled);
 }
 
 void Terminal::Say(const std::string& text) {
@@ -100,10 +118,7 @@ void Terminal::Line(const std::string& text) {
   std::fputs((text + "\n").c_str(), stderr);
 }
 
-void Terminal::Draw(bool force) {
-  const Clock::time_point now = Clock::now();
-  if (!draws_ || (!force && now - drawn_ < kRedraw)) return;
-  drawn_ = now;
+std::string Terminal::ProgressText(Clock::time_point now) const {
   std::string text = title_.empty() ? task_ : title_ + ": " + task_;
   if (total_ > 0) {
     const double share = std::min(1.0, static_cast<double>(done_) / static_cast<double>(total_));
@@ -113,7 +128,20 @@ void Terminal::Draw(bool force) {
   } else if (done_ > 0) {
     text += fmt::format("  {}", done_);
   }
-  std::fputs(fmt::format("\r{}\033[K", Cut(text, TerminalWidth() - 1)).c_str(), stderr);
+  return text;
+}
+
+void Terminal::Draw(bool force) {
+  const Clock::time_point now = Clock::now();
+  if (!draws_) {  // a log file gets a line now and then
+    if (quiet_ || now - written_ < kPlainLine) return;
+    written_ = now;
+    std::fputs((ProgressText(now) + "\n").c_str(), stderr);
+    return;
+  }
+  if (!force && now - drawn_ < kRedraw) return;
+  drawn_ = now;
+  std::fputs(fmt::format("\r{}\033[K", Cut(ProgressText(now), TerminalWidth() - 1)).c_str(), stderr);
   std::fflush(stderr);
   drawn_any_ = true;
 }

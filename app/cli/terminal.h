@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -14,10 +15,23 @@ namespace trigpoint {
 // "debug", "info", "warning", "error"; throws OptionError.
 LogLevel LogLevelNamed(const std::string& name);
 
+// Warnings and errors of a command, for its ending. Thread safe.
+class Messages {
+ public:
+  void Add(LogLevel level, const std::string& text);
+  std::vector<std::pair<LogLevel, std::string>> said() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::pair<LogLevel, std::string>> said_;
+};
+
 // Messages on standard error; where that is a terminal, a progress line with the time left is kept below them.
 class Terminal final : public ProgressSink {
  public:
-  Terminal(LogLevel level, bool quiet);
+  // `holds_warnings`: they are kept in `messages` alone, for the ending to show.
+  Terminal(LogLevel level, bool quiet, std::shared_ptr<Messages> messages = std::make_shared<Messages>(),
+           bool holds_warnings = false);
   ~Terminal() override;
   void Begin(std::string_view task, int64_t total) override;
   void Advance(int64_t steps) override;
@@ -27,19 +41,22 @@ class Terminal final : public ProgressSink {
   // What stands before the task in the progress line.
   void SetTitle(const std::string& title);
   void ClearProgress();
+  bool draws() const { return draws_; }  // there is a progress line
 
  private:
   using Clock = std::chrono::steady_clock;
   void Line(const std::string& text);
   void Draw(bool force);
+  std::string ProgressText(Clock::time_point now) const;
 
   LogLevel level_;
   bool quiet_;
-  bool draws_;
+  bool draws_, holds_warnings_;
+  std::shared_ptr<Messages> messages_;
   std::mutex mutex_;
   std::string title_, task_;
   int64_t total_ = 0, done_ = 0;
-  Clock::time_point begun_, drawn_;
+  Clock::time_point begun_, drawn_, written_ = Clock::now();
   bool drawn_any_ = false;
 };
 

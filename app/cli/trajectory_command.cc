@@ -1,11 +1,15 @@
 // trajectory: ATE and RPE of any trajectories.
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "app/cli/command.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/text.h"
 #include "datasets/project/outputs.h"
+#include "eval/report/trajectory_plots.h"
 #include "eval/trajectory.h"
+#include "eval/trajectory_frames.h"
 
 namespace trigpoint {
 namespace {
@@ -22,7 +26,7 @@ struct TrajectoryArguments {
   bool all_pairs = false;
   std::vector<std::string> relative;
   std::vector<double> lever_arm, origin;
-  std::string time_zero, out;
+  std::string time_zero, out, plot;
   bool force = false;
 };
 
@@ -68,6 +72,98 @@ PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments,
   return sequence;
 }
 
+// Estimates as they are compared: in pairs, on the reference's clock, not aligned yet.
+struct Compared {
+  TrajectoryReport report;
+  std::vector<PosePair> pairs;
+  std::optional<FrameDifference> frames;  // without --align
+};
+
+Compared Compare(const std::string& file, const PoseSequence& reference, const TrajectoryReportOptions& options) {
+  const PoseSequence estimate = ReadPoseSequence(file);
+  Compared compared{EvaluateTrajectory(file, reference, estimate, options), {}, {}};
+  AssociationOptions association = options.association;
+  association.offset_s = compared.report.applied_offset_s;
+  compared.pairs = Associate(reference, estimate, association);
+  if (options.alignment == TrajectoryAlignment::kNone) compared.frames = FindFrameDifference(compared.pairs);
+  return compared;
+}
+
+// `plot` from above, and <plot>_errors along the way, both as aligned as the numbers are.
+std::vector<fs::path> WritePlots(const std::vector<Compared>& all, const TrajectoryReportOptions& options,
+                                 const TrajectoryArguments& arguments, const DisplayUnit& unit) {
+  std::vector<Eigen::Vector2d> reference;
+  std::vector<PlottedTrajectory> estimates;
+  for (const Compared& compared : all) {
+    std::vector<PosePair> pairs = compared.pairs;
+    Align(&pairs, options.alignment);
+    const TrajectoryErrors errors = AbsoluteErrors(pairs);
+    PlottedTrajectory& plotted = estimates.emplace_back();
+    plotted.name = fs::path(compared.report.name).filename().string();
+    double along = 0;
+    std::vector<Eigen::Vector2d> places;
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      if (i > 0) along += (pairs[i].reference.translation - pairs[i - 1].reference.translation).norm();
+      places.emplace_back(pairs[i].reference.translation.head<2>() / unit.metres);
+      plotted.places.emplace_back(pairs[i].estimate.translation.head<2>() / unit.metres);
+      plotted.along.push_back(along / unit.metres);
+      plotted.errors.push_back(errors.translation_m[i] / unit.metres);
+    }
+    if (places.size() > reference.size()) reference = places;
+  }
+  const fs::path plan = fs::absolute(arguments.plot).lexically_normal();
+  const fs::path along = plan.stem().string() + "_errors" + plan.extension().string();
+  OutputFiles output(plan.parent_path(), arguments.force);
+  WriteDrawing(TrajectoryPlan(reference, estimates, unit.name), "Trajectories from above",
+               output.staging() / plan.filename());
+  WriteDrawing(TrajectoryErrorChart(estimates, unit.name), "Absolute errors along the way", output.staging() / along);
+  return output.Publish();
+}
+
+// A line an estimate; the table with every statistic is for --verbose.
+Ending TrajectoryEnding(const std::vector<Compared>& all, const TrajectoryReportOptions& options,
+                        const DisplayUnit& unit) {
+  const auto length = [&](double metres) { return fmt::format("{:.4f} {}", metres / unit.metres, unit.name); };
+  Ending ending(fmt::format("{}, alignment {}", Counted(static_cast<int64_t>(all.size()), "trajectory", "trajectories"),
+                            ToString(options.alignment)));
+  for (const Compared& compared : all) {
+    const TrajectoryReport& r = compared.report;
+    std::string text = fmt::format("ATE {} rmse, {} median, {} worst", length(r.ate_m.rmse), length(r.ate_m.median),
+                                   length(r.ate_m.max));
+    if (r.ate_deg) text += fmt::format(", {:.3f} deg rmse", r.ate_deg->rmse);
+    for (const RelativeReport& rpe : r.rpe) {
+      const std::string over = RelativeName(rpe.options);
+      if (rpe.m)
+        text +=
+            "; RPE " + over + " " + length(rpe.m->rmse) + (rpe.deg ? fmt::format(", {:.3f} deg", rpe.deg->rmse) : "");
+      if (!rpe.m) ending.Problem("Note", r.name + " is too short for one piece of " + over);
+    }
+    if (options.alignment == TrajectoryAlignment::kSim3)
+      text += fmt::format("; scale {:.6f}", r.reference_from_estimate.scale);
+    if (r.applied_offset_s != 0) text += fmt::format("; clock moved by {:+.4f} s", r.applied_offset_s);
+    ending.Fact(fs::path(r.name).filename().string(), fmt::format("{} ({} pairs)", text, r.pairs));
+    if (r.ate_h_m) {
+      ending.Fact("", fmt::format("horizontal {} rmse, vertical {}; the track states 1 sigma {} and {} per axis, part "
+                                  "of every error here",
+                                  length(r.ate_h_m->rmse), length(r.ate_v_m->rmse), length(r.reference_sigma_h_m),
+                                  length(r.reference_sigma_v_m)));
+    }
+    if (compared.frames) {
+      ending.Problem("Frames", fs::path(r.name).filename().string() + ": " +
+                                   Describe(*compared.frames, unit.name, unit.metres) + "; --align " +
+                                   ToString(compared.frames->proposed) + " applies it");
+    }
+    for (const std::string& warning : r.warnings) ending.Problem("Note", r.name + ": " + warning);
+    if (!r.time_offset || !r.time_offset->significant || options.find_offset) continue;
+    ending.Problem("Note",
+                   fmt::format("{} fits better with its clock moved by {:+.3f} s (sigma {:.3f} s): ATE {} instead of "
+                               "{} after a rigid fit; --offset auto applies it",
+                               r.name, r.time_offset->offset_s, r.time_offset->sigma_s,
+                               length(r.time_offset->rmse_after_m), length(r.time_offset->rmse_before_m)));
+  }
+  return ending;
+}
+
 int Score(const Session& session, const TrajectoryArguments& arguments) {
   TrajectoryReportOptions options;
   options.alignment = ParseTrajectoryAlignment(arguments.align);
@@ -92,6 +188,7 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
   const PoseSequence reference = IsGps(arguments.reference)
                                      ? ReadGps(arguments.reference, arguments, &options.association)
                                      : ReadPoseSequence(arguments.reference);
+  std::vector<Compared> all;
   std::vector<TrajectoryReport> reports;
   std::vector<std::pair<std::string, std::string>> failed;
   const Terminal terminal = session.MakeTerminal();
@@ -99,7 +196,8 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
   for (const std::string& file : arguments.estimates) {
     session.cancel->ThrowIfCancelled();
     try {
-      reports.push_back(EvaluateTrajectory(file, reference, ReadPoseSequence(file), options));
+      all.push_back(Compare(file, reference, options));
+      reports.push_back(all.back().report);
     } catch (const Error& e) {  // the others go on
       const std::string what = e.what();
       failed.emplace_back(file, what.find(file) == std::string::npos ? file + ": " + what : what);
@@ -108,8 +206,16 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
   }
   if (reports.empty() && failed.size() == 1) throw InputError(failed.front().second);
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
-  if (!reports.empty()) session.Print(FormatTrajectoryReports(reports, options, unit.name, unit.metres));
+  if (!reports.empty()) {
+    session.PrintDetails(FormatTrajectoryReports(reports, options, unit.name, unit.metres) + "\n");
+  }
   nlohmann::json summary = TrajectoryReportsJson(reports, options);
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (!all[i].frames) continue;
+    summary["estimates"][i]["frames"] = {{"proposed", ToString(all[i].frames->proposed)},
+                                         {"rmse_before_m", all[i].frames->rmse_before_m},
+                                         {"rmse_after_m", all[i].frames->rmse_after_m}};
+  }
   summary["failed"] = nlohmann::json::array();
   for (const auto& [file, why] : failed) {
     session.MakeTerminal().Log(LogLevel::kError, why);
@@ -121,6 +227,12 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
     WriteFileAtomically(output.staging() / out.filename(), summary.dump(2) + "\n");
     output.Publish();
   }
+  Ending ending = TrajectoryEnding(all, options, unit);
+  if (!arguments.plot.empty() && !all.empty()) {
+    for (const fs::path& file : WritePlots(all, options, arguments, unit)) ending.Look("Plot", file);
+  }
+  if (!arguments.out.empty()) ending.Look("Summary", arguments.out);
+  session.End(ending);
   summary["command"] = "trajectory";
   summary["ok"] = failed.empty();
   session.PrintJson(summary);
@@ -134,9 +246,10 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
       app, session, "trajectory", "absolute and relative errors of trajectories against a reference",
       "Files are TUM, KITTI or EuRoC; REFERENCE may be a GPS track (CSV, NMEA, GPX). ATE and RPE are defined as in "
       "the\n"
-      "program evo. Nothing is aligned unless asked for: numbers are compared as they stand.\n\n"
+      "program evo. Nothing is aligned unless asked for: numbers are compared as they stand. Where the frames differ,\n"
+      "the ending proposes an alignment.\n\n"
       "Examples:\n"
-      "  trigpoint trajectory truth.tum slam.tum --align se3\n"
+      "  trigpoint trajectory truth.tum slam.tum --align se3 --plot slam.svg\n"
       "  trigpoint trajectory truth.tum a.tum b.tum --align sim3 --rpe 1m --rpe 10s --offset auto\n"
       "  trigpoint trajectory my_site/runs/run1/gps.csv my_site/results/localize/run1/cameras.tum --interpolate");
   const auto a = std::make_shared<TrajectoryArguments>();
@@ -160,7 +273,10 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
       ->expected(3);
   command.add_option("--time-zero", a->time_zero, "UTC of the estimates' time 0, for NMEA and GPX");
   command.add_option("--out", a->out, "write the JSON summary to this file too; only a summary is ever replaced");
-  command.add_flag("--force", a->force, "replace a summary that was changed since it was written");
+  command.add_option("--plot", a->plot,
+                     "draw the trajectories from above into this file (.svg or .png), and their errors along the way "
+                     "into the one beside it whose name ends in _errors");
+  command.add_flag("--force", a->force, "replace files that were changed since they were written");
   command.callback([&session, a] { session.action = [a](Session& s) { return Score(s, *a); }; });
 }
 

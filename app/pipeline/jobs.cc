@@ -103,11 +103,12 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     if (wanted.count(stage.name) == 0) continue;
     const std::vector<std::string> variants = stage.variants ? query.variants : std::vector<std::string>{""};
     const std::vector<std::string>& its_runs = for_all_runs(stage) ? there : runs;
+    const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
     const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {
         for (const StageTarget& target :
-             WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {
+             WantedTargets(project, stage, {run, variant, query.overrides, asked}, query, wanted)) {
           const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {
             return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant;
           });

@@ -12,6 +12,7 @@
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
+#include "datasets/project/description.h"
 #include "datasets/project/files.h"
 #include "datasets/project/look.h"
 #include "datasets/project/yaml_json.h"
@@ -415,6 +416,21 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   }
   project.shared_ = std::make_shared<Shared>(dir);
   return project;
+}
+
+InitReport DescribeFolder(const fs::path& dir_in) {
+  const fs::path dir = ExistingFolder(dir_in);
+  InitReport report;
+  report.file = dir / kProjectFile;
+  const Site site = ReadSite(dir);
+  if (!KnowsAnything(site)) ThrowNothingFound(dir);
+  std::optional<SiteOrigin> origin = FindOrigin(site);
+  if (fs::exists(report.file)) {
+    if (const ProjectFile file = ReadProjectFile(dir); file.origin)
+      origin = SiteOrigin{*file.origin, std::string("from ") + kProjectFile};
+  }
+  Describe(site, origin, report);
+  return report;
 }
 
 InitReport Project::Init(const fs::path& dir_in) {

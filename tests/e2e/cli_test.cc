@@ -47,7 +47,8 @@ TEST(Cli, HelpNamesWhatIsBuiltAndNothingElse) {
     EXPECT_THAT(help.out, HasSubstr(std::string("\n  ") + command + " "));
     const Finished own = Trigpoint({command, "--help"});
     EXPECT_EQ(own.exit_code, 0);
-    for (const char* part : {"--quiet", "--log-level", "--threads", "--seed", "--units", "--json", "Example", "130"}) {
+    for (const char* part :
+         {"--quiet", "--verbose", "--log-level", "--threads", "--seed", "--units", "--json", "Example", "130"}) {
       EXPECT_THAT(own.out, HasSubstr(part)) << command;
     }
   }
@@ -75,7 +76,7 @@ TEST(Cli, InitRunStatusOnFoldersOfAnyName) {
     const ProjectFolder folder(name);
     const Finished init = Trigpoint({"init", folder.dir().string()});
     EXPECT_EQ(init.exit_code, 0) << init.err;
-    EXPECT_THAT(init.out, HasSubstr("found    run run1"));
+    EXPECT_THAT(init.out, HasSubstr("Found     run run1"));
     EXPECT_EQ(States(folder.dir())["detect/run1"], "missing");
     const Finished run = Trigpoint({"detect", folder.dir().string(), "--json"});
     EXPECT_EQ(run.exit_code, 0) << run.err;

@@ -126,6 +126,36 @@ TEST_F(TrajectoryCommand, BadInputIsOneLineAndTheOthersGoOn) {
   EXPECT_THAT(mixed.out, HasSubstr("good.tum"));
 }
 
+TEST_F(TrajectoryCommand, NamesFramesThatDifferAndProposesAnAlignment) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  const Finished moved = Trigpoint({"trajectory", truth, Path("moved.tum", 0, {300, 40, 0})});
+  EXPECT_THAT(moved.out, HasSubstr("Frames    moved.tum: the frames differ by 0.0 deg, 302.65 m"));
+  EXPECT_THAT(moved.out, HasSubstr("--align yaw applies it"));
+  const Finished scaled = Trigpoint({"trajectory", truth, Path("scaled.tum", 0, {30, 40, 0}, 1.5)});
+  EXPECT_THAT(scaled.out, HasSubstr("a scale of 0.6667"));
+  EXPECT_THAT(scaled.out, HasSubstr("--align sim3 applies it"));
+  const json same = Estimate({truth, Path("same.tum", 0, {0, 0, 0})});
+  EXPECT_FALSE(same.contains("frames"));
+  EXPECT_NEAR(Estimate({truth, Path("moved.tum", 0, {300, 40, 0})})["frames"]["rmse_before_m"], 302.65, 0.01);
+  EXPECT_FALSE(Estimate({truth, Path("moved.tum", 0, {300, 40, 0}), "--align", "se3"}).contains("frames"));
+}
+
+TEST_F(TrajectoryCommand, DrawsPlotsOnRequest) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0}), other = Path("a<b>.tum", 0, {1, 0, 0});
+  for (const char* ending : {"svg", "png"}) {
+    const std::string plot = (dir_ / "plots" / (std::string("plan.") + ending)).string();
+    const Finished drawn = Trigpoint({"trajectory", truth, other, "--plot", plot});
+    EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+    EXPECT_THAT(drawn.out, HasSubstr("Plot      " + plot));
+    for (const std::string& name : {std::string("plan."), std::string("plan_errors.")}) {
+      const std::string text = ReadTextFile(dir_ / "plots" / (name + ending));
+      EXPECT_THAT(text, testing::StartsWith(ending == std::string("svg") ? "<svg xmlns" : "\x89PNG"));
+      if (ending == std::string("svg") && name == "plan.") EXPECT_THAT(text, HasSubstr("a&lt;b&gt;.tum"));
+    }
+  }
+  EXPECT_EQ(Trigpoint({"trajectory", truth, other, "--plot", (dir_ / "plan.gif").string()}).exit_code, 2);
+}
+
 // evo's own numbers, through the command.
 TEST(TrajectoryCommandEvo, AgreesToOneMillionth) {
   const auto dir = SharedData("trajectories");

@@ -1,0 +1,20 @@
+// What a project's results amount to, as lines of an ending.
+#pragma once
+
+#include "app/cli/ending.h"
+#include "app/pipeline/display_unit.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+struct ProjectFactsOptions {
+  bool errors = true;        // against references, and gates; false: those that are there belong to earlier results
+  bool check_points = true;  // the tag map at surveyed points
+};
+
+// Facts: answers, errors against references, per run, stated sigmas, check points. Problems: gates that are not passed,
+// runs without georeference, outlying geotags. Made of the same numbers as the report's first screen.
+void AddProjectFacts(const Project& project, const DisplayUnit& unit, const ProjectFactsOptions& options,
+                     Ending* ending);
+
+}  // namespace trigpoint

@@ -1,0 +1,283 @@
+// Jobs run for a person: a line each while they run, an ending when they are done.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "app/cli/command.h"
+#include "app/cli/project_facts.h"
+#include "app/pipeline/command_line.h"
+#include "datasets/io/photo_sets.h"
+#include "datasets/io/site_inputs.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What was given and led to nothing: tables without a usable row, references of which none is localized.
+std::vector<std::string> GivenForNothing(const Project& project, const std::vector<JobResult>& results) {
+  std::vector<std::string> problems;
+  int64_t references = 0, localized = 0;
+  bool reads_tables = false;
+  for (const JobResult& result : results) {
+    const std::string& stage = result.job.stage->name;
+    reads_tables = reads_tables || (stage != "features" && stage != "reconstruct" && stage != "detect" &&
+                                    stage != "calibrate" && stage != "stitch");
+    const bool there = result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate;
+    if (stage != "localize" || !there) continue;
+    references += result.outcome.manifest["metrics"].value("references", int64_t{0});
+    localized += result.outcome.manifest["metrics"].value("localized", int64_t{0});
+  }
+  if (reads_tables) {
+    for (const std::string& why : UnusedTables(project.dir()))
+      problems.push_back(why + "; nothing of this file is used");
+  }
+  if (references > 0 && localized == 0) {
+    problems.push_back(fmt::format(
+        "localize: none of {} references is localized; column reason of results/localize/*/panoramas.csv has the cause",
+        references));
+  }
+  return problems;
+}
+
+bool IsThere(const JobResult& result) { return result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate; }
+
+// While jobs run: a line for each in a log, a line for each stage on a terminal, where many runs would push everything
+// else off the screen.
+class JobLines {
+ public:
+  JobLines(Terminal* terminal, bool verbose) : terminal_(*terminal), verbose_(verbose || !terminal->draws()) {}
+
+  void Begun(const Job& job) { terminal_.SetTitle(job.Title()); }
+  void Ended(const JobResult& result) {
+    terminal_.SetTitle("");
+    if (stage_ != result.job.stage->name) Flush();
+    stage_ = result.job.stage->name;
+    if (result.end == JobEnd::kFailed) {
+      terminal_.Log(LogLevel::kError, result.job.Title() + ": failed: " + result.reason);
+    } else if (verbose_) {
+      std::string line = result.job.Title() + ": " + std::string(JobEndName(result.end));
+      if (result.end == JobEnd::kComputed) line += " in " + TakenText(Seconds(result));
+      terminal_.Say(line + (result.reason.empty() ? "" : ": " + result.reason));
+    } else if (result.end == JobEnd::kComputed) {
+      seconds_ += Seconds(result);
+      computed_.push_back(ResultName(*result.job.stage, result.job.target));
+    } else if (result.end == JobEnd::kSkipped) {
+      terminal_.Say(result.job.Title() + ": skipped: " + result.reason);
+    }
+  }
+  void Flush() {
+    std::erase(computed_, "");
+    if (seconds_ > 0) {
+      terminal_.Say(stage_ + (computed_.empty() ? "" : " " + Listed(computed_)) + ": computed in " +
+                    TakenText(seconds_));
+    }
+    computed_.clear();
+    seconds_ = 0;
+  }
+
+ private:
+  static double Seconds(const JobResult& result) { return result.outcome.manifest.value("wall_seconds", 0.0); }
+
+  Terminal& terminal_;
+  bool verbose_;
+  std::string stage_;
+  std::vector<std::string> computed_;
+  double seconds_ = 0;
+};
+
+// "2 runs (run1, run2), 117 images, 4 panoramas and photos, 1 photo set".
+std::string Contents(const Project& project) {
+  const Site& site = project.site();
+  size_t images = 0;
+  for (const Run& run : site.runs) images += run.images.size();
+  std::map<ReferenceKind, int64_t> references;
+  for (const Reference& r : site.references) ++references[r.kind];
+  std::vector<std::string> parts;
+  if (!site.runs.empty()) {
+    std::vector<std::string> names;
+    for (const Run& run : site.runs) names.push_back(run.name);
+    parts.push_back(Counted(static_cast<int64_t>(names.size()), "run", "runs") + " (" + Listed(names) + ")");
+  }
+  if (images > 0) parts.push_back(Counted(static_cast<int64_t>(images), "image", "images"));
+  if (const int64_t n = references[ReferenceKind::kPanorama]; n > 0)
+    parts.push_back(Counted(n, "panorama", "panoramas"));
+  if (const int64_t n = references[ReferenceKind::kPhoto]; n > 0) parts.push_back(Counted(n, "photo", "photos"));
+  const auto sets = static_cast<int64_t>(PhotoSetFolders(project.dir()).size());
+  if (sets > 0) parts.push_back(Counted(sets, "photo set", "photo sets"));
+  return parts.empty() ? "an empty project" : Listed(parts, parts.size());
+}
+
+std::string Headline(const Session& session, const std::string& command, const Project& project,
+                     const std::vector<JobResult>& results, bool whole) {
+  std::map<JobEnd, int64_t> ends;
+  std::vector<std::string> names;
+  for (const JobResult& result : results) {
+    ++ends[result.end];
+    const std::string name = ResultName(*result.job.stage, result.job.target);
+    if (IsThere(result) && result.job.stage->name == command && !name.empty()) names.push_back(name);
+  }
+  std::string text = Capitalised(command);
+  const int64_t there = ends[JobEnd::kComputed] + ends[JobEnd::kUpToDate];
+  if (ends[JobEnd::kFailed] > 0) {
+    text += fmt::format(" failed after {}: {} of {} results failed, {} skipped", session.Taken(), ends[JobEnd::kFailed],
+                        there + ends[JobEnd::kFailed] + ends[JobEnd::kSkipped], ends[JobEnd::kSkipped]);
+    return text;
+  }
+  if (there == 0) return text + ": nothing to do";
+  text += ends[JobEnd::kComputed] == 0 ? ": everything is up to date" : " done in " + session.Taken();
+  if (whole) return text + ": " + Contents(project);
+  return text + (names.empty() ? "" : ": " + Listed(names));
+}
+
+// One line a result, for stages that are no part of the project's facts.
+void AddBriefs(const std::vector<JobResult>& results, const std::string& command, const DisplayUnit& unit,
+               Ending* ending) {
+  for (const JobResult& result : results) {
+    const StageInfo& stage = *result.job.stage;
+    if (!IsThere(result) || stage.name != command) continue;
+    const std::string text = stage.brief ? stage.brief(result.outcome, unit)
+                                         : MetricText(result.outcome.manifest.at("metrics"), stage.metric, unit);
+    const std::string name = ResultName(stage, result.job.target);
+    if (!text.empty()) ending->Fact(name.empty() ? "Result" : name, text);
+  }
+}
+
+// What a result that was there already had to warn of, as if it had been computed now.
+void AddOldWarnings(const std::vector<JobResult>& results, Ending* ending) {
+  for (const JobResult& result : results) {
+    if (result.end != JobEnd::kUpToDate) continue;
+    const auto warnings = result.outcome.manifest.find("warnings");
+    if (warnings == result.outcome.manifest.end() || !warnings->is_array()) continue;
+    for (const nlohmann::json& warning : *warnings) {
+      if (warning.is_string()) ending->Problem("Warning", result.job.Title() + ": " + warning.get<std::string>());
+    }
+  }
+}
+
+void AddPlaces(const std::vector<JobResult>& results, const std::string& command, Ending* ending) {
+  std::vector<const JobResult*> own;
+  for (const JobResult& result : results) {
+    if (!IsThere(result)) continue;
+    if (result.job.stage->name == "report") {
+      ending->Look("Report", result.outcome.dir / "index.html");
+      if (fs::exists(result.outcome.dir / "report.pdf")) ending->Look("PDF", result.outcome.dir / "report.pdf");
+    } else if (result.job.stage->name == "evaluate" && command == "evaluate") {
+      ending->Look("Tables", result.outcome.dir / "tables.md");
+    } else if (result.job.stage->name == command) {
+      own.push_back(&result);
+    }
+  }
+  if (own.size() == 1) ending->Look("Files", own.front()->outcome.dir);
+  if (own.size() > 1) ending->Look("Files", own.front()->outcome.dir.parent_path());
+}
+
+void AddNext(const std::string& command, const Project& project, const RunReport& report, Ending* ending) {
+  const std::string dir = ShellWord(ShownPath(project.dir()));
+  for (const JobResult& result : report.results) {
+    if (result.end != JobEnd::kFailed) continue;
+    const fs::path dir_of = project.ResultDir(result.job.stage->name, ResultName(*result.job.stage, result.job.target));
+    const fs::path log = dir_of.parent_path() / (std::string(kFailedPrefix) + dir_of.filename().string()) / "log.txt";
+    if (!fs::exists(log)) continue;
+    ending->Look("Log", log);
+    break;
+  }
+  if (report.exit_code == 1) {
+    ending->Next("trigpoint status " + dir);
+  } else if (command == "demo") {
+    ending->Next("trigpoint init my_site      (docs/guides/own_run.md)");
+  } else if (command == "run" || command == "evaluate" || command == "report") {
+    ending->Next("trigpoint-desktop " + dir + (command == "report" ? "" : ", or trigpoint report " + dir + " --pdf"));
+  } else {
+    ending->Next("trigpoint run " + dir);
+  }
+}
+
+}  // namespace
+
+std::string MetricText(const nlohmann::json& metrics, const std::string& name, const DisplayUnit& unit) {
+  const auto it = metrics.find(name);
+  if (name.empty() || it == metrics.end() || it->is_null()) return "";
+  if (!it->is_number()) return name + " " + (it->is_string() ? it->get<std::string>() : it->dump());
+  if (name.ends_with("_m")) {
+    return fmt::format("{} {:.3f} {}", name.substr(0, name.size() - 2), it->get<double>() / unit.metres, unit.name);
+  }
+  if (it->is_number_integer()) return fmt::format("{} {}", name, it->get<int64_t>());
+  return fmt::format("{} {:.4g}", name, it->get<double>());
+}
+
+RunReport RunJobsShown(const Session& session, const std::string& command, const Project& project,
+                       const std::vector<Job>& jobs) {
+  RunReport report;
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  Terminal terminal = session.MakeTerminal();
+  JobLines lines(&terminal, session.options.verbose);
+  JobCallbacks callbacks;
+  callbacks.begun = [&](const Job& job) { lines.Begun(job); };
+  callbacks.ended = [&](const JobResult& result) { lines.Ended(result); };
+  report.results =
+      RunJobs(project, jobs, session.options.threads, session.options.seed, terminal, *session.cancel, callbacks);
+  lines.Flush();
+  terminal.ClearProgress();
+
+  bool gates_passed = true;
+  nlohmann::json stages = nlohmann::json::array();
+  for (const JobResult& result : report.results) {
+    const bool there = IsThere(result);
+    stages.push_back({{"stage", result.job.stage->name},
+                      {"name", ResultName(*result.job.stage, result.job.target)},
+                      {"status", JobEndName(result.end)},
+                      {"reason", result.reason},
+                      {"dir", there ? result.outcome.dir.string() : ""},
+                      {"metrics", there ? result.outcome.manifest["metrics"] : nlohmann::json::object()},
+                      {"warnings", there ? result.outcome.manifest["warnings"] : nlohmann::json::array()}});
+    if (result.end == JobEnd::kFailed)
+      report.exit_code = report.exit_code == 0 || report.exit_code == result.exit_code ? result.exit_code : 1;
+    if (there && result.outcome.manifest["metrics"].value("verdict", "PASS") != "PASS") gates_passed = false;
+    if (there && result.job.stage->summary) session.PrintDetails(result.job.stage->summary(result.outcome, unit));
+  }
+  report.problems = GivenForNothing(project, report.results);
+  for (const std::string& problem : report.problems) terminal.Log(LogLevel::kError, problem);
+  if (report.exit_code == 0 && !report.problems.empty()) report.exit_code = 1;
+  if (report.exit_code == 0 && !gates_passed) report.exit_code = kGateExitCode;
+  report.json = {{"command", command},          {"project", project.dir().string()},
+                 {"ok", report.exit_code == 0}, {"exit_code", report.exit_code},
+                 {"problems", report.problems}, {"stages", stages}};
+  return report;
+}
+
+Ending EndingOf(const Session& session, const std::string& command, const Project& project, const RunReport& report) {
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  const bool whole = command == "demo" || command == "run" || command == "review";
+  Ending ending(Headline(session, command, project, report.results, whole));
+  std::set<std::string> there;
+  for (const JobResult& result : report.results) {
+    if (IsThere(result)) there.insert(result.job.stage->name);
+  }
+  if (whole || command == "localize" || command == "evaluate") {
+    // Errors and check points of an earlier solution would be taken for this one's.
+    AddProjectFacts(project, unit, {there.count("evaluate") > 0, whole && there.count("survey") > 0}, &ending);
+  } else {
+    AddBriefs(report.results, command, unit, &ending);
+  }
+  if (whole && there.count("localize") == 0) {
+    for (const char* stage : {"stitch", "survey"}) AddBriefs(report.results, stage, unit, &ending);
+  }
+  AddOldWarnings(report.results, &ending);
+  AddPlaces(report.results, command, &ending);
+  AddNext(command, project, report, &ending);
+  ending.RestIn(ShownPath(project.results()) + "/*/*/log.txt");
+  return ending;
+}
+
+int RunAndReport(Session& session, const std::string& command, const Project& project, const std::vector<Job>& jobs) {
+  const RunReport report = RunJobsShown(session, command, project, jobs);
+  session.End(EndingOf(session, command, project, report), command == "demo" ? kDemoEndingLines : kEndingLines);
+  session.PrintJson(report.json);
+  return report.exit_code;
+}
+
+}  // namespace trigpoint

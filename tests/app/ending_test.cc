@@ -1,0 +1,66 @@
+#include "app/cli/ending.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+int Lines(const std::string& text) { return static_cast<int>(std::count(text.begin(), text.end(), '\n')); }
+
+TEST(Ending, PutsItsLinesInOrder) {
+  Ending ending("Run done in 55 s: 2 runs");
+  ending.Next("trigpoint status x").Look("Report", "/nowhere/index.html").Problem("Warning", "clock off by 3 s");
+  ending.Fact("Located", "7 of 8");
+  EXPECT_EQ(ending.Text(),
+            "Run done in 55 s: 2 runs\n"
+            "Located   7 of 8\n"
+            "Warning   clock off by 3 s\n"
+            "Report    /nowhere/index.html\n"
+            "Next      trigpoint status x\n");
+}
+
+TEST(Ending, KeepsToItsLinesAndCountsWhatIsLeftOut) {
+  for (const int facts : {0, 3, 30}) {
+    for (const int rows : {0, 2, 40}) {
+      for (const int problems : {0, 1, 50}) {
+        Ending ending("Done");
+        for (int i = 0; i < facts; ++i) ending.Fact("Fact", std::to_string(i));
+        for (int i = 0; i < rows; ++i) ending.Row("row " + std::to_string(i));
+        for (int i = 0; i < problems; ++i) ending.Problem("Warning", std::to_string(i));
+        ending.Look("Report", "/x").Next("n").RestIn("the log");
+        const std::string text = ending.Text();
+        const int all = 3 + facts + rows + problems;
+        EXPECT_EQ(Lines(text), std::min(all, static_cast<int>(kEndingLines))) << text;
+        EXPECT_EQ(Lines(ending.Text(std::string::npos)), all);
+        if (problems > 0) EXPECT_THAT(text, HasSubstr("Warning   0\n"));
+        if (problems > 0 && all > static_cast<int>(kEndingLines) && problems > 9)
+          EXPECT_THAT(text, testing::ContainsRegex("And       [0-9]+ more: the log"));
+      }
+    }
+  }
+}
+
+TEST(Ending, AProblemIsSaidOnceAndOnOneLine) {
+  Ending ending("Done");
+  ending.Problem("Warning", "two\nlines").Problem("Warning", "two\nlines");
+  EXPECT_EQ(ending.Text(), "Done\nWarning   two lines\n");
+}
+
+TEST(Ending, WritesPathsAndListsAsPeopleReadThem) {
+  EXPECT_EQ(ShownPath(std::filesystem::current_path() / "a" / "b.csv"), "a/b.csv");
+  EXPECT_EQ(ShownPath("/nowhere/b.csv"), "/nowhere/b.csv");
+  EXPECT_EQ(Listed({"a", "b", "c"}, 2), "a, b and 1 more");
+  EXPECT_EQ(Counted(1, "run", "runs"), "1 run");
+  EXPECT_EQ(TakenText(55.2), "55 s");
+  EXPECT_EQ(TakenText(125), "2 min 5 s");
+  EXPECT_EQ(TakenText(3780), "63 min 0 s");
+  EXPECT_EQ(TakenText(7380), "2 h 3 min");
+}
+
+}  // namespace
+}  // namespace trigpoint

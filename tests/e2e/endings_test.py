@@ -1,0 +1,176 @@
+#!/usr/bin/env python3
+"""Every command ends with at most 12 lines (demo: 16), and loses neither errors nor warnings.
+
+    endings_test.py PROGRAM SOURCE_DIR
+"""
+import json
+import os
+import pty
+import re
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM, SOURCE = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
+del sys.argv[1:3]
+LIMIT, DEMO_LIMIT = 12, 16
+
+# What is run for each command; others are called with the site alone.
+COMMANDS = {
+    "init": [["SITE"]],
+    "run": [["SITE"]],
+    "demo": [["SITE"]],
+    "status": [["SITE"]],
+    "export": [["SITE", "--to", "csv"], ["SITE", "--to", "kml"]],
+    "import": [["NEW", "--from", "SITE/panoramas", "--as", "photos", "--name", "corner"]],
+    "review": [["SITE", "list"], ["SITE", "exclude", "station:S57", "--reason", "test"],
+               ["SITE", "undo", "last", "--reason", "test"], ["SITE", "solve"]],
+    "inspect": [["SITE", "--run", "run2", "--image", "IMAGE"], ["SITE", "--run", "run2", "--point", "POINT"]],
+    "mark": [["SITE", "P1", "--image", "run2/IMAGE", "--at", "100,100"]],
+    "publish": [["SITE", "--name", "first"]],
+    "compare": [["SITE", "SITE/releases/first"]],
+    "manual": [["NEW/manual"]],
+    "calibrate": [["NEW", "--from", "SITE/runs/run2/camchain.yaml"]],
+    "trajectory": [["SITE/truth/runs/run2_cameras.tum", "SITE/results/localize/run2/cameras.tum"],
+                   ["SITE/truth/runs/run2_cameras.tum"] + ["SITE/results/localize/run2/cameras_odom.tum"] * 15],
+    "batch": [["LIST", "--out", "NEW/batch"]],
+}
+# These are not about a result that is there, and say in one line what is missing.
+MAY_FAIL = {"stitch", "crosscheck"}
+
+
+def trigpoint(*arguments, cwd=None):
+    return subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def on_a_terminal(*arguments):
+    """What a person sees, with lines that were overwritten left out."""
+    leader, follower = pty.openpty()
+    child = subprocess.Popen([PROGRAM, *arguments], stdin=follower, stdout=follower, stderr=follower, close_fds=True)
+    os.close(follower)
+    data = b""
+    while True:
+        ready, _, _ = select.select([leader], [], [], 1)
+        if ready:
+            try:
+                some = os.read(leader, 65536)
+            except OSError:  # the other end is closed
+                break
+            if not some:
+                break
+            data += some
+        elif child.poll() is not None:
+            break
+    os.close(leader)
+    child.wait()
+    lines = data.decode().replace("\r\n", "\n").split("\n")
+    return [line.split("\r")[-1].replace("\x1b[K", "") for line in lines if line]
+
+
+class Endings(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.dir = tempfile.mkdtemp(prefix="trigpoint-endings-")
+        cls.addClassCleanup(shutil.rmtree, cls.dir)
+        cls.site = os.path.join(cls.dir, "site")
+        shutil.copytree(os.path.join(SOURCE, "datasets/parking_lot"), cls.site)
+        shutil.rmtree(os.path.join(cls.site, "runs/run1"))
+        # Coarse views, so that the whole of it takes seconds.
+        with open(os.path.join(cls.site, "trigpoint.yaml"), "w", encoding="utf-8") as file:
+            file.write("stages:\n  references: {views: {size_px: 400}, references: {max_features: 600}}\n"
+                       "  survey: {tie_points: false}\n")
+        done = trigpoint("run", cls.site)
+        assert done.returncode == 0, done.stderr
+        cls.first = done.stdout
+        with open(os.path.join(cls.dir, "list.txt"), "w", encoding="utf-8") as file:
+            file.write(cls.site + "\n")
+
+    def words(self, arguments):
+        with open(os.path.join(self.site, "runs/run2/images.txt"), encoding="utf-8") as text:
+            image = next(line.split()[1] for line in text if line.strip() and not line.startswith("#"))
+        replaced = []
+        for word in arguments:
+            for name, value in (("SITE", self.site), ("NEW", os.path.join(self.dir, "new")), ("IMAGE", image),
+                                ("LIST", os.path.join(self.dir, "list.txt")), ("POINT", "1")):
+                word = re.sub(rf"\b{name}\b", lambda _, v=value: v, word)
+            replaced.append(word)
+        return replaced
+
+    def test_every_command_keeps_to_its_lines(self):
+        listed = trigpoint("--help").stdout
+        commands = re.findall(r"^  ([a-z]+) ", listed[listed.index("Subcommands"):], re.M)
+        self.assertGreater(len(commands), 15)
+        os.makedirs(os.path.join(self.dir, "new"), exist_ok=True)
+        for command in sorted(commands, key=lambda name: list(COMMANDS).index(name) if name in COMMANDS else 99):
+            for arguments in COMMANDS.get(command, [["SITE"]]):
+                with self.subTest(command=command, arguments=arguments):
+                    done = trigpoint(command, *self.words(arguments))
+                    lines = done.stdout.splitlines()
+                    self.assertLessEqual(len(lines), DEMO_LIMIT if command == "demo" else LIMIT, done.stdout)
+                    if command in COMMANDS:
+                        self.assertEqual(done.returncode, 0, done.stderr)
+                        self.assertGreater(len(lines), 0)
+                    if done.returncode == 0 and command not in MAY_FAIL:
+                        self.assertNotRegex(done.stdout, r"^\S+: ?$")
+
+    def test_run_says_what_how_good_where_and_what_next(self):
+        for part in (r"^Run done in .* 1 run \(run2\), 24 images, 4 panoramas$", r"^Located   \d of 4, 4 panoramas by 1 run",
+                     r"^Relative  median \d\.\d+ m, worst \d\.\d+ m   \(\d", r"^Absolute  median ", r"^Sigmas    ",
+                     r"^Check     110: \d\.\d+ m horizontal, \d\.\d+ m vertical \(1 check point, tag map\)$",
+                     r"^Report    .*results/report/index\.html$", r"^Next      trigpoint"):
+            self.assertRegex(self.first, re.compile(part, re.M))
+
+    def test_numbers_are_those_of_the_files(self):
+        with open(os.path.join(self.site, "results/evaluate/summary.json"), encoding="utf-8") as file:
+            groups = json.load(file)["groups"]
+        medians = [g["error_3d"]["over_answers"]["median_m"] for g in groups
+                   if g["kind"] == "absolute" and g["method"] == "single" and g["error_3d"]["over_answers"].get("median_m")]
+        shown = float(re.search(r"^Absolute  median (\d\.\d+) m", self.first, re.M).group(1))
+        self.assertTrue(any(abs(shown - median) <= 0.0051 for median in medians), (shown, medians))
+
+    def test_verbose_prints_the_tables_and_quiet_nothing(self):
+        verbose = trigpoint("evaluate", self.site, "--verbose").stdout
+        self.assertIn("| run ", verbose)
+        self.assertGreater(len(verbose.splitlines()), LIMIT)
+        for arguments in (["--quiet", "run", self.site], ["run", self.site, "--quiet"]):
+            done = trigpoint(*arguments)
+            self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
+
+    def test_warnings_and_errors_are_not_lost(self):
+        site = os.path.join(self.dir, "broken")
+        shutil.copytree(self.site, site, ignore=shutil.ignore_patterns("results", "releases"))
+        with open(os.path.join(site, "panoramas.csv"), encoding="utf-8") as file:
+            table = file.read().rstrip("\n").split("\n")
+        rows = [f"panoramas/none_{i}.jpg" + table[-1][table[-1].index(","):] for i in range(20)]
+        with open(os.path.join(site, "panoramas.csv"), "w", encoding="utf-8") as file:
+            file.write("\n".join(table + rows) + "\n")
+        shutil.copytree(os.path.join(site, "runs/run2"), os.path.join(site, "runs/run3"))
+        with open(os.path.join(site, "runs/run3/images.txt"), "w", encoding="utf-8") as file:
+            file.write("0.0 none.jpg\n")
+        done = trigpoint("detect", site)
+        self.assertLessEqual(len(done.stdout.splitlines()), LIMIT)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("Error     detect/run3: failed", done.stdout)
+        self.assertIn("error: detect/run3: failed", done.stderr)
+        warnings = re.findall(r"^warning: (.*)$", done.stderr, re.M)
+        self.assertGreaterEqual(len(warnings), 20)
+        self.assertIn("Warning   " + warnings[0], done.stdout)
+        self.assertRegex(done.stdout, re.compile(r"^And       \d+ more: ", re.M))
+        verbose = trigpoint("detect", site, "--verbose").stdout
+        for warning in warnings:
+            self.assertIn("Warning   " + warning, verbose)
+        # On a terminal they are in the ending, not between the progress lines.
+        seen = on_a_terminal("detect", site)
+        self.assertFalse([line for line in seen if line.startswith("warning: ")])
+        self.assertTrue([line for line in seen if line.startswith("Warning   ")])
+        self.assertLessEqual(len(seen), LIMIT + 3, "\n".join(seen))
+        # A command that fails before its ending shows them too.
+        seen = on_a_terminal("localize", site, "--run", "none")
+        self.assertEqual(sum(line.startswith("warning: ") for line in seen), len(warnings), "\n".join(seen))
+
+
+if __name__ == "__main__":
+    unittest.main()
