@@ -231,11 +231,11 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
         "panoramas (panoramas.csv), geotagged photos (photos.csv) or photo sets (photos/<set>/): "
         "without them `localize` gives only each run's own frame");
   } else if (positions == 0) {
-    report.missing.push_back("positions of the panoramas: without them there are no coordinates on the Earth");
+    report.missing.push_back("positions of the panoramas: without them the results are not georeferenced");
   }
-  if (!origin) report.missing.push_back("an origin: no control point, panorama or GPS says where on Earth this is");
+  if (!origin) report.missing.push_back("an origin: no control point, panorama or GPS fix georeferences this site");
   if (site.stations.empty() || (site.tags.size_m <= 0 && site.tags.sizes_m.empty())) {
-    report.missing.push_back("stations.csv and tags.yaml: `evaluate` needs tags at the stations as truth");
+    report.missing.push_back("stations.csv and tags.yaml: `evaluate` needs tags at the stations as ground truth");
   }
   for (const std::string& warning : site.warnings) report.warnings.push_back(warning);
 }
