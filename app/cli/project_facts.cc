@@ -153,7 +153,10 @@ class Facts {
     const auto points = data_.survey.find("points");
     if (points != data_.survey.end() && points->is_array()) {
       for (const nlohmann::json& point : *points) {
-        if (TextAt(point, "role") == "check" && !TextAt(point, "name").empty()) names.push_back(TextAt(point, "name"));
+        const std::string name = TextAt(point, "name");
+        if (TextAt(point, "role") != "check" || name.empty()) continue;
+        const bool is_tag = name.find_first_not_of("0123456789") == std::string::npos;
+        names.push_back((is_tag ? "tag " : "") + name);
       }
     }
     ending_.Fact("Check",

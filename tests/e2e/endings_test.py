@@ -119,7 +119,7 @@ class Endings(unittest.TestCase):
     def test_run_says_what_how_good_where_and_what_next(self):
         for part in (r"^Run done in .* 1 run \(run2\), 24 images, 4 panoramas$", r"^Located   \d of 4, 4 panoramas by 1 run",
                      r"^Relative  median \d\.\d+ m, worst \d\.\d+ m   \(\d", r"^Absolute  median ", r"^Sigmas    ",
-                     r"^Check     110: \d\.\d+ m horizontal, \d\.\d+ m vertical \(1 check point, tag map\)$",
+                     r"^Check     tag 110: \d\.\d+ m horizontal, \d\.\d+ m vertical \(1 check point, tag map\)$",
                      r"^Report    .*results/report/index\.html$", r"^Next      trigpoint"):
             self.assertRegex(self.first, re.compile(part, re.M))
 
