@@ -83,11 +83,7 @@ Ending CalibrationEnding(const StageOutcome& outcome, const std::string& name, c
                                     : " is up to date"));
   const nlohmann::json document = nlohmann::json::parse(ReadTextFile(outcome.dir / "calibration.json"));
   const std::string text = document.value("text", "");  // of a hand-eye calibration or an import
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    if (end > at) ending.Row(text.substr(at, end - at));
-    at = end + 1;
-  }
+  ending.Rows(text);
   if (text.empty()) {
     for (const nlohmann::json& camera : document.at("cameras")) {
       ending.Fact(camera.at("name").get<std::string>(),

@@ -49,6 +49,15 @@ Ending& Ending::Row(const std::string& text) {
   return *this;
 }
 
+Ending& Ending::Rows(const std::string& text) {
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    if (end > at) Row(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return *this;
+}
+
 Ending& Ending::Problem(const std::string& label, const std::string& text) {
   std::string line = Labelled(label, text);
   if (std::find(problems_.begin(), problems_.end(), line) == problems_.end()) problems_.push_back(std::move(line));

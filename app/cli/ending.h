@@ -20,6 +20,8 @@ class Ending {
   Ending& Fact(const std::string& label, const std::string& text);
   // A line of a list or table.
   Ending& Row(const std::string& text);
+  // The lines of a text or table.
+  Ending& Rows(const std::string& text);
   // What is wrong: "Warning   pano_110.jpg: geotag off by 0.64 m". One that is there already is not added again.
   Ending& Problem(const std::string& label, const std::string& text);
   // Where to look.

@@ -48,8 +48,8 @@ std::unique_ptr<PanoramaProvider> OpenService(const Service& service, const Argu
   return service.open(options);
 }
 
-std::string ListText(const std::vector<PanoramaRecord>& records, const SearchArea& area) {
-  constexpr size_t kShown = 20;
+// The nearest first.
+Ending ListEnding(const std::vector<PanoramaRecord>& records, const SearchArea& area) {
   std::vector<PanoramaRecord> nearest = records;
   std::stable_sort(nearest.begin(), nearest.end(), [&](const PanoramaRecord& x, const PanoramaRecord& y) {
     return area.Distance_m(x.position) < area.Distance_m(y.position);
@@ -58,17 +58,16 @@ std::string ListText(const std::vector<PanoramaRecord>& records, const SearchAre
   for (const PanoramaRecord& r : records) ++years[r.date.empty() ? "undated" : r.date.substr(0, 4)];
   std::string text = fmt::format("{} panoramas:", records.size());
   for (const auto& [year, count] : years) text += fmt::format(" {} of {},", count, year);
-  text.back() = '\n';
+  text.pop_back();
   std::vector<std::vector<std::string>> rows;
-  for (size_t i = 0; i < std::min(kShown, nearest.size()); ++i) {
-    const PanoramaRecord& r = nearest[i];
+  for (const PanoramaRecord& r : nearest) {
     rows.push_back({r.id, fmt::format("{:.0f} m", area.Distance_m(r.position)), r.date.substr(0, 10),
                     r.heading_deg ? fmt::format("{:.0f} deg", *r.heading_deg) : "-",
                     r.width_px > 0 ? fmt::format("{} px", r.width_px) : "-", r.licence, r.owner});
   }
-  text += TableText({"panorama", "away", "taken", "heading", "width", "licence", "owner"}, rows) + "\n";
-  if (nearest.size() > kShown) text += fmt::format("and {} farther away\n", nearest.size() - kShown);
-  return text;
+  return Ending(text)
+      .Rows(TableText({"panorama", "away", "taken", "heading", "width", "licence", "owner"}, rows))
+      .Next("the same without --list imports them; nothing was written");
 }
 
 nlohmann::json ListJson(const std::vector<PanoramaRecord>& records) {
@@ -98,7 +97,7 @@ int List(Session& session, const Arguments& a, const Service& service) {
   Terminal terminal = session.MakeTerminal();
   const std::vector<PanoramaRecord> records = ChoosePanoramas(*provider, options, *session.cancel);
   for (const std::string& warning : provider->Warnings()) terminal.Log(LogLevel::kWarning, warning);
-  session.Print(ListText(records, options.area) + "Nothing was written. Without --list they are imported.\n");
+  session.End(ListEnding(records, options.area));
   session.PrintJson({{"command", "import"}, {"ok", true}, {"as", service.name}, {"panoramas", ListJson(records)}});
   return 0;
 }

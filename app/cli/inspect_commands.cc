@@ -117,12 +117,7 @@ int Mark(const Session& session, const MarkArguments& a) {
           {{"run", p.run}, {"image", p.file}, {"predicted", Pixel(p.pixel)}, {"sigma_px", spread}});
       if (p.marked) json["images"].back()["marked"] = Pixel(*p.marked);
     }
-    const std::string table = TableText({"image", "u px", "v px", "1 sigma px", ""}, rows);
-    for (size_t at_line = 0; at_line < table.size();) {
-      const size_t end = table.find('\n', at_line);
-      ending.Row(table.substr(at_line, end - at_line));
-      at_line = end + 1;
-    }
+    ending.Rows(TableText({"image", "u px", "v px", "1 sigma px", ""}, rows));
   } catch (const InputError& e) {
     if (a.image.empty()) throw;
     ending.Headline(std::string("Saved. ") + e.what());  // the first mark of a point
