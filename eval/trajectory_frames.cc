@@ -14,7 +14,6 @@ constexpr size_t kLeastPairs = 10;
 constexpr double kLeastPath_m = 1;
 constexpr double kSmaller = 5;        // errors shrink by this factor before frames are said to differ
 constexpr double kWorthAFreedom = 2;  // and by this one for each kind of alignment beyond the simplest
-constexpr double kRadToDeg = 57.29577951308232;
 
 double Rmse(const std::vector<PosePair>& pairs) { return StatisticsOf(AbsoluteErrors(pairs).translation_m).rmse; }
 
@@ -37,7 +36,7 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
     }
     const double after = Rmse(aligned);
     if (kSmaller * after > before || (found && kWorthAFreedom * after > found->rmse_after_m)) continue;
-    found = {
+    found = FrameDifference{
         alignment, before, after, Eigen::AngleAxisd(fit.rotation).angle() * kRadToDeg, (fit * centre - centre).norm(),
         fit.scale};
   }
