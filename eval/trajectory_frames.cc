@@ -13,6 +13,7 @@ namespace {
 constexpr size_t kLeastPairs = 10;
 constexpr double kLeastPath_m = 1;
 constexpr double kSmaller = 5;        // errors shrink by this factor before frames are said to differ
+constexpr double kNothing = 1e-6;     // of the errors that were: rounding
 constexpr double kWorthAFreedom = 2;  // and by this one for each kind of alignment beyond the simplest
 
 double Rmse(const std::vector<PosePair>& pairs) { return StatisticsOf(AbsoluteErrors(pairs).translation_m).rmse; }
@@ -35,7 +36,9 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
       continue;
     }
     const double after = Rmse(aligned);
-    if (kSmaller * after > before || (found && kWorthAFreedom * after > found->rmse_after_m)) continue;
+    const bool better =
+        !found || (kWorthAFreedom * after <= found->rmse_after_m && found->rmse_after_m > kNothing * before);
+    if (kSmaller * after > before || !better) continue;
     found = FrameDifference{
         alignment, before, after, Eigen::AngleAxisd(fit.rotation).angle() * kRadToDeg, (fit * centre - centre).norm(),
         fit.scale};
