@@ -381,10 +381,6 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
   return report;
 }
 
-std::string RelativeName(const RelativeOptions& options) {
-  return fmt::format("{:g} {}{}", options.delta, Name(options.unit), options.all_pairs ? " all" : "");
-}
-
 std::string FormatTrajectoryReports(const std::vector<TrajectoryReport>& reports,
                                     const TrajectoryReportOptions& options, const std::string& unit,
                                     double metres_per_unit) {
@@ -411,7 +407,8 @@ std::string FormatTrajectoryReports(const std::vector<TrajectoryReport>& reports
     if (r.ate_v_m) add(r, "ATE vertical " + unit, *r.ate_v_m, length);
     if (r.ate_deg) add(r, "ATE deg", *r.ate_deg, degrees);
     for (const RelativeReport& rpe : r.rpe) {
-      const std::string over = "RPE " + RelativeName(rpe.options) + " ";
+      const std::string over =
+          fmt::format("RPE {:g} {}{} ", rpe.options.delta, Name(rpe.options.unit), rpe.options.all_pairs ? " all" : "");
       if (rpe.m) add(r, over + unit, *rpe.m, length);
       if (rpe.deg) add(r, over + "deg", *rpe.deg, degrees);
     }

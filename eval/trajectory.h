@@ -121,8 +121,6 @@ struct RelativeOptions {
 };
 // "1f", "10m", "0.5s": frames, metres, seconds. Throws OptionError saying what is expected.
 RelativeOptions ParseRelative(const std::string& text);
-// "10 m", "1 frames all".
-std::string RelativeName(const RelativeOptions& options);
 
 // Errors of relative poses: (ref_i^-1 ref_j)^-1 (est_i^-1 est_j) over pieces of the given length. Empty if the
 // trajectory is too short. Throws OptionError for delta <= 0. `positions_only`: | |p_ref_j - p_ref_i| - |p_est_j -

@@ -46,6 +46,11 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
   return found;
 }
 
+std::string RelativeName(const RelativeOptions& options) {
+  const char* unit = options.unit == DeltaUnit::kFrames ? "frames" : options.unit == DeltaUnit::kMetres ? "m" : "s";
+  return fmt::format("{:g} {}{}", options.delta, unit, options.all_pairs ? " all" : "");
+}
+
 std::string Describe(const FrameDifference& d, const std::string& unit, double metres_per_unit) {
   const bool scaled = d.proposed == TrajectoryAlignment::kSim3;
   return fmt::format("the frames differ by {:.1f} deg, {:.2f} {}{}: ATE {:.4f} {} as given, {:.4f} {} after a {} fit",

@@ -23,4 +23,7 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
 // "the frames differ by 12.3 deg and 35.20 m: ATE 35.2031 m as given, 0.0123 m after a rigid fit".
 std::string Describe(const FrameDifference& difference, const std::string& unit = "m", double metres_per_unit = 1);
 
+// "10 m", "1 frames all".
+std::string RelativeName(const RelativeOptions& options);
+
 }  // namespace trigpoint

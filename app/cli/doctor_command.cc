@@ -12,6 +12,7 @@
 #include "app/pipeline/command_line.h"
 #include "calib/base/memory.h"
 #include "datasets/export/crs.h"
+#include "datasets/export/proj_installation.h"
 #include "datasets/io/text.h"
 #include "datasets/project/child_process.h"
 #include "datasets/project/description.h"

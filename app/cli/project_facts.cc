@@ -37,6 +37,27 @@ class Facts {
     }
   }
 
+  // The tag map at surveyed points that did not help to make it.
+  void CheckPoints() {
+    const nlohmann::json& check = ObjectAt(data_.survey, "check");
+    const auto n = At(check, {"n"}), h = At(check, {"rmse_h_m"}), v = At(check, {"rmse_v_m"});
+    if (!n || *n < 1 || !h || !v) return;
+    std::vector<std::string> names;
+    const auto points = data_.survey.find("points");
+    if (points != data_.survey.end() && points->is_array()) {
+      for (const nlohmann::json& point : *points) {
+        const std::string name = TextAt(point, "name");
+        if (TextAt(point, "role") != "check" || name.empty()) continue;
+        const bool is_tag = name.find_first_not_of("0123456789") == std::string::npos;
+        names.push_back((is_tag ? "tag " : "") + name);
+      }
+    }
+    ending_.Fact("Check",
+                 fmt::format("{}: {} horizontal, {} vertical ({}{}, tag map)",
+                             names.empty() ? "tag map" : Listed(names, 3), Length(h), Length(v),
+                             Counted(static_cast<int64_t>(*n), "check point", "check points"), *n > 1 ? ", RMSE" : ""));
+  }
+
  private:
   std::string Length(std::optional<double> metres) const {
     if (!metres) return "-";
@@ -144,27 +165,6 @@ class Facts {
                  fmt::format("{} (ANEES {:.2f}, consistent from {:.2f} to {:.2f})", verdict, *anees, low, high));
   }
 
-  // The tag map at surveyed points that did not help to make it.
-  void CheckPoints() {
-    const nlohmann::json& check = ObjectAt(data_.survey, "check");
-    const auto n = At(check, {"n"}), h = At(check, {"rmse_h_m"}), v = At(check, {"rmse_v_m"});
-    if (!n || *n < 1 || !h || !v) return;
-    std::vector<std::string> names;
-    const auto points = data_.survey.find("points");
-    if (points != data_.survey.end() && points->is_array()) {
-      for (const nlohmann::json& point : *points) {
-        const std::string name = TextAt(point, "name");
-        if (TextAt(point, "role") != "check" || name.empty()) continue;
-        const bool is_tag = name.find_first_not_of("0123456789") == std::string::npos;
-        names.push_back((is_tag ? "tag " : "") + name);
-      }
-    }
-    ending_.Fact("Check",
-                 fmt::format("{}: {} horizontal, {} vertical ({}{}, tag map)",
-                             names.empty() ? "tag map" : Listed(names, 3), Length(h), Length(v),
-                             Counted(static_cast<int64_t>(*n), "check point", "check points"), *n > 1 ? ", RMSE" : ""));
-  }
-
   void Gates() {
     if (verdict_.gates.empty()) return;
     bool all = true;
@@ -185,6 +185,15 @@ class Facts {
 };
 
 }  // namespace
+
+void AddCheckPoints(const Project& project, const DisplayUnit& unit, Ending* ending) {
+  ReportInput input;
+  input.project = &project;
+  input.points = false;
+  ProgressSink silent;
+  const ReportData data = ReadReportData(input, silent, CancelToken());
+  Facts(MakeVerdict(input, data), data, unit, ending).CheckPoints();
+}
 
 void AddProjectFacts(const Project& project, const DisplayUnit& unit, const ProjectFactsOptions& options,
                      Ending* ending) {

@@ -17,4 +17,7 @@ struct ProjectFactsOptions {
 void AddProjectFacts(const Project& project, const DisplayUnit& unit, const ProjectFactsOptions& options,
                      Ending* ending);
 
+// The tag map at surveyed points that took no part in it, if there are any.
+void AddCheckPoints(const Project& project, const DisplayUnit& unit, Ending* ending);
+
 }  // namespace trigpoint

@@ -133,14 +133,16 @@ std::string Headline(const Session& session, const std::string& command, const P
   return text + (names.empty() ? "" : ": " + Listed(names));
 }
 
-// One line a result, for stages that are no part of the project's facts.
+// One line a result, for stages that are no part of the project's facts: the first of its summary, or its metric.
 void AddBriefs(const std::vector<JobResult>& results, const std::string& command, const DisplayUnit& unit,
                Ending* ending) {
   for (const JobResult& result : results) {
     const StageInfo& stage = *result.job.stage;
     if (!IsThere(result) || stage.name != command) continue;
-    const std::string text = stage.brief ? stage.brief(result.outcome, unit)
-                                         : MetricText(result.outcome.manifest.at("metrics"), stage.metric, unit);
+    std::string text = stage.summary ? stage.summary(result.outcome, unit) : "";
+    text = text.substr(0, text.find('\n'));
+    if (text.empty() || text.front() == '#' || text.front() == '|')
+      text = MetricText(result.outcome.manifest.at("metrics"), stage.metric, unit);
     const std::string name = ResultName(stage, result.job.target);
     if (!text.empty()) ending->Fact(name.empty() ? "Result" : name, text);
   }
@@ -262,6 +264,7 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
     AddProjectFacts(project, unit, {there.count("evaluate") > 0, whole && there.count("survey") > 0}, &ending);
   } else {
     AddBriefs(report.results, command, unit, &ending);
+    if (there.count("survey") > 0 && command == "survey") AddCheckPoints(project, unit, &ending);
   }
   if (whole && there.count("localize") == 0) {
     for (const char* stage : {"stitch", "survey"}) AddBriefs(report.results, stage, unit, &ending);

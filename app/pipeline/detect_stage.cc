@@ -247,15 +247,10 @@ StageInfo DetectStage() {
     };
     return request;
   };
-  info.not_needed = [](const Project& project, const StageTarget& target) -> std::string {
-    const Site& site = project.site();
-    if (target.asked || !site.stations.empty() || std::filesystem::exists(project.dir() / "tags.yaml")) return "";
-    if (site.broken_runs.count(target.run) > 0 || !project.run(target.run).detections.empty()) return "";
-    return "no tags.yaml and no stations.csv: nothing is to be done with tags";
-  };
-  info.brief = [](const StageOutcome& outcome, const DisplayUnit&) {
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& metrics = outcome.manifest.at("metrics");
-    return fmt::format("{} detections of {} tags", metrics.value("detections", 0), metrics.value("tags", 0));
+    return fmt::format("{} detections of {} tags: {}\n", metrics.value("detections", 0), metrics.value("tags", 0),
+                       (outcome.dir / "detections.csv").string());
   };
   return info;
 }

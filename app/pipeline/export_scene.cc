@@ -255,7 +255,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
   const LocalizeResult result = ReadLocalizeResult(dir);
   const auto world_from_odom = WorldFromOdom(result.cameras_odom, result.cameras);
   if (frame == "world" && !world_from_odom) {
-    throw InputError("run " + run + ": is not georeferenced (see its log.txt); ask for --frame odom");
+    throw InputError("run " + run + ": is not on the Earth (see its log.txt); ask for --frame odom");
   }
   scene.world = frame != "odom" && world_from_odom.has_value();
   if (scene.world) {

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "app/pipeline/crosscheck_stage.h"
+#include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
 #include "datasets/project/manifest.h"
 namespace trigpoint {
@@ -107,8 +108,9 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {
+        if (stage.name == "detect" && !asked && !WantsTags(project, run)) continue;
         for (const StageTarget& target :
-             WantedTargets(project, stage, {run, variant, query.overrides, asked}, query, wanted)) {
+             WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {
           const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {
             return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant;
           });

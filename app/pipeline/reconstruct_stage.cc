@@ -163,9 +163,9 @@ StageInfo ReconstructStage() {
     }
     return "";
   };
-  info.brief = [](const StageOutcome& outcome, const DisplayUnit&) {
+  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& m = outcome.manifest.at("metrics");
-    return fmt::format("{} images, {} tracks, {} observations, features' noise {:.2f} px (1 sigma); {} loops closed",
+    return fmt::format("{} images, {} tracks, {} observations, features' noise {:.2f} px (1 sigma); {} loops closed\n",
                        m.at("images").get<int>(), m.at("tracks").get<int>(), m.at("observations").get<int64_t>(),
                        m.at("feature_sigma_px").get<double>(), m.at("loops").at("closed").get<int>());
   };

@@ -182,12 +182,6 @@ StageInfo ReferenceStage() {
     if (!fs::exists(tags)) return "no tag map (" + RelativeTo(project.dir(), tags) + ")";
     return IsSiteFrame(TagMapFrame(tags)) ? "" : "the tag map is in its own frame, not in the site's";
   };
-  info.brief = [](const StageOutcome& outcome, const DisplayUnit&) {
-    const nlohmann::json& m = outcome.manifest.at("metrics");
-    return fmt::format("{} images: {} with tags, {} bridged by the run's motion, {} without a pose; {:.2f} px",
-                       m.value("images", 0), m.value("tags", 0), m.value("bridged", 0), m.value("none", 0),
-                       m.value("rms_px", 0.0));
-  };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {
     return ReadTextFile(outcome.dir / ("report_" + unit.name + ".md")) +
            "Poses: " + (outcome.dir / "poses.csv").string() + "\n";

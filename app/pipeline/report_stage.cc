@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "app/pipeline/jobs.h"
+#include "app/pipeline/tags_wanted.h"
 #include "eval/report/report.h"
 
 namespace trigpoint {
@@ -21,7 +22,8 @@ std::vector<ResultRecord> OtherResults(const Project& project) {
     if (stage.name != "report") query.stages.push_back(stage.name);
   }
   std::vector<Job> jobs = PlanJobs(project, query);
-  for (Job& job : jobs) job.target.asked = false;  // the pages show what there is
+  std::erase_if(jobs,
+                [&](const Job& job) { return job.stage->name == "detect" && !WantsTags(project, job.target.run); });
   uint64_t seed = 1;
   for (const Job& job : jobs) {
     if (const auto manifest = ReadManifest(project, job.stage->name, ResultName(*job.stage, job.target))) {

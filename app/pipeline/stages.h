@@ -38,7 +38,6 @@ struct StageTarget {
   std::string run;                                      // empty: a stage with one result for all runs
   std::string variant;                                  // empty: the first set of results
   nlohmann::json overrides = nlohmann::json::object();  // {stage: {option: value}} of the command line
-  bool asked = false;                                   // the stage itself was asked for, not only what needs it
 };
 
 struct StageInfo {
@@ -57,9 +56,7 @@ struct StageInfo {
   std::function<void(const nlohmann::json& values, const std::string& where, std::vector<std::string>& problems)> check;
   // The request; `stage` and `name` are filled in by MakeRequest. Throws OptionError, InputError.
   std::function<StageRequest(const Project&, const StageTarget&)> make;
-  // How good a result is, in the one line that a command ends with: "9 tags, datum control". Optional: the metric.
-  std::function<std::string(const StageOutcome&, const DisplayUnit&)> brief;
-  // Its tables, which --verbose prints. Optional.
+  // What a person reads on the command line when the result is there: tables, where things lie. Optional.
   std::function<std::string(const StageOutcome&, const DisplayUnit&)> summary;
   // Of a stage with variants: the target whose result `reader`, a stage that needs it, reads for its own target.
   // Absent: the same variant's.

@@ -207,15 +207,6 @@ StageInfo StitchStage() {
     };
     return request;
   };
-  info.brief = [](const StageOutcome& outcome, const DisplayUnit&) {
-    const nlohmann::json& m = outcome.manifest.at("metrics");
-    std::string text = fmt::format("{} of {} photos placed, residuals {:.2f} px", m.at("placed").get<int>(),
-                                   m.at("photos").get<int>(), m.at("rms_px").get<double>());
-    if (!m.contains("panorama")) return text;
-    return text + fmt::format("; {} of {} x {} px, {:.0f} % of the sphere", m.at("panorama").get<std::string>(),
-                              m.at("width_px").get<int>(), m.at("height_px").get<int>(),
-                              100 * m.at("covered_share").get<double>());
-  };
   info.summary = Summary;
   return info;
 }

@@ -214,8 +214,8 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                     real ? ": another datum or height system than the map's" : ": none to be seen"));
   }
   for (const RunAgreement& r : result.runs) {
-    std::string line = fmt::format("{}{}: {} pictures, {} observations of tags, {} rejected, corners {:.2f} px rms",
-                                   r.stills ? "Photo set " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
+    std::string line = fmt::format("{}{}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms",
+                                   r.stills ? "Stills, " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
     if (r.stills && r.scale_sigma > 0) {
       line += fmt::format("; rig: size {:.3f} +- {:.3f} of what stitching said (1 sigma)", r.scale, r.scale_sigma);
     } else if (!r.stills && r.scale_sigma > 0) {
@@ -394,8 +394,8 @@ std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findi
   Report out(unit);
   out.Line(fmt::format("Datum: {} ({})", result.datum,
                        findings.frame == "enu"     ? "site ENU"
-                       : findings.frame == "local" ? "the local frame of the surveyed points, not georeferenced"
-                                                   : "a frame of its own, not georeferenced"));
+                       : findings.frame == "local" ? "the local frame of the surveyed points, not on the Earth"
+                                                   : "a frame of its own, not on the Earth"));
   out.Line("Gauge: " + result.gauge + "\n");
   TagTable(result, out);
   Points(result, out);

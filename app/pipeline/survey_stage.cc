@@ -229,14 +229,6 @@ StageInfo SurveyStage() {
     if (!fs::exists(project.dir() / "tags.yaml")) return "no tags.yaml, which says how large the tags are";
     return "";
   };
-  info.brief = [](const StageOutcome& outcome, const DisplayUnit& unit) {
-    const nlohmann::json& m = outcome.manifest.at("metrics");
-    std::string text = fmt::format("{} tags, datum {}", m.value("tags", 0), m.value("datum", std::string("unknown")));
-    const auto rmse = m.find("check_rmse_3d_m");
-    if (rmse == m.end() || !rmse->is_number()) return text + "; no check point measures its accuracy";
-    return text + fmt::format("; 3D RMSE {:.3f} {} at {} check points", rmse->get<double>() / unit.metres, unit.name,
-                              m.value("check_points", 0));
-  };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {
     return ReadTextFile(outcome.dir / ("report_" + unit.name + ".md")) +
            "\nMap: " + (outcome.dir / "tags.csv").string() + "\n";

@@ -147,22 +147,6 @@ Eigen::Vector2d Crs::FromGeodetic(const Geodetic& g) const {
                                g.longitude_deg, epsg_, name_));
 }
 
-ProjInstallation FindProj() {
-  ProjInstallation found;
-#ifdef TRIGPOINT_HAVE_PROJ
-  const PJ_INFO info = proj_info();
-  found.version = info.version;
-  for (size_t i = 0; i < info.path_count; ++i) {
-    std::error_code ignored;
-    for (fs::directory_iterator it(info.paths[i], ignored), end; it != end; it.increment(ignored)) {
-      const fs::path kind = it->path().extension();
-      if (kind == ".tif" || kind == ".gsb" || kind == ".gtx") ++found.grids;
-    }
-  }
-#endif
-  return found;
-}
-
 struct HeightSystem::Geoid {
   explicit Geoid(const std::string& name) : geoid(name) {}
   GeographicLib::Geoid geoid;

@@ -44,13 +44,6 @@ class Crs {
   std::unique_ptr<Proj> proj_;
 };
 
-// "9.1.1" and the number of its grids (datum shifts, geoids) in its data folders; empty and 0: built without PROJ.
-struct ProjInstallation {
-  std::string version;
-  int grids = 0;
-};
-ProjInstallation FindProj();
-
 // Ellipsoidal heights, or heights above a geoid ("egm84-30", "egm96-5", "egm2008-2_5", ...; "egm96" and "egm2008" take
 // the finest grid there is).
 class HeightSystem {
