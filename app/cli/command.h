@@ -86,6 +86,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage);
 void AddTrajectoryCommand(CLI::App& app, Session& session);
 void AddPublishCommand(CLI::App& app, Session& session);
 void AddVerifyCommand(CLI::App& app, Session& session);
+void AddRerunCommand(CLI::App& app, Session& session);
 void AddCompareCommand(CLI::App& app, Session& session);
 void AddBatchCommand(CLI::App& app, Session& session);
 void AddReviewCommand(CLI::App& app, Session& session);

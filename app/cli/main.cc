@@ -68,6 +68,7 @@ int Launch(int argc, char** argv) {
   for (const StageInfo& stage : Stages()) AddStageCommand(app, session, stage);
   AddPublishCommand(app, session);
   AddVerifyCommand(app, session);
+  AddRerunCommand(app, session);
   AddCompareCommand(app, session);
   AddManualCommand(app, session, TRIGPOINT_VERSION);
   AddStitchCommand(app, session);

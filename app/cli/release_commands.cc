@@ -1,12 +1,15 @@
-// publish: releases/<name>. verify: is a release as it was published? compare: projects, releases or variants against
-// each other.
+// publish: releases/<name>. verify: is a release as it was published? rerun: computed again. compare: projects,
+// releases or variants against each other.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/compared.h"
 #include "app/pipeline/publish.h"
 #include "app/pipeline/release_files.h"
+#include "app/pipeline/release_signature.h"
+#include "app/pipeline/rerun.h"
 #include "datasets/project/hash.h"
 #include "eval/epoch.h"
 
@@ -70,7 +73,7 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
 
 void AddPublishCommand(CLI::App& app, Session& session) {
   struct Arguments {
-    std::string dir;
+    std::string dir, key;
     PublishOptions options;
   };
   CLI::App& command = AddCommand(
@@ -81,7 +84,8 @@ void AddPublishCommand(CLI::App& app, Session& session) {
       "videos as hashes, or copied with --copy-inputs. What is out of date is not published.\n\n"
       "Examples:\n"
       "  trigpoint publish my_site --name 2026-05\n"
-      "  trigpoint publish my_site --name 2026-06 --copy-inputs\n"
+      "  trigpoint publish my_site --name 2026-06 --copy-inputs --sign ~/.ssh/id_ed25519\n"
+      "  trigpoint publish my_site --name 2026-07 --author 'A. Surveyor' --instrument 'Leica TS16, 1 arcsec'\n"
       "  trigpoint verify my_site/releases/2026-05\n"
       "  trigpoint evaluate my_site --reference 2026-05\n"
       "  trigpoint compare my_site/releases/2026-05 my_site");
@@ -90,8 +94,17 @@ void AddPublishCommand(CLI::App& app, Session& session) {
   command.add_option("DIR", arguments->dir, "the project")->required();
   command.add_option("--name", options.name, "the release's name, releases/NAME")->required();
   command.add_option("--variant", options.variant, "publish this variant's map and tables");
+  command.add_option("--author", options.statement.author, "who is responsible, for the certificate");
+  command.add_option("--instrument", options.statement.instrument,
+                     "what the control was measured with, for the certificate");
+  command.add_option("--note", options.statement.note, "a sentence for the certificate");
+  command
+      .add_option("--sign", arguments->key,
+                  "sign with this key: the file of an SSH key, or gpg:KEY; without a value the first of ~/.ssh")
+      ->expected(0, 1);
   command.add_flag("--copy-inputs", options.copy_inputs, "copy pictures and videos too; without it, their hashes");
-  command.callback([&session, arguments] {
+  command.callback([&session, &command, arguments] {
+    if (command.count("--sign") > 0) arguments->options.sign = arguments->key;
     session.action = [arguments](Session& s) {
       const Project project = OpenProject(s, arguments->dir);
       const Release release = Publish(project, arguments->options, *s.cancel);
@@ -122,7 +135,17 @@ void AddPublishCommand(CLI::App& app, Session& session) {
 
 namespace {
 
-int Verify(const Session& session, const std::string& dir) {
+std::string SignatureText(const Signature& signature) {
+  switch (signature.state) {
+    case Signature::State::kNone: return "The release is not signed";
+    case Signature::State::kBroken: return "The signature does not hold: " + signature.reason;
+    case Signature::State::kHolds: break;
+  }
+  return "The signature holds: " + signature.key + (signature.signer.empty() ? "" : ", " + signature.signer) +
+         (signature.is_trusted ? "" : "; whose key that is was not tested, give --signers");
+}
+
+int Verify(const Session& session, const std::string& dir, const std::string& signers) {
   constexpr size_t kMostShown = 20;
   const ReleaseRecord record = ReadReleaseRecord(dir);
   const ReleaseDifferences differences = CompareRelease(dir, record, session.options.threads, *session.cancel);
@@ -138,18 +161,29 @@ int Verify(const Session& session, const std::string& dir) {
   show("missing", differences.missing);
   show("added", differences.added);
   const bool as_published = !record.damaged && !differences.Any();
+  const Signature signature = CheckSignature(dir, signers, *session.cancel);
+  const bool missed = signature.state == Signature::State::kNone && !signers.empty();
+  const bool ok = as_published && !missed && signature.state != Signature::State::kBroken;
   text += as_published ? "All files are as they were published\n" : "The release is not as it was published\n";
   text += "SHA-256 of release.json: " + Sha256OfFile(std::filesystem::path(dir) / kReleaseRecord) + "\n";
+  text += SignatureText(signature) + (missed ? ", and one of --signers was expected" : "") + "\n";
   session.Print(text);
+  static const char* const kStates[] = {"none", "holds", "broken"};
   session.PrintJson({{"command", "verify"},
-                     {"ok", as_published},
+                     {"ok", ok},
+                     {"signature",
+                      {{"state", kStates[static_cast<size_t>(signature.state)]},
+                       {"key", signature.key},
+                       {"signer", signature.signer},
+                       {"trusted", signature.is_trusted},
+                       {"reason", signature.reason}}},
                      {"release", dir},
                      {"files", record.files.size()},
                      {"record_changed", record.damaged},
                      {"changed", differences.changed},
                      {"missing", differences.missing},
                      {"added", differences.added}});
-  return as_published ? 0 : 1;
+  return ok ? 0 : 1;
 }
 
 }  // namespace
@@ -161,10 +195,81 @@ void AddVerifyCommand(CLI::App& app, Session& session) {
                  "or was added. Exit code 0 if none, else 1.\n\n"
                  "Examples:\n"
                  "  trigpoint verify my_site/releases/2026-05\n"
-                 "  trigpoint verify my_site/releases/2026-05 --json");
-  const auto dir = std::make_shared<std::string>();
-  command.add_option("RELEASE", *dir, "the release's folder")->required();
-  command.callback([&session, dir] { session.action = [dir](Session& s) { return Verify(s, *dir); }; });
+                 "  trigpoint verify my_site/releases/2026-05 --signers colleague.pub");
+  struct Arguments {
+    std::string dir, signers;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  command.add_option("RELEASE", arguments->dir, "the release's folder")->required();
+  command.add_option("--signers", arguments->signers,
+                     "whose signature counts: an SSH public key, an allowed_signers file, or OpenPGP public keys");
+  command.callback([&session, arguments] {
+    session.action = [arguments](Session& s) { return Verify(s, arguments->dir, arguments->signers); };
+  });
+}
+
+namespace {
+
+int RerunRelease(const Session& session, const RerunOptions& options) {
+  constexpr size_t kMostShown = 20;
+  Terminal terminal = session.MakeTerminal();
+  const RerunResult result = Rerun(options, session.options.threads, terminal, *session.cancel);
+  terminal.ClearProgress();
+  std::string text = fmt::format("Computed again: {}\n", fmt::join(result.results, ", "));
+  if (!result.taken.empty()) text += fmt::format("Taken over as they are: {}\n", fmt::join(result.taken, ", "));
+  if (!result.dir.empty()) text += "Project: " + result.dir.string() + "\n";
+  text += fmt::format("The same bytes: {} of {} files\n", result.same_files, result.same_files + result.other.size());
+  nlohmann::json differences = nlohmann::json::array();
+  for (const RerunDifference& d : result.other) {
+    if (differences.size() < kMostShown) text += fmt::format("differs  {} {}: {}\n", d.result, d.file, d.text);
+    differences.push_back({{"result", d.result},
+                           {"file", d.file},
+                           {"text", d.text},
+                           {"only_numbers", d.only_numbers},
+                           {"largest", d.largest},
+                           {"columns", d.columns}});
+  }
+  if (result.other.size() > kMostShown) text += fmt::format("differs  {} more\n", result.other.size() - kMostShown);
+  for (const std::string& note : result.notes) text += note + "\n";
+  if (!result.other.empty() && result.within_tolerance) {
+    text += fmt::format("Every difference is a number's, and at most {}\n", options.tolerance);
+  }
+  session.Print(text);
+  session.PrintJson({{"command", "rerun"},
+                     {"ok", result.within_tolerance},
+                     {"same_bytes", result.other.empty()},
+                     {"results", result.results},
+                     {"taken_over", result.taken},
+                     {"same_files", result.same_files},
+                     {"differences", differences},
+                     {"notes", result.notes},
+                     {"dir", result.dir.string()}});
+  return result.within_tolerance ? 0 : 1;
+}
+
+}  // namespace
+
+void AddRerunCommand(CLI::App& app, Session& session) {
+  CLI::App& command = AddCommand(
+      app, session, "rerun", "compute a release again from what it holds, and say what differs",
+      "Puts the project together as it was, computes every result behind the release with the options and the seed of\n"
+      "then, and compares file by file: the same bytes, or by how much each column differs. Pictures that the release\n"
+      "has by hash alone are taken from the project it lies in, or from --inputs. Calibrations are taken over; the\n"
+      "report is not made again. Exit code 0 if nothing differs by more than --tolerance, else 1.\n\n"
+      "Examples:\n"
+      "  trigpoint rerun my_site/releases/2026-05\n"
+      "  trigpoint rerun 2026-05 --inputs my_site --out again --tolerance 1e-6");
+  const auto options = std::make_shared<RerunOptions>();
+  command.add_option("RELEASE", options->release, "the release's folder")->required();
+  command.add_option("--inputs", options->inputs,
+                     "the project's folder with what the release has by hash alone; default: the one it lies in");
+  command.add_option("--out", options->out, "keep the project that is made in this new folder");
+  command
+      .add_option("--tolerance", options->tolerance, "largest difference of a number that counts as none, in its unit")
+      ->check(CLI::Range(0.0, 1e9))
+      ->capture_default_str();
+  command.callback(
+      [&session, options] { session.action = [options](Session& s) { return RerunRelease(s, *options); }; });
 }
 
 void AddCompareCommand(CLI::App& app, Session& session) {

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/certificate.h"
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/release_files.h"
+#include "app/pipeline/release_signature.h"
 #include "app/pipeline/released_results.h"
 #include "app/pipeline/versions.h"
 #include "datasets/io/text.h"
@@ -230,6 +232,12 @@ void WriteRelease(const Project& project, const PublishOptions& options, const s
     const Geodetic& o = project.frame().origin();
     record["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
   }
+  const Statement& statement = options.statement;
+  record["certificate"] = {
+      {"author", statement.author}, {"instrument", statement.instrument}, {"note", statement.note}};
+  // So that a signature that was taken away is missed.
+  if (options.sign) record["signature"] = options.sign->starts_with("gpg:") ? kGpgSignature : kSshSignature;
+  WriteCertificate(project, record, statement, fresh);
   std::vector<fs::path> files;
   for (const auto& entry : fs::recursive_directory_iterator(fresh)) {
     if (entry.is_regular_file()) files.push_back(entry.path());
@@ -253,8 +261,7 @@ void WriteRelease(const Project& project, const PublishOptions& options, const s
 
 }  // namespace
 
-Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel,
-                const std::function<void(const fs::path&)>& sign) {
+Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel) {
   CheckName(project, options.name);
   const fs::path target = ReleaseFolder(project, options.name);
   const auto lock = project.Lock();
@@ -276,7 +283,7 @@ Release Publish(const Project& project, const PublishOptions& options, const Can
     fs::remove_all(fresh);
     fs::create_directories(fresh);
     WriteRelease(project, options, published, behind, fresh, cancel, &release);
-    if (sign) sign(fresh);
+    if (options.sign) SignRelease(fresh, *options.sign, cancel);
     fs::rename(fresh, target);  // fails if somebody was faster: a folder that is there and not empty stays
   } catch (const fs::filesystem_error& e) {
     std::error_code ignored;

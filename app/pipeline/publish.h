@@ -2,7 +2,7 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,7 +13,7 @@ namespace trigpoint {
 
 // What only a person knows, for the certificate; empty: not stated.
 struct Statement {
-  std::string author;      // who answers for it
+  std::string author;      // who is responsible for it
   std::string instrument;  // what the control was measured with
   std::string note;
 };
@@ -23,6 +23,7 @@ struct PublishOptions {
   std::string variant;
   bool copy_inputs = false;  // pictures and videos too; else their hashes
   Statement statement;
+  std::optional<std::string> sign;  // with which key, see SignRelease
 };
 
 struct Release {
@@ -36,11 +37,10 @@ struct Release {
 };
 
 // Copies map, covariances, reference poses, tables, localized poses, report and everything they were computed from
-// (pictures and videos as hashes unless asked for), and writes release.json: every file's sha256; options, inputs and
-// versions of every result behind them. All of it or nothing; files are read-only. Throws OptionError for a name that
-// is no folder's, InputError if the release is there already (it is never overwritten), if there is nothing to publish,
-// or if any result behind it is out of date. `sign` is called with the finished folder before it gets its name.
-Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel,
-                const std::function<void(const std::filesystem::path&)>& sign = {});
+// (pictures and videos as hashes unless asked for), writes the certificate, and release.json: every file's sha256;
+// options, inputs and versions of every result behind them. All of it or nothing; files are read-only. Throws
+// OptionError for a name that is no folder's, InputError if the release is there already (it is never overwritten), if
+// there is nothing to publish, or if any result behind it is out of date.
+Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel);
 
 }  // namespace trigpoint

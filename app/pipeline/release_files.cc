@@ -107,10 +107,10 @@ ReleaseRecord ReadReleaseRecord(const fs::path& release) {
     ThrowDamaged(file, "expected schema 'trigpoint release 2', found '" + CleanPath(schema) + "'");
   }
   const std::pair<const char*, json::value_t> members[] = {
-      {"name", json::value_t::string},   {"project", json::value_t::string}, {"variant", json::value_t::string},
-      {"folder", json::value_t::string}, {"map", json::value_t::object},     {"published", json::value_t::string},
-      {"stages", json::value_t::object}, {"inputs", json::value_t::object},  {"certificate", json::value_t::object},
-      {"program", json::value_t::object}};
+      {"name", json::value_t::string},      {"project", json::value_t::string}, {"variant", json::value_t::string},
+      {"folder", json::value_t::string},    {"map", json::value_t::object},     {"published", json::value_t::string},
+      {"stages", json::value_t::object},    {"inputs", json::value_t::object},  {"certificate", json::value_t::object},
+      {"signature", json::value_t::string}, {"program", json::value_t::object}};
   for (const auto& [name, type] : members) {
     if (j.contains(name) && j[name].type() != type) {
       ThrowDamaged(file, fmt::format("'{}': expected another kind of value", name));
@@ -145,8 +145,11 @@ ReleaseDifferences CompareRelease(const fs::path& release, const ReleaseRecord& 
                                   const CancelToken& cancel) {
   ReleaseDifferences differences;
   std::vector<std::pair<std::string, fs::path>> same_size;
+  std::error_code failure;
+  const std::string signature = record.json.value("signature", "");
+  if (!signature.empty() && !PlainFile(release, CleanPath(signature)))
+    differences.missing.push_back(CleanPath(signature));
   for (const auto& [path, entry] : record.files) {
-    std::error_code failure;
     if (!fs::exists(fs::symlink_status(release / path, failure))) {
       differences.missing.push_back(path);
       continue;
@@ -176,7 +179,10 @@ ReleaseDifferences CompareRelease(const fs::path& release, const ReleaseRecord& 
     for (const auto& entry : fs::recursive_directory_iterator(release)) {
       if (entry.symlink_status().type() == fs::file_type::directory) continue;
       const std::string path = RelativeTo(release, entry.path());
-      if (!IsOfRelease(path) && record.files.count(path) == 0) differences.added.push_back(CleanPath(path));
+      if (path == kReleaseRecord || path == signature) continue;
+      // Whoever was asked may sign a release that came without a signature; one signature counts.
+      if (IsOfRelease(path) && signature.empty()) continue;
+      if (record.files.count(path) == 0) differences.added.push_back(CleanPath(path));
     }
   } catch (const fs::filesystem_error& e) {
     throw IoErrorFor(e.path1(), "read", e.code().value());

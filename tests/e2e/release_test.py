@@ -3,6 +3,7 @@
 
     release_test.py PROGRAM
 """
+import hashlib
 import json
 import os
 import shutil
@@ -197,6 +198,178 @@ class Release(unittest.TestCase):
         os.remove(path)
         self.assertIn("expected a release", self.one_line("verify", self.release))
         self.assertIn("expected a release", self.one_line("verify", f"{self.site}/nowhere"))
+
+    def test_certificate_states_check_points_and_limits(self):
+        trigpoint("publish", self.site, "--name", "june", "--author", "A. Surveyor <ÖbVI>", "--instrument", "TS 1\"")
+        release = f"{self.site}/releases/june"
+        page = json.loads(read(f"{release}/certificate.json"))
+        survey = json.loads(read(f"{release}/map/summary.json"))
+        self.assertEqual(page["check_points"]["n"], 2)
+        self.assertEqual(page["check_points"]["rmse_3d_m"], survey["check"]["rmse_3d_m"])
+        self.assertEqual(page["parties"]["Responsible"], "A. Surveyor <ÖbVI>")
+        self.assertEqual(page["parties"]["Dates of the runs"], "2026-05-12")
+        self.assertEqual(page["systems"]["Epoch of the control"], "not stated")
+        self.assertEqual(page["systems"]["Datum of the map"], "control")
+        limits = " ".join(page["limits"])
+        self.assertIn("tested at 2 check points only", limits)
+        self.assertIn("epoch of the control is not stated", limits)
+        html = read(f"{release}/certificate.html")
+        self.assertIn("A. Surveyor &lt;ÖbVI&gt;", html)
+        self.assertIn(f"in space {survey['check']['rmse_3d_m']:.3f} m", html)
+        with open(f"{release}/certificate.pdf", "rb") as pdf:
+            self.assertTrue(pdf.read(5) == b"%PDF-")
+
+    def test_certificate_without_check_points_claims_nothing(self):
+        header = read(f"{self.site}/control_points.csv").split("\n")[0]
+        rows = survey_site.control_rows(lambda i: "control")
+        self.edit(f"{self.site}/control_points.csv", lambda _: header + "\n" + "\n".join(rows) + "\n")
+        trigpoint("run", self.site)
+        trigpoint("publish", self.site, "--name", "june")
+        page = json.loads(read(f"{self.site}/releases/june/certificate.json"))
+        self.assertEqual(page["check_points"]["n"], 0)
+        self.assertNotIn("rmse_3d_m", page["check_points"])
+        self.assertIn("must not be stated as tested", " ".join(page["limits"]))
+        html = read(f"{self.site}/releases/june/certificate.html")
+        self.assertIn("was not tested", html)
+        self.assertNotIn("RMSE", html)
+
+    def ssh_key(self, name):
+        key = f"{self.site}/{name}"
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", f"{name}@example.org", "-f", key], check=True)
+        return key
+
+    @unittest.skipUnless(shutil.which("ssh-keygen"), "ssh-keygen is not installed")
+    def test_signed_with_an_ssh_key(self):
+        anna, bert = self.ssh_key("anna"), self.ssh_key("bert")
+        trigpoint("publish", self.site, "--name", "june", "--sign", anna)
+        self.release = f"{self.site}/releases/june"
+        signature = self.verify(0)["signature"]
+        self.assertEqual((signature["state"], signature["trusted"]), ("holds", False))
+        self.assertIn("SHA256:", signature["key"])
+        named = json.loads(trigpoint("verify", self.release, "--json", "--signers", anna + ".pub").stdout)["signature"]
+        self.assertEqual((named["signer"], named["trusted"]), ("anna@example.org", True))
+        survey_site.write(f"{self.site}/allowed", "office@example.org " + read(anna + ".pub"))
+        listed = json.loads(trigpoint("verify", self.release, "--json", "--signers", f"{self.site}/allowed").stdout)
+        self.assertEqual(listed["signature"]["signer"], "office@example.org")
+        other = json.loads(trigpoint("verify", self.release, "--json", "--signers", bert + ".pub", expect=1).stdout)
+        self.assertEqual(other["signature"]["state"], "broken")
+        # A record that was written anew, with hashes that fit, is not what was signed.
+        record = json.loads(read(f"{self.release}/release.json"))
+        record["project"] = "five tags"
+        self.edit(f"{self.release}/release.json", lambda _: json.dumps(record))
+        self.assertEqual(self.verify(1)["signature"]["state"], "broken")
+        # An unsigned release does not pass where a signature is asked for.
+        self.assertIn("not signed", trigpoint("verify", f"{self.site}/releases/may").stdout)
+        trigpoint("verify", f"{self.site}/releases/may", "--signers", anna + ".pub", expect=1)
+
+    @unittest.skipUnless(shutil.which("ssh-keygen"), "ssh-keygen is not installed")
+    def test_a_signature_that_was_taken_away_is_missed(self):
+        trigpoint("publish", self.site, "--name", "june", "--sign", self.ssh_key("anna"))
+        self.release = f"{self.site}/releases/june"
+        os.remove(f"{self.release}/release.json.sig")
+        self.assertEqual(self.verify(1)["missing"], ["release.json.sig"])
+        survey_site.write(f"{self.release}/release.json.sig", "-----BEGIN SSH SIGNATURE-----\nAAAA\n")
+        self.assertEqual(self.verify(1)["signature"]["state"], "broken")
+
+    @unittest.skipUnless(shutil.which("gpg"), "gpg is not installed")
+    def test_signed_with_a_gpg_key(self):
+        home = f"{FOLDER}/g"  # short: its socket's path has a limit
+        os.makedirs(home, mode=0o700)
+        self.addCleanup(lambda: subprocess.run(["gpgconf", "--homedir", home, "--kill", "all"], check=False))
+        os.environ["GNUPGHOME"] = home
+        self.addCleanup(lambda: os.environ.pop("GNUPGHOME"))
+        subprocess.run(["gpg", "--batch", "--quiet", "--passphrase", "", "--quick-generate-key", "anna@example.org",
+                        "ed25519", "sign"], check=True, capture_output=True)
+        trigpoint("publish", self.site, "--name", "june", "--sign", "gpg:anna@example.org")
+        self.release = f"{self.site}/releases/june"
+        signature = self.verify(0)["signature"]
+        self.assertEqual((signature["state"], signature["signer"]), ("holds", "anna@example.org"))
+        keys = subprocess.run(["gpg", "--export", "--armor"], check=True, capture_output=True, text=True).stdout
+        survey_site.write(f"{self.site}/anna.asc", keys)
+        trigpoint("verify", self.release, "--signers", f"{self.site}/anna.asc")
+        record = json.loads(read(f"{self.release}/release.json"))
+        self.edit(f"{self.release}/release.json", lambda _: json.dumps(record))
+        self.assertEqual(self.verify(1)["signature"]["state"], "broken")
+
+    def test_keys_that_are_not_there_publish_nothing(self):
+        self.assertIn("no such file", self.one_line("publish", self.site, "--name", "june", "--sign", "nokey", expect=2))
+        survey_site.write(f"{self.site}/notes.txt", "no key\n")
+        self.assertIn("not signed and not published",
+                      self.one_line("publish", self.site, "--name", "june", "--sign", f"{self.site}/notes.txt"))
+        self.assertEqual(os.listdir(f"{self.site}/releases"), ["may"])
+
+    def rerun(self, *more, expect=0):
+        return json.loads(trigpoint("rerun", self.release, "--json", *more, expect=expect).stdout)
+
+    def test_rerun_gives_the_same_bytes(self):
+        survey_site.write(f"{self.site}/runs/monday/board.jpg", "a picture")
+        trigpoint("run", self.site)
+        trigpoint("publish", self.site, "--name", "june")
+        self.release = f"{self.site}/releases/june"
+        again = self.rerun("--threads", "2")
+        self.assertTrue(again["same_bytes"], again["differences"])
+        self.assertEqual(again["results"], ["detect/monday", "survey", "reference/monday"])
+        self.assertEqual(again["notes"], [])
+        # The project may have gone on, or be somewhere else: the release holds its own.
+        self.edit(f"{self.site}/control_points.csv", lambda t: t.replace("48.", "49."))
+        self.assertTrue(self.rerun()["same_bytes"])
+        # What it has by hash alone must be there, unchanged.
+        shutil.move(self.release, f"{self.site}/alone")
+        self.release = f"{self.site}/alone"
+        self.assertIn("board.jpg is not there", self.one_line("rerun", self.release))
+        kept = self.rerun("--inputs", self.site, "--out", f"{self.site}/kept")
+        self.assertTrue(kept["same_bytes"])
+        self.assertTrue(os.path.exists(f"{self.site}/kept/results/survey/tags.csv"))
+        self.assertIn("empty folder", self.one_line("rerun", self.release, "--inputs", self.site, "--out", f"{self.site}/kept"))
+        survey_site.write(f"{self.site}/runs/monday/board.jpg", "another picture")
+        self.assertIn("board.jpg was changed", self.one_line("rerun", self.release, "--inputs", self.site))
+
+    def forge(self, change):
+        """Writes the record anew, with a hash of its own that fits."""
+        record = json.loads(read(f"{self.release}/release.json"))
+        change(record)
+        record.pop("sha256")
+        text = json.dumps(record, separators=(",", ":"), sort_keys=True, ensure_ascii=False)
+        record["sha256"] = hashlib.sha256(text.encode()).hexdigest()
+        self.edit(f"{self.release}/release.json", lambda _: json.dumps(record))
+
+    def test_rerun_says_by_how_much(self):
+        # A map that another machine would have made: one coordinate differs by a millimetre.
+        path = f"{self.release}/map/tags.csv"
+        self.edit(path, lambda t: t.replace("2.500345", "2.501345"))
+        data = read(path)
+        def change(record):
+            digest = hashlib.sha256(data.encode()).hexdigest()
+            record["files"]["map/tags.csv"]["sha256"] = record["stages"]["survey"]["files"]["tags.csv"] = digest
+        self.forge(change)
+        again = self.rerun(expect=1)
+        self.assertEqual([(d["result"], d["file"]) for d in again["differences"]], [("survey", "tags.csv")])
+        self.assertAlmostEqual(again["differences"][0]["columns"]["y"], 0.001, places=9)
+        self.assertIn("in column y in line 3", again["differences"][0]["text"])
+        self.rerun("--tolerance", "0.0011")
+        self.rerun("--tolerance", "0.0009", expect=1)
+
+    def test_rerun_of_hostile_records_is_one_message(self):
+        for change, expected in (
+                (lambda r: r["inputs"].update({"../x": r["inputs"]["tags.yaml"]}), "leaves the project"),
+                (lambda r: r["inputs"].update({"x": 5}), "expected sha256, bytes and copied"),
+                (lambda r: r["inputs"].update({"x.csv": r["inputs"]["tags.yaml"]}), "is not the input"),
+                (lambda r: r["order"].append("nothing"), "names no result"),
+                (lambda r: r["stages"]["survey"].update(name="@../../x"), "variant"),
+                (lambda r: r["stages"]["survey"].update(options={"x": 1}), "'x'"),
+                (lambda r: r["stages"]["survey"].update(files=[]), "expected its files"),
+                (lambda r: r["stages"]["survey"].update(stage="delete"), "unknown stage 'delete'"),
+                (lambda r: r["stages"]["detect/monday"].update(name="../../x"), "no folder's"),
+                (lambda r: r.pop("inputs"), "earlier version")):
+            shutil.rmtree(self.release)
+            shutil.copytree(f"{self.made}/releases/may", self.release)
+            self.forge(change)
+            done = subprocess.run([PROGRAM, "rerun", self.release], capture_output=True, text=True, check=False)
+            self.assertIn(done.returncode, (1, 2))
+            self.assertIn(expected, done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        self.edit(f"{self.release}/map/tags.csv", lambda t: t + "\n")
+        self.assertIn("not as it was published", self.one_line("rerun", self.release))
 
     def test_names_that_cannot_be_a_releases(self):
         for name in ("", "..", ".x", "a/b", "self", "control", "survey"):
