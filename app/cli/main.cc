@@ -9,6 +9,7 @@
 
 #include "app/cli/calibrate_command.h"
 #include "app/cli/command.h"
+#include "app/cli/field_commands.h"
 #include "app/cli/interchange_commands.h"
 #include "app/cli/stitch_command.h"
 #include "datasets/io/text.h"
@@ -76,6 +77,7 @@ int Launch(int argc, char** argv) {
   AddBatchCommand(app, session);
   AddDoctorCommand(app, session, TRIGPOINT_VERSION);
   AddCompletionCommand(app, session);
+  AddPrintCommand(app, session);
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());

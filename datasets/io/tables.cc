@@ -103,9 +103,9 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
   const YamlMap map(file, LoadYaml(file), {"family", "size_m", "sizes_m"});
   TagSizes tags;
   tags.family = map.Text("family", tags.family);
-  const std::vector<std::string> families = {"tag36h11",         "tag25h9",        "tag16h5",
-                                             "tagCircle21h7",    "tagCircle49h12", "tagStandard41h12",
-                                             "tagStandard52h13", "tagCustom48h12"};
+  const std::vector<std::string> families = {"tag36h11",         "tag36h10",         "tag25h9",
+                                             "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
+                                             "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
   if (std::find(families.begin(), families.end(), tags.family) == families.end()) {
     map.Fail("family",
              "unknown family '" + tags.family + "'; nearest known: '" + NearestName(tags.family, families) + "'");
