@@ -1,5 +1,6 @@
 #include "eval/distributions.h"
 
+#include <boost/math/distributions/beta.hpp>
 #include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/normal.hpp>
@@ -14,6 +15,7 @@ namespace policies = boost::math::policies;
 using Policy = policies::policy<policies::promote_double<false>, policies::domain_error<policies::ignore_error>>;
 using Normal = boost::math::normal_distribution<double, Policy>;
 using ChiSquare = boost::math::chi_squared_distribution<double, Policy>;
+using Beta = boost::math::beta_distribution<double, Policy>;
 using Binomial = boost::math::binomial_distribution<double, Policy>;
 
 }  // namespace
@@ -32,6 +34,13 @@ double ChiSquareQuantile(double p, double dof) {
     throw NumericError("chi-square quantile: the probability must lie between 0 and 1, the degrees of freedom above 0");
   }
   return boost::math::quantile(ChiSquare(dof), p);
+}
+
+double BetaQuantile(double p, double a, double b) {
+  if (!(p > 0 && p < 1) || !(a > 0) || !(b > 0)) {
+    throw NumericError("beta quantile: the probability must lie between 0 and 1, the parameters above 0");
+  }
+  return boost::math::quantile(Beta(a, b), p);
 }
 
 double BinomialCdf(int k, int n, double p) {

@@ -10,6 +10,8 @@ double NormalQuantile(double p);
 double ChiSquareCdf(double x, double dof);
 // Throws NumericError unless 0 < p < 1 and dof > 0.
 double ChiSquareQuantile(double p, double dof);
+// Throws NumericError unless 0 < p < 1 and both parameters are above 0.
+double BetaQuantile(double p, double a, double b);
 // P(X <= k) of n trials with success probability p.
 double BinomialCdf(int k, int n, double p);
 

@@ -12,6 +12,7 @@
 #include "calib/geometry/alignment.h"
 #include "datasets/io/yaml.h"
 #include "eval/distributions.h"
+#include "eval/gates/intervals.h"
 
 namespace trigpoint {
 namespace {
@@ -102,6 +103,65 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
   report->own_rmse_interval_m =
       Interval{std::sqrt(std::max(0.0, low - reference_variance * ChiSquareQuantile(1 - tail, 3) / 3)),
                std::sqrt(std::max(0.0, high - reference_variance * ChiSquareQuantile(tail, 3) / 3))};
+}
+
+// The rows, and what they sum up to.
+void AddRows(const std::vector<ReferencePose>& reference, const std::vector<size_t>& rows,
+             const std::vector<Pair>& pairs, EstimateReport* out) {
+  EstimateReport& report = *out;
+  for (const size_t i : rows) {
+    const ReferencePose& r = reference[i];
+    EstimateRow row;
+    row.stamp_ns = r.stamp_ns;
+    row.image = r.image;
+    row.reference_status = r.status;
+    row.status = r.world_from_cam ? "absent" : "no_reference";
+    row.reason = r.world_from_cam ? "the estimate has no pose at this time" : r.reason;
+    row.reference_sigma_m = r.covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt();
+    report.attempts += r.world_from_cam.has_value();
+    report.rows.push_back(std::move(row));
+  }
+  std::vector<double> e3, eh, ev;
+  double squares = 0, rot_squares = 0;
+  for (const Pair& p : pairs) {
+    EstimateRow& row = report.rows[p.row];
+    row.status = "scored";
+    row.reason.clear();
+    row.error_m = p.estimate.translation - p.reference->world_from_cam->translation;
+    row.error_rot_deg = kRadToDeg * AngleBetween(p.estimate.rotation, p.reference->world_from_cam->rotation);
+    e3.push_back(row.error_m->norm());
+    eh.push_back(row.error_m->head<2>().norm());
+    ev.push_back(std::abs(row.error_m->z()));
+    squares += row.error_m->squaredNorm();
+    rot_squares += *row.error_rot_deg * *row.error_rot_deg;
+  }
+  report.answers = static_cast<int>(pairs.size());
+  const int absent = report.attempts - report.answers;
+  report.error_3d = Summarize(e3, absent);
+  report.error_h = Summarize(eh, absent);
+  report.error_v = Summarize(ev, absent);
+  report.rmse_m = std::sqrt(squares / static_cast<double>(pairs.size()));
+  report.rmse_rot_deg = std::sqrt(rot_squares / static_cast<double>(pairs.size()));
+}
+
+// Pieces of the path one behind the other, the reference's lengths.
+void AddRelative(const std::vector<Pair>& pairs, const EstimateScoreOptions& options, EstimateReport* report) {
+  std::vector<PosePair> poses;
+  for (const Pair& p : pairs) poses.push_back({p.reference->stamp_ns, *p.reference->world_from_cam, p.estimate});
+  RelativeOptions relative;
+  relative.delta = options.rpe_m;
+  relative.unit = DeltaUnit::kMetres;
+  relative.lengths_from_reference = true;
+  const TrajectoryErrors errors = RelativeErrors(poses, relative);
+  RelativeSummary& summary = report->relative;
+  summary.length_m = options.rpe_m;
+  summary.pieces = static_cast<int>(errors.translation_m.size());
+  if (errors.translation_m.empty()) return;
+  summary.rmse_m = StatisticsOf(errors.translation_m).rmse;
+  if (!errors.rotation_deg.empty()) summary.rmse_deg = StatisticsOf(errors.rotation_deg).rmse;
+  if (const auto rmse = RmseWithInterval({errors.translation_m}, options.confidence)) {
+    summary.interval_m = rmse->interval;
+  }
 }
 
 // d_i = c + R_i l, least squares; blocks' number of independent errors.
@@ -283,40 +343,9 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
   }
   pairs = fitted(std::move(pairs), config.alignment);
 
-  for (const size_t i : rows) {
-    const ReferencePose& r = reference[i];
-    EstimateRow row;
-    row.stamp_ns = r.stamp_ns;
-    row.image = r.image;
-    row.reference_status = r.status;
-    row.status = r.world_from_cam ? "absent" : "no_reference";
-    row.reason = r.world_from_cam ? "the estimate has no pose at this time" : r.reason;
-    row.reference_sigma_m = r.covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt();
-    report.attempts += r.world_from_cam.has_value();
-    report.rows.push_back(std::move(row));
-  }
-  std::vector<double> e3, eh, ev;
-  double squares = 0, rot_squares = 0;
-  for (const Pair& p : pairs) {
-    EstimateRow& row = report.rows[p.row];
-    row.status = "scored";
-    row.reason.clear();
-    row.error_m = p.estimate.translation - p.reference->world_from_cam->translation;
-    row.error_rot_deg = kRadToDeg * AngleBetween(p.estimate.rotation, p.reference->world_from_cam->rotation);
-    e3.push_back(row.error_m->norm());
-    eh.push_back(row.error_m->head<2>().norm());
-    ev.push_back(std::abs(row.error_m->z()));
-    squares += row.error_m->squaredNorm();
-    rot_squares += *row.error_rot_deg * *row.error_rot_deg;
-  }
-  report.answers = static_cast<int>(pairs.size());
-  const int absent = report.attempts - report.answers;
-  report.error_3d = Summarize(e3, absent);
-  report.error_h = Summarize(eh, absent);
-  report.error_v = Summarize(ev, absent);
-  report.rmse_m = std::sqrt(squares / static_cast<double>(pairs.size()));
-  report.rmse_rot_deg = std::sqrt(rot_squares / static_cast<double>(pairs.size()));
+  AddRows(reference, rows, pairs, &report);
   AddOwnRmse(pairs, options, &report);
+  AddRelative(pairs, options, &report);
 
   // What would explain the errors: clock, frame, lever arm.
   PoseSequence truth, said;

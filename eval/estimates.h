@@ -19,12 +19,14 @@ struct EstimateScoreOptions {
   double max_gap_s = 1;     // an estimate is not interpolated across a longer gap: that image counts as absent, s
   double max_offset_s = 1;  // clocks are looked for within this, s
   double block_s = 5;       // errors this near in time count once, s
+  double rpe_m = 10;        // length of the pieces of relative errors, m
   double confidence = 0.95;
   int bootstrap_samples = 1000;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.max_gap_s, {"max_gap_s", "s", 1e-3, 1e4, "an estimate is not interpolated across a longer gap"});
     visit(self.max_offset_s, {"max_offset_s", "s", 1e-3, 1e4, "clocks are looked for within this"});
+    visit(self.rpe_m, {"rpe_m", "m", 0.1, 1e5, "length of the pieces of path that relative errors are taken over"});
     visit(self.block_s, {"block_s", "s", 1e-3, 1e4, "errors this near in time count once"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
@@ -47,6 +49,16 @@ struct EstimateRow {
   std::optional<Eigen::Vector3d> error_m;  // estimate - reference, east, north, up
   std::optional<double> error_rot_deg;
   Eigen::Vector3d reference_sigma_m = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> estimate_sigma_m;  // as the estimate states it
+};
+
+// Relative errors (RPE) over consecutive pieces of the reference's path.
+struct RelativeSummary {
+  double length_m = 0;  // of a piece
+  int pieces = 0;
+  std::optional<double> rmse_m, rmse_deg;
+  // Pieces taken as independent, each as one component: wide rather than narrow. Unset with fewer than three.
+  std::optional<Interval> interval_m;
 };
 
 // A lever arm the errors would be explained by, in the reference camera's axes, beside a constant shift in world.
@@ -70,6 +82,7 @@ struct EstimateReport {
   // error may be the same all along.
   std::optional<double> own_rmse_m;
   std::optional<Interval> own_rmse_interval_m;
+  RelativeSummary relative;
   std::optional<double> aligned_rmse_m;    // after a rigid fit
   std::optional<ClockOffset> time_offset;  // beyond what is applied
   std::optional<double> rmse_with_offset_m;

@@ -31,10 +31,28 @@ std::vector<std::string> CovarianceColumns() {
 }  // namespace
 
 void WriteEstimates(const std::vector<EstimateReport>& reports, const std::filesystem::path& file) {
-  CsvWriter csv({"system", "run", "timestamp", "image", "status", "reason", "reference_status", "error_3d_m",
-                 "error_h_m", "error_v_m", "de_m", "dn_m", "du_m", "error_rot_deg", "reference_sigma_e_m",
-                 "reference_sigma_n_m", "reference_sigma_u_m"},
-                {"trigpoint estimates 1; unit=m; axes=enu; sigma=1"});
+  CsvWriter csv({"system",
+                 "run",
+                 "timestamp",
+                 "image",
+                 "status",
+                 "reason",
+                 "reference_status",
+                 "error_3d_m",
+                 "error_h_m",
+                 "error_v_m",
+                 "de_m",
+                 "dn_m",
+                 "du_m",
+                 "error_rot_deg",
+                 "reference_sigma_e_m",
+                 "reference_sigma_n_m",
+                 "reference_sigma_u_m",
+                 "sigma_e_m",
+                 "sigma_n_m",
+                 "sigma_u_m"},
+                {"trigpoint estimates 1; unit=m; axes=enu; sigma=1; d: estimate minus reference; reference_sigma: of "
+                 "the reference, sigma: of the estimate as it states it"});
   for (const EstimateReport& report : reports) {
     for (const EstimateRow& row : report.rows) {
       csv.Text(report.system).Text(report.run).Stamp(row.stamp_ns).Text(row.image).Text(row.status).Text(row.reason);
@@ -51,6 +69,7 @@ void WriteEstimates(const std::vector<EstimateReport>& reports, const std::files
       } else {
         for (int i = 0; i < 3; ++i) csv.Number(row.reference_sigma_m[i], 6);
       }
+      for (int i = 0; i < 3; ++i) row.estimate_sigma_m ? csv.Number((*row.estimate_sigma_m)[i], 6) : csv.Empty();
       csv.EndRow();
     }
   }
@@ -63,16 +82,17 @@ std::string FormatEstimates(const std::vector<EstimateReport>& reports, const st
     return metres ? fmt::format("{:.3f}", *metres / metres_per_unit) : "-";
   };
   std::vector<std::vector<std::string>> lines{{"system", "run", "answers", "attempts", "rmse", "its own",
-                                               "95 % interval", "median", "P90", "P90 of attempts", "horizontal median",
-                                               "vertical median", "rot. deg rmse"}};
+                                               "95 % interval", "RPE", "median", "P90", "P90 of attempts",
+                                               "horizontal median", "vertical median", "rot. deg rmse"}};
   std::string notes;
   for (const EstimateReport& r : reports) {
     lines.push_back(
         {r.system, r.run, std::to_string(r.answers), std::to_string(r.attempts), length(r.rmse_m), length(r.own_rmse_m),
          r.own_rmse_interval_m ? length(r.own_rmse_interval_m->low) + " to " + length(r.own_rmse_interval_m->high)
                                : "-",
-         length(r.error_3d.median), length(r.error_3d.p90), length(r.error_3d.p90_attempts), length(r.error_h.median),
-         length(r.error_v.median), r.rmse_rot_deg ? fmt::format("{:.3f}", *r.rmse_rot_deg) : "-"});
+         length(r.relative.rmse_m), length(r.error_3d.median), length(r.error_3d.p90), length(r.error_3d.p90_attempts),
+         length(r.error_h.median), length(r.error_v.median),
+         r.rmse_rot_deg ? fmt::format("{:.3f}", *r.rmse_rot_deg) : "-"});
     notes += fmt::format(
         "- {} on {}: poses of the {}, alignment {}; {} of {} images absent; the reference's own 1 sigma in "
         "space is {} {}\n",
@@ -81,9 +101,9 @@ std::string FormatEstimates(const std::vector<EstimateReport>& reports, const st
     for (const std::string& note : r.notes) notes += fmt::format("- {} on {}: {}\n", r.system, r.run, note);
   }
   return fmt::format(
-      "### Trajectories of other systems against the reference poses [{}]\n\n{}\n`its own`: the "
-      "reference's uncertainty taken out; interval by blocks in time\n{}",
-      unit, AlignMarkdown(lines), notes);
+      "### Trajectories against the reference poses [{}]\n\n{}\nrmse: absolute trajectory error (ATE); `its own`: the "
+      "reference's uncertainty taken out; interval by blocks in time; RPE: relative error over pieces of {:g} m\n{}",
+      unit, AlignMarkdown(lines), reports.empty() ? 0 : reports.front().relative.length_m, notes);
 }
 
 nlohmann::json EstimatesJson(const std::vector<EstimateReport>& reports) {
@@ -106,6 +126,14 @@ nlohmann::json EstimatesJson(const std::vector<EstimateReport>& reports) {
                         {"error_h", Json(r.error_h)},
                         {"error_v", Json(r.error_v)},
                         {"notes", r.notes}};
+    j["rpe"] = {{"length_m", r.relative.length_m},
+                {"pieces", r.relative.pieces},
+                {"rmse_m", Json(r.relative.rmse_m)},
+                {"rmse_deg", Json(r.relative.rmse_deg)},
+                {"interval_m", nullptr}};
+    if (r.relative.interval_m) {
+      j["rpe"]["interval_m"] = {r.relative.interval_m->low, r.relative.interval_m->high};
+    }
     j["own_rmse_interval_m"] = nullptr;
     if (r.own_rmse_interval_m) j["own_rmse_interval_m"] = {r.own_rmse_interval_m->low, r.own_rmse_interval_m->high};
     if (r.time_offset) {

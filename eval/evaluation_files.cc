@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "eval/interval_text.h"
 #include "eval/markdown.h"
 #include "eval/paper_tables.h"
 
@@ -194,8 +195,8 @@ std::string FormatIntervals(const std::string& what, const PercentileIntervals& 
   std::string text;
   const auto add = [&](const char* name, const std::optional<Interval>& interval) {
     if (!interval) return;
-    text += fmt::format("{}{} {} to {}", text.empty() ? "" : ", ", name, InUnit(interval->low, o),
-                        InUnit(interval->high, o));
+    text += fmt::format("{}{} ", text.empty() ? "" : ", ", name);
+    text += IsInformative(*interval) ? InUnit(interval->low, o) + " to " + InUnit(interval->high, o) : "too few";
   };
   add("median", i.median);
   add("P90", i.p90);
@@ -250,11 +251,6 @@ std::string FormatExtras(const EvaluationExtras& extras, const TableOptions& opt
     }
     text += "\n";
   }
-  if (!extras.gates.empty()) {
-    text += "### Gates: " + ToString(OverallVerdict(extras.gates)) + "\n\n";
-    for (const GateResult& gate : extras.gates) text += "- " + gate.message + "\n";
-    text += "\n";
-  }
   for (const std::string& note : extras.notes) text += note + "\n";
   return text;
 }
@@ -280,18 +276,7 @@ nlohmann::json Json(const PercentileIntervals& i) {
 }
 
 nlohmann::json Json(const EvaluationExtras& extras) {
-  nlohmann::json gates = nlohmann::json::array(), comparisons = nlohmann::json::array();
-  for (const GateResult& g : extras.gates) {
-    gates.push_back({{"gate", g.gate},
-                     {"verdict", ToString(g.verdict)},
-                     {"message", g.message},
-                     {"method", g.group.method},
-                     {"reference", g.group.reference},
-                     {"value", Json(g.value)},
-                     {"interval", Json(g.interval)},
-                     {"more_stations", g.more_stations ? nlohmann::json(*g.more_stations) : nlohmann::json()},
-                     {"more_runs", g.more_runs ? nlohmann::json(*g.more_runs) : nlohmann::json()}});
-  }
+  nlohmann::json comparisons = nlohmann::json::array();
   for (const NamedComparison& c : extras.comparisons) {
     const PairedComparison& p = c.group.paired;
     comparisons.push_back({{"a", c.a},
@@ -310,11 +295,7 @@ nlohmann::json Json(const EvaluationExtras& extras) {
                            {"sign_p", p.sign_p},
                            {"wilcoxon_p", p.wilcoxon_p}});
   }
-  nlohmann::json json = {{"comparisons", comparisons}};
-  if (!extras.gates.empty()) {
-    json["gates"] = {{"verdict", ToString(OverallVerdict(extras.gates))}, {"results", gates}};
-  }
-  return json;
+  return {{"comparisons", comparisons}};
 }
 
 }  // namespace

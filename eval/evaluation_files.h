@@ -9,7 +9,6 @@
 #include "eval/compare.h"
 #include "eval/display_unit.h"
 #include "eval/evaluate.h"
-#include "eval/gates.h"
 
 namespace trigpoint {
 
@@ -39,7 +38,6 @@ std::string FormatCsv(const ErrorTable& table);  // metres, empty cells where no
 // What stands beside the tables. `notes` are paragraphs of Markdown that end the text.
 struct EvaluationExtras {
   std::vector<NamedComparison> comparisons;
-  std::vector<GateResult> gates;
   std::vector<std::string> notes;
 };
 
@@ -55,7 +53,7 @@ nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras&
 void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder,
                      const TableOptions& options = {}, const EvaluationExtras& extras = {});
 
-// Reads errors.csv back (for comparisons and gates). Throws InputError naming file and line.
+// Reads errors.csv back (for comparisons). Throws InputError naming file and line.
 std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv);
 
 }  // namespace trigpoint

@@ -57,6 +57,7 @@ CLI::App& AddCommand(CLI::App& app, Session& session, const std::string& name, c
 // What became of jobs.
 struct RunReport {
   std::vector<JobResult> results;
+  std::vector<std::string> asked;     // stages of the jobs, without those that were added to them
   std::vector<std::string> problems;  // what was given and led to nothing
   nlohmann::json json;                // of --json
   int exit_code = 0;

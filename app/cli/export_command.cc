@@ -35,17 +35,17 @@ void AddExportCommand(CLI::App& app, Session& session) {
   for (const ExportFormat& format : ExportFormats()) {
     formats += "  " + format.name + std::string(10 - format.name.size(), ' ') + format.help + "\n";
   }
-  CLI::App& command =
-      AddCommand(app, session, "export", "write results as files of other programs",
-                 formats +
-                     "Layers of the maps (gpkg, geojson, kml, gpx, csv): tags, stations, panoramas, cameras, "
-                     "trajectories, ellipses,\n"
-                     "residuals. Uncertainties are 1 sigma unless a column says another confidence.\n\n"
-                     "Examples:\n"
-                     "  trigpoint export my_site --to gpkg --crs EPSG:25832\n"
-                     "  trigpoint export my_site --to geojson --what panoramas,tags --out site.geojson\n"
-                     "  trigpoint export my_site --to kml --heights egm96\n"
-                     "  trigpoint export my_site --to colmap --run run1 --out model");
+  CLI::App& command = AddCommand(
+      app, session, "export", "write results as files of other programs",
+      formats +
+          "Layers of the maps (gpkg, geojson, kml, gpx, csv): tags, control, check, stations, panoramas, "
+          "cameras,\n"
+          "trajectories, ellipses, residuals. Uncertainties are 1 sigma unless a column says another confidence.\n\n"
+          "Examples:\n"
+          "  trigpoint export my_site --to gpkg --crs EPSG:25832\n"
+          "  trigpoint export my_site --to geojson --what panoramas,tags --out site.geojson\n"
+          "  trigpoint export my_site --to kml --heights egm96\n"
+          "  trigpoint export my_site --to colmap --run run1 --out model");
   const auto dir = std::make_shared<std::string>();
   const auto request = std::make_shared<ExportRequest>();
   const auto out = std::make_shared<std::string>();

@@ -26,7 +26,6 @@ class Facts {
       Unmeasured();
     }
     if (options.check_points) CheckPoints();
-    if (options.errors) Gates();
     for (const VerdictRun& run : verdict_.runs) {
       if (!run.georeferenced && run.Asked() > 0)
         ending_.Problem("Frame", run.run + " is not georeferenced: " + run.source);
@@ -163,19 +162,6 @@ class Facts {
     const char* verdict = *anees < low ? "too large" : *anees > high ? "too small" : "consistent";
     ending_.Fact("Sigmas",
                  fmt::format("{} (ANEES {:.2f}, consistent from {:.2f} to {:.2f})", verdict, *anees, low, high));
-  }
-
-  void Gates() {
-    if (verdict_.gates.empty()) return;
-    bool all = true;
-    for (const auto& [verdict, message] : verdict_.gate_results) {
-      all = all && verdict == "PASS";
-      if (verdict != "PASS") ending_.Problem("Gate", message);
-    }
-    if (!all) return;
-    std::vector<std::string> passed;
-    for (const auto& [verdict, message] : verdict_.gate_results) passed.push_back(message);
-    ending_.Fact("Gates", Listed(passed, 3));
   }
 
   const ProjectVerdict& verdict_;

@@ -48,7 +48,8 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
     text += changes.empty() ? "Nothing changed in inputs, options and versions\n" : "### What changed\n\n";
     for (const std::string& change : changes) text += "- " + change + "\n";
     pair["changes"] = changes;
-    if (!a.tags.empty() && !b.tags.empty()) {
+    const bool same_map = !a.map.empty() && a.map == b.map;  // both variants use the first set's
+    if (!a.tags.empty() && !b.tags.empty() && !same_map) {
       const EpochTest test = TestEpoch(a.tags, b.tags, significance);
       std::vector<std::string> moved;
       for (const TagMove& t : test.tags) {

@@ -8,6 +8,7 @@
 #include "app/cli/command.h"
 #include "app/cli/project_facts.h"
 #include "app/pipeline/command_line.h"
+#include "app/pipeline/gates_stage.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_inputs.h"
 #include "datasets/project/files.h"
@@ -160,6 +161,27 @@ void AddOldWarnings(const std::vector<JobResult>& results, Ending* ending) {
   }
 }
 
+// Gates that count for the command: each that is not passed, or all of them.
+void AddGates(const RunReport& report, Ending* ending) {
+  int passed = 0;
+  bool all = true;
+  std::string message;
+  for (const JobResult& result : report.results) {
+    if (!IsThere(result) || result.job.stage->name != "gates") continue;
+    for (const nlohmann::json& gate : CountedGates(result.outcome.manifest["metrics"], report.asked)) {
+      message = gate.value("message", "");
+      if (gate.value("verdict", "") == "passed") {
+        ++passed;
+      } else {
+        all = false;
+        ending->Problem("Gate", message);
+      }
+    }
+    if (result.job.target.variant.empty()) ending->Look("Gates", result.outcome.dir / "gates.json");
+  }
+  if (all && passed > 0) ending->Fact("Gates", passed == 1 ? message : fmt::format("all {} passed", passed));
+}
+
 void AddPlaces(const std::vector<JobResult>& results, const std::string& command, Ending* ending) {
   std::vector<const JobResult*> own;
   for (const JobResult& result : results) {
@@ -225,6 +247,7 @@ RunReport RunJobsShown(const Session& session, const std::string& command, const
   lines.Flush();
   terminal.ClearProgress();
 
+  for (const Job& job : jobs) report.asked.push_back(job.stage->name);
   bool gates_passed = true;
   nlohmann::json stages = nlohmann::json::array();
   for (const JobResult& result : report.results) {
@@ -238,7 +261,8 @@ RunReport RunJobsShown(const Session& session, const std::string& command, const
                       {"warnings", there ? result.outcome.manifest["warnings"] : nlohmann::json::array()}});
     if (result.end == JobEnd::kFailed)
       report.exit_code = report.exit_code == 0 || report.exit_code == result.exit_code ? result.exit_code : 1;
-    if (there && result.outcome.manifest["metrics"].value("verdict", "PASS") != "PASS") gates_passed = false;
+    if (there && result.job.stage->name == "gates" && !GatesPassed(result.outcome.manifest["metrics"], report.asked))
+      gates_passed = false;
     if (there && result.job.stage->summary) session.PrintDetails(result.job.stage->summary(result.outcome, unit));
   }
   report.problems = GivenForNothing(project, report.results);
@@ -269,6 +293,7 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
   if (whole && there.count("localize") == 0) {
     for (const char* stage : {"stitch", "survey"}) AddBriefs(report.results, stage, unit, &ending);
   }
+  AddGates(report, &ending);
   AddOldWarnings(report.results, &ending);
   AddPlaces(report.results, command, &ending);
   AddNext(command, project, report, &ending);

@@ -61,6 +61,26 @@ void ReadStages(const fs::path& results, const std::string& variant, Compared* c
   }
 }
 
+// Names behind an @ of result folders.
+std::vector<std::string> VariantsWithResults(const fs::path& results) {
+  std::set<std::string> variants;
+  std::error_code ignored;
+  for (fs::recursive_directory_iterator it(results, ignored), end; it != end; it.increment(ignored)) {
+    const std::string name = it->path().filename().string();
+    const size_t at = name.find('@');
+    if (name.front() == '.' || it.depth() > 0) it.disable_recursion_pending();
+    if (name.front() != '.' && at != std::string::npos && it->is_directory(ignored))
+      variants.insert(name.substr(at + 1));
+  }
+  return {variants.begin(), variants.end()};
+}
+
+std::string Joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 std::string Short(const json& value) {
   const std::string text = DumpJson(value);
   return text.size() > 60 ? text.substr(0, 57) + "..." : text;
@@ -101,12 +121,19 @@ Compared OpenCompared(const std::string& written) {
   }
   const Project project = Project::Open(dir);
   const std::string at = variant.empty() ? "" : "@" + variant;
+  const std::vector<std::string> known = VariantsWithResults(project.results());
+  if (!variant.empty() && std::find(known.begin(), known.end(), variant) == known.end()) {
+    throw InputError(written + ": variant '" + variant + "' has no results; expected " +
+                     (known.empty() ? "results of a variant, found none" : "one of " + Joined(known)) +
+                     "; run `trigpoint run " + dir.string() + " --variant " + variant + "` first");
+  }
   // A variant's own tables, else its rows in those of the first set.
   const fs::path own = project.ResultDir("evaluate", at) / "errors.csv";
   ReadRows(fs::exists(own) ? own : project.ResultDir("evaluate", "") / "errors.csv", variant, &compared);
   ReadStages(project.results(), variant, &compared);
   const fs::path map = project.ResultDir("survey", at);
-  ReadTags(fs::exists(map) ? map : project.ResultDir("survey", ""), &compared);
+  compared.map = fs::exists(map) ? map : project.ResultDir("survey", "");
+  ReadTags(compared.map, &compared);
   if (compared.stages.empty() && compared.rows.empty())
     throw InputError(written + ": has no results; run `trigpoint run " + dir.string() + "` first");
   return compared;

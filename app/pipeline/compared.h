@@ -17,6 +17,7 @@ struct Compared {
   std::vector<ErrorRow> rows;                    // of one variant
   std::map<std::string, nlohmann::json> stages;  // "localize/run1" -> manifest
   std::vector<TagResult> tags;                   // of its map; empty: none
+  std::filesystem::path map;                     // where that lies, of a project
   std::vector<std::string> notes;                // what could not be read, one sentence each
 };
 

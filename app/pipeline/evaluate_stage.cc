@@ -7,6 +7,7 @@
 #include <map>
 
 #include "app/pipeline/jobs.h"
+#include "app/pipeline/measured_offsets.h"
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/score_estimates.h"
@@ -14,6 +15,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "eval/evaluation_files.h"
+#include "eval/gates/limits.h"
 #include "eval/truth.h"
 #include "survey/tags/tag_files.h"
 
@@ -25,19 +27,25 @@ namespace fs = std::filesystem;
 struct EvaluateStageOptions {
   EvaluateOptions errors;
   TagPosesOptions tags;
-  GateOptions gates;
+  EvaluateLimits gates;  // judged by the stage `gates`
   EstimateScoreOptions estimates;
-  std::string reference;      // empty: self, control, survey
-  std::string truth;          // a folder of true poses
-  bool paper_tables = false;  // the paper's own two tables beside ours
+  std::string reference;           // empty: self, control, survey
+  std::string offsets = "stated";  // of stations: stated, estimated, combined
+  std::string truth;               // a folder of true poses
+  bool paper_tables = false;       // the paper's own two tables beside ours
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     EvaluateOptions::Visit(self.errors, visit);
     visit(self.tags, {"tags", "", 0, 0, "tag poses from the run's own cameras"});
-    GateOptions::Visit(self.gates, visit);
-    visit(self.estimates, {"estimates", "", 0, 0, "trajectories of other systems against the reference poses"});
+    EvaluateLimits::Visit(self.gates, visit);
+    visit(self.estimates,
+          {"estimates", "", 0, 0, "cameras and other systems' trajectories against the reference poses"});
     visit(self.reference, {"reference", "", 0, 0,
                            "only against this: self, control, survey, survey@V or a release; empty: the first three"});
+    visit(self.offsets,
+          {"offsets", "", 0, 0,
+           "station offsets: stated (stations.csv), estimated by the tags that panoramas show (survey), or "
+           "combined"});
     visit(self.truth,
           {"truth", "", 0, 0, "a folder of true poses (runs/<run>_cameras.tum, panoramas.tum) to score against"});
     visit(self.paper_tables, {"paper_tables", "", 0, 1, "print the published tables of the paper too"});
@@ -45,30 +53,11 @@ struct EvaluateStageOptions {
   std::vector<std::string> Check() const {
     std::vector<std::string> problems = errors.Check();
     for (const std::string& problem : tags.Check()) problems.push_back("tags: " + problem);
-    for (const std::string& problem : gates.Check()) problems.push_back(problem);
+    for (const std::string& problem : CheckOffsets(offsets)) problems.push_back(problem);
+    for (const std::string& problem : CheckRanges(gates)) problems.push_back(problem);
     return problems;
   }
 };
-
-// The gates of trigpoint.yaml (`max_median: 0.2`, with or without the unit in the name), under those of the options.
-void AddProjectGates(const Project& project, GateOptions* gates) {
-  const std::string file = (project.dir() / "trigpoint.yaml").string();
-  GateOptions own;
-  std::vector<std::string> problems;
-  nlohmann::json values = nlohmann::json::object();
-  for (const auto& [key, limit] : project.gates().items()) {
-    std::string name = key;
-    std::replace(name.begin(), name.end(), '-', '_');
-    if (name == "max_median" || name == "max_p90") name += "_m";
-    values[name] = limit;
-  }
-  SetOptions(values, file + ": gates", own, problems);
-  for (const std::string& problem : own.Check()) problems.push_back(file + ": gates: " + problem);
-  ThrowIfAny(problems);
-  if (gates->max_median_m <= 0) gates->max_median_m = own.max_median_m;
-  if (gates->max_p90_m <= 0) gates->max_p90_m = own.max_p90_m;
-  if (gates->min_answered <= 0) gates->min_answered = own.min_answered;
-}
 
 // Runs whose results are held against something.
 std::vector<const Run*> EvaluatedRuns(const Project& project) {
@@ -291,8 +280,7 @@ void ScoreTruth(const EvaluateStageOptions& options, const std::vector<Evaluated
                       nlohmann::json{{"schema", "trigpoint truth 1"}, {"unit", "m"}, {"runs", all}}.dump(2) + "\n");
 }
 
-void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gates, const std::string& variant,
-                nlohmann::json* metrics) {
+void SetMetrics(const Evaluation& evaluation, const std::string& variant, nlohmann::json* metrics) {
   nlohmann::json groups = nlohmann::json::array();
   int best = 0;
   for (const GroupSummary& group : evaluation.groups) {
@@ -316,9 +304,6 @@ void SetMetrics(const Evaluation& evaluation, const std::vector<GateResult>& gat
     groups.push_back(std::move(entry));
   }
   (*metrics)["groups"] = groups;
-  if (gates.empty()) return;
-  (*metrics)["verdict"] = ToString(OverallVerdict(gates));
-  for (const GateResult& gate : gates) (*metrics)["gates"].push_back(gate.message);
 }
 
 void EvaluateProject(const EvaluateStageOptions& options, const std::string& variant, StageContext& context) {
@@ -327,8 +312,10 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   std::erase_if(input.stations, [&](const Station& s) { return context.project.review().ExcludesStation(s.name); });
   input.references = ReferencesFor(context.project, options.reference, context.progress);
   EvaluationExtras extras;
+  UseMeasuredOffsets(context.project, options.offsets, variant, &input.stations, &extras.notes);
   input.runs = ReadEvaluatedRuns(options, variant, context, &extras.notes);
-  const std::vector<EstimateReport> estimates = ScoreEstimates(context.project, options.estimates, context.progress);
+  const std::vector<EstimateReport> estimates =
+      ScoreEstimates(context.project, options.estimates, input.runs, context.progress);
   if (input.runs.empty() && estimates.empty()) {
     throw InputError("no run is localized; expected at least one result of `trigpoint localize`");
   }
@@ -338,7 +325,6 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   if (!input.runs.empty()) evaluation = Evaluate(input, options.errors);
   for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
   extras.comparisons = CompareWithin(evaluation);
-  extras.gates = CheckGates(evaluation, options.gates, variant);
   if (!options.truth.empty()) ScoreTruth(options, input.runs, context, &extras.notes);
   if (!estimates.empty()) {
     WriteEstimates(estimates, context.out / "estimates.csv");
@@ -368,7 +354,7 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
     in_unit(tables.unit);
     WriteFileAtomically(context.out / fmt::format("tables_{}.md", unit), FormatEvaluation(evaluation, tables, extras));
   }
-  SetMetrics(evaluation, extras.gates, variant, &context.metrics);
+  SetMetrics(evaluation, variant, &context.metrics);
   context.metrics["runs"] = input.runs.size();
 }
 
@@ -384,6 +370,7 @@ StageInfo EvaluateStage() {
   info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.metric = "median_m";
   info.flags = {"reference",
+                "offsets",
                 "truth",
                 "max-median=max_median_m",
                 "max-p90=max_p90_m",
@@ -391,10 +378,9 @@ StageInfo EvaluateStage() {
                 "paper-tables=paper_tables"};
   UseOptions<EvaluateStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
-    AddProjectGates(project, &options.gates);
+    const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 4;
+    request.version = 6;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);
@@ -416,6 +402,8 @@ StageInfo EvaluateStage() {
     } else if (options.reference != "self" && options.reference != "control") {
       request.inputs.push_back(ReleaseFolder(project, options.reference));  // all of it: it must be as published
     }
+    if (options.offsets != "stated")
+      request.inputs.push_back(ManifestOf(project, "survey", TargetOf("", target.variant)));
     if (!options.truth.empty()) request.inputs.push_back(options.truth);
     for (const fs::path& input : EstimateInputs(project)) request.inputs.push_back(input);
     if (project.has_frame()) {

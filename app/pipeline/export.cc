@@ -25,8 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<std::string> kLayers = {"tags",         "stations", "panoramas", "cameras",
-                                          "trajectories", "ellipses", "residuals"};
+const std::vector<std::string> kLayers = {"tags",    "control",      "check",    "stations", "panoramas",
+                                          "cameras", "trajectories", "ellipses", "residuals"};
 
 bool IsMap(const std::string& format) {
   return format == "gpkg" || format == "geojson" || format == "kml" || format == "gpx" || format == "csv";

@@ -27,17 +27,33 @@ struct Spread {
   bool correlation_known;
 };
 
+LayerField Real(const char* name, int decimals = 4) { return {name, FieldType::kReal, decimals}; }
+LayerField Text(const char* name) { return {name, FieldType::kText, 0}; }
+LayerField Whole(const char* name) { return {name, FieldType::kInteger, 0}; }
+
+Layer SurveyedLayer(const char* name, const char* title, const char* colour) {
+  return {name,
+          title,
+          LayerGeometry::kPoint,
+          colour,
+          {Text("status"), Whole("tag_id"), Real("stated_sigma_h_m", 5), Real("stated_sigma_v_m", 5), Real("de_m", 5),
+           Real("dn_m", 5), Real("du_m", 5), Real("error_h_m", 5), Real("error_v_m", 5), Real("error_3d_m", 5),
+           Real("sigma_e_m", 5), Real("sigma_n_m", 5), Real("sigma_u_m", 5), Real("standardised", 3)},
+          {}};
+}
+
 struct Sources {
   const Project& project;
   const ExportRequest& request;
   std::map<std::string, PictureCredit> credits;
   std::vector<Spread> spreads;
   Layer tags, stations, panoramas, cameras, trajectories, ellipses, residuals;
+  Layer control = SurveyedLayer("control", "control points of the survey (1 sigma)", "#0072b2");
+  Layer check = SurveyedLayer("check", "check points of the survey (1 sigma)", "#a8420a");
+  std::vector<Layer*> All() {
+    return {&tags, &control, &check, &stations, &panoramas, &cameras, &trajectories, &ellipses, &residuals};
+  }
 };
-
-LayerField Real(const char* name, int decimals = 4) { return {name, FieldType::kReal, decimals}; }
-LayerField Text(const char* name) { return {name, FieldType::kText, 0}; }
-LayerField Whole(const char* name) { return {name, FieldType::kInteger, 0}; }
 
 // Cells of a table's row in the order of the fields; empty ones are not known.
 void AppendCells(const CsvRow& row, const std::vector<LayerField>& fields, size_t first, std::vector<LayerValue>* out) {
@@ -153,11 +169,23 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
   }
 }
 
-// Position of a control point in site ENU.
-std::optional<Eigen::Vector3d> ControlPosition(const Sources& s, const ControlPoint& point) {
-  if (point.local_m) return point.local_m;
-  if (point.geodetic) return s.project.frame().EnuFromGeodetic(*point.geodetic);
-  return std::nullopt;
+// Control or check points of the survey where they were surveyed, with how the map differs.
+void AddSurveyed(Sources* s, const fs::path& dir, Layer* layer) {
+  const fs::path file = dir / (layer->name + ".csv");
+  if (!fs::exists(file)) return;
+  const CsvTable table = CsvTable::Read(file, {"point", "status", "x", "y", "z", "stated_x", "stated_y", "stated_z"});
+  for (const CsvRow& row : table.rows()) {
+    const Eigen::Vector3d stated(row.Number("stated_x"), row.Number("stated_y"), row.Number("stated_z"));
+    LayerFeature feature;
+    feature.name = row.Text("point");
+    feature.geometry = {OnEarth(*s, stated)};
+    AppendCells(row, layer->fields, 0, &feature.values);
+    layer->features.push_back(std::move(feature));
+    AddResidual(s, "", row.Text("point"),
+                row.Text("status") == "used" ? "map minus control point: a residual, not an accuracy"
+                                             : "map minus " + layer->name + " point (" + row.Text("status") + ")",
+                stated, {row.Number("x"), row.Number("y"), row.Number("z")});
+  }
 }
 
 void AddTags(Sources* s, const fs::path& dir) {
@@ -204,15 +232,8 @@ void AddTags(Sources* s, const fs::path& dir) {
     feature.values.push_back(centre ? LayerValue() : LayerValue(reason));
     s->stations.features.push_back(std::move(feature));
   }
-  for (const ControlPoint& point : s->project.site().control_points) {
-    const auto tag = world_from_tag.find(point.tag_id);
-    if (tag == world_from_tag.end() || point.corner >= 0) continue;
-    const auto surveyed = ControlPosition(*s, point);
-    if (!surveyed) continue;
-    AddResidual(s, "", std::to_string(point.tag_id),
-                point.control ? "map minus control point: a residual, not an accuracy" : "map minus check point",
-                *surveyed, tag->second.translation);
-  }
+  AddSurveyed(s, dir, &s->control);
+  AddSurveyed(s, dir, &s->check);
 }
 
 void AddErrors(Sources* s, const fs::path& errors_csv) {
@@ -270,7 +291,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
         project.dir().string() +
         ": nothing ties it to the Earth; add origin.json, or panoramas, control points or GPS with positions");
   }
-  Sources s{project, request, ReadCredits(project.dir()), {}, {}, {}, {}, {}, {}, {}, {}};
+  Sources s{.project = project, .request = request, .credits = ReadCredits(project.dir())};
   s.tags = {"tags",
             "tags of the map, their centres",
             LayerGeometry::kPoint,
@@ -357,7 +378,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   if (fs::exists(errors)) AddErrors(&s, errors);
   AddEllipses(&s);
   std::vector<Layer> layers;
-  for (Layer* layer : {&s.tags, &s.stations, &s.panoramas, &s.cameras, &s.trajectories, &s.ellipses, &s.residuals}) {
+  for (Layer* layer : s.All()) {
     const bool wanted =
         request.what.empty() || std::find(request.what.begin(), request.what.end(), layer->name) != request.what.end();
     if (wanted && !layer->features.empty()) layers.push_back(std::move(*layer));

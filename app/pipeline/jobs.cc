@@ -4,6 +4,7 @@
 #include <set>
 
 #include "app/pipeline/crosscheck_stage.h"
+#include "app/pipeline/gates_stage.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
 #include "datasets/project/manifest.h"
@@ -137,7 +138,7 @@ std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& j
                                ProgressSink& progress, const CancelToken& cancel, const JobCallbacks& callbacks) {
   const std::shared_ptr<ProjectLock> lock = project.Lock();  // over all of them, so that nobody comes in between
   std::vector<JobResult> results;
-  for (const Job& job : jobs) {
+  for (const Job& job : WithGates(project, jobs)) {
     cancel.ThrowIfCancelled();
     JobResult result;
     result.job = job;

@@ -42,7 +42,8 @@ struct JobResult {
 };
 
 // Runs them one after the other. A job that fails takes only those with it that need its result; a stage for all runs
-// goes on with the runs that are there. `begun` and `ended` are called around each. Throws Cancelled; and IoError at
+// goes on with the runs that are there. Where results have limits, the stage `gates` judges them at the end, whatever
+// became of the others. `begun` and `ended` are called around each. Throws Cancelled; and IoError at
 // once if the project is locked or cannot be written.
 struct JobCallbacks {
   std::function<void(const Job&)> begun = [](const Job&) {};

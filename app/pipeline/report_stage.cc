@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
@@ -61,6 +62,24 @@ std::vector<ResultRecord> OtherResults(const Project& project) {
   return results;
 }
 
+// Results that have names of their own: photo sets and calibrations.
+void AddNamedResults(const Project& project, std::vector<ResultRecord>* results) {
+  for (const char* stage : {"stitch", "calibrate"}) {
+    std::set<std::string> names;
+    std::error_code ignored;
+    for (fs::directory_iterator it(project.results() / stage, ignored), end; it != end; it.increment(ignored)) {
+      if (it->path().filename().string().front() != '.') names.insert(it->path().filename().string());
+    }
+    for (const std::string& name : names) {
+      const auto manifest = ReadManifest(project, stage, name);
+      if (!manifest) continue;
+      const auto failure = ReadFailure(project, stage, name);
+      results->push_back(
+          {stage, name, failure ? "failed" : "done", failure ? failure->value("error", "") : "", *manifest});
+    }
+  }
+}
+
 // What the pages show beside results: the user's tables and pictures.
 std::vector<fs::path> Shown(const Project& project) {
   std::vector<fs::path> files = ReferenceInputs(project);
@@ -78,6 +97,20 @@ std::vector<fs::path> Shown(const Project& project) {
   return files;
 }
 
+// A PDF that was asked for once is made again with the pages, until an option says otherwise.
+void KeepPdf(const Project& project, const StageTarget& target, ReportOptions* options) {
+  for (const OptionLayer& layer : OptionLayers(project, "report", target)) {
+    if (layer.values.contains("pdf")) return;
+  }
+  const auto manifest = ReadManifest(project, "report", ResultName(StageNamed("report"), target));
+  const nlohmann::json made =
+      manifest ? manifest->value("options", nlohmann::json::object()) : nlohmann::json::object();
+  if (!made.is_object() || !made.contains("pdf") || made["pdf"] != true) return;
+  options->pdf = true;
+  const bool has_paper = made.contains("paper") && made["paper"].is_string();
+  if (has_paper) options->paper = made["paper"].get<std::string>();
+}
+
 }  // namespace
 
 StageInfo ReportStage() {
@@ -89,14 +122,16 @@ StageInfo ReportStage() {
   info.flags = {"pdf", "no-images=images", "paper"};
   UseOptions<ReportOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    const auto options = ResolveOptions<ReportOptions>(project, "report", target);
+    auto options = ResolveOptions<ReportOptions>(project, "report", target);
+    KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 5;
+    request.version = 6;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;
     input.variants = KnownVariants(project);
     input.stages = OtherResults(project);
+    AddNamedResults(project, &input.stages);
     input.command = "trigpoint report " + project.dir().filename().string() + (options.pdf ? " --pdf" : "") +
                     (options.images ? "" : " --no-images");
     for (const ResultRecord& s : input.stages) {
@@ -104,10 +139,6 @@ StageInfo ReportStage() {
       // The pages show states and times too, not only what the results hold.
       request.values["results"].push_back(
           {s.stage, s.name, s.state, s.reason, s.manifest.is_object() ? s.manifest.value("end", "") : ""});
-    }
-    std::error_code ignored;
-    for (fs::directory_iterator it(project.results() / "stitch", ignored), end; it != end; it.increment(ignored)) {
-      if (it->path().filename().string().front() != '.') request.inputs.push_back(it->path() / "manifest.json");
     }
     request.body = [=](StageContext& context) {
       ReportInput its = input;

@@ -13,5 +13,6 @@ StageInfo DetectStage();
 StageInfo SurveyStage();
 StageInfo ReferenceStage();
 StageInfo EvaluateStage();
+StageInfo GatesStage();
 
 }  // namespace trigpoint

@@ -4,6 +4,7 @@
 
 #include "app/pipeline/calibrate_stage.h"
 #include "app/pipeline/crosscheck_stage.h"
+#include "app/pipeline/gates_stage.h"
 #include "app/pipeline/report_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
@@ -17,8 +18,8 @@ using nlohmann::json;
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
   static const std::vector<StageInfo> kStages = {
-      FeaturesStage(), ReconstructStage(), ReferencesStage(), LocalizeStage(),   DetectStage(),
-      SurveyStage(),   ReferenceStage(),   EvaluateStage(),   CrosscheckStage(), ReportStage()};
+      FeaturesStage(),  ReconstructStage(), ReferencesStage(), LocalizeStage(),   DetectStage(), SurveyStage(),
+      ReferenceStage(), EvaluateStage(),    GatesStage(),      CrosscheckStage(), ReportStage()};
   return kStages;
 }
 
@@ -146,6 +147,7 @@ void CheckProjectOptions(const Project& project) {
   };
   check(project.stages(), file + ": stages");
   for (const auto& [variant, stages] : project.variants().items()) check(stages, file + ": variants." + variant);
+  if (problems.empty()) LimitsFor(project, {}, &problems);
   ThrowIfAny(problems);
 }
 

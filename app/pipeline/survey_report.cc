@@ -10,7 +10,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kUntold = 30;         // a left-out sigma beyond so many stated ones: nothing else holds that direction
 constexpr int kConformantChecks = 30;  // ASPRS Positional Accuracy Standards, edition 2: least number of check points
 // NSSDA (FGDC-STD-007.3): 95 % values from RMSE_r (both axes alike) and RMSE_z.
 constexpr double kNssdaHorizontal = 1.7308, kNssdaVertical = 1.9600;
@@ -116,7 +115,7 @@ void Points(const SurveyResult& result, Report& out) {
       // Where the point alone holds a direction, the others say nothing about it.
       std::string off, sigma;
       for (int k = 0; k < 3; ++k) {
-        const bool known = p.left_out_sigma_m[k] < kUntold * (k < 2 ? p.stated_sigma_h_m : p.stated_sigma_v_m);
+        const bool known = p.LeftOutKnown(k);
         const char* const comma = k > 0 ? ", " : "";
         off += fmt::format("{}{}", comma, known ? out.Length((*p.left_out_m)[k]) : "-");
         sigma += fmt::format("{}{}", comma, known ? out.Length(p.left_out_sigma_m[k]) : "-");
@@ -266,6 +265,65 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
 
 }  // namespace
 
+std::string StatusOf(const PointAgreement& p) {
+  if (p.used) return "used";
+  if (p.excluded) return "taken out";
+  if (p.role == PointRole::kCheck) return p.checked ? "check" : "moved";
+  return "not used";
+}
+
+namespace {
+
+json PointJson(const PointAgreement& p) {
+  json point = {{"name", p.name},
+                {"role", RoleName(p.role)},
+                {"tag_id", p.tag_id},
+                {"used", p.used},
+                {"excluded", p.excluded},
+                {"checked", p.checked},
+                {"map_minus_stated_m", Vector(p.error_m)},
+                {"sigma_h_m", p.sigma_h_m},
+                {"sigma_v_m", p.sigma_v_m},
+                {"chi2_3dof", p.chi2}};
+  point["status"] = StatusOf(p);
+  point["stated_m"] = Vector(p.stated_m);
+  point["covariance_h_m2"] = {p.covariance_m2(0, 0), p.covariance_m2(0, 1), p.covariance_m2(1, 1)};
+  if (p.left_out_m) {
+    point["left_out_m"] = Vector(*p.left_out_m);
+    point["left_out_sigma_m"] = Vector(p.left_out_sigma_m);
+  }
+  return point;
+}
+
+json RunJson(const RunAgreement& r, const SurveyFindings& findings) {
+  json factors = json::array();
+  for (double f : r.odometry_factor) factors.push_back(f);
+  json run = {{"name", r.name},
+              {"stills", r.stills},
+              {"frames", r.frames},
+              {"sights", r.sights},
+              {"rejected", r.rejected},
+              {"rms_px", r.rms_px},
+              {"odometry_jumps", r.jumps_ns.size()},
+              {"scale", r.scale},
+              {"scale_sigma", r.scale_sigma},
+              {"heading_drift_deg_m", r.heading_drift_deg_m},
+              {"heading_drift_sigma_deg_m", r.heading_drift_sigma_deg_m},
+              {"corner_shift_px", r.corner_shift_px},
+              {"corner_shift_sigma_px", r.corner_shift_sigma_px},
+              {"corner_factor", r.corner_factor},
+              {"odometry_factors_rx_ry_rz_x_y_z", factors}};
+  if (const auto date = findings.sessions.find(r.name); date != findings.sessions.end()) run["date"] = date->second;
+  if (const auto without = findings.repeatability_without.find(r.name);
+      without != findings.repeatability_without.end() && without->second.differences > 0) {
+    run["repeatability_m"] = without->second.rms_m;
+  }
+  if (r.camera) run["self_calibrated"] = {{"params", r.camera->params()}, {"sigma", r.camera_sigma}};
+  return run;
+}
+
+}  // namespace
+
 json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
   json tags = json::array(), points = json::array(), runs = json::array(), distances = json::array();
   json shifts = json::array(), plane = json::array();
@@ -283,36 +341,8 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
     }
     tags.push_back(tag);
   }
-  for (const PointAgreement& p : result.points) {
-    json point = {{"name", p.name},           {"role", RoleName(p.role)}, {"tag_id", p.tag_id},
-                  {"used", p.used},           {"excluded", p.excluded},   {"map_minus_stated_m", Vector(p.error_m)},
-                  {"sigma_h_m", p.sigma_h_m}, {"sigma_v_m", p.sigma_v_m}, {"chi2_3dof", p.chi2}};
-    if (p.left_out_m) {
-      point["left_out_m"] = Vector(*p.left_out_m);
-      point["left_out_sigma_m"] = Vector(p.left_out_sigma_m);
-    }
-    points.push_back(point);
-  }
-  for (const RunAgreement& r : result.runs) {
-    json factors = json::array();
-    for (double f : r.odometry_factor) factors.push_back(f);
-    runs.push_back({{"name", r.name},
-                    {"stills", r.stills},
-                    {"frames", r.frames},
-                    {"sights", r.sights},
-                    {"rejected", r.rejected},
-                    {"rms_px", r.rms_px},
-                    {"odometry_jumps", r.jumps_ns.size()},
-                    {"scale", r.scale},
-                    {"scale_sigma", r.scale_sigma},
-                    {"heading_drift_deg_m", r.heading_drift_deg_m},
-                    {"heading_drift_sigma_deg_m", r.heading_drift_sigma_deg_m},
-                    {"corner_shift_px", r.corner_shift_px},
-                    {"corner_shift_sigma_px", r.corner_shift_sigma_px},
-                    {"corner_factor", r.corner_factor},
-                    {"odometry_factors_rx_ry_rz_x_y_z", factors}});
-    if (r.camera) runs.back()["self_calibrated"] = {{"params", r.camera->params()}, {"sigma", r.camera_sigma}};
-  }
+  for (const PointAgreement& p : result.points) points.push_back(PointJson(p));
+  for (const RunAgreement& r : result.runs) runs.push_back(RunJson(r, findings));
   for (const DistanceAgreement& d : result.distances) {
     distances.push_back({{"from", d.stated.from},
                          {"to", d.stated.to},

@@ -8,6 +8,7 @@
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
 #include "app/pipeline/survey_stations.h"
+#include "app/pipeline/survey_tables.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/results.h"
@@ -109,7 +110,10 @@ void Repeat(const SurveyJob& job, const SurveyStageOptions& options, const Surve
   for (size_t r = 0; r < n; ++r) {
     std::vector<size_t> others = all;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(r));
-    if (const auto& map = map_of(others)) pairs.emplace_back(*map, whole);
+    if (const auto& map = map_of(others)) {
+      pairs.emplace_back(*map, whole);
+      findings->repeatability_without[runs[r].name] = CompareMaps({pairs.back()});
+    }
     context.progress.Advance(1);
   }
   findings->repeatability = CompareMaps(pairs);
@@ -176,6 +180,10 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
     }
     if (!findings.stations.empty()) WriteStationOffsets(context.out / "stations.csv", findings.stations, frame);
   }
+  for (const SurveyRun& run : job.input.runs) {
+    if (!run.date.empty()) findings.sessions[run.name] = run.date;
+  }
+  WriteSurveyTables(context.project, job, result, findings, context.out, context.progress);
   WriteTags(context.out / "tags.csv", result.tags, frame, result.datum);
   WriteTagCovariances(context.out / "tags_cov.csv", result.tags, result.cross, frame, result.datum);
   WriteFileAtomically(context.out / "summary.json", DumpJson(SurveySummary(result, findings), 2) + "\n");
@@ -212,7 +220,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 7;
+    request.version = 8;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

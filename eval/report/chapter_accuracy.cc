@@ -6,6 +6,7 @@
 
 #include "datasets/io/text.h"
 #include "eval/distributions.h"
+#include "eval/interval_text.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 
@@ -63,8 +64,8 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
     std::string interval;
     if (const auto it = g.find("median_interval_m");
         it != g.end() && it->is_array() && it->size() == 2 && (*it)[0].is_number()) {
-      interval = c.Length((*it)[0].get<double>()) + " to " +
-                 c.Length((*it)[1].is_number() ? std::optional<double>((*it)[1].get<double>()) : std::nullopt);
+      const double low = (*it)[0].get<double>(), high = (*it)[1].is_number() ? (*it)[1].get<double>() : HUGE_VAL;
+      interval = IsInformative({low, high}) ? c.Length(low) + " to " + c.Length(high) : "too few";
     }
     const auto anees = At(g, {"nees", "mean_per_dof"});
     const bool shared = FlagAt(g, "shares_evidence");
@@ -174,15 +175,14 @@ void AddStationChart(const ChapterContext& c, const nlohmann::json& group, std::
 
 // A row a run, a column a station, blank where nothing was reported: the paper's form.
 void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector<Block>* blocks) {
-  std::map<std::string, std::map<std::string, double>> cells;
+  std::map<std::string, std::map<std::string, std::vector<double>>> cells;
   std::set<std::string> seen;
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) {
       if (!Belongs(e, group)) continue;
       auto& row = cells[e.run];
       if (!e.Answered()) continue;
-      const auto [it, fresh] = row.try_emplace(e.station, *e.error_3d_m);
-      if (!fresh) it->second = std::min(it->second, *e.error_3d_m);
+      row[e.station].push_back(*e.error_3d_m);
       seen.insert(e.station);
     }
   }
@@ -191,7 +191,7 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
       "matrix_" + Slug(GroupName(group)),
       "3D differences, " + GroupName(group) + ", in " + c.unit.name +
           "; a row a station, a column a run; blank where nothing was reported or there is no reference; of several "
-          "references of a station the nearest answer.",
+          "answers at a station the worst, with their number in brackets.",
       {{"station"}},
       {}};
   for (const auto& [run, row] : cells) table.columns.push_back({run, true});
@@ -202,7 +202,12 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
     std::vector<TableCell> line = {name};
     for (const auto& [run, row] : cells) {
       const auto it = row.find(station);
-      line.push_back(it == row.end() ? TableCell{} : c.LengthCell(it->second, 2));
+      if (it == row.end()) {
+        line.emplace_back();
+        continue;
+      }
+      line.push_back(c.LengthCell(*std::max_element(it->second.begin(), it->second.end()), 2));
+      if (it->second.size() > 1) line.back().text += fmt::format(" ({})", it->second.size());
     }
     table.rows.push_back(std::move(line));
   }

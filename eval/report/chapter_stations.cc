@@ -109,19 +109,22 @@ void AddReasons(const ChapterContext& c, const StationPart& part, std::vector<Bl
 
 Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
-  Table table{"",
-              "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
-              "horizontal distance of the geotag from the answer.",
-              {{"run"},
-               {"panorama"},
-               {"inliers", true},
-               {"matches", true},
-               {"views", true},
-               {"sigma" + u, true},
-               {"geotag off" + u, true},
-               {"geotag"},
-               {"answer"}},
-              {}};
+  Table table{
+      "",
+      "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
+      "horizontal distance of the geotag from the answer. First matches: of the views by themselves, before "
+      "geometry; the guided search afterwards finds more, so that inliers may outnumber them; pictures of matches "
+      "count a feature once for each image.",
+      {{"run"},
+       {"panorama"},
+       {"inliers", true},
+       {"first matches", true},
+       {"views", true},
+       {"sigma" + u, true},
+       {"geotag off" + u, true},
+       {"geotag"},
+       {"answer"}},
+      {}};
   for (const auto& [run, a] : part.answers) {
     table.rows.push_back({{c.RunName(run->run, run->variant)},
                           {a->panorama},

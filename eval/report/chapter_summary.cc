@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "eval/report/chapters.h"
+#include "eval/report/verdict.h"
 
 namespace trigpoint {
 
@@ -167,7 +168,7 @@ void AddRivals(const ChapterContext& c, const Headline& headline, std::vector<Bl
 // then those beyond a gate or their own sigmas, then by size.
 std::vector<const ErrorRecord*> CellsToLookAt(const ChapterContext& c, const Headline& headline) {
   const std::string variant = headline.group.is_object() ? TextAt(headline.group, "variant") : "";
-  std::vector<const ErrorRecord*> cells = WorstFirst(c.input, c.data);
+  std::vector<const ErrorRecord*> cells = WorstFirst(c.data);
   const auto in_headline = [&](const ErrorRecord* e) {
     return headline.group.is_object() && e->reference == TextAt(headline.group, "reference") &&
            e->kind == TextAt(headline.group, "kind");
@@ -184,30 +185,48 @@ std::vector<const ErrorRecord*> CellsToLookAt(const ChapterContext& c, const Hea
   return cells;
 }
 
+// A gate's number as the table shows it; lengths in the report's unit.
+TableCell GateNumber(const ChapterContext& c, const nlohmann::json& gate, const std::optional<double>& value) {
+  const std::string unit = TextAt(gate, "unit");
+  if (!value) return {};
+  const bool length = unit == "m";
+  return {fmt::format("{:.3g} {}", length ? *value / c.unit.metres : *value, length ? c.unit.name : unit), value};
+}
+
 void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
-  for (const VariantData& variant : c.data.variants) {
-    const auto gates = variant.summary.find("gates");
-    if (gates == variant.summary.end() || !gates->is_object()) continue;
-    const std::string verdict = TextAt(*gates, "verdict");
-    const Tone tone = verdict == "PASS" ? Tone::kGood : verdict == "FAIL" ? Tone::kBad : Tone::kWarning;
-    blocks->push_back(Paragraph{"Quality gates" + (variant.variant.empty() ? "" : " of variant " + variant.variant) +
-                                    ": " + (verdict.empty() ? "unknown" : verdict),
-                                tone});
-    const auto results = gates->find("results");
-    if (results == gates->end() || !results->is_array()) continue;
-    Table table{"gates",
-                "Each gate is decided by the clustered confidence bound, not by the point estimate.",
-                {{"gate"}, {"verdict"}, {"reason"}},
-                {}};
-    for (const nlohmann::json& gate : *results) {
+  for (const auto& [variant, all] : c.data.gates) {
+    const std::string verdict = TextAt(all, "verdict");
+    blocks->push_back(Paragraph{"Quality gates" + (variant.empty() ? "" : " of variant " + variant) + ": " +
+                                    (verdict.empty() ? "unknown" : verdict),
+                                GateTone(verdict)});
+    const auto rows = all.find("gates");
+    if (rows == all.end() || !rows->is_array()) continue;
+    Table table{
+        "gates" + (variant.empty() ? "" : "_" + variant),
+        "Each gate is decided by the confidence interval, not by the value alone: passed if all of it is within "
+        "the limit, failed if all of it is beyond, else undecided, as is what was not evaluated. Complete: "
+        "every item was looked at, so that the value decides.",
+        {{"gate"}, {"of"}, {"verdict"}, {"value", true}, {"interval"}, {"limit", true}, {"n", true}, {"reason"}},
+        {}};
+    for (const nlohmann::json& gate : *rows) {
       const std::string its = TextAt(gate, "verdict");
+      std::string interval = FlagAt(gate, "complete") ? "complete" : "";
+      if (const auto it = gate.find("interval"); it != gate.end() && it->is_array() && it->size() == 2) {
+        interval =
+            fmt::format("{} to {} ({:.3g} %)", GateNumber(c, gate, it->at(0).get<double>()).text,
+                        GateNumber(c, gate, it->at(1).get<double>()).text, 100 * At(gate, {"confidence"}).value_or(0));
+      }
+      TableCell limit = GateNumber(c, gate, At(gate, {"limit"}));
+      limit.text = (TextAt(gate, "limit_is") == "least" ? ">= " : "<= ") + limit.text;
+      const std::string reason = TextAt(gate, "reason"), note = TextAt(gate, "note");
       table.rows.push_back({{TextAt(gate, "gate")},
-                            {its,
-                             {},
-                             its == "PASS"   ? Tone::kGood
-                             : its == "FAIL" ? Tone::kBad
-                                             : Tone::kWarning},
-                            {TextAt(gate, "message")}});
+                            {TextAt(gate, "of")},
+                            {its, {}, GateTone(its)},
+                            GateNumber(c, gate, At(gate, {"value"})),
+                            {interval},
+                            limit,
+                            {fmt::format("{:.0f} {}", At(gate, {"n"}).value_or(0), TextAt(gate, "n_counts"))},
+                            {reason + (reason.empty() || note.empty() ? "" : "; ") + note}});
     }
     blocks->push_back(table);
   }
@@ -215,11 +234,15 @@ void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
 
 }  // namespace
 
-std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data) {
-  const nlohmann::json& gates = input.project->gates();
-  double limit = 0;  // of trigpoint.yaml, with or without the unit in the name
-  for (const char* gate : {"max_median", "max_median_m", "max_p90", "max_p90_m"}) {
-    limit = At(gates, {gate}).value_or(limit);
+std::vector<const ErrorRecord*> WorstFirst(const ReportData& data) {
+  double limit = 0;
+  for (const auto& [variant, table] : data.gates) {
+    const auto rows = table.find("gates");
+    if (rows == table.end() || !rows->is_array()) continue;
+    for (const nlohmann::json& row : *rows) {
+      const std::string gate = TextAt(row, "gate");
+      if (gate == "evaluate.max_median_m" || gate == "evaluate.max_p90_m") limit = At(row, {"limit"}).value_or(limit);
+    }
   }
   std::vector<std::pair<double, const ErrorRecord*>> ranked;
   for (const VariantData& variant : data.variants) {

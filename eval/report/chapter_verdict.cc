@@ -72,25 +72,26 @@ class VerdictChapter {
   // An evaluation that is older than the results it is about.
   void Stale() {
     for (const ResultRecord& s : c_.input.stages) {
-      if (s.stage != "evaluate" || !s.manifest.is_object() || (s.state != "out of date" && s.state != "failed"))
+      const bool gates = s.stage == "gates";
+      if ((s.stage != "evaluate" && !gates) || !s.manifest.is_object() ||
+          (s.state != "out of date" && s.state != "failed")) {
         continue;
-      blocks_.push_back(Paragraph{"The evaluation" + (s.name.empty() ? "" : " " + s.name) + " is " + s.state +
+      }
+      blocks_.push_back(Paragraph{(gates ? "The table of gates" : "The evaluation") +
+                                      (s.name.empty() ? "" : " " + s.name) + " is " + s.state +
                                       (s.reason.empty() ? "" : " (" + s.reason + ")") +
-                                      ": its numbers belong to earlier results. Next: trigpoint evaluate.",
+                                      ": its numbers belong to earlier results. Next: trigpoint " + s.stage + ".",
                                   Tone::kWarning});
     }
   }
 
   void Gates() {
     if (verdict_.gates.empty()) return;
-    const auto tone = [](const std::string& verdict) {
-      return verdict == "PASS" ? Tone::kGood : verdict == "FAIL" ? Tone::kBad : Tone::kWarning;
-    };
     std::string text = "Quality gates: " + verdict_.gates + ".";
     for (const auto& [verdict, message] : verdict_.gate_results) {
-      if (verdict != "PASS" || verdict_.gate_results.size() == 1) text += " " + message + ".";
+      if (verdict != "passed" || verdict_.gate_results.size() == 1) text += " " + message + ".";
     }
-    blocks_.push_back(Paragraph{text, tone(verdict_.gates), "accuracy"});
+    blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), "accuracy"});
   }
 
   Fact ErrorFact(const std::string& label, const VerdictErrors& e, const std::string& meaning) const {

@@ -45,7 +45,7 @@ std::string GroupName(const nlohmann::json& group);
 // Names an answer.
 std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama);
 // Answers in the order in which their pictures are wanted.
-std::vector<const ErrorRecord*> WorstFirst(const ReportInput& input, const ReportData& data);
+std::vector<const ErrorRecord*> WorstFirst(const ReportData& data);
 
 // The first screen: what this is, how good it is, where, and the three worst things. `plan` may be empty.
 void AddVerdict(const ChapterContext& context, std::optional<Figure> plan, std::vector<Block>* blocks);
@@ -56,6 +56,13 @@ void AddConsistency(const ChapterContext& context, std::vector<Block>* blocks);
 void AddRuns(const ChapterContext& context, std::vector<Block>* blocks);
 // Nothing without stitched sets. `images` false: numbers only.
 void AddStitched(const ChapterContext& context, bool images, std::vector<Block>* blocks);
+// Cameras and other trajectories against the reference poses; nothing without them.
+void AddCameras(const ChapterContext& context, std::vector<Block>* blocks);
+// The tag map against surveyed points; nothing without one.
+void AddSurvey(const ChapterContext& context, std::vector<Block>* blocks);
+// Nothing without results of calibrate, crosscheck.
+void AddCalibrations(const ChapterContext& context, std::vector<Block>* blocks);
+void AddCrosschecks(const ChapterContext& context, std::vector<Block>* blocks);
 void AddStations(const ChapterContext& context, std::vector<Block>* blocks);
 void AddProvenance(const ChapterContext& context, std::vector<Block>* blocks);
 

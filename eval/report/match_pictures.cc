@@ -190,7 +190,7 @@ MatchPicture MatchPictures::Draw(const std::string& panorama) {
   cv::imencode(".jpg", canvas, jpeg, {cv::IMWRITE_JPEG_QUALITY, 82});
   result.picture = {std::string(jpeg.begin(), jpeg.end()), true, canvas.cols, canvas.rows};
   result.caption = fmt::format(
-      "{} of {} (left) and view {} of {} (right): {} inliers of this pair, of {} in all pairs, {} joined{}{}.",
+      "{} of {} (left) and view {} of {} (right): {} inlier matches of this pair, of {} in all, {} joined{}{}.",
       pair.image, run_.name, pair.view, panorama, pair.matches.size(), inliers_[panorama],
       step == 1 ? "all" : fmt::format("one in {}", step), outline,
       tags.empty() ? "" : "; green: detected tags " + tags);

@@ -8,6 +8,7 @@
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/report/document.h"
+#include "eval/report/verdict.h"
 
 namespace trigpoint {
 namespace {
@@ -89,15 +90,9 @@ void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUn
     } else {
       row.insert(row.end(), 7, TableCell{});
     }
-    std::string verdict;
-    const nlohmann::json& summary = data.variants.front().summary;
-    if (summary.contains("gates")) verdict = TextAt(summary["gates"], "verdict");
-    row.push_back({verdict,
-                   {},
-                   verdict == "PASS"   ? Tone::kGood
-                   : verdict == "FAIL" ? Tone::kBad
-                   : verdict.empty()   ? Tone::kPlain
-                                       : Tone::kWarning});
+    const std::string gates = project.variant.empty() ? "gates" : "gates@" + project.variant;
+    const std::string verdict = TextAt(ReadJson(dir / "results" / gates / "gates.json"), "verdict");
+    row.push_back({verdict, {}, verdict.empty() ? Tone::kPlain : GateTone(verdict)});
     row.push_back({project.reason.empty() && !fs::exists(report) ? "no report yet: trigpoint report" : project.reason});
     table.rows.push_back(std::move(row));
   }

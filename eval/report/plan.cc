@@ -21,15 +21,6 @@ constexpr const char* kInk = "#1d2329";
 constexpr double kSigmas95 = 2.4477;  // radius of a 95 % ellipse in the plane, sigmas
 constexpr size_t kPathPoints = 400;
 
-// 1, 2 or 5 times a power of ten at most `value`.
-double RoundDown(double value) {
-  const double decade = std::pow(10.0, std::floor(std::log10(value)));
-  for (double factor : {5.0, 2.0}) {
-    if (factor * decade <= value) return factor * decade;
-  }
-  return decade;
-}
-
 class PlanPainter {
  public:
   explicit PlanPainter(const SceneModel& scene) : scene_(scene) {}
@@ -233,6 +224,14 @@ class PlanPainter {
 };
 
 }  // namespace
+
+double RoundDown(double value) {
+  const double decade = std::pow(10.0, std::floor(std::log10(value)));
+  for (double factor : {5.0, 2.0}) {
+    if (factor * decade <= value) return factor * decade;
+  }
+  return decade;
+}
 
 Plan PlanOf(const SceneModel& scene) { return PlanPainter(scene).Draw(); }
 

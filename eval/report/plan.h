@@ -6,6 +6,9 @@
 
 namespace trigpoint {
 
+// 1, 2 or 5 times a power of ten at most `value` > 0: steps of grids and scales.
+double RoundDown(double value);
+
 // A station, or a panorama without one, in the drawing's units.
 struct PlanSpot {
   std::string station, panorama;  // one of them is empty

@@ -29,7 +29,7 @@ void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<st
   const auto list = [&](const std::string& run, const std::string& variant, const std::string& panorama) {
     if (listed.insert(CellKey(run, variant, panorama)).second) cells.emplace_back(run, variant, panorama);
   };
-  for (const ErrorRecord* e : WorstFirst(c->input, c->data)) list(e->run, e->variant, e->panorama);
+  for (const ErrorRecord* e : WorstFirst(c->data)) list(e->run, e->variant, e->panorama);
   for (const RunData& run : c->data.runs) {
     for (const RunData::Answer& a : run.answers) {
       if (a.status == "localized") list(run.run, run.variant, a.panorama);
@@ -116,6 +116,23 @@ void WriteFigures(const Document& document, const fs::path& out, ReportSummary* 
   }
 }
 
+void AddChapters(const ChapterContext& context, bool images, Scenes scenes, std::vector<Block>* blocks) {
+  AddVerdict(context, std::move(scenes.plan), blocks);
+  AddAccuracy(context, blocks);
+  AddConsistency(context, blocks);
+  AddCameras(context, blocks);
+  AddSurvey(context, blocks);
+  AddRuns(context, blocks);
+  blocks->push_back(Heading{2, "Pictures", "map"});
+  blocks->insert(blocks->end(), std::make_move_iterator(scenes.pictures.begin()),
+                 std::make_move_iterator(scenes.pictures.end()));
+  AddStitched(context, images, blocks);
+  AddCalibrations(context, blocks);
+  AddCrosschecks(context, blocks);
+  AddStations(context, blocks);
+  AddProvenance(context, blocks);
+}
+
 nlohmann::json JsonOf(const Document& document, const ReportData& data) {
   nlohmann::json tables = nlohmann::json::object(), figures = nlohmann::json::array();
   for (const Block& block : document.blocks) {
@@ -182,16 +199,7 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
                                                 ", 1 sigma where a sigma is shown.";
   if (options.dated) document.subtitle += " Written " + UtcTimeText() + ".";
   document.footer = "Made by Trigpoint. All numbers are also in tables/, report.json and report.md beside this file.";
-  AddVerdict(context, std::move(scenes.plan), &document.blocks);
-  AddAccuracy(context, &document.blocks);
-  AddConsistency(context, &document.blocks);
-  AddRuns(context, &document.blocks);
-  document.blocks.push_back(Heading{2, "Pictures", "map"});
-  document.blocks.insert(document.blocks.end(), std::make_move_iterator(scenes.pictures.begin()),
-                         std::make_move_iterator(scenes.pictures.end()));
-  AddStitched(context, options.images, &document.blocks);
-  AddStations(context, &document.blocks);
-  AddProvenance(context, &document.blocks);
+  AddChapters(context, options.images, std::move(scenes), &document.blocks);
   cancel.ThrowIfCancelled();
 
   const std::string html = HtmlOf(document);

@@ -117,6 +117,7 @@ class Reader {
     }
     Guard(name, [&] { ReadErrors(dir / "errors.csv", name, &v); });
     Guard(name, [&] { ReadFurther(dir, &v); });
+    if (variant.empty()) Guard(name, [&] { ReadTrajectories(dir); });
   }
 
   // The first evaluation shows all variants side by side; one that has an evaluation of its own is taken from there.
@@ -151,12 +152,47 @@ class Reader {
     });
   }
 
+  void ReadTrajectories(const fs::path& dir) {
+    if (!fs::exists(dir / "estimates.json") || !fs::exists(dir / "estimates.csv")) return;
+    const nlohmann::json all = nlohmann::json::parse(ReadTextFile(dir / "estimates.json"));
+    std::map<std::pair<std::string, std::string>, size_t> at;
+    for (const nlohmann::json& entry : all.value("estimates", nlohmann::json::array())) {
+      at[{TextAt(entry, "system"), TextAt(entry, "run")}] = data_.trajectories.size();
+      data_.trajectories.push_back({entry, {}});
+    }
+    std::map<size_t, int64_t> first;
+    const CsvTable table = CsvTable::Read(dir / "estimates.csv", {"system", "run", "timestamp"});
+    EachRow(table, "evaluate/estimates.csv", [&](const CsvRow& row) {
+      const auto it = at.find({row.Text("system"), row.Text("run")});
+      if (it == at.end()) return;
+      const int64_t stamp = row.StampNs("timestamp");
+      ErrorAlong e;
+      e.time_s = 1e-9 * static_cast<double>(stamp - first.try_emplace(it->second, stamp).first->second);
+      const auto vector = [&](const std::string& before, const char* after) -> std::optional<Eigen::Vector3d> {
+        Eigen::Vector3d v;
+        for (int k = 0; k < 3; ++k) {
+          const auto value = Number(table, row, (before + "enu"[k] + after).c_str());
+          if (!value) return std::nullopt;
+          v[k] = *value;
+        }
+        return v;
+      };
+      e.error_m = vector("d", "_m");
+      const auto reference = vector("reference_sigma_", "_m"), own = vector("sigma_", "_m");
+      if (reference) {
+        e.sigma_m = own ? Eigen::Vector3d((reference->cwiseAbs2() + own->cwiseAbs2()).cwiseSqrt()) : *reference;
+      }
+      data_.trajectories[it->second].images.push_back(std::move(e));
+    });
+  }
+
   void ReadFurther(const fs::path& dir, VariantData* v) {
     std::set<fs::path> files;
     for (const auto& entry : fs::directory_iterator(dir)) files.insert(entry.path());
     for (const fs::path& file : files) {
       const std::string name = file.filename().string();
-      if (file.extension() != ".csv" || name == "errors.csv" || name == "histogram.csv") continue;
+      if (file.extension() != ".csv" || name == "errors.csv" || name == "histogram.csv" || name == "estimates.csv")
+        continue;
       if (name.starts_with("table_") || name.starts_with("tags_")) continue;
       Guard("evaluate/" + name, [&] {
         const CsvTable table = CsvTable::Read(file, {});
@@ -230,6 +266,13 @@ class Reader {
           tag.size_m = Number(table, row, "size_m").value_or(0);
           tag.sigma_m = Largest(
               {Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m"), Number(table, row, "sigma_z_m")});
+          const auto vector = [&](const char* x, const char* y, const char* z) -> std::optional<Eigen::Vector3d> {
+            const auto a = Number(table, row, x), b = Number(table, row, y), c = Number(table, row, z);
+            if (!a || !b || !c) return std::nullopt;
+            return Eigen::Vector3d(*a, *b, *c);
+          };
+          tag.place_m = vector("x", "y", "z");
+          tag.sigmas_m = vector("sigma_x_m", "sigma_y_m", "sigma_z_m");
           tag.rms_px = Number(table, row, "rms_px");
           tag.images = Whole(table, row, "images", 0), tag.runs = Whole(table, row, "runs", 0);
           data_.tags.push_back(std::move(tag));
@@ -242,6 +285,12 @@ class Reader {
     }
     for (const Run& run : project_.site().runs) {
       read(project_.ResultDir("evaluate", "") / ("tags_" + run.name + ".csv"), "cameras of " + run.name);
+    }
+    for (const std::string& variant : input_.variants) {
+      const std::string suffix = variant.empty() ? "" : "@" + variant;
+      const fs::path gates = project_.ResultDir("gates", suffix) / "gates.json";
+      if (!fs::exists(gates)) continue;
+      Guard("gates" + suffix, [&] { data_.gates.emplace_back(variant, nlohmann::json::parse(ReadTextFile(gates))); });
     }
     const fs::path survey = project_.ResultDir("survey", "") / "summary.json";
     if (!fs::exists(survey)) return;

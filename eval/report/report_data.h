@@ -12,6 +12,7 @@
 
 #include "calib/base/progress.h"
 #include "datasets/project/project.h"
+#include "eval/report/error_run.h"
 
 namespace trigpoint {
 
@@ -79,7 +80,14 @@ struct TagLine {
   std::string source, role, status;
   double size_m = 0;
   std::optional<double> sigma_m, rms_px;  // sigma: largest axis
+  std::optional<Eigen::Vector3d> place_m, sigmas_m;
   int images = 0, runs = 0;
+};
+
+// A trajectory against the reference poses: an entry of estimates.json, and its images.
+struct TrajectoryScore {
+  nlohmann::json summary;
+  std::vector<ErrorAlong> images;
 };
 
 // A result of stitch.
@@ -94,6 +102,9 @@ struct ReportData {
   std::vector<RunData> runs;
   std::vector<TagLine> tags;
   std::vector<StitchedSet> stitched;
+  std::vector<TrajectoryScore> trajectories;  // of the first evaluation
+  // gates.json of each variant that has one.
+  std::vector<std::pair<std::string, nlohmann::json>> gates;
   nlohmann::json survey;              // summary.json of the first survey; null: none
   std::vector<std::string> stations;  // in the order of stations.csv, then those only results know
   std::vector<nlohmann::json> reviews;

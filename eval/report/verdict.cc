@@ -110,13 +110,12 @@ void FindAgreement(const ReportData& data, ProjectVerdict* verdict) {
 }
 
 void ReadGates(const ReportData& data, ProjectVerdict* verdict) {
-  for (const VariantData& v : data.variants) {
-    if (!v.variant.empty()) continue;
-    const nlohmann::json& gates = ObjectAt(v.summary, "gates");
-    verdict->gates = TextAt(gates, "verdict");
-    const auto results = gates.find("results");
-    if (results == gates.end() || !results->is_array()) continue;
-    for (const nlohmann::json& gate : *results) {
+  for (const auto& [variant, table] : data.gates) {
+    if (!variant.empty()) continue;
+    verdict->gates = TextAt(table, "verdict");
+    const auto rows = table.find("gates");
+    if (rows == table.end() || !rows->is_array()) continue;
+    for (const nlohmann::json& gate : *rows) {
       verdict->gate_results.emplace_back(TextAt(gate, "verdict"), TextAt(gate, "message"));
     }
   }
@@ -153,6 +152,10 @@ int ProjectVerdict::Asked() const {
   int sum = 0;
   for (const VerdictRun& run : runs) sum += run.Asked();
   return sum;
+}
+
+Tone GateTone(const std::string& verdict) {
+  return verdict == "passed" ? Tone::kGood : verdict == "failed" ? Tone::kBad : Tone::kWarning;
 }
 
 ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data) {

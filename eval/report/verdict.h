@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/report/document.h"
 #include "eval/report/report_data.h"
 
 namespace trigpoint {
@@ -62,7 +63,7 @@ struct ProjectVerdict {
   // between the places that two runs give the same panorama.
   std::optional<double> stated_sigma_m, runs_agree_m;
   int agreeing_pairs = 0;
-  std::string gates;                                              // PASS, FAIL, UNDECIDED; empty: none
+  std::string gates;                                              // passed, failed, undecided; empty: none set
   std::vector<std::pair<std::string, std::string>> gate_results;  // verdict, message
 
   int Images() const;
@@ -71,6 +72,9 @@ struct ProjectVerdict {
   // Accuracy where there is one, else agreement.
   const VerdictErrors* Best() const { return absolute ? &*absolute : relative ? &*relative : nullptr; }
 };
+
+// The colour of passed, failed, undecided.
+Tone GateTone(const std::string& verdict);
 
 ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data);
 

@@ -58,6 +58,7 @@ DatumShift RobustMean(const std::vector<Eigen::Vector3d>& values, const std::vec
 void MapSolver::Collect() {
   CollectRuns();
   CollectTags();
+  CollectResiduals();
   CompareWithPoints();
   CompareDistances();
   ComparePlane();
@@ -177,6 +178,21 @@ void MapSolver::CollectTags() {
   }
 }
 
+void MapSolver::CollectResiduals() {
+  for (const MapSight& s : start_.sights) {
+    const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+    SightResidual& r = result_.sights.emplace_back();
+    r.run = frame.run;
+    r.stamp_ns = frame.stamp_ns;
+    r.camera = s.camera;
+    r.tag_id = s.detection.id;
+    r.used = Usable(s) && s.place >= 0;
+    const bool placed = Placed(s.frame) && tags_.count(s.place) > 0;
+    r.rms_px = placed ? SightPx(s) : std::numeric_limits<double>::infinity();
+    r.chi2 = placed ? SightChi2(s) : std::numeric_limits<double>::infinity();
+  }
+}
+
 // A size or shape that the other evidence contradicts is named. Where most tags are off alike, it is the scale.
 void MapSolver::JudgeShape(TagEstimate* tag) const {
   for (const TagShape& shape : result_.shapes) {
@@ -223,10 +239,7 @@ void MapSolver::CompareWithPoints() {
     Eigen::Vector3d place = Eigen::Vector3d::Zero();
     Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
     if (!PlaceOf(p, &place, &map)) continue;
-    PointAgreement a;
-    a.name = p.name;
-    a.role = p.role;
-    a.tag_id = p.tag_id;
+    PointAgreement a{.name = p.name, .role = p.role, .tag_id = p.tag_id, .stated_m = p.world_m};
     a.error_m = place - p.world_m;
     a.excluded = Excluded(p);
     a.used = !a.excluded && std::any_of(datum_points_.begin(), datum_points_.end(),
@@ -237,6 +250,7 @@ void MapSolver::CompareWithPoints() {
     if (a.used && p.role == PointRole::kGeotag && use_shift_) a.error_m += shift_;
     // Residual of an observation that took part: its covariance is the stated one less the fitted one.
     const Eigen::Matrix3d covariance = a.used ? Eigen::Matrix3d(stated - map) : Eigen::Matrix3d(stated + map);
+    a.covariance_m2 = covariance;
     a.sigma_h_m = std::sqrt(std::max(0.0, 0.5 * (covariance(0, 0) + covariance(1, 1))));
     a.sigma_v_m = std::sqrt(std::max(0.0, covariance(2, 2)));
     const Eigen::Matrix3d floor = 1e-4 * stated;  // a point that alone holds a direction has no residual there
@@ -257,7 +271,8 @@ void MapSolver::CompareWithPoints() {
     // The map has a tag that was moved at one place, and the surveyor saw it at one: they need not be the same.
     const bool elsewhere =
         std::any_of(moved_.begin(), moved_.end(), [&](const SplitPlace& split) { return split.tag_id == p.tag_id; });
-    if (p.role == PointRole::kCheck && !elsewhere) {
+    a.checked = p.role == PointRole::kCheck && !elsewhere;
+    if (a.checked) {
       ++result_.check.n;
       square_h += a.error_m.head<2>().squaredNorm();
       square_v += a.error_m.z() * a.error_m.z();

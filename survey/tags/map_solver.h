@@ -84,6 +84,7 @@ class MapSolver {
   void Collect();
   void CollectRuns();
   void CollectTags();
+  void CollectResiduals();
   void JudgeShape(TagEstimate* tag) const;
   void CompareWithPoints();
   void CompareDistances();

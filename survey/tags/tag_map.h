@@ -147,15 +147,34 @@ struct PointAgreement {
   std::string name;
   PointRole role = PointRole::kControl;
   int tag_id = -1;
-  Eigen::Vector3d error_m = Eigen::Vector3d::Zero();  // map - stated, world axes
-  double sigma_h_m = 0, sigma_v_m = 0;                // of that difference, per axis
+  Eigen::Vector3d stated_m = Eigen::Vector3d::Zero();       // as surveyed, world
+  Eigen::Vector3d error_m = Eigen::Vector3d::Zero();        // map - stated, world axes
+  Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  // of that difference
+  double sigma_h_m = 0, sigma_v_m = 0;                      // of that difference, per axis
   double stated_sigma_h_m = 0, stated_sigma_v_m = 0;
   double chi2 = 0;        // standardised: 3 degrees of freedom
   bool used = false;      // took part in the solution
   bool excluded = false;  // control that contradicts the rest and was taken out
+  bool checked = false;   // counts in SurveyResult::check: a check point whose tag was not moved
   // Of control that took part: map - stated as it would be without this point, and its sigma.
   std::optional<Eigen::Vector3d> left_out_m;
   Eigen::Vector3d left_out_sigma_m = Eigen::Vector3d::Zero();
+  // Does anything but the point hold this axis? A left-out sigma beyond so many stated ones: nothing else does.
+  static constexpr double kUnheld = 30;
+  bool LeftOutKnown(int axis) const {
+    return left_out_m && left_out_sigma_m[axis] < kUnheld * (axis < 2 ? stated_sigma_h_m : stated_sigma_v_m);
+  }
+};
+
+// One tag in one picture, against the map.
+struct SightResidual {
+  int run = 0;  // index into SurveyInput::runs
+  int64_t stamp_ns = 0;
+  int camera = 0;
+  int tag_id = -1;
+  bool used = false;  // else rejected
+  double rms_px = 0;  // of its corners; infinite where the map cannot show it
+  double chi2 = 0;    // of the 8 coordinates, with the run's variance factor
 };
 
 struct DistanceAgreement {
@@ -224,6 +243,7 @@ struct SurveyResult {
   CheckSummary check;  // of points that were not used
   std::optional<FitToPoints> fit;
   std::vector<TagShape> shapes;  // of tags with enough pictures
+  std::vector<SightResidual> sights;
   std::vector<RunAgreement> runs;
   std::vector<std::string> warnings;
   int iterations = 0;

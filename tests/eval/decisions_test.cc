@@ -1,4 +1,4 @@
-// Distributions, paired tests and gates.
+// Distributions and paired tests.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,7 +7,6 @@
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
 #include "eval/distributions.h"
-#include "eval/gates.h"
 #include "eval/paired.h"
 #include "eval/paper_tables.h"
 
@@ -91,77 +90,6 @@ TEST(ComparePaired, CountsAnswersOfOneSide) {
   EXPECT_EQ(c.only_a, 1);
   EXPECT_EQ(c.only_b, 2);
   EXPECT_THAT(Describe(c, "a", "b"), HasSubstr("no answer in common"));
-}
-
-Evaluation WithIntervals(double value, Interval interval) {
-  Evaluation e;
-  GroupSummary g{.group = {"", "single", "survey", "absolute"}};
-  g.stations = 9;
-  g.attempts = 9;
-  g.answers = 9;
-  g.error_3d.median = value;
-  g.median_interval = interval;
-  e.groups.push_back(g);
-  return e;
-}
-
-TEST(Gates, DecideByTheBoundNotThePoint) {
-  const auto verdict = [](double value, Interval interval) {
-    return CheckGates(WithIntervals(value, interval), {.max_median_m = 0.2})[0].verdict;
-  };
-  EXPECT_EQ(verdict(0.1, {0.06, 0.18}), Verdict::kPass);
-  EXPECT_EQ(verdict(0.15, {0.1, 0.25}), Verdict::kUndecided);
-  EXPECT_EQ(verdict(0.25, {0.15, 0.4}), Verdict::kUndecided);
-  EXPECT_EQ(verdict(0.5, {0.3, 0.8}), Verdict::kFail);
-  // The bound must come down from 0.4 to 0.2 for 0.1: half of log 4, so four times the stations.
-  const GateResult r = CheckGates(WithIntervals(0.1, {0.025, 0.4}), {.max_median_m = 0.2})[0];
-  EXPECT_EQ(*r.more_stations, 27);
-  EXPECT_THAT(r.message, HasSubstr("UNDECIDED: median <= 0.2 m (single absolute against survey): 0.1 m"));
-  EXPECT_THAT(r.message, HasSubstr("about 27 more stations"));
-}
-
-TEST(Gates, WithoutAnswersNothingPasses) {
-  Evaluation e = WithIntervals(0.1, {0.05, 0.15});
-  e.groups[0].median_interval.reset();
-  const auto results = CheckGates(e, {.max_median_m = 0.2, .max_p90_m = 1});
-  ASSERT_EQ(results.size(), 2u);
-  EXPECT_EQ(OverallVerdict(results), Verdict::kUndecided);
-  EXPECT_EQ(OverallVerdict({}), Verdict::kPass);
-  EXPECT_THROW(CheckGates(e, {.max_median_m = -1}), OptionError);
-}
-
-TEST(Gates, AnsweredShareCountsStations) {
-  Evaluation e = WithIntervals(0.1, {0.05, 0.15});
-  EXPECT_EQ(CheckGates(e, {.min_answered = 0.6})[0].verdict, Verdict::kPass);
-  EXPECT_EQ(CheckGates(e, {.min_answered = 0.9})[0].verdict, Verdict::kUndecided);
-  e.groups[0].answers = 1;
-  EXPECT_EQ(CheckGates(e, {.min_answered = 0.9})[0].verdict, Verdict::kFail);
-  const Interval wilson = WilsonInterval(0.5, 100, 0.95);
-  EXPECT_NEAR(wilson.low, 0.40383, 1e-5);
-  EXPECT_NEAR(wilson.high, 0.59617, 1e-5);
-}
-
-// A limit exactly at the true median: every PASS is wrong, and rare.
-TEST(Gates, PassIsWrongInAtMostFivePercent) {
-  Random random(8);
-  int wrong = 0;
-  constexpr int kCampaigns = 200;
-  for (int c = 0; c < kCampaigns; ++c) {
-    std::vector<ClusteredValue> errors;
-    std::vector<double> station(9), run(3), values;
-    for (double& v : station) v = 0.5 * random.Normal();
-    for (double& v : run) v = 0.3 * random.Normal();
-    for (int i = 0; i < 27; ++i) {
-      const double y = station[static_cast<size_t>(i % 9)] + run[static_cast<size_t>(i / 9)] + 0.5 * random.Normal();
-      errors.push_back({0.2 * std::exp(y), i % 9, i / 9});
-      values.push_back(errors.back().value);
-    }
-    const auto interval = ClusteredQuantileInterval(errors, 0.5, {.samples = 300});
-    ASSERT_TRUE(interval);
-    const Evaluation e = WithIntervals(Summarize(values, 0).median.value(), *interval);
-    wrong += CheckGates(e, {.max_median_m = 0.2})[0].verdict == Verdict::kPass;
-  }
-  EXPECT_LE(wrong, kCampaigns / 20);
 }
 
 }  // namespace

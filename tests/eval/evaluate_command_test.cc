@@ -6,6 +6,7 @@
 
 #include "app/pipeline/stages.h"
 #include "calib/estimation/random.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 #include "tests/e2e/program.h"
@@ -128,6 +129,7 @@ class Site {
   json Summary(const std::string& folder = "results/evaluate") const {
     return json::parse(Read(folder + "/summary.json"));
   }
+  json Gates() const { return json::parse(Read("results/gates/gates.json")); }
   std::string dir() const { return dir_.string(); }
 
  private:
@@ -145,16 +147,16 @@ TEST(EvaluateCommand, GatesAnswerByTheBoundAndExitThree) {
   const Site site;
   const Finished pass = Trigpoint({"evaluate", site.dir(), "--max-median", "1"});
   EXPECT_EQ(pass.exit_code, 0) << pass.err;
-  EXPECT_THAT(pass.out, HasSubstr("PASS: median <= 1 m"));
+  EXPECT_THAT(pass.out, HasSubstr("evaluate.max_median_m <= 1 m"));
   const Finished fail = Trigpoint({"evaluate", site.dir(), "--max-median", "0.02", "--json"});
   EXPECT_EQ(fail.exit_code, 3);
   EXPECT_EQ(fail.Json()["exit_code"], 3);
-  EXPECT_EQ(site.Summary()["gates"]["verdict"], "FAIL");
+  EXPECT_EQ(site.Gates()["verdict"], "failed");
   const double median = GroupOf(site.Summary(), "single")["error_3d"]["over_answers"]["median_m"];
   const Finished open = Trigpoint({"evaluate", site.dir(), "--max-median", std::to_string(1.05 * median)});
   EXPECT_EQ(open.exit_code, 3);
-  EXPECT_THAT(open.out, HasSubstr("UNDECIDED"));
-  EXPECT_THAT(open.out, HasSubstr("would decide"));
+  EXPECT_THAT(open.out, HasSubstr("undecided"));
+  EXPECT_THAT(site.Gates()["gates"][0]["message"].get<std::string>(), HasSubstr("would decide"));
 
   // The project's own gates, with and without the unit in the name; the command line goes before them.
   site.Write("trigpoint.yaml", "schema: 1\ngates: {max_median: 0.02}\n");
@@ -162,11 +164,78 @@ TEST(EvaluateCommand, GatesAnswerByTheBoundAndExitThree) {
   EXPECT_EQ(Trigpoint({"evaluate", site.dir(), "--max-median", "1"}).exit_code, 0);
   site.Write("trigpoint.yaml", "schema: 1\ngates: {max_p90_m: 1, min_answered: 0.5}\n");
   EXPECT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
-  EXPECT_EQ(site.Summary()["gates"]["results"].size(), 2u);
+  EXPECT_EQ(site.Gates()["gates"].size(), 2u);
   site.Write("trigpoint.yaml", "schema: 1\ngates: {max_medain: 1}\n");
   const Finished typo = Trigpoint({"evaluate", site.dir()});
   EXPECT_NE(typo.exit_code, 0);
   EXPECT_THAT(typo.err, HasSubstr("max_median"));
+}
+
+// Offsets that the survey measured, in place of the stated ones.
+TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
+  const Site site;
+  EXPECT_EQ(Trigpoint({"evaluate", site.dir(), "--offsets", "guessed"}).exit_code, 2);
+  const Finished missing = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.err, HasSubstr("stations.csv"));
+  // One station, a metre further east than stated.
+  site.Write("results/survey/stations.csv",
+             "station,panorama,tag_id,status,reason,stated_east_m,stated_north_m,stated_up_m,estimated_east_m,"
+             "estimated_north_m,estimated_up_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
+             "S3,pano3,3,contradicts,,0,0,1,1,0,1,0.01,0.01,0.02\nS4,pano4,4,unseen,,0,0,1,,,,,,\n");
+  ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  const auto east = [&](const std::string& station) {
+    const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
+    for (const CsvRow& row : errors.rows()) {
+      if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
+        return row.Number("de_m");
+    }
+    return HUGE_VAL;
+  };
+  const double stated = east("S3"), other = east("S4");
+  const Finished estimated = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});
+  ASSERT_EQ(estimated.exit_code, 0) << estimated.err;
+  EXPECT_THAT(site.Read("results/evaluate/tables.md"), HasSubstr("Offsets of 1 of 9 stations are estimated"));
+  EXPECT_NEAR(east("S3"), stated - 1, 1e-6);
+  EXPECT_NEAR(east("S4"), other, 1e-6);
+}
+
+// A gate on what was not evaluated is undecided, and a gate that nobody set changes nothing.
+TEST(EvaluateCommand, GatesOfWhatWasNotEvaluatedAreUndecided) {
+  const Site site;
+  fs::remove(fs::path(site.dir()) / "stations.csv");
+  EXPECT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  EXPECT_FALSE(fs::exists(fs::path(site.dir()) / "results/gates"));
+  const Finished evaluated = Trigpoint({"evaluate", site.dir(), "--max-median", "0.2"});
+  EXPECT_EQ(evaluated.exit_code, 3) << evaluated.err;
+  EXPECT_THAT(evaluated.out, HasSubstr("undecided: evaluate.max_median_m <= 0.2 m"));
+  EXPECT_THAT(site.Gates()["gates"][0]["message"].get<std::string>(), HasSubstr("evaluate was not run"));
+  // Gates of other stages, in one table; JUnit takes what is undecided for an error.
+  site.Write("trigpoint.yaml",
+             "schema: 1\ngates: {survey: {max-check-rmse-3d: 0.02, min_check_points: 3}, localize: {min_answered: 0.5, "
+             "max_sigma: 0.2}, stitch: {max_rms_px: 2}, calibration: {max_rms: 0.5}, estimates: {max_ate_m: 1}}\n");
+  const Finished all = Trigpoint({"gates", site.dir(), "--json"});
+  EXPECT_EQ(all.exit_code, 3) << all.err;
+  std::map<std::string, std::string> verdicts;
+  const json table = site.Gates();
+  for (const json& gate : table["gates"]) verdicts[gate["gate"]] = gate["verdict"];
+  EXPECT_EQ(verdicts.size(), 7u) << site.Gates().dump(2);
+  EXPECT_EQ(verdicts["localize.min_answered"], "passed");
+  EXPECT_EQ(verdicts["localize.max_sigma_m"], "passed");
+  EXPECT_EQ(verdicts["survey.max_check_rmse_3d_m"], "undecided");
+  EXPECT_EQ(verdicts["stitch.max_rms_px"], "undecided");
+  EXPECT_EQ(verdicts["calibration.max_rms_px"], "undecided");
+  EXPECT_EQ(verdicts["estimates.max_ate_m"], "undecided");
+  const std::string xml = site.Read("results/gates/gates.xml");
+  EXPECT_THAT(xml, HasSubstr("tests=\"9\" failures=\"0\" errors=\"5\""));
+  EXPECT_THAT(xml, HasSubstr("<error type=\"undecided\""));
+  // A gate of another section, or with a slip: the nearest one is named.
+  site.Write("trigpoint.yaml", "schema: 1\ngates: {max_tag_sigma: 0.01}\n");
+  const Finished misplaced = Trigpoint({"evaluate", site.dir()});
+  EXPECT_EQ(misplaced.exit_code, 2);
+  EXPECT_THAT(misplaced.err, HasSubstr("'survey.max_tag_sigma_m'"));
+  site.Write("trigpoint.yaml", "schema: 1\ngates: {survey: {max_check_rsme_h: 0.01}}\n");
+  EXPECT_THAT(Trigpoint({"evaluate", site.dir()}).err, HasSubstr("'survey.max_check_rmse_h_m'"));
 }
 
 TEST(EvaluateCommand, ShowsVariantsSideBySideInTheUnitAskedFor) {
@@ -329,6 +398,10 @@ TEST(CompareCommand, PairsVariantsAndSaysWhatChanged) {
   ASSERT_EQ(compared.exit_code, 0) << compared.err;
   EXPECT_THAT(compared.out, HasSubstr("localize/run1: option mode \"trigpoint\" -> \"paper\""));
   EXPECT_THAT(compared.out, HasSubstr("of 18 pairs"));
+  // One that was never made is an error, not a table of zeros.
+  const Finished never = Trigpoint({"compare", site.dir(), site.dir() + "@trial"});
+  EXPECT_EQ(never.exit_code, 1);
+  EXPECT_THAT(never.err, HasSubstr("variant 'trial' has no results; expected one of paper"));
   const Finished alone = Trigpoint({"compare", site.dir()});
   EXPECT_EQ(alone.exit_code, 2);
   EXPECT_EQ(Trigpoint({"compare", site.dir(), "/nowhere"}).exit_code, 1);

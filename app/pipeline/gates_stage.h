@@ -1,0 +1,25 @@
+// The stage that judges: limits of trigpoint.yaml's `gates:` against the results of the other stages.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/pipeline/jobs.h"
+#include "eval/gates/limits.h"
+
+namespace trigpoint {
+
+// The limits that hold for a target: the `gates:` block, under options of `evaluate` (--max-median). Names may lack
+// their unit (`max_median: 0.2`), and the gates of `evaluate` may stand at the top. What is wrong is added to
+// `problems`, one sentence each; an unknown name with the nearest known one.
+GateLimits LimitsFor(const Project& project, const StageTarget& target, std::vector<std::string>* problems);
+
+// The same jobs, with one of `gates` behind those whose results have limits (before the report).
+std::vector<Job> WithGates(const Project& project, const std::vector<Job>& jobs);
+
+// Verdicts that count for a command that made `stages`, of a manifest's metrics of `gates`. A command that asks for
+// `gates` itself (run, gates) counts all of them.
+std::vector<nlohmann::json> CountedGates(const nlohmann::json& metrics, const std::vector<std::string>& stages);
+bool GatesPassed(const nlohmann::json& metrics, const std::vector<std::string>& stages);
+
+}  // namespace trigpoint

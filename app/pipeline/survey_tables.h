@@ -1,0 +1,16 @@
+// The tables beside the tag map: results/survey/control.csv, check.csv, residuals.csv, distances.csv, sessions.csv,
+// changes.csv and tags_crs.csv.
+#pragma once
+
+#include <filesystem>
+
+#include "app/pipeline/survey_report.h"
+#include "datasets/project/project.h"
+
+namespace trigpoint {
+
+// Into an existing folder. Throws IoError. A coordinate system that cannot be used is named in a warning.
+void WriteSurveyTables(const Project& project, const SurveyJob& job, const SurveyResult& result,
+                       const SurveyFindings& findings, const std::filesystem::path& out, ProgressSink& progress);
+
+}  // namespace trigpoint

@@ -1,0 +1,101 @@
+// Cameras, and trajectories of other systems, against the reference poses.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "eval/report/chapters.h"
+#include "eval/report/error_run.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kMostCharts = 8;
+
+// Share of the errors' components within two sigmas of them, in percent; unset without sigmas.
+std::optional<double> WithinTwoSigmas(const TrajectoryScore& score) {
+  int within = 0, all = 0;
+  for (const ErrorAlong& e : score.images) {
+    if (!e.error_m || !e.sigma_m) continue;
+    for (int k = 0; k < 3; ++k) within += std::abs((*e.error_m)[k]) <= 2 * (*e.sigma_m)[k];
+    all += 3;
+  }
+  return all > 0 ? std::optional<double>(100.0 * within / all) : std::nullopt;
+}
+
+Table ScoreTable(const ChapterContext& c) {
+  const std::string u = " (" + c.unit.name + ")";
+  Table table{
+      "cameras",
+      "ATE: root mean square distance in the site's frame; its own: with the reference's uncertainty taken out, "
+      "interval 95 %, by blocks in time; fitted: after a rigid fit; RPE: over consecutive pieces of the path. "
+      "Within 2 sigma: components of the errors; 95 % where stated sigmas are right.",
+      {{"system"},
+       {"run"},
+       {"images", true},
+       {"with an estimate", true},
+       {"ATE" + u, true},
+       {"its own" + u, true},
+       {"from" + u, true},
+       {"to" + u, true},
+       {"fitted" + u, true},
+       {"rotation (deg)", true},
+       {"RPE" + u, true},
+       {"RPE (deg)", true},
+       {"RPE length" + u, true},
+       {"pieces", true},
+       {"within 2 sigma (%)", true}},
+      {}};
+  const auto plain = [](const std::optional<double>& v, int decimals) {
+    return TableCell{v ? fmt::format("{:.{}f}", *v, decimals) : "", v};
+  };
+  for (const TrajectoryScore& score : c.data.trajectories) {
+    const nlohmann::json& s = score.summary;
+    std::optional<double> low, high;
+    if (const auto it = s.find("own_rmse_interval_m"); it != s.end() && it->is_array() && it->size() == 2) {
+      low = it->at(0).get<double>(), high = it->at(1).get<double>();
+    }
+    table.rows.push_back({{TextAt(s, "system")},
+                          {TextAt(s, "run")},
+                          plain(At(s, {"attempts"}), 0),
+                          plain(At(s, {"answers"}), 0),
+                          c.LengthCell(At(s, {"rmse_m"})),
+                          c.LengthCell(At(s, {"own_rmse_m"})),
+                          c.LengthCell(low),
+                          c.LengthCell(high),
+                          c.LengthCell(At(s, {"aligned_rmse_m"})),
+                          plain(At(s, {"rmse_rot_deg"}), 3),
+                          c.LengthCell(At(s, {"rpe", "rmse_m"})),
+                          plain(At(s, {"rpe", "rmse_deg"}), 3),
+                          c.LengthCell(At(s, {"rpe", "length_m"}), 1),
+                          plain(At(s, {"rpe", "pieces"}), 0),
+                          plain(WithinTwoSigmas(score), 1)});
+  }
+  return table;
+}
+
+}  // namespace
+
+void AddCameras(const ChapterContext& c, std::vector<Block>* blocks) {
+  if (c.data.trajectories.empty()) return;
+  blocks->push_back(Heading{2, "Cameras", "cameras"});
+  blocks->push_back(Paragraph{
+      "The estimated pose of every image against the reference trajectory, which the tag map gives where tags are "
+      "seen. "
+      "The system trigpoint is this program's own result. Both sides use the same images where a run is part of the "
+      "survey, too."});
+  blocks->push_back(ScoreTable(c));
+  size_t charts = 0;
+  for (const TrajectoryScore& score : c.data.trajectories) {
+    const bool any = std::any_of(score.images.begin(), score.images.end(),
+                                 [](const ErrorAlong& e) { return e.error_m.has_value(); });
+    if (!any || charts == kMostCharts) continue;
+    blocks->push_back(Figure{fmt::format("camera_errors_{}", ++charts),
+                             TextAt(score.summary, "system") + " on " + TextAt(score.summary, "run") +
+                                 ": estimate minus reference along the run. Band: two sigmas of that difference, the "
+                                 "reference's and, where stated, the estimate's together.",
+                             ErrorRunChart(score.images, c.unit.name, c.unit.metres)});
+  }
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,214 @@
+// survey as a user calls it, on a made wall of tags that two runs pass: its tables, its gates and its chapter.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <map>
+
+#include "calib/estimation/random.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "tests/e2e/program.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+
+constexpr int kTags = 9;
+constexpr double kSize = 0.5, kFocal = 600, kNoisePx = 0.1;
+
+Eigen::Vector3d TagPlace(int id) { return {1.0 * id, id % 2 == 0 ? 4.0 : 4.8, id % 3 == 0 ? 1.2 : 2.0}; }
+
+// A camera that looks north (y) passes tags on a wall that face it.
+class Wall {
+ public:
+  Wall() {
+    static int count = 0;
+    dir_ = fs::temp_directory_path() / ("trigpoint_survey_" + std::to_string(getpid()) + "_" + std::to_string(count++));
+    Write("origin.json", R"({"lat": 48.0, "lon": 7.8, "alt": 200.0})");
+    Write("trigpoint.yaml", "schema: 1\ncrs: EPSG:32632\n");
+    Write("tags.yaml", "size_m: 0.5\n");
+    Control(0);
+    Write("distances.csv", "from,to,distance_m,sigma_m,role\n0,8," +
+                               std::to_string((TagPlace(8) - TagPlace(0)).norm() + 0.001) + ",0.002,check\n");
+    Run("run1", 0, 1);
+    Run("run2", -1, 2);
+  }
+  ~Wall() { fs::remove_all(dir_); }
+
+  // Every third tag is control; the check point of tag 4 is off by `error` upwards.
+  void Control(double error) const {
+    Random random(7);
+    std::string control = "tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n";
+    for (int id = 0; id < kTags; ++id) {
+      Eigen::Vector3d p = TagPlace(id) + 0.002 * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
+      if (id == 4) p.z() += error;
+      control += std::to_string(id) + (id % 3 == 0 || id == 8 ? ",control," : ",check,") + std::to_string(p.x()) + "," +
+                 std::to_string(p.y()) + "," + std::to_string(p.z()) + ",0.002,0.002\n";
+    }
+    Write("control_points.csv", control);
+  }
+
+  void Run(const std::string& run, double y, uint64_t seed) const {
+    Random random(seed);
+    const std::string folder = "runs/" + run + "/";
+    std::string odometry, detections = "timestamp,tag_id,u0,v0,u1,v1,u2,v2,u3,v3\n";
+    for (int i = 0; i <= 50; ++i) {
+      const double t = 0.4 * i, x = -1 + 0.2 * i;
+      char line[200];
+      snprintf(line, sizeof line, "%.3f %.6f %.6f 1.5 0 0 0.70710678118 0.70710678118\n", t, x, y);
+      odometry += line;
+      for (int id = 0; id < kTags; ++id) {
+        const Eigen::Vector3d p = TagPlace(id);
+        std::string row = std::to_string(t) + "," + std::to_string(id);
+        bool inside = true;
+        // Bottom-left, bottom-right, top-right, top-left.
+        for (const auto& [dx, dz] : {std::pair(-1, -1), std::pair(1, -1), std::pair(1, 1), std::pair(-1, 1)}) {
+          const double depth = p.y() - y;
+          const double u = kFocal * (p.x() + 0.5 * dx * kSize - x) / depth + 499.5 + kNoisePx * random.Normal();
+          const double v = -kFocal * (p.z() + 0.5 * dz * kSize - 1.5) / depth + 399.5 + kNoisePx * random.Normal();
+          inside = inside && u > 5 && u < 994 && v > 5 && v < 794;
+          row += "," + std::to_string(u) + "," + std::to_string(v);
+        }
+        if (inside) detections += row + "\n";
+      }
+    }
+    Write(folder + "odometry.tum", odometry);
+    Write(folder + "detections.csv", detections);
+    Write(folder + "run.yaml",
+          "role: survey\ndate: " + std::string(run == "run1" ? "2026-05-12" : "2026-05-13") + "\n");
+    Write(folder + "camchain.yaml",
+          "cam0:\n  camera_model: pinhole\n  intrinsics: [600, 600, 499.5, 399.5]\n  distortion_model: radtan\n"
+          "  distortion_coeffs: [0, 0, 0, 0]\n  resolution: [1000, 800]\n"
+          "  T_cam_imu:\n  - [0, -1, 0, 0]\n  - [0, 0, -1, 0]\n  - [1, 0, 0, 0]\n  - [0, 0, 0, 1]\n");
+  }
+
+  void Write(const std::string& file, const std::string& text) const { WriteFileAtomically(dir_ / file, text); }
+  std::string Read(const std::string& file) const { return ReadTextFile(dir_ / file); }
+  CsvTable Table(const std::string& name) const {
+    return CsvTable::Read(dir_ / "results/survey" / (name + ".csv"), {});
+  }
+  std::string dir() const { return dir_.string(); }
+
+ private:
+  fs::path dir_;
+};
+
+TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {
+  const Wall wall;
+  const Finished survey = Trigpoint({"survey", wall.dir(), "--threads", "1"});
+  ASSERT_EQ(survey.exit_code, 0) << survey.err;
+  const json summary = json::parse(wall.Read("results/survey/summary.json"));
+  // Check points: map minus stated, in the columns as in space.
+  double squares = 0, chi2 = 0;
+  const CsvTable check = wall.Table("check");
+  ASSERT_EQ(check.rows().size(), 5u);
+  for (const CsvRow& row : check.rows()) {
+    EXPECT_EQ(row.Text("status"), "check");
+    EXPECT_NEAR(row.Number("x") - row.Number("stated_x"), row.Number("de_m"), 2e-5);
+    EXPECT_NEAR(row.Number("z") - row.Number("stated_z"), row.Number("du_m"), 2e-5);
+    EXPECT_NEAR(std::hypot(row.Number("error_h_m"), row.Number("error_v_m")), row.Number("error_3d_m"), 2e-5);
+    EXPECT_NEAR(row.Number("du_m") / row.Number("sigma_u_m"), row.Number("standardised_u"), 0.05);
+    EXPECT_GT(row.Number("sigma_u_m"), 0.002);  // the point's own and the map's
+    EXPECT_LT((Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z")) -
+               TagPlace(static_cast<int>(row.Integer("tag_id"))))
+                  .norm(),
+              0.02);
+    squares += std::pow(row.Number("error_3d_m"), 2);
+    chi2 += row.Number("chi2_3dof");
+  }
+  EXPECT_NEAR(std::sqrt(squares / 5), summary["check"]["differences_rmse_3d_m"].get<double>(), 2e-5);
+  EXPECT_LT(chi2, 37.7);  // 15 degrees of freedom, 99.9 %
+  const CsvTable control = wall.Table("control");
+  ASSERT_EQ(control.rows().size(), 4u);
+  int left_out = 0;
+  for (const CsvRow& row : control.rows()) {
+    EXPECT_EQ(row.Text("status"), "used");
+    if (!row.Has("left_out_du_m")) continue;
+    ++left_out;
+    // Without the point the map is further off it than with it, and less certain.
+    EXPECT_GE(std::abs(row.Number("left_out_du_m")) + 1e-5, std::abs(row.Number("du_m")));
+    EXPECT_GT(row.Number("left_out_sigma_u_m"), row.Number("sigma_u_m"));
+  }
+  EXPECT_GE(left_out, 3);
+  // Every detection has its residual, and those of a run are its rms.
+  std::map<std::string, std::pair<double, int>> of_run;
+  const CsvTable residuals = wall.Table("residuals");
+  for (const CsvRow& row : residuals.rows()) {
+    if (row.Text("status") != "used") continue;
+    of_run[row.Text("run")].first += std::pow(row.Number("rms_px"), 2);
+    ++of_run[row.Text("run")].second;
+  }
+  const CsvTable sessions = wall.Table("sessions");
+  ASSERT_EQ(sessions.rows().size(), 2u);
+  for (const CsvRow& row : sessions.rows()) {
+    const auto& [sum, n] = of_run[row.Text("run")];
+    EXPECT_EQ(row.Integer("observations"), n);
+    EXPECT_NEAR(row.Number("rms_px"), std::sqrt(sum / n), 1e-3);
+    EXPECT_EQ(row.Text("session"), row.Text("run") == "run1" ? "2026-05-12" : "2026-05-13");
+    EXPECT_GT(row.Number("repeatability_m"), 0);
+    EXPECT_LT(row.Number("repeatability_m"), 0.02);
+  }
+  const CsvRow distance = wall.Table("distances").rows().at(0);
+  EXPECT_EQ(distance.Text("status"), "check");
+  EXPECT_NEAR(distance.Number("map_m") - distance.Number("measured_m"), distance.Number("difference_m"), 2e-5);
+  const CsvRow tag = wall.Table("tags_crs").rows().at(0);
+  EXPECT_NEAR(tag.Number("northing_m"), 5316595, 3000);  // 48 north, 7.8 east in zone 32
+  EXPECT_NEAR(tag.Number("height_m"), 200 + tag.Number("z"), 0.01);
+}
+
+TEST(SurveyCommand, ExportsSurveyedPointsAsLayers) {
+  const Wall wall;
+  ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);
+  const Finished exported =
+      Trigpoint({"export", wall.dir(), "--to", "geojson", "--what", "check", "--out", wall.dir() + "/check.geojson"});
+  ASSERT_EQ(exported.exit_code, 0) << exported.err;
+  const json check = json::parse(wall.Read("check.geojson"));
+  ASSERT_EQ(check["features"].size(), 5u);
+  const CsvRow row = wall.Table("check").rows().at(0);
+  const json& properties = check["features"][0]["properties"];
+  EXPECT_NEAR(properties["error_3d_m"].get<double>(), row.Number("error_3d_m"), 1e-5);
+  EXPECT_NEAR(properties["sigma_u_m"].get<double>(), row.Number("sigma_u_m"), 1e-5);
+}
+
+TEST(SurveyCommand, IsJudgedByItsGatesAndHasAChapter) {
+  const Wall wall;
+  const std::string common = "schema: 1\ngates: {survey: {min_check_points: 5, max_tag_sigma: 0.05, ";
+  wall.Write("trigpoint.yaml", common + "max_check_rmse_3d: 0.05, max_standardised_residual: 4.5}}\n");
+  const Finished passed = Trigpoint({"survey", wall.dir(), "--threads", "1"});
+  EXPECT_EQ(passed.exit_code, 0) << passed.err << passed.out;
+  EXPECT_EQ(json::parse(wall.Read("results/gates/gates.json"))["verdict"], "passed");
+  // Nobody measured the panoramas: that gate is undecided, and no matter of this command.
+  wall.Write("trigpoint.yaml", common + "max_check_rmse_3d: 0.05}, evaluate: {max_median: 0.2}}\n");
+  EXPECT_EQ(Trigpoint({"survey", wall.dir()}).exit_code, 0);
+  EXPECT_EQ(json::parse(wall.Read("results/gates/gates.json"))["verdict"], "undecided");
+  EXPECT_EQ(Trigpoint({"gates", wall.dir()}).exit_code, 3);
+  // A check point half a metre off.
+  wall.Control(0.5);
+  const Finished failed = Trigpoint({"survey", wall.dir(), "--threads", "1"});
+  EXPECT_EQ(failed.exit_code, 3);
+  EXPECT_THAT(failed.out, HasSubstr("survey.max_check_rmse_3d_m"));
+  ASSERT_EQ(Trigpoint({"report", wall.dir()}).exit_code, 0);
+  const std::string html = wall.Read("results/report/index.html");
+  for (const char* part : {"id=\"survey\"", "they ask for 30 check points, the map has 5", "RMSE_3D"})
+    EXPECT_THAT(html, HasSubstr(part));
+  const json report = json::parse(wall.Read("results/report/report.json"));
+  EXPECT_EQ(report["tables"]["survey_check"]["rows"].size(), 5u);
+  EXPECT_EQ(report["tables"]["survey_control"]["rows"].size(), 4u);
+  EXPECT_TRUE(fs::exists(fs::path(wall.dir()) / "results/report/figures/survey_plan.svg"));
+  // A PDF that was asked for is up to date, and the next report keeps it.
+  ASSERT_EQ(Trigpoint({"report", wall.dir(), "--pdf"}).exit_code, 0);
+  const json status = Trigpoint({"status", wall.dir(), "--json"}).Json();
+  for (const json& stage : status["stages"]) {
+    if (stage["stage"] == "report") EXPECT_EQ(stage["state"], "done") << stage.dump();
+  }
+  wall.Control(0);
+  ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);
+  ASSERT_EQ(Trigpoint({"report", wall.dir()}).exit_code, 0);
+  EXPECT_TRUE(fs::exists(fs::path(wall.dir()) / "results/report/report.pdf"));
+}
+
+}  // namespace
+}  // namespace trigpoint
