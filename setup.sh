@@ -21,7 +21,7 @@ packages=(
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev
   libvtk9-dev libgdal-dev libglew-dev libegl-dev libgl1-mesa-dri libpango1.0-dev fonts-dejavu-core
   libproj-dev libheif-dev libcurl4-openssl-dev ca-certificates poppler-utils file openssh-client gnupg
-  qtbase5-dev libqt5opengl5-dev libvtk9-qt-dev xvfb
+  qtbase5-dev libqt5opengl5-dev libvtk9-qt-dev xvfb qttools5-dev-tools
   libgtest-dev libgmock-dev
 )
 # The Debian release these packages were chosen from.

@@ -1,0 +1,1656 @@
+<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE TS>
+<TS version="2.1" language="de">
+<context>
+    <name>QObject</name>
+    <message>
+        <source>%1
+%2 px</source>
+        <translation>%1
+%2 px</translation>
+    </message>
+</context>
+<context>
+    <name>main</name>
+    <message>
+        <source>Trigpoint's workstation.</source>
+        <translation>Der Arbeitsplatz von Trigpoint.</translation>
+    </message>
+    <message>
+        <source>the project; default: that of the last session</source>
+        <translation>das Projekt; Vorgabe: das der letzten Sitzung</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::CalibrationDesk</name>
+    <message>
+        <source>Calibration</source>
+        <translation>Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>Residuals over the image</source>
+        <translation>Residuen über dem Bild</translation>
+    </message>
+    <message>
+        <source>Points in each part of the image</source>
+        <translation>Punkte in jedem Teil des Bildes</translation>
+    </message>
+    <message>
+        <source>Uncertainty over the image</source>
+        <translation>Unsicherheit über dem Bild</translation>
+    </message>
+    <message>
+        <source>Parameters</source>
+        <translation>Parameter</translation>
+    </message>
+    <message>
+        <source>parameter</source>
+        <translation>Parameter</translation>
+    </message>
+    <message>
+        <source>value</source>
+        <translation>Wert</translation>
+    </message>
+    <message>
+        <source>1 sigma</source>
+        <translation>1 Sigma</translation>
+    </message>
+    <message>
+        <source>Calibra&amp;te ...</source>
+        <translation>Kalibrie&amp;ren ...</translation>
+    </message>
+    <message>
+        <source>No calibration yet: trigpoint calibrate DIR --images GLOB --target T</source>
+        <translation>Noch keine Kalibrierung: trigpoint calibrate ORDNER --images MUSTER --target T</translation>
+    </message>
+    <message>
+        <source>%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (it says how well the model fits, not how accurate it is)</source>
+        <translation>%1, %2 x %3 px, %4 von %5 Bildern verwendet, RMS der Residuen %6 px (das sagt, wie gut das Modell passt, nicht, wie genau es ist)</translation>
+    </message>
+    <message>
+        <source>What to photograph next</source>
+        <translation>Was als Nächstes zu fotografieren ist</translation>
+    </message>
+    <message>
+        <source>Every part of the image has points.</source>
+        <translation>In jedem Teil des Bildes sind Punkte.</translation>
+    </message>
+    <message>
+        <source>points, mean residual</source>
+        <translation>Punkte, mittleres Residuum</translation>
+    </message>
+    <message>
+        <source>residuals, %1 x</source>
+        <translation>Residuen, %1-fach</translation>
+    </message>
+    <message>
+        <source>no map</source>
+        <translation>keine Karte</translation>
+    </message>
+    <message>
+        <source>uncertainty</source>
+        <translation>Unsicherheit</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::CompareDesk</name>
+    <message>
+        <source>First evaluation</source>
+        <translation>Erste Auswertung</translation>
+    </message>
+    <message>
+        <source>Second evaluation</source>
+        <translation>Zweite Auswertung</translation>
+    </message>
+    <message>
+        <source>Run of the first</source>
+        <translation>Lauf der ersten</translation>
+    </message>
+    <message>
+        <source>Run of the second</source>
+        <translation>Lauf der zweiten</translation>
+    </message>
+    <message>
+        <source>Other &amp;project or release ...</source>
+        <translation>Anderes &amp;Projekt oder Release ...</translation>
+    </message>
+    <message>
+        <source>Errors side by side</source>
+        <translation>Fehler nebeneinander</translation>
+    </message>
+    <message>
+        <source>What changed in inputs, options and version</source>
+        <translation>Was sich an Eingaben, Optionen und Version geändert hat</translation>
+    </message>
+    <message>
+        <source>Paired comparison</source>
+        <translation>Paarweiser Vergleich</translation>
+    </message>
+    <message>
+        <source>Station by station</source>
+        <translation>Station für Station</translation>
+    </message>
+    <message>
+        <source>Paired statistics</source>
+        <translation>Paarweise Statistik</translation>
+    </message>
+    <message>
+        <source>What changed</source>
+        <translation>Was sich geändert hat</translation>
+    </message>
+    <message>
+        <source>3D</source>
+        <translation>3D</translation>
+    </message>
+    <message>
+        <source>A project, a release, or a folder of errors.csv</source>
+        <translation>Ein Projekt, ein Release oder ein Ordner mit errors.csv</translation>
+    </message>
+    <message>
+        <source>%1: found no errors.csv there, nor in results/evaluate</source>
+        <translation>%1: keine errors.csv gefunden, weder dort noch in results/evaluate</translation>
+    </message>
+    <message>
+        <source>first results</source>
+        <translation>erste Ergebnisse</translation>
+    </message>
+    <message>
+        <source>release %1</source>
+        <translation>Release %1</translation>
+    </message>
+    <message>
+        <source>all runs</source>
+        <translation>alle Läufe</translation>
+    </message>
+    <message>
+        <source>Nothing to compare yet: no evaluation is there. Run evaluate first.</source>
+        <translation>Noch nichts zu vergleichen: Es gibt keine Auswertung. Zuerst evaluate ausführen.</translation>
+    </message>
+    <message>
+        <source>One side is %1 alone: of the other side's runs only %1 is compared.</source>
+        <translation>Auf einer Seite steht nur %1: Von den Läufen der anderen Seite wird nur %1 verglichen.</translation>
+    </message>
+    <message>
+        <source>A and B are the same results: choose another variant, run, release or project for B.</source>
+        <translation>A und B sind dieselben Ergebnisse: für B eine andere Variante, einen anderen Lauf, ein Release oder Projekt wählen.</translation>
+    </message>
+    <message>
+        <source>Comparing ...</source>
+        <translation>Vergleich läuft ...</translation>
+    </message>
+    <message>
+        <source>A and B have no panorama in common that both evaluate.</source>
+        <translation>A und B haben kein Panorama gemeinsam, das beide auswerten.</translation>
+    </message>
+    <message>
+        <source>what changed from A to B</source>
+        <translation>was sich von A nach B geändert hat</translation>
+    </message>
+    <message>
+        <source>nothing: options, inputs and versions are the same</source>
+        <translation>nichts: Optionen, Eingaben und Versionen sind dieselben</translation>
+    </message>
+    <message>
+        <source>reference</source>
+        <translation>Referenz</translation>
+    </message>
+    <message>
+        <source>answer</source>
+        <translation>Antwort</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>panorama</source>
+        <translation>Panorama</translation>
+    </message>
+    <message>
+        <source>A: 3D error (%1)</source>
+        <translation>A: 3D-Fehler (%1)</translation>
+    </message>
+    <message>
+        <source>B: 3D error (%1)</source>
+        <translation>B: 3D-Fehler (%1)</translation>
+    </message>
+    <message>
+        <source>B - A (%1)</source>
+        <translation>B - A (%1)</translation>
+    </message>
+    <message>
+        <source>status A / B</source>
+        <translation>Status A / B</translation>
+    </message>
+    <message>
+        <source>%1 (errors alone, no results to draw)</source>
+        <translation>%1 (nur Fehler, keine Ergebnisse zum Zeichnen)</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ImagesDesk</name>
+    <message>
+        <source>Run</source>
+        <translation>Ausführen</translation>
+    </message>
+    <message>
+        <source>Images of the run</source>
+        <translation>Bilder des Laufs</translation>
+    </message>
+    <message>
+        <source>Image by time</source>
+        <translation>Bild nach Zeit</translation>
+    </message>
+    <message>
+        <source>Panorama or photo</source>
+        <translation>Panorama oder Foto</translation>
+    </message>
+    <message>
+        <source>&amp;Match</source>
+        <translation>&amp;Zuordnen</translation>
+    </message>
+    <message>
+        <source>Match the image with the panorama, and judge the matches by the solution</source>
+        <translation>Das Bild dem Panorama zuordnen und die Zuordnungen an der Lösung prüfen</translation>
+    </message>
+    <message>
+        <source>detections</source>
+        <translation>Detektionen</translation>
+    </message>
+    <message>
+        <source>tracks, errors x 10</source>
+        <translation>Tracks, Fehler x 10</translation>
+    </message>
+    <message>
+        <source>inlier matches</source>
+        <translation>richtige Zuordnungen</translation>
+    </message>
+    <message>
+        <source>outlier matches</source>
+        <translation>falsche Zuordnungen</translation>
+    </message>
+    <message>
+        <source>Name of the surveyed point</source>
+        <translation>Name des vermessenen Punkts</translation>
+    </message>
+    <message>
+        <source>Mar&amp;k by click</source>
+        <translation>Per &amp;Klick markieren</translation>
+    </message>
+    <message>
+        <source>The next click in the image marks the point; from two marks on it is predicted elsewhere</source>
+        <translation>Der nächste Klick ins Bild markiert den Punkt; ab zwei Marken wird er in den anderen vorhergesagt</translation>
+    </message>
+    <message>
+        <source>C&amp;onfirm prediction</source>
+        <translation>V&amp;orhersage übernehmen</translation>
+    </message>
+    <message>
+        <source>Camera image</source>
+        <translation>Kamerabild</translation>
+    </message>
+    <message>
+        <source>Point</source>
+        <translation>Punkt</translation>
+    </message>
+    <message>
+        <source>%1, %2 px</source>
+        <translation>%1, %2 px</translation>
+    </message>
+    <message>
+        <source>no image</source>
+        <translation>kein Bild</translation>
+    </message>
+    <message>
+        <source>no panorama</source>
+        <translation>kein Panorama</translation>
+    </message>
+    <message>
+        <source>tags: %1, points: %2</source>
+        <translation>Tags: %1, Punkte: %2</translation>
+    </message>
+    <message>
+        <source>, reprojection RMS %1 px</source>
+        <translation>, RMS der Rückprojektion %1 px</translation>
+    </message>
+    <message>
+        <source>; excluded by the review</source>
+        <translation>; durch die Prüfung ausgeschlossen</translation>
+    </message>
+    <message>
+        <source>Matching ...</source>
+        <translation>Zuordnung läuft ...</translation>
+    </message>
+    <message>
+        <source>%1 matches, %2 of them within 3 px of their epipolar lines</source>
+        <translation>%1 Zuordnungen, %2 davon höchstens 3 px von ihren Epipolarlinien</translation>
+    </message>
+    <message>
+        <source> excluded</source>
+        <translation> ausgeschlossen</translation>
+    </message>
+    <message>
+        <source> predicted</source>
+        <translation> vorhergesagt</translation>
+    </message>
+    <message>
+        <source>The mark was not saved.</source>
+        <translation>Die Marke wurde nicht gespeichert.</translation>
+    </message>
+    <message>
+        <source>%1 marks, %2 px; it must show in %3 images</source>
+        <translation>%1 Marken, %2 px; er muss in %3 Bildern zu sehen sein</translation>
+    </message>
+    <message>
+        <source>Tag %1 was detected in no image.</source>
+        <translation>Tag %1 wurde in keinem Bild gefunden.</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::MainWindow</name>
+    <message>
+        <source>Trigpoint</source>
+        <translation>Trigpoint</translation>
+    </message>
+    <message>
+        <source>Desks</source>
+        <translation>Ansichten</translation>
+    </message>
+    <message>
+        <source>Overview</source>
+        <translation>Übersicht</translation>
+    </message>
+    <message>
+        <source>Run</source>
+        <translation>Ausführen</translation>
+    </message>
+    <message>
+        <source>3D</source>
+        <translation>3D</translation>
+    </message>
+    <message>
+        <source>Images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>Tables</source>
+        <translation>Tabellen</translation>
+    </message>
+    <message>
+        <source>Compare</source>
+        <translation>Vergleichen</translation>
+    </message>
+    <message>
+        <source>Review</source>
+        <translation>Prüfen</translation>
+    </message>
+    <message>
+        <source>Panoramas</source>
+        <translation>Panoramen</translation>
+    </message>
+    <message>
+        <source>Calibration</source>
+        <translation>Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Site</source>
+        <translation>Messgebiet</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>%1 - Trigpoint</source>
+        <translation>%1 - Trigpoint</translation>
+    </message>
+    <message>
+        <source>%1: %2, %3 %</source>
+        <translation>%1: %2, %3 %</translation>
+    </message>
+    <message>
+        <source>Done.</source>
+        <translation>Fertig.</translation>
+    </message>
+    <message>
+        <source>Failed.</source>
+        <translation>Fehlgeschlagen.</translation>
+    </message>
+    <message>
+        <source>Cancelled; finished stages are kept.</source>
+        <translation>Abgebrochen; fertige Stufen bleiben erhalten.</translation>
+    </message>
+    <message>
+        <source>Open a project's folder</source>
+        <translation>Den Ordner eines Projekts öffnen</translation>
+    </message>
+    <message>
+        <source>There is no report yet: run the stage report.</source>
+        <translation>Es gibt noch keinen Bericht: die Stufe report ausführen.</translation>
+    </message>
+    <message>
+        <source>No program opens the report: %1</source>
+        <translation>Kein Programm öffnet den Bericht: %1</translation>
+    </message>
+    <message>
+        <source>&amp;File</source>
+        <translation>&amp;Datei</translation>
+    </message>
+    <message>
+        <source>&amp;Open project or folder ...</source>
+        <translation>Projekt oder Ordner &amp;öffnen ...</translation>
+    </message>
+    <message>
+        <source>&amp;Recent projects</source>
+        <translation>&amp;Letzte Projekte</translation>
+    </message>
+    <message>
+        <source>Re&amp;load</source>
+        <translation>Neu &amp;laden</translation>
+    </message>
+    <message>
+        <source>&amp;Close project</source>
+        <translation>Projekt s&amp;chließen</translation>
+    </message>
+    <message>
+        <source>Open the &amp;report</source>
+        <translation>&amp;Bericht öffnen</translation>
+    </message>
+    <message>
+        <source>Ctrl+Shift+O</source>
+        <translation>Ctrl+Shift+O</translation>
+    </message>
+    <message>
+        <source>&amp;Quit</source>
+        <translation>&amp;Beenden</translation>
+    </message>
+    <message>
+        <source>&amp;Run</source>
+        <translation>&amp;Ausführen</translation>
+    </message>
+    <message>
+        <source>Run all that is &amp;out of date</source>
+        <translation>Alles &amp;Veraltete ausführen</translation>
+    </message>
+    <message>
+        <source>Ctrl+R</source>
+        <translation>Ctrl+R</translation>
+    </message>
+    <message>
+        <source>&amp;Cancel</source>
+        <translation>&amp;Abbrechen</translation>
+    </message>
+    <message>
+        <source>Ctrl+.</source>
+        <translation>Ctrl+.</translation>
+    </message>
+    <message>
+        <source>Re-&amp;solve after a review</source>
+        <translation>Nach einer Prüfung neu &amp;lösen</translation>
+    </message>
+    <message>
+        <source>Ctrl+Shift+R</source>
+        <translation>Ctrl+Shift+R</translation>
+    </message>
+    <message>
+        <source>&amp;View</source>
+        <translation>A&amp;nsicht</translation>
+    </message>
+    <message>
+        <source>Ctrl+%1</source>
+        <translation>Ctrl+%1</translation>
+    </message>
+    <message>
+        <source>&amp;Units</source>
+        <translation>&amp;Einheiten</translation>
+    </message>
+    <message>
+        <source>metres</source>
+        <translation>Meter</translation>
+    </message>
+    <message>
+        <source>feet</source>
+        <translation>Fuß</translation>
+    </message>
+    <message>
+        <source>US survey feet</source>
+        <translation>US-Survey-Fuß</translation>
+    </message>
+    <message>
+        <source>&amp;Theme</source>
+        <translation>&amp;Farben</translation>
+    </message>
+    <message>
+        <source>as the system</source>
+        <translation>wie das System</translation>
+    </message>
+    <message>
+        <source>light</source>
+        <translation>hell</translation>
+    </message>
+    <message>
+        <source>dark</source>
+        <translation>dunkel</translation>
+    </message>
+    <message>
+        <source>Opening %1 ...</source>
+        <translation>%1 wird geöffnet ...</translation>
+    </message>
+    <message>
+        <source>No project was made.</source>
+        <translation>Es wurde kein Projekt angelegt.</translation>
+    </message>
+    <message>
+        <source>Drop a project folder here, or open one (Ctrl+O).</source>
+        <translation>Einen Projektordner hierher ziehen oder öffnen (Strg+O).</translation>
+    </message>
+    <message>
+        <source>Stopping the run ...</source>
+        <translation>Der Lauf wird angehalten ...</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::MeasurementList</name>
+    <message>
+        <source>Measurements</source>
+        <translation>Messungen</translation>
+    </message>
+    <message>
+        <source>1 sigma behind each value, the two places taken as independent. Right click: save, clear.</source>
+        <translation>Hinter jedem Wert 1 Sigma, beide Orte als unabhängig angenommen. Rechtsklick: speichern, leeren.</translation>
+    </message>
+    <message>
+        <source>&amp;Save as CSV ...</source>
+        <translation>Als CSV &amp;speichern ...</translation>
+    </message>
+    <message>
+        <source>&amp;Clear</source>
+        <translation>&amp;Leeren</translation>
+    </message>
+    <message>
+        <source>from</source>
+        <translation>von</translation>
+    </message>
+    <message>
+        <source>to</source>
+        <translation>nach</translation>
+    </message>
+    <message>
+        <source>slope (%1)</source>
+        <translation>Schrägstrecke (%1)</translation>
+    </message>
+    <message>
+        <source>horizontal (%1)</source>
+        <translation>Horizontalstrecke (%1)</translation>
+    </message>
+    <message>
+        <source>height difference (%1)</source>
+        <translation>Höhenunterschied (%1)</translation>
+    </message>
+    <message>
+        <source>azimuth (deg)</source>
+        <translation>Richtungswinkel (Grad)</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::OverviewDesk</name>
+    <message>
+        <source>Verdict</source>
+        <translation>Befund</translation>
+    </message>
+    <message>
+        <source>Plan</source>
+        <translation>Lageplan</translation>
+    </message>
+    <message>
+        <source>Errors of the selected station</source>
+        <translation>Fehler der gewählten Station</translation>
+    </message>
+    <message>
+        <source>Show in &amp;3D</source>
+        <translation>In &amp;3D zeigen</translation>
+    </message>
+    <message>
+        <source>Show the best &amp;image</source>
+        <translation>Das beste &amp;Bild zeigen</translation>
+    </message>
+    <message>
+        <source>&amp;Exclude ...</source>
+        <translation>&amp;Ausschließen ...</translation>
+    </message>
+    <message>
+        <source>Reading ...</source>
+        <translation>Wird gelesen ...</translation>
+    </message>
+    <message>
+        <source>The overview is not shown.</source>
+        <translation>Die Übersicht wird nicht gezeigt.</translation>
+    </message>
+    <message>
+        <source>Trigpoint</source>
+        <translation>Trigpoint</translation>
+    </message>
+    <message>
+        <source>Localizes panoramas and photos against a camera's run, surveys tags, and measures how good the answers are.</source>
+        <translation>Bestimmt Panoramen und Fotos in der Aufnahme einer Kamera, vermisst Tags und misst, wie gut die Antworten sind.</translation>
+    </message>
+    <message>
+        <source>&amp;Open a project ...</source>
+        <translation>Projekt öf&amp;fnen ...</translation>
+    </message>
+    <message>
+        <source>A folder can also be dropped into the window. It is only read; what is written, is asked for.</source>
+        <translation>Ein Ordner lässt sich auch ins Fenster ziehen. Er wird nur gelesen; geschrieben wird erst auf Nachfrage.</translation>
+    </message>
+    <message>
+        <source>Recent projects</source>
+        <translation>Letzte Projekte</translation>
+    </message>
+    <message>
+        <source>None yet. The command &lt;tt&gt;trigpoint demo&lt;/tt&gt; makes a small example to open here.</source>
+        <translation>Noch keine. Der Befehl &lt;tt&gt;trigpoint demo&lt;/tt&gt; legt ein kleines Beispiel an, das sich hier öffnen lässt.</translation>
+    </message>
+    <message>
+        <source>This folder has no trigpoint.yaml. Nothing is written into it until you ask for it.</source>
+        <translation>Dieser Ordner hat keine trigpoint.yaml. Es wird nichts hineingeschrieben, bevor es verlangt wird.</translation>
+    </message>
+    <message>
+        <source>Found</source>
+        <translation>Gefunden</translation>
+    </message>
+    <message>
+        <source>Missing</source>
+        <translation>Es fehlt</translation>
+    </message>
+    <message>
+        <source>&lt;b&gt;3D error (%1)&lt;/b&gt;, %2. Below it 1 sigma of the difference, and NEES per degree of freedom (about 1 if the sigmas are right).</source>
+        <translation>&lt;b&gt;3D-Fehler (%1)&lt;/b&gt;, %2. Darunter 1 Sigma der Differenz und NEES je Freiheitsgrad (etwa 1, wenn die Sigmas stimmen).</translation>
+    </message>
+    <message>
+        <source>Errors by station and run</source>
+        <translation>Fehler nach Station und Lauf</translation>
+    </message>
+    <message>
+        <source>Warnings (%1)</source>
+        <translation>Warnungen (%1)</translation>
+    </message>
+    <message>
+        <source>... and %1 more; &lt;tt&gt;trigpoint status&lt;/tt&gt; lists all.</source>
+        <translation>... und %1 weitere; &lt;tt&gt;trigpoint status&lt;/tt&gt; nennt alle.</translation>
+    </message>
+    <message>
+        <source>Nothing to draw yet: run localize.</source>
+        <translation>Noch nichts zu zeichnen: localize ausführen.</translation>
+    </message>
+    <message>
+        <source>plan</source>
+        <translation>Lageplan</translation>
+    </message>
+    <message>
+        <source>Not a project yet.</source>
+        <translation>Noch kein Projekt.</translation>
+    </message>
+    <message>
+        <source>&amp;Make it a project (write trigpoint.yaml)</source>
+        <translation>Zum Projekt &amp;machen (trigpoint.yaml schreiben)</translation>
+    </message>
+    <message>
+        <source>%1 results failed. %2</source>
+        <translation>%1 Ergebnisse sind fehlgeschlagen. %2</translation>
+    </message>
+    <message>
+        <source>%1 results are missing or out of date, %2 first.</source>
+        <translation>%1 Ergebnisse fehlen oder sind veraltet, zuerst %2.</translation>
+    </message>
+    <message>
+        <source>&amp;Run again what failed</source>
+        <translation>Fehlgeschlagenes &amp;noch einmal ausführen</translation>
+    </message>
+    <message>
+        <source>&amp;Run what is out of date</source>
+        <translation>&amp;Veraltetes ausführen</translation>
+    </message>
+    <message>
+        <source>Every result is up to date.</source>
+        <translation>Alle Ergebnisse sind aktuell.</translation>
+    </message>
+    <message>
+        <source>Open the &amp;report</source>
+        <translation>&amp;Bericht öffnen</translation>
+    </message>
+    <message>
+        <source>Select a station in the plan, in the matrix, or in the tree.</source>
+        <translation>Eine Station im Lageplan, in der Matrix oder im Baum wählen.</translation>
+    </message>
+    <message>
+        <source>compared</source>
+        <translation>verglichen</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>answer</source>
+        <translation>Antwort</translation>
+    </message>
+    <message>
+        <source>3D (%1)</source>
+        <translation>3D (%1)</translation>
+    </message>
+    <message>
+        <source>dE (%1)</source>
+        <translation>dE (%1)</translation>
+    </message>
+    <message>
+        <source>dN (%1)</source>
+        <translation>dN (%1)</translation>
+    </message>
+    <message>
+        <source>dU (%1)</source>
+        <translation>dU (%1)</translation>
+    </message>
+    <message>
+        <source>NEES / dof</source>
+        <translation>NEES / Freiheitsgrad</translation>
+    </message>
+    <message>
+        <source>status</source>
+        <translation>Status</translation>
+    </message>
+    <message>
+        <source>own tags</source>
+        <translation>eigene Tags</translation>
+    </message>
+    <message>
+        <source>, tag %1</source>
+        <translation>, Tag %1</translation>
+    </message>
+    <message>
+        <source>Station %1%2</source>
+        <translation>Station %1%2</translation>
+    </message>
+    <message>
+        <source>Panorama %1%2</source>
+        <translation>Panorama %1%2</translation>
+    </message>
+    <message>
+        <source>No answer of it is evaluated.</source>
+        <translation>Keine ihrer Antworten ist ausgewertet.</translation>
+    </message>
+    <message>
+        <source>Relative: in the run's own frame. Absolute: in site coordinates, the georeference's error included.</source>
+        <translation>Relativ: im Koordinatensystem des Laufs. Absolut: in den Koordinaten des Messgebiets, mit dem Fehler der Georeferenzierung.</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::PanoramaDesk</name>
+    <message>
+        <source>Panorama or photo set</source>
+        <translation>Panorama oder Fotosatz</translation>
+    </message>
+    <message>
+        <source>&amp;Stitch ...</source>
+        <translation>&amp;Zusammensetzen ...</translation>
+    </message>
+    <message>
+        <source>Photos of the set and their refined centres</source>
+        <translation>Fotos des Satzes und ihre verbesserten Zentren</translation>
+    </message>
+    <message>
+        <source>Panorama</source>
+        <translation>Panorama</translation>
+    </message>
+    <message>
+        <source>Which photos match, by where they look</source>
+        <translation>Welche Fotos sich zuordnen lassen, nach Blickrichtung</translation>
+    </message>
+    <message>
+        <source>Photo</source>
+        <translation>Foto</translation>
+    </message>
+    <message>
+        <source>select a photo</source>
+        <translation>ein Foto wählen</translation>
+    </message>
+    <message>
+        <source>no panorama</source>
+        <translation>kein Panorama</translation>
+    </message>
+    <message>
+        <source>reading %1 ...</source>
+        <translation>%1 wird gelesen ...</translation>
+    </message>
+    <message>
+        <source>not stitched yet</source>
+        <translation>noch nicht zusammengesetzt</translation>
+    </message>
+    <message>
+        <source>%1 photos</source>
+        <translation>%1 Fotos</translation>
+    </message>
+    <message>
+        <source>closure error %1 deg</source>
+        <translation>Schlussfehler %1 Grad</translation>
+    </message>
+    <message>
+        <source>%1 % of the sphere covered</source>
+        <translation>%1 % der Kugel abgedeckt</translation>
+    </message>
+    <message>
+        <source>median parallax %1 px</source>
+        <translation>mittlere Parallaxe (Median) %1 px</translation>
+    </message>
+    <message>
+        <source>pairs, by direction</source>
+        <translation>Paare, nach Richtung</translation>
+    </message>
+    <message>
+        <source>no photo set</source>
+        <translation>kein Fotosatz</translation>
+    </message>
+    <message>
+        <source>photo</source>
+        <translation>Foto</translation>
+    </message>
+    <message>
+        <source>right (%1)</source>
+        <translation>rechts (%1)</translation>
+    </message>
+    <message>
+        <source>down (%1)</source>
+        <translation>unten (%1)</translation>
+    </message>
+    <message>
+        <source>forward (%1)</source>
+        <translation>vorn (%1)</translation>
+    </message>
+    <message>
+        <source>1 sigma (%1)</source>
+        <translation>1 Sigma (%1)</translation>
+    </message>
+    <message>
+        <source>focal length (px)</source>
+        <translation>Brennweite (px)</translation>
+    </message>
+    <message>
+        <source>not placed</source>
+        <translation>nicht eingepasst</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::PictureView</name>
+    <message>
+        <source>Wheel or + and -: zoom; drag or arrows: move; 0: fit; 1: pixel by pixel</source>
+        <translation>Mausrad oder + und -: Zoom; Ziehen oder Pfeile: Verschieben; 0: ganz; 1: Pixel für Pixel</translation>
+    </message>
+    <message>
+        <source>no picture</source>
+        <translation>kein Bild</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ProblemBar</name>
+    <message>
+        <source>Problem</source>
+        <translation>Problem</translation>
+    </message>
+    <message>
+        <source>&amp;Details</source>
+        <translation>&amp;Einzelheiten</translation>
+    </message>
+    <message>
+        <source>C&amp;opy</source>
+        <translation>K&amp;opieren</translation>
+    </message>
+    <message>
+        <source>D&amp;ismiss</source>
+        <translation>V&amp;erwerfen</translation>
+    </message>
+    <message>
+        <source>Details of the problem</source>
+        <translation>Einzelheiten des Problems</translation>
+    </message>
+    <message>
+        <source>&amp;Details (%1)</source>
+        <translation>&amp;Einzelheiten (%1)</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ReviewDesk</name>
+    <message>
+        <source>Object</source>
+        <translation>Objekt</translation>
+    </message>
+    <message>
+        <source>station:S57, detection:run1/images/000012.jpg#57, ... or select one elsewhere</source>
+        <translation>station:S57, detection:run1/images/000012.jpg#57, ... oder anderswo eines wählen</translation>
+    </message>
+    <message>
+        <source>Reason</source>
+        <translation>Grund</translation>
+    </message>
+    <message>
+        <source>User</source>
+        <translation>Benutzer</translation>
+    </message>
+    <message>
+        <source>you</source>
+        <translation>Sie</translation>
+    </message>
+    <message>
+        <source>&amp;Exclude</source>
+        <translation>&amp;Ausschließen</translation>
+    </message>
+    <message>
+        <source>Leave it out of what is solved and evaluated</source>
+        <translation>Beim Lösen und Auswerten weglassen</translation>
+    </message>
+    <message>
+        <source>&amp;Restore</source>
+        <translation>&amp;Zurückholen</translation>
+    </message>
+    <message>
+        <source>Take it in again</source>
+        <translation>Wieder verwenden</translation>
+    </message>
+    <message>
+        <source>Change &amp;role</source>
+        <translation>&amp;Rolle ändern</translation>
+    </message>
+    <message>
+        <source>Control point to check point, or back</source>
+        <translation>Passpunkt zum Kontrollpunkt oder zurück</translation>
+    </message>
+    <message>
+        <source>&amp;Undo last</source>
+        <translation>Letzte &amp;rückgängig</translation>
+    </message>
+    <message>
+        <source>Take the last decision back (Ctrl+Z)</source>
+        <translation>Die letzte Entscheidung zurücknehmen (Strg+Z)</translation>
+    </message>
+    <message>
+        <source>Re-&amp;solve</source>
+        <translation>Neu &amp;lösen</translation>
+    </message>
+    <message>
+        <source>Make every result anew that rests on the review</source>
+        <translation>Alle Ergebnisse neu rechnen, die auf der Prüfung beruhen</translation>
+    </message>
+    <message>
+        <source>Variant to solve</source>
+        <translation>Variante, die gelöst wird</translation>
+    </message>
+    <message>
+        <source>Decisions</source>
+        <translation>Entscheidungen</translation>
+    </message>
+    <message>
+        <source>entry</source>
+        <translation>Eintrag</translation>
+    </message>
+    <message>
+        <source>time (UTC)</source>
+        <translation>Zeit (UTC)</translation>
+    </message>
+    <message>
+        <source>user</source>
+        <translation>Benutzer</translation>
+    </message>
+    <message>
+        <source>action</source>
+        <translation>Entscheidung</translation>
+    </message>
+    <message>
+        <source>object</source>
+        <translation>Objekt</translation>
+    </message>
+    <message>
+        <source>reason</source>
+        <translation>Grund</translation>
+    </message>
+    <message>
+        <source>What changed</source>
+        <translation>Was sich geändert hat</translation>
+    </message>
+    <message>
+        <source>reference</source>
+        <translation>Referenz</translation>
+    </message>
+    <message>
+        <source>method</source>
+        <translation>Verfahren</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>before</source>
+        <translation>vorher</translation>
+    </message>
+    <message>
+        <source>after</source>
+        <translation>nachher</translation>
+    </message>
+    <message>
+        <source>status before</source>
+        <translation>Status vorher</translation>
+    </message>
+    <message>
+        <source>status after</source>
+        <translation>Status nachher</translation>
+    </message>
+    <message>
+        <source>Re-solve to see what the review changes at stations and check points.</source>
+        <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Kontrollpunkten ändert.</translation>
+    </message>
+    <message>
+        <source>taken back</source>
+        <translation>zurückgenommen</translation>
+    </message>
+    <message>
+        <source>Cancelled.</source>
+        <translation>Abgebrochen.</translation>
+    </message>
+    <message>
+        <source>A decision needs a reason: write it beside 'Reason'.</source>
+        <translation>Eine Entscheidung braucht einen Grund: neben „Grund“ eintragen.</translation>
+    </message>
+    <message>
+        <source>Nothing was written to review.jsonl.</source>
+        <translation>In review.jsonl wurde nichts geschrieben.</translation>
+    </message>
+    <message>
+        <source>Solving ...</source>
+        <translation>Wird gelöst ...</translation>
+    </message>
+    <message>
+        <source>first results</source>
+        <translation>erste Ergebnisse</translation>
+    </message>
+    <message>
+        <source>role %1</source>
+        <translation>Rolle %1</translation>
+    </message>
+    <message>
+        <source>undo %1</source>
+        <translation>%1 zurückgenommen</translation>
+    </message>
+    <message>
+        <source>Nothing changed at stations and check points.</source>
+        <translation>An Stationen und Kontrollpunkten hat sich nichts geändert.</translation>
+    </message>
+    <message>
+        <source>%1 3D errors changed</source>
+        <translation>%1 3D-Fehler haben sich geändert</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::RunDesk</name>
+    <message>
+        <source>Stage</source>
+        <translation>Stufe</translation>
+    </message>
+    <message>
+        <source>Runs</source>
+        <translation>Läufe</translation>
+    </message>
+    <message>
+        <source>Variant</source>
+        <translation>Variante</translation>
+    </message>
+    <message>
+        <source>A second set of results beside the first; empty: the first</source>
+        <translation>Ein zweiter Satz von Ergebnissen neben dem ersten; leer: der erste</translation>
+    </message>
+    <message>
+        <source>Threads</source>
+        <translation>Threads</translation>
+    </message>
+    <message>
+        <source>all cores</source>
+        <translation>alle Kerne</translation>
+    </message>
+    <message>
+        <source>Seed</source>
+        <translation>Startwert</translation>
+    </message>
+    <message>
+        <source>Options</source>
+        <translation>Optionen</translation>
+    </message>
+    <message>
+        <source>Equivalent command line</source>
+        <translation>Gleichwertige Befehlszeile</translation>
+    </message>
+    <message>
+        <source>Copy</source>
+        <translation>Kopieren</translation>
+    </message>
+    <message>
+        <source>Copy the command line</source>
+        <translation>Die Befehlszeile kopieren</translation>
+    </message>
+    <message>
+        <source>What is wrong with the options</source>
+        <translation>Was an den Optionen falsch ist</translation>
+    </message>
+    <message>
+        <source>&amp;Run</source>
+        <translation>&amp;Ausführen</translation>
+    </message>
+    <message>
+        <source>Run</source>
+        <translation>Ausführen</translation>
+    </message>
+    <message>
+        <source>&amp;Cancel</source>
+        <translation>&amp;Abbrechen</translation>
+    </message>
+    <message>
+        <source>Cancel the run</source>
+        <translation>Den Lauf abbrechen</translation>
+    </message>
+    <message>
+        <source>Reset options</source>
+        <translation>Optionen zurücksetzen</translation>
+    </message>
+    <message>
+        <source>Progress</source>
+        <translation>Fortschritt</translation>
+    </message>
+    <message>
+        <source>Nothing runs.</source>
+        <translation>Es läuft nichts.</translation>
+    </message>
+    <message>
+        <source>State of the run</source>
+        <translation>Stand des Laufs</translation>
+    </message>
+    <message>
+        <source>Log</source>
+        <translation>Protokoll</translation>
+    </message>
+    <message>
+        <source>Command</source>
+        <translation>Befehl</translation>
+    </message>
+    <message>
+        <source>all that is out of date</source>
+        <translation>alles, was veraltet ist</translation>
+    </message>
+    <message>
+        <source>Stopping ...</source>
+        <translation>Wird angehalten ...</translation>
+    </message>
+    <message>
+        <source>Photo sets</source>
+        <translation>Fotosätze</translation>
+    </message>
+    <message>
+        <source>Name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>Project %1: </source>
+        <translation>Projekt %1: </translation>
+    </message>
+    <message>
+        <source>, %1 of %2</source>
+        <translation>, %1 von %2</translation>
+    </message>
+    <message>
+        <source>, %1 left</source>
+        <translation>, noch %1</translation>
+    </message>
+    <message>
+        <source>Done.</source>
+        <translation>Fertig.</translation>
+    </message>
+    <message>
+        <source>Cancelled; finished stages are kept.</source>
+        <translation>Abgebrochen; fertige Stufen bleiben erhalten.</translation>
+    </message>
+    <message>
+        <source>Failed: %1</source>
+        <translation>Fehlgeschlagen: %1</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::SceneDesk</name>
+    <message>
+        <source>E %1  N %2  U %3 %4</source>
+        <translation>E %1  N %2  U %3 %4</translation>
+    </message>
+    <message>
+        <source>x %1  y %2  z %3 %4</source>
+        <translation>x %1  y %2  z %3 %4</translation>
+    </message>
+    <message>
+        <source>from %1</source>
+        <translation>von %1</translation>
+    </message>
+    <message>
+        <source>%1 to %2</source>
+        <translation>%1 bis %2</translation>
+    </message>
+    <message>
+        <source>horizontal %1, height difference %2</source>
+        <translation>horizontal %1, Höhenunterschied %2</translation>
+    </message>
+    <message>
+        <source>, azimuth %1 deg</source>
+        <translation>, Richtungswinkel %1 Grad</translation>
+    </message>
+    <message>
+        <source>Save the measurements</source>
+        <translation>Die Messungen speichern</translation>
+    </message>
+    <message>
+        <source>CSV (*.csv)</source>
+        <translation>CSV (*.csv)</translation>
+    </message>
+    <message>
+        <source>aerial</source>
+        <translation>Luftbild</translation>
+    </message>
+    <message>
+        <source>odometry</source>
+        <translation>Odometrie</translation>
+    </message>
+    <message>
+        <source>optimised</source>
+        <translation>optimiert</translation>
+    </message>
+    <message>
+        <source>truth</source>
+        <translation>Wahrheit</translation>
+    </message>
+    <message>
+        <source>estimates</source>
+        <translation>andere Systeme</translation>
+    </message>
+    <message>
+        <source>points</source>
+        <translation>Punkte</translation>
+    </message>
+    <message>
+        <source>cameras</source>
+        <translation>Kameras</translation>
+    </message>
+    <message>
+        <source>panoramas</source>
+        <translation>Panoramen</translation>
+    </message>
+    <message>
+        <source>geotags</source>
+        <translation>Geotags</translation>
+    </message>
+    <message>
+        <source>tags</source>
+        <translation>Tags</translation>
+    </message>
+    <message>
+        <source>errors</source>
+        <translation>Fehler</translation>
+    </message>
+    <message>
+        <source>ellipsoids</source>
+        <translation>Ellipsoide</translation>
+    </message>
+    <message>
+        <source>labels</source>
+        <translation>Beschriftung</translation>
+    </message>
+    <message>
+        <source>axes</source>
+        <translation>Achsen</translation>
+    </message>
+    <message>
+        <source>legend</source>
+        <translation>Legende</translation>
+    </message>
+    <message>
+        <source>How the mouse moves the view</source>
+        <translation>Wie die Maus die Ansicht bewegt</translation>
+    </message>
+    <message>
+        <source>orbit</source>
+        <translation>drehen</translation>
+    </message>
+    <message>
+        <source>fly</source>
+        <translation>fliegen</translation>
+    </message>
+    <message>
+        <source>plan</source>
+        <translation>Lageplan</translation>
+    </message>
+    <message>
+        <source>Colour of the points</source>
+        <translation>Farbe der Punkte</translation>
+    </message>
+    <message>
+        <source>points by height</source>
+        <translation>Punkte nach Höhe</translation>
+    </message>
+    <message>
+        <source>points by track length</source>
+        <translation>Punkte nach Tracklänge</translation>
+    </message>
+    <message>
+        <source>points by uncertainty</source>
+        <translation>Punkte nach Unsicherheit</translation>
+    </message>
+    <message>
+        <source>Variant</source>
+        <translation>Variante</translation>
+    </message>
+    <message>
+        <source>Run to move along</source>
+        <translation>Lauf, an dem man entlanggeht</translation>
+    </message>
+    <message>
+        <source>Layers</source>
+        <translation>Ebenen</translation>
+    </message>
+    <message>
+        <source>follow camera</source>
+        <translation>der Kamera folgen</translation>
+    </message>
+    <message>
+        <source>measure</source>
+        <translation>messen</translation>
+    </message>
+    <message>
+        <source>Two clicks on things of the scene: the distance between them</source>
+        <translation>Zwei Klicks auf Dinge der Szene: der Abstand zwischen ihnen</translation>
+    </message>
+    <message>
+        <source>Step &amp;inside</source>
+        <translation>&amp;Hineingehen</translation>
+    </message>
+    <message>
+        <source>Stand in the selected panorama and see points and tags drawn over it</source>
+        <translation>Im gewählten Panorama stehen und Punkte und Tags darübergezeichnet sehen</translation>
+    </message>
+    <message>
+        <source>Screen&amp;shot ...</source>
+        <translation>Bildschirm&amp;foto ...</translation>
+    </message>
+    <message>
+        <source>Place along the run</source>
+        <translation>Ort entlang des Laufs</translation>
+    </message>
+    <message>
+        <source>Coordinates under the mouse</source>
+        <translation>Koordinaten unter der Maus</translation>
+    </message>
+    <message>
+        <source>On the ground under the mouse; Ctrl+C in the view copies it</source>
+        <translation>Auf dem Boden unter der Maus; Strg+C in der Ansicht kopiert sie</translation>
+    </message>
+    <message>
+        <source>Opacity of the chosen layer</source>
+        <translation>Deckkraft der gewählten Ebene</translation>
+    </message>
+    <message>
+        <source>Size of the points</source>
+        <translation>Größe der Punkte</translation>
+    </message>
+    <message>
+        <source>Image of what is picked</source>
+        <translation>Bild des Gewählten</translation>
+    </message>
+    <message>
+        <source>Scene</source>
+        <translation>Szene</translation>
+    </message>
+    <message>
+        <source>opacity</source>
+        <translation>Deckkraft</translation>
+    </message>
+    <message>
+        <source>Select a localized panorama first.</source>
+        <translation>Zuerst ein bestimmtes Panorama wählen.</translation>
+    </message>
+    <message>
+        <source>Screenshot</source>
+        <translation>Bildschirmfoto</translation>
+    </message>
+    <message>
+        <source>Width x height, pixels</source>
+        <translation>Breite x Höhe, Pixel</translation>
+    </message>
+    <message>
+        <source>'%1' is no size; expected something like 1920x1080</source>
+        <translation>„%1“ ist keine Größe; erwartet wird etwas wie 1920x1080</translation>
+    </message>
+    <message>
+        <source>Save the screenshot</source>
+        <translation>Das Bildschirmfoto speichern</translation>
+    </message>
+    <message>
+        <source>%1: cannot be written</source>
+        <translation>%1: lässt sich nicht schreiben</translation>
+    </message>
+    <message>
+        <source>first results</source>
+        <translation>erste Ergebnisse</translation>
+    </message>
+    <message>
+        <source>The scene is not shown.</source>
+        <translation>Die Szene wird nicht gezeigt.</translation>
+    </message>
+    <message>
+        <source>Nothing to show yet: run localize.</source>
+        <translation>Noch nichts zu zeigen: localize ausführen.</translation>
+    </message>
+    <message>
+        <source>frame: %1</source>
+        <translation>Koordinatensystem: %1</translation>
+    </message>
+    <message>
+        <source>seen by %1</source>
+        <translation>gesehen von %1</translation>
+    </message>
+    <message>
+        <source>The panorama is not shown.</source>
+        <translation>Das Panorama wird nicht gezeigt.</translation>
+    </message>
+    <message>
+        <source>Step &amp;outside</source>
+        <translation>&amp;Hinausgehen</translation>
+    </message>
+    <message>
+        <source>inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others</source>
+        <translation>in %1, wie von %2 bestimmt; Ziehen: umsehen, Mausrad: Zoom, Bild auf und Bild ab: die anderen</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::SiteTree</name>
+    <message>
+        <source>Site</source>
+        <translation>Messgebiet</translation>
+    </message>
+    <message>
+        <source>site</source>
+        <translation>Messgebiet</translation>
+    </message>
+    <message>
+        <source>state</source>
+        <translation>Stand</translation>
+    </message>
+    <message>
+        <source>excluded</source>
+        <translation>ausgeschlossen</translation>
+    </message>
+    <message>
+        <source>runs (%1)</source>
+        <translation>Läufe (%1)</translation>
+    </message>
+    <message>
+        <source>%1 images</source>
+        <translation>%1 Bilder</translation>
+    </message>
+    <message>
+        <source>broken</source>
+        <translation>defekt</translation>
+    </message>
+    <message>
+        <source>panoramas (%1)</source>
+        <translation>Panoramen (%1)</translation>
+    </message>
+    <message>
+        <source>photos (%1)</source>
+        <translation>Fotos (%1)</translation>
+    </message>
+    <message>
+        <source>sets (%1)</source>
+        <translation>Sätze (%1)</translation>
+    </message>
+    <message>
+        <source>stations (%1)</source>
+        <translation>Stationen (%1)</translation>
+    </message>
+    <message>
+        <source>tag %1</source>
+        <translation>Tag %1</translation>
+    </message>
+    <message>
+        <source>tags (%1)</source>
+        <translation>Tags (%1)</translation>
+    </message>
+    <message>
+        <source>control (%1)</source>
+        <translation>Passpunkte (%1)</translation>
+    </message>
+    <message>
+        <source>results</source>
+        <translation>Ergebnisse</translation>
+    </message>
+    <message>
+        <source>checking ...</source>
+        <translation>wird geprüft ...</translation>
+    </message>
+    <message>
+        <source>Run ...</source>
+        <translation>Ausführen ...</translation>
+    </message>
+    <message>
+        <source>Show</source>
+        <translation>Zeigen</translation>
+    </message>
+    <message>
+        <source>Review ...</source>
+        <translation>Prüfen ...</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::StageForm</name>
+    <message>
+        <source>from %1</source>
+        <translation>von %1</translation>
+    </message>
+    <message>
+        <source>to %1</source>
+        <translation>bis %1</translation>
+    </message>
+    <message>
+        <source>This stage has no options.</source>
+        <translation>Diese Stufe hat keine Optionen.</translation>
+    </message>
+    <message>
+        <source>default %1</source>
+        <translation>Vorgabe %1</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::TablesDesk</name>
+    <message>
+        <source>Tables</source>
+        <translation>Tabellen</translation>
+    </message>
+    <message>
+        <source>Filter of the rows</source>
+        <translation>Filter der Zeilen</translation>
+    </message>
+    <message>
+        <source>filter</source>
+        <translation>Filter</translation>
+    </message>
+    <message>
+        <source>&amp;Copy</source>
+        <translation>&amp;Kopieren</translation>
+    </message>
+    <message>
+        <source>Copy the selected rows (Ctrl+C)</source>
+        <translation>Die gewählten Zeilen kopieren (Strg+C)</translation>
+    </message>
+    <message>
+        <source>&amp;Export ...</source>
+        <translation>&amp;Exportieren ...</translation>
+    </message>
+    <message>
+        <source>Co&amp;lumns ...</source>
+        <translation>S&amp;palten ...</translation>
+    </message>
+    <message>
+        <source>Choose the columns that are shown; also by a right click on the header</source>
+        <translation>Die gezeigten Spalten wählen; auch mit Rechtsklick auf die Kopfzeile</translation>
+    </message>
+    <message>
+        <source>Rows of the table</source>
+        <translation>Zeilen der Tabelle</translation>
+    </message>
+    <message>
+        <source>%1 of %2 rows</source>
+        <translation>%1 von %2 Zeilen</translation>
+    </message>
+    <message>
+        <source>Export the rows shown</source>
+        <translation>Die gezeigten Zeilen exportieren</translation>
+    </message>
+    <message>
+        <source>CSV (*.csv)</source>
+        <translation>CSV (*.csv)</translation>
+    </message>
+    <message>
+        <source>no tables yet</source>
+        <translation>noch keine Tabellen</translation>
+    </message>
+    <message>
+        <source>The table is not shown.</source>
+        <translation>Die Tabelle wird nicht gezeigt.</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::Workspace</name>
+    <message>
+        <source>The project was not opened.</source>
+        <translation>Das Projekt wurde nicht geöffnet.</translation>
+    </message>
+    <message>
+        <source>The rest of the project is open.</source>
+        <translation>Der Rest des Projekts ist offen.</translation>
+    </message>
+    <message>
+        <source>What is out of date is not known.</source>
+        <translation>Was veraltet ist, ist nicht bekannt.</translation>
+    </message>
+</context>
+</TS>
