@@ -45,7 +45,7 @@ TEST_F(MendedTest, AnotherProjectLeavesNothingOfTheFirst) {
   WriteResultsSite(second.path().toStdString(), {});
   QDir(second.path() + "/results").removeRecursively();
   bool replaced = false;
-  QObject::connect(window_->workspace(), &Workspace::Opened, window_.get(), [&] {
+  const auto watching = QObject::connect(window_->workspace(), &Workspace::Opened, window_.get(), [&] {
     replaced = true;
     EXPECT_FALSE(window_->scene()->HasScene());
     EXPECT_TRUE(window_->images()->left()->image().isNull());
@@ -53,7 +53,7 @@ TEST_F(MendedTest, AnotherProjectLeavesNothingOfTheFirst) {
   });
   window_->OpenProject(second.path());
   ASSERT_TRUE(WaitFor([&] { return replaced; }));
-  window_->workspace()->disconnect(window_.get());
+  QObject::disconnect(watching);
   EXPECT_EQ(Child<QComboBox>(window_.get(), "images.point")->currentText(), "");
   EXPECT_EQ(view_->model()->rowCount(), 0);
   EXPECT_EQ(Child<QLineEdit>(window_.get(), "run.command")->text(), "trigpoint detect " + second.path());
