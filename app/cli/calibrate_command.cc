@@ -38,20 +38,6 @@ std::string SettledPattern(const fs::path& dir, const std::string& argument) {
   return name + Settled(dir, pattern);
 }
 
-// A folder that isn't a project yet becomes one: a calibration needs no runs.
-void MakeProject(const fs::path& dir) {
-  if (!fs::is_directory(dir) || fs::exists(dir / "trigpoint.yaml")) return;
-  try {
-    Project::Open(dir);
-  } catch (const InputError&) {
-    const fs::path whole = fs::absolute(dir / "x").lexically_normal().parent_path();
-    WriteFileAtomically(
-        dir / "trigpoint.yaml",
-        "# Made by trigpoint calibrate; `trigpoint init` completes it when there are runs.\nschema: 1\nname: " +
-            DumpJson(whole.filename().string()) + "\n");
-  }
-}
-
 StageTarget TargetOf(const Project& project, const Arguments& arguments) {
   std::vector<std::string> settings = arguments.settings;
   if (!arguments.model.empty()) settings.push_back("model=" + DumpJson(arguments.model));
@@ -111,7 +97,7 @@ Ending CalibrationEnding(const StageOutcome& outcome, const std::string& name, c
 
 int Calibrate(Session& session, const Arguments& arguments) {
   CheckVariantName(arguments.name);
-  MakeProject(arguments.dir);
+  MakeBareProject(arguments.dir, "calibrate");
   const Project project = OpenProject(session, arguments.dir);
   const StageInfo& stage = StageNamed("calibrate");
   StageRequest request = stage.make(project, TargetOf(project, arguments));
@@ -141,6 +127,19 @@ int Calibrate(Session& session, const Arguments& arguments) {
 }
 
 }  // namespace
+
+void MakeBareProject(const fs::path& dir, const std::string& command) {
+  if (!fs::is_directory(dir) || fs::exists(dir / "trigpoint.yaml")) return;
+  try {
+    Project::Open(dir);
+  } catch (const InputError&) {
+    const fs::path whole = fs::absolute(dir / "x").lexically_normal().parent_path();
+    WriteFileAtomically(dir / "trigpoint.yaml", "# Made by trigpoint " + command +
+                                                    "; `trigpoint init` completes it when there are runs.\nschema: 1\n"
+                                                    "name: " +
+                                                    DumpJson(whole.filename().string()) + "\n");
+  }
+}
 
 void AddCalibrateCommand(CLI::App& app, Session& session) {
   const StageInfo& stage = StageNamed("calibrate");

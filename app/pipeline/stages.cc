@@ -5,6 +5,7 @@
 #include "app/pipeline/calibrate_stage.h"
 #include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/gates_stage.h"
+#include "app/pipeline/plan_stage.h"
 #include "app/pipeline/report_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
@@ -35,6 +36,9 @@ const StageInfo& StageNamed(const std::string& name) {
   static const StageInfo kCalibrate = CalibrateStage();  // has options, but is no part of `run`
   if (name == kCalibrate.name) return kCalibrate;
   names.push_back(kCalibrate.name);
+  static const StageInfo kPlan = PlanStage();  // the same
+  if (name == kPlan.name) return kPlan;
+  names.push_back(kPlan.name);
   const std::string nearest = NearestName(name, names);
   throw OptionError("unknown stage '" + name + "'" + (nearest.empty() ? "" : "; nearest known one: '" + nearest + "'"));
 }

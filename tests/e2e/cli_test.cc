@@ -43,7 +43,7 @@ std::map<std::string, std::string> States(const fs::path& dir) {
 TEST(Cli, HelpNamesWhatIsBuiltAndNothingElse) {
   const Finished help = Trigpoint({"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"demo", "init", "status", "run", "detect", "print"}) {
+  for (const char* command : {"demo", "init", "status", "run", "detect", "print", "plan"}) {
     EXPECT_THAT(help.out, HasSubstr(std::string("\n  ") + command + " "));
     const Finished own = Trigpoint({command, "--help"});
     EXPECT_EQ(own.exit_code, 0);
@@ -52,7 +52,6 @@ TEST(Cli, HelpNamesWhatIsBuiltAndNothingElse) {
       EXPECT_THAT(own.out, HasSubstr(part)) << command;
     }
   }
-  EXPECT_THAT(help.out, Not(HasSubstr("\n  plan ")));
 }
 
 TEST(Cli, UsageErrorsAreOneLineAndExitTwo) {

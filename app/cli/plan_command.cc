@@ -1,0 +1,90 @@
+// plan: the accuracy of a survey before the trip.
+#include <fmt/format.h>
+
+#include "app/cli/calibrate_command.h"
+#include "app/cli/field_commands.h"
+#include "app/cli/stage_command.h"
+#include "app/pipeline/plan_stage.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+
+namespace trigpoint {
+namespace {
+
+struct Arguments {
+  std::string dir, sketch;
+  std::vector<std::string> suggest, settings;
+  bool gates = false;
+};
+
+int Plan(Session& session, const Arguments& a) {
+  MakeBareProject(a.dir, "plan");
+  const Project project = OpenProject(session, a.dir);
+  std::vector<std::string> settings = a.settings;
+  if (!a.sketch.empty()) settings.push_back("sketch=" + DumpJson(a.sketch));
+  if (!a.suggest.empty()) {
+    if (a.suggest.size() > 1 && !ParseInt(a.suggest[1])) {
+      throw OptionError("--suggest " + a.suggest[0] + " " + a.suggest[1] +
+                        ": expected a number, as --suggest control 2");
+    }
+    settings.push_back("suggest=" + DumpJson(a.suggest[0]));
+    settings.push_back("count=" + (a.suggest.size() > 1 ? a.suggest[1] : "1"));
+  }
+  StageTarget target;
+  target.overrides = ParseOverrides(settings, "plan");
+  const StageInfo& stage = StageNamed("plan");
+  const StageRequest request = MakeRequest(project, stage, target);
+  if (a.gates) {
+    const nlohmann::json& o = request.options;
+    if (o["max_tag_sigma_m"] == 0.0 && o["max_camera_sigma_m"] == 0.0 && o["min_redundancy"] == 0.0) {
+      throw OptionError(
+          "--gates: no gate is set; expected max_tag_sigma_m, max_camera_sigma_m or min_redundancy, by "
+          "--set or under stages: plan: in trigpoint.yaml");
+    }
+  }
+  Terminal terminal = session.MakeTerminal();
+  terminal.SetTitle("plan");
+  const StageOutcome outcome =
+      RunStage(project, request, session.options.threads, session.options.seed, terminal, *session.cancel);
+  terminal.ClearProgress();
+  terminal.Say(std::string("plan: ") + (outcome.computed ? "computed" : "up to date"));
+  const nlohmann::json& metrics = outcome.manifest.at("metrics");
+  const bool passed = !a.gates || metrics.value("gates", "PASS") == "PASS";
+  session.Print(stage.summary(outcome, DisplayUnitNamed(session.options.units)));
+  session.PrintJson({{"command", "plan"},
+                     {"ok", passed},
+                     {"dir", outcome.dir.string()},
+                     {"metrics", metrics},
+                     {"summary", nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json"))},
+                     {"warnings", outcome.manifest.value("warnings", nlohmann::json::array())}});
+  return passed ? 0 : kGateExitCode;
+}
+
+}  // namespace
+
+void AddPlanCommand(CLI::App& app, Session& session) {
+  const StageInfo& stage = StageNamed("plan");
+  CLI::App& command = AddCommand(app, session, "plan", stage.help,
+                                 OptionTable(stage) +
+                                     "Reads plan.csv or plan.geojson (tags, control, stations, paths, places for more "
+                                     "tags), else the site as its\n"
+                                     "survey runs show it. The survey's own normal equations are built from what the "
+                                     "planned pictures would show.\n"
+                                     "Writes results/plan/: tables, a map, index.html.\n\n"
+                                     "Examples:\n"
+                                     "  trigpoint plan my_site\n"
+                                     "  trigpoint plan my_site --suggest control 2\n"
+                                     "  trigpoint plan my_site --suggest tags 3 --set fov_deg=110\n"
+                                     "  trigpoint plan my_site --gates --set max_tag_sigma_m=0.02\n");
+  const auto a = std::make_shared<Arguments>();
+  command.add_option("DIR", a->dir, "the project, or a folder with a sketch")->required();
+  command.add_option("--sketch", a->sketch, "the sketch, relative to DIR; default: plan.csv, plan.geojson");
+  command.add_option("--suggest", a->suggest, "what to propose, and how many: tags, control or path, and a number")
+      ->expected(1, 2);
+  command.add_flag("--gates", a->gates, "exit code 3 unless the gates that are set pass");
+  command.add_option("--set", a->settings, "option=value, over trigpoint.yaml (may be given several times)")
+      ->allow_extra_args(false);
+  command.callback([&session, a] { session.action = [a](Session& s) { return Plan(s, *a); }; });
+}
+
+}  // namespace trigpoint

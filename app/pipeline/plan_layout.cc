@@ -1,0 +1,317 @@
+#include "app/pipeline/plan_layout.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "app/pipeline/survey_input.h"
+#include "calib/base/median.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/site_sketch.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kRefSide_px = 100;  // of NetworkOptions::corner_sigma_px
+
+// Of the sketch, or nothing.
+fs::path SketchFile(const Project& project, const PlanOptions& options) {
+  if (!options.sketch.empty()) {
+    const fs::path file = project.dir() / options.sketch;
+    if (!fs::is_regular_file(file)) {
+      throw InputError(file.string() + ": no such sketch; expected a CSV or GeoJSON file (docs/file_formats.md)");
+    }
+    return file;
+  }
+  for (const char* name : {"plan.csv", "plan.geojson"}) {
+    if (fs::is_regular_file(project.dir() / name)) return project.dir() / name;
+  }
+  return {};
+}
+
+std::vector<double> YawsOf(const PlanOptions& options) {
+  std::istringstream text(options.camera_yaws_deg);
+  std::vector<double> yaws;
+  for (std::string word; text >> word;) {
+    const auto yaw = ParseDouble(word);
+    if (yaw && std::isfinite(*yaw)) yaws.push_back(*yaw * kDegToRad);
+  }
+  return yaws;
+}
+
+std::vector<BodyCamera> CamerasOf(const Project& project, const PlanOptions& options) {
+  if (!options.camera.empty()) {
+    const fs::path calibrated = project.results() / "calibrate" / options.camera / "camchain.yaml";
+    return ReadCamchain(fs::exists(calibrated) ? calibrated : project.dir() / options.camera);
+  }
+  std::vector<BodyCamera> cameras;
+  for (const double yaw : YawsOf(options)) {
+    BodyCamera camera;
+    camera.name = "cam" + std::to_string(cameras.size());
+    camera.camera = Camera::FromFieldOfView(options.width, options.height, options.fov_deg * kDegToRad);
+    Eigen::Matrix3d rows;  // right, down, forward in the body's axes
+    rows.row(0) = Eigen::Vector3d(std::sin(yaw), -std::cos(yaw), 0);
+    rows.row(1) = Eigen::Vector3d(0, 0, -1);
+    rows.row(2) = Eigen::Vector3d(std::cos(yaw), std::sin(yaw), 0);
+    camera.cam_from_body = Rigid3d(Eigen::Quaterniond(rows), Eigen::Vector3d::Zero());
+    camera.has_extrinsics = true;
+    cameras.push_back(camera);
+  }
+  return cameras;
+}
+
+PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const PlanOptions& options) {
+  PlanLayout plan;
+  plan.source = file.filename().string();
+  plan.noise = options.network;
+  const std::vector<SketchItem> items = ReadSiteSketch(file);
+  std::optional<LocalFrame> frame;
+  if (project.has_frame()) frame = project.frame();
+  const auto place = [&](const SketchItem& item) -> Eigen::Vector3d {
+    if (item.local_m) return *item.local_m;
+    if (!frame) frame = LocalFrame(*item.geodetic);  // the first one is as good as any
+    return frame->EnuFromGeodetic(*item.geodetic);
+  };
+  NetworkLayout& network = plan.network;
+  network.sizes = project.site().tags;
+  std::vector<std::pair<std::string, std::vector<Eigen::Vector3d>>> paths;
+  for (const SketchItem& item : items) {
+    if (item.kind == "tag") {
+      network.world_from_tag[item.tag_id] = UprightTag(place(item), *item.heading_rad);
+      if (item.size_m > 0) network.sizes.sizes_m[item.tag_id] = item.size_m;
+      if (!(network.sizes.SizeOf(item.tag_id) > 0)) {
+        throw InputError(
+            fmt::format("{}: tag {} has no size; give size_mm, or its entry in tags.yaml", file.string(), item.tag_id));
+      }
+      plan.candidate_size_m = std::max(plan.candidate_size_m, network.sizes.SizeOf(item.tag_id));
+    } else if (item.kind == "candidate") {
+      plan.candidates[item.name] = UprightTag(place(item), *item.heading_rad);
+      if (item.size_m > 0) plan.candidate_size_m = item.size_m;
+    } else if (item.kind == "path") {
+      if (paths.empty() || paths.back().first != item.name) paths.push_back({item.name, {}});
+      paths.back().second.push_back(place(item));
+    }
+  }
+  for (const SketchItem& item : items) {
+    const auto tag = network.world_from_tag.find(item.tag_id);
+    if (item.kind == "control" || item.kind == "check") {
+      if (tag == network.world_from_tag.end()) {
+        throw InputError(
+            fmt::format("{}: {} on tag {}, which is not among its tags", file.string(), item.kind, item.tag_id));
+      }
+      SurveyPoint point;
+      point.name = std::to_string(item.tag_id);
+      point.role = item.kind == "control" ? PointRole::kControl : PointRole::kCheck;
+      point.tag_id = item.tag_id;
+      point.world_m = tag->second.translation;
+      point.sigma_h_m = item.sigma_h_m;
+      point.sigma_v_m = item.sigma_v_m;
+      network.points.push_back(point);
+    } else if (item.kind == "station" && tag != network.world_from_tag.end()) {
+      plan.stations.push_back({item.name, item.tag_id, place(item) - tag->second.translation, 0.01});
+    } else if (item.kind == "station") {
+      plan.notes.push_back("station " + item.name + " has no tag_id of a tag beside it: no accuracy of its own");
+    }
+  }
+  const std::vector<BodyCamera> cameras = CamerasOf(project, options);
+  for (const auto& [name, corners] : paths) {
+    PlannedPass pass;
+    pass.name = name;
+    pass.cameras = cameras;
+    pass.world_from_body = PosesAlong(corners, options.speed_m_s, options.rate_hz);
+    if (pass.world_from_body.size() < 2) {
+      throw InputError(file.string() + ": path " + name + " needs two corners that are apart");
+    }
+    network.passes.push_back(std::move(pass));
+  }
+  if (network.world_from_tag.empty() || network.passes.empty()) {
+    throw InputError(file.string() + ": expected tags and at least one path, found " +
+                     std::to_string(network.world_from_tag.size()) + " tags and " +
+                     std::to_string(network.passes.size()) + " paths");
+  }
+  return plan;
+}
+
+// Pictures between those that the map placed: along odometry, its drift spread over the gap.
+std::vector<TimedPose> AllPoses(const Run& run, const std::vector<TimedPose>& placed) {
+  std::vector<TimedPose> poses;
+  constexpr int64_t kAnyGap = std::numeric_limits<int64_t>::max();
+  const auto known = [&](int64_t stamp) -> std::optional<Rigid3d> {
+    const auto after = std::lower_bound(placed.begin(), placed.end(), stamp,
+                                        [](const TimedPose& p, int64_t s) { return p.stamp_ns < s; });
+    if (after != placed.end() && after->stamp_ns == stamp) return after->target_from_body;
+    const auto odom = run.odometry.At(stamp, kAnyGap);
+    if (!odom) return std::nullopt;
+    const auto from = [&](const TimedPose& p) -> std::optional<Rigid3d> {
+      const auto its = run.odometry.At(p.stamp_ns, kAnyGap);
+      if (!its) return std::nullopt;
+      return p.target_from_body * its->Inverse() * *odom;
+    };
+    const auto next = after != placed.end() ? from(*after) : std::nullopt;
+    const auto last = after != placed.begin() ? from(*std::prev(after)) : std::nullopt;
+    if (!next || !last) return next ? next : last;
+    const double share = static_cast<double>(stamp - std::prev(after)->stamp_ns) /
+                         static_cast<double>(after->stamp_ns - std::prev(after)->stamp_ns);
+    return Interpolate(*last, *next, share);
+  };
+  for (const ImageEntry& image : run.images) {
+    const int64_t stamp =
+        image.stamp_ns + std::llround(run.cameras[static_cast<size_t>(image.camera)].time_offset_s * 1e9);
+    if (!poses.empty() && poses.back().stamp_ns == stamp) continue;
+    if (const auto pose = known(stamp)) poses.push_back({stamp, *pose});
+  }
+  return poses.size() > 1 ? poses : placed;
+}
+
+// The site as its survey runs show it: tags and odometry alone, which is enough to know where everything is.
+PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, StageContext& context) {
+  if (SurveyRuns(project).empty()) {
+    throw InputError(project.dir().string() +
+                     ": nothing to plan with; expected plan.csv or plan.geojson (docs/file_formats.md), or a site with "
+                     "survey runs whose tags are detected");
+  }
+  SurveyStageOptions survey;
+  survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;
+  SurveyJob job = MakeSurveyJob(project, {}, survey, context);
+  for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
+  if (job.input.runs.empty()) {
+    throw InputError(project.dir().string() +
+                     ": no run has detections; run `trigpoint detect` first, or sketch the site "
+                     "in plan.csv");
+  }
+  const SurveyResult map = SurveyTags(job.input, survey.map, context.threads, context.progress, context.cancel);
+  return LayoutOfMap(project, job.input, map, noise);
+}
+
+}  // namespace
+
+PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
+                       const NetworkOptions& noise) {
+  PlanLayout plan;
+  plan.source = fmt::format("the survey of {} runs", input.runs.size());
+  plan.learned = true;
+  plan.noise = noise;
+  NetworkLayout& network = plan.network;
+  network.sizes = input.sizes;
+  network.points = input.points;
+  network.distances = input.distances;
+  std::erase_if(network.points, [](const SurveyPoint& p) { return p.tag_id < 0; });
+  for (const TagEstimate& tag : map.tags) {
+    plan.images_seen[tag.tag_id] = tag.images;
+    if (tag.HasPose()) network.world_from_tag[tag.tag_id] = *tag.world_from_tag;
+    plan.candidate_size_m = std::max(plan.candidate_size_m, tag.size_m);
+  }
+  std::vector<double> sharp;  // corner sigmas as of a tag of 100 px
+  for (size_t r = 0; r < input.runs.size(); ++r) {
+    const SurveyRun& run = input.runs[r];
+    const RunAgreement& found = map.runs[r];
+    PlannedPass pass;
+    pass.name = run.name;
+    pass.date = run.date;
+    pass.cameras = run.cameras;
+    pass.world_from_body = AllPoses(project.run(run.name), found.world_from_body);
+    pass.scale_sigma = run.scale_sigma;
+    pass.corner_factor = found.corner_factor;
+    pass.odometry_factor = found.odometry_factor;
+    if (pass.world_from_body.size() > 1) network.passes.push_back(std::move(pass));
+    for (const ImageDetections& image : run.images) {
+      for (const TagDetection& d : image.detections) {
+        double side = 1e9;
+        for (size_t k = 0; k < 4; ++k) side = std::min(side, (d.corners[k] - d.corners[(k + 1) % 4]).norm());
+        sharp.push_back(d.SigmaPx() * std::sqrt(side / kRefSide_px));
+      }
+    }
+  }
+  if (!sharp.empty()) plan.noise.corner_sigma_px = Median(sharp);
+  plan.noise.exposure_ms = 0;  // its blur is in these sigmas
+  for (const Station& station : project.site().stations) {
+    const auto tag = network.world_from_tag.find(station.tag_id);
+    if (tag == network.world_from_tag.end()) continue;
+    plan.stations.push_back({station.name, station.tag_id, station.offset_m, station.sigma_m});
+  }
+  return plan;
+}
+
+std::vector<std::string> PlanOptions::Check() const {
+  std::vector<std::string> problems = network.Check();
+  for (const std::string& problem : CheckRanges(*this)) problems.push_back(problem);
+  if (!suggest.empty() && suggest != "tags" && suggest != "control" && suggest != "path") {
+    problems.push_back("suggest '" + suggest + "': expected tags, control or path");
+  }
+  if (camera.empty() && YawsOf(*this).empty()) {
+    problems.push_back("camera_yaws_deg '" + camera_yaws_deg + "': expected degrees, as \"0 180\"");
+  }
+  return problems;
+}
+
+Rigid3d UprightTag(const Eigen::Vector3d& centre, double heading_rad) {
+  Eigen::Matrix3d columns;
+  columns.col(2) = -Eigen::Vector3d(std::sin(heading_rad), std::cos(heading_rad), 0);  // into the tag
+  columns.col(1) = -Eigen::Vector3d::UnitZ();
+  columns.col(0) = columns.col(1).cross(columns.col(2));
+  return {Eigen::Quaterniond(columns), centre};
+}
+
+std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz) {
+  std::vector<double> at = {0};
+  for (size_t k = 1; k < corners.size(); ++k) at.push_back(at.back() + (corners[k] - corners[k - 1]).norm());
+  const auto point = [&](double s) -> Eigen::Vector3d {
+    const auto next = std::upper_bound(at.begin(), at.end(), s);
+    const auto k = static_cast<size_t>(std::clamp<std::ptrdiff_t>(next - at.begin(), 1, std::ssize(at) - 1));
+    const double length = at[k] - at[k - 1];
+    const double share = length > 0 ? std::clamp((s - at[k - 1]) / length, 0.0, 1.0) : 0;
+    return corners[k - 1] + share * (corners[k] - corners[k - 1]);
+  };
+  std::vector<TimedPose> poses;
+  if (corners.size() < 2) return poses;
+  constexpr double kTurn_m = 0.5;  // a corner is turned over a metre of way
+  const double step = speed_m_s / rate_hz;
+  for (int k = 0; k * step <= at.back() + 1e-9; ++k) {
+    const double s = k * step;
+    const Eigen::Vector3d ahead = point(std::min(at.back(), s + kTurn_m)) - point(std::max(0.0, s - kTurn_m));
+    const double yaw = std::atan2(ahead.y(), ahead.x());
+    poses.push_back({std::llround(1e9 * k / rate_hz),
+                     Rigid3d(Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ())), point(s))});
+  }
+  return poses;
+}
+
+PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context) {
+  const fs::path file = SketchFile(project, options);
+  return file.empty() ? LayoutOfSurvey(project, options.network, context) : LayoutOfSketch(project, file, options);
+}
+
+std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& options) {
+  std::vector<fs::path> inputs;
+  const fs::path file = SketchFile(project, options);
+  if (fs::exists(project.dir() / "tags.yaml")) inputs.push_back(project.dir() / "tags.yaml");
+  if (!file.empty()) {
+    inputs.push_back(file);
+    if (!options.camera.empty()) {
+      const fs::path calibrated = project.results() / "calibrate" / options.camera / "camchain.yaml";
+      inputs.push_back(fs::exists(calibrated) ? calibrated : project.dir() / options.camera);
+    }
+    return inputs;
+  }
+  for (const char* table : {"control_points.csv", "distances.csv", "stations.csv", "panoramas.csv"}) {
+    if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
+  }
+  for (const Run* run : SurveyRuns(project)) {
+    StageTarget its;
+    its.run = run->name;
+    inputs.push_back(ManifestOf(project, "detect", its));
+    std::error_code ignored;
+    for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
+      if (it->is_regular_file(ignored) && it->file_size() < 100'000'000) inputs.push_back(it->path());
+    }
+  }
+  std::sort(inputs.begin(), inputs.end());
+  return inputs;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,85 @@
+// What `plan` works on: a sketch of the site, or the site as it was surveyed.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "app/pipeline/stages.h"
+#include "survey/network/network.h"
+
+namespace trigpoint {
+
+struct PlanOptions {
+  NetworkOptions network;
+  std::string sketch;   // plan.csv or plan.geojson of this name; empty: those, else the site as it was surveyed
+  std::string camera;   // of sketched paths: a calibration's name or a camchain file; empty: fov_deg, width, height
+  double fov_deg = 90;  // horizontal field of view
+  int width = 1920, height = 1080;
+  std::string camera_yaws_deg = "0";  // cameras on the body, degrees to the left of its way: "0 180"
+  double speed_m_s = 1;
+  double rate_hz = 2;
+  double control_sigma_h_m = 0.01, control_sigma_v_m = 0.015;  // of control that is suggested
+  double max_tag_sigma_m = 0;                                  // gates; 0: no such gate
+  double max_camera_sigma_m = 0;
+  double min_redundancy = 0;
+  std::string suggest;  // tags, control, path; empty: the ranking alone
+  int count = 1;        // how many of them
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    NetworkOptions::Visit(self.network, visit);
+    visit(self.sketch, {"sketch", "", 0, 0, "the sketch; empty: plan.csv, plan.geojson, else the site as surveyed"});
+    visit(self.camera, {"camera", "", 0, 0, "of sketched paths: a calibration's name or a camchain file"});
+    visit(self.fov_deg, {"fov_deg", "deg", 5.0, 170.0, "horizontal field of view, where no camera is named"});
+    visit(self.width, {"width", "px", 16, 1e5, "width of a picture, where no camera is named"});
+    visit(self.height, {"height", "px", 16, 1e5, "height of a picture, where no camera is named"});
+    visit(self.camera_yaws_deg,
+          {"camera_yaws_deg", "deg", 0, 0, "cameras on the body, to the left of its way: \"0 180\""});
+    visit(self.speed_m_s, {"speed_m_s", "m/s", 0.01, 50.0, "along sketched paths"});
+    visit(self.rate_hz, {"rate_hz", "Hz", 0.01, 200.0, "pictures a second along sketched paths"});
+    visit(self.control_sigma_h_m, {"control_sigma_h_m", "m", 1e-4, 100.0, "1 sigma per axis of suggested control"});
+    visit(self.control_sigma_v_m, {"control_sigma_v_m", "m", 1e-4, 100.0, "1 sigma of its height"});
+    visit(self.max_tag_sigma_m, {"max_tag_sigma_m", "m", 0.0, 100.0, "gate: 3D sigma of the weakest tag; 0: none"});
+    visit(self.max_camera_sigma_m,
+          {"max_camera_sigma_m", "m", 0.0, 100.0, "gate: 95th percentile of the cameras' 3D sigma; 0: none"});
+    visit(self.min_redundancy,
+          {"min_redundancy", "", 0.0, 1.0, "gate: redundancy of the least controlled known point; 0: none"});
+    visit(self.suggest, {"suggest", "", 0, 0, "what to propose: tags, control, path"});
+    visit(self.count, {"count", "", 1, 20, "how many of them"});
+  }
+  std::vector<std::string> Check() const;
+};
+
+struct PlanStationItem {
+  std::string name;
+  int tag_id = -1;
+  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();  // of its centre from the tag's, world axes
+  double sigma_m = 0.01;
+};
+
+struct PlanLayout {
+  NetworkLayout network;
+  std::string source;  // "plan.csv", "the survey of 2 runs"
+  std::vector<PlanStationItem> stations;
+  std::map<std::string, Rigid3d> candidates;  // places for tags that were sketched
+  double candidate_size_m = 0;
+  bool learned = false;            // from an earlier survey, with its noise
+  NetworkOptions noise;            // the options' own, or as that survey found it
+  std::map<int, int> images_seen;  // pictures of each tag in that survey
+  std::vector<std::string> notes;
+};
+
+// Throws InputError where there is neither a sketch nor anything surveyed.
+PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context);
+// Of a map that was made of `input`: with its noise, and pictures it did not place put where odometry has them.
+PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
+                       const NetworkOptions& noise);
+// The files it reads.
+std::vector<std::filesystem::path> PlanInputs(const Project& project, const PlanOptions& options);
+
+// world_from_tag of an upright tag whose printed side faces `heading_rad`, clockwise from north.
+Rigid3d UprightTag(const Eigen::Vector3d& centre, double heading_rad);
+// Poses of a body that moves along corners, x forward, z up, at constant speed.
+std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz);
+
+}  // namespace trigpoint

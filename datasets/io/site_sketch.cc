@@ -1,0 +1,130 @@
+#include "datasets/io/site_sketch.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+
+namespace trigpoint {
+namespace {
+
+const std::vector<std::string> kKinds = {"tag", "candidate", "control", "check", "station", "path"};
+
+// What holds for both forms of the file; `where` names the row or feature.
+void Check(SketchItem* item, const std::string& where) {
+  if (std::find(kKinds.begin(), kKinds.end(), item->kind) == kKinds.end()) {
+    throw InputError(where + ": unknown kind '" + item->kind + "'; nearest known: '" + NearestName(item->kind, kKinds) +
+                     "'");
+  }
+  const bool on_tag = item->kind == "tag" || item->kind == "control" || item->kind == "check";
+  if (on_tag) {
+    const auto id = ParseInt(item->name);
+    if (!id || *id < 0)
+      throw InputError(where + ": expected a tag's id as name of a " + item->kind + ", found '" + item->name + "'");
+    item->tag_id = static_cast<int>(*id);
+  }
+  const bool placed = item->local_m || item->geodetic;
+  if (!placed && item->kind != "control" && item->kind != "check") {
+    throw InputError(where + ": a " + item->kind + " needs a position");
+  }
+  const bool faces = item->kind == "tag" || item->kind == "candidate";
+  if (faces && !item->heading_rad) {
+    throw InputError(where + ": expected heading_deg, the way its printed side faces (0 north, 90 east)");
+  }
+  if (!(item->sigma_h_m > 0 && item->sigma_v_m > 0)) throw InputError(where + ": expected sigmas above 0");
+  if (item->size_m < 0) throw InputError(where + ": expected a size above 0");
+}
+
+std::vector<SketchItem> ReadCsv(const std::filesystem::path& file) {
+  const CsvTable table = CsvTable::Read(file, {"kind", "name"},
+                                        {"east_m", "north_m", "up_m", "latitude_deg", "longitude_deg", "height_m",
+                                         "heading_deg", "size_mm", "sigma_h_m", "sigma_v_m", "tag_id"});
+  std::vector<SketchItem> items;
+  for (const CsvRow& row : table.rows()) {
+    SketchItem item;
+    item.kind = row.Text("kind");
+    item.name = row.Text("name");
+    if (row.Has("east_m")) item.local_m = {row.Number("east_m"), row.Number("north_m"), row.Number("up_m", 0)};
+    if (row.Has("latitude_deg")) {
+      item.geodetic = Geodetic{row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m", 0)};
+    }
+    if (row.Has("heading_deg")) item.heading_rad = row.Number("heading_deg") * kDegToRad;
+    item.size_m = row.Number("size_mm", 0) / 1e3;
+    item.sigma_h_m = row.Number("sigma_h_m", item.sigma_h_m);
+    item.sigma_v_m = row.Number("sigma_v_m", item.sigma_v_m);
+    item.tag_id = static_cast<int>(row.Integer("tag_id", -1));
+    Check(&item, row.Where());
+    items.push_back(item);
+  }
+  return items;
+}
+
+Geodetic GeodeticOf(const nlohmann::json& position, double height, const std::string& where) {
+  if (!position.is_array() || position.size() < 2 || !position[0].is_number() || !position[1].is_number()) {
+    throw InputError(where + ": expected coordinates [longitude, latitude, height]");
+  }
+  if (position.size() > 2 && position[2].is_number()) height = position[2].get<double>();
+  return {position[1].get<double>(), position[0].get<double>(), height};
+}
+
+std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
+  const nlohmann::json json = nlohmann::json::parse(ReadTextFile(file), nullptr, false);
+  if (json.is_discarded() || !json.is_object() || !json.contains("features") || !json["features"].is_array()) {
+    throw InputError(file.string() + ": expected a GeoJSON FeatureCollection");
+  }
+  std::vector<SketchItem> items;
+  int index = 0;
+  for (const nlohmann::json& feature : json["features"]) {
+    const std::string where = file.string() + ": feature " + std::to_string(index++);
+    const nlohmann::json properties = feature.value("properties", nlohmann::json::object());
+    const nlohmann::json geometry = feature.value("geometry", nlohmann::json::object());
+    const auto number = [&](const char* key, double missing) {
+      const auto it = properties.find(key);
+      if (it == properties.end() || it->is_null()) return missing;
+      if (!it->is_number())
+        throw InputError(where + ": property '" + key + "': expected a number, found " + it->dump());
+      return it->get<double>();
+    };
+    const auto text = [&](const char* key) {
+      const auto it = properties.find(key);
+      if (it == properties.end() || it->is_null()) return std::string();
+      return it->is_string() ? it->get<std::string>() : it->dump();
+    };
+    SketchItem item;
+    item.kind = text("kind");
+    item.name = text("name");
+    if (properties.contains("heading_deg")) item.heading_rad = number("heading_deg", 0) * kDegToRad;
+    item.size_m = number("size_mm", 0) / 1e3;
+    item.sigma_h_m = number("sigma_h_m", item.sigma_h_m);
+    item.sigma_v_m = number("sigma_v_m", item.sigma_v_m);
+    item.tag_id = static_cast<int>(number("tag_id", -1));
+    const double height = number("height_m", 0);
+    const std::string type = geometry.is_object() ? geometry.value("type", "") : "";
+    const nlohmann::json coordinates =
+        geometry.is_object() ? geometry.value("coordinates", nlohmann::json::array()) : nlohmann::json::array();
+    if (type == "LineString") {
+      for (const nlohmann::json& position : coordinates) {
+        item.geodetic = GeodeticOf(position, height, where);
+        Check(&item, where);
+        items.push_back(item);
+      }
+      continue;
+    }
+    if (type == "Point") item.geodetic = GeodeticOf(coordinates, height, where);
+    Check(&item, where);
+    items.push_back(item);
+  }
+  return items;
+}
+
+}  // namespace
+
+std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  if (extension == ".geojson" || extension == ".json") return ReadGeoJson(file);
+  return ReadCsv(file);
+}
+
+}  // namespace trigpoint

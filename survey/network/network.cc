@@ -1,0 +1,433 @@
+#include "survey/network/network.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/base/union_find.h"
+#include "survey/tags/block_solver.h"
+#include "survey/tags/control.h"
+#include "survey/tags/map_start.h"
+#include "survey/tags/survey_costs.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds, as in the survey
+constexpr double kDatumShiftSigma = 10;           // m, as in the survey
+// Non-centrality of a test of one quantity at 0.1 % (two-sided) with a power of 80 %: 3.29 + 0.84.
+constexpr double kNonCentrality = 4.13;
+constexpr double kLeastRedundancy = 1e-4;
+
+class Network {
+ public:
+  Network(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed)
+      : layout_(layout), options_(options), sights_(PlanSights(layout, options, seed)) {
+    for (size_t p = 0; p < layout.passes.size(); ++p) ties_.push_back(PlanTies(layout.passes[p], options, seed + p));
+  }
+
+  NetworkPrediction Predict(int threads, const CancelToken& cancel) {
+    if (sights_.empty()) {
+      throw InputError(
+          "no planned picture sees a tag: look at sizes, distances and at which way tags and cameras face");
+    }
+    FindLinked();
+    AddUnknowns();
+    AddSights();
+    AddOdometry();
+    AddDatum();
+    // Everything is where its observations put it: this prepares the equations and moves nothing.
+    ProgressSink silent;
+    solver_.Solve(1, threads, silent, cancel);
+    solver_.Linearise(threads, cancel, true);
+    Collect();
+    return std::move(result_);
+  }
+
+ private:
+  int Frame(int pass, int frame) const { return first_frame_[static_cast<size_t>(pass)] + frame; }
+  bool Tied(int tag_id) const { return tag_unknown_.contains(tag_id); }
+
+  // Odometry joins the frames of a pass, tags join passes: what is not tied to the largest part is left out.
+  void FindLinked() {
+    int frames = 0;
+    for (const PlannedPass& pass : layout_.passes) {
+      first_frame_.push_back(frames);
+      frames += static_cast<int>(pass.world_from_body.size());
+    }
+    UnionFind passes(static_cast<int>(layout_.passes.size()));
+    std::map<int, int> seen_by;
+    for (const PlannedSight& sight : sights_) {
+      const auto [it, fresh] = seen_by.try_emplace(sight.tag_id, sight.pass);
+      if (!fresh) passes.Join(sight.pass, it->second);
+    }
+    std::map<int, int> count;
+    for (const PlannedSight& sight : sights_) ++count[passes.Root(sight.pass)];
+    const int root = std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) {
+                       return a.second < b.second;
+                     })->first;
+    for (size_t p = 0; p < layout_.passes.size(); ++p) {
+      linked_.push_back(passes.Root(static_cast<int>(p)) == root);
+      if (!linked_.back()) {
+        result_.warnings.push_back(
+            fmt::format("pass {} shares no tag with the others and is left out", layout_.passes[p].name));
+      }
+    }
+    std::erase_if(sights_, [&](const PlannedSight& sight) { return !linked_[static_cast<size_t>(sight.pass)]; });
+  }
+
+  void AddUnknowns() {
+    for (size_t p = 0; p < layout_.passes.size(); ++p) {
+      for (const TimedPose& pose : layout_.passes[p].world_from_body) {
+        frame_unknown_.push_back(linked_[p] ? solver_.AddPose(pose.target_from_body) : -1);
+      }
+    }
+    std::set<int> seen;
+    for (const PlannedSight& sight : sights_) seen.insert(sight.tag_id);
+    for (const int id : seen) tag_unknown_[id] = solver_.AddPose(layout_.world_from_tag.at(id));
+    shift_ = solver_.AddNumbers({0});  // of corners: none is planned for
+    solver_.unknowns[static_cast<size_t>(shift_)].constant = true;
+  }
+
+  void AddSights() {
+    for (const PlannedSight& sight : sights_) {
+      const BodyCamera& camera =
+          layout_.passes[static_cast<size_t>(sight.pass)].cameras[static_cast<size_t>(sight.camera)];
+      const TagSight seen = MakeTagSight(camera.camera, sight.detection, options_.extra_sigma_px);
+      sight_factor_.push_back(
+          solver_.AddFactor(new TagCost(seen, layout_.sizes.SizeOf(sight.tag_id), camera.cam_from_body, &one_), nullptr,
+                            {frame_unknown_[static_cast<size_t>(Frame(sight.pass, sight.frame))],
+                             tag_unknown_.at(sight.tag_id), shift_}));
+    }
+    for (size_t p = 0; p < ties_.size(); ++p) {
+      if (!linked_[p]) continue;
+      const PlannedPass& pass = layout_.passes[p];
+      const int first_view = static_cast<int>(solver_.views.size()),
+                first_point = static_cast<int>(solver_.points.size());
+      for (const BodyCamera& camera : pass.cameras) solver_.views.push_back({camera.cam_from_body, nullptr});
+      for (const Eigen::Vector3d& point : ties_[p].points) {
+        solver_.points.emplace_back();
+        solver_.points.back().position = point;
+      }
+      for (const PlannedTie& tie : ties_[p].ties) {
+        const Camera& camera = pass.cameras[static_cast<size_t>(tie.camera)].camera;
+        solver_.sights.push_back(
+            {first_point + tie.point, frame_unknown_[static_cast<size_t>(Frame(static_cast<int>(p), tie.frame))],
+             first_view + tie.camera, camera.BearingSqrtInfo(tie.pixel, options_.tie_sigma_px).cast<float>()});
+      }
+    }
+  }
+
+  void AddOdometry() {
+    for (size_t p = 0; p < layout_.passes.size(); ++p) {
+      const PlannedPass& pass = layout_.passes[p];
+      if (!linked_[p] || pass.world_from_body.size() < 2) continue;
+      const int scale = solver_.AddNumbers({1}), drift = solver_.AddNumbers({0});
+      for (size_t k = 1; k < pass.world_from_body.size(); ++k) {
+        const TimedPose &a = pass.world_from_body[k - 1], &b = pass.world_from_body[k];
+        const Rigid3d a_from_b = a.target_from_body.Inverse() * b.target_from_body;
+        const double seconds = 1e-9 * static_cast<double>(b.stamp_ns - a.stamp_ns);
+        const double length = a_from_b.translation.norm(), root = std::sqrt(length + 0.01 * seconds + 1e-6);
+        Vector6d sigma;
+        sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
+            Eigen::Vector3d::Constant(options_.odometry_m * root);
+        const Eigen::Vector3d way = length * (b.target_from_body.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+        const int at = Frame(static_cast<int>(p), static_cast<int>(k));
+        solver_.AddFactor(
+            new OdometryCost(a_from_b, way, sigma, pass.odometry_factor.data()), nullptr,
+            {frame_unknown_[static_cast<size_t>(at) - 1], frame_unknown_[static_cast<size_t>(at)], scale, drift});
+      }
+      solver_.AddFactor(new NumberCost(1, std::max(1e-6, pass.scale_sigma)), nullptr, {scale});
+      solver_.AddFactor(new NumberCost(0, std::max(1e-9, options_.heading_drift_deg_m * kDegToRad)), nullptr, {drift});
+    }
+  }
+
+  Eigen::Vector3d Lever(const SurveyPoint& p) const {
+    return p.corner < 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero())
+                        : TagCorner(layout_.sizes.SizeOf(p.tag_id), p.corner);
+  }
+
+  // Control where it is well spread, else geotags beside it, else the first camera: as the survey chooses.
+  void AddDatum() {
+    std::vector<Eigen::Vector3d> control;
+    bool geotags = false;
+    for (const SurveyPoint& p : layout_.points) {
+      if (!Tied(p.tag_id)) continue;
+      if (p.role == PointRole::kControl) control.push_back(p.world_m);
+      geotags = geotags || p.role == PointRole::kGeotag;
+    }
+    const bool spread = AreWellSpread(control), use_geotags = !spread && geotags;
+    int shift = -1;
+    if (use_geotags && !control.empty()) {
+      shift = solver_.AddNumbers({0, 0, 0});
+      solver_.AddFactor(new KnownPointCost(Eigen::Vector3d::Zero(), Eigen::Vector3d::Constant(kDatumShiftSigma)),
+                        nullptr, {shift});
+    }
+    std::vector<Eigen::Vector3d> used;
+    for (const SurveyPoint& p : layout_.points) {
+      PointPrediction point{p.name, p.tag_id, p.role};
+      point.used = Tied(p.tag_id) && (spread || use_geotags) &&
+                   (p.role == PointRole::kControl || (p.role == PointRole::kGeotag && use_geotags));
+      point_factor_.push_back(-1);
+      if (point.used) {
+        const Rigid3d& tag = layout_.world_from_tag.at(p.tag_id);
+        const Eigen::Vector3d offset = OffsetInWorld(p, tag), at = tag * Lever(p) + offset;
+        const Eigen::Vector3d sigma(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m);
+        used.push_back(at);
+        point_factor_.back() =
+            p.role == PointRole::kGeotag && shift >= 0
+                ? solver_.AddFactor(new ShiftedPointCost(Lever(p), offset, at, sigma), nullptr,
+                                    {tag_unknown_.at(p.tag_id), shift})
+                : solver_.AddFactor(new PointCost(Lever(p), offset, at, sigma), nullptr, {tag_unknown_.at(p.tag_id)});
+      }
+      result_.points.push_back(point);
+    }
+    AddDistances();
+    result_.in_world = AreWellSpread(used);
+    result_.datum = !result_.in_world ? "first camera"
+                    : spread          ? "control"
+                    : control.empty() ? "geotags"
+                                      : "control and geotags";
+    result_.gauge = "all six from " + result_.datum + ", weighted by stated sigmas";
+    if (result_.in_world) return;
+    result_.gauge = "the first camera's body: position and attitude, held";
+    if (!layout_.points.empty()) {
+      result_.warnings.push_back(
+          "fewer than three known points that are off one line: accuracy is relative to the first camera");
+    }
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(kHeldRad), Eigen::Vector3d::Constant(kHeldM);
+    const int first = sights_.front().pass;
+    solver_.AddFactor(
+        new PosePriorCost(layout_.passes[static_cast<size_t>(first)].world_from_body.front().target_from_body, sigma),
+        nullptr, {frame_unknown_[static_cast<size_t>(Frame(first, 0))]});
+  }
+
+  void AddDistances() {
+    for (const SurveyDistance& d : layout_.distances) {
+      if (d.check || !Tied(d.from) || !Tied(d.to) || d.from == d.to) continue;
+      const double length =
+          (layout_.world_from_tag.at(d.from).translation - layout_.world_from_tag.at(d.to).translation).norm();
+      distance_factor_.push_back(solver_.AddFactor(new DistanceCost(length, d.sigma_m), nullptr,
+                                                   {tag_unknown_.at(d.from), tag_unknown_.at(d.to)}));
+      result_.distances.push_back({d, {}});
+    }
+  }
+
+  // Of row `row` of a factor whose observation has the given sigma; `unknown`: the pose that an error would move.
+  Reliability ReliabilityOf(int factor, Eigen::Index row, double sigma, int unknown) const {
+    Reliability r;
+    const double absorbed = solver_.Absorbed(factor)(row, row);
+    r.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
+    r.blunder = r.redundancy > kLeastRedundancy ? kNonCentrality * sigma / std::sqrt(r.redundancy)
+                                                : std::numeric_limits<double>::infinity();
+    // dx = Q J' e / sigma: the columns of J that belong to the pose, and the pose's own covariance with them.
+    const int offset = solver_.Offset(unknown);
+    if (offset < 0 || !std::isfinite(r.blunder)) return r;
+    Eigen::MatrixXd right = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_.Absorbed(factor).rows(), 1);
+    unit(row, 0) = r.blunder / sigma;
+    solver_.AddTransposed(factor, unit, &right);
+    r.effect_m = solver_.SolveNormal(right).block(offset + 3, 0, 3, 1).norm();
+    return r;
+  }
+
+  void Collect() {
+    std::map<int, std::set<int>> passes;
+    std::map<int, int> images;
+    std::map<int, int> tags_of_frame;
+    for (size_t i = 0; i < sights_.size(); ++i) {
+      const PlannedSight& s = sights_[i];
+      ++images[s.tag_id];
+      passes[s.tag_id].insert(s.pass);
+      ++tags_of_frame[Frame(s.pass, s.frame)];
+      CollectSight(i);
+    }
+    for (const auto& [id, pose] : layout_.world_from_tag) {
+      TagPrediction tag;
+      tag.tag_id = id;
+      tag.world_m = pose.translation;
+      tag.images = images[id];
+      tag.passes = static_cast<int>(passes[id].size());
+      tag.tied = Tied(id);
+      if (tag.tied) tag.covariance = solver_.PoseCovariance(tag_unknown_.at(id));
+      for (const PointPrediction& p : result_.points) {
+        if (p.tag_id != id || p.role == PointRole::kGeotag) continue;
+        tag.role = p.used ? "control" : p.role == PointRole::kCheck ? "check" : tag.role;
+      }
+      result_.tags.push_back(tag);
+    }
+    for (size_t p = 0; p < layout_.passes.size(); ++p) {
+      for (size_t k = 0; linked_[p] && k < layout_.passes[p].world_from_body.size(); ++k) {
+        const TimedPose& pose = layout_.passes[p].world_from_body[k];
+        const int frame = Frame(static_cast<int>(p), static_cast<int>(k));
+        result_.bodies.push_back({static_cast<int>(p), pose.stamp_ns, pose.target_from_body,
+                                  solver_.PoseCovariance(frame_unknown_[static_cast<size_t>(frame)]),
+                                  tags_of_frame[frame]});
+      }
+    }
+    CollectPoints();
+    CollectJoint();
+  }
+
+  // All eight coordinates count; the least controlled one is stated. Its effect is not: it is that of one picture.
+  void CollectSight(size_t i) {
+    const PlannedSight& s = sights_[i];
+    SightPrediction sight{
+        s.pass,
+        layout_.passes[static_cast<size_t>(s.pass)].world_from_body[static_cast<size_t>(s.frame)].stamp_ns,
+        s.camera,
+        s.tag_id,
+        s.side_px,
+        s.angle_deg,
+        std::hypot(s.detection.corner_sigma_px[0], options_.extra_sigma_px)};
+    const double absorbed = solver_.Absorbed(sight_factor_[i]).diagonal().maxCoeff();
+    sight.worst.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
+    sight.worst.blunder = sight.worst.redundancy > kLeastRedundancy
+                              ? kNonCentrality * sight.sigma_px / std::sqrt(sight.worst.redundancy)
+                              : std::numeric_limits<double>::infinity();
+    result_.sights.push_back(sight);
+  }
+
+  void CollectPoints() {
+    for (size_t i = 0; i < result_.points.size(); ++i) {
+      PointPrediction& point = result_.points[i];
+      if (point_factor_[i] < 0) continue;
+      const SurveyPoint& p = layout_.points[i];
+      const int tag = tag_unknown_.at(p.tag_id);
+      const Reliability east = ReliabilityOf(point_factor_[i], 0, p.sigma_h_m, tag);
+      const Reliability north = ReliabilityOf(point_factor_[i], 1, p.sigma_h_m, tag);
+      point.horizontal = east.redundancy < north.redundancy ? east : north;
+      point.vertical = ReliabilityOf(point_factor_[i], 2, p.sigma_v_m, tag);
+    }
+    for (size_t i = 0; i < result_.distances.size(); ++i) {
+      DistancePrediction& d = result_.distances[i];
+      d.reliability = ReliabilityOf(distance_factor_[i], 0, d.distance.sigma_m, tag_unknown_.at(d.distance.from));
+    }
+  }
+
+  void CollectJoint() {
+    const auto n = static_cast<Eigen::Index>(tag_unknown_.size());
+    result_.joint.resize(3 * n, 3 * n);
+    Eigen::Index column = 0;
+    for (const auto& [id, unknown] : tag_unknown_) {
+      const Eigen::MatrixXd all = solver_.CovarianceColumns(solver_.Offset(unknown) + 3, 3);
+      Eigen::Index row = 0;
+      for (const auto& [other, its_unknown] : tag_unknown_) {
+        result_.joint.block<3, 3>(3 * row++, 3 * column) = all.middleRows(solver_.Offset(its_unknown) + 3, 3);
+      }
+      ++column;
+    }
+  }
+
+  const NetworkLayout& layout_;
+  const NetworkOptions& options_;
+  std::vector<PlannedSight> sights_;
+  std::vector<PassTies> ties_;
+  double one_ = 1;
+  BlockSolver solver_;
+  std::vector<bool> linked_;  // passes
+  std::vector<int> first_frame_, frame_unknown_;
+  std::map<int, int> tag_unknown_;
+  int shift_ = -1;
+  std::vector<int> sight_factor_, point_factor_, distance_factor_;
+  NetworkPrediction result_;
+};
+
+double Rms(const Eigen::MatrixXd& joint) {
+  return joint.rows() > 0 ? std::sqrt(joint.trace() / (static_cast<double>(joint.rows()) / 3)) : 0;
+}
+
+// The joint covariance when the tag at `index` is observed with the given variances.
+Eigen::MatrixXd Observed(const Eigen::MatrixXd& joint, Eigen::Index index, const Eigen::Matrix3d& variance) {
+  const Eigen::MatrixXd columns = joint.middleCols(3 * index, 3);
+  const Eigen::Matrix3d own = columns.middleRows(3 * index, 3) + variance;
+  return joint - columns * own.ldlt().solve(columns.transpose());
+}
+
+}  // namespace
+
+double NetworkPrediction::RmsSigma() const { return Rms(joint); }
+
+NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed, int threads,
+                                 const CancelToken& cancel) {
+  const std::vector<std::string> problems = options.Check();
+  if (!problems.empty()) throw OptionError(problems.front());
+  return Network(layout, options, seed).Predict(ResolveThreads(threads), cancel);
+}
+
+namespace {
+
+// The best set of `count` candidates, tried one and all; nothing is pruned.
+void TryAll(const std::vector<Eigen::Index>& candidates, size_t begin, size_t count, const Eigen::MatrixXd& joint,
+            const Eigen::Matrix3d& variance, std::vector<Eigen::Index>* chosen, double* best,
+            std::vector<Eigen::Index>* best_set) {
+  if (count == 0) {
+    if (Rms(joint) < *best) *best = Rms(joint), *best_set = *chosen;
+    return;
+  }
+  for (size_t k = begin; k + count <= candidates.size(); ++k) {
+    chosen->push_back(candidates[k]);
+    TryAll(candidates, k + 1, count - 1, Observed(joint, candidates[k], variance), variance, chosen, best, best_set);
+    chosen->pop_back();
+  }
+}
+
+double Choices(size_t n, size_t k) {
+  double choices = 1;
+  for (size_t i = 0; i < k; ++i) choices *= static_cast<double>(n - i) / static_cast<double>(i + 1);
+  return choices;
+}
+
+}  // namespace
+
+ControlSuggestion SuggestControl(const NetworkPrediction& prediction, int count, double sigma_h_m, double sigma_v_m) {
+  constexpr double kExact = 20000;  // choices that are all tried
+  const Eigen::Matrix3d variance = Eigen::Vector3d(sigma_h_m, sigma_h_m, sigma_v_m).cwiseAbs2().asDiagonal();
+  std::vector<const TagPrediction*> tied;
+  std::vector<Eigen::Index> candidates;
+  for (const TagPrediction& tag : prediction.tags) {
+    if (!tag.tied) continue;
+    if (tag.role != "control") candidates.push_back(static_cast<Eigen::Index>(tied.size()));
+    tied.push_back(&tag);
+  }
+  ControlSuggestion suggestion;
+  suggestion.rms_before_m = prediction.RmsSigma();
+  const size_t wanted = std::min(static_cast<size_t>(std::max(0, count)), candidates.size());
+  std::vector<Eigen::Index> order;
+  suggestion.exact = Choices(candidates.size(), wanted) <= kExact;
+  std::vector<Eigen::Index> pool = candidates;
+  if (suggestion.exact) {
+    std::vector<Eigen::Index> chosen;
+    double best = std::numeric_limits<double>::infinity();
+    TryAll(candidates, 0, wanted, prediction.joint, variance, &chosen, &best, &pool);
+  }
+  Eigen::MatrixXd joint = prediction.joint;
+  for (size_t step = 0; step < wanted; ++step) {
+    double best = std::numeric_limits<double>::infinity();
+    Eigen::Index at = -1;
+    for (const Eigen::Index k : pool) {
+      if (std::find(order.begin(), order.end(), k) != order.end()) continue;
+      const double rms = Rms(Observed(joint, k, variance));
+      if (rms < best) best = rms, at = k;
+    }
+    joint = Observed(joint, at, variance);
+    order.push_back(at);
+    suggestion.tag_ids.push_back(tied[static_cast<size_t>(at)]->tag_id);
+    suggestion.rms_steps_m.push_back(best);
+  }
+  suggestion.rms_after_m = Rms(joint);
+  // More observations never make it worse: all candidates at once are a bound for any choice among them.
+  Eigen::MatrixXd all = prediction.joint;
+  for (const Eigen::Index k : candidates) all = Observed(all, k, variance);
+  suggestion.bound_m = suggestion.exact ? suggestion.rms_after_m : Rms(all);
+  return suggestion;
+}
+
+}  // namespace trigpoint

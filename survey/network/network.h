@@ -1,0 +1,84 @@
+// The accuracy that a survey would state, before it is made.
+//
+// The normal equations of the tag map (survey/tags/block_solver.h, survey_costs.h) are built at the planned places with
+// the observations that the layout gives, and inverted: covariance of every tag and body, redundancy and smallest
+// detectable blunder of every observation (Baarda, "A testing procedure for use in geodetic networks", 1968).
+#pragma once
+
+#include "survey/network/layout.h"
+
+namespace trigpoint {
+
+struct TagPrediction {
+  int tag_id = -1;
+  Eigen::Vector3d world_m = Eigen::Vector3d::Zero();
+  Matrix6d covariance = Matrix6d::Zero();  // left tangent, world axes, rotation first
+  int images = 0, passes = 0;
+  std::string role = "free";  // control, check, free
+  bool tied = false;          // to the rest of the map; else there is no covariance
+  Eigen::Vector3d Sigma() const { return covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt(); }
+};
+
+struct BodyPrediction {
+  int pass = 0;
+  int64_t stamp_ns = 0;
+  Rigid3d world_from_body;
+  Matrix6d covariance = Matrix6d::Zero();
+  int tags = 0;  // seen by its pictures
+};
+
+// Of one observation: redundancy is the part of its variance that the residual keeps (0: nothing controls it, 1: all).
+// `blunder`: the error that a test at 0.1 % finds with 80 % probability, in the observation's unit; infinite where
+// nothing controls it. `effect_m`: how far an error of that size moves the tag or point it concerns.
+struct Reliability {
+  double redundancy = 0, blunder = 0, effect_m = 0;
+};
+struct SightPrediction {
+  int pass = 0;
+  int64_t stamp_ns = 0;
+  int camera = 0, tag_id = -1;
+  double side_px = 0, angle_deg = 0, sigma_px = 0;
+  Reliability worst;  // of its eight coordinates; px
+};
+struct PointPrediction {
+  std::string name;
+  int tag_id = -1;
+  PointRole role = PointRole::kControl;
+  bool used = false;
+  Reliability horizontal, vertical;  // m
+};
+struct DistancePrediction {
+  SurveyDistance distance;
+  Reliability reliability;  // m
+};
+
+struct NetworkPrediction {
+  std::string datum, gauge;
+  bool in_world = false;
+  std::vector<TagPrediction> tags;  // ascending id; all of the layout
+  std::vector<BodyPrediction> bodies;
+  std::vector<SightPrediction> sights;
+  std::vector<PointPrediction> points;
+  std::vector<DistancePrediction> distances;
+  // Joint covariance of the positions of the tags that are tied, in the order of `tags`: three rows each, m^2.
+  Eigen::MatrixXd joint;
+  std::vector<std::string> warnings;
+  // Root mean square over tied tags of the 3D position sigma.
+  double RmsSigma() const;
+};
+
+// Throws InputError where nothing can be predicted (no pass sees a tag), OptionError, NumericError, Cancelled.
+NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed, int threads,
+                                 const CancelToken& cancel);
+
+// What more known points would gain. Each candidate is a tag whose centre gets coordinates of the given sigmas.
+struct ControlSuggestion {
+  std::vector<int> tag_ids;  // best first
+  double rms_before_m = 0, rms_after_m = 0;
+  std::vector<double> rms_steps_m;  // after each
+  double bound_m = 0;               // no choice of so many can be below this
+  bool exact = false;               // every choice was tried; else the best one after the other
+};
+ControlSuggestion SuggestControl(const NetworkPrediction& prediction, int count, double sigma_h_m, double sigma_v_m);
+
+}  // namespace trigpoint

@@ -1,0 +1,202 @@
+// Predicted accuracy against what the survey states, and against errors found over simulated surveys.
+#include "survey/network/network.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+// A path around a yard, two laps of cameras looking outwards at tags on its walls; some of them known.
+NetworkLayout Yard(int tags, uint64_t seed) {
+  Random random(seed);
+  NetworkLayout layout;
+  layout.sizes.size_m = 0.3;
+  const double radius = random.Uniform(4, 7);
+  for (int k = 0; k < tags; ++k) {
+    const double a = 2 * M_PI * (k + random.Uniform(-0.2, 0.2)) / tags;
+    const Eigen::Vector3d out(std::cos(a), std::sin(a), 0);
+    Eigen::Matrix3d columns;  // the printed side faces the yard's middle
+    columns.col(2) = out;
+    columns.col(1) = -Eigen::Vector3d::UnitZ();
+    columns.col(0) = columns.col(1).cross(columns.col(2));
+    layout.world_from_tag[k] = {Eigen::Quaterniond(columns), (radius + random.Uniform(3, 6)) * out +
+                                                                 Eigen::Vector3d(0, 0, random.Uniform(-0.5, 1.5))};
+    if (k % 3 != 1) continue;
+    SurveyPoint point;
+    point.name = std::to_string(k);
+    point.tag_id = k;
+    point.world_m = layout.world_from_tag[k].translation;
+    point.sigma_h_m = 0.01;
+    point.sigma_v_m = 0.015;
+    layout.points.push_back(point);
+  }
+  PlannedPass pass;
+  pass.name = "lap";
+  BodyCamera camera;
+  camera.name = "cam0";
+  camera.camera = Camera::FromFieldOfView(1280, 800, 90 * kDegToRad);
+  Eigen::Matrix3d rows;  // looks to the right of the way
+  rows.row(0) = Eigen::Vector3d(-1, 0, 0);
+  rows.row(1) = Eigen::Vector3d(0, 0, -1);
+  rows.row(2) = Eigen::Vector3d(0, -1, 0);
+  camera.cam_from_body = Rigid3d(Eigen::Quaterniond(rows), Eigen::Vector3d(0.1, 0, 0));
+  camera.has_extrinsics = true;
+  pass.cameras.push_back(camera);
+  constexpr int kFrames = 48;
+  for (int k = 0; k < kFrames; ++k) {
+    const double a = 2.3 * M_PI * k / (kFrames - 1);
+    const Eigen::AngleAxisd yaw(a + M_PI / 2, Eigen::Vector3d::UnitZ());
+    pass.world_from_body.push_back(
+        {int64_t{500'000'000} * k,
+         Rigid3d(Eigen::Quaterniond(yaw), radius * Eigen::Vector3d(std::cos(a), std::sin(a), 0))});
+  }
+  layout.passes.push_back(pass);
+  return layout;
+}
+
+NetworkOptions Few() {
+  NetworkOptions options;
+  options.ties_per_image = 25;
+  return options;
+}
+
+NetworkPrediction Predict(const NetworkLayout& layout, const NetworkOptions& options = Few()) {
+  return PredictNetwork(layout, options, 1, 1, CancelToken());
+}
+
+SurveyResult Surveyed(const SurveyInput& input, const NetworkOptions& options = Few()) {
+  ProgressSink silent;
+  return SurveyTags(input, OptionsOfSurvey(options), 1, silent, CancelToken());
+}
+
+TEST(Network, StatesWhatTheSurveyWouldState) {
+  for (const int ties : {0, 25}) {
+    const NetworkLayout layout = Yard(9, 3);
+    NetworkOptions options = Few();
+    options.ties_per_image = ties;
+    const NetworkPrediction predicted = Predict(layout, options);
+    const SurveyResult stated = Surveyed(SimulateSurvey(layout, options, 1, nullptr), options);
+    ASSERT_EQ(predicted.tags.size(), stated.tags.size());
+    EXPECT_EQ(predicted.datum, stated.datum);
+    for (size_t i = 0; i < stated.tags.size(); ++i) {
+      EXPECT_EQ(predicted.tags[i].images, stated.tags[i].images);
+      for (int k = 0; k < 6; ++k) {
+        const double p = std::sqrt(predicted.tags[i].covariance(k, k)), s = std::sqrt(stated.tags[i].covariance(k, k));
+        EXPECT_NEAR(p / s, 1, 0.02) << "ties " << ties << " tag " << stated.tags[i].tag_id << " component " << k;
+      }
+    }
+  }
+}
+
+TEST(Network, WithoutKnownPointsTheFirstCameraIsTheDatum) {
+  NetworkLayout layout = Yard(8, 5);
+  layout.points.clear();
+  const NetworkPrediction predicted = Predict(layout);
+  EXPECT_EQ(predicted.datum, "first camera");
+  EXPECT_FALSE(predicted.in_world);
+  EXPECT_LT(BodyPrediction(predicted.bodies.front()).covariance.diagonal().maxCoeff(), 1e-9);
+}
+
+// Over many layouts the errors found are as large as predicted.
+TEST(Network, ErrorsOfSimulatedSurveysAreAsLargeAsPredicted) {
+  constexpr int kLayouts = 50;
+  double found = 0, predicted = 0, nees = 0;
+  int coordinates = 0, surveys = 0;
+  std::vector<double> ratios;
+  for (int k = 0; k < kLayouts; ++k) {
+    const NetworkLayout layout = Yard(8, 100 + static_cast<uint64_t>(k));
+    const NetworkPrediction prediction = Predict(layout);
+    Random noise(1000 + static_cast<uint64_t>(k));
+    const SurveyResult result = Surveyed(SimulateSurvey(layout, Few(), 1, &noise));
+    Eigen::VectorXd error(prediction.joint.rows());
+    Eigen::Index row = 0;
+    for (const TagPrediction& tag : prediction.tags) {
+      if (!tag.tied) continue;
+      for (const TagEstimate& t : result.tags) {
+        if (t.tag_id != tag.tag_id) continue;
+        ASSERT_TRUE(t.HasPose()) << "layout " << k << " tag " << t.tag_id << " " << t.reason;
+        error.segment<3>(row) = t.world_from_tag->translation - tag.world_m;
+      }
+      row += 3;
+    }
+    ASSERT_EQ(row, error.size());
+    found += error.squaredNorm();
+    predicted += prediction.joint.trace();
+    nees += error.dot(prediction.joint.ldlt().solve(error));
+    coordinates += static_cast<int>(error.size());
+    ++surveys;
+    ratios.push_back(std::sqrt(error.squaredNorm() / prediction.joint.trace()));
+  }
+  RecordProperty("rms_found_over_predicted_percent", static_cast<int>(std::lround(100 * std::sqrt(found / predicted))));
+  RecordProperty("nees_per_coordinate_percent", static_cast<int>(std::lround(100 * nees / coordinates)));
+  ASSERT_EQ(surveys, kLayouts);
+  // Chi-square with that many degrees of freedom, 95 %: mean 1, half width 1.96 sqrt(2 / n).
+  EXPECT_NEAR(nees / coordinates, 1, 1.96 * std::sqrt(2.0 / coordinates));
+  // Errors of one layout are correlated, by the datum above all: its square error counts as a few, not as 24, and their
+  // scatter over layouts says how well the mean is known.
+  double scatter = 0;
+  for (const double ratio : ratios) scatter += std::pow(ratio * ratio - found / predicted, 2);
+  EXPECT_NEAR(found / predicted, 1, 1.96 * std::sqrt(scatter / (kLayouts - 1.0) / kLayouts));
+}
+
+TEST(Network, ABlunderInAKnownPointMovesItsTagAsPredicted) {
+  const NetworkLayout layout = Yard(9, 3);
+  const NetworkPrediction prediction = Predict(layout);
+  SurveyInput input = SimulateSurvey(layout, Few(), 1, nullptr);
+  const PointPrediction& point = prediction.points.front();
+  ASSERT_TRUE(point.used);
+  EXPECT_GT(point.vertical.redundancy, 0);
+  EXPECT_LT(point.vertical.redundancy, 1);
+  input.points.front().world_m.z() += point.vertical.blunder;
+  const SurveyResult moved = Surveyed(input);
+  for (const TagEstimate& tag : moved.tags) {
+    if (tag.tag_id != point.tag_id) continue;
+    const double shift = (tag.world_from_tag->translation - layout.world_from_tag.at(tag.tag_id).translation).norm();
+    EXPECT_NEAR(shift / point.vertical.effect_m, 1, 0.05);
+  }
+  // A point that three others outvote shows most of its error; with three in all, nothing is left to outvote it.
+  NetworkLayout three = layout;
+  three.points.resize(3);
+  const NetworkPrediction few = Predict(three);
+  EXPECT_LT(few.points.front().vertical.redundancy, 0.1);
+}
+
+TEST(Network, SuggestedControlGainsWhatIsFoundWithIt) {
+  NetworkLayout layout = Yard(9, 7);
+  const NetworkPrediction before = Predict(layout);
+  const ControlSuggestion suggestion = SuggestControl(before, 2, 0.01, 0.015);
+  ASSERT_EQ(suggestion.tag_ids.size(), 2U);
+  EXPECT_TRUE(suggestion.exact);
+  EXPECT_LT(suggestion.rms_after_m, suggestion.rms_before_m);
+  for (const int id : suggestion.tag_ids) {
+    SurveyPoint point;
+    point.name = "new " + std::to_string(id);
+    point.tag_id = id;
+    point.world_m = layout.world_from_tag[id].translation;
+    point.sigma_h_m = 0.01;
+    point.sigma_v_m = 0.015;
+    layout.points.push_back(point);
+  }
+  EXPECT_NEAR(Predict(layout).RmsSigma() / suggestion.rms_after_m, 1, 1e-3);
+  // What all candidates would give bounds any choice.
+  const ControlSuggestion all = SuggestControl(before, 100, 0.01, 0.015);
+  EXPECT_LE(all.rms_after_m, suggestion.rms_after_m);
+}
+
+TEST(Network, SaysWhatNoPictureSees) {
+  NetworkLayout layout = Yard(8, 5);
+  layout.world_from_tag[99] = {Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 50)};
+  const NetworkPrediction prediction = Predict(layout);
+  EXPECT_FALSE(prediction.tags.back().tied);
+  EXPECT_EQ(prediction.tags.back().images, 0);
+  layout.sizes.size_m = 0.01;
+  EXPECT_THROW(Predict(layout), InputError);
+}
+
+}  // namespace
+}  // namespace trigpoint
