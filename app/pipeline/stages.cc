@@ -103,11 +103,16 @@ StageTarget TargetRead(const Project& project, const StageInfo& stage, const std
   return stage.read_as ? stage.read_as(project, reader, read) : read;
 }
 
+const std::vector<std::string>& ReconstructionOptionGroups() {
+  static const std::vector<std::string> kGroups = {"tracks", "pairs", "reconstruct", "loops"};
+  return kGroups;
+}
+
 json MovedOptions(json stages) {
   const auto from = stages.find("localize");
   if (from == stages.end() || !from->is_object()) return stages;
   json moved = json::object();
-  for (const char* group : {"tracks", "pairs", "reconstruct", "loops"}) {
+  for (const std::string& group : ReconstructionOptionGroups()) {
     if (!from->contains(group)) continue;
     moved[group] = from->at(group);
     from->erase(group);

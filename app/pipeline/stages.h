@@ -104,6 +104,8 @@ std::vector<OptionLayer> OptionLayers(const Project& project, const std::string&
 // {stage: {option: value}} with the options that once were another stage's in their places: those of `reconstruct` were
 // localize's, and project files that set them there are read.
 nlohmann::json MovedOptions(nlohmann::json stages);
+// The groups of options that moved: "tracks", ...
+const std::vector<std::string>& ReconstructionOptionGroups();
 
 // `options`, by default the defaults, with the target's layers over them. Options with modes (a static ForMode(name))
 // begin with the defaults of the mode that the layers name. Throws OptionError listing everything that is wrong.

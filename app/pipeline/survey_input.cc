@@ -7,13 +7,14 @@
 #include <set>
 #include <sstream>
 
+#include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
-#include "app/pipeline/survey_ties.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/text.h"
 #include "survey/tags/control.h"
+#include "survey/tags/tie_points.h"
 
 namespace trigpoint {
 namespace {
@@ -214,7 +215,7 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
 }
 
 void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
-            StageContext& context, SurveyJob* job) {
+            SurveyJob* job) {
   StageTarget its = target;
   its.run = run.name;
   const fs::path file = ResultOf(project, "detect", its) / "detections.csv";
@@ -231,13 +232,9 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled;
-  const fs::path features = ResultOf(project, "features", its) / "features.db";
-  if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && fs::exists(features)) {
+  if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty()) {
     try {
-      AddTies(run, features, options.ties, options.ties_per_image, context.threads, context.seed, context.progress,
-              context.cancel, &survey);
-    } catch (const Cancelled&) {
-      throw;
+      AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, &survey);
     } catch (const Error& e) {
       job->warnings.push_back(fmt::format("run {}: no scene points, tags and odometry alone: {}", run.name, e.what()));
     }
@@ -462,7 +459,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
                         StageContext& context) {
   SurveyJob job;
   job.input.sizes = project.site().tags;
-  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, context, &job);
+  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, &job);
   if (options.photo_sets) AddPhotoSets(project, DetectorOptions(project, target), context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);

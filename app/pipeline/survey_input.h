@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "app/pipeline/reference_tags.h"
-#include "localize/reconstruct_run.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -24,7 +23,6 @@ struct SurveyStageOptions {
   bool photo_sets = true;      // stitched photo sets take part, too
   bool stations = true;        // offsets of stations from the tags that their panoramas show
   std::string against;         // a tags.csv, or a variant, to test for moved tags
-  ReconstructRunOptions ties;  // how these points are made
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     SurveyOptions::Visit(self.map, visit);
@@ -41,7 +39,6 @@ struct SurveyStageOptions {
     visit(self.photo_sets, {"photo_sets", "", 0, 1, "photos of stitched sets take part in the map, too"});
     visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
-    ReconstructRunOptions::Visit(self.ties, visit);
   }
   std::vector<std::string> Check() const;
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
@@ -52,7 +53,7 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
     StageTarget its = target;
     its.run = run->name;
     inputs.push_back(ManifestOf(project, "detect", its));
-    if (options.tie_points) inputs.push_back(ManifestOf(project, "features", its));
+    if (options.tie_points) inputs.push_back(ReconstructionManifest(project, "survey", its));
     // Its tables, whatever their names; pictures are behind the stages it reads.
     std::error_code ignored;
     for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
@@ -213,10 +214,20 @@ StageInfo SurveyStage() {
   info.per_run = false;
   info.variants = true;
   info.reviewed = {"image", "detection", "tag", "station", "panorama", "control"};
-  info.needs = {"features", "detect"};
+  info.needs = {"reconstruct", "detect"};
   info.metric = "tags";
   info.flags = {"datum", "against"};
   UseOptions<SurveyStageOptions>(info);
+  info.check = [check = info.check](const nlohmann::json& values, const std::string& where,
+                                    std::vector<std::string>& problems) {
+    nlohmann::json own = values;
+    for (const std::string& group : ReconstructionOptionGroups()) {
+      if (!values.is_object() || own.erase(group) == 0) continue;
+      problems.push_back(where + ": option '" + group +
+                         "' is one of `reconstruct` now, whose points tie the survey's images; set it there");
+    }
+    check(own, where, problems);
+  };
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;

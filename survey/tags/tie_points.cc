@@ -1,16 +1,16 @@
-#include "app/pipeline/survey_ties.h"
+#include "survey/tags/tie_points.h"
 
 #include <algorithm>
 
-#include "app/pipeline/localize_files.h"
+#include "calib/estimation/loss.h"
 
 namespace trigpoint {
 namespace {
 
 // The points seen longest, as long as one of their pictures still needs some: what more of them would add is little,
 // since their errors are alike.
-std::vector<bool> ChoosePoints(const Reconstruction& r, int images, int per_image) {
-  const BundleProblem& p = r.problem;
+std::vector<bool> ChoosePoints(const Solution& s, int per_image) {
+  const BundleProblem& p = s.problem;
   std::vector<size_t> first(p.points.size() + 1, 0);
   std::vector<int> length(p.points.size(), 0);
   for (const BearingObservation& o : p.observations) {
@@ -20,17 +20,17 @@ std::vector<bool> ChoosePoints(const Reconstruction& r, int images, int per_imag
   for (size_t j = 1; j < first.size(); ++j) first[j] += first[j - 1];
   std::vector<size_t> order;
   for (size_t j = 0; j < p.points.size(); ++j) {
-    if (r.point_valid[j] && length[j] >= 2) order.push_back(j);
+    if (s.point_valid[j] && length[j] >= 2) order.push_back(j);
   }
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return length[a] > length[b]; });
-  std::vector<int> count(static_cast<size_t>(images), 0);
+  std::vector<int> count(s.images.size(), 0);
   std::vector<bool> chosen(p.points.size(), false);
   for (size_t j : order) {
     for (size_t k = first[j]; k < first[j + 1]; ++k) {
-      if (p.observations[k].active && count[static_cast<size_t>(r.image_of[k])] < per_image) chosen[j] = true;
+      if (p.observations[k].active && count[static_cast<size_t>(s.image_of[k])] < per_image) chosen[j] = true;
     }
     for (size_t k = first[j]; chosen[j] && k < first[j + 1]; ++k) {
-      if (p.observations[k].active) ++count[static_cast<size_t>(r.image_of[k])];
+      if (p.observations[k].active) ++count[static_cast<size_t>(s.image_of[k])];
     }
   }
   return chosen;
@@ -38,17 +38,12 @@ std::vector<bool> ChoosePoints(const Reconstruction& r, int images, int per_imag
 
 }  // namespace
 
-void AddTies(const Run& run, const std::filesystem::path& features, const ReconstructRunOptions& options,
-             int ties_per_image, int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel,
-             SurveyRun* survey) {
-  const LocalizeJob job = MakeRunJob(run, features);
-  progress.Begin("points and poses of " + run.name, 0);
-  const Reconstruction r = ReconstructRun(job.input, options, false, threads, seed, progress, cancel).reconstruction;
-  const BundleProblem& p = r.problem;
-  for (size_t k = 0; k < p.poses.size(); ++k) {
-    survey->start.poses.push_back({job.input.pose_stamps[k], p.poses[k].Inverse()});
+void AddTies(const Solution& solution, int ties_per_image, SurveyRun* survey) {
+  const BundleProblem& p = solution.problem;
+  for (size_t k = 0; k < solution.pose_stamps.size(); ++k) {
+    survey->start.poses.push_back({solution.pose_stamps[k], p.poses[k].Inverse()});
   }
-  const std::vector<bool> chosen = ChoosePoints(r, static_cast<int>(job.input.images.size()), ties_per_image);
+  const std::vector<bool> chosen = ChoosePoints(solution, ties_per_image);
   std::vector<int> index(p.points.size(), -1);
   for (const BearingObservation& o : p.observations) {
     const auto j = static_cast<size_t>(o.point);
@@ -59,12 +54,14 @@ void AddTies(const Run& run, const std::filesystem::path& features, const Recons
     }
     SurveyTie tie;
     tie.point = index[j];
-    tie.stamp_ns = job.input.pose_stamps[static_cast<size_t>(o.pose)];
+    tie.stamp_ns = solution.pose_stamps[static_cast<size_t>(o.pose)];
     tie.camera = o.view;
     tie.w = o.w;
     survey->ties.push_back(tie);
   }
-  survey->tie_loss_chi2 = options.reconstruct.loss_chi2 / (r.correlation_inflation * r.correlation_inflation);
+  // The threshold counts the correlation of the features' errors, as the weights do.
+  const auto* loss = dynamic_cast<const Chi2Loss*>(p.loss.get());
+  if (loss != nullptr) survey->tie_loss_chi2 = loss->threshold();
 }
 
 }  // namespace trigpoint
