@@ -35,7 +35,7 @@ void MoveReconstruction(Reconstruction&& r, double scale_sigma, Solution* s) {
 SolutionReference ReferenceOf(const ReferenceViews& views, const ReferenceAnswer& answer) {
   const Registration& g = answer.registration;
   SolutionReference r;
-  r.name = views.name;
+  r.name = r.row = views.name;
   r.station = views.station;
   r.status = AnswerStatusName(g.status);
   r.reason = g.reason;

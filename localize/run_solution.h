@@ -16,7 +16,7 @@ Solution SolutionOf(const LocalizeInput& input, const std::string& run, const st
 Reconstruction ReconstructionOf(const LocalizeInput& input, Solution solution);
 
 // Of a run with its references, and where it lies; `counts`: how its reconstruction came about. The result's
-// reconstruction is given up.
+// reconstruction and covariances are given up. A reference's row of panoramas.csv is its own name.
 Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
                     const SolutionCounts& counts, Localization* result);
 

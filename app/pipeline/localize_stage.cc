@@ -10,6 +10,8 @@
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/time_check.h"
+#include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/solution_file.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {
@@ -116,6 +118,15 @@ Localization AtItsLength(const LocalizeJob& job, const std::function<Localizatio
   }
 }
 
+// Names the rows of panoramas.csv that the references belong to.
+void WriteWithTables(const Site& site, const LocalizeJob& job, Solution* solution, const std::filesystem::path& dir) {
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    solution->references[i].row = site.references[static_cast<size_t>(job.references[i].reference)].name;
+  }
+  WriteSolution(*solution, dir / kSolutionFile);
+  WriteCovarianceTables(*solution, dir);
+}
+
 // How long a run is, and how well that is known.
 std::string LengthText(const nlohmann::json& metrics) {
   const double sigma = metrics.at("odometry_scale_sigma").get<double>();
@@ -138,7 +149,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 13;
+    request.version = 14;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -177,7 +188,7 @@ StageInfo LocalizeStage() {
                           context.progress, context.cancel, placed, answers);
       };
       SolutionCounts counts;
-      const Localization result = AtItsLength(job, [&](double length) {
+      Localization result = AtItsLength(job, [&](double length) {
         Solution alone = ReadReconstruction(context.project, "localize", target);
         counts = alone.counts;
         Reconstruction reconstruction = ReconstructionOf(job.input, std::move(alone));
@@ -197,6 +208,8 @@ StageInfo LocalizeStage() {
                                              {"rms_px", set.rig.rms_px},
                                              {"hold_out_px_fixed_scaled_prior_free", set.hold_out}};
       }
+      Solution solution = SolutionOf(job.input, r.name, options.mode, counts, &result);
+      WriteWithTables(site, job, &solution, context.out);
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
     if (project.has_frame()) {

@@ -16,7 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kSolution = "solution.db";
 constexpr const char* kMotion = "motion.tum";
 
 ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
@@ -103,7 +102,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                                             context.progress, context.cancel);
   context.metrics.update(ReconstructionMetrics(job, result));
   context.progress.Begin("writing the solution", 0);
-  WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolution);
+  WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolutionFile);
 }
 
 }  // namespace
@@ -122,7 +121,7 @@ fs::path ReconstructionManifest(const Project& project, const std::string& reade
 }
 
 Solution ReadReconstruction(const Project& project, const std::string& reader, const StageTarget& target) {
-  const fs::path file = ReconstructionManifest(project, reader, target).parent_path() / kSolution;
+  const fs::path file = ReconstructionManifest(project, reader, target).parent_path() / kSolutionFile;
   if (!fs::exists(file)) {
     throw InputError("run " + target.run + ": is not reconstructed yet (" + file.string() +
                      " is missing); run `trigpoint reconstruct` first");

@@ -8,6 +8,8 @@
 
 namespace trigpoint {
 
+// Its name in a result's folder.
+constexpr const char* kSolutionFile = "solution.db";
 // The format that is written; older ones are read.
 constexpr int kSolutionVersion = 1;
 

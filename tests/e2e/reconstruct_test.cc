@@ -2,9 +2,12 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
+#include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/e2e/program.h"
@@ -56,6 +59,30 @@ class Reconstructed : public testing::Test {
     }
     return text;
   }
+  // solution.db, panoramas.csv and panoramas_cov.csv of a localized run state the same.
+  void ExpectCovariancesOf(const std::string& result) const {
+    const fs::path folder = folder_ / ("results/localize/" + result);
+    const Solution solution = ReadSolution(folder / "solution.db");
+    ASSERT_TRUE(solution.georeference);
+    std::map<std::string, double> sigma_x;
+    for (const CsvRow& row : CsvTable::Read(folder / "panoramas.csv", {"panorama", "status"}).rows()) {
+      if (row.Text("status") == "localized") sigma_x[row.Text("panorama")] = row.Number("sigma_x_m");
+    }
+    size_t rows = 0;
+    for (const CsvRow& row : CsvTable::Read(folder / "panoramas_cov.csv", {"panorama_a", "panorama_b"}).rows()) {
+      const std::string name = row.Text("panorama_a");
+      EXPECT_EQ(row.Text("panorama_b"), name);
+      EXPECT_NEAR(std::sqrt(row.Number("c33")), sigma_x.at(name), 1e-5);
+      for (const SolutionReference& reference : solution.references) {
+        if (reference.row != name) continue;
+        EXPECT_NEAR(WorldCovariance(solution, reference.pose)(3, 5), row.Number("c35"), 1e-14);
+        ++rows;
+      }
+    }
+    EXPECT_EQ(rows, sigma_x.size());
+    EXPECT_EQ(CsvTable::Read(folder / "cameras_cov.csv", {"image_a", "image_b", "c00", "c55"}).rows().size(),
+              solution.images.size());
+  }
   std::string dir() const { return folder_.dir().string(); }
   ProjectFolder folder_;
 };
@@ -77,6 +104,7 @@ TEST_F(Reconstructed, IsMadeOnceAndMadeAgainWhereItIsDamaged) {
   EXPECT_EQ(ends.at("localize/run2"), "computed");
   const std::string answers = Answers("run2");
   ASSERT_THAT(answers, HasSubstr("localized"));
+  ExpectCovariancesOf("run2");
   EXPECT_EQ(Stages({"status"}).at("reconstruct/run2"), "done");
 
   const std::string bytes = ReadTextFile(file);
@@ -171,6 +199,10 @@ TEST_F(Reconstructed, TakesItsOptionsFromWhereTheyWere) {
   const Finished wrong = Trigpoint({"status", dir()});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("stages.reconstruct: unknown option 'tracks.min_lenth'"));
+  Configure("  survey: {tracks: {min_length: 4}}\n");
+  const Finished ties = Trigpoint({"status", dir()});
+  EXPECT_EQ(ties.exit_code, 2);
+  EXPECT_THAT(ties.err, HasSubstr("stages.survey: option 'tracks' is one of `reconstruct` now"));
 }
 
 }  // namespace

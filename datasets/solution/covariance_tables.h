@@ -1,0 +1,15 @@
+// A solution's covariances as tables for people and other programs (docs/file_formats.md).
+#pragma once
+
+#include <filesystem>
+
+#include "datasets/solution/solution.h"
+
+namespace trigpoint {
+
+// cameras_cov.csv and panoramas_cov.csv: 6 x 6 of every world_from_cam and world_from_pano of cameras.csv and
+// panoramas.csv. Photos of a set that share a row: that of the first that is localized. Nothing without a georeference
+// or covariances. Throws IoError.
+void WriteCovarianceTables(const Solution& solution, const std::filesystem::path& dir);
+
+}  // namespace trigpoint
