@@ -119,6 +119,8 @@ void AddPublishCommand(CLI::App& app, Session& session) {
                 .Fact("SHA-256", release.sha256 + " of release.json")
                 .Look("Release", release.dir)
                 .Next("trigpoint evaluate " + dir + " --reference " + name));
+      s.Print("Certificate: " + (release.dir / "certificate.pdf").string() +
+              (arguments->options.sign ? "\nSigned\n" : "\n"));
       s.PrintJson({{"command", "publish"},
                    {"ok", true},
                    {"dir", release.dir.string()},

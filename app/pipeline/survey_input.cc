@@ -90,6 +90,7 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
       m.run = static_cast<int>(r);
       m.stamp_ns = stamp_ns;
       m.camera = index;
+      m.sigma_px = mark.sigma_px;
       const double w = camera.camera.width(), h = camera.camera.height();
       m.pixel = mark.normalised ? Eigen::Vector2d(mark.pixel * std::max(w, h) + 0.5 * Eigen::Vector2d(w - 1, h - 1))
                                 : mark.pixel;

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <GeographicLib/Geoid.hpp>
 #include <cmath>
-#include <filesystem>
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
@@ -15,8 +13,6 @@
 
 namespace trigpoint {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char* kWgs84Wkt =
     R"(GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],)"
@@ -146,50 +142,5 @@ Eigen::Vector2d Crs::FromGeodetic(const Geodetic& g) const {
   throw InputError(fmt::format("latitude {:.6f}, longitude {:.6f} has no coordinates in EPSG:{} ({})", g.latitude_deg,
                                g.longitude_deg, epsg_, name_));
 }
-
-struct HeightSystem::Geoid {
-  explicit Geoid(const std::string& name) : geoid(name) {}
-  GeographicLib::Geoid geoid;
-};
-
-HeightSystem::HeightSystem() = default;
-HeightSystem::~HeightSystem() = default;
-HeightSystem::HeightSystem(HeightSystem&&) noexcept = default;
-
-HeightSystem HeightSystem::Named(const std::string& name) {
-  HeightSystem system;
-  if (name.empty() || name == "ellipsoidal") return system;
-  static const std::vector<std::string> kGrids = {"egm2008-1", "egm2008-2_5", "egm2008-5", "egm96-5",
-                                                  "egm96-15",  "egm84-15",    "egm84-30"};
-  std::vector<std::string> fitting;
-  for (const std::string& grid : kGrids) {
-    if (grid == name || grid.starts_with(name + "-")) fitting.push_back(grid);
-  }
-  if (fitting.empty()) {
-    throw OptionError("--heights " + name +
-                      ": unknown; expected ellipsoidal, egm84, egm96, egm2008 or one of their grids, e.g. egm2008-1");
-  }
-  const std::string folder = GeographicLib::Geoid::DefaultGeoidPath();
-  for (const std::string& grid : fitting) {
-    if (!fs::exists(fs::path(folder) / (grid + ".pgm"))) continue;
-    try {
-      system.geoid_ = std::make_unique<Geoid>(grid);
-    } catch (const std::exception& e) {
-      throw OptionError("--heights " + name + ": " + e.what() + "; fetch the grid again: geographiclib-get-geoids " +
-                        grid);
-    }
-    system.name_ = grid;
-    return system;
-  }
-  throw OptionError("--heights " + name + ": its grid is not installed in " + folder +
-                    "; get it by: apt install geographiclib-tools && geographiclib-get-geoids " + fitting.front() +
-                    " (or set GEOGRAPHICLIB_GEOID_PATH to the folder that holds it)");
-}
-
-double HeightSystem::Undulation(const Geodetic& g) const {
-  return geoid_ == nullptr ? 0 : geoid_->geoid(g.latitude_deg, g.longitude_deg);
-}
-
-double HeightSystem::FromEllipsoidal(const Geodetic& g) const { return g.height_m - Undulation(g); }
 
 }  // namespace trigpoint

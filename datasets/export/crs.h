@@ -1,4 +1,4 @@
-// Coordinate reference systems by EPSG code, and heights above a geoid.
+// Coordinate reference systems by EPSG code, to write positions in.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,6 +7,7 @@
 #include <string>
 
 #include "calib/geo/geodetic.h"
+#include "datasets/io/height_system.h"
 
 namespace trigpoint {
 
@@ -42,28 +43,6 @@ class Crs {
   bool geographic_ = true;
   std::optional<double> accuracy_m_;
   std::unique_ptr<Proj> proj_;
-};
-
-// Ellipsoidal heights, or heights above a geoid ("egm84-30", "egm96-5", "egm2008-2_5", ...; "egm96" and "egm2008" take
-// the finest grid there is).
-class HeightSystem {
- public:
-  // "" or "ellipsoidal", or a geoid. Throws OptionError that says how to get the grid when it isn't installed.
-  static HeightSystem Named(const std::string& name);
-  ~HeightSystem();
-  HeightSystem(HeightSystem&&) noexcept;
-  HeightSystem(const HeightSystem&) = delete;
-
-  bool ellipsoidal() const { return geoid_ == nullptr; }
-  const std::string& name() const { return name_; }  // "ellipsoidal" or the grid's
-  double FromEllipsoidal(const Geodetic& g) const;   // m
-  double Undulation(const Geodetic& g) const;        // geoid above the ellipsoid, m; 0 if ellipsoidal
-
- private:
-  struct Geoid;
-  HeightSystem();
-  std::string name_ = "ellipsoidal";
-  std::unique_ptr<Geoid> geoid_;
 };
 
 }  // namespace trigpoint

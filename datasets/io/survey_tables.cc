@@ -1,5 +1,6 @@
 #include "datasets/io/survey_tables.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -11,6 +12,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/input_crs.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -36,33 +38,36 @@ ControlPoint OpenSfmPoint(const std::string& name, const Geodetic& position) {
   return point;
 }
 
-// How the first line of a gcp_list.txt turns its coordinates into geodetic ones.
-struct Projection {
-  int zone = 0;  // 0: longitude, latitude
-  bool north = true;
-};
-
-Projection ReadProjection(const std::string& line, const std::filesystem::path& file, int number) {
-  Projection projection;
+// The system of a gcp_list.txt, its first line: as OpenSfM writes it, or anything that PROJ knows.
+InputCrs ListSystem(const std::string& line, const std::filesystem::path& file, int number) {
   std::istringstream words(line);
-  std::string word;
   std::vector<std::string> all;
-  while (words >> word) all.push_back(word);
-  if (all.size() == 1 && (all[0] == "WGS84" || all[0] == "EPSG:4326")) return projection;
-  if (all.size() == 1 && all[0].starts_with("EPSG:")) {
-    const int64_t code = ParseInt(all[0].substr(5)).value_or(0);
-    projection.north = code < 32700;
-    projection.zone = static_cast<int>(code - (projection.north ? 32600 : 32700));
-  } else if (all.size() == 3 && all[0] == "WGS84" && all[1] == "UTM" && all[2].size() >= 2) {
-    projection.north = all[2].back() == 'N';
-    projection.zone = static_cast<int>(ParseInt(all[2].substr(0, all[2].size() - 1)).value_or(0));
-  }
-  if (projection.zone < 1 || projection.zone > 60) {
+  for (std::string word; words >> word;) all.push_back(word);
+  try {
+    if (all.size() == 1 && all[0] == "WGS84") return InputCrs::Named("EPSG:4326");
+    if (all.size() == 3 && all[0] == "WGS84" && all[1] == "UTM" && all[2].size() >= 2) {
+      const bool north = all[2].back() == 'N';
+      const int64_t zone = ParseInt(all[2].substr(0, all[2].size() - 1)).value_or(0);
+      if (zone < 1 || zone > 60 || (!north && all[2].back() != 'S')) throw InputError("expected a zone as in 32N");
+      return InputCrs::Named("EPSG:" + std::to_string((north ? 32600 : 32700) + zone));
+    }
+    return InputCrs::Named(line);
+  } catch (const InputError& e) {
     throw InputError(FileLine(file, number) +
-                     ": expected WGS84, \"WGS84 UTM 32N\", EPSG:4326, EPSG:326zz or EPSG:327zz, found '" + line +
-                     "'; convert the points first");
+                     ": the first line is the system of the coordinates (WGS84, \"WGS84 UTM "
+                     "32N\", an EPSG code, a PROJ string or WKT): " +
+                     e.what());
   }
-  return projection;
+}
+
+// OpenDroneMap's mark of a check point: the point's name, or a word behind it.
+bool IsCheck(const std::vector<std::string_view>& fields) {
+  for (size_t k = 6; k < fields.size(); ++k) {
+    std::string word(fields[k].substr(0, 3));
+    std::transform(word.begin(), word.end(), word.begin(), [](unsigned char c) { return std::toupper(c); });
+    if (word == "CHK" && (k == 6 || fields[k].size() == 3)) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -92,7 +97,7 @@ std::vector<MeasuredDistance> ReadDistances(const std::filesystem::path& file, s
 
 std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<PointMark> marks;
-  const CsvTable table = CsvTable::Read(file, {"point", "image", "u", "v"});
+  const CsvTable table = CsvTable::Read(file, {"point", "image", "u", "v"}, {"sigma_px"});
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     PointMark mark;
@@ -100,6 +105,8 @@ std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file
     mark.image = row.Text("image");
     if (mark.point.empty() || mark.image.empty()) row.Fail("expected the names of a point and an image");
     mark.pixel = {row.Number("u"), row.Number("v")};
+    mark.sigma_px = row.Number("sigma_px", mark.sigma_px);
+    if (!(mark.sigma_px > 0)) row.Fail("column sigma_px: expected a sigma above 0");
     marks.push_back(std::move(mark));
   });
   return marks;
@@ -143,7 +150,8 @@ OpenSfmControl ReadOpenSfmJson(const std::filesystem::path& file, std::vector<st
 
 OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::istringstream text(ReadTextFile(file));
-  std::optional<Projection> first;
+  std::optional<InputCrs> system;
+  bool any_check = false;
   OpenSfmControl control;
   std::map<std::array<double, 3>, std::string> unnamed;
   std::set<std::string> known;
@@ -151,11 +159,10 @@ OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<st
   for (int number = 1; std::getline(text, line); ++number) {
     const std::string_view content = Trim(line);
     if (content.empty() || content.front() == '#') continue;
-    if (!first) {
-      first = ReadProjection(std::string(content), file, number);
+    if (!system) {
+      system.emplace(ListSystem(std::string(content), file, number));
       continue;
     }
-    const Projection& projection = *first;
     const std::vector<std::string_view> fields = SplitFields(content);
     std::array<double, 5> values{};
     bool good = fields.size() >= 6;
@@ -176,17 +183,27 @@ OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<st
                           : unnamed.try_emplace({x, y, z}, "point " + std::to_string(unnamed.size() + 1)).first->second;
     try {
       if (known.insert(name).second) {
-        const Geodetic position =
-            projection.zone == 0 ? Geodetic{y, x, z} : GeodeticFromUtm({projection.zone, projection.north, x, y}, z);
-        CheckOnEarth(position, file.string() + ":" + std::to_string(number));
+        const Geodetic position = system->ToWgs84(x, y, z);
+        CheckOnEarth(position, FileLine(file, number));
         control.points.push_back(OpenSfmPoint(name, position));
+        control.points.back().control = !IsCheck(fields);
+        any_check |= IsCheck(fields);
       }
       control.marks.push_back({name, image, {u, v}, false});
     } catch (const InputError& e) {
-      warnings->push_back(std::string(e.what()) + "; the line is skipped");
+      known.erase(name);
+      const std::string what = e.what(), where = FileLine(file, number);
+      warnings->push_back((what.starts_with(where) ? what : where + ": " + what) + "; the line is skipped");
     }
   }
-  if (!first) throw InputError(file.string() + ": is empty; expected WGS84 or a projection first");
+  // Who marks check points has decided about the others.
+  for (ControlPoint& point : control.points) point.has_role = any_check;
+  if (system && (system->datum_assumed() || (system->accuracy_m() && *system->accuracy_m() > 0.05))) {
+    warnings->push_back(file.string() + ": " + system->name() +
+                        ": its transformation to WGS 84 is not exact: all points " +
+                        "may be shifted together against GPS and geotags, by metres at most");
+  }
+  if (!system) throw InputError(file.string() + ": is empty; expected WGS84 or a projection first");
   return control;
 }
 

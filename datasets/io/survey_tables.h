@@ -26,8 +26,9 @@ struct PointMark {
   std::string image;  // as in images.txt, or the end of its path
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   bool normalised = false;  // OpenSfM: (pixel - image centre) / larger side
+  double sigma_px = 1;      // 1 sigma per axis
 };
-// control_observations.csv: point,image,u,v; our pixels.
+// control_observations.csv: point,image,u,v[,sigma_px]; our pixels.
 std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file, std::vector<std::string>* warnings);
 
 // Points and where they are seen, as OpenSfM keeps them.
@@ -38,7 +39,9 @@ struct OpenSfmControl {
 // ground_control_points.json: {"points": [{"id", "position": {latitude, longitude, altitude}, "observations":
 // [{"shot_id", "projection": [x, y]}]}]}. Points without a position are kept as marks alone.
 OpenSfmControl ReadOpenSfmJson(const std::filesystem::path& file, std::vector<std::string>* warnings);
-// gcp_list.txt: first line WGS84, "WGS84 UTM 32N" or EPSG:4326 / 326zz / 327zz; then "x y z u v image [name]".
+// gcp_list.txt, as OpenDroneMap and OpenSfM have it: first the system (see InputCrs, or WGS84, "WGS84 UTM 32N"), then
+// lines "x y z u v image [name] [more]"; heights are above the ellipsoid unless the system has its own. A name that
+// begins with CHK, or a word CHK behind it, makes a check point; then the others are control.
 OpenSfmControl ReadOpenSfmList(const std::filesystem::path& file, std::vector<std::string>* warnings);
 
 }  // namespace trigpoint

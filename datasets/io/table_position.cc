@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "calib/base/error.h"
 #include "datasets/io/gps_order.h"
@@ -20,28 +21,31 @@ size_t Decimals(const std::string& number) {
 }
 
 Geodetic FromCrs(const CsvRow& row, double height) {
-  std::string crs = row.Text("crs");
-  if (crs.starts_with("EPSG:") || crs.starts_with("epsg:")) crs.erase(0, 5);
-  const int code = static_cast<int>(ParseInt(crs).value_or(0));
-  const double east = row.Number("easting_m"), north = row.Number("northing_m");
-  if (code == 4326 || code == 4979) return {north, east, height};
-  if (crs.empty() && std::abs(east) <= 180 && std::abs(north) <= 90 &&
-      std::min(Decimals(row.Text("easting_m")), Decimals(row.Text("northing_m"))) >= kDecimalsOfDegrees) {
-    return {north, east, height};
+  if (row.Text("crs").empty()) {
+    const double east = row.Number("easting_m"), north = row.Number("northing_m");
+    if (std::abs(east) <= 180 && std::abs(north) <= 90 &&
+        std::min(Decimals(row.Text("easting_m")), Decimals(row.Text("northing_m"))) >= kDecimalsOfDegrees) {
+      return {north, east, height};
+    }
+    throw InputError(row.Where("crs") +
+                     ": expected the system of easting and northing: an EPSG code, a PROJ string or "
+                     "WKT, found ''");
   }
-  // ETRS89's ellipsoid is that of WGS 84 to a tenth of a millimetre; the plate has carried it off by less than a metre,
-  // which is part of the shift that is estimated between control and satellites.
-  const bool etrs89 = code >= 25828 && code <= 25838;
-  const bool northern = etrs89 || (code > 32600 && code <= 32660), southern = code > 32700 && code <= 32760;
-  if (!northern && !southern) {
-    throw InputError(
-        row.Where("crs") +
-        ": expected EPSG:326zz or EPSG:327zz (UTM on WGS 84), EPSG:258zz (on ETRS89) or EPSG:4326, found '" +
-        row.Text("crs") +
-        "'; other systems need their datum's transformation, which is not built in: convert the points first");
+  const InputCrs& crs = CrsOfRow(row);
+  double x = 0, y = 0;
+  if (crs.geographic()) {
+    x = row.Number("easting_m");
+    y = row.Number("northing_m");
+  } else {
+    if (std::abs(crs.unit_m() - 1) > 1e-9 && !row.Has("unit")) {
+      row.Fail("the unit of " + crs.name() + " is " + std::to_string(crs.unit_m()) +
+               " m: state the unit of easting, northing and height in a column unit (m, ft or us-ft)");
+    }
+    x = LengthOfRow(row, "easting_m") / crs.unit_m();
+    y = LengthOfRow(row, "northing_m") / crs.unit_m();
   }
   try {
-    return GeodeticFromUtm({code % 100, northern, east, north}, height);
+    return crs.ToWgs84(x, y, height / crs.height_unit_m());
   } catch (const InputError& e) {
     row.Fail(e.what());
   }
@@ -50,9 +54,30 @@ Geodetic FromCrs(const CsvRow& row, double height) {
 }  // namespace
 
 const std::vector<std::string>& PositionColumns() {
-  static const std::vector<std::string> columns = {"latitude_deg", "longitude_deg", "height_m",
-                                                   "crs",          "easting_m",     "northing_m"};
+  static const std::vector<std::string> columns = {"latitude_deg", "longitude_deg", "height_m", "crs",
+                                                   "easting_m",    "northing_m",    "unit",     "height_unit"};
   return columns;
+}
+
+double LengthOfRow(const CsvRow& row, const std::string& column) {
+  const bool own = column == "height_m" && row.Has("height_unit");
+  const char* const stated = own ? "height_unit" : "unit";
+  if (!row.Has(stated)) return row.Number(column);
+  const std::optional<double> unit = LengthUnit(row.Text(stated));
+  if (!unit) row.Fail(std::string("column ") + stated + ": expected m, ft or us-ft, found '" + row.Text(stated) + "'");
+  return row.Number(column) * *unit;
+}
+
+const InputCrs& CrsOfRow(const CsvRow& row) {
+  thread_local std::map<std::string, InputCrs> known;
+  const std::string& text = row.Text("crs");
+  const auto found = known.find(text);
+  if (found != known.end()) return found->second;
+  try {
+    return known.emplace(text, InputCrs::Named(text)).first->second;
+  } catch (const InputError& e) {
+    throw InputError(row.Where("crs") + ": " + e.what());
+  }
 }
 
 std::optional<TablePosition> PositionOfRow(const CsvRow& row) {
@@ -68,7 +93,7 @@ std::optional<TablePosition> PositionOfRow(const CsvRow& row) {
   }
   TablePosition result;
   result.has_height = row.Has("height_m");
-  const double height = row.Number("height_m", 0);
+  const double height = result.has_height ? LengthOfRow(row, "height_m") : 0;
   result.position = row.Has("easting_m") ? FromCrs(row, height)
                                          : Geodetic{row.Number("latitude_deg"), row.Number("longitude_deg"), height};
   CheckOnEarth(result.position, row.Where());

@@ -1,18 +1,120 @@
 #include "datasets/io/tables.h"
 
+#include <fmt/format.h>
+
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
 #include <tuple>
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/csv_dialect.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/height_system.h"
+#include "datasets/io/input_crs.h"
 #include "datasets/io/table_position.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 
 namespace trigpoint {
+namespace {
+
+// Positions of control points, each in the system, the units and above the surface that its row names.
+class PositionReader {
+ public:
+  PositionReader(const std::filesystem::path& file, std::vector<std::string>* warnings)
+      : folder_(file.parent_path()), file_(file), warnings_(warnings) {}
+
+  void Read(const CsvRow& row, ControlPoint* point) {
+    const bool local = row.Has("x_m"), projected = row.Has("easting_m");
+    if (local + projected + row.Has("latitude_deg") != 1) {
+      row.Fail(
+          "expected one position: latitude_deg, longitude_deg, height_m, or crs, easting_m, northing_m, height_m, "
+          "or x_m, y_m, z_m");
+    }
+    if (row.Has("height_system")) point->height_system = row.Text("height_system");
+    if (local) {
+      point->local_m = Eigen::Vector3d(LengthOfRow(row, "x_m"), LengthOfRow(row, "y_m"), LengthOfRow(row, "z_m"));
+      return;
+    }
+    row.Number("height_m");  // a control point has all three coordinates
+    point->geodetic = PositionOfRow(row)->position;
+    const InputCrs* crs = projected && row.Has("crs") ? &CrsOfRow(row) : nullptr;
+    if (crs != nullptr) StateAccuracy(*crs);
+    if (point->height_system == "ellipsoidal") return;
+    if (crs != nullptr && crs->has_vertical()) {
+      row.Fail("height_system '" + point->height_system + "' contradicts the crs, which has heights of its own");
+    }
+    AddGeoid(row, point);
+  }
+
+  // Points whose heights are above something that is not known here are of use only if all are.
+  void LeaveOutUnknownHeights(std::vector<ControlPoint>* points) const {
+    const auto is_unknown = [&](const ControlPoint& point) {
+      return point.geodetic && unknown_.count(point.height_system) > 0;
+    };
+    std::set<std::string> surfaces;
+    for (const ControlPoint& point : *points) {
+      if (point.geodetic) surfaces.insert(is_unknown(point) ? point.height_system : "");
+    }
+    if (unknown_.empty() || surfaces.size() < 2) return;
+    const auto count = std::erase_if(*points, is_unknown);
+    warnings_->push_back(file_.string() + ": " + std::to_string(count) +
+                         " points are skipped: their heights are above another surface than those of the others, and "
+                         "what lies between is not known here");
+  }
+
+ private:
+  // From the height above what height_system names to the one above the ellipsoid. The two are looked up at the same
+  // place: a height has no bearing on it that matters here.
+  void AddGeoid(const CsvRow& row, ControlPoint* point) {
+    const auto [at, fresh] = geoids_.try_emplace(point->height_system);
+    if (fresh) OpenGeoid(row, point->height_system, &at->second);
+    if (!at->second) return;
+    try {
+      point->geodetic->height_m += at->second->Undulation(*point->geodetic);
+    } catch (const InputError& e) {
+      row.Fail(e.what());
+    }
+  }
+
+  void OpenGeoid(const CsvRow& row, const std::string& name, std::optional<HeightSystem>* geoid) {
+    std::string why =
+        "no geoid of that name is known (egm84, egm96, egm2008, or the file of a grid, .gtx or .tif, are)";
+    if (HeightSystem::IsKnown(name)) {
+      try {
+        *geoid = HeightSystem::Named(name, "height system ", folder_);
+        return;
+      } catch (const OptionError& e) {
+        why = e.what();
+      }
+    }
+    unknown_.insert(name);
+    warnings_->push_back(row.Where("height_system") + ": heights above '" + name + "' are kept as they are: " + why +
+                         ". The site agrees with GPS only if they are ellipsoidal");
+  }
+
+  // Once for each system, what its change of datum is good to.
+  void StateAccuracy(const InputCrs& crs) {
+    constexpr double kNoticed_m = 0.05;
+    const bool vague = crs.accuracy_m() && *crs.accuracy_m() > kNoticed_m;
+    if ((!vague && !crs.datum_assumed()) || !stated_.insert(crs.name()).second) return;
+    warnings_->push_back(file_.string() + ": " + crs.name() + ": " +
+                         (vague ? fmt::format("its transformation to WGS 84 is good to {:.3g} m", *crs.accuracy_m())
+                                : std::string("it names no datum and is taken as WGS 84, which may be off by 2 m")) +
+                         ": all points may be shifted together by that against GPS and geotags");
+  }
+
+  std::filesystem::path folder_, file_;
+  std::vector<std::string>* warnings_;
+  std::map<std::string, std::optional<HeightSystem>> geoids_;
+  std::set<std::string> unknown_, stated_;
+};
+
+}  // namespace
+
 std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<Station> stations;
   const CsvTable table =
@@ -48,9 +150,9 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
   const CsvTable table = CsvTable::Read(
       file, {},
       {"role", "tag_id", "corner", "point", "latitude_deg", "longitude_deg", "height_m", "crs", "easting_m",
-       "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch"});
+       "northing_m", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m", "height_system", "epoch", "unit", "height_unit"});
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
-  bool geoid_named = false;
+  PositionReader positions(file, warnings);
   std::map<std::tuple<int, int, std::string, std::string>, std::string> lines;  // of each point, where it stands
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     ControlPoint point;
@@ -65,28 +167,10 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
     }
     point.has_role = !role.empty();
     point.control = role != "check";
-    const bool local = row.Has("x_m"), projected = row.Has("easting_m"), angles = row.Has("latitude_deg");
-    if (local + projected + angles != 1) {
-      row.Fail(
-          "expected one position: latitude_deg, longitude_deg, height_m, or crs, easting_m, northing_m, height_m, "
-          "or x_m, y_m, z_m");
-    }
-    if (local) {
-      point.local_m = Eigen::Vector3d(row.Number("x_m"), row.Number("y_m"), row.Number("z_m"));
-    } else {
-      point.geodetic = PositionOfRow(row)->position;
-      row.Number("height_m");  // a control point has all three coordinates
-    }
+    positions.Read(row, &point);
     point.sigma_h_m = row.Number("sigma_h_m", point.sigma_h_m);
     point.sigma_v_m = row.Number("sigma_v_m", point.sigma_v_m);
     if (point.sigma_h_m <= 0 || point.sigma_v_m <= 0) row.Fail("expected sigmas above 0");
-    if (row.Has("height_system")) point.height_system = row.Text("height_system");
-    if (point.height_system != "ellipsoidal" && !geoid_named) {
-      geoid_named = true;
-      warnings->push_back(row.Where("height_system") + ": heights above '" + point.height_system +
-                          "' are kept as they are, no geoid is built in; give ellipsoidal heights if the site must "
-                          "agree with GPS");
-    }
     point.epoch = row.Text("epoch");
     const auto [earlier, fresh] =
         lines.try_emplace(std::make_tuple(point.tag_id, point.corner, point.point, point.epoch), row.Where());
@@ -96,6 +180,7 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
     }
     points.push_back(std::move(point));
   });
+  positions.LeaveOutUnknownHeights(&points);
   return points;
 }
 

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstring>
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -479,8 +481,8 @@ TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
         "5,,,control,48.01,7.83,240,,,,,,,0.008,\n"
         "6,3,,check,,,240,EPSG:32632,412733.5,5318057.3,,,,,\n"
         ",,bench,control,,,,,,,1,2,3,,\n"
-        "7,,,control,,,240,EPSG:4326,7.83,48.01,,,,,DHHN2016\n"
-        "8,,,control,,,240,EPSG:31467,3412733,5318057,,,,,\n"
+        "7,,,control,,,240,EPSG:4326,7.83,48.01,,,,,\n"
+        "8,,,control,,,240,EPSG:99999,3412733,5318057,,,,,\n"
         "9,,,control,48,8,,,,,,,,,\n"
         "9,,x,control,48,8,1,,,,,,,,\n"
         "9,4,,control,48,8,1,,,,,,,,\n"
@@ -499,15 +501,103 @@ TEST_F(SiteTest, ReadsControlPointsInEveryForm) {
   EXPECT_EQ(site.control_points[2].point, "bench");
   EXPECT_EQ(*site.control_points[2].local_m, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(site.control_points[3].geodetic->latitude_deg, 48.01);
-  EXPECT_EQ(site.control_points[3].height_system, "DHHN2016");
   const std::string warnings = Joined(site.warnings);
-  EXPECT_THAT(warnings, HasSubstr("control_points.csv:6: column crs: expected EPSG:326zz or EPSG:327zz"));
+  EXPECT_THAT(warnings, HasSubstr("control_points.csv:6: column crs: expected a coordinate reference system"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:7: column height_m: expected a number, found ''"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:8: expected either a tag_id or a point"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:10: column role: expected control or check, found 'contrl'"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:11: expected one position"));
   EXPECT_THAT(warnings, HasSubstr("control_points.csv:12: the same point as at "));
-  EXPECT_THAT(warnings, HasSubstr("no geoid is built in"));
+}
+
+TEST_F(SiteTest, ReadsControlInAnySystemAndUnit) {
+  // LV95's origin is the old observatory in Bern: 46 57 03.898 N, 7 26 19.077 E of WGS 84 (swisstopo's own formulas).
+  // State plane coordinates in US survey feet and the same in metres are one place.
+  Write("control_points.csv",
+        "tag_id,role,crs,easting_m,northing_m,height_m,unit,height_unit,x_m,y_m,z_m\n"
+        "1,control,EPSG:2056,2600000,1200000,500,,,,,\n"
+        "2,control,2263,987654.3,212345.6,100,us-ft,,,,\n"
+        "3,control,EPSG:2263,301037.632715,64723.068326,30.48006096,m,,,,\n"
+        "4,control,EPSG:2263,301037.632715,64723.068326,30.48006096,,,,,\n"
+        "5,control,EPSG:2263,987654.3,212345.6,30.48006096,us-ft,m,,,\n"
+        "6,control,+proj=utm +zone=32 +datum=WGS84 +units=ft,1354110.236,17447693.57,240,ft,m,,,\n"
+        "7,control,,,,,ft,,10,20,30\n"
+        "8,control,EPSG:2056,2600000,1200000,500,yd,,,,\n"
+        "9,control,nonsense,2600000,1200000,500,,,,,\n");
+  std::vector<std::string> warnings;
+  const std::vector<ControlPoint> points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
+  const std::string told = Joined(warnings);
+  ASSERT_EQ(points.size(), 6u) << told;
+  EXPECT_NEAR(points[0].geodetic->latitude_deg, 46 + 57 / 60.0 + 3.898 / 3600, 2e-6);
+  EXPECT_NEAR(points[0].geodetic->longitude_deg, 7 + 26 / 60.0 + 19.077 / 3600, 2e-6);
+  EXPECT_NEAR(points[0].geodetic->height_m, 500, 1e-6);  // above the ellipsoid of WGS 84, not above Bessel's
+  for (const size_t other : {2u, 3u}) {
+    EXPECT_LT((EcefFromGeodetic(*points[1].geodetic) - EcefFromGeodetic(*points[other].geodetic)).norm(), 1e-4);
+  }
+  EXPECT_NEAR(points[1].geodetic->height_m, 100 * 1200.0 / 3937.0, 1e-6);
+  const Utm utm = UtmFromGeodetic(*points[4].geodetic, 32);
+  EXPECT_NEAR(utm.easting_m, 1354110.236 * 0.3048, 1e-4);
+  EXPECT_NEAR(utm.northing_m, 17447693.57 * 0.3048, 1e-4);
+  EXPECT_NEAR((*points[5].local_m - Eigen::Vector3d(3.048, 6.096, 9.144)).norm(), 0, 1e-12);
+  EXPECT_THAT(
+      told, HasSubstr("EPSG:2263 (NAD83 / New York Long Island (ftUS)): its transformation to WGS 84 is good to 4 m"));
+  EXPECT_THAT(told, HasSubstr("control_points.csv:5: the unit of EPSG:2263"));
+  EXPECT_THAT(told, HasSubstr("column unit: expected m, ft or us-ft, found 'yd'"));
+  EXPECT_THAT(told, HasSubstr("found 'nonsense', which PROJ does not know"));
+}
+
+// A grid of PROJ's own form over latitude 47 to 49, longitude 7 to 9: the geoid rises by 1 m a degree to the north.
+std::string SmallGrid() {
+  std::string grid;
+  const auto big_endian = [&](const auto value) {
+    std::string bytes(sizeof value, '\0');
+    std::memcpy(bytes.data(), &value, sizeof value);
+    std::reverse(bytes.begin(), bytes.end());
+    grid += bytes;
+  };
+  for (const double header : {47.0, 7.0, 1.0, 1.0}) big_endian(header);
+  for (const int32_t size : {3, 3}) big_endian(size);
+  for (const float undulation : {47.f, 47.f, 47.f, 48.f, 48.f, 48.f, 49.f, 49.f, 49.f}) big_endian(undulation);
+  return grid;
+}
+
+TEST_F(SiteTest, ConvertsHeightsAboveAGeoidThatIsThere) {
+  Write("small.gtx", SmallGrid());
+  Write("control_points.csv",
+        "tag_id,role,latitude_deg,longitude_deg,height_m,crs,easting_m,northing_m,height_system\n"
+        "1,control,48.25,7.83,240,,,,small.gtx\n"
+        "2,control,48.25,7.83,240,,,,\n"
+        "3,control,,,240,EPSG:32632,412733.5,5344057.3,small.gtx\n"
+        "4,control,51,7.83,240,,,,small.gtx\n"
+        "5,control,,,240,EPSG:4326+5773,7.83,48.25,small.gtx\n");
+  std::vector<std::string> warnings;
+  const std::vector<ControlPoint> points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
+  const std::string told = Joined(warnings);
+  ASSERT_EQ(points.size(), 3u) << told;
+  EXPECT_NEAR(points[0].geodetic->height_m, 240 + 48.25, 1e-6);
+  EXPECT_EQ(points[0].height_system, "small.gtx");
+  EXPECT_EQ(points[1].geodetic->height_m, 240);
+  EXPECT_NEAR(points[2].geodetic->height_m, 240 + points[2].geodetic->latitude_deg, 1e-6);
+  EXPECT_THAT(told, HasSubstr("lies outside the grid small.gtx"));
+  EXPECT_THAT(told, HasSubstr("contradicts the crs, which has heights of its own"));
+}
+
+TEST_F(SiteTest, HeightsAboveWhatIsNotKnownAreNotMixedWithOthers) {
+  const std::string header = "tag_id,role,latitude_deg,longitude_deg,height_m,height_system\n";
+  const std::string alike = "1,control,48.01,7.83,240,DHHN2016\n2,control,48.01,7.831,241,DHHN2016\n";
+  Write("control_points.csv", header + alike);
+  std::vector<std::string> warnings;
+  std::vector<ControlPoint> points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].geodetic->height_m, 240);
+  EXPECT_THAT(Joined(warnings), HasSubstr("heights above 'DHHN2016' are kept as they are: no geoid of that name"));
+  Write("control_points.csv", header + alike + "3,control,48.01,7.832,288,\n4,control,48.01,7.83,240,no_such.gtx\n");
+  warnings.clear();
+  points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
+  ASSERT_EQ(points.size(), 1u);
+  EXPECT_EQ(points[0].tag_id, 3);
+  EXPECT_THAT(Joined(warnings), HasSubstr("3 points are skipped: their heights are above another surface"));
+  EXPECT_THAT(Joined(warnings), HasSubstr("projsync --file no_such.gtx"));
 }
 
 TEST_F(SiteTest, ReadsTagsAndOrigin) {

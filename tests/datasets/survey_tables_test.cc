@@ -59,8 +59,50 @@ TEST(SurveyTables, OpenSfmBothForms) {
   EXPECT_NEAR(list.points[0].geodetic->latitude_deg, 48.01, 0.01);
   EXPECT_EQ(list.marks.size(), 2U);
   EXPECT_EQ(warnings.size(), 1U);
-  WriteFileAtomically(dir.path() / "gcp_list.txt", "EPSG:2056\n1 2 3 4 5 a.jpg\n");
+  WriteFileAtomically(dir.path() / "gcp_list.txt", "no system\n1 2 3 4 5 a.jpg\n");
   EXPECT_THROW(ReadOpenSfmList(dir.path() / "gcp_list.txt", &warnings), InputError);
+}
+
+TEST(SurveyTables, ReadsListsInAnySystemWithCheckPoints) {
+  const TempDir dir;
+  WriteFileAtomically(dir.path() / "gcp_list.txt",
+                      "+proj=utm +zone=32 +datum=WGS84 +units=us-ft +no_defs\n"
+                      "1354107.5278 17447658.674 787.4 10 20 a.jpg gcp01\n"
+                      "1354107.5278 17447658.674 787.4 30 40 b.jpg gcp01\n"
+                      "1354117 17447600 787.4 10 20 a.jpg CHK-1\n"
+                      "1354127 17447600 787.4 10 20 a.jpg p7 chk\n"
+                      "1354137 17447600 787.4 10 20 a.jpg checked\n");
+  std::vector<std::string> warnings;
+  const OpenSfmControl list = ReadOpenSfmList(dir.path() / "gcp_list.txt", &warnings);
+  EXPECT_TRUE(warnings.empty()) << warnings.front();
+  ASSERT_EQ(list.points.size(), 4U);
+  const Utm utm = UtmFromGeodetic(*list.points[0].geodetic, 32);
+  EXPECT_NEAR(utm.easting_m, 1354107.5278 * 1200 / 3937, 1e-4);
+  EXPECT_NEAR(utm.northing_m, 17447658.674 * 1200 / 3937, 1e-4);
+  EXPECT_EQ(list.marks.size(), 5U);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_TRUE(list.points[i].has_role);
+    EXPECT_EQ(list.points[i].control, i == 0 || i == 3) << list.points[i].point;
+  }
+  // Swiss coordinates, and the same with easting and northing swapped: no place in Switzerland.
+  WriteFileAtomically(dir.path() / "gcp_list.txt", "EPSG:2056\n2600000 1200000 500 10 20 a.jpg bern\n");
+  const OpenSfmControl swiss = ReadOpenSfmList(dir.path() / "gcp_list.txt", &warnings);
+  ASSERT_EQ(swiss.points.size(), 1U);
+  EXPECT_FALSE(swiss.points[0].has_role);
+  EXPECT_NEAR(swiss.points[0].geodetic->latitude_deg, 46.95108, 1e-5);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("its transformation to WGS 84 is not exact"), std::string::npos);
+}
+
+TEST(SurveyTables, MarksHaveTheirOwnSigma) {
+  const TempDir dir;
+  WriteFileAtomically(dir.path() / "o.csv", "point,image,u,v,sigma_px\nP,a.jpg,1,2,0.3\nP,b.jpg,1,2,\nP,c.jpg,1,2,0\n");
+  std::vector<std::string> warnings;
+  const std::vector<PointMark> marks = ReadControlObservations(dir.path() / "o.csv", &warnings);
+  ASSERT_EQ(marks.size(), 2U);
+  EXPECT_EQ(marks[0].sigma_px, 0.3);
+  EXPECT_EQ(marks[1].sigma_px, 1);
+  EXPECT_EQ(warnings.size(), 1U);
 }
 
 }  // namespace

@@ -454,9 +454,9 @@ class Interchange(unittest.TestCase):
 
     def test_geoid_heights_or_how_to_get_them(self):
         environment = {**os.environ, "GEOGRAPHICLIB_GEOID_PATH": self.out("no geoids")}
-        done = subprocess.run([PROGRAM, "export", self.site, "--to", "kml", "--heights", "egm96"], capture_output=True, text=True, check=False, env=environment)
+        done = subprocess.run([PROGRAM, "export", self.site, "--to", "kml", "--heights", "egm84"], capture_output=True, text=True, check=False, env=environment)
         self.assertEqual(done.returncode, 2)
-        self.assertIn("geographiclib-get-geoids egm96-5", done.stderr)
+        self.assertIn("geographiclib-get-geoids egm84-15", done.stderr)
 
 
 if __name__ == "__main__":
