@@ -1,6 +1,7 @@
 // survey as a user calls it, on a made wall of tags that two runs pass: its tables, its gates and its chapter.
 #include <gmock/gmock.h>
 
+#include <Eigen/Core>
 #include <cmath>
 #include <map>
 
