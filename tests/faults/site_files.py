@@ -165,4 +165,6 @@ def copy_links(source, target):
         to = pathlib.Path(target) / pathlib.Path(root).relative_to(source)
         to.mkdir(parents=True, exist_ok=True)
         for name in files:
+            if name == ".lock":  # a link would lock both
+                continue
             os.link(pathlib.Path(root) / name, to / name)
