@@ -13,9 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class Facts {
+class VerdictFacts {
  public:
-  Facts(const ProjectVerdict& verdict, const ReportData& data, const DisplayUnit& unit, Ending* ending)
+  VerdictFacts(const ProjectVerdict& verdict, const ReportData& data, const DisplayUnit& unit, Ending* ending)
       : verdict_(verdict), data_(data), unit_(unit), ending_(*ending) {}
 
   void Add(const ProjectFactsOptions& options) {
@@ -178,7 +178,7 @@ void AddCheckPoints(const Project& project, const DisplayUnit& unit, Ending* end
   input.points = false;
   ProgressSink silent;
   const ReportData data = ReadReportData(input, silent, CancelToken());
-  Facts(MakeVerdict(input, data), data, unit, ending).CheckPoints();
+  VerdictFacts(MakeVerdict(input, data), data, unit, ending).CheckPoints();
 }
 
 void AddProjectFacts(const Project& project, const DisplayUnit& unit, const ProjectFactsOptions& options,
@@ -197,7 +197,7 @@ void AddProjectFacts(const Project& project, const DisplayUnit& unit, const Proj
   }
   ProgressSink silent;
   const ReportData data = ReadReportData(input, silent, CancelToken());
-  Facts(MakeVerdict(input, data), data, unit, ending).Add(options);
+  VerdictFacts(MakeVerdict(input, data), data, unit, ending).Add(options);
 }
 
 }  // namespace trigpoint
