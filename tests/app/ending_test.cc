@@ -37,9 +37,12 @@ TEST(Ending, KeepsToItsLinesAndCountsWhatIsLeftOut) {
         const int all = 3 + facts + rows + problems;
         EXPECT_EQ(Lines(text), std::min(all, static_cast<int>(kEndingLines))) << text;
         EXPECT_EQ(Lines(ending.Text(std::string::npos)), all);
-        if (problems > 0) EXPECT_THAT(text, HasSubstr("Warning   0\n"));
-        if (problems > 0 && all > static_cast<int>(kEndingLines) && problems > 9)
+        if (problems > 0) {
+          EXPECT_THAT(text, HasSubstr("Warning   0\n"));
+        }
+        if (problems > 9 && all > static_cast<int>(kEndingLines)) {
           EXPECT_THAT(text, testing::ContainsRegex("And       [0-9]+ more: the log"));
+        }
       }
     }
   }

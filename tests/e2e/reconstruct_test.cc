@@ -65,11 +65,13 @@ class Reconstructed : public testing::Test {
     const Solution solution = ReadSolution(folder / "solution.db");
     ASSERT_TRUE(solution.georeference);
     std::map<std::string, double> sigma_x;
-    for (const CsvRow& row : CsvTable::Read(folder / "panoramas.csv", {"panorama", "status"}).rows()) {
+    const CsvTable panoramas = CsvTable::Read(folder / "panoramas.csv", {"panorama", "status"});
+    for (const CsvRow& row : panoramas.rows()) {
       if (row.Text("status") == "localized") sigma_x[row.Text("panorama")] = row.Number("sigma_x_m");
     }
     size_t rows = 0;
-    for (const CsvRow& row : CsvTable::Read(folder / "panoramas_cov.csv", {"panorama_a", "panorama_b"}).rows()) {
+    const CsvTable covariances = CsvTable::Read(folder / "panoramas_cov.csv", {"panorama_a", "panorama_b"});
+    for (const CsvRow& row : covariances.rows()) {
       const std::string name = row.Text("panorama_a");
       EXPECT_EQ(row.Text("panorama_b"), name);
       EXPECT_NEAR(std::sqrt(row.Number("c33")), sigma_x.at(name), 1e-5);

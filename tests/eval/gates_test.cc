@@ -135,7 +135,9 @@ TEST(Intervals, OfAnRmseCover) {
       }
       // 0.95 within four sigma of so many draws; few items of several components may cover more, never less.
       EXPECT_GT(covered, 0.936 * kDraws) << sigmas.size() << " components, n = " << n;
-      if (sigmas.size() == 1) EXPECT_LT(covered, 0.964 * kDraws) << "n = " << n;
+      if (sigmas.size() == 1) {
+        EXPECT_LT(covered, 0.964 * kDraws) << "n = " << n;
+      }
     }
   }
   EXPECT_FALSE(RmseWithInterval({{0.1, 0.2}}, 0.95));

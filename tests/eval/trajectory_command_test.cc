@@ -150,7 +150,9 @@ TEST_F(TrajectoryCommand, DrawsPlotsOnRequest) {
     for (const std::string& name : {std::string("plan."), std::string("plan_errors.")}) {
       const std::string text = ReadTextFile(dir_ / "plots" / (name + ending));
       EXPECT_THAT(text, testing::StartsWith(ending == std::string("svg") ? "<svg xmlns" : "\x89PNG"));
-      if (ending == std::string("svg") && name == "plan.") EXPECT_THAT(text, HasSubstr("a&lt;b&gt;.tum"));
+      if (ending == std::string("svg") && name == "plan.") {
+        EXPECT_THAT(text, HasSubstr("a&lt;b&gt;.tum"));
+      }
     }
   }
   EXPECT_EQ(Trigpoint({"trajectory", truth, other, "--plot", (dir_ / "plan.gif").string()}).exit_code, 2);

@@ -71,7 +71,7 @@ class Wall {
           const double u = kFocal * (p.x() + 0.5 * dx * kSize - x) / depth + 499.5 + kNoisePx * random.Normal();
           const double v = -kFocal * (p.z() + 0.5 * dz * kSize - 1.5) / depth + 399.5 + kNoisePx * random.Normal();
           inside = inside && u > 5 && u < 994 && v > 5 && v < 794;
-          row += "," + std::to_string(u) + "," + std::to_string(v);
+          for (const double pixel : {u, v}) row.append(",").append(std::to_string(pixel));
         }
         if (inside) detections += row + "\n";
       }
@@ -203,7 +203,9 @@ TEST(SurveyCommand, IsJudgedByItsGatesAndHasAChapter) {
   ASSERT_EQ(Trigpoint({"report", wall.dir(), "--pdf"}).exit_code, 0);
   const json status = Trigpoint({"status", wall.dir(), "--json"}).Json();
   for (const json& stage : status["stages"]) {
-    if (stage["stage"] == "report") EXPECT_EQ(stage["state"], "done") << stage.dump();
+    if (stage["stage"] == "report") {
+      EXPECT_EQ(stage["state"], "done") << stage.dump();
+    }
   }
   wall.Control(0);
   ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);
