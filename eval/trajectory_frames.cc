@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kLeastPairs = 10;
 constexpr double kLeastPath_m = 1;
 constexpr double kSmaller = 5;        // errors shrink by this factor before frames are said to differ
-constexpr double kNothing = 1e-6;     // of the errors that were: rounding
+constexpr double kNothing = 1e-6;     // of the errors that were, or of the path: rounding
 constexpr double kWorthAFreedom = 2;  // and by this one for each kind of alignment beyond the simplest
 
 double Rmse(const std::vector<PosePair>& pairs) { return StatisticsOf(AbsoluteErrors(pairs).translation_m).rmse; }
@@ -24,6 +24,7 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
   if (pairs.size() < kLeastPairs || PathLength(pairs) < kLeastPath_m) return std::nullopt;
   std::optional<FrameDifference> found;
   const double before = Rmse(pairs);
+  if (before < kNothing * PathLength(pairs)) return std::nullopt;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const PosePair& pair : pairs) centre += pair.estimate.translation / static_cast<double>(pairs.size());
   for (const TrajectoryAlignment alignment :

@@ -205,7 +205,7 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, con
         },
         guesses);
     if (!best.found) return result;
-    guesses.push_back(Refine(a, b, first, information, best.model, sigma, 4, 10));
+    guesses.push_back(Refine(a, b, first, information, best.model, sigma, 4, 20));
   }
   const auto cost = [&](const Rigid3d& pose) { return Cost(a, b, pose, first, information, options.inlier_rad); };
   result.b_from_a = guesses.size() == 2 && cost(guesses[1]) >= cost(guesses[0]) ? guesses[0] : guesses.back();

@@ -126,7 +126,9 @@ json MovedOptions(json stages) {
 
 std::vector<OptionLayer> OptionLayers(const Project& project, const std::string& stage, const StageTarget& target) {
   const std::string file = (project.dir() / "trigpoint.yaml").string();
-  const auto of_stage = [&](const json& stages) { return MovedOptions(stages).value(stage, json::object()); };
+  const auto of_stage = [&](const json& stages) {
+    return stages.is_object() ? MovedOptions(stages).value(stage, json::object()) : json::object();
+  };
   std::vector<OptionLayer> layers = {{of_stage(project.stages()), file + ": stages." + stage}};
   if (target.variant == "paper" && !project.variants().contains("paper")) {
     const std::vector<std::string>& flags = StageNamed(stage).flags;

@@ -115,7 +115,7 @@ TEST(Columns, PositionsInEveryTableMayBeProjected) {
   EXPECT_FALSE(gis.has_height);
   // Metres of somebody's own are no degrees.
   EXPECT_THAT(MessageOf<InputError>([&] { read("file,x,y\na.jpg,7.83,48.01\n"); }),
-              HasSubstr("column crs: expected EPSG"));
+              HasSubstr("column crs: expected the system of easting and northing"));
   EXPECT_THAT(MessageOf<InputError>([&] { read("file,lat,lon,x,y\na.jpg,1,2,3,4\n"); }), HasSubstr("found both"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadGpsCsv(dir.Write("gps.csv", "time,speed\n1,2\n")); }),
               HasSubstr("column 'latitude_deg' is missing"));

@@ -280,9 +280,9 @@ TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
   const SmallSite site;
   const std::string dir = site.dir().string();
   const std::string table = ReadTextFile(site.dir() / "panoramas.csv");
-  std::string semicolons = table;
-  std::replace(semicolons.begin(), semicolons.end(), ',', ';');
-  for (const std::string& text : {semicolons, std::string(), std::string("file,station\n")}) {
+  std::string spaces = table;
+  std::replace(spaces.begin(), spaces.end(), ',', ' ');
+  for (const std::string& text : {spaces, std::string(), std::string("file,station\n")}) {
     WriteFileAtomically(site.dir() / "panoramas.csv", text);
     const Finished finished = Trigpoint({"localize", dir, "--json"});
     EXPECT_EQ(finished.exit_code, 1) << text;

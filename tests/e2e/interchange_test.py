@@ -374,7 +374,7 @@ class Interchange(unittest.TestCase):
         with open(f"{site}/control_observations.csv", encoding="utf-8") as text:
             self.assertIn("p1,a.jpg,100.500,200.500", text.read())
         write(f"{self.temporary}/bad.txt", "MARS\n1 2 3 4 5 a.jpg\n")
-        self.assertIn("MARS", trigpoint("import", self.out("x"), "--from", f"{self.temporary}/bad.txt", expect=1).stderr)
+        self.assertIn("Mars", trigpoint("import", self.out("x"), "--from", f"{self.temporary}/bad.txt", expect=1).stderr)
 
     def test_no_export_writes_onto_a_file_of_the_user(self):
         site = self.out("kept site")
