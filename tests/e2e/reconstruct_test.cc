@@ -175,7 +175,13 @@ TEST_F(Reconstructed, FollowsTheImagesOfARunWithoutOdometry) {
   // Geotagged panoramas say how long the run is.
   const std::vector<Eigen::Vector3d> without = Positions(cameras);
   ASSERT_EQ(without.size(), with.size());
-  for (size_t i = 0; i < with.size(); ++i) EXPECT_LT((without[i] - with[i]).norm(), 0.3) << i;
+  const CsvTable stated = CsvTable::Read(folder_ / "results/localize/run2/cameras.csv", {"sigma_e_m"});
+  for (size_t i = 0; i < with.size(); ++i) {
+    const CsvRow& row = stated.rows()[i];
+    const Eigen::Vector3d sigma(row.Number("sigma_e_m"), row.Number("sigma_n_m"), row.Number("sigma_u_m"));
+    EXPECT_LT((without[i] - with[i]).norm(), 3 * sigma.norm()) << i;
+    EXPECT_LT(sigma.norm(), 2) << i;
+  }
   const nlohmann::json metrics = Manifest("localize/run2")["metrics"];
   EXPECT_GT(metrics["odometry_scale_sigma"], 0.005) << "nothing but the panoramas knows the length";
   const Finished paper = Trigpoint({"localize", dir(), "--mode", "paper"});

@@ -116,8 +116,9 @@ class Site {
     StageRequest request = MakeRequest(project, info, target);
     request.body = [&](StageContext& context) {
       for (const auto& entry : fs::recursive_directory_iterator(kept)) {
-        if (entry.is_regular_file() && entry.path().filename() != "manifest.json")
-          fs::copy_file(entry.path(), context.out / entry.path().filename());
+        const std::string name = entry.path().filename().string();
+        if (entry.is_regular_file() && name != "manifest.json" && name != "log.txt")
+          fs::copy_file(entry.path(), context.out / name);
       }
     };
     ProgressSink quiet;
