@@ -18,14 +18,16 @@ using testing::HasSubstr;
 
 constexpr const char* kSummary = R"({"schema": "trigpoint evaluate 1", "groups": [{"variant": "", "method": "single",
   "reference": "control", "kind": "absolute", "shares_evidence": false, "answers": 4, "attempts": 4,
-  "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}}}],
-  "gates": {"verdict": "FAIL", "results": [{"verdict": "FAIL", "message": "median 0.025 m exceeds 0.02 m"}]}})";
+  "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}}}]})";
+constexpr const char* kGates = R"({"schema": "trigpoint gates 1", "verdict": "failed",
+  "gates": [{"verdict": "failed", "message": "median 0.025 m exceeds 0.02 m"}]})";
 
 class OverviewTest : public ResultsWindowTest {
  protected:
   void SetUp() override {
     WriteFileAtomically(Path("trigpoint.yaml").toStdString(), "name: overview\n");
     WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kSummary);
+    WriteFileAtomically(Path("results/gates/gates.json").toStdString(), kGates);
     ResultsWindowTest::SetUp();
     ASSERT_EQ(window_->desk(), "overview");
     ASSERT_TRUE(WaitFor([&] { return Matrix() != nullptr; }));
@@ -39,7 +41,7 @@ class OverviewTest : public ResultsWindowTest {
 };
 
 TEST_F(OverviewTest, ShowsTheVerdictAndTheErrorsByStationAndRun) {
-  EXPECT_THAT(Words(), HasSubstr("Quality gates: FAIL"));
+  EXPECT_THAT(Words(), HasSubstr("Quality gates: failed"));
   EXPECT_THAT(Words(), HasSubstr("median 0.025 m exceeds 0.02 m"));
   EXPECT_THAT(Words(), HasSubstr("4 of 4"));
   EXPECT_THAT(Words(), HasSubstr("absolute, against surveyed control"));
