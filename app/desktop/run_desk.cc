@@ -40,14 +40,18 @@ Widget* Named(Widget* widget, const char* object, const QString& accessible) {
   return widget;
 }
 
+// The longest text of a box must not make the window wide.
+QComboBox* Narrow(QComboBox* box) {
+  box->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+  box->setMinimumContentsLength(40);
+  return box;
+}
+
 }  // namespace
 
 RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     : QWidget(parent), workspace_(workspace), jobs_(jobs) {
-  stage_ = Named(new QComboBox, "run.stage", tr("Stage"));
-  // The longest help of a stage must not make the window wide.
-  stage_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  stage_->setMinimumContentsLength(40);
+  stage_ = Narrow(Named(new QComboBox, "run.stage", tr("Stage")));
   runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
   variant_ = Named(new QComboBox, "run.variant", tr("Variant"));
