@@ -85,6 +85,7 @@ ErrorKind KindOf(const Error& error) {
   if (fd != kPipe && dup2(fd, kPipe) < 0) _exit(1);
   close_range(kPipe + 1, ~0U, 0);
   FrameWriter out(kPipe);
+  out.Advance(0);  // it has started
   try {
     out.Write(kResult, 0, body(out));
   } catch (const Error& e) {
@@ -144,32 +145,47 @@ class Listener {
   int64_t error_kind_ = 0;
 };
 
+// The child and the end of its pipe to read from. A lock that another thread holds during the fork stays locked in the
+// child, and a library's handler may wait for it for ever (PROJ's does): a child that does not start is replaced.
+std::pair<pid_t, int> Start(const std::string& what, const std::function<std::string(ProgressSink&)>& body) {
+  constexpr int kAttempts = 10, kStart_ms = 3000;
+  for (int attempt = 1;; ++attempt) {
+    int ends[2];
+    if (pipe2(ends, O_CLOEXEC) != 0) throw IoErrorFor(what, "started", errno);
+    const pid_t parent = getpid();
+    const pid_t child = fork();
+    if (child == 0) {
+      close(ends[0]);
+      RunInChild(body, parent, ends[1]);
+    }
+    const int fork_error = errno;
+    close(ends[1]);
+    if (child < 0) {
+      close(ends[0]);
+      throw IoErrorFor(what, "started", fork_error);
+    }
+    pollfd started{ends[0], POLLIN, 0};
+    if (poll(&started, 1, kStart_ms) != 0 || attempt == kAttempts) return {child, ends[0]};
+    kill(child, SIGKILL);
+    while (waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
+    }
+    close(ends[0]);
+  }
+}
+
 }  // namespace
 
 ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
                        ProgressSink& progress, const CancelToken& cancel) {
-  int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) throw IoErrorFor(what, "started", errno);
-  const pid_t parent = getpid();
-  const pid_t child = fork();
-  if (child == 0) {
-    close(ends[0]);
-    RunInChild(body, parent, ends[1]);
-  }
-  const int fork_error = errno;
-  close(ends[1]);
-  if (child < 0) {
-    close(ends[0]);
-    throw IoErrorFor(what, "started", fork_error);
-  }
-  Listener listener(ends[0], progress);
-  pollfd waiting{ends[0], POLLIN, 0};
+  const auto [child, answers] = Start(what, body);
+  Listener listener(answers, progress);
+  pollfd waiting{answers, POLLIN, 0};
   constexpr int kPoll_ms = 50;
   while (true) {
     if (cancel.IsCancelled()) kill(child, SIGKILL);
     if (poll(&waiting, 1, kPoll_ms) > 0 && !listener.ReadSome()) break;
   }
-  close(ends[0]);
+  close(answers);
   int status = 0;
   rusage usage{};
   while (wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
