@@ -152,16 +152,10 @@ class VerdictFacts {
   void Sigmas() {
     const VerdictErrors* best = verdict_.Best();
     if (best == nullptr) return;
-    const auto anees = At(best->group, {"nees", "mean_per_dof"});
-    const nlohmann::json& nees = ObjectAt(best->group, "nees");
-    const auto bounds = nees.find("bounds");
-    if (!anees || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
-        !(*bounds)[1].is_number())
-      return;
-    const double low = (*bounds)[0].get<double>(), high = (*bounds)[1].get<double>();
-    const char* verdict = *anees < low ? "too large" : *anees > high ? "too small" : "consistent";
-    ending_.Fact("Sigmas",
-                 fmt::format("{} (ANEES {:.2f}, consistent from {:.2f} to {:.2f})", verdict, *anees, low, high));
+    const std::optional<SigmaTest> test = best->Sigmas();
+    if (!test) return;
+    ending_.Fact("Sigmas", fmt::format("{} (ANEES {:.2f}, consistent from {:.2f} to {:.2f})", test->Words(),
+                                       test->anees, test->low, test->high));
   }
 
   const ProjectVerdict& verdict_;

@@ -159,23 +159,15 @@ class VerdictChapter {
   void SigmaFact(Facts* facts) const {
     const VerdictErrors* best = verdict_.Best();
     if (best == nullptr) return;
-    const auto anees = At(best->group, {"nees", "mean_per_dof"});
-    const nlohmann::json& nees = ObjectAt(best->group, "nees");
-    const auto bounds = nees.find("bounds");
-    if (!anees || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
-        !(*bounds)[1].is_number())
-      return;
-    const double low = (*bounds)[0].get<double>(), high = (*bounds)[1].get<double>();
+    const std::optional<SigmaTest> test = best->Sigmas();
+    if (!test) return;
     facts->facts.push_back(
-        {"Stated sigmas",
-         *anees < low    ? "too large"
-         : *anees > high ? "too small"
-                         : "consistent",
+        {"Stated sigmas", test->Words(),
          fmt::format(
              "ANEES {:.2f}, consistent in {:.2f} to {:.2f}. Sigma: standard deviation. ANEES: mean squared error "
              "in units of its own covariance, 1 if the sigmas are right",
-             *anees, low, high),
-         *anees < low || *anees > high ? Tone::kWarning : Tone::kGood, "consistency"});
+             test->anees, test->low, test->high),
+         !test->Consistent() ? Tone::kWarning : Tone::kGood, "consistency"});
   }
 
   // A tile a run.

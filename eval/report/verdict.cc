@@ -123,6 +123,16 @@ void ReadGates(const ReportData& data, ProjectVerdict* verdict) {
 
 }  // namespace
 
+std::optional<SigmaTest> VerdictErrors::Sigmas() const {
+  const auto anees = At(group, {"nees", "mean_per_dof"});
+  const nlohmann::json& nees = ObjectAt(group, "nees");
+  const auto bounds = nees.find("bounds");
+  if (!anees || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
+      !(*bounds)[1].is_number())
+    return {};
+  return SigmaTest{*anees, (*bounds)[0].get<double>(), (*bounds)[1].get<double>()};
+}
+
 std::string VerdictErrors::Name() const {
   return method + " against " + reference + ", " + kind +
          (shares_evidence && reference != "self" ? ", shared evidence" : "") +

@@ -12,8 +12,16 @@
 
 namespace trigpoint {
 
+// Squared errors in units of the stated covariance, and where their mean lies if the sigmas are right.
+struct SigmaTest {
+  double anees = 0, low = 0, high = 0;
+  bool Consistent() const { return anees >= low && anees <= high; }
+  const char* Words() const { return anees < low ? "too large" : anees > high ? "too small" : "consistent"; }
+};
+
 // One comparison of the evaluation: a method against a reference.
 struct VerdictErrors {
+  std::optional<SigmaTest> Sigmas() const;
   nlohmann::json group;  // of summary.json
   std::string variant, method, reference, kind;
   bool shares_evidence = false;
