@@ -6,6 +6,8 @@
 
 #include "app/cli/interchange_commands.h"
 #include "app/pipeline/command_line.h"
+#include "datasets/import/bag_run.h"
+#include "datasets/import/dataset_run.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/import/providers/services.h"
@@ -18,13 +20,14 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  std::string dir, from, as, name, images;
+  std::string dir, from, as, name, images, odometry;
   std::vector<double> near;
   double radius_m = 0;  // 0: not given
   double scale = 0;
   // Panoramas of services.
   std::string along, url, token_file;
   PanoramaImportOptions panoramas;
+  BagRunOptions bag;
   int width = -1;  // not given
   bool list = false;
 };
@@ -102,10 +105,56 @@ int List(Session& session, const Arguments& a, const Service& service) {
   return 0;
 }
 
+// What each topic of a bag becomes.
+std::vector<std::vector<std::string>> TopicRows(const BagContents& contents, const BagChoice& choice) {
+  std::map<std::string, std::string> uses;
+  for (size_t i = 0; i < choice.images.size(); ++i) {
+    uses[choice.images[i].name] = fmt::format("images of cam{}", i);
+    if (const BagTopic* info = CameraInfoOf(contents, choice.images[i].name)) {
+      uses[info->name] = fmt::format("calibration of cam{}", i);
+    }
+  }
+  if (choice.pose) uses[choice.pose->name] = "odometry";
+  if (choice.fix) uses[choice.fix->name] = "GPS";
+  if (choice.imu) uses[choice.imu->name] = "check of the odometry's level";
+  const double seconds = 1e-9 * static_cast<double>(contents.end_ns - contents.begin_ns);
+  std::vector<std::vector<std::string>> rows;
+  for (const BagTopic& topic : contents.topics) {
+    std::string use = RoleOf(topic) == BagRole::kTransforms ? "where cameras sit" : uses[topic.name];
+    if (use.empty()) use = RoleOf(topic) == BagRole::kNone ? "-" : "by --topic";
+    rows.push_back({topic.name, topic.type, std::to_string(topic.messages),
+                    seconds > 0 ? fmt::format("{:.1f} Hz", static_cast<double>(topic.messages) / seconds) : "-", use});
+  }
+  return rows;
+}
+
+// Says what is in a bag, and takes nothing.
+int ListTopics(Session& session, const Arguments& a) {
+  const BagContents contents = ListBag(a.from, *session.cancel);
+  const BagChoice choice = ChooseTopics(contents, a.bag.topics);
+  Terminal terminal = session.MakeTerminal();
+  for (const std::string& warning : contents.warnings) terminal.Log(LogLevel::kWarning, warning);
+  if (!choice.problem.empty()) terminal.Log(LogLevel::kWarning, choice.problem);
+  const std::vector<std::vector<std::string>> rows = TopicRows(contents, choice);
+  nlohmann::json topics = nlohmann::json::array();
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const BagTopic& topic = contents.topics[i];
+    topics.push_back({{"topic", topic.name}, {"type", topic.type}, {"messages", topic.messages}, {"use", rows[i][4]}});
+  }
+  session.End(Ending(fmt::format("{}, {:.1f} s, {} topics:", contents.format,
+                                 1e-9 * static_cast<double>(contents.end_ns - contents.begin_ns), rows.size()))
+                  .Rows(TableText({"topic", "type", "messages", "rate", "becomes"}, rows))
+                  .Next("the same with --name RUN in place of --list imports them; nothing was written"));
+  session.PrintJson({{"command", "import"}, {"ok", true}, {"as", "bag"}, {"topics", topics}});
+  return 0;
+}
+
 // What lies at `from`, by its contents.
 std::string Guess(const fs::path& from) {
   const std::string ending = from.extension().string();
   if (HasColmapModel(from)) return "colmap";
+  if (IsBag(from)) return "bag";
+  if (!DatasetKind(from).empty()) return "dataset";
   if (ending == ".db") return "colmap-database";
   if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
   if (fs::is_regular_file(from) && (ending == ".json" || ending == ".txt")) return "gcp";
@@ -125,6 +174,12 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
     if (a.scale > 0) options.scale = a.scale;
     return as == "colmap" ? ImportColmapRun(a.dir, a.from, options) : ImportColmapDatabase(a.dir, a.from, options);
   }
+  if (as == "bag") {
+    BagRunOptions options = a.bag;
+    options.run = a.name;
+    return ImportBagRun(a.dir, a.from, options, progress, cancel);
+  }
+  if (as == "dataset") return ImportDatasetRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
   if (as == "panoramas") {
     return ImportPanoramas(a.dir, *OpenPanoramaFolder(a.from), PanoramaOptions(a, false), progress, cancel);
   }
@@ -138,14 +193,16 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
 
 int TakeIn(Session& session, const Arguments& a) {
   const Service* service = a.as.empty() ? ServiceNamed(a.from) : nullptr;
-  if (service == nullptr && (a.list || !a.url.empty() || !a.token_file.empty())) {
-    throw OptionError("--list, --url and --token-file are for services; --from " + a.from + " is none");
+  const std::string as = service != nullptr ? service->name : a.as.empty() ? Guess(a.from) : a.as;
+  if (service == nullptr && (!a.url.empty() || !a.token_file.empty())) {
+    throw OptionError("--url and --token-file are for services; --from " + a.from + " is none");
   }
+  if (a.list && as == "bag") return ListTopics(session, a);
+  if (service == nullptr && a.list) throw OptionError("--list is for services and bags; --from " + a.from + " is none");
   if (service != nullptr && a.near.empty() && a.along.empty()) {
     throw OptionError("--from " + service->name + ": where? Give --near LAT,LON or --along RUN");
   }
   if (service != nullptr && a.list) return List(session, a, *service);
-  const std::string as = service != nullptr ? service->name : a.as.empty() ? Guess(a.from) : a.as;
   Terminal terminal = session.MakeTerminal();
   const ImportReport report = Import(a, as, terminal, *session.cancel);
   terminal.ClearProgress();
@@ -185,6 +242,9 @@ void AddImportCommand(CLI::App& app, Session& session) {
       "added to panoramas.csv.\n"
       "Panoramas of a service, around a place or along a run:\n" +
           ServiceLines() +
+          "  bag              a recording of ROS 1 (.bag) or ROS 2 (.db3, .mcap, or their folder) as a run: images, "
+          "cameras, odometry, GPS\n"
+          "  dataset          a folder of EuRoC, TUM RGB-D or KITTI odometry as a run\n"
           "  colmap           a model (binary or text, COLMAP 3.x or 4.x) as a run: cameras, poses as odometry, "
           "images\n"
           "  colmap-database  its cameras and images as a run without poses\n"
@@ -197,6 +257,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "Examples:\n"
           "  trigpoint import my_site --from panoramax --near 48.0126,7.8323 --radius 150 --list\n"
           "  trigpoint import my_site --from panoramax --along run1 --radius 30 --since 2024\n"
+          "  trigpoint import my_site --from drive.bag --list\n"
+          "  trigpoint import my_site --from drive.bag --name drive --every 5\n"
           "  trigpoint import my_site --from sparse/0 --images images --name walk\n"
           "  trigpoint import my_site --from street_view --near 48.0126,7.8323 --radius 300\n"
           "  trigpoint import my_site --from iphone --as photos --name corner\n"
@@ -205,8 +267,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
   command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary")->required();
   command.add_option("--as", a->as, "what it is; default: told by its contents")
-      ->check(CLI::IsMember({"colmap", "colmap-database", "panoramas", "photos", "gcp"}));
-  command.add_option("--name", a->name, "colmap: the new run; photos: the new set");
+      ->check(CLI::IsMember({"bag", "dataset", "colmap", "colmap-database", "panoramas", "photos", "gcp"}));
+  command.add_option("--name", a->name, "bag, dataset, colmap: the new run; photos: the new set");
   command.add_option("--images", a->images, "colmap: the folder its image names begin in; gcp: the pictures");
   command.add_option("--scale", a->scale, "colmap: metres per unit of the model; default: from EXIF positions")
       ->check(CLI::PositiveNumber);
@@ -227,7 +289,15 @@ void AddImportCommand(CLI::App& app, Session& session) {
       ->capture_default_str();
   command.add_option("--since", a->panoramas.since, "panoramas: taken on this day or later: 2024, 2024-05, 2024-05-12");
   command.add_option("--until", a->panoramas.until, "panoramas: taken on this day or earlier");
-  command.add_flag("--list", a->list, "services: say what is there and take nothing");
+  command.add_option("--topic", a->bag.topics, "bag: take this topic and no others; once for each");
+  command.add_option("--every", a->bag.every, "bag, dataset: of each camera every n-th image")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option(
+      "--cameras", a->bag.cameras,
+      "bag, dataset: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
+  command.add_option("--odometry", a->odometry, "dataset: poses (TUM, EuRoC or KITTI) to be the run's odometry");
+  command.add_flag("--list", a->list, "services, bags: say what is there and take nothing");
   command.add_option("--url", a->url, "services: another server of the same kind");
   command.add_option("--token-file", a->token_file,
                      "services: file (mode 0600) with the token, in place of the environment");

@@ -36,51 +36,6 @@ std::string Comments(const std::vector<std::string>& comments) {
   return text;
 }
 
-// K, and coefficients in OpenCV's order, as a camera.
-Camera MakeCamera(const std::string& where, const std::vector<double>& k, std::vector<double> d, std::string model,
-                  int width, int height) {
-  if (k.size() != 9)
-    throw InputError(where + ": expected a camera matrix of 3 x 3 numbers, found " + std::to_string(k.size()));
-  if (width <= 0 || height <= 0) {
-    throw InputError(where + ": the size of the pictures is missing (image_width, image_height); add it to the file");
-  }
-  if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
-  std::vector<double> params = {k[0], k[4], k[2], k[5]};
-  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
-  const bool fisheye = model == "equidistant" || model == "fisheye" || model == "kannala_brandt";
-  static const std::vector<std::string> kKnown = {
-      "",        "plumb_bob", "rational_polynomial", "radtan",  "rational",
-      "pinhole", "none",      "equidistant",         "fisheye", "kannala_brandt"};
-  if (std::find(kKnown.begin(), kKnown.end(), model) == kKnown.end()) {
-    throw InputError(where + ": distortion_model: expected plumb_bob, rational_polynomial or equidistant, found '" +
-                     model + "'");
-  }
-  // Coefficients that are there but zero (thin prism, tilt) change nothing.
-  const size_t most = fisheye ? 4 : 8;
-  while (d.size() > most && d.back() == 0) d.pop_back();
-  CameraModel kind = CameraModel::kPinhole;
-  if (fisheye) {
-    kind = CameraModel::kKannalaBrandt;
-    if (d.size() != 4) throw InputError(where + ": a fisheye has 4 coefficients, found " + std::to_string(d.size()));
-  } else if (!d.empty()) {
-    if (d.size() > 5) d.resize(std::max<size_t>(d.size(), 8), 0.0);
-    if (d.size() < 4) d.resize(4, 0.0);
-    if (d.size() > 8) {
-      throw InputError(
-          where + ": " + std::to_string(d.size()) +
-          " distortion coefficients: thin prism and tilted sensors are not supported; recalibrate with 4, 5 "
-          "or 8");
-    }
-    kind = d.size() == 8 ? CameraModel::kRational : CameraModel::kRadtan;
-  }
-  params.insert(params.end(), d.begin(), d.end());
-  try {
-    return {kind, width, height, params};
-  } catch (const InputError& e) {
-    throw InputError(where + ": " + e.what());
-  }
-}
-
 BodyCamera Named(const std::string& name, Camera camera) {
   BodyCamera body;
   body.name = name;
@@ -161,9 +116,9 @@ CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, in
   const std::string model = map.Text({"distortion_model", "camera_model"});
   if (const std::vector<double> first = map.Numbers({"M1"}); !first.empty()) {
     result.cameras.push_back(
-        Named("cam0", MakeCamera(file.string(), first, map.Numbers({"D1"}), model, width, height)));
+        Named("cam0", OpenCvCamera(file.string(), first, map.Numbers({"D1"}), model, width, height)));
     result.cameras.push_back(
-        Named("cam1", MakeCamera(file.string(), map.Numbers({"M2"}), map.Numbers({"D2"}), model, width, height)));
+        Named("cam1", OpenCvCamera(file.string(), map.Numbers({"M2"}), map.Numbers({"D2"}), model, width, height)));
     const std::vector<double> r = map.Numbers({"R"}), t = map.Numbers({"T"});
     if (r.size() == 9 && t.size() == 3) {
       const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
@@ -181,7 +136,7 @@ CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, in
   }
   const std::vector<double> d = map.Numbers(
       {"distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "d"});
-  result.cameras.push_back(Named("cam0", MakeCamera(file.string(), k, d, model, width, height)));
+  result.cameras.push_back(Named("cam0", OpenCvCamera(file.string(), k, d, model, width, height)));
   result.related = true;
   return result;
 }
@@ -207,7 +162,7 @@ CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int wid
   CameraFile result;
   result.format = "JSON";
   result.cameras.push_back(
-      Named("cam0", MakeCamera(file.string(), data("cameraIntrinsics"), data("distCoeffs"), "", width, height)));
+      Named("cam0", OpenCvCamera(file.string(), data("cameraIntrinsics"), data("distCoeffs"), "", width, height)));
   result.related = true;
   return result;
 }
@@ -298,6 +253,50 @@ const char* RosModel(const fs::path& file, const Camera& camera) {
 }
 
 }  // namespace
+
+Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std::vector<double> d, std::string model,
+                    int width, int height) {
+  if (k.size() != 9)
+    throw InputError(where + ": expected a camera matrix of 3 x 3 numbers, found " + std::to_string(k.size()));
+  if (width <= 0 || height <= 0) {
+    throw InputError(where + ": the size of the pictures is missing (image_width, image_height); add it to the file");
+  }
+  if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
+  std::vector<double> params = {k[0], k[4], k[2], k[5]};
+  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
+  const bool fisheye = model == "equidistant" || model == "fisheye" || model == "kannala_brandt";
+  static const std::vector<std::string> kKnown = {
+      "",        "plumb_bob", "rational_polynomial", "radtan",  "rational",
+      "pinhole", "none",      "equidistant",         "fisheye", "kannala_brandt"};
+  if (std::find(kKnown.begin(), kKnown.end(), model) == kKnown.end()) {
+    throw InputError(where + ": distortion_model: expected plumb_bob, rational_polynomial or equidistant, found '" +
+                     model + "'");
+  }
+  // Coefficients that are there but zero (thin prism, tilt) change nothing.
+  const size_t most = fisheye ? 4 : 8;
+  while (d.size() > most && d.back() == 0) d.pop_back();
+  CameraModel kind = CameraModel::kPinhole;
+  if (fisheye) {
+    kind = CameraModel::kKannalaBrandt;
+    if (d.size() != 4) throw InputError(where + ": a fisheye has 4 coefficients, found " + std::to_string(d.size()));
+  } else if (!d.empty()) {
+    if (d.size() > 5) d.resize(std::max<size_t>(d.size(), 8), 0.0);
+    if (d.size() < 4) d.resize(4, 0.0);
+    if (d.size() > 8) {
+      throw InputError(
+          where + ": " + std::to_string(d.size()) +
+          " distortion coefficients: thin prism and tilted sensors are not supported; recalibrate with 4, 5 "
+          "or 8");
+    }
+    kind = d.size() == 8 ? CameraModel::kRational : CameraModel::kRadtan;
+  }
+  params.insert(params.end(), d.begin(), d.end());
+  try {
+    return {kind, width, height, params};
+  } catch (const InputError& e) {
+    throw InputError(where + ": " + e.what());
+  }
+}
 
 CameraFile ReadCameraFile(const fs::path& file, int width, int height) {
   const std::string text = ReadTextFile(file);

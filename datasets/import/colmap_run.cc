@@ -11,6 +11,7 @@
 #include "datasets/colmap/database.h"
 #include "datasets/colmap/database_cameras.h"
 #include "datasets/import/made_files.h"
+#include "datasets/import/run_folder.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/readable.h"
@@ -22,22 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A camera looks along the body's x axis: without a rig the body is the camera itself, turned so.
-Rigid3d CamFromBody() {
-  Eigen::Matrix3d r;
-  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
-  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
-}
-
-fs::path NewRun(const fs::path& site, const ColmapRunOptions& options) {
-  if (options.run.empty() || options.run.find_first_of("/\\@") != std::string::npos || options.run.front() == '.') {
-    throw OptionError("--name '" + options.run + "': expected a name for the new run, without / and @");
-  }
+fs::path NewRunOf(const fs::path& site, const ColmapRunOptions& options) {
   if (options.images.empty())
     throw OptionError("--images is missing: the folder that the model's image names begin in");
-  const fs::path dir = site / "runs" / options.run;
-  if (fs::exists(dir)) throw InputError(dir.string() + ": is there already; choose another --run, or remove it");
-  return dir;
+  return NewRunPath(site, options.run);
 }
 
 // Throws unless every image is there; names the first that is not.
@@ -127,7 +116,7 @@ std::optional<Scale> ScaleFromExif(const SparseModel& model, const fs::path& ima
 
 ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, const ColmapRunOptions& options) {
   ImportReport report;
-  const fs::path dir = NewRun(site, options);
+  const fs::path dir = NewRunOf(site, options);
   SparseModel model = ReadColmapModel(model_dir);
   if (model.images.empty()) throw InputError(model_dir.string() + ": the model has no image");
   std::sort(model.images.begin(), model.images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
@@ -162,7 +151,7 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
   }
   std::vector<BodyCamera> cameras;
   std::map<uint32_t, std::string> name_of;
-  const Rigid3d cam_from_body = CamFromBody();
+  const Rigid3d cam_from_body = ForwardCamFromBody();
   for (const auto& [id, camera] : model.cameras) {
     BodyCamera c;
     c.name = fmt::format("cam{}", cameras.size());
@@ -234,7 +223,7 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
 
 ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, const ColmapRunOptions& options) {
   ImportReport report;
-  const fs::path dir = NewRun(site, options);
+  const fs::path dir = NewRunOf(site, options);
   const ColmapDatabase database = ColmapDatabase::OpenRead(file);
   std::vector<DatabaseImage> images = database.Images();
   if (images.empty()) throw InputError(file.string() + ": the database has no image");
@@ -248,7 +237,7 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
     BodyCamera c;
     c.name = fmt::format("cam{}", cameras.size());
     c.camera = camera;
-    c.cam_from_body = CamFromBody();
+    c.cam_from_body = ForwardCamFromBody();
     c.has_extrinsics = true;
     name_of[id] = c.name;
     cameras.push_back(std::move(c));

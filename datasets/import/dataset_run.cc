@@ -1,0 +1,248 @@
+#include "datasets/import/dataset_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "calib/base/error.h"
+#include "datasets/calibration/camera_files.h"
+#include "datasets/import/run_folder.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/text.h"
+#include "datasets/io/trajectory.h"
+#include "datasets/io/yaml.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct DatasetCamera {
+  fs::path dir;                                         // its pictures lie below it
+  std::vector<std::pair<int64_t, std::string>> images;  // time, file below `dir`
+  std::optional<BodyCamera> calibration;
+};
+
+struct Dataset {
+  std::vector<DatasetCamera> cameras;
+  bool camera_poses = false;  // poses are of the first camera, not of the body
+  fs::path times;             // of KITTI's poses
+  fs::path truth;             // ground truth of the folder, or empty
+};
+
+fs::path EurocRoot(const fs::path& folder) { return fs::exists(folder / "mav0") ? folder / "mav0" : folder; }
+
+// `time, file` lines, separated by commas or spaces.
+std::vector<std::pair<int64_t, std::string>> ReadImageTimes(const fs::path& file) {
+  std::vector<std::pair<int64_t, std::string>> images;
+  const std::string text = ReadTextFile(file);
+  int number = 1;
+  for (size_t at = 0; at < text.size(); ++number) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
+    at = end + 1;
+    if (line.empty() || line.front() == '#') continue;
+    const size_t gap = line.find_first_of(", \t");
+    const std::string name(gap == std::string_view::npos ? "" : Trim(line.substr(gap + 1)));
+    const fs::path normal = fs::path(name).lexically_normal();
+    if (name.empty() || normal.is_absolute() || *normal.begin() == "..") {
+      throw InputError(FileLine(file, number) + ": expected 'time file', the file below " +
+                       file.parent_path().string() + ", found '" + std::string(line.substr(0, 100)) + "'");
+    }
+    try {
+      images.emplace_back(ParseSecondsToNs(line.substr(0, gap)), name);
+    } catch (const InputError& e) {
+      throw InputError(FileLine(file, number) + ": " + e.what());
+    }
+  }
+  return images;
+}
+
+// sensor.yaml: OpenCV's kind of YAML, with T_BS = body_from_camera.
+BodyCamera EurocCamera(const fs::path& file, const std::string& name) {
+  std::string text = ReadTextFile(file);
+  if (text.starts_with("%YAML")) text.replace(0, std::min(text.find('\n'), text.size()), "");
+  YAML::Node node;
+  try {
+    node = YAML::Load(text);
+  } catch (const YAML::Exception& e) {
+    throw InputError(FileLine(file, e.mark.line + 1) + ": not valid YAML: " + e.msg);
+  }
+  const YamlMap map = YamlMap::AnyKeys(file, node);
+  const std::vector<double> f = map.Numbers("intrinsics", 4), size = map.Numbers("resolution", 2),
+                            t = map.MapOfAnyKeys("T_BS").Numbers("data", 16);
+  std::string model = map.Text("distortion_model");
+  if (model == "radial-tangential") model = "radtan";
+  BodyCamera camera;
+  camera.name = name;
+  camera.camera =
+      OpenCvCamera(file.string(), {f[0], 0, f[2], 0, f[1], f[3], 0, 0, 1}, map.Numbers("distortion_coefficients"),
+                   model, static_cast<int>(size[0]), static_cast<int>(size[1]));
+  const Eigen::Matrix4d body_from_cam = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data());
+  camera.cam_from_body =
+      Rigid3d(Eigen::Quaterniond(body_from_cam.topLeftCorner<3, 3>()), body_from_cam.topRightCorner<3, 1>()).Inverse();
+  camera.has_extrinsics = true;
+  return camera;
+}
+
+Dataset ReadEuroc(const fs::path& folder) {
+  const fs::path root = EurocRoot(folder);
+  Dataset dataset;
+  for (int i = 0; fs::exists(root / fmt::format("cam{}", i) / "sensor.yaml"); ++i) {
+    const fs::path dir = root / fmt::format("cam{}", i);
+    dataset.cameras.push_back(
+        {dir / "data", ReadImageTimes(dir / "data.csv"), EurocCamera(dir / "sensor.yaml", fmt::format("cam{}", i))});
+  }
+  dataset.truth = root / "state_groundtruth_estimate0" / "data.csv";
+  return dataset;
+}
+
+BodyCamera ForwardCamera(const std::string& name, Camera camera) {
+  return {name, std::move(camera), ForwardCamFromBody(), true, 0, {}};
+}
+
+Dataset ReadTumRgbd(const fs::path& folder) {
+  // The calibrations that the data set's page states for the colour cameras; those of freiburg3 are undistorted.
+  static const std::map<std::string, std::vector<double>> kCameras = {
+      {"freiburg1", {517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633}},
+      {"freiburg2", {520.9, 521.0, 325.1, 249.7, 0.2312, -0.7849, -0.0033, -0.0001, 0.9172}},
+      {"freiburg3", {535.4, 539.2, 320.1, 247.6}}};
+  Dataset dataset;
+  dataset.camera_poses = true;
+  dataset.truth = folder / "groundtruth.txt";
+  DatasetCamera& camera = dataset.cameras.emplace_back();
+  camera.dir = folder;
+  camera.images = ReadImageTimes(folder / "rgb.txt");
+  for (const auto& [name, p] : kCameras) {
+    if (fs::absolute(folder).string().find(name) == std::string::npos) continue;
+    camera.calibration =
+        ForwardCamera("cam0", {p.size() > 4 ? CameraModel::kRadtan : CameraModel::kPinhole, 640, 480, p});
+  }
+  return dataset;
+}
+
+// Rows "P0: 12 numbers" of calib.txt.
+std::map<std::string, std::vector<double>> ReadProjections(const fs::path& file) {
+  std::map<std::string, std::vector<double>> projections;
+  const std::string text = ReadTextFile(file);
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::vector<std::string_view> fields = SplitFields(Trim(std::string_view(text).substr(at, end - at)));
+    at = end + 1;
+    if (fields.size() != 13) continue;
+    std::vector<double>& values = projections[std::string(fields[0].substr(0, fields[0].find(':')))];
+    for (size_t i = 1; i < 13; ++i) values.push_back(ParseDouble(fields[i]).value_or(0));
+  }
+  return projections;
+}
+
+// A stereo pair of rectified cameras: the grey one, else the coloured one.
+Dataset ReadKitti(const fs::path& folder) {
+  Dataset dataset;
+  dataset.camera_poses = true;
+  dataset.times = folder / "times.txt";
+  const auto projections = ReadProjections(folder / "calib.txt");
+  const int first = fs::exists(folder / "image_0") ? 0 : 2;
+  std::vector<int64_t> stamps;
+  const std::string times = ReadTextFile(dataset.times);
+  for (std::string_view field : SplitFields(times)) stamps.push_back(ParseSecondsToNs(field));
+  Rigid3d first_from_reference;
+  for (int i = first; i < first + 2 && fs::exists(folder / fmt::format("image_{}", i)); ++i) {
+    const auto p = projections.find(fmt::format("P{}", i));
+    if (p == projections.end() || !(p->second[0] > 0) || !(p->second[5] > 0)) {
+      throw InputError((folder / "calib.txt").string() + fmt::format(": expected a row 'P{}:' of 12 numbers", i));
+    }
+    const std::vector<double>& m = p->second;
+    DatasetCamera camera;
+    camera.dir = folder / fmt::format("image_{}", i);
+    for (size_t k = 0; k < stamps.size(); ++k) camera.images.emplace_back(stamps[k], fmt::format("{:06d}.png", k));
+    const PhotoMetadata size = ReadPhotoMetadata(camera.dir / camera.images.at(0).second);
+    BodyCamera calibration = ForwardCamera(fmt::format("cam{}", i - first),
+                                           {CameraModel::kPinhole, size.width, size.height, {m[0], m[5], m[2], m[6]}});
+    // P = K [I | t], t from camera 0, whose poses are given.
+    const Eigen::Vector3d t((m[3] - m[2] * m[11]) / m[0], (m[7] - m[6] * m[11]) / m[5], m[11]);
+    calibration.cam_from_body = Rigid3d(Eigen::Quaterniond::Identity(), t) * calibration.cam_from_body;
+    camera.calibration = std::move(calibration);
+    dataset.cameras.push_back(std::move(camera));
+  }
+  return dataset;
+}
+
+// KITTI's rows have twelve numbers.
+Trajectory ReadPoses(const fs::path& file, const fs::path& times) {
+  const std::string text = ReadTextFile(file);
+  const bool kitti = SplitFields(std::string_view(text).substr(0, text.find('\n'))).size() == 12;
+  if (!kitti) return ReadTrajectory(file);
+  if (times.empty()) throw InputError(file.string() + ": KITTI's poses have no times; expected rows with times");
+  return ReadKittiTrajectory(file, times);
+}
+
+void WriteOdometry(const Dataset& dataset, const fs::path& file, const fs::path& dir, ImportReport* report) {
+  Trajectory trajectory = ReadPoses(file, dataset.times);
+  // The body of a camera without another one looks along x.
+  if (dataset.camera_poses) {
+    for (TimedPose& pose : trajectory.poses) pose.target_from_body = pose.target_from_body * ForwardCamFromBody();
+  }
+  report->warnings.insert(report->warnings.end(), trajectory.warnings.begin(), trajectory.warnings.end());
+  WriteTum(dir / "odometry.tum", trajectory.poses, {"from " + file.filename().string()});
+  report->lines.push_back(fmt::format("odometry: {} poses from {}", trajectory.poses.size(), file.string()));
+}
+
+}  // namespace
+
+std::string DatasetKind(const fs::path& folder) {
+  const auto has = [](const fs::path& file) {
+    std::error_code ignored;
+    return fs::exists(file, ignored);
+  };
+  if (has(EurocRoot(folder) / "cam0" / "sensor.yaml")) return "euroc";
+  if (has(folder / "rgb.txt")) return "tum-rgbd";
+  const bool images = has(folder / "image_0") || has(folder / "image_2");
+  return images && has(folder / "times.txt") && has(folder / "calib.txt") ? "kitti" : "";
+}
+
+ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, const DatasetRunOptions& options) {
+  if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
+  RunFolder run(site, options.run);
+  const std::string kind = DatasetKind(folder);
+  if (kind.empty()) throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D or KITTI odometry");
+  Dataset dataset = kind == "euroc" ? ReadEuroc(folder) : kind == "kitti" ? ReadKitti(folder) : ReadTumRgbd(folder);
+  ImportReport report;
+  std::vector<BodyCamera> cameras;
+  if (!options.cameras.empty()) cameras = ReadCameraFile(options.cameras, 0, 0).cameras;
+  std::vector<RunImage> images;
+  fs::create_directories(run.dir() / "images");
+  for (size_t i = 0; i < dataset.cameras.size(); ++i) {
+    const DatasetCamera& camera = dataset.cameras[i];
+    const std::string name = fmt::format("cam{}", i);
+    fs::create_directory_symlink(fs::canonical(camera.dir), run.dir() / "images" / name);
+    for (size_t k = 0; k < camera.images.size(); k += static_cast<size_t>(options.every)) {
+      const auto& [stamp, file] = camera.images[k];
+      images.push_back({stamp, "images/" + name + "/" + file, name});
+    }
+    if (options.cameras.empty() && camera.calibration) cameras.push_back(*camera.calibration);
+  }
+  if (images.empty()) throw InputError(folder.string() + ": no image is listed");
+  if (cameras.size() == dataset.cameras.size()) {
+    WriteCamchain(run.dir() / "camchain.yaml", cameras,
+                  {"cameras of " + folder.filename().string() + " (" + kind + ")"});
+  } else {
+    report.warnings.push_back("the calibration of these cameras is not known; name one by --cameras");
+    for (RunImage& image : images) image.camera.clear();
+  }
+  WriteImageList(run.dir(), images, "from " + folder.string());
+  report.lines.push_back(fmt::format("{}: {} images of {} cameras", kind, images.size(), dataset.cameras.size()));
+  if (!options.odometry.empty()) WriteOdometry(dataset, options.odometry, run.dir(), &report);
+  if (options.odometry.empty()) report.lines.push_back("no odometry: name a file of poses by --odometry");
+  if (fs::exists(dataset.truth))
+    report.lines.push_back("ground truth, for `trigpoint trajectory`: " + dataset.truth.string());
+  const fs::path dir = run.Complete();
+  for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());
+  std::sort(report.files.begin(), report.files.end());
+  return report;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,28 @@
+// A run made of a folder of a public data set: EuRoC, TUM RGB-D, KITTI odometry.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "datasets/import/colmap_run.h"
+
+namespace trigpoint {
+
+// "euroc" (mav0/cam0/sensor.yaml, or cam0/sensor.yaml), "tum-rgbd" (rgb.txt), "kitti" (times.txt, calib.txt,
+// image_0 or image_2); "" for anything else.
+std::string DatasetKind(const std::filesystem::path& folder);
+
+struct DatasetRunOptions {
+  std::string run;                 // name of the run to be made
+  std::filesystem::path odometry;  // poses, or empty: of the body (EuRoC), of the first camera (TUM, KITTI)
+  std::filesystem::path cameras;   // calibrations in place of the folder's, or empty
+  int every = 1;                   // of each camera every n-th image
+};
+
+// Writes SITE/runs/<run>/: images/<camera> (links), images.txt, camchain.yaml, odometry.tum. Poses are TUM's or EuRoC's
+// rows, or KITTI's matrices, whose times are the folder's times.txt. Ground truth of the folder is not taken, only
+// named. Throws InputError; a failed import leaves nothing.
+ImportReport ImportDatasetRun(const std::filesystem::path& site, const std::filesystem::path& folder,
+                              const DatasetRunOptions& options);
+
+}  // namespace trigpoint

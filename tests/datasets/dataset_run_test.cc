@@ -1,0 +1,126 @@
+// Folders of public data sets as runs.
+#include "datasets/import/dataset_run.h"
+
+#include <gmock/gmock.h>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "datasets/io/site.h"
+#include "datasets/io/text.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+void WritePicture(const fs::path& file, int width, int height) {
+  fs::create_directories(file.parent_path());
+  cv::imwrite(file.string(), cv::Mat(height, width, CV_8UC1, cv::Scalar(90)));
+}
+
+// A camera at the body's origin that looks ahead.
+Rigid3d Forward() { return {Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), Eigen::Vector3d::Zero()}; }
+
+TEST(DatasetRun, Euroc) {
+  const TempDir dir;
+  for (int i = 0; i < 2; ++i) {
+    const std::string cam = "MH_01/mav0/cam" + std::to_string(i);
+    dir.Write(cam + "/sensor.yaml",
+              "%YAML:1.0\n# rig\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, 0, 1, 0.1,\n   -1, 0, "
+              "0, 0.2,\n   0, -1, 0, " +
+                  std::to_string(i) +
+                  ",\n   0, 0, 0, 1]\n"
+                  "rate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\nintrinsics: [458.654, 457.296, 367.215, "
+                  "248.375]\n"
+                  "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0.0002, 1.7e-05]\n");
+    std::string rows = "#timestamp [ns],filename\r\n";
+    for (int k = 0; k < 4; ++k) {
+      const std::string stamp = "140363657976355558" + std::to_string(k);
+      rows += stamp + "," + stamp + ".png\r\n";
+      WritePicture(dir / (cam + "/data/" + stamp + ".png"), 752, 480);
+    }
+    dir.Write(cam + "/data.csv", rows);
+  }
+  dir.Write("MH_01/mav0/state_groundtruth_estimate0/data.csv",
+            "#timestamp, p_x, p_y, p_z, q_w, q_x, q_y, "
+            "q_z\n1403636579763555580,1,2,3,1,0,0,0\n1403636579763555583,2,2,3,1,0,0,0\n");
+  EXPECT_EQ(DatasetKind(dir / "MH_01"), "euroc");
+  const fs::path site = dir / "site";
+  const ImportReport report =
+      ImportDatasetRun(site, dir / "MH_01", {"mh1", dir / "MH_01/mav0/state_groundtruth_estimate0/data.csv", "", 2});
+  EXPECT_THAT(Joined(report.lines), HasSubstr("euroc: 4 images of 2 cameras"));
+  const trigpoint::Run run = ReadRun(site / "runs/mh1", site);
+  ASSERT_EQ(run.images.size(), 4u);
+  EXPECT_EQ(run.images[2].stamp_ns, 1403636579763555582);
+  ASSERT_EQ(run.cameras.size(), 2u);
+  EXPECT_EQ(run.cameras[1].camera.params()[4], -0.28);
+  EXPECT_LT((run.cameras[1].cam_from_body.TargetOriginInSource() - Eigen::Vector3d(0.1, 0.2, 1)).norm(), 1e-9);
+  EXPECT_EQ(run.odometry.poses.at(1).target_from_body.translation, Eigen::Vector3d(2, 2, 3));
+}
+
+TEST(DatasetRun, TumRgbd) {
+  const TempDir dir;
+  const std::string from = "rgbd_dataset_freiburg1_desk";
+  dir.Write(from + "/rgb.txt",
+            "# color images\n# timestamp filename\n1305031452.791720 rgb/1305031452.791720.png\n1305031452.823674 "
+            "rgb/1305031452.823674.png\n");
+  for (const char* name : {"1305031452.791720", "1305031452.823674"})
+    WritePicture(dir / (from + "/rgb/" + name + ".png"), 640, 480);
+  const fs::path poses = dir.Write("vo.txt", "1305031452.79 1 2 3 0 0 0 1\n1305031452.83 1 2 4 0 0 0 1\n"),
+                 site = dir / "site";
+  EXPECT_EQ(DatasetKind(dir / from), "tum-rgbd");
+  ImportDatasetRun(site, dir / from, {"desk", poses, "", 1});
+  const trigpoint::Run run = ReadRun(site / "runs/desk", site);
+  ASSERT_EQ(run.images.size(), 2u);
+  EXPECT_EQ(run.images[0].stamp_ns, 1305031452791720000);
+  EXPECT_EQ(run.cameras.at(0).camera.params()[0], 517.3);
+  // The file has the camera's poses: the camera is where it says.
+  const Rigid3d odom_from_cam = run.odometry.poses.at(1).target_from_body * run.cameras[0].cam_from_body.Inverse();
+  EXPECT_LT(odom_from_cam.Minus({Eigen::Quaterniond::Identity(), {1, 2, 4}}).norm(), 1e-9);
+  // An unknown camera needs a calibration.
+  fs::rename(dir / from, dir / "desk");
+  EXPECT_THAT(Joined(ImportDatasetRun(site, dir / "desk", {"desk2", "", "", 1}).warnings),
+              HasSubstr("name one by --cameras"));
+  dir.Write("desk/rgb.txt", "1.0 ../../etc/passwd\n");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportDatasetRun(site, dir / "desk", {"desk3", "", "", 1});
+              }),
+              HasSubstr("rgb.txt:1: expected 'time file'"));
+  EXPECT_FALSE(fs::exists(site / "runs/desk3"));
+}
+
+TEST(DatasetRun, KittiOdometry) {
+  const TempDir dir;
+  dir.Write("00/calib.txt", "P0: 700 0 600 0 0 710 180 0 0 0 1 0\nP1: 700 0 600 -378 0 710 180 0 0 0 1 0\nTr: 1 0\n");
+  dir.Write("00/times.txt", "0.000000e+00\n1.036224e-01\n2.072e-01\n");
+  for (int i = 0; i < 2; ++i) {
+    for (int k = 0; k < 3; ++k)
+      WritePicture(dir / ("00/image_" + std::to_string(i) + "/00000" + std::to_string(k) + ".png"), 1241, 376);
+  }
+  const fs::path poses = dir.Write("poses/00.txt",
+                                   "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0.9\n1 0 0 0 0 1 0 0 0 0 1 1.8\n"),
+                 site = dir / "site";
+  EXPECT_EQ(DatasetKind(dir / "00"), "kitti");
+  ImportDatasetRun(site, dir / "00", {"k0", poses, "", 1});
+  const trigpoint::Run run = ReadRun(site / "runs/k0", site);
+  ASSERT_EQ(run.images.size(), 6u);
+  EXPECT_EQ(run.images[2].stamp_ns, 103622400);
+  ASSERT_EQ(run.cameras.size(), 2u);
+  EXPECT_EQ(run.cameras[0].camera.params(), (std::vector<double>{700, 710, 600, 180}));
+  // The right camera is 0.54 m to the right of the left one, which looks ahead and moves ahead.
+  EXPECT_LT(run.cameras[0].cam_from_body.Minus(Forward()).norm(), 1e-9);
+  EXPECT_LT((run.cameras[1].cam_from_body.TargetOriginInSource() - Eigen::Vector3d(0, -0.54, 0)).norm(), 1e-9);
+  const Rigid3d moved = run.odometry.poses.at(0).target_from_body.Inverse() * run.odometry.poses.at(2).target_from_body;
+  EXPECT_LT((moved.translation - Eigen::Vector3d(1.8, 0, 0)).norm(), 1e-9);
+  dir.Write("poses/00.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportDatasetRun(site, dir / "00", {"k1", poses, "", 1});
+              }),
+              HasSubstr("expected one time for each pose"));
+  EXPECT_FALSE(fs::exists(site / "runs/k1"));
+}
+
+}  // namespace
+}  // namespace trigpoint
