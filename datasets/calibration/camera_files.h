@@ -28,8 +28,8 @@ struct CameraFile {
 // and what is missing.
 CameraFile ReadCameraFile(const std::filesystem::path& file, int width = 0, int height = 0);
 
-// A camera from K (3 x 3, by rows) and coefficients in OpenCV's order; `model` as above, "" by their number. `where` begins
-// the messages of InputError.
+// A camera from K (3 x 3, by rows) and coefficients in OpenCV's order; `model` as above, "" by their number. `where`
+// begins the messages of InputError.
 Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std::vector<double> d, std::string model,
                     int width, int height);
 

@@ -182,7 +182,7 @@ class BagImport {
       stream.width = picture.cols;
       stream.height = picture.rows;
       file += ".png";
-      cv::imencode(".png", picture, encoded_, {cv::IMWRITE_PNG_COMPRESSION, 1});
+      cv::imencode(".png", picture, encoded_);
       WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
     }
     images_.push_back({stamp, file, stream.name});
