@@ -7,5 +7,6 @@ namespace trigpoint {
 
 void AddPrintCommand(CLI::App& app, Session& session);
 void AddPlanCommand(CLI::App& app, Session& session);
+void AddCheckCommand(CLI::App& app, Session& session);
 
 }  // namespace trigpoint

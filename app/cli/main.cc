@@ -79,6 +79,7 @@ int Launch(int argc, char** argv) {
   AddCompletionCommand(app, session);
   AddPrintCommand(app, session);
   AddPlanCommand(app, session);
+  AddCheckCommand(app, session);
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());

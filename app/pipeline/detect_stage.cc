@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "app/pipeline/detection_json.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/memory.h"
@@ -55,11 +56,7 @@ std::string Packed(const DetectTagsResult& result) {
   nlohmann::json images = nlohmann::json::array();
   for (const ImageTags& image : result.images) {
     nlohmann::json tags = nlohmann::json::array();
-    for (const TagDetection& t : image.detections) {
-      nlohmann::json corners = nlohmann::json::array();
-      for (const Eigen::Vector2d& c : t.corners) corners.insert(corners.end(), {c.x(), c.y()});
-      tags.push_back({t.family, t.id, t.hamming, t.margin, corners, t.corner_sigma_px, t.refined});
-    }
+    for (const TagDetection& t : image.detections) tags.push_back(JsonOf(t));
     images.push_back({image.usable, image.problem, tags});
   }
   std::string bytes;
@@ -74,18 +71,7 @@ DetectTagsResult Unpacked(const std::string& bytes) {
     ImageTags image;
     image.usable = i.at(0);
     image.problem = i.at(1);
-    for (const nlohmann::json& t : i.at(2)) {
-      TagDetection tag;
-      tag.family = t.at(0);
-      tag.id = t.at(1);
-      tag.hamming = t.at(2);
-      tag.margin = t.at(3);
-      for (size_t k = 0; k < 4; ++k)
-        tag.corners[k] = {t.at(4).at(2 * k).get<double>(), t.at(4).at(2 * k + 1).get<double>()};
-      tag.corner_sigma_px = t.at(5);
-      tag.refined = t.at(6);
-      image.detections.push_back(tag);
-    }
+    for (const nlohmann::json& t : i.at(2)) image.detections.push_back(DetectionOf(t));
     result.images.push_back(std::move(image));
   }
   result.unusable = all.at(1);

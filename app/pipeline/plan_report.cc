@@ -188,6 +188,11 @@ class Map {
       ++rank;
       if (!gain.world_m) continue;
       const auto [x, y] = At(*gain.world_m);
+      if (gain.heading_rad) {
+        const double length = 20;
+        drawing_.Line({{x, y}, {x + length * std::sin(*gain.heading_rad), y - length * std::cos(*gain.heading_rad)}},
+                      kGreen, 3);
+      }
       drawing_.Circle(x, y, 8, kGreen, 0.9);
       drawing_.Text(x, y + 4, std::to_string(rank), 0, 11, "#ffffff", true);
     }

@@ -16,19 +16,6 @@ constexpr double kAside_m = 4;      // of such a place from the path
 constexpr double kApart_m = 2;      // from the tags that are there
 constexpr int kFirstNewId = 1000000;
 
-// RMS sigma of the tags that `before` has, so that more tags are not counted as better or worse by themselves.
-double RmsOf(const NetworkPrediction& prediction, const NetworkPrediction& before) {
-  double sum = 0;
-  int n = 0;
-  for (const TagPrediction& tag : before.tags) {
-    if (!tag.tied) continue;
-    for (const TagPrediction& now : prediction.tags) {
-      if (now.tag_id == tag.tag_id && now.tied) sum += now.covariance.diagonal().tail<3>().sum(), ++n;
-    }
-  }
-  return n > 0 ? std::sqrt(sum / n) : 0;
-}
-
 // Sketched places, else places beside the paths, facing them, evenly spread.
 std::map<std::string, Rigid3d> Places(const PlanLayout& layout) {
   if (!layout.candidates.empty()) return layout.candidates;
@@ -159,7 +146,7 @@ class Planner {
     context_.progress.Begin("one more of " + what, static_cast<int64_t>(choices.size()));
     std::vector<PlanGain> gains;
     for (Choice& choice : choices) {
-      choice.gain.rms_after_m = RmsOf(Predict(choice.layout), findings_.prediction);
+      choice.gain.rms_after_m = Predict(choice.layout).RmsSigmaOf(findings_.prediction);
       gains.push_back(choice.gain);
       context_.progress.Advance(1);
     }
@@ -181,7 +168,7 @@ class Planner {
         const bool taken = std::any_of(findings_.suggestions.begin(), findings_.suggestions.end(),
                                        [&](const PlanGain& g) { return g.what == choice.gain.what; });
         if (taken && options_.suggest == "tags") continue;
-        choice.gain.rms_after_m = RmsOf(Predict(choice.layout), findings_.prediction);
+        choice.gain.rms_after_m = Predict(choice.layout).RmsSigmaOf(findings_.prediction);
         if (choice.gain.rms_after_m < best) best = choice.gain.rms_after_m, chosen = &choice;
       }
       if (chosen == nullptr) break;
@@ -202,7 +189,7 @@ class Planner {
     }
     findings_.suggestion_note = fmt::format(
         "chosen one after the other among the places tried; no choice of {} among them gives less than {:.1f} mm",
-        options_.count, 1e3 * RmsOf(Predict(all), findings_.prediction));
+        options_.count, 1e3 * Predict(all).RmsSigmaOf(findings_.prediction));
   }
 
   void SuggestKnownPoints() {

@@ -216,11 +216,11 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
 }
 
 void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
-            SurveyJob* job) {
+            const DetectionsOfRuns* detections, SurveyJob* job) {
   StageTarget its = target;
   its.run = run.name;
   const fs::path file = ResultOf(project, "detect", its) / "detections.csv";
-  if (!fs::exists(file)) {
+  if (detections != nullptr ? !detections->contains(run.name) : !fs::exists(file)) {
     job->warnings.push_back("run " + run.name + " has no detections and takes no part");
     return;
   }
@@ -228,7 +228,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.name = run.name;
   survey.date = run.config.date;
   survey.cameras = run.cameras;
-  survey.images = ReadDetections(file, 0.5, &job->warnings);
+  survey.images = detections != nullptr ? detections->at(run.name) : ReadDetections(file, 0.5, &job->warnings);
   LeaveOutExcluded(project.review(), run.name, survey.images);
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
@@ -457,10 +457,10 @@ std::vector<const Run*> SurveyRuns(const Project& project) {
 }
 
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
-                        StageContext& context) {
+                        StageContext& context, const DetectionsOfRuns* detections) {
   SurveyJob job;
   job.input.sizes = project.site().tags;
-  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, &job);
+  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, detections, &job);
   if (options.photo_sets) AddPhotoSets(project, DetectorOptions(project, target), context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);

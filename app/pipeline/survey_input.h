@@ -55,8 +55,11 @@ struct SurveyJob {
   std::vector<std::string> warnings;
 };
 
+// Detections by run, where they are not those of the stage `detect`.
+using DetectionsOfRuns = std::map<std::string, std::vector<ImageDetections>>;
+
 // Throws InputError, OptionError.
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
-                        StageContext& context);
+                        StageContext& context, const DetectionsOfRuns* detections = nullptr);
 
 }  // namespace trigpoint

@@ -84,6 +84,13 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
   for (size_t p = 0; p < layout.passes.size(); ++p) {
     const PlannedPass& pass = layout.passes[p];
     Random random(seed + 7919 * p);
+    if (pass.seen) {
+      for (PlannedSight sight : *pass.seen) {
+        sight.pass = static_cast<int>(p);
+        sights.push_back(std::move(sight));
+      }
+      continue;
+    }
     for (size_t f = 0; f < pass.world_from_body.size(); ++f) {
       const Rigid3d& body = pass.world_from_body[f].target_from_body;
       const Motion motion = MotionAt(pass.world_from_body, f);

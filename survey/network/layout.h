@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,14 @@
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
+
+// A tag in a picture, as it should appear.
+struct PlannedSight {
+  int pass = 0, frame = 0, camera = 0;  // index into passes, world_from_body, cameras
+  int tag_id = -1;
+  double side_px = 0, angle_deg = 0, blur_px = 0;
+  TagDetection detection;  // exact corners with their sigma
+};
 
 // One run past the site.
 struct PlannedPass {
@@ -22,6 +31,8 @@ struct PlannedPass {
   // translation, body axes.
   double corner_factor = 1;
   Vector6d odometry_factor = Vector6d::Ones();
+  // What its pictures showed, if they are taken: sigmas as they are, `pass` means nothing. Else geometry says it.
+  std::optional<std::vector<PlannedSight>> seen;
 };
 
 struct NetworkLayout {
@@ -72,14 +83,6 @@ struct NetworkOptions {
     visit(self.tie_length, {"tie_length", "", 2.0, 1000.0, "pictures in a row that see a scene point, mean"});
   }
   std::vector<std::string> Check() const;
-};
-
-// A tag in a picture, as it should appear.
-struct PlannedSight {
-  int pass = 0, frame = 0, camera = 0;  // index into passes, world_from_body, cameras
-  int tag_id = -1;
-  double side_px = 0, angle_deg = 0, blur_px = 0;
-  TagDetection detection;  // exact corners with their sigma
 };
 
 // A scene point in a picture.

@@ -355,6 +355,18 @@ Eigen::MatrixXd Observed(const Eigen::MatrixXd& joint, Eigen::Index index, const
 
 double NetworkPrediction::RmsSigma() const { return Rms(joint); }
 
+double NetworkPrediction::RmsSigmaOf(const NetworkPrediction& before) const {
+  double sum = 0;
+  int n = 0;
+  for (const TagPrediction& tag : before.tags) {
+    if (!tag.tied) continue;
+    for (const TagPrediction& now : tags) {
+      if (now.tag_id == tag.tag_id && now.tied) sum += now.covariance.diagonal().tail<3>().sum(), ++n;
+    }
+  }
+  return n > 0 ? std::sqrt(sum / n) : 0;
+}
+
 NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed, int threads,
                                  const CancelToken& cancel) {
   const std::vector<std::string> problems = options.Check();

@@ -65,6 +65,8 @@ struct NetworkPrediction {
   std::vector<std::string> warnings;
   // Root mean square over tied tags of the 3D position sigma.
   double RmsSigma() const;
+  // The same over the tags that `before` has tied, so that more tags are not counted as better or worse by themselves.
+  double RmsSigmaOf(const NetworkPrediction& before) const;
 };
 
 // Throws InputError where nothing can be predicted (no pass sees a tag), OptionError, NumericError, Cancelled.

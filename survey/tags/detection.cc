@@ -14,6 +14,7 @@
 #include "calib/camera/pixel_convention.h"
 #include "survey/tags/corner_refinement.h"
 #include "survey/tags/tag_family.h"
+#include "survey/tags/tag_finder.h"
 
 namespace trigpoint {
 namespace {
@@ -82,33 +83,50 @@ class Detector {
   std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector_;
 };
 
-// Detectors handed out to workers and given back.
-class DetectorPool {
- public:
-  explicit DetectorPool(const DetectTagsOptions& options) : options_(options) {}
+}  // namespace
+
+// Detectors are handed out to threads and given back.
+struct TagFinder::Pool {
+  explicit Pool(const DetectTagsOptions& its) : options(its) {}
   std::unique_ptr<Detector> Take() {
     {
-      const std::lock_guard lock(mutex_);
-      if (!idle_.empty()) {
-        std::unique_ptr<Detector> detector = std::move(idle_.back());
-        idle_.pop_back();
+      const std::lock_guard lock(mutex);
+      if (!idle.empty()) {
+        std::unique_ptr<Detector> detector = std::move(idle.back());
+        idle.pop_back();
         return detector;
       }
     }
-    return std::make_unique<Detector>(options_);
+    return std::make_unique<Detector>(options);
   }
   void Give(std::unique_ptr<Detector> detector) {
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(detector));
+    const std::lock_guard lock(mutex);
+    idle.push_back(std::move(detector));
   }
-
- private:
-  const DetectTagsOptions& options_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Detector>> idle_;
+  const DetectTagsOptions options;
+  std::mutex mutex;
+  std::vector<std::unique_ptr<Detector>> idle;
 };
 
-}  // namespace
+TagFinder::TagFinder(const DetectTagsOptions& options) {
+  if (const std::vector<std::string> problems = options.Check(); !problems.empty()) throw OptionError(problems.front());
+  pool_ = std::make_unique<Pool>(options);
+}
+TagFinder::~TagFinder() = default;
+
+ImageTags TagFinder::Find(const std::function<cv::Mat()>& picture, const Camera* camera, int64_t* refused) {
+  ImageTags tags;
+  try {
+    const cv::Mat grey = picture();
+    if (grey.empty() || grey.type() != CV_8UC1) throw InputError("the picture is not a grey 8-bit one");
+    std::unique_ptr<Detector> detector = pool_->Take();
+    tags = detector->Detect(grey, camera, refused);
+    pool_->Give(std::move(detector));
+  } catch (const InputError& error) {
+    tags.problem = error.what();
+  }
+  return tags;
+}
 
 double TagDetection::SigmaPx() const {
   double sum = 0;
@@ -135,23 +153,13 @@ std::vector<std::string> DetectTagsOptions::Check() const {
 DetectTagsResult DetectTags(int64_t count, const PictureSource& picture, const CameraSource& camera,
                             const DetectTagsOptions& options, int threads, ProgressSink& progress,
                             const CancelToken& cancel) {
-  if (const std::vector<std::string> problems = options.Check(); !problems.empty()) throw OptionError(problems.front());
+  TagFinder finder(options);
   DetectTagsResult result;
   result.images.resize(count);
   std::vector<int64_t> refused(count, 0);
-  DetectorPool pool(options);
   progress.Begin("detecting tags", count);
   ParallelFor(count, threads, cancel, [&](int64_t i) {
-    ImageTags& out = result.images[i];
-    try {
-      const cv::Mat grey = picture(i);
-      if (grey.empty() || grey.type() != CV_8UC1) throw InputError("the picture is not a grey 8-bit one");
-      std::unique_ptr<Detector> detector = pool.Take();
-      out = detector->Detect(grey, camera ? camera(i) : nullptr, &refused[i]);
-      pool.Give(std::move(detector));
-    } catch (const InputError& error) {
-      out.problem = error.what();
-    }
+    result.images[i] = finder.Find([&] { return picture(i); }, camera ? camera(i) : nullptr, &refused[i]);
     progress.Advance(1);
   });
   for (int64_t i = 0; i < count; ++i) {

@@ -43,7 +43,7 @@ std::map<std::string, std::string> States(const fs::path& dir) {
 TEST(Cli, HelpNamesWhatIsBuiltAndNothingElse) {
   const Finished help = Trigpoint({"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"demo", "init", "status", "run", "detect", "print", "plan"}) {
+  for (const char* command : {"demo", "init", "status", "run", "detect", "print", "plan", "check"}) {
     EXPECT_THAT(help.out, HasSubstr(std::string("\n  ") + command + " "));
     const Finished own = Trigpoint({command, "--help"});
     EXPECT_EQ(own.exit_code, 0);

@@ -1,0 +1,394 @@
+#include "app/pipeline/check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "app/pipeline/gates_stage.h"
+#include "app/pipeline/reference_tags.h"
+#include "app/pipeline/survey_input.h"
+#include "datasets/io/image.h"
+#include "datasets/io/photo_sets.h"
+#include "datasets/io/site_sketch.h"
+#include "eval/trajectory.h"
+#include "localize/odometry_unit.h"
+#include "survey/panorama/stitch.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kAdvice = 3;
+constexpr size_t kLeastPosed = 10;       // pictures placed by tags alone, for the clock
+constexpr double kMostOffset_s = 1.5;    // of odometry's clock that is looked for
+constexpr double kLeastOffset_s = 0.05;  // that matters
+// Photo sets are looked at coarsely: whether the ring is closed shows at any size.
+constexpr int kSetFeatures = 1200, kSetSide_px = 1000;
+
+// `used` pictures of the tags, with the sigmas that the map found.
+std::vector<PlannedSight> SightsSeen(const SurveyInput& input, const SurveyResult& map, size_t run,
+                                     const PlannedPass& pass, double extra_sigma_px) {
+  const auto frame_at = [&](int64_t stamp_ns) {
+    const auto it = std::lower_bound(pass.world_from_body.begin(), pass.world_from_body.end(), stamp_ns,
+                                     [](const TimedPose& p, int64_t s) { return p.stamp_ns < s; });
+    return it != pass.world_from_body.end() && it->stamp_ns == stamp_ns
+               ? static_cast<int>(it - pass.world_from_body.begin())
+               : -1;
+  };
+  std::set<std::tuple<int64_t, int, int>> used;
+  for (const SightResidual& sight : map.sights) {
+    if (sight.used && sight.run == static_cast<int>(run)) used.insert({sight.stamp_ns, sight.camera, sight.tag_id});
+  }
+  std::vector<PlannedSight> sights;
+  const SurveyRun& its = input.runs[run];
+  for (const ImageDetections& image : its.images) {
+    const auto camera = std::find_if(its.cameras.begin(), its.cameras.end(),
+                                     [&](const BodyCamera& c) { return c.name == image.camera; });
+    const auto c = static_cast<int>(camera == its.cameras.end() ? 0 : camera - its.cameras.begin());
+    const int64_t stamp = image.stamp_ns + std::llround(its.cameras[static_cast<size_t>(c)].time_offset_s * 1e9);
+    const int frame = frame_at(stamp);
+    for (const TagDetection& d : image.detections) {
+      if (frame < 0 || !used.contains({stamp, c, d.id})) continue;
+      PlannedSight sight{0, frame, c, d.id};
+      sight.detection = d;
+      sight.side_px = 1e9;
+      for (size_t k = 0; k < 4; ++k) {
+        sight.side_px = std::min(sight.side_px, (d.corners[k] - d.corners[(k + 1) % 4]).norm());
+        // The factor counts for both parts of the sigma; the prediction adds the second one itself.
+        const double whole = pass.corner_factor * std::hypot(d.corner_sigma_px[k], extra_sigma_px);
+        sight.detection.corner_sigma_px[k] = std::sqrt(std::max(1e-6, whole * whole - extra_sigma_px * extra_sigma_px));
+      }
+      sights.push_back(std::move(sight));
+    }
+  }
+  return sights;
+}
+
+// The pictures' places by tags alone, against odometry.
+void FindClocks(const SurveyInput& input, const SurveyOptions& options, int threads, const CancelToken& cancel,
+                FieldFacts* facts) {
+  SurveyInput tags_alone = input;
+  for (SurveyRun& run : tags_alone.runs) run.odometry = {};
+  ProgressSink silent;
+  SurveyResult map;
+  try {
+    map = SurveyTags(tags_alone, options, threads, silent, cancel);
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const Error&) {  // too little is seen
+    return;
+  }
+  for (const RunAgreement& found : map.runs) {
+    const auto run = std::find_if(facts->runs.begin(), facts->runs.end(),
+                                  [&](const FieldRun& r) { return r.run->name == found.name; });
+    if (run == facts->runs.end() || found.world_from_body.size() < kLeastPosed) continue;
+    Trajectory posed;
+    posed.poses = found.world_from_body;
+    const auto offset = EstimateTimeOffset(run->run->odometry, posed, kMostOffset_s);
+    if (!offset) continue;
+    run->clock = {-offset->offset_s, offset->sigma_s,
+                  offset->significant && std::abs(offset->offset_s) > kLeastOffset_s};
+  }
+}
+
+// Does the camera fit the tags' squares? A map that may change the camera shows it.
+void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, int threads, const CancelToken& cancel,
+                      FieldFacts* facts) {
+  for (const RunAgreement& run : facts->map->runs) {
+    if (run.sights > 0) facts->calibrations.push_back({run.name, run.rms_px, run.corner_factor});
+  }
+  SurveyOptions free = options;
+  free.self_calibrate = true;
+  ProgressSink silent;
+  try {
+    const SurveyResult map = SurveyTags(input, free, threads, silent, cancel);
+    for (FieldCalibration& c : facts->calibrations) {
+      for (size_t r = 0; r < map.runs.size(); ++r) {
+        if (map.runs[r].name != c.run || !map.runs[r].camera) continue;
+        c.focal_change = std::log(map.runs[r].camera->params()[0] / input.runs[r].cameras.front().camera.params()[0]);
+        c.focal_sigma = map.runs[r].camera_sigma[0];
+      }
+    }
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const Error&) {  // too little is seen for it
+  }
+}
+
+// The widest part of the horizon without an optical axis, and the photos on either side of it.
+void FindGap(const StitchedRig& rig, FieldSet* set) {
+  std::vector<std::pair<double, std::string>> axes;
+  for (size_t i = 0; i < rig.photos.size(); ++i) {
+    if (!rig.state.photos[i].placed) continue;
+    const Eigen::Vector3d axis = rig.state.photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    axes.emplace_back(std::atan2(axis.x(), axis.z()), rig.photos[i].name);
+  }
+  std::sort(axes.begin(), axes.end());
+  double widest = 0;
+  for (size_t k = 0; k < axes.size(); ++k) {
+    const auto& next = axes[(k + 1) % axes.size()];
+    const double gap = next.first - axes[k].first + (k + 1 == axes.size() ? 2 * M_PI : 0);
+    if (gap > widest) widest = gap, set->before_gap = axes[k].second, set->after_gap = next.second;
+  }
+}
+
+FieldSet LookAtSet(const fs::path& dir, int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+  FieldSet set;
+  set.name = dir.filename().string();
+  try {
+    const PhotoSet photos = ReadPhotoSet(dir, set.name);
+    set.photos = static_cast<int>(photos.photos.size());
+    StitchOptions options;
+    options.max_features = kSetFeatures;
+    options.feature_size_px = kSetSide_px;
+    const StitchedRig rig = StitchPhotos(
+        photos, [](const Photo& photo) { return LoadPicture(photo.file, true); }, options, threads, seed, progress,
+        cancel);
+    set.placed = rig.placed;
+    set.full_turn = rig.closure.full_turn;
+    set.gap_deg = rig.closure.largest_gap_deg;
+    if (!set.full_turn) FindGap(rig, &set);
+  } catch (const InputError& e) {
+    set.problem = e.what();
+  } catch (const NumericError& e) {
+    set.problem = e.what();
+  }
+  return set;
+}
+
+}  // namespace
+
+SiteCheck::SiteCheck(const fs::path& dir, int threads, uint64_t seed)
+    : dir_(dir), out_(dir / "results" / "check"), threads_(threads), seed_(seed) {
+  if (!fs::is_directory(dir)) {
+    throw InputError(dir.string() + ": no such folder; expected the one that the recordings are copied to");
+  }
+  lock_ = std::make_unique<ProjectLock>(out_);
+}
+
+size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& cancel) {
+  problems_.clear();
+  project_ = std::make_shared<const Project>(Project::OpenTolerant(dir_, &problems_));
+  const DetectTagsOptions options = DetectorOptions(*project_, {});
+  if (!log_) {
+    log_ = std::make_unique<PictureLog>(out_ / "pictures.jsonl",
+                                        nlohmann::json{{"schema", 1}, {"detector", JsonFromOptions(options)}});
+  }
+  waiting_.clear();
+  std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
+  for (size_t k = most; k < pending.size(); ++k) ++waiting_[pending[k].run->name];
+  pending.resize(std::min(most, pending.size()));
+  if (!pending.empty()) LookAtPictures(pending, options, log_.get(), threads_, progress, cancel);
+  return pending.size();
+}
+
+std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
+  std::vector<std::pair<fs::path, FileStamp>> files;
+  const auto add = [&](const fs::path& folder) {
+    std::error_code ignored;
+    for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+      if (it->is_regular_file(ignored)) files.emplace_back(it->path(), StampOf(it->path()));
+    }
+  };
+  add(dir_);
+  for (const Run& run : project_->site().runs) add(run.dir);
+  for (const fs::path& set : PhotoSetFolders(dir_)) add(set);
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  return files;
+}
+
+bool SiteCheck::OthersChanged() const { return Others() != judged_; }
+
+void SiteCheck::AddPictures(CheckOutcome* outcome) const {
+  for (const Run& run : project_->site().runs) {
+    FieldRun field;
+    field.run = &run;
+    if (const auto waiting = waiting_.find(run.name); waiting != waiting_.end()) field.waiting = waiting->second;
+    std::map<fs::path, FileStamp> stamps;
+    for (const ImageEntry& image : run.images) {
+      const auto [it, fresh] = stamps.try_emplace(image.path);
+      if (fresh) it->second = StampOf(image.path);
+      const FieldPicture* seen = log_->Find(run.name, image.file, it->second);
+      if (seen == nullptr) continue;
+      field.pictures.push_back(*seen);
+      field.pictures.back().camera = image.camera;
+      field.pictures.back().stamp_ns = image.stamp_ns;
+    }
+    if (!run.detections.empty()) {
+      std::vector<std::string> warnings;
+      for (const ImageDetections& image : ReadDetections(run.detections, 0.5, &warnings)) {
+        FieldPicture picture;
+        picture.image = image.image;
+        picture.stamp_ns = image.stamp_ns;
+        for (size_t c = 0; c < run.cameras.size(); ++c) {
+          if (run.cameras[c].name == image.camera) picture.camera = static_cast<int>(c);
+        }
+        picture.tags = image.detections;
+        field.pictures.push_back(std::move(picture));
+      }
+    }
+    field.unit_problem = FindOtherUnit(run).value_or("");
+    outcome->pictures += static_cast<int>(field.pictures.size());
+    outcome->waiting += field.waiting;
+    outcome->facts.runs.push_back(std::move(field));
+  }
+}
+
+void SiteCheck::AddPlanned(FieldFacts* facts) const {
+  const auto add = [&](int id, const std::string& what) {
+    if (id < 0) return;
+    std::string& its = facts->planned[id].what;
+    if (!what.empty() && its.find(what) == std::string::npos) its += (its.empty() ? "" : ", ") + what;
+  };
+  const Site& site = project_->site();
+  for (const auto& [id, size] : site.tags.sizes_m) add(id, "");
+  for (const Station& station : site.stations) add(station.tag_id, "station " + station.name);
+  for (const ControlPoint& point : site.control_points) {
+    add(point.tag_id, point.control ? "control" : "check point");
+    if (point.tag_id < 0) continue;
+    if (point.local_m) facts->planned[point.tag_id].world_m = point.local_m;
+    if (point.geodetic && project_->has_frame()) {
+      facts->planned[point.tag_id].world_m = project_->frame().EnuFromGeodetic(*point.geodetic);
+    }
+  }
+  for (const char* name : {"plan.csv", "plan.geojson"}) {
+    if (!fs::is_regular_file(dir_ / name)) continue;
+    for (const SketchItem& item : ReadSiteSketch(dir_ / name)) {
+      if (item.kind == "tag") add(item.tag_id, "in " + std::string(name));
+    }
+    break;
+  }
+}
+
+void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const {
+  DetectionsOfRuns detections;
+  for (const FieldRun& run : facts->runs) {
+    std::vector<ImageDetections>& its = detections[run.run->name];
+    for (const FieldPicture& picture : run.pictures) {
+      const auto c = static_cast<size_t>(picture.camera);
+      ImageDetections image{picture.stamp_ns, picture.image,
+                            c < run.run->cameras.size() ? run.run->cameras[c].name : "cam0", picture.tags};
+      std::erase_if(image.detections, [&](const TagDetection& d) { return !(project_->site().tags.SizeOf(d.id) > 0); });
+      if (!image.detections.empty()) its.push_back(std::move(image));
+    }
+    if (its.empty() || run.run->cameras.empty()) detections.erase(run.run->name);
+  }
+  if (detections.empty()) return;  // each tag is named as missing
+  auto survey = ResolveOptions<SurveyStageOptions>(*project_, "survey", {});
+  survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;
+  nlohmann::json metrics;
+  StageContext context{*project_, out_, threads_, seed_, progress, cancel, metrics};
+  try {
+    const SurveyJob job = MakeSurveyJob(*project_, {}, survey, context, &detections);
+    facts->map = SurveyTags(job.input, survey.map, threads_, progress, cancel);
+    facts->input = job.input;
+    for (const std::string& warning : job.warnings) {
+      if (warning.find("has no detections") == std::string::npos) facts->map->warnings.push_back(warning);
+    }
+    FindCalibrations(job.input, survey.map, threads_, cancel, facts);
+    FindClocks(job.input, survey.map, threads_, cancel, facts);
+    const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
+    PlanLayout layout = LayoutOfMap(*project_, job.input, *facts->map, plan.network);
+    for (PlannedPass& pass : layout.network.passes) {
+      for (size_t r = 0; r < job.input.runs.size(); ++r) {
+        if (job.input.runs[r].name == pass.name) {
+          pass.seen = SightsSeen(job.input, *facts->map, r, pass, layout.noise.extra_sigma_px);
+        }
+      }
+    }
+    facts->layout = layout.network;
+    facts->prediction = PredictNetwork(layout.network, layout.noise, seed_, threads_, cancel);
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const OptionError&) {
+    throw;
+  } catch (const Error& e) {
+    facts->map_problem = e.what();
+  }
+}
+
+void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) {
+  for (const fs::path& dir : PhotoSetFolders(dir_)) {
+    std::string like;  // a set whose photos are as they were is as it was
+    bool stable = true;
+    for (const fs::path& photo : PicturesIn(dir)) {
+      const FileStamp stamp = StampOf(photo);
+      like += fmt::format("{} {} {};", photo.filename().string(), stamp.size, stamp.changed_ns);
+      stable = watch_.IsStable(photo, stamp) && stable;
+    }
+    const auto known = sets_.find(dir.filename().string());
+    if (stable && (known == sets_.end() || known->second.first != like)) {
+      sets_[dir.filename().string()] = {like, LookAtSet(dir, threads_, seed_, progress, cancel)};
+    }
+    if (const auto set = sets_.find(dir.filename().string()); set != sets_.end())
+      facts->sets.push_back(set->second.second);
+  }
+}
+
+void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
+  if (!outcome->facts.prediction) return;
+  const NetworkPrediction& p = *outcome->facts.prediction;
+  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
+  std::vector<std::string> ignored;
+  const double any_axis = LimitsFor(*project_, {}, &ignored).survey.max_tag_sigma_m;
+  double worst = 0, worst_axis = 0;
+  int worst_tag = -1;
+  for (const TagPrediction& tag : p.tags) {
+    if (!tag.tied) continue;
+    worst_axis = std::max(worst_axis, tag.Sigma().maxCoeff());
+    if (TagSigma(tag) > worst) worst = TagSigma(tag), worst_tag = tag.tag_id;
+  }
+  outcome->findings.push_back(
+      {Light::kGreen, "accuracy",
+       fmt::format("predicted with what is there: tags {:.1f} mm (RMS of the 3D sigma), weakest tag {} with {:.1f} mm; "
+                   "datum: {}",
+                   1e3 * p.RmsSigma(), worst_tag, 1e3 * worst, p.datum)});
+  const auto gate = [&](double limit, double value, const std::string& what) {
+    if (!(limit > 0)) return;
+    const bool passed = value <= limit;
+    outcome->findings.push_back({passed ? Light::kGreen : Light::kRed, "accuracy",
+                                 fmt::format("gate {} at most {:g} m: predicted {:.4f} m, {}", what, limit, value,
+                                             passed ? "passed" : "not reached")});
+  };
+  gate(any_axis, worst_axis, "survey.max_tag_sigma_m, any axis,");
+  gate(plan.max_tag_sigma_m, worst, "3D sigma of the weakest tag");
+  std::vector<double> bodies;
+  for (const BodyPrediction& body : p.bodies) bodies.push_back(BodySigma(body));
+  gate(plan.max_camera_sigma_m, Percentile(bodies, 0.95), "95th percentile of the cameras' 3D sigma");
+}
+
+CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel) {
+  CheckOutcome outcome;
+  outcome.project = project_;
+  FieldFacts& facts = outcome.facts;
+  facts.site = &project_->site();
+  for (const std::string& problem : problems_) outcome.findings.push_back({Light::kAmber, "files", problem});
+  AddPictures(&outcome);
+  AddPlanned(&facts);
+  AddMap(&facts, progress, cancel);
+  AddSets(&facts, progress, cancel);
+  for (const auto& find : {FindInPictures, FindInMap}) {
+    const std::vector<Finding> found = find(facts);
+    outcome.findings.insert(outcome.findings.end(), found.begin(), found.end());
+  }
+  JudgeGates(&outcome);
+  if (outcome.pictures == 0 && facts.sets.empty()) {
+    outcome.findings.push_back({Light::kRed, "files", "no picture has been copied here yet"});
+  }
+  std::stable_sort(outcome.findings.begin(), outcome.findings.end(),
+                   [](const Finding& a, const Finding& b) { return a.light > b.light; });
+  outcome.light = outcome.findings.empty() ? Light::kGreen : outcome.findings.front().light;
+  for (const TagCoverage& tag : CoverTags(facts)) {
+    const bool counts = facts.planned.empty() || facts.planned.contains(tag.tag_id);
+    outcome.planned_seen += counts && tag.pictures > 0 ? 1 : 0;
+  }
+  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
+  outcome.advice = WhatNext(facts, plan.network, kAdvice, seed_, threads_, cancel);
+  judged_ = Others();
+  return outcome;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,67 @@
+// check: is what was recorded enough, while still on site?
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/pipeline/check_intake.h"
+#include "app/pipeline/plan_report.h"
+#include "survey/field/advice.h"
+#include "survey/field/findings.h"
+
+namespace trigpoint {
+
+struct CheckOutcome {
+  std::shared_ptr<const Project> project;  // `facts` points into it
+  FieldFacts facts;
+  std::vector<Finding> findings;  // red ones first
+  std::vector<Advice> advice;     // most valuable first
+  Light light = Light::kGreen;    // the worst of the findings
+  int pictures = 0, waiting = 0;  // looked at; still being copied or not looked at yet
+  int planned_seen = 0;           // of facts.planned; of all tags where none are planned: those seen
+};
+
+// Reads a folder that grows. Its state is results/check/pictures.jsonl, so that another one goes on where it ended.
+class SiteCheck {
+ public:
+  // Holds the lock of results/check, so that other commands work beside it. Throws InputError, IoError.
+  SiteCheck(const std::filesystem::path& dir, int threads, uint64_t seed);
+  // Reads the folder again and looks at no more than `most` new pictures. Returns how many.
+  size_t Look(size_t most, ProgressSink& progress, const CancelToken& cancel);
+  // What all of it shows.
+  CheckOutcome Judge(ProgressSink& progress, const CancelToken& cancel);
+  // Whether anything but pictures changed since the last Judge: tables, odometry, photos of sets.
+  bool OthersChanged() const;
+  const std::filesystem::path& out() const { return out_; }
+
+ private:
+  void AddPictures(CheckOutcome* outcome) const;
+  void AddPlanned(FieldFacts* facts) const;
+  void AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const;
+  void AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel);
+  void JudgeGates(CheckOutcome* outcome) const;
+  std::vector<std::pair<std::filesystem::path, FileStamp>> Others() const;
+
+  std::filesystem::path dir_, out_;
+  int threads_;
+  uint64_t seed_;
+  std::unique_ptr<ProjectLock> lock_;
+  std::shared_ptr<const Project> project_;
+  std::vector<std::string> problems_;  // of opening it
+  std::unique_ptr<PictureLog> log_;
+  FolderWatch watch_;
+  std::map<std::string, int> waiting_;
+  std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: what its photos were like, what they show
+  std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;
+};
+
+// findings.csv, tags.csv, next.csv, summary.json, map.svg, index.html; `refresh_s`: the page reloads itself, 0: never.
+void WriteCheck(const CheckOutcome& outcome, int refresh_s, const std::filesystem::path& folder);
+// "amber: 382 pictures of 2 runs, 8 of 9 tags seen".
+std::string CheckHeadline(const CheckOutcome& outcome);
+
+}  // namespace trigpoint

@@ -1,0 +1,240 @@
+#include "app/pipeline/check_intake.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <mutex>
+
+#include "app/pipeline/detection_json.h"
+#include "calib/base/parallel.h"
+#include "datasets/io/image.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "datasets/project/forked.h"
+#include "survey/tags/tag_finder.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int64_t kStable_ns = 1'000'000'000;
+constexpr double kSearched_px = 2400;  // longer side of what is searched for tags: keeps up with a camera
+
+json JsonOfQuality(const PictureQuality& q) {
+  json cells = json::array();
+  for (const auto& cell : q.cell_blur_px) cells.push_back(cell ? json(*cell) : json());
+  return {q.mean, q.dark, q.bright, q.blur_px ? json(*q.blur_px) : json(), cells};
+}
+
+PictureQuality QualityOf(const json& j) {
+  const auto blur = [](const json& b) { return b.is_null() ? std::nullopt : std::optional<double>(b.get<double>()); };
+  PictureQuality q;
+  q.mean = j.at(0);
+  q.dark = j.at(1);
+  q.bright = j.at(2);
+  q.blur_px = blur(j.at(3));
+  for (size_t k = 0; k < q.cell_blur_px.size(); ++k) q.cell_blur_px[k] = blur(j.at(4).at(k));
+  return q;
+}
+
+std::string LineOf(const PendingPicture& pending, const std::string& problem,
+                   const std::optional<PictureQuality>& quality, const std::vector<TagDetection>& tags) {
+  json found = json::array();
+  for (const TagDetection& tag : tags) found.push_back(JsonOf(tag));
+  return DumpJson({{"run", pending.run->name},
+                   {"image", pending.image->file},
+                   {"size", pending.stamp.size},
+                   {"changed_ns", pending.stamp.changed_ns},
+                   {"problem", problem},
+                   {"quality", quality ? JsonOfQuality(*quality) : json()},
+                   {"tags", found}}) +
+         "\n";
+}
+
+// Lines added to a file, each whole or not at all but for a kill in its middle.
+class Appender {
+ public:
+  explicit Appender(const fs::path& file) : file_(file), fd_(open(file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC)) {
+    if (fd_ < 0) throw IoErrorFor(file, "written", errno);
+  }
+  Appender(const Appender&) = delete;
+  Appender& operator=(const Appender&) = delete;
+  ~Appender() { close(fd_); }
+  void Add(const std::string& line) {
+    const std::lock_guard guard(mutex_);
+    if (write(fd_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) {
+      throw IoErrorFor(file_, "written", errno);
+    }
+  }
+
+ private:
+  fs::path file_;
+  int fd_;
+  std::mutex mutex_;
+};
+
+// Pictures of one run.
+void LookAtRun(const std::vector<PendingPicture>& pending, const DetectTagsOptions& options, const fs::path& log,
+               int threads, ProgressSink& progress, const CancelToken& cancel) {
+  Appender appender(log);
+  const Run& run = *pending.front().run;
+  const auto entry = [&](int64_t i) -> const ImageEntry& { return *pending[static_cast<size_t>(i)].image; };
+  const auto camera = [&](int64_t i) -> const Camera* {
+    const auto index = static_cast<size_t>(entry(i).camera);
+    return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
+  };
+  TagFinder finder(options);
+  progress.Begin("looking at pictures of " + run.name, static_cast<int64_t>(pending.size()));
+  ParallelFor(static_cast<int64_t>(pending.size()), threads, cancel, [&](int64_t i) {
+    std::optional<PictureQuality> quality;
+    int64_t refused = 0;
+    const ImageTags tags = finder.Find(
+        [&] {
+          cv::Mat grey = LoadGrey(run, entry(i));
+          quality = MeasurePicture(grey);
+          return grey;
+        },
+        camera(i), &refused);
+    appender.Add(LineOf(pending[static_cast<size_t>(i)], tags.problem, quality, tags.detections));
+    progress.Advance(1);
+  });
+}
+
+// Large pictures are searched at a fraction of their size.
+DetectTagsOptions OptionsFor(const Run& run, DetectTagsOptions options) {
+  double side = 0;
+  for (const BodyCamera& camera : run.cameras) {
+    side = std::max<double>(
+        {side, static_cast<double>(camera.camera.width()), static_cast<double>(camera.camera.height())});
+  }
+  if (side > kSearched_px) options.quad_decimate = std::max(options.quad_decimate, std::ceil(side / kSearched_px));
+  return options;
+}
+
+}  // namespace
+
+FileStamp StampOf(const fs::path& file) {
+  struct stat its {};
+  if (stat(file.c_str(), &its) != 0) return {};
+  return {its.st_size, its.st_mtim.tv_sec * 1'000'000'000LL + its.st_mtim.tv_nsec};
+}
+
+PictureLog::PictureLog(fs::path file, const json& identity) : file_(std::move(file)) {
+  const std::string first = DumpJson(identity) + "\n";
+  std::string text;
+  if (fs::exists(file_)) text = ReadTextFile(file_);
+  if (!text.starts_with(first)) {
+    WriteFileAtomically(file_, first);
+  } else if (text.back() != '\n') {
+    fs::resize_file(file_, text.rfind('\n') + 1);
+  }
+  read_to_ = static_cast<int64_t>(first.size());
+  Read();
+}
+
+void PictureLog::Read() {
+  std::ifstream in(file_, std::ios::binary);
+  in.seekg(read_to_);
+  for (std::string line; std::getline(in, line) && !in.eof();) {
+    read_to_ += static_cast<int64_t>(line.size()) + 1;
+    const json j = json::parse(line, nullptr, false);
+    try {
+      FieldPicture picture;
+      picture.image = j.at("image");
+      picture.problem = j.at("problem");
+      if (!j.at("quality").is_null()) picture.quality = QualityOf(j.at("quality"));
+      for (const json& tag : j.at("tags")) picture.tags.push_back(DetectionOf(tag));
+      const std::pair<std::string, std::string> key = {j.at("run"), picture.image};
+      pictures_[key] = {FileStamp{j.at("size"), j.at("changed_ns")}, std::move(picture)};
+    } catch (const json::exception&) {  // its picture is looked at again
+    }
+  }
+}
+
+const FieldPicture* PictureLog::Find(const std::string& run, const std::string& image, const FileStamp& stamp) const {
+  const auto it = pictures_.find({run, image});
+  return it != pictures_.end() && it->second.first == stamp ? &it->second.second : nullptr;
+}
+
+bool FolderWatch::IsStable(const fs::path& file, const FileStamp& stamp) {
+  const auto [it, fresh] = last_.try_emplace(file, stamp);
+  const bool same = it->second == stamp;
+  it->second = stamp;
+  const auto now =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return same && stamp.size > 0 && now - stamp.changed_ns > kStable_ns;
+}
+
+std::vector<PendingPicture> FolderWatch::Pending(const Site& site, const PictureLog& log,
+                                                 std::map<std::string, int>* waiting) {
+  std::vector<PendingPicture> pending;
+  std::map<fs::path, std::pair<FileStamp, bool>> stamps;  // a video has many pictures
+  for (const Run& run : site.runs) {
+    for (const ImageEntry& image : run.images) {
+      const auto [it, fresh] = stamps.try_emplace(image.path);
+      if (fresh) {
+        it->second.first = StampOf(image.path);
+        it->second.second = IsStable(image.path, it->second.first);
+      }
+      const auto& [stamp, stable] = it->second;
+      if (log.Find(run.name, image.file, stamp) != nullptr) continue;
+      if (stable) {
+        pending.push_back({&run, &image, stamp});
+      } else if (stamp.size >= 0) {
+        ++(*waiting)[run.name];
+      }
+    }
+  }
+  return pending;
+}
+
+void LookAtPictures(const std::vector<PendingPicture>& pending, const DetectTagsOptions& options, PictureLog* log,
+                    int threads, ProgressSink& progress, const CancelToken& cancel) {
+  const auto look = [&](const std::vector<PendingPicture>& pictures) {
+    const Run& run = *pictures.front().run;
+    RunForked(
+        "run " + run.name + ": looking at " + pictures.front().image->file,
+        [&](ProgressSink& its) {
+          LookAtRun(pictures, OptionsFor(run, options), log->file(), threads, its, cancel);
+          return std::string();
+        },
+        progress, cancel);
+  };
+  for (size_t begin = 0; begin < pending.size();) {
+    size_t end = begin;
+    while (end < pending.size() && pending[end].run == pending[begin].run) ++end;
+    std::vector<PendingPicture> pictures(pending.begin() + static_cast<std::ptrdiff_t>(begin),
+                                         pending.begin() + static_cast<std::ptrdiff_t>(end));
+    begin = end;
+    try {
+      look(pictures);
+    } catch (const Cancelled&) {
+      throw;
+    } catch (const IoError&) {
+      throw;
+    } catch (const Error&) {
+      // One of them was too much for the detector: the others are looked at one by one.
+      log->Read();
+      std::erase_if(pictures,
+                    [&](const PendingPicture& p) { return log->Find(p.run->name, p.image->file, p.stamp) != nullptr; });
+      for (const PendingPicture& picture : pictures) {
+        try {
+          look({picture});
+        } catch (const Cancelled&) {
+          throw;
+        } catch (const Error& e) {
+          Appender(log->file()).Add(LineOf(picture, e.what(), std::nullopt, {}));
+        }
+      }
+    }
+    log->Read();
+  }
+}
+
+}  // namespace trigpoint

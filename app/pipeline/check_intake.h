@@ -1,0 +1,65 @@
+// What `check` has seen of a folder that still grows: one line a picture, so that a kill loses the picture in hand.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "datasets/project/project.h"
+#include "survey/field/findings.h"
+
+namespace trigpoint {
+
+// What a file was like when it was looked at; another size or time makes it a new one.
+struct FileStamp {
+  int64_t size = -1, changed_ns = 0;
+  bool operator==(const FileStamp&) const = default;
+};
+// Size -1: there is no such file.
+FileStamp StampOf(const std::filesystem::path& file);
+
+// results/check/pictures.jsonl: a first line with what the lines depend on, then a line for each picture.
+class PictureLog {
+ public:
+  // Begins anew where `identity` is another one than the file's. A line that a kill cut off is removed.
+  PictureLog(std::filesystem::path file, const nlohmann::json& identity);
+  // Takes over the lines that were added since; those that cannot be read are left out.
+  void Read();
+  // Of a picture as it is now, else null.
+  const FieldPicture* Find(const std::string& run, const std::string& image, const FileStamp& stamp) const;
+  const std::filesystem::path& file() const { return file_; }
+  size_t size() const { return pictures_.size(); }
+
+ private:
+  std::filesystem::path file_;
+  int64_t read_to_ = 0;
+  std::map<std::pair<std::string, std::string>, std::pair<FileStamp, FieldPicture>> pictures_;
+};
+
+struct PendingPicture {
+  const Run* run = nullptr;
+  const ImageEntry* image = nullptr;
+  FileStamp stamp;
+};
+
+// Tells files that are being copied from those that are there.
+class FolderWatch {
+ public:
+  // Pictures that are not in the log, in order of runs and time, and how many of each run are still being copied: such
+  // that changed within the last second, or since the last call.
+  std::vector<PendingPicture> Pending(const Site& site, const PictureLog& log, std::map<std::string, int>* waiting);
+  // The same of any file.
+  bool IsStable(const std::filesystem::path& file, const FileStamp& stamp);
+
+ private:
+  std::map<std::filesystem::path, FileStamp> last_;
+};
+
+// Looks for tags, blur and exposure in pictures and adds a line for each to the log as soon as it is done. In a process
+// of its own: a picture that the detector dies of is recorded as unusable.
+void LookAtPictures(const std::vector<PendingPicture>& pending, const DetectTagsOptions& options, PictureLog* log,
+                    int threads, ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

@@ -1,0 +1,207 @@
+// What `check` found, as tables and a page.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "app/pipeline/check.h"
+#include "datasets/io/csv.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/report/document.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kMm = 1e3;
+
+Tone ToneOf(Light light) {
+  return light == Light::kGreen ? Tone::kGood : light == Light::kAmber ? Tone::kWarning : Tone::kBad;
+}
+
+PlanFindings MapFindings(const CheckOutcome& outcome) {
+  PlanFindings findings;
+  findings.layout.network = *outcome.facts.layout;
+  findings.prediction = *outcome.facts.prediction;
+  for (const Advice& advice : outcome.advice) {
+    PlanGain gain;
+    gain.what = advice.what;
+    gain.world_m = advice.from ? advice.from : advice.at;
+    if (advice.from) gain.heading_rad = advice.heading_rad;
+    findings.suggestions.push_back(gain);
+  }
+  return findings;
+}
+
+void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
+  CsvWriter findings({"light", "topic", "finding"}, {"trigpoint check findings 1"});
+  for (const Finding& f : outcome.findings) {
+    findings.Text(LightName(f.light)).Text(f.topic).Text(f.text);
+    findings.EndRow();
+  }
+  findings.Save(folder / "findings.csv");
+  CsvWriter tags(
+      {"tag_id", "status", "pictures", "runs", "largest_px", "nearest_m", "left_deg", "right_deg", "sigma_x_m",
+       "sigma_y_m", "sigma_z_m"},
+      {"trigpoint check tags 1; sigma=1, predicted; left_deg to right_deg: directions from the tag's normal, "
+       "to the right as one faces it"});
+  for (const TagCoverage& tag : CoverTags(outcome.facts)) {
+    tags.Integer(tag.tag_id).Text(tag.status).Integer(tag.pictures).Integer(tag.runs).Number(tag.largest_px, 1);
+    if (tag.nearest_m) {
+      tags.Number(*tag.nearest_m, 2).Number(tag.left_deg, 1).Number(tag.right_deg, 1);
+    } else {
+      tags.Empty(3);
+    }
+    for (int k = 0; k < 3; ++k) {
+      if (tag.sigma_m) {
+        tags.Number((*tag.sigma_m)[k], 6);
+      } else {
+        tags.Empty();
+      }
+    }
+    tags.EndRow();
+  }
+  tags.Save(folder / "tags.csv");
+  CsvWriter next({"rank", "what", "why", "from_x", "from_y", "from_z", "heading_deg"},
+                 {"trigpoint check next 1; m, frame of the map; heading: clockwise from its y axis"});
+  int rank = 0;
+  for (const Advice& advice : outcome.advice) {
+    next.Integer(++rank).Text(advice.what).Text(advice.why);
+    for (int k = 0; k < 3; ++k) {
+      if (advice.from) {
+        next.Number((*advice.from)[k], 2);
+      } else {
+        next.Empty();
+      }
+    }
+    if (advice.heading_rad) {
+      next.Number(std::fmod(*advice.heading_rad * kRadToDeg + 360, 360), 0);
+    } else {
+      next.Empty();
+    }
+    next.EndRow();
+  }
+  next.Save(folder / "next.csv");
+}
+
+nlohmann::json SummaryOf(const CheckOutcome& outcome) {
+  nlohmann::json json = {{"schema", 1},
+                         {"light", LightName(outcome.light)},
+                         {"pictures", outcome.pictures},
+                         {"waiting", outcome.waiting},
+                         {"planned_tags", outcome.facts.planned.size()},
+                         {"planned_tags_seen", outcome.planned_seen},
+                         {"findings", nlohmann::json::array()},
+                         {"next", nlohmann::json::array()}};
+  for (const Finding& f : outcome.findings) {
+    json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text}});
+  }
+  for (const Advice& a : outcome.advice) json["next"].push_back({{"what", a.what}, {"why", a.why}});
+  if (outcome.facts.prediction) {
+    json["datum"] = outcome.facts.prediction->datum;
+    json["rms_tag_sigma_m"] = outcome.facts.prediction->RmsSigma();
+  }
+  return json;
+}
+
+TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text, std::nullopt, tone}; }
+TableCell Number(double value, int decimals) { return {fmt::format("{:.{}f}", value, decimals), value}; }
+
+Table FindingTable(const CheckOutcome& outcome) {
+  Table table{"", ""};
+  table.columns = {{"light"}, {"topic"}, {"finding"}};
+  for (const Finding& f : outcome.findings) {
+    table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text)});
+  }
+  return table;
+}
+
+Table TagTable(const CheckOutcome& outcome) {
+  Table table{"",
+              "Directions: of the pictures, from the tag's normal, to the right as one faces it. Sigmas: predicted, "
+              "1 sigma"};
+  table.columns = {{"tag", true},          {"status"},           {"pictures", true},  {"runs", true},
+                   {"largest, px", true},  {"nearest, m", true}, {"from, deg", true}, {"to, deg", true},
+                   {"3D sigma, mm", true}, {"there for"}};
+  for (const TagCoverage& tag : CoverTags(outcome.facts)) {
+    const auto planned = outcome.facts.planned.find(tag.tag_id);
+    const bool bad = tag.status != "ok" && !tag.status.empty();
+    std::vector<TableCell> row = {Number(tag.tag_id, 0), Text(tag.status, bad ? Tone::kBad : Tone::kPlain),
+                                  Number(tag.pictures, 0), Number(tag.runs, 0), Number(tag.largest_px, 0)};
+    row.push_back(tag.nearest_m ? Number(*tag.nearest_m, 1) : Text("-"));
+    row.push_back(tag.nearest_m ? Number(tag.left_deg, 0) : Text("-"));
+    row.push_back(tag.nearest_m ? Number(tag.right_deg, 0) : Text("-"));
+    row.push_back(tag.sigma_m ? Number(kMm * tag.sigma_m->norm(), 1) : Text("-"));
+    row.push_back(Text(planned != outcome.facts.planned.end() ? planned->second.what : "not planned"));
+    table.rows.push_back(row);
+  }
+  return table;
+}
+
+Document PageOf(const CheckOutcome& outcome) {
+  const FieldFacts& facts = outcome.facts;
+  Document page;
+  page.title = "Is it enough? " + std::string(LightName(outcome.light));
+  page.subtitle = outcome.project->name() + ", " + UtcTimeText() + ": " + CheckHeadline(outcome);
+  Facts few;
+  few.facts.push_back({"Before leaving", LightName(outcome.light),
+                       outcome.light == Light::kGreen ? "nothing to do" : "see what to do next",
+                       ToneOf(outcome.light)});
+  few.facts.push_back({"Pictures", std::to_string(outcome.pictures),
+                       outcome.waiting > 0 ? fmt::format("{} wait", outcome.waiting) : "all looked at"});
+  few.facts.push_back({"Tags seen", std::to_string(outcome.planned_seen),
+                       facts.planned.empty() ? "none is planned" : fmt::format("of {}", facts.planned.size())});
+  if (facts.prediction) {
+    few.facts.push_back({"Tags, RMS of the 3D sigma", fmt::format("{:.1f} mm", kMm * facts.prediction->RmsSigma()),
+                         "predicted, 1 sigma; datum: " + facts.prediction->datum});
+  }
+  page.blocks.push_back(few);
+  page.blocks.push_back(Heading{2, "What to do next", "next"});
+  if (outcome.advice.empty()) page.blocks.push_back(Paragraph{"Nothing more would gain much.", Tone::kGood});
+  int rank = 0;
+  for (const Advice& advice : outcome.advice) {
+    page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
+                                    advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
+  }
+  if (facts.layout && facts.prediction) {
+    page.blocks.push_back(Figure{"map",
+                                 "Tags, the way so far, and where to stand next (numbers; the line shows where "
+                                 "to look).",
+                                 PlanMap(MapFindings(outcome))});
+  }
+  page.blocks.push_back(Heading{2, "Findings", "findings"});
+  page.blocks.push_back(FindingTable(outcome));
+  page.blocks.push_back(Heading{2, "Tags", "tags"});
+  page.blocks.push_back(TagTable(outcome));
+  page.footer = "Predicted sigmas: tags as they were seen, odometry, and scene points as `trigpoint plan` takes them.";
+  return page;
+}
+
+}  // namespace
+
+std::string CheckHeadline(const CheckOutcome& outcome) {
+  size_t runs = 0;
+  for (const FieldRun& run : outcome.facts.runs) runs += run.pictures.empty() ? 0 : 1;
+  const std::string tags = outcome.facts.planned.empty()
+                               ? fmt::format("{} tags", outcome.planned_seen)
+                               : fmt::format("{} of {} tags", outcome.planned_seen, outcome.facts.planned.size());
+  return fmt::format("{}: {} pictures of {} run{}, {} seen{}", LightName(outcome.light), outcome.pictures, runs,
+                     runs == 1 ? "" : "s", tags,
+                     outcome.waiting > 0 ? fmt::format(", {} pictures wait", outcome.waiting) : "");
+}
+
+void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
+  WriteTables(outcome, folder);
+  WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
+  if (outcome.facts.layout && outcome.facts.prediction) {
+    WriteFileAtomically(folder / "map.svg", SvgOf(PlanMap(MapFindings(outcome)), "What to photograph next"));
+  }
+  std::string html = HtmlOf(PageOf(outcome));
+  if (refresh_s > 0) {
+    html.insert(html.find("<title>"), fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", refresh_s));
+  }
+  WriteFileAtomically(folder / "index.html", html);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,264 @@
+#include "survey/field/findings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "calib/base/median.h"
+
+namespace trigpoint {
+namespace {
+
+// Blur is in pixels of the picture at kQualitySide_px.
+constexpr double kBlurred_px = 1.6;    // beyond this corners of tags and features suffer
+constexpr double kBlurredTimes = 1.8;  // of the sharp quarter of the same camera's pictures
+constexpr double kSmearedTimes = 1.6;  // a part of the picture against the rest of it, a lens against another
+constexpr double kLeastSmear_px = 1;   // a lens is not called smeared below this
+constexpr double kTooMany = 0.1;       // share of pictures that is worth a word
+constexpr size_t kLeastPictures = 8;   // of a camera, before its lens is judged
+constexpr size_t kLatest = 12;         // pictures that show what the lens is like now
+constexpr double kDarkMean = 40, kBrightMean = 215, kMostDark = 0.5, kMostBright = 0.3;
+constexpr int kRealId = 3;           // pictures of an id that nobody planned, before it counts as being there
+constexpr double kSmallTag_px = 24;  // tags seen no larger than this have poor corners
+
+double Quantile(std::vector<double> values, double share) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+// Of one camera of a run, in order of time.
+struct CameraPictures {
+  std::string name;  // "run1", "run1 cam0"
+  std::vector<const FieldPicture*> pictures;
+  std::vector<double> blurs;  // of those with one
+};
+
+std::vector<CameraPictures> ByCamera(const FieldFacts& facts) {
+  std::vector<CameraPictures> cameras;
+  for (const FieldRun& run : facts.runs) {
+    const size_t count = std::max<size_t>(1, run.run->cameras.size());
+    for (size_t c = 0; c < count; ++c) {
+      CameraPictures camera;
+      camera.name = count > 1 ? run.run->name + " " + run.run->cameras[c].name : run.run->name;
+      for (const FieldPicture& picture : run.pictures) {
+        if (picture.camera != static_cast<int>(c) || !picture.quality) continue;
+        camera.pictures.push_back(&picture);
+        if (picture.quality->blur_px) camera.blurs.push_back(*picture.quality->blur_px);
+      }
+      if (!camera.pictures.empty()) cameras.push_back(std::move(camera));
+    }
+  }
+  return cameras;
+}
+
+void FindUnusable(const FieldFacts& facts, std::vector<Finding>* findings) {
+  for (const FieldRun& run : facts.runs) {
+    std::vector<std::string> names;
+    for (const FieldPicture& picture : run.pictures) {
+      if (!picture.problem.empty()) names.push_back(picture.image);
+    }
+    if (!names.empty()) {
+      findings->push_back({Light::kAmber, "files",
+                           fmt::format("{}: {} pictures cannot be read: {}; copy them again", run.run->name,
+                                       names.size(), SomeOf(names))});
+    }
+    if (run.waiting > 0) {
+      findings->push_back(
+          {Light::kGreen, "files",
+           fmt::format("{}: {} pictures are still being copied or wait to be looked at", run.run->name, run.waiting)});
+    }
+  }
+  for (const auto& [run, why] : facts.site->broken_runs) {
+    findings->push_back({Light::kRed, "files", fmt::format("{}: nothing of this run can be used: {}", run, why)});
+  }
+}
+
+// Pictures that are blurred against the same camera's sharp ones: walked too fast, shaken.
+void FindBlurred(const CameraPictures& camera, std::vector<Finding>* findings) {
+  if (camera.blurs.empty()) return;
+  const double sharp = Quantile(camera.blurs, 0.25), limit = std::max(kBlurred_px, kBlurredTimes * sharp);
+  std::vector<std::string> names;
+  for (const FieldPicture* picture : camera.pictures) {
+    if (picture->quality->blur_px.value_or(0) > limit) names.push_back(picture->image);
+  }
+  const auto n = static_cast<double>(camera.pictures.size());
+  if (static_cast<double>(names.size()) <= kTooMany * n) return;
+  findings->push_back(
+      {Light::kAmber, "blur",
+       fmt::format("{}: {} of {} pictures are blurred (more than {:.1f} px; its sharp ones have {:.1f} px): {}; walk "
+                   "slower, or take more light, and pass these places again",
+                   camera.name, names.size(), camera.pictures.size(), limit, sharp, SomeOf(names, 3))});
+}
+
+// Of the latest pictures only: what was cleaned in between is clean.
+std::vector<const FieldPicture*> Latest(const CameraPictures& camera) {
+  const size_t n = std::min(kLatest, camera.pictures.size());
+  return {camera.pictures.end() - static_cast<std::ptrdiff_t>(n), camera.pictures.end()};
+}
+
+std::optional<double> MedianBlur(const std::vector<const FieldPicture*>& pictures) {
+  std::vector<double> blurs;
+  for (const FieldPicture* picture : pictures) {
+    if (picture->quality->blur_px) blurs.push_back(*picture->quality->blur_px);
+  }
+  if (blurs.size() < kLeastPictures) return std::nullopt;
+  return Median(std::move(blurs));
+}
+
+// The lens as a whole: against a fixed limit, its own earlier pictures, and the other cameras.
+bool FindBlurredLens(const CameraPictures& camera, const std::vector<CameraPictures>& all,
+                     std::vector<Finding>* findings) {
+  const std::optional<double> now = MedianBlur(Latest(camera));
+  if (!now || *now < kLeastSmear_px) return false;
+  std::string against;
+  if (*now > kBlurred_px) against = fmt::format("more than {:.1f} px", kBlurred_px);
+  const std::vector<const FieldPicture*> first(
+      camera.pictures.begin(),
+      camera.pictures.begin() + static_cast<std::ptrdiff_t>(std::min(kLatest, camera.pictures.size())));
+  if (const auto before = MedianBlur(first); before && *now > kSmearedTimes * *before) {
+    against = fmt::format("{:.1f} px when it began", *before);
+  }
+  for (const CameraPictures& other : all) {
+    const auto its = &other == &camera ? std::nullopt : MedianBlur(Latest(other));
+    if (its && *now > kSmearedTimes * *its) against = fmt::format("{:.1f} px in {}", *its, other.name);
+  }
+  if (against.empty()) return false;
+  findings->push_back({Light::kAmber, "lens",
+                       fmt::format("{}: the lens is smeared or out of focus: its latest pictures have a blur of {:.1f} "
+                                   "px ({}); clean it, look at the focus, and record again",
+                                   camera.name, *now, against)});
+  return true;
+}
+
+// A part of the picture that is always less sharp than the rest.
+void FindSmearedPart(const CameraPictures& camera, std::vector<Finding>* findings) {
+  static constexpr const char* kParts[] = {"upper left",   "upper middle", "upper right",  "middle left", "middle",
+                                           "middle right", "lower left",   "lower middle", "lower right"};
+  const std::vector<const FieldPicture*> latest = Latest(camera);
+  std::vector<std::string> parts;
+  double worst = 0, rest = 0;
+  for (size_t k = 0; k < std::size(kParts); ++k) {
+    std::vector<double> blurs, ratios;
+    for (const FieldPicture* picture : latest) {
+      std::vector<double> others;
+      for (size_t j = 0; j < std::size(kParts); ++j) {
+        const auto& its = picture->quality->cell_blur_px[j];
+        if (j != k && its) others.push_back(*its);
+      }
+      const auto& own = picture->quality->cell_blur_px[k];
+      if (!own || others.size() < 4) continue;
+      blurs.push_back(*own);
+      ratios.push_back(*own / std::max(0.3, Median(others)));
+    }
+    if (blurs.size() < kLeastPictures) continue;
+    // Nearly all of the pictures, whatever they show.
+    if (Quantile(ratios, 0.2) < kSmearedTimes || Median(blurs) < kLeastSmear_px) continue;
+    parts.emplace_back(kParts[k]);
+    if (Median(blurs) > worst) worst = Median(blurs), rest = worst / Median(ratios);
+  }
+  if (parts.empty()) return;
+  findings->push_back({Light::kAmber, "lens",
+                       fmt::format("{}: the lens is smeared in the {} of the picture: a blur of {:.1f} px, elsewhere "
+                                   "{:.1f} px; clean it and record again",
+                                   camera.name, SomeOf(parts), worst, rest)});
+}
+
+void FindExposure(const CameraPictures& camera, std::vector<Finding>* findings) {
+  std::vector<std::string> dark, bright;
+  for (const FieldPicture* picture : camera.pictures) {
+    const PictureQuality& q = *picture->quality;
+    if (q.mean < kDarkMean || q.dark > kMostDark) dark.push_back(picture->image);
+    if (q.mean > kBrightMean || q.bright > kMostBright) bright.push_back(picture->image);
+  }
+  const double most = kTooMany * static_cast<double>(camera.pictures.size());
+  const auto tell = [&](const std::vector<std::string>& names, const char* how, const char* what) {
+    if (static_cast<double>(names.size()) <= most) return;
+    findings->push_back({Light::kAmber, "exposure",
+                         fmt::format("{}: {} of {} pictures are too {}: {}; {}", camera.name, names.size(),
+                                     camera.pictures.size(), how, SomeOf(names, 3), what)});
+  };
+  tell(dark, "dark", "expose longer or take more light");
+  tell(bright, "bright", "expose shorter, with the sun behind you");
+}
+
+void FindMissingTags(const FieldFacts& facts, std::vector<Finding>* findings) {
+  for (const TagCoverage& tag : CoverTags(facts)) {
+    const auto planned = facts.planned.find(tag.tag_id);
+    const std::string what = planned != facts.planned.end() && !planned->second.what.empty()
+                                 ? fmt::format("tag {} ({})", tag.tag_id, planned->second.what)
+                                 : fmt::format("tag {}", tag.tag_id);
+    if (tag.pictures == 0) {
+      findings->push_back(
+          {Light::kRed, "tags", what + " is planned and in no picture; look whether it hangs, and photograph it"});
+    } else if (planned == facts.planned.end() && !facts.planned.empty()) {
+      if (tag.pictures < kRealId) continue;
+      findings->push_back({Light::kAmber, "tags",
+                           fmt::format("{} is in {} pictures and in no plan, station, control point or entry of "
+                                       "tags.yaml; enter it, or take it down",
+                                       what, tag.pictures)});
+    } else if (tag.largest_px < kSmallTag_px) {
+      findings->push_back(
+          {Light::kAmber, "tags",
+           fmt::format("{} is seen from afar only, {:.0f} px at most; go nearer", what, tag.largest_px)});
+    }
+  }
+}
+
+void FindInSets(const FieldFacts& facts, std::vector<Finding>* findings) {
+  for (const FieldSet& set : facts.sets) {
+    const std::string name = "photo set " + set.name;
+    if (!set.problem.empty()) {
+      findings->push_back({Light::kRed, "photo sets", name + ": " + set.problem});
+      continue;
+    }
+    if (set.placed < set.photos) {
+      findings->push_back({Light::kAmber, "photo sets",
+                           fmt::format("{}: {} of {} photos overlap with no other; take more in between", name,
+                                       set.photos - set.placed, set.photos)});
+    }
+    if (set.full_turn) {
+      findings->push_back(
+          {Light::kGreen, "photo sets", fmt::format("{}: the ring of {} photos is closed", name, set.placed)});
+    } else {
+      findings->push_back(
+          {Light::kRed, "photo sets",
+           fmt::format(
+               "{}: the ring is open: {:.0f} deg of the horizon are not seen{}; photograph on "
+               "until the first photo overlaps with the last",
+               name, set.gap_deg,
+               set.before_gap.empty() ? "" : fmt::format(", between {} and {}", set.before_gap, set.after_gap))});
+    }
+  }
+}
+
+}  // namespace
+
+const char* LightName(Light light) {
+  return light == Light::kGreen ? "green" : light == Light::kAmber ? "amber" : "red";
+}
+
+std::string SomeOf(const std::vector<std::string>& names, size_t most) {
+  std::string text;
+  for (size_t k = 0; k < std::min(most, names.size()); ++k) text += (k > 0 ? ", " : "") + names[k];
+  return names.size() > most ? text + fmt::format(" and {} more", names.size() - most) : text;
+}
+
+std::vector<Finding> FindInPictures(const FieldFacts& facts) {
+  std::vector<Finding> findings;
+  FindUnusable(facts, &findings);
+  const std::vector<CameraPictures> cameras = ByCamera(facts);
+  for (const CameraPictures& camera : cameras) {
+    if (!FindBlurredLens(camera, cameras, &findings)) {
+      FindBlurred(camera, &findings);
+      FindSmearedPart(camera, &findings);
+    }
+    FindExposure(camera, &findings);
+  }
+  FindMissingTags(facts, &findings);
+  FindInSets(facts, &findings);
+  return findings;
+}
+
+}  // namespace trigpoint

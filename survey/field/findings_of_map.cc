@@ -1,0 +1,339 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "calib/geo/geodetic.h"
+#include "survey/field/findings.h"
+#include "survey/tags/map_start.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kLoop_m = 15;        // way between two passages of a tag that makes them a loop
+constexpr double kLoopWanted_m = 40;  // shorter runs need none
+constexpr int kFewPictures = 4;       // of a tag
+constexpr double kNarrow_deg = 20;    // directions from which a tag is seen
+constexpr double kPoorCorners = 4;    // residuals in sigmas of the corners
+constexpr double kFocalOff = 0.004;   // share of the focal length that is worth a calibration
+constexpr double kPoorOdometry = 6;   // residuals in units of what odometry is taken to be good for
+constexpr double kCovered = 0.9;      // share of the pictures that odometry covers
+constexpr double kStation_m = 12;     // pictures that count as being at a station
+constexpr int kStationPictures = 5, kStationSectors = 3;
+constexpr double kSector_deg = 30;
+
+// Way along a run, m, at each of its odometry's poses.
+struct Way {
+  explicit Way(const Trajectory& odometry) : poses(odometry.poses) {
+    for (size_t k = 0; k < poses.size(); ++k) {
+      const double step =
+          k == 0 ? 0 : (poses[k].target_from_body.translation - poses[k - 1].target_from_body.translation).norm();
+      length.push_back((k == 0 ? 0 : length.back()) + step);
+    }
+  }
+  double At(int64_t stamp_ns) const {
+    const auto it = std::lower_bound(poses.begin(), poses.end(), stamp_ns,
+                                     [](const TimedPose& p, int64_t s) { return p.stamp_ns < s; });
+    return it == poses.end() ? length.back() : length[static_cast<size_t>(it - poses.begin())];
+  }
+  const std::vector<TimedPose>& poses;
+  std::vector<double> length;
+};
+
+void FindInTags(const FieldFacts& facts, std::vector<Finding>* findings) {
+  std::map<int, std::string> reasons;
+  for (const TagEstimate& tag : facts.map->tags) reasons[tag.tag_id] = tag.reason;
+  for (const TagCoverage& tag : CoverTags(facts)) {
+    const bool planned = facts.planned.empty() || facts.planned.contains(tag.tag_id);
+    if (tag.pictures == 0 || !planned) continue;
+    const std::string reason = reasons[tag.tag_id].empty() ? "" : ": " + reasons[tag.tag_id];
+    const auto add = [&](Light light, const std::string& text) {
+      findings->push_back({light, "tags", fmt::format("tag {} {}", tag.tag_id, text)});
+    };
+    if (tag.status == "duplicate") {
+      add(Light::kRed, "stands at two places" + reason + "; take one down and photograph the other again");
+    } else if (tag.status == "moved") {
+      add(Light::kRed, "moved" + reason + "; fix it and photograph it again, with its neighbours");
+    } else if (tag.status == "not tied" || tag.status == "unsolved") {
+      add(Light::kRed, "is seen and has no place in the map" + reason + "; take it into pictures with others");
+    } else if (tag.status == "ambiguous") {
+      add(Light::kAmber, "has two possible poses; photograph it from nearer and from the side");
+    } else if (tag.pictures < kFewPictures) {
+      add(Light::kAmber, fmt::format("is in {} pictures only; photograph it again", tag.pictures));
+    } else if (tag.SpanDeg() < kNarrow_deg) {
+      add(Light::kAmber, fmt::format("is seen from one direction only ({:.0f} deg apart); photograph it from the side",
+                                     tag.SpanDeg()));
+    }
+  }
+}
+
+void FindInCalibration(const FieldFacts& facts, std::vector<Finding>* findings) {
+  for (const FieldCalibration& c : facts.calibrations) {
+    const double sigmas = c.focal_sigma > 0 ? std::abs(c.focal_change) / c.focal_sigma : 0;
+    if (std::abs(c.focal_change) > kFocalOff && sigmas > 3) {
+      findings->push_back(
+          {Light::kAmber, "calibration",
+           fmt::format("{}: the calibration does not fit: the tags' squares want a focal length that is "
+                       "{:+.1f} % off ({:.0f} sigma); was the zoom or the focus moved? Photograph the "
+                       "board before leaving",
+                       c.run, 100 * std::expm1(c.focal_change), sigmas)});
+    } else if (c.corner_factor > kPoorCorners) {
+      findings->push_back({Light::kAmber, "calibration",
+                           fmt::format("{}: the tags' squares are reprojected to {:.2f} px, {:.0f} times what their "
+                                       "corners are good for: calibration, tag sizes or paper that is not flat",
+                                       c.run, c.rms_px, c.corner_factor)});
+    } else {
+      findings->push_back({Light::kGreen, "calibration",
+                           fmt::format("{}: the tags' squares are reprojected to {:.2f} px (rms)", c.run, c.rms_px)});
+    }
+  }
+}
+
+void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>* findings) {
+  const std::string& name = run.run->name;
+  const auto add = [&](Light light, const char* topic, const std::string& text) {
+    findings->push_back({light, topic, name + ": " + text});
+  };
+  if (!run.unit_problem.empty()) add(Light::kRed, "odometry", run.unit_problem);
+  if (run.run->odometry.poses.empty()) {
+    if (!run.pictures.empty()) add(Light::kAmber, "odometry", "no odometry; is odometry.tum still to be copied?");
+    return;
+  }
+  size_t covered = 0;
+  for (const FieldPicture& picture : run.pictures) {
+    constexpr int64_t kGap_ns = 2'000'000'000;
+    covered += run.run->odometry.At(picture.stamp_ns, kGap_ns) ? 1 : 0;
+  }
+  if (static_cast<double>(covered) < kCovered * static_cast<double>(run.pictures.size())) {
+    add(Light::kRed, "odometry",
+        fmt::format("odometry covers {} of {} pictures; look at both clocks, or copy it whole", covered,
+                    run.pictures.size()));
+  }
+  if (run.clock && run.clock->significant) {
+    add(Light::kRed, "clock",
+        fmt::format("odometry's clock is {:+.2f} s off the pictures' ({:.2f} s, 1 sigma): say odometry: "
+                    "{{time_offset_s: {:.2f}}} in run.yaml, or record again",
+                    -run.clock->offset_s, run.clock->sigma_s, run.clock->offset_s));
+  } else if (run.clock) {
+    add(Light::kGreen, "clock",
+        fmt::format("odometry's clock agrees with the pictures' ({:+.2f} s, 1 sigma {:.2f} s)", -run.clock->offset_s,
+                    run.clock->sigma_s));
+  }
+  if (!facts.map) return;
+  for (const RunAgreement& found : facts.map->runs) {
+    if (found.name != name) continue;
+    const double scale = std::abs(found.scale - 1);
+    if (scale > 3 * run.run->config.odometry_scale_sigma && scale > 3 * found.scale_sigma) {
+      add(Light::kAmber, "odometry",
+          fmt::format("its metre is {:.3f} m by the tags, more than scale_sigma {:g} allows; is the tags' size right?",
+                      found.scale, run.run->config.odometry_scale_sigma));
+    }
+    if (!found.jumps_ns.empty()) {
+      add(Light::kAmber, "odometry",
+          fmt::format("odometry jumped {} times, first at {} s; pass that stretch again", found.jumps_ns.size(),
+                      FormatNsAsSeconds(found.jumps_ns.front(), 1)));
+    }
+    const double factor = found.odometry_factor.maxCoeff();
+    if (factor > kPoorOdometry) {
+      add(Light::kAmber, "odometry",
+          fmt::format("odometry and tags disagree, {:.0f} times as much as they should: body axes, order of the "
+                      "quaternion, clock, or slip",
+                      factor));
+    }
+  }
+}
+
+void FindInGps(const FieldRun& run, std::vector<Finding>* findings) {
+  if (run.pictures.empty()) return;
+  const std::string& name = run.run->name;
+  if (run.run->gps.empty()) {
+    findings->push_back({Light::kGreen, "gps", name + ": no GPS"});
+    return;
+  }
+  const int64_t first = run.pictures.front().stamp_ns, last = run.pictures.back().stamp_ns;
+  constexpr int64_t kSlack_ns = 5'000'000'000;
+  const auto within = std::count_if(run.run->gps.begin(), run.run->gps.end(), [&](const GpsFix& fix) {
+    return fix.stamp_ns > first - kSlack_ns && fix.stamp_ns < last + kSlack_ns;
+  });
+  if (within > 0) {
+    findings->push_back({Light::kGreen, "gps", fmt::format("{}: GPS is there, {} fixes", name, within)});
+  } else {
+    findings->push_back({Light::kAmber, "gps",
+                         name + ": none of its GPS fixes was taken while it recorded; look at time_zero_utc and "
+                                "gps: time_offset_s in run.yaml"});
+  }
+}
+
+void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>* findings) {
+  if (run.run->odometry.poses.size() < 2 || run.pictures.empty()) return;
+  const Way way(run.run->odometry);
+  std::map<int, double> last_seen;
+  double last_return = -1;
+  int returns = 0;
+  std::set<int> seen;
+  for (const FieldPicture& picture : run.pictures) {
+    const double at = way.At(picture.stamp_ns);
+    for (const TagDetection& tag : picture.tags) {
+      const auto [it, fresh] = last_seen.try_emplace(tag.id, at);
+      if (!fresh && at - it->second > kLoop_m) ++returns, last_return = at;
+      it->second = at;
+      seen.insert(tag.id);
+    }
+  }
+  const double length = way.At(run.pictures.back().stamp_ns) - way.At(run.pictures.front().stamp_ns);
+  int shared = 0;
+  for (const int id : seen) {
+    shared += std::any_of(facts.runs.begin(), facts.runs.end(), [&](const FieldRun& other) {
+      return &other != &run && std::any_of(other.pictures.begin(), other.pictures.end(), [&](const FieldPicture& p) {
+        return std::any_of(p.tags.begin(), p.tags.end(), [&](const TagDetection& t) { return t.id == id; });
+      });
+    });
+  }
+  const std::string others = shared > 0 ? fmt::format("; it shares {} tags with other runs", shared) : "";
+  if (returns > 0) {
+    findings->push_back({Light::kGreen, "loops",
+                         fmt::format("{}: {:.0f} m, loop closed: it came back to tags {} times, last after {:.0f} m{}",
+                                     run.run->name, length, returns, last_return, others)});
+  } else if (length > kLoopWanted_m) {
+    findings->push_back({shared >= 2 ? Light::kGreen : Light::kAmber, "loops",
+                         fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}; pass the first "
+                                     "tags again at the end",
+                                     run.run->name, length, others)});
+  }
+}
+
+void FindInStations(const FieldFacts& facts, std::vector<Finding>* findings) {
+  std::vector<std::string> bare;
+  for (const StationCoverage& station : CoverStations(facts, kStation_m)) {
+    if (!station.reference) bare.push_back(station.station);
+    const std::string name = "station " + station.station;
+    if (station.pictures < kStationPictures) {
+      findings->push_back(
+          {Light::kAmber, "stations",
+           fmt::format("{}: {} pictures within {:.0f} m; pass it again", name, station.pictures, kStation_m)});
+    } else if (station.sectors < kStationSectors) {
+      findings->push_back(
+          {Light::kAmber, "stations",
+           fmt::format("{}: pictures from one side only, {} of 12 sectors; walk on past it", name, station.sectors)});
+    }
+  }
+  if (!bare.empty()) {
+    findings->push_back({Light::kAmber, "stations",
+                         fmt::format("no panorama, photo or photo set yet of stations {}", SomeOf(bare, 8))});
+  }
+}
+
+}  // namespace
+
+std::vector<TagCoverage> CoverTags(const FieldFacts& facts) {
+  std::map<int, TagCoverage> tags;
+  for (const auto& [id, planned] : facts.planned) tags[id];
+  std::map<int, std::set<const FieldRun*>> runs;
+  for (const FieldRun& run : facts.runs) {
+    for (const FieldPicture& picture : run.pictures) {
+      for (const TagDetection& d : picture.tags) {
+        TagCoverage& tag = tags[d.id];
+        ++tag.pictures;
+        runs[d.id].insert(&run);
+        for (size_t k = 0; k < 4; ++k) {
+          tag.largest_px = std::max(tag.largest_px, (d.corners[k] - d.corners[(k + 1) % 4]).norm());
+        }
+      }
+    }
+  }
+  std::map<int, Rigid3d> poses;
+  if (facts.map) {
+    for (const TagEstimate& tag : facts.map->tags) {
+      tags[tag.tag_id].status = tag.HasPose() ? tag.status : "unsolved";
+      if (tag.HasPose()) poses[tag.tag_id] = *tag.world_from_tag;
+    }
+    std::set<int> begun;
+    for (const SightResidual& sight : facts.map->sights) {
+      if (!sight.used || !poses.contains(sight.tag_id)) continue;
+      const auto& bodies = facts.map->runs[static_cast<size_t>(sight.run)].world_from_body;
+      const auto body = std::lower_bound(bodies.begin(), bodies.end(), sight.stamp_ns,
+                                         [](const TimedPose& p, int64_t s) { return p.stamp_ns < s; });
+      if (body == bodies.end() || body->stamp_ns != sight.stamp_ns) continue;
+      const BodyCamera& camera =
+          facts.input->runs[static_cast<size_t>(sight.run)].cameras[static_cast<size_t>(sight.camera)];
+      // x to the right as one faces the tag, z into it.
+      const Eigen::Vector3d at =
+          poses.at(sight.tag_id).Inverse() * (body->target_from_body * camera.cam_from_body.Inverse()).translation;
+      const double angle = std::atan2(at.x(), -at.z()) * kRadToDeg;
+      TagCoverage& tag = tags[sight.tag_id];
+      const bool fresh = begun.insert(sight.tag_id).second;
+      tag.left_deg = fresh ? angle : std::min(tag.left_deg, angle);
+      tag.right_deg = fresh ? angle : std::max(tag.right_deg, angle);
+      tag.nearest_m = std::min(tag.nearest_m.value_or(at.norm()), at.norm());
+    }
+  }
+  if (facts.prediction) {
+    for (const TagPrediction& tag : facts.prediction->tags) {
+      if (tag.tied) tags[tag.tag_id].sigma_m = tag.Sigma();
+      if (!tag.tied && tags[tag.tag_id].status == "ok") tags[tag.tag_id].status = "not tied";
+    }
+  }
+  std::vector<TagCoverage> list;
+  for (auto& [id, tag] : tags) {
+    tag.tag_id = id;
+    tag.runs = static_cast<int>(runs[id].size());
+    if (tag.pictures == 0) tag.status = "not seen";
+    list.push_back(tag);
+  }
+  return list;
+}
+
+std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radius_m) {
+  std::vector<StationCoverage> list;
+  if (!facts.layout) return list;
+  for (const Station& station : facts.site->stations) {
+    const auto tag = facts.layout->world_from_tag.find(station.tag_id);
+    if (tag == facts.layout->world_from_tag.end()) continue;
+    SurveyPoint point;
+    point.offset_m = station.offset_m;
+    point.offset_in_tag_frame = station.in_tag_frame;
+    const Eigen::Vector3d centre = tag->second.translation + OffsetInWorld(point, tag->second);
+    StationCoverage coverage;
+    coverage.station = station.name;
+    coverage.nearest_m = 1e9;
+    std::set<int> sectors;
+    for (const PlannedPass& pass : facts.layout->passes) {
+      for (const TimedPose& body : pass.world_from_body) {
+        const Eigen::Vector3d away = body.target_from_body.translation - centre;
+        coverage.nearest_m = std::min(coverage.nearest_m, away.norm());
+        if (away.norm() > radius_m) continue;
+        ++coverage.pictures;
+        sectors.insert(static_cast<int>(std::floor(std::atan2(away.y(), away.x()) * kRadToDeg / kSector_deg)));
+      }
+    }
+    coverage.sectors = static_cast<int>(sectors.size());
+    coverage.reference = std::any_of(facts.site->references.begin(), facts.site->references.end(),
+                                     [&](const Reference& r) { return r.station == station.name; });
+    list.push_back(coverage);
+  }
+  return list;
+}
+
+std::vector<Finding> FindInMap(const FieldFacts& facts) {
+  std::vector<Finding> findings;
+  if (!facts.map_problem.empty()) findings.push_back({Light::kRed, "map", facts.map_problem});
+  if (facts.map) {
+    FindInTags(facts, &findings);
+    for (const std::string& warning : facts.map->warnings) {
+      // Tags that are missing are named one by one.
+      if (warning.find("no picture shows its tag") != std::string::npos) continue;
+      findings.push_back({Light::kAmber, "map", warning});
+    }
+    FindInCalibration(facts, &findings);
+    FindInStations(facts, &findings);
+  }
+  for (const FieldRun& run : facts.runs) {
+    FindInOdometry(facts, run, &findings);
+    FindInGps(run, &findings);
+    FindLoop(facts, run, &findings);
+  }
+  return findings;
+}
+
+}  // namespace trigpoint
