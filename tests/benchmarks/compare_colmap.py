@@ -1,15 +1,19 @@
 #!/usr/bin/env python3
 """COLMAP and trigpoint on the same runs, one after the other on this machine, against truth: one table.
 
-    compare_colmap.py PROJECT:RUN[:TRUTH] ... [--work DIR] [--skip-colmap]
+    compare_colmap.py PROJECT:RUN[:TRUTH] ... [--colmap PATH] [--modes incremental,global,rig] [--work DIR] [--skip-colmap]
 
 TRUTH is a folder with runs/<run>_cameras.tum (world_from_cam) and panoramas_<run>.tum or panoramas.tum (first column: the
 station's number); default: PROJECT_truth, if it is there.
 
     compare_colmap.py lot_a:run1 kitti_00:run1 strecha/fountain_P11:run1 strecha/herz_jesu_P8:run1 heidelberg:front heidelberg:back
 
-COLMAP (apt install colmap) gets the run's images with their calibration, held, and its defaults, on the CPU: features,
-exhaustive (up to 60 images) or sequential matching, mapping. Then the references as images: geotagged photos, or the same
+COLMAP (apt install colmap, or --colmap with a program of any version from 3.8 to 4.x; options that were renamed are found by
+its --help) gets the run's images with their calibration, held, and its defaults, on the CPU: features, exhaustive (up to 60
+images) or sequential matching, mapping. Modes: `incremental` (mapper); `global` (global_mapper, from 4.0), with features and
+matches of its own, so that each row has all its costs; `rig` (rig_configurator, from 3.12): the views of a panorama are one
+frame of a rig whose rotations are held, and are mapped together with the images. Without --modes all that the program has; rig
+only where there are panoramas. Else, after the mapping, the references as images: geotagged photos, or the same
 views of the panoramas that localize uses (8 of 90 deg), each matched with every image (up to 60) or every fifth, registered,
 and all adjusted together. A panorama is where its views are in the mean, weighted by the points each sees. Of several models
 the largest counts. trigpoint localizes the run cold, views and features included, with odometry and geotags, which COLMAP has
@@ -22,9 +26,11 @@ trigpoint's. Wall times mean something on an otherwise idle machine only; the lo
 """
 import argparse
 import csv
+import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 
@@ -46,14 +52,51 @@ def camera_of(camchain):
     return model, [fx, fy, cx + 0.5, cy + 0.5] + ([] if model == "PINHOLE" else distortion)
 
 
-def feature_command(database, images, names, model, params, work):
+class Colmap:
+    """A program of some version: which commands it has and what their options are called."""
+
+    def __init__(self, path):
+        self.path = path
+        text = self.says("help")
+        self.version = (re.search(r"COLMAP\s+(\d[\w.]*)", text) or ["", "of unknown version"])[1]
+        self.commands = set(re.findall(r"^\s+([a-z0-9_]+)\s*$", text, re.M))
+        self.known = {}
+
+    def says(self, *words):
+        done = subprocess.run([self.path, *words], capture_output=True, text=True, check=False, env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
+        return done.stdout + done.stderr
+
+    def command(self, name, options, choices=()):
+        """`choices`: (names of which the first that is known is meant, value); one that has none of them is left out."""
+        if name not in self.known:
+            self.known[name] = set(re.findall(r"--([\w.]+)", self.says(name, "--help")))
+        words = [self.path, name]
+        for option, value in options.items():
+            words += [f"--{option}", str(value)]
+        for names, value in choices:
+            option = next((n for n in names if n in self.known[name]), None)
+            if option:
+                words += [f"--{option}", str(value)]
+        return words
+
+    def modes(self):
+        return ["incremental"] + ["global"] * ("global_mapper" in self.commands) + ["rig"] * ("rig_configurator" in self.commands)
+
+
+NO_GPU = ((("SiftExtraction.use_gpu", "FeatureExtraction.use_gpu"), 0), (("SiftMatching.use_gpu", "FeatureMatching.use_gpu"), 0))
+
+
+def calibration_held(prefix):
+    return [((f"{prefix}.ba_refine_{what}", f"{prefix}.refine_{what}"), 0) for what in ("focal_length", "principal_point", "extra_params")]
+
+
+def feature_command(colmap, database, images, names, model, params, work):
     """Without `params` COLMAP takes each image's focal length from its EXIF."""
     listing = os.path.join(work, "list.txt")
     with open(listing, "w", encoding="utf-8") as out:
         out.write("\n".join(names) + "\n")
     camera = ["--ImageReader.single_camera", "1", "--ImageReader.camera_model", model, "--ImageReader.camera_params", ",".join(f"{v:.9g}" for v in params)]
-    return ["colmap", "feature_extractor", "--database_path", database, "--image_path", images, "--image_list_path", listing,
-            "--SiftExtraction.use_gpu", "0", *(camera if params else [])]
+    return colmap.command("feature_extractor", {"database_path": database, "image_path": images, "image_list_path": listing}, NO_GPU) + (camera if params else [])
 
 
 def rotation(q):
@@ -100,7 +143,8 @@ class Failed(Exception):
 
 def step(steps, title, command, log):
     cost = run(command, log, check=False)
-    steps[title] = cost
+    before = steps.get(title, {"wall": 0, "cpu": 0, "memory": 0})  # one step may take several calls
+    steps[title] = {"wall": before["wall"] + cost["wall"], "cpu": before["cpu"] + cost["cpu"], "memory": max(before["memory"], cost["memory"])}
     if cost["code"] != 0:
         raise Failed(f"{title}: exit code {cost['code']}")
 
@@ -145,62 +189,133 @@ def put_references(project, images, log):
     return [(names, *(camera_of(os.path.join(project, camera)) if camera else ("SIMPLE_RADIAL", []))) for camera, names in groups.items()]
 
 
-def run_colmap(project, name, work, log):
-    """Costs by step, camera poses by time, reference positions by station, points, and what is odd."""
-    images, database = os.path.join(work, "images"), os.path.join(work, "database.db")
-    folder = os.path.join(project, "runs", name)
-    shutil.copytree(folder, os.path.join(images, "run"), copy_function=link)
-    references = put_references(project, images, log)
-    rows = read_rows(f"{folder}/images.txt")[1]
-    frames = [f"run/{row[1]}" for row in rows]
-    steps, note, last = {}, "", None
-    fixed = ["--Mapper.ba_refine_focal_length", "0", "--Mapper.ba_refine_extra_params", "0"]
-    try:
-        step(steps, f"features of {len(frames)} images", feature_command(database, images, frames, *camera_of(f"{folder}/camchain.yaml"), work), log)
-        matcher = "exhaustive" if len(frames) <= 60 else "sequential"
-        step(steps, matcher + " matching", ["colmap", matcher + "_matcher", "--database_path", database, "--SiftMatching.use_gpu", "0"], log)
-        model = os.path.join(work, "model")
+def rig_views(images, views):
+    """The views of panoramas in a folder for each view, as rigs want them, and the rig with the rotations of views.txt."""
+    cameras, names = [], []
+    for view, *q in read_rows(f"{images}/views/views.txt")[1]:
+        prefix = f"rig/{view}/"
+        cameras.append({"image_prefix": prefix, **({"cam_from_rig_rotation": [float(v) for v in q], "cam_from_rig_translation": [0, 0, 0]}
+                                                  if cameras else {"ref_sensor": True})})
+        for name in views:
+            station, _, its = os.path.basename(name)[:-len(".jpg")].rpartition("_")
+            if its == view:
+                names.append(prefix + station + ".jpg")
+                link(os.path.join(images, name), os.path.join(images, names[-1]))
+    reference = np.array([float(v) for v in read_rows(f"{images}/views/views.txt")[1][0][1:]])
+    for camera in cameras[1:]:
+        camera["cam_from_rig_rotation"] = product(camera["cam_from_rig_rotation"], reference * [1, -1, -1, -1])
+    return names, [{"cameras": cameras}]
+
+
+def product(a, b):
+    """Of quaternions w x y z: the rotation b, then a."""
+    w, v, x, u = a[0], np.array(a[1:]), b[0], np.array(b[1:])
+    return [float(w * x - v @ u), *map(float, w * u + x * v + np.cross(v, u))]
+
+
+class Mapping:
+    """One mode of COLMAP on one run, step by step in a folder of its own."""
+
+    def __init__(self, colmap, mode, project, name, work, log):
+        self.colmap, self.mode, self.work, self.log = colmap, mode, work, log
+        self.images, self.database = os.path.join(work, "images"), os.path.join(work, "database.db")
+        self.folder = os.path.join(project, "runs", name)
+        shutil.copytree(self.folder, os.path.join(self.images, "run"), copy_function=link)
+        self.references = put_references(project, self.images, log)
+        self.rows = read_rows(f"{self.folder}/images.txt")[1]
+        self.frames = [f"run/{row[1]}" for row in self.rows]
+        self.steps, self.note, self.last = {}, "", None
+
+    def step(self, title, name, options, choices=()):
+        step(self.steps, title, self.colmap.command(name, options, choices), self.log)
+
+    def features(self, title, names, camera, params):
+        step(self.steps, f"features of {len(names)} {title}", feature_command(self.colmap, self.database, self.images, names, camera, params, self.work), self.log)
+
+    def pairs(self, names):
+        """References with images: all, or every fifth of many."""
+        pairs = os.path.join(self.work, "pairs.txt")
+        with open(pairs, "w", encoding="utf-8") as out:
+            out.writelines(f"{view} {frame}\n" for view in names for frame in self.frames[::1 if len(self.frames) <= 60 else 5])
+        self.step("matching of references", "matches_importer", {"database_path": self.database, "match_list_path": pairs, "match_type": "pairs"}, NO_GPU)
+
+    def map(self):
+        model = os.path.join(self.work, "model")
         os.makedirs(model)
-        step(steps, "mapping", ["colmap", "mapper", "--database_path", database, "--image_path", images, "--output_path", model, *fixed], log)
+        command, prefix = ("global_mapper", "GlobalMapper") if self.mode == "global" else ("mapper", "Mapper")
+        held = calibration_held(prefix) + [((f"{prefix}.ba_refine_sensor_from_rig",), 0)]
+        self.step("mapping", command, {"database_path": self.database, "image_path": self.images, "output_path": model}, held)
         models = sorted((m for m in os.listdir(model) if os.path.exists(f"{model}/{m}/images.bin")), key=lambda m: os.path.getsize(f"{model}/{m}/images.bin"))
         if not models:
             raise Failed("no model")
         if len(models) > 1:
-            note = f"split into {len(models)} models, the largest shown"
-        last = os.path.join(model, models[-1])
-        if references:
-            names = [name for group in references for name in group[0]]
-            for group, camera, params in references:
-                step(steps, f"features of {len(group)} references", feature_command(database, images, group, camera, params, work), log)
-            pairs = os.path.join(work, "pairs.txt")
-            with open(pairs, "w", encoding="utf-8") as out:
-                out.writelines(f"{view} {frame}\n" for view in names for frame in frames[::1 if len(frames) <= 60 else 5])
-            step(steps, "matching of references", ["colmap", "matches_importer", "--database_path", database, "--match_list_path", pairs, "--match_type",
-                                                   "pairs", "--SiftMatching.use_gpu", "0"], log)
-            for out in ("registered", "adjusted"):
-                os.makedirs(os.path.join(work, out))
-            step(steps, "registration of references", ["colmap", "image_registrator", "--database_path", database, "--input_path", last, "--output_path",
-                                                       os.path.join(work, "registered"), *fixed], log)
-            step(steps, "joint adjustment", ["colmap", "bundle_adjuster", "--input_path", os.path.join(work, "registered"), "--output_path",
-                                             os.path.join(work, "adjusted"), "--BundleAdjustment.refine_focal_length", "0",
-                                             "--BundleAdjustment.refine_extra_params", "0"], log)
-            last = os.path.join(work, "adjusted")
+            self.note = f"split into {len(models)} models, the largest shown"
+        self.last = os.path.join(model, models[-1])
+
+    def match(self):
+        matcher = "exhaustive" if len(self.frames) <= 60 else "sequential"
+        self.step(matcher + " matching", matcher + "_matcher", {"database_path": self.database}, NO_GPU)
+
+    def run(self):
+        self.features("images", self.frames, *camera_of(f"{self.folder}/camchain.yaml"))
+        if self.mode == "rig":
+            views, rig = rig_views(self.images, self.references[0][0])
+            for camera in rig[0]["cameras"]:
+                self.features("references", [v for v in views if v.startswith(camera["image_prefix"])], *self.references[0][1:])
+            config = os.path.join(self.work, "rig.json")
+            with open(config, "w", encoding="utf-8") as out:
+                json.dump(rig, out)
+            self.step("rig", "rig_configurator", {"database_path": self.database, "rig_config_path": config})
+            self.match()
+            if len(self.frames) > 60:
+                self.pairs(views)
+            self.map()
+            return
+        self.match()
+        self.map()
+        if self.references:
+            self.register()
+
+    def register(self):
+        for group, camera, params in self.references:
+            self.features("references", group, camera, params)
+        self.pairs([name for group in self.references for name in group[0]])
+        for out in ("registered", "adjusted"):
+            os.makedirs(os.path.join(self.work, out))
+        registered, adjusted = os.path.join(self.work, "registered"), os.path.join(self.work, "adjusted")
+        self.step("registration of references", "image_registrator", {"database_path": self.database, "input_path": self.last, "output_path": registered},
+                  calibration_held("Mapper"))
+        self.step("joint adjustment", "bundle_adjuster", {"input_path": registered, "output_path": adjusted}, calibration_held("BundleAdjustment"))
+        self.last = adjusted
+
+    def answer(self):
+        """Camera poses by time, reference positions by station, number of points."""
+        if not self.last:
+            return {}, {}, 0
+        text = os.path.join(self.work, "text")
+        os.makedirs(text)
+        run(self.colmap.command("model_converter", {"input_path": self.last, "output_path": text, "output_type": "TXT"}), self.log)
+        registered = read_images(text)
+        stamp = {f"run/{row[1]}": round(float(row[0]), 4) for row in self.rows}
+        cameras = {stamp[n]: (c, r) for n, (c, r, _) in registered.items() if n in stamp}
+        sums = {}
+        for n, (c, _, weight) in registered.items():
+            station = os.path.basename(n).rsplit("_", 1)[0] if n.startswith("views/") else os.path.basename(n) if n.startswith("rig/") else None
+            if station is not None:
+                at = sums.setdefault(station_number(station.removesuffix(".jpg")), [np.zeros(3), 0])
+                at[0] = at[0] + weight * c
+                at[1] += weight
+        return cameras, {k: v / w for k, (v, w) in sums.items() if w > 0}, count_points(self.last)
+
+
+def run_colmap(colmap, mode, project, name, work, log):
+    """Costs by step, camera poses by time, reference positions by station, points, and what is odd."""
+    mapping = Mapping(colmap, mode, project, name, work, log)
+    try:
+        mapping.run()
     except Failed as failure:
-        note = f"{note}; {failure}" if note else str(failure)
-    if not last:
-        return steps, {}, {}, 0, note
-    os.makedirs(os.path.join(work, "text"))
-    run(["colmap", "model_converter", "--input_path", last, "--output_path", os.path.join(work, "text"), "--output_type", "TXT"], log)
-    registered = read_images(os.path.join(work, "text"))
-    stamp = {f"run/{row[1]}": round(float(row[0]), 4) for row in rows}
-    cameras = {stamp[n]: (c, r) for n, (c, r, _) in registered.items() if n in stamp}
-    sums = {}
-    for n, (c, _, weight) in registered.items():
-        if n.startswith("views/"):
-            at = sums.setdefault(station_number(os.path.basename(n).rsplit("_", 1)[0]), [np.zeros(3), 0])
-            at[0] = at[0] + weight * c
-            at[1] += weight
-    return steps, cameras, {k: v / w for k, (v, w) in sums.items() if w > 0}, count_points(last), note
+        mapping.note = f"{mapping.note}; {failure}" if mapping.note else str(failure)
+    return mapping.steps, *mapping.answer(), mapping.note
 
 
 def count_points(folder):
@@ -246,9 +361,16 @@ def main():
     parser.add_argument("runs", nargs="+", metavar="PROJECT:RUN[:TRUTH]")
     parser.add_argument("--work", help="folder to work in, kept; default: a temporary one")
     parser.add_argument("--skip-colmap", action="store_true", help="trigpoint alone")
+    parser.add_argument("--colmap", default="colmap", metavar="PATH", help="program of COLMAP, any version from 3.8")
+    parser.add_argument("--modes", help="of incremental, global, rig; default: all that the program has")
     args = parser.parse_args()
-    if not args.skip_colmap and not shutil.which("colmap"):
-        sys.exit("colmap is not installed: apt install colmap")
+    if not args.skip_colmap and not shutil.which(args.colmap):
+        sys.exit(f"{args.colmap} is not there: apt install colmap, or --colmap PATH")
+    colmap = None if args.skip_colmap else Colmap(shutil.which(args.colmap))
+    modes = [] if args.skip_colmap else args.modes.split(",") if args.modes else colmap.modes()
+    for mode in modes:
+        if mode not in colmap.modes():
+            sys.exit(f"--modes {mode}: COLMAP {colmap.version} has {', '.join(colmap.modes())}")
     top = args.work or tempfile.mkdtemp(prefix="trigpoint-colmap-")
     print(f"load average before: {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores\n")
     print("| run | system | cameras, rmse sim3 m | rigid m | rotation median deg | images | points | references, median m | max m | references | CPU s | wall s | "
@@ -271,16 +393,18 @@ def main():
         with open(os.path.join(work, "trigpoint.log"), "w", encoding="utf-8") as log:
             cost = run([program(), "localize", project, "--run", name], log)
         print(row_text(title, "trigpoint", cost, *with_counts(ours(project, name), images, wanted), *known, "", ""), flush=True)
-        if args.skip_colmap:
-            continue
-        with open(os.path.join(work, "colmap.log"), "w", encoding="utf-8") as log:
-            steps, *answer, note = run_colmap(project, name, work, log)
-        total = {key: sum(s[key] for s in steps.values()) for key in ("cpu", "wall")}
-        total["memory"] = max(s["memory"] for s in steps.values())
-        print(row_text(title, "COLMAP", total, *with_counts(answer, images, wanted), *known, note, f"{total['cpu'] / cost['cpu']:.1f}"), flush=True)
-        details += [f"| {title} | {name_of} | {c['cpu']:.0f} | {c['wall']:.0f} | {c['memory']:.0f} |" for name_of, c in steps.items()]
+        for mode in modes:
+            if mode == "rig" and not os.path.exists(os.path.join(project, "panoramas.csv")):
+                continue
+            system = f"COLMAP {colmap.version} {mode}"
+            with open(os.path.join(work, f"colmap_{mode}.log"), "w", encoding="utf-8") as log:
+                steps, *answer, note = run_colmap(colmap, mode, project, name, os.path.join(work, mode), log)
+            total = {key: sum(s[key] for s in steps.values()) for key in ("cpu", "wall")}
+            total["memory"] = max(s["memory"] for s in steps.values())
+            print(row_text(title, system, total, *with_counts(answer, images, wanted), *known, note, f"{total['cpu'] / cost['cpu']:.1f}"), flush=True)
+            details += [f"| {title} | {system} | {name_of} | {c['cpu']:.0f} | {c['wall']:.0f} | {c['memory']:.0f} |" for name_of, c in steps.items()]
     if details:
-        print("\n| run | COLMAP's step | CPU s | wall s | peak MiB |\n|---|---|---|---|---|\n" + "\n".join(details))
+        print("\n| run | system | step | CPU s | wall s | peak MiB |\n|---|---|---|---|---|---|\n" + "\n".join(details))
     if not args.work:
         shutil.rmtree(top)
 
