@@ -77,6 +77,12 @@ void TextPainter::DrawAt(const Shape& text) {
   cairo_restore(cairo_);
 }
 
+// Not cairo_paint: an image painted without bounds inside a tag ends a PDF's page as wrongly nested (cairo 1.16).
+void FillImage(cairo_t* cairo, cairo_surface_t* image) {
+  cairo_rectangle(cairo, 0, 0, cairo_image_surface_get_width(image), cairo_image_surface_get_height(image));
+  cairo_fill(cairo);
+}
+
 namespace {
 
 void PaintPicture(cairo_t* cairo, const Shape& shape) {
@@ -92,7 +98,7 @@ void PaintPicture(cairo_t* cairo, const Shape& shape) {
       surface.get(), CAIRO_MIME_TYPE_JPEG, reinterpret_cast<const unsigned char*>(bytes->data()), bytes->size(),
       [](void* data) { delete static_cast<std::string*>(data); }, bytes);
   cairo_set_source_surface(cairo, surface.get(), 0, 0);
-  cairo_paint(cairo);
+  FillImage(cairo, surface.get());
   cairo_restore(cairo);
 }
 

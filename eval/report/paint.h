@@ -42,5 +42,7 @@ void Paint(cairo_t* cairo, const Drawing& drawing);
 
 // A PNG's or JPEG's pixels; nothing if it cannot be decoded.
 std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> DecodedSurface(const std::string& bytes);
+// Paints the image that is the source, from the origin.
+void FillImage(cairo_t* cairo, cairo_surface_t* image);
 
 }  // namespace trigpoint

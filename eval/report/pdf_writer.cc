@@ -394,7 +394,7 @@ class Pages {
     }
     if (image) {
       cairo_set_source_surface(cairo_.get(), image.get(), 0, 0);
-      cairo_paint(cairo_.get());
+      FillImage(cairo_.get(), image.get());
     }
     cairo_restore(cairo_.get());
   }

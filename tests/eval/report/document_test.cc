@@ -112,6 +112,8 @@ TEST_F(PdfTest, IsRepeatableInBothSizes) {
   for (int r = 0; r < 90; ++r) wide.rows.emplace_back(40, TableCell{"12345.678"});
   d.blocks.push_back(wide);
   d.blocks.push_back(Paragraph{std::string(4000, 'x')});
+  d.blocks.push_back(
+      Figure{"png", "a picture", Picture{PngOf(DotChart({"a"}, {{"b", {{0, 1.0}}}}, "c"), 1), false, 640, 480}});
   d.blocks.push_back(Figure{"broken", "a broken picture", Picture{"no picture", false, 100, 50}});
   WritePdf(d, Paper::kA4, (dir_ / "a.pdf").string());
   WritePdf(d, Paper::kA4, (dir_ / "b.pdf").string());
