@@ -11,7 +11,7 @@ Solution WithImages(const LocalizeInput& input, const std::string& run) {
   Solution s;
   s.run = run;
   s.cameras = input.cameras;
-  for (BodyCamera& camera : s.cameras) camera.mask.clear();
+  for (BodyCamera& camera : s.cameras) camera.mask = {};
   for (const FrameImage& image : input.images)
     s.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
   s.pose_stamps = input.pose_stamps;

@@ -11,6 +11,7 @@
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/tag_files.h"
 
@@ -123,12 +124,33 @@ DetectTagsResult DetectApart(const Run& run, const DetectOptions& options, Stage
   return Unpacked(forked.bytes);
 }
 
+// Tags with a corner on what a mask ignores are none of the site: on the carrier itself, on something that moves.
+int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
+  const RunMasks masks(run);
+  int64_t left_out = 0;
+  for (size_t i = 0; i < images->size(); ++i) {
+    std::vector<TagDetection>& found = (*images)[i].detections;
+    if (found.empty()) continue;
+    const cv::Mat mask = masks.Of(run.images[i]);
+    if (mask.empty()) continue;
+    const cv::Rect whole({}, mask.size());
+    left_out += static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) {
+      return std::any_of(tag.corners.begin(), tag.corners.end(), [&](const Eigen::Vector2d& corner) {
+        const cv::Point at(cvRound(corner.x()), cvRound(corner.y()));
+        return whole.contains(at) && mask.at<uint8_t>(at) == 0;
+      });
+    }));
+  }
+  return left_out;
+}
+
 std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions& options, StageContext& context) {
   const auto count = static_cast<int64_t>(run.images.size());
   if (count == 0) {
     throw InputError(run.dir.string() + ": found no images; expected images.txt with its pictures, or a video");
   }
-  const DetectTagsResult result = DetectApart(run, options, context);
+  DetectTagsResult result = DetectApart(run, options, context);
+  context.metrics["masked"] = LeaveOutMasked(run, &result.images);
   std::vector<ImageDetections> images;
   int named = 0;
   for (int64_t i = 0; i < count; ++i) {

@@ -10,6 +10,7 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 
 namespace trigpoint {
 namespace {
@@ -63,17 +64,22 @@ class ReferencePicture {
                RendererOfSize* renderers) {
     std::call_once(read_, [&] { Read(site, p, renderers); });
     if (problem.empty() && renderer_) {
-      features[v] = ExtractFeatures(renderer_->Render(picture_, v), cv::Mat(), options.references);
+      const cv::Mat mask = mask_.empty() ? cv::Mat() : cv::Mat(renderer_->Render(mask_, v) == 255);
+      features[v] = ExtractFeatures(renderer_->Render(picture_, v), mask, options.references);
     } else if (problem.empty()) {
       const Camera& camera = p.rig.views[v].camera;
       const Camera matched = MatchedCamera(site, camera);
-      cv::Mat reduced = picture_;
+      cv::Mat reduced = picture_, mask = mask_;
       if (matched.width() != picture_.cols) {
-        cv::resize(picture_, reduced, {matched.width(), matched.height()}, 0, 0, cv::INTER_AREA);
+        const cv::Size size(matched.width(), matched.height());
+        cv::resize(picture_, reduced, size, 0, 0, cv::INTER_AREA);
+        if (!mask.empty()) cv::resize(mask_, mask, size, 0, 0, cv::INTER_NEAREST);
       }
-      features[v] = ResizedFeatures(ExtractFeatures(reduced, cv::Mat(), options.references), matched, camera);
+      features[v] = ResizedFeatures(ExtractFeatures(reduced, mask, options.references), matched, camera);
     }
-    if (--left_ == 0) picture_.release();
+    if (--left_ > 0) return;
+    picture_.release();
+    mask_.release();
   }
 
   std::vector<FeatureSet> features;  // of each view
@@ -82,14 +88,18 @@ class ReferencePicture {
  private:
   void Read(const Site& site, const PreparedReference& p, RendererOfSize* renderers) {
     const std::filesystem::path file = site.dir / p.name;
+    const Reference& reference = site.references[static_cast<size_t>(p.reference)];
     try {
-      if (site.references[static_cast<size_t>(p.reference)].kind == ReferenceKind::kPanorama) {
+      if (reference.kind == ReferenceKind::kPanorama) {
         const cv::Mat panorama = LoadPanorama(file, true);
         renderer_ = renderers->Get(p.rig, panorama.size());
         picture_ = renderer_->Prepare(panorama);
+        const cv::Mat mask = ReferenceMask(reference, file, panorama.size());
+        if (!mask.empty()) mask_ = renderer_->Prepare(mask);
         return;
       }
       picture_ = LoadPicture(file, true);
+      mask_ = ReferenceMask(reference, file, picture_.size());
       const Camera& camera = p.rig.views.front().camera;
       if (picture_.cols == camera.width() && picture_.rows == camera.height()) return;
       throw InputError(file.string() + ": is " + std::to_string(picture_.cols) + " x " + std::to_string(picture_.rows) +
@@ -102,7 +112,7 @@ class ReferencePicture {
 
   std::once_flag read_;
   std::atomic<size_t> left_;
-  cv::Mat picture_;                               // as its views are drawn from
+  cv::Mat picture_, mask_;                        // as its views are drawn from; no mask: nothing is ignored
   std::shared_ptr<const ViewRenderer> renderer_;  // of a panorama
 };
 
@@ -115,10 +125,9 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
   ColmapDatabase database = ColmapDatabase::Create(file);
   database.Begin();
   std::vector<uint32_t> cameras;
-  std::vector<cv::Mat> masks;
+  const RunMasks masks(run);
   for (const BodyCamera& c : run.cameras) {
     cameras.push_back(database.AddCamera(c.camera));
-    masks.push_back(c.mask.empty() ? cv::Mat() : LoadPicture(c.mask, true));
   }
   const size_t n = run.images.size();
   progress.Begin("features of " + run.name, static_cast<int64_t>(n));
@@ -128,7 +137,7 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
     const size_t k = static_cast<size_t>(i);
     const ImageEntry& entry = run.images[k];
     try {
-      features[k] = ExtractFeatures(LoadGrey(run, entry), masks[static_cast<size_t>(entry.camera)], options);
+      features[k] = ExtractFeatures(LoadGrey(run, entry), masks.Of(entry), options);
     } catch (const InputError& e) {
       problems[k] = e.what();
     }

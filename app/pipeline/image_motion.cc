@@ -8,6 +8,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/trajectory.h"
 
 namespace trigpoint {
@@ -69,13 +70,43 @@ void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRu
   WriteTum(file, poses, {"trigpoint motion 1; frame=odom (first placed pose); from=images; unit=" + unit});
 }
 
-void FollowImageMotion(const std::filesystem::path& file, Run* run) {
-  run->odometry = ReadTrajectory(file);
+void FollowReconstruction(const std::filesystem::path& dir, Run* run) {
+  if (std::filesystem::exists(dir / kFoundCamerasFile)) {
+    const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile);
+    for (size_t c = 0; c < run->cameras.size() && c < found.size(); ++c) {
+      run->cameras[c].camera = found[c].camera;
+      run->cameras[c].focal_sigma_share = 0;
+    }
+  }
+  if (!run->odometry.poses.empty()) return;
+  run->odometry = ReadTrajectory(dir / kMotionFile);
   run->config.odometry_scale_sigma = kUnknownScaleSigma;
   run->config.odometry_levelled = false;
   std::set<int64_t> placed;
   for (const TimedPose& pose : run->odometry.poses) placed.insert(pose.stamp_ns);
   std::erase_if(run->images, [&](const ImageEntry& i) { return placed.count(PoseStamp(*run, i)) == 0; });
+}
+
+void TakeCameras(const std::vector<SelfCalibration>& found, Run* run) {
+  for (const SelfCalibration& s : found) run->cameras[static_cast<size_t>(s.camera)].camera = s.found;
+}
+
+void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found, const std::filesystem::path& file,
+                       ProgressSink& progress) {
+  std::vector<std::string> comments = {"estimated from the run's images, which nobody calibrated; 1 sigma:"};
+  for (const SelfCalibration& s : found) {
+    const std::vector<double>& p = s.found.params();
+    const BodyCamera& camera = run.cameras[static_cast<size_t>(s.camera)];
+    comments.push_back(
+        fmt::format("{}: f {:.1f} +- {:.1f} px (begun with {:.1f}), principal point {:.1f}, {:.1f} +- {:.1f} px, k1 "
+                    "{:.4f} +- {:.4f}, k2 "
+                    "{:.4f} +- {:.4f}",
+                    camera.name, p[0], s.sigma_focal_px, camera.guessed_focal_px, p[2], p[3], s.sigma_centre_px, p[4],
+                    s.sigma_k1, p[5], s.sigma_k2));
+    progress.Log(LogLevel::kWarning,
+                 fmt::format("run {} is not calibrated; its images say (1 sigma) {}", run.name, comments.back()));
+  }
+  WriteCamchain(file, run.cameras, comments);
 }
 
 void ScaleReconstruction(double length, Reconstruction* r) {

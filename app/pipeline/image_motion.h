@@ -1,24 +1,36 @@
-// The motion of a run that has no odometry: found from its images by `reconstruct`, kept in motion.tum, followed by
-// the stages after it as odometry whose length nothing has measured.
+// What `reconstruct` finds of a run that its inputs leave out, for itself and the stages after it: the motion of a run
+// without odometry (motion.tum), followed as odometry whose length nothing has measured; the lenses of cameras that
+// nobody calibrated (camchain.yaml).
 #pragma once
 
 #include <filesystem>
 
 #include "app/pipeline/localize_files.h"
 #include "localize/reconstruct_run.h"
+#include "localize/self_calibration.h"
 
 namespace trigpoint {
 
 // How far the length of images' own motion may be off before it is found, as odometry's `scale_sigma`.
 inline constexpr double kUnknownScaleSigma = 10;
 
+inline constexpr const char* kMotionFile = "motion.tum";
+inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
+
 // Writes `file`: the motion of `job`'s images, as long as the run's GPS says, if it has any.
 void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
                      const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                      const CancelToken& cancel);
 
-// The file's motion becomes the run's odometry; images without a place in it leave the run.
-void FollowImageMotion(const std::filesystem::path& file, Run* run);
+// What the folder of a reconstruction says becomes the run's: its motion, where the run has no odometry (images
+// without a place in it leave the run), and the lenses found.
+void FollowReconstruction(const std::filesystem::path& dir, Run* run);
+
+// The lenses found take the places of the run's guesses.
+void TakeCameras(const std::vector<SelfCalibration>& found, Run* run);
+// Writes the cameras of the run, of which some were found, and says so.
+void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found, const std::filesystem::path& file,
+                       ProgressSink& progress);
 
 // The reconstruction `length` times as long; points that are too far away to count now are left out.
 void ScaleReconstruction(double length, Reconstruction* reconstruction);

@@ -176,7 +176,7 @@ StageInfo LocalizeStage() {
       std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
       if (options.mode == "paper") LeaveOutSets(&site, context.progress);
       const bool has_odometry = !r.odometry.poses.empty();
-      if (!has_odometry) FollowImageMotion(ImageMotionFile(context.project, "localize", target), &r);
+      FollowReconstruction(ReconstructionManifest(context.project, "localize", target).parent_path(), &r);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
       job.input.has_odometry = has_odometry;

@@ -16,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kMotion = "motion.tum";
-
 ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
   const bool paper = ModeOf(project, target) == "paper";
   return ResolveOptions(project, "reconstruct", target,
@@ -77,12 +75,14 @@ void RequireConventions(const Run& run, const LocalizeInput& input, StageContext
   if (contradiction) throw InputError(*contradiction);
 }
 
-void MakeReconstruction(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
-                        StageContext& context) {
-  Run run = context.project.run(target.run);
-  const Review& review = context.project.review();
-  std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
-  const fs::path features = ResultOf(context.project, "features", Plain(target)) / "features.db";
+fs::path FeaturesOf(const Project& project, const StageTarget& target) {
+  return ResultOf(project, "features", Plain(target)) / "features.db";
+}
+
+// With the cameras of the run as they are. A run without odometry finds its motion first.
+LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
+                            Run run, StageContext& context, RunReconstruction* result) {
+  const fs::path features = FeaturesOf(context.project, target);
   LocalizeJob job = MakeRunJob(run, features);
   if (!job.input.has_odometry) {
     if (mode == "paper") {
@@ -90,16 +90,58 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                        ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
                        "qw); without it run `trigpoint localize` in its own mode");
     }
-    FindImageMotion(run, job, options, context.out / kMotion, context.threads, context.seed, context.progress,
+    FindImageMotion(run, job, options, context.out / kMotionFile, context.threads, context.seed, context.progress,
                     context.cancel);
-    FollowImageMotion(context.out / kMotion, &run);
+    FollowReconstruction(context.out, &run);
     job = MakeRunJob(run, features);
     job.input.has_odometry = false;
   }
+  *result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed, context.progress,
+                           context.cancel);
+  return job;
+}
+
+constexpr double kSettledPx = 0.5;  // lenses that move pixels by less are found
+
+// Lenses that nobody calibrated are found from the reconstruction, which is then made again with them, until they stay.
+LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, const std::string& mode,
+                                      const StageTarget& target, Run run, StageContext& context,
+                                      RunReconstruction* result) {
+  constexpr int kRounds = 4;
+  LocalizeInput begin = MakeRunJob(run, FeaturesOf(context.project, target)).input;
+  SearchFocalLengths(&begin, options.pairs, context.threads, context.seed, context.progress, context.cancel);
+  run.cameras = begin.cameras;
+  for (int round = 1;; ++round) {
+    LocalizeJob job = ReconstructOnce(options, mode, target, run, context, result);
+    const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction, context.threads);
+    if (found.empty()) return job;
+    const bool settled = std::all_of(found.begin(), found.end(), [](const auto& s) { return s.shift_px < kSettledPx; });
+    if (settled || round == kRounds) {
+      WriteFoundCameras(run, found, context.out / kFoundCamerasFile, context.progress);
+      return job;
+    }
+    TakeCameras(found, &run);
+  }
+}
+
+void MakeReconstruction(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
+                        StageContext& context) {
+  Run run = context.project.run(target.run);
+  const Review& review = context.project.review();
+  std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
+  const auto check = [&](const LocalizeJob& job) {
+    if (options.check_conventions && job.input.has_odometry) RequireConventions(run, job.input, context);
+  };
+  // A lens that is a guess would be blamed on odometry: there the check waits for the lens.
+  const bool calibrated = std::none_of(run.cameras.begin(), run.cameras.end(),
+                                       [](const BodyCamera& camera) { return camera.focal_sigma_share > 0; });
+  if (calibrated) check(MakeRunJob(run, FeaturesOf(context.project, target)));
+  RunReconstruction result;
+  LocalizeJob job = calibrated || mode == "paper"
+                        ? ReconstructOnce(options, mode, target, run, context, &result)
+                        : ReconstructWithItsCameras(options, mode, target, run, context, &result);
+  if (!calibrated) check(job);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-  if (options.check_conventions && job.input.has_odometry) RequireConventions(run, job.input, context);
-  RunReconstruction result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed,
-                                            context.progress, context.cancel);
   context.metrics.update(ReconstructionMetrics(job, result));
   context.progress.Begin("writing the solution", 0);
   WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolutionFile);
@@ -129,10 +171,6 @@ Solution ReadReconstruction(const Project& project, const std::string& reader, c
   return ReadSolution(file);
 }
 
-fs::path ImageMotionFile(const Project& project, const std::string& reader, const StageTarget& target) {
-  return ReconstructionManifest(project, reader, target).parent_path() / kMotion;
-}
-
 StageInfo ReconstructStage() {
   StageInfo info;
   info.name = "reconstruct";
@@ -146,7 +184,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -15,9 +15,6 @@ std::string ModeOf(const Project& project, const StageTarget& target);
 std::filesystem::path ReconstructionManifest(const Project& project, const std::string& reader,
                                              const StageTarget& target);
 
-// Where a run without odometry has the motion of its images there.
-std::filesystem::path ImageMotionFile(const Project& project, const std::string& reader, const StageTarget& target);
-
 // That reconstruction. Throws InputError if there is none.
 Solution ReadReconstruction(const Project& project, const std::string& reader, const StageTarget& target);
 

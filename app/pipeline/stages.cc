@@ -9,6 +9,7 @@
 #include "app/pipeline/report_stage.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/stitch_stage.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -77,9 +78,8 @@ std::vector<fs::path> RunInputs(const Project& project, const Run& run) {
   for (const ImageEntry& image : run.images) inputs.push_back(image.path);
   if (!run.config.camera.empty())
     inputs.push_back(project.results() / "calibrate" / run.config.camera / "camchain.yaml");
-  for (const BodyCamera& camera : run.cameras) {
-    if (!camera.mask.empty()) inputs.push_back(camera.mask);
-  }
+  const std::vector<fs::path> masks = MaskFiles(run);
+  inputs.insert(inputs.end(), masks.begin(), masks.end());
   std::sort(inputs.begin(), inputs.end());
   inputs.erase(std::unique(inputs.begin(), inputs.end()), inputs.end());
   return inputs;
@@ -92,6 +92,12 @@ std::vector<fs::path> ReferenceInputs(const Project& project) {
   }
   for (const Reference& reference : project.site().references) {
     inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
+    if (!reference.mask.empty()) inputs.push_back(reference.mask);
+    if (reference.kind != ReferenceKind::kPhotoSet) continue;
+    for (const fs::path& photo : reference.files) {
+      fs::path mask = MaskInFolder(photo.parent_path() / "masks", photo.filename().string());
+      if (!mask.empty()) inputs.push_back(std::move(mask));
+    }
   }
   return inputs;
 }

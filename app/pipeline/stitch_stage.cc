@@ -170,8 +170,9 @@ StageInfo StitchStage() {
     const fs::path dir = FolderOfSet(project, target.run);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.version = 7;
+    request.version = 8;
     request.inputs = PicturesIn(dir);
+    for (const fs::path& mask : PicturesIn(dir / "masks")) request.inputs.push_back(mask);
     request.body = [options, dir, name = target.run](StageContext& context) {
       const PhotoSet set = ReadPhotoSet(dir, name);
       RequireOneSpot(set, dir);

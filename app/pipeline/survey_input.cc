@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
 #include "calib/base/median.h"
@@ -215,6 +216,15 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
   }
 }
 
+void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cameras, bool self_calibrate) {
+  const bool known = std::none_of(cameras.begin(), cameras.end(),
+                                  [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; });
+  if (known || self_calibrate) return;
+  throw InputError("run " + run +
+                   ": nothing says what lens it was taken with; expected camchain.yaml (`trigpoint calibrate`), photos "
+                   "whose EXIF states the focal length, or `trigpoint survey --set map.self_calibrate=true`");
+}
+
 void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
             const DetectionsOfRuns* detections, SurveyJob* job) {
   StageTarget its = target;
@@ -235,11 +245,15 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.levelled = run.config.odometry_levelled;
   if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty()) {
     try {
+      Run found = run;
+      FollowReconstruction(ReconstructionManifest(project, "survey", its).parent_path(), &found);
       AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, &survey);
+      survey.cameras = found.cameras;
     } catch (const Error& e) {
       job->warnings.push_back(fmt::format("run {}: no scene points, tags and odometry alone: {}", run.name, e.what()));
     }
   }
+  RequireKnownLens(run.name, survey.cameras, options.map.self_calibrate);
   AddGps(project, run, &survey);
   job->input.runs.push_back(std::move(survey));
 }

@@ -15,13 +15,6 @@ const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distort
                                         "resolution",   "rostopic",     "T_cam_imu",        "T_imu_cam",
                                         "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu"};
 
-// Looks along the body's x axis, upright.
-Rigid3d LevelForwardCamera() {
-  Eigen::Matrix3d r;
-  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
-  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
-}
-
 Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
   const YAML::Node rows = map.Node(key);
   Eigen::Matrix4d m;
@@ -101,6 +94,12 @@ std::string Rows(const Rigid3d& transform) {
 }
 
 }  // namespace
+
+Rigid3d LevelForwardCamera() {
+  Eigen::Matrix3d r;
+  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
+}
 
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
   const YamlMap top = YamlMap::AnyKeys(file, LoadYaml(file));

@@ -14,6 +14,9 @@ namespace trigpoint {
 // has_extrinsics is false. Throws InputError with file, line and key (omni and double sphere cameras are refused).
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
 
+// A camera that looks along the body's x axis, upright: cam_from_body where nothing says how it is mounted.
+Rigid3d LevelForwardCamera();
+
 // Writes the same form (atomically); T_cam_imu where has_extrinsics, else T_cn_cnm1 from the camera before. Throws
 // OptionError for a panorama camera.
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,

@@ -160,10 +160,18 @@ bool StampsFromExif(const Run& run, std::vector<ImageEntry>* images, bool* zone_
   return true;
 }
 
+// A mask may lie among the images.
+bool IsMask(const Run& run, const std::filesystem::path& file) {
+  return std::any_of(run.cameras.begin(), run.cameras.end(), [&](const BodyCamera& camera) {
+    return std::find(camera.mask.pictures.begin(), camera.mask.pictures.end(), file) != camera.mask.pictures.end();
+  });
+}
+
 void ReadFolders(Run* run) {
   std::vector<ImageEntry> images;
   const auto add = [&](const std::filesystem::path& dir, int camera) {
     for (const std::filesystem::path& file : PicturesIn(dir)) {
+      if (IsMask(*run, file)) continue;
       try {
         CheckPresent(file, run->dir.string());
         images.push_back({0, file.lexically_relative(run->dir).string(), file, camera, -1});

@@ -16,9 +16,9 @@ namespace trigpoint {
 namespace {
 
 std::vector<std::string> GeoTagColumns() {
-  std::vector<std::string> columns = {"station",   "heading_deg", "pitch_deg",         "roll_deg",
-                                      "sigma_h_m", "sigma_v_m",   "sigma_heading_deg", "sigma_tilt_deg",
-                                      "source",    "captured_at", "licence",           "attribution"};
+  std::vector<std::string> columns = {
+      "station",        "heading_deg", "pitch_deg",   "roll_deg", "sigma_h_m",   "sigma_v_m", "sigma_heading_deg",
+      "sigma_tilt_deg", "source",      "captured_at", "licence",  "attribution", "mask"};
   columns.insert(columns.end(), PositionColumns().begin(), PositionColumns().end());
   return columns;
 }
@@ -69,6 +69,13 @@ Reference OneFile(ReferenceKind kind, const std::string& name, const std::string
   return reference;
 }
 
+std::filesystem::path MaskOfRow(const CsvRow& row, const std::filesystem::path& site_dir) {
+  if (!row.Has("mask")) return {};
+  const std::filesystem::path mask = ResolveInside(site_dir, site_dir, row.Text("mask"), row.Where("mask"));
+  CheckPresent(mask, row.Where("mask"));
+  return mask;
+}
+
 void WarnIfNoPosition(const Reference& reference, std::vector<std::string>* warnings) {
   if (!reference.geotag.has_position) {
     warnings->push_back(reference.name + ": no geotag, neither in a table nor in its EXIF; it can be localized, but " +
@@ -96,6 +103,7 @@ std::vector<Reference> ReadPanoramaTable(const std::filesystem::path& file, cons
     const std::filesystem::path path = ResolveInside(site_dir, site_dir, name, row.Where());
     CheckPresent(path, row.Where());
     Reference reference = OneFile(ReferenceKind::kPanorama, name, row.Text("station"), path);
+    reference.mask = MaskOfRow(row, site_dir);
     reference.geotag = GeoTagOfRow(row, path, warnings);
     if (!names.insert(name).second) row.Fail("panorama '" + name + "' stands in the table twice");
     WarnIfNoPosition(reference, warnings);
@@ -135,6 +143,7 @@ std::vector<Reference> ReadPhotoTable(const std::filesystem::path& file, const s
     const std::filesystem::path path = ResolveInside(site_dir, site_dir, name, row.Where());
     CheckPresent(path, row.Where());
     Reference reference = OneFile(ReferenceKind::kPhoto, name, row.Text("station"), path);
+    reference.mask = MaskOfRow(row, site_dir);
     if (row.Has("camera")) {
       const std::filesystem::path chain = ResolveInside(site_dir, site_dir, row.Text("camera"), row.Where("camera"));
       if (!cameras.contains(chain)) {

@@ -1,3 +1,5 @@
+#include <yaml-cpp/yaml.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -6,13 +8,51 @@
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif_positions.h"
 #include "datasets/io/gps.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "datasets/io/video.h"
 #include "datasets/io/yaml.h"
 
 namespace trigpoint {
 namespace {
+
+// Share of it, 1 sigma: of 35 mm equivalents, which are whole numbers, some count the frame's diagonal, some its width.
+constexpr double kExifFocalSigma = 0.05;
+// Of phones and action cameras, as a share of the picture's long side, and its 1 sigma, a share of it.
+constexpr double kUsualFocal = 0.8, kUnknownFocalSigma = 0.4;
+
+// One path or a list of paths and boxes.
+CameraMask ReadMask(const YamlMap& map, const std::string& key) {
+  CameraMask mask;
+  const YAML::Node node = map.Node(key);
+  if (node.IsScalar()) {
+    mask.pictures.emplace_back(map.Text(key));
+    return mask;
+  }
+  const auto fail = [&] {
+    map.Fail(key,
+             "expected the name of a mask or of a folder of masks, or a list of names and of boxes [u0, v0, u1, v1]");
+  };
+  if (!node.IsSequence()) fail();
+  for (const YAML::Node& entry : node) {
+    if (entry.IsScalar()) {
+      mask.pictures.emplace_back(entry.as<std::string>());
+      continue;
+    }
+    Eigen::Vector4d box;
+    if (!entry.IsSequence() || entry.size() != 4) fail();
+    for (size_t k = 0; k < 4; ++k) {
+      if (!entry[k].IsScalar() || !YAML::convert<double>::decode(entry[k], box(static_cast<Eigen::Index>(k)))) fail();
+    }
+    if (!box.allFinite() || !(box(0) <= box(2)) || !(box(1) <= box(3))) {
+      map.Fail(key, "expected a box [u0, v0, u1, v1] with u0 <= u1 and v0 <= v1");
+    }
+    mask.boxes_px.push_back(box);
+  }
+  return mask;
+}
 
 RunConfig ReadRunConfig(const std::filesystem::path& file) {
   RunConfig config;
@@ -31,11 +71,11 @@ RunConfig ReadRunConfig(const std::filesystem::path& file) {
   }
   config.camera = map.Text("camera");
   config.mirrored = map.Bool("mirrored", config.mirrored);
-  if (map.Has("masks") && map.Node("masks").IsScalar()) {
-    config.masks[""] = map.Text("masks");  // one for all cameras
+  if (map.Has("masks") && !map.Node("masks").IsMap()) {
+    config.masks[""] = ReadMask(map, "masks");  // one for all cameras
   } else {
     const YamlMap masks = map.MapOfAnyKeys("masks");
-    for (const std::string& camera : masks.Keys()) config.masks[camera] = masks.Text(camera);
+    for (const std::string& camera : masks.Keys()) config.masks[camera] = ReadMask(masks, camera);
   }
   if (map.Has("time_zero_utc")) {
     config.time_zero_utc_ns = ParseUtcToNs(map.Text("time_zero_utc"));
@@ -103,22 +143,30 @@ std::vector<BodyCamera> ReadCameras(const std::filesystem::path& site_dir, const
   return cameras;
 }
 
+void CheckMaskSize(const std::filesystem::path& path, const BodyCamera& camera, const std::string& where) {
+  const PhotoMetadata picture = ReadPhotoMetadata(path);
+  if (picture.width == camera.camera.width() && picture.height == camera.camera.height()) return;
+  throw InputError(where + ": expected a mask of " + std::to_string(camera.camera.width()) + " x " +
+                   std::to_string(camera.camera.height()) + " px as camera '" + camera.name + "', found " +
+                   path.string() + " of " + std::to_string(picture.width) + " x " + std::to_string(picture.height));
+}
+
 void AssignMasks(const std::filesystem::path& site_dir, Run* run) {
   const std::string yaml = (run->dir / "run.yaml").string() + ": key 'masks'";
   for (const auto& [name, written] : run->config.masks) {
-    const std::filesystem::path path = ResolveInside(site_dir, run->dir, written, yaml);
-    CheckPresent(path, yaml);
+    CameraMask mask;
+    mask.boxes_px = written.boxes_px;
+    for (const std::filesystem::path& entry : written.pictures) {
+      const std::filesystem::path path = ResolveInside(site_dir, run->dir, entry.string(), yaml);
+      const bool folder = std::filesystem::is_directory(path);
+      if (!folder) CheckPresent(path, yaml);
+      (folder ? mask.folders : mask.pictures).push_back(path);
+    }
     bool found = false;
     for (BodyCamera& camera : run->cameras) {
       if (!name.empty() && camera.name != name) continue;
-      const PhotoMetadata picture = ReadPhotoMetadata(path);
-      if (picture.width != camera.camera.width() || picture.height != camera.camera.height()) {
-        throw InputError(yaml + ": expected a mask of " + std::to_string(camera.camera.width()) + " x " +
-                         std::to_string(camera.camera.height()) + " px as camera '" + camera.name + "', found " +
-                         path.string() + " of " + std::to_string(picture.width) + " x " +
-                         std::to_string(picture.height));
-      }
-      camera.mask = path;
+      for (const std::filesystem::path& path : mask.pictures) CheckMaskSize(path, camera, yaml);
+      camera.mask = mask;
       found = true;
     }
     if (!found && !run->cameras.empty()) {
@@ -298,6 +346,57 @@ void CompareTimes(Run* run) {
   }
 }
 
+// A camera that nobody calibrated: its focal length by EXIF, else that of usual lenses, until the images say better.
+void GuessCamera(Run* run) {
+  const ImageEntry& first = run->images.front();
+  std::optional<Camera> camera;
+  cv::Size size;
+  try {
+    if (first.video_frame >= 0) {
+      size = ReadVideoFrameGrey(first.path, first.video_frame).size();
+    } else {
+      const PhotoMetadata metadata = ReadPhotoMetadata(first.path);
+      camera = CameraFromMetadata(metadata);
+      size = {metadata.width, metadata.height};
+      if (metadata.SwapsSides()) std::swap(size.width, size.height);
+    }
+  } catch (const InputError&) {
+    return;  // said where the picture is needed
+  }
+  if (size.empty()) return;
+  const bool exif = camera.has_value();
+  if (!exif) {
+    const double focal = kUsualFocal * std::max(size.width, size.height);
+    camera = Camera(CameraModel::kPinhole, size.width, size.height,
+                    {focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1)});
+  }
+  run->cameras.push_back({"cam0",
+                          *camera,
+                          LevelForwardCamera(),
+                          false,
+                          0,
+                          {},
+                          exif ? kExifFocalSigma : kUnknownFocalSigma,
+                          camera->MeanFocal()});
+  run->warnings.push_back(run->dir.string() + ": no camchain.yaml; the focal length " +
+                          (exif ? "begins with the EXIF of " + first.path.filename().string() + " and " : "") +
+                          "is estimated with the distortion from the images: calibrate the camera for accuracy");
+}
+
+// A folder of masks in which no image finds its own is a wrong folder.
+void WarnOfUnusedMasks(Run* run) {
+  for (size_t c = 0; c < run->cameras.size(); ++c) {
+    for (const std::filesystem::path& folder : run->cameras[c].mask.folders) {
+      const bool used = std::any_of(run->images.begin(), run->images.end(), [&](const ImageEntry& image) {
+        return static_cast<size_t>(image.camera) == c && !MaskInFolder(folder, image.file).empty();
+      });
+      if (used) continue;
+      run->warnings.push_back((run->dir / "run.yaml").string() + ": key 'masks': " + folder.string() +
+                              " has a mask for none of the images; expected IMAGE.png, or the image's name with .png");
+    }
+  }
+}
+
 }  // namespace
 
 Run ReadRunSettings(const std::filesystem::path& run_dir, const std::filesystem::path& site_dir) {
@@ -321,14 +420,8 @@ void ReadRunData(const std::filesystem::path& site_dir, Run* run) {
     throw InputError(run->dir.string() + ": no images; expected images.txt, a folder images/, a video, or " +
                      "detections.csv" + (run->warnings.empty() ? "" : ". The first problem: " + run->warnings.front()));
   }
-  if (run->cameras.empty() && !run->images.empty() && run->images.front().video_frame < 0) {
-    const std::filesystem::path& first = run->images.front().path;
-    if (const auto camera = CameraFromMetadata(ReadPhotoMetadata(first))) {
-      run->cameras.push_back({"cam0", *camera, {}, false, 0, {}});
-      run->warnings.push_back(run->dir.string() + ": no camchain.yaml; focal length from the EXIF of " +
-                              first.filename().string() + ", no distortion: calibrate the camera for accuracy");
-    }
-  }
+  WarnOfUnusedMasks(run);
+  if (run->cameras.empty() && !run->images.empty()) GuessCamera(run);
   if (run->cameras.empty()) {
     throw InputError(run->dir.string() + ": no camera; expected camchain.yaml, 'camera: NAME' in run.yaml, or " +
                      "pictures whose EXIF states the focal length");

@@ -15,14 +15,23 @@
 
 namespace trigpoint {
 
+// What of a camera's pictures is ignored, in pixels of the pictures as they are stored.
+struct CameraMask {
+  std::vector<std::filesystem::path> pictures;  // 8-bit, of the picture's size, 0 = ignored: for every image
+  std::vector<std::filesystem::path> folders;   // of such pictures, one for each image (see MaskInFolder)
+  std::vector<Eigen::Vector4d> boxes_px;        // u0, v0, u1, v1, the border included
+};
+
 // One camera of a camchain (Kalibr).
 struct BodyCamera {
   std::string name;  // cam0, ...
   Camera camera;
   Rigid3d cam_from_body;  // body: x forward, y left, z up
   bool has_extrinsics = false;
-  double time_offset_s = 0;    // Kalibr's timeshift_cam_imu: t_imu = t_cam + shift
-  std::filesystem::path mask;  // 8-bit image, 0 = ignore; empty: none
+  double time_offset_s = 0;  // Kalibr's timeshift_cam_imu: t_imu = t_cam + shift
+  CameraMask mask;
+  // Nobody calibrated it: its focal length is a guess with this 1 sigma, a share of it; 0: calibrated.
+  double focal_sigma_share = 0, guessed_focal_px = 0;
 };
 
 struct ImageEntry {
@@ -45,7 +54,7 @@ struct RunConfig {
   std::string role = "both";  // survey, evaluation, both
   std::string camera;         // name of a calibration of this project, or empty
   bool mirrored = false;      // pictures are flipped left-right; undone on loading, pixels count in the mended one
-  std::map<std::string, std::string> masks;                   // camera ("": all) -> mask image
+  std::map<std::string, CameraMask> masks;                    // by camera ("": all); folders stand among the pictures
   std::optional<int64_t> time_zero_utc_ns;                    // UTC of timestamp 0
   Eigen::Vector3d gps_lever_arm_m = Eigen::Vector3d::Zero();  // antenna in the body frame
   double gps_time_offset_s = 0;                               // already added to the fixes' stamps: gives image time
@@ -90,6 +99,7 @@ struct Reference {
   std::string station;                       // may equal name
   std::vector<std::filesystem::path> files;  // one; for a set, all photos in order
   std::optional<Camera> camera;              // photo: its camera; panorama: none (equirectangular)
+  std::filesystem::path mask;                // of its one file: 8-bit, 0 = ignored; empty: none
   GeoTag geotag;
 };
 

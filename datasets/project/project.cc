@@ -190,6 +190,9 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
       report.missing.push_back(prefix + "images (images.txt with its pictures, or a video)");
     }
     if (run.cameras.empty()) report.missing.push_back(prefix + "camchain.yaml, the camera's calibration");
+    if (!run.cameras.empty() && run.cameras.front().focal_sigma_share > 0) {
+      report.missing.push_back(prefix + "camchain.yaml: the lens is estimated from the images then, less surely");
+    }
     if (run.odometry.poses.empty()) {
       report.missing.push_back(prefix +
                                "odometry.tum: the motion comes from the images alone then, and its length from GPS or "

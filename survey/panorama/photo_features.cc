@@ -43,7 +43,8 @@ PhotoMatches Mutual(const std::vector<NearestTwo>& of_a, const std::vector<Neare
 
 }  // namespace
 
-PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle) {
+PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle,
+                                const cv::Mat& ignored) {
   const double full_per_pixel = grey.full_per_pixel.x();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat sift, mask;
@@ -52,6 +53,11 @@ PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::
     const Eigen::Vector2d centre = grey.FromFull(circle->centre);
     cv::circle(mask, cv::Point(static_cast<int>(std::lround(centre.x())), static_cast<int>(std::lround(centre.y()))),
                static_cast<int>(circle->radius_px / full_per_pixel), cv::Scalar(255), -1);
+  }
+  if (!ignored.empty()) {
+    cv::Mat small;
+    cv::resize(ignored, small, grey.picture.size(), 0, 0, cv::INTER_NEAREST);
+    mask = mask.empty() ? small : cv::Mat(mask & small);
   }
   // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
   cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(grey.picture, mask, keypoints, sift);

@@ -26,8 +26,10 @@ struct PhotoFeatures {
   const int16_t* row(int i) const { return descriptors.data() + static_cast<size_t>(i) * kDim; }
 };
 
-// At most `most` features of a photo's 8-bit grey picture; of a fisheye's, only within its circle. Thread safe.
-PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle);
+// At most `most` features of a photo's 8-bit grey picture; of a fisheye's, only within its circle. `mask`: the whole
+// picture in any size, 8-bit, 0 = ignored; may be empty. Thread safe.
+PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::optional<ImageCircle>& circle,
+                                const cv::Mat& mask);
 
 using PhotoMatches = std::vector<std::pair<int, int>>;  // feature of a, feature of b
 

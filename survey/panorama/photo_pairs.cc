@@ -80,6 +80,11 @@ Lens StartLens(double focal_px, bool fisheye) {
   return fisheye ? Lens{focal_px, -1.0 / 24, 1.0 / 1920, true} : Lens{focal_px, 0, 0, false};
 }
 
+Eigen::Vector2d Decentring(double p1, double p2, const Eigen::Vector2d& q) {
+  const double r2 = q.squaredNorm(), xy = 2 * q.x() * q.y();
+  return {p1 * xy + p2 * (r2 + 2 * q.x() * q.x()), p1 * (r2 + 2 * q.y() * q.y()) + p2 * xy};
+}
+
 double HalfView(const PairView& view, const Lens& lens) {
   const double r = view.circle ? view.circle->radius_px : 0.5 * std::hypot(view.width, view.height);
   const Eigen::Vector3d ray = RayOfPixel(view, lens, view.Principal() + Eigen::Vector2d(r, 0));
@@ -103,10 +108,10 @@ Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::
     return {s * distorted.x(), s * distorted.y(), std::cos(theta)};
   }
   Eigen::Vector2d x = distorted;
-  if (lens.k1 != 0 || lens.k2 != 0) {
+  if (lens.k1 != 0 || lens.k2 != 0 || lens.p1 != 0 || lens.p2 != 0) {
     for (int i = 0; i < 20; ++i) {
       const double r2 = x.squaredNorm();
-      x = distorted / std::max(0.2, 1 + r2 * (lens.k1 + r2 * lens.k2));
+      x = (distorted - Decentring(lens.p1, lens.p2, x)) / std::max(0.2, 1 + r2 * (lens.k1 + r2 * lens.k2));
     }
   }
   return Eigen::Vector3d(x.x(), x.y(), 1).normalized();
@@ -127,7 +132,8 @@ bool PixelOfRay(const PairView& view, const Lens& lens, const Eigen::Vector3d& r
   const double r2 = x.squaredNorm();
   // Where the distorted radius no longer grows, pixels would be met twice.
   if (1 + r2 * (3 * lens.k1 + 5 * r2 * lens.k2) <= 0.05) return false;
-  *pixel = lens.focal_px * (1 + r2 * (lens.k1 + r2 * lens.k2)) * x + view.Principal();
+  const Eigen::Vector2d distorted = (1 + r2 * (lens.k1 + r2 * lens.k2)) * x + Decentring(lens.p1, lens.p2, x);
+  *pixel = lens.focal_px * distorted + view.Principal();
   return true;
 }
 

@@ -12,13 +12,19 @@
 
 namespace trigpoint {
 
-// A photo's lens: focal length (px) and radial distortion. Straight: k1, k2 of normalised coordinates (Brown-Conrady).
-// Fisheye: r = f theta (1 + k1 theta^2 + k2 theta^4), the first terms of Kannala & Brandt (2006).
+// A photo's lens: focal length (px) and distortion. Straight: radial k1, k2 and decentring p1, p2 of normalised
+// coordinates (Brown-Conrady, as OpenCV). Fisheye: r = f theta (1 + k1 theta^2 + k2 theta^4), the first terms of
+// Kannala & Brandt (2006), without decentring.
 struct Lens {
   double focal_px = 0;
   double k1 = 0, k2 = 0;
   bool fisheye = false;
+  double p1 = 0, p2 = 0;
 };
+inline constexpr int kLensParameters = 5;  // f, k1, k2, p1, p2: their order wherever they stand in a vector
+
+// Decentring's part of a straight lens' picture coordinates, of undistorted ones `q`.
+Eigen::Vector2d Decentring(double p1, double p2, const Eigen::Vector2d& q);
 
 // A lens to begin with: without distortion, or a fisheye of equal solid angles (r = 2 f sin(theta / 2)), which is what
 // most are near.
@@ -29,13 +35,21 @@ struct PairView {
   int width = 0, height = 0;
   const PhotoFeatures* features = nullptr;
   std::optional<ImageCircle> circle;  // of a fisheye that does not fill its frame
+  cv::Mat mask = {};                  // 8-bit, 0 = ignored, the whole picture in any size; empty: nothing is
 
   // The circle's centre, or the picture's.
   Eigen::Vector2d Principal() const {
     return circle ? circle->centre : Eigen::Vector2d(0.5 * (width - 1), 0.5 * (height - 1));
   }
-  // 0 at the edge of what the lens drew, 1 in its middle, negative outside.
+  bool IsIgnored(const Eigen::Vector2d& pixel) const {
+    if (mask.empty()) return false;
+    const int u = static_cast<int>((pixel.x() + 0.5) * mask.cols / width);
+    const int v = static_cast<int>((pixel.y() + 0.5) * mask.rows / height);
+    return u >= 0 && v >= 0 && u < mask.cols && v < mask.rows && mask.at<uint8_t>(v, u) == 0;
+  }
+  // 0 at the edge of what the lens drew, 1 in its middle, negative outside and where a mask ignores it.
   double Depth(const Eigen::Vector2d& pixel) const {
+    if (IsIgnored(pixel)) return -1;
     const double w = width - 1, h = height - 1;
     const double in_frame =
         std::min(std::min(pixel.x(), w - pixel.x()) / (0.5 * w), std::min(pixel.y(), h - pixel.y()) / (0.5 * h));

@@ -13,7 +13,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/estimation/manifold.h"
 #include "calib/geometry/so3.h"
-#include "survey/panorama/marginal_covariance.h"
+#include "calib/estimation/marginal_covariance.h"
 
 namespace trigpoint {
 namespace {

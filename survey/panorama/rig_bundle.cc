@@ -13,16 +13,20 @@
 #include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
 #include "calib/estimation/loss.h"
+#include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/so3.h"
-#include "survey/panorama/marginal_covariance.h"
+#include "calib/estimation/marginal_covariance.h"
 #include "survey/panorama/rig_costs.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kScenePoints = 50;  // what all points together are worth in saying how far the scene is
-constexpr double kCell = 10 * std::numbers::pi / 180;
+constexpr std::array<double, 3> kCells_deg = {10, 20, 40};  // over which errors may be alike
+// 1 sigma of p1 and p2. Calibrated lenses have up to 0.001; a principal point that is 1 % of the focal length off the
+// picture's middle, which photos that are turned show as decentring, has 0.003.
+constexpr double kDecentring = 0.002;
 constexpr double kUnknown = 1e6;  // variance of what nothing says anything about
 
 // ((c / r) - a) / kappa; parameters: centre (m), ln r.
@@ -71,24 +75,25 @@ struct Blocks {
         seen(state.photos.size(), false),
         lens_seen(state.lenses.size(), false) {
     for (const RigPhoto& p : state.photos) centres.push_back({p.centre.x(), p.centre.y(), p.centre.z()});
-    for (const Lens& l : state.lenses) lenses.push_back({l.focal_px, l.k1, l.k2});
+    for (const Lens& l : state.lenses) lenses.push_back({l.focal_px, l.k1, l.k2, l.p1, l.p2});
     for (const RigPoint& p : state.points) points.push_back({0, 0, p.inverse_distance});
   }
   Blocks(const Blocks&) = delete;
   Blocks& operator=(const Blocks&) = delete;
 
-  std::vector<std::array<double, 3>> rotations, centres, lenses, points;
+  std::vector<std::array<double, 3>> rotations, centres, points;
+  std::vector<std::array<double, kLensParameters>> lenses;
   double log_radius = 0;
   std::vector<bool> seen, lens_seen;
   std::vector<double*> camera_blocks, point_blocks;  // in the problem, in its order
 };
 
-// Points in one cell of the sphere, kCell wide, may err alike.
-int CellOf(const Eigen::Vector3d& direction) {
+// Points in one cell of the sphere may err alike. `width`: rad.
+int CellOf(const Eigen::Vector3d& direction, double width) {
   const double elevation = std::asin(std::clamp(-direction.y(), -1.0, 1.0));
-  const int row = static_cast<int>(std::floor(elevation / kCell));
-  const double around = 2 * std::numbers::pi * std::cos((row + 0.5) * kCell);
-  const int cells = std::max(1, static_cast<int>(std::lround(around / kCell)));
+  const int row = static_cast<int>(std::floor(elevation / width));
+  const double around = 2 * std::numbers::pi * std::cos((row + 0.5) * width);
+  const int cells = std::max(1, static_cast<int>(std::lround(around / width)));
   const double turn = std::atan2(direction.x(), direction.z()) / (2 * std::numbers::pi) + 0.5;
   return 1000 * (row + 500) + std::min(cells - 1, static_cast<int>(turn * cells));
 }
@@ -160,16 +165,25 @@ void AddPhotos(const RigState& state, const RigBundleOptions& options, ceres::Pr
   problem->SetParameterBlockConstant(&b->log_radius);
 }
 
+// Of a lens, by the order of its parameters.
+std::vector<int> HeldParameters(const Lens& lens, bool distortion) {
+  if (!distortion) return {1, 2, 3, 4};
+  return lens.fisheye ? std::vector<int>{3, 4} : std::vector<int>{};
+}
+
 void AddLenses(const RigState& state, const RigBundleOptions& options, ceres::Problem* problem, Blocks* b) {
   const auto prior_on = [&](double* lens, int index, double value, double sigma) {
-    problem->AddResidualBlock(new AutoDiffCostFunction<ScalarPrior, 1, 3>(new ScalarPrior{index, value, 1 / sigma}),
-                              nullptr, lens);
+    problem->AddResidualBlock(
+        new AutoDiffCostFunction<ScalarPrior, 1, kLensParameters>(new ScalarPrior{index, value, 1 / sigma}), nullptr,
+        lens);
   };
   for (size_t l = 0; l < state.lenses.size(); ++l) {
     if (!b->lens_seen[l]) continue;
     double* lens = b->lenses[l].data();
     b->camera_blocks.push_back(lens);
-    if (!options.distortion) problem->SetManifold(lens, new ceres::SubsetManifold(3, {1, 2}));
+    if (const std::vector<int> held = HeldParameters(state.lenses[l], options.distortion); !held.empty()) {
+      problem->SetManifold(lens, new ceres::SubsetManifold(kLensParameters, held));
+    }
     const LensPrior& prior = state.lens_priors[l];
     if (prior.focal_px > 0) prior_on(lens, 0, prior.focal_px, prior.sigma_share * prior.focal_px);
     // What lenses of phones and cameras have; holds the terms where few photos see the corners. Two fisheyes back to
@@ -177,6 +191,8 @@ void AddLenses(const RigState& state, const RigBundleOptions& options, ceres::Pr
     const Lens usual = StartLens(1, state.lenses[l].fisheye);
     prior_on(lens, 1, usual.k1, usual.fisheye ? 0.05 : 0.2);
     prior_on(lens, 2, usual.k2, usual.fisheye ? 0.02 : 0.2);
+    if (usual.fisheye) continue;
+    for (const int p : {3, 4}) prior_on(lens, p, 0, kDecentring);
     problem->SetParameterLowerBound(lens, 0, 20);
   }
 }
@@ -210,7 +226,8 @@ void StoreBlocks(const Blocks& b, RigState* state) {
   }
   for (size_t l = 0; l < state->lenses.size(); ++l) {
     Lens& lens = state->lenses[l];
-    lens.focal_px = b.lenses[l][0], lens.k1 = b.lenses[l][1], lens.k2 = b.lenses[l][2];
+    const auto& [focal_px, k1, k2, p1, p2] = b.lenses[l];
+    lens = {focal_px, k1, k2, lens.fisheye, p1, p2};
   }
   for (size_t j = 0; j < state->points.size(); ++j) {
     RigPoint& p = state->points[j];
@@ -250,8 +267,11 @@ std::vector<int> SourceRows(const RigState& state, const Blocks& b, const std::m
   }
   for (size_t l = 0; l < state.lenses.size(); ++l) {
     const auto it = column.find(b.lenses[l].data());
-    for (int k = 0; k < 3; ++k) {
-      source.push_back(it == column.end() || (!distortion && k > 0) ? -1 : it->second + k);
+    const std::vector<int> held = HeldParameters(state.lenses[l], distortion);
+    int free = 0;
+    for (int k = 0; k < kLensParameters; ++k) {
+      const bool is_held = it == column.end() || std::find(held.begin(), held.end(), k) != held.end();
+      source.push_back(is_held ? -1 : it->second + free++);
     }
   }
   return source;
@@ -273,11 +293,14 @@ void FillCovariance(const RigState& state, const RigBundleOptions& options, cere
     columns += problem->ParameterBlockTangentSize(c);
     free_blocks.push_back(c);
   }
-  std::vector<int> groups;
-  for (const RigPoint& p : state.points) {
-    if (!p.observations.empty()) groups.push_back(CellOf(p.direction));
+  std::vector<std::vector<int>> groupings;
+  for (const double cell : kCells_deg) {
+    groupings.emplace_back();
+    for (const RigPoint& p : state.points) {
+      if (!p.observations.empty()) groupings.back().push_back(CellOf(p.direction, cell * kDegToRad));
+    }
   }
-  const MarginalCovariance marginal = Marginalise(problem, free_blocks, b->point_blocks, groups);
+  const MarginalCovariance marginal = Marginalise(problem, free_blocks, b->point_blocks, groupings);
   result->shared_errors = std::max(1.0, marginal.shared);
   Eigen::MatrixXd reduced = result->shared_errors * marginal.covariance;
   if (reduced.size() == 0) reduced = Eigen::MatrixXd::Identity(columns, columns) * kUnknown;
@@ -291,7 +314,7 @@ void FillCovariance(const RigState& state, const RigBundleOptions& options, cere
       if (sr >= 0 && sc >= 0) result->covariance(r, c) = reduced(sr, sc);
     }
   }
-  const Eigen::Index photos = n - 3 * static_cast<Eigen::Index>(state.lenses.size());
+  const Eigen::Index photos = n - kLensParameters * static_cast<Eigen::Index>(state.lenses.size());
   result->shape_covariance = result->covariance.topLeftCorner(photos, photos);
   if (!options.centres) return;
   Eigen::VectorXd with_radius = Eigen::VectorXd::Zero(photos);

@@ -62,7 +62,7 @@ struct RigState {
 
 struct RigBundleOptions {
   bool centres = false;      // photo centres and distances are free; else all zero
-  bool distortion = true;    // k1, k2 are free
+  bool distortion = true;    // k1, k2 and a straight lens' p1, p2 are free
   double sigma_px = 1;       // noise of an observation, weighted
   double huber_px = 3;       // beyond it errors count linearly; 0: Tukey's biweight instead
   double tukey_px = 1.5;     // what lies beyond it has no pull at all: for photos that stand nearly right
@@ -80,7 +80,7 @@ struct RigBundleResult {
   double cost = 0;
   int iterations = 0;
   // Covariance of [rotation (left tangent of cam_from_rig, rad), centre (m)] of all placed photos, 6 each in order;
-  // then f, k1, k2 of each lens. Empty unless asked for.
+  // then the kLensParameters of each lens. Empty unless asked for.
   Eigen::MatrixXd covariance;
   double radius_log_sigma = 0;  // of ln r
   // The covariances are this much larger than independent observations would make them: things that stand together err

@@ -19,7 +19,8 @@ RigObservationCost::RigObservationCost(const PairView& view, bool fisheye, const
 
 bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals, double** jacobians) const {
   using Row3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
-  const Eigen::Map<const Eigen::Vector3d> w(blocks[0]), centre(blocks[1]), lens(blocks[2]), point(blocks[3]);
+  const Eigen::Map<const Eigen::Vector3d> w(blocks[0]), centre(blocks[1]), point(blocks[3]);
+  const Eigen::Map<const Eigen::Matrix<double, kLensParameters, 1>> lens(blocks[2]);
   const Eigen::Matrix3d turn = ExpSO3(w).toRotationMatrix() * rotation_;
   const Eigen::Vector3d y = turn * (direction_ + basis_.transpose() * point.head<2>() - point(2) * centre);
   // q: undistorted picture coordinates over the focal length, and their derivative by y.
@@ -41,10 +42,15 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
   }
   const double r2 = q.squaredNorm(), radial = 1 + r2 * (lens(1) + r2 * lens(2));
   Eigen::Map<Eigen::Vector2d> r(residuals);
-  r = sqrt_info_ * (lens(0) * radial * q + offset_);
+  const double p1 = lens(3), p2 = lens(4);
+  const Eigen::Vector2d distorted = radial * q + Decentring(p1, p2, q);
+  r = sqrt_info_ * (lens(0) * distorted + offset_);
   if (jacobians == nullptr) return true;
   Eigen::Matrix2d by_q = 2 * (lens(1) + 2 * r2 * lens(2)) * q * q.transpose();
   by_q.diagonal().array() += radial;
+  const double mixed = 2 * (p1 * q.x() + p2 * q.y());
+  by_q +=
+      (Eigen::Matrix2d() << 2 * p1 * q.y() + 6 * p2 * q.x(), mixed, mixed, 6 * p1 * q.y() + 2 * p2 * q.x()).finished();
   const Row3 by_y = lens(0) * sqrt_info_ * by_q * q_by_y;
   if (jacobians[0] != nullptr) {
     Eigen::Map<Row3> j(jacobians[0]);
@@ -56,10 +62,12 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
     j = -point(2) * by_rig;
   }
   if (jacobians[2] != nullptr) {
-    Eigen::Map<Row3> j(jacobians[2]);
-    j.col(0) = radial * sqrt_info_ * q;
+    Eigen::Map<Eigen::Matrix<double, 2, kLensParameters, Eigen::RowMajor>> j(jacobians[2]);
+    j.col(0) = sqrt_info_ * distorted;
     j.col(1) = lens(0) * r2 * sqrt_info_ * q;
     j.col(2) = r2 * j.col(1);
+    j.col(3) = lens(0) * sqrt_info_ * Decentring(1, 0, q);
+    j.col(4) = lens(0) * sqrt_info_ * Decentring(0, 1, q);
   }
   if (jacobians[3] != nullptr) {
     Eigen::Map<Row3> j(jacobians[3]);

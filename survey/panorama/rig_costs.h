@@ -10,9 +10,9 @@
 namespace trigpoint {
 
 // sqrt_info (2 x 2, 1/px) (predicted - observed). Blocks: w (turn, rad: cam_from_rig = Exp(w) R0), centre (rig frame,
-// m), lens (f px, k1, k2), point (two tangent components of its direction, inverse distance 1/m). Fails behind a
-// straight lens.
-class RigObservationCost final : public ceres::SizedCostFunction<2, 3, 3, 3, 3> {
+// m), lens (f px, k1, k2, p1, p2), point (two tangent components of its direction, inverse distance 1/m). Fails behind
+// a straight lens.
+class RigObservationCost final : public ceres::SizedCostFunction<2, 3, 3, kLensParameters, 3> {
  public:
   RigObservationCost(const PairView& view, bool fisheye, const Eigen::Quaterniond& cam_from_rig,
                      const Eigen::Vector3d& direction, const Eigen::Vector2d& pixel, const Eigen::Matrix2d& sqrt_info);

@@ -107,17 +107,23 @@ json Lenses(const StitchedRig& rig) {
   json lenses = json::array();
   for (size_t l = 0; l < rig.state.lenses.size(); ++l) {
     const Lens& lens = rig.state.lenses[l];
-    const Eigen::Index k = 6 * placed + 3 * static_cast<Eigen::Index>(l);
-    Eigen::Vector3d sigma = Eigen::Vector3d::Zero();
-    if (covariance.rows() >= k + 3) sigma = covariance.diagonal().segment<3>(k).cwiseMax(0).cwiseSqrt();
+    const Eigen::Index k = 6 * placed + kLensParameters * static_cast<Eigen::Index>(l);
+    Eigen::VectorXd sigma = Eigen::VectorXd::Zero(kLensParameters);
+    if (covariance.rows() >= k + kLensParameters) {
+      sigma = covariance.diagonal().segment<kLensParameters>(k).cwiseMax(0).cwiseSqrt();
+    }
     const double exif = rig.state.lens_priors[l].focal_px;
     lenses.push_back({{"model", CameraModelName(lens.fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan)},
                       {"focal_px", lens.focal_px},
                       {"k1", lens.k1},
                       {"k2", lens.k2},
+                      {"p1", lens.p1},
+                      {"p2", lens.p2},
                       {"sigma_focal_px", sigma(0)},
                       {"sigma_k1", sigma(1)},
                       {"sigma_k2", sigma(2)},
+                      {"sigma_p1", sigma(3)},
+                      {"sigma_p2", sigma(4)},
                       {"exif_focal_px", exif > 0 ? json(exif) : json(nullptr)}});
   }
   return lenses;

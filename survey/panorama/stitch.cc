@@ -14,6 +14,7 @@
 #include "calib/base/parallel.h"
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
+#include "datasets/io/mask.h"
 #include "survey/panorama/levelling.h"
 #include "survey/panorama/patch_alignment.h"
 #include "survey/panorama/photo_graph.h"
@@ -83,6 +84,7 @@ class Stitcher {
     std::vector<std::string> problem(out_.photos.size());
     std::vector<std::optional<ImageCircle>> circles(out_.photos.size());
     std::vector<PatchImage> patches(out_.photos.size());
+    std::vector<cv::Mat> masks(out_.photos.size());
     progress_.Begin("features", static_cast<int64_t>(out_.photos.size()));
     ParallelFor(static_cast<int64_t>(out_.photos.size()), threads_, cancel_, [&](int64_t i) {
       const size_t k = static_cast<size_t>(i);
@@ -90,7 +92,8 @@ class Stitcher {
         const cv::Mat grey = load_grey(out_.photos[k]);
         if (o_.lens != "rectilinear") circles[k] = FindImageCircle(grey);
         const ShrunkPicture small(grey, o_.feature_size_px);
-        features[k] = FindPhotoFeatures(small, o_.max_features, circles[k]);
+        masks[k] = SetPhotoMask(out_.photos[k].file, grey.size());
+        features[k] = FindPhotoFeatures(small, o_.max_features, circles[k], masks[k]);
         patches[k] = PatchImage(small);
       } catch (const InputError& e) {
         problem[k] = e.what();
@@ -108,22 +111,21 @@ class Stitcher {
       }
     }
     std::vector<Photo> photos;
-    std::vector<std::optional<ImageCircle>> circle_of;  // of each photo that is kept
+    std::vector<PairView> views;  // of the photos that are kept, without their features
     for (size_t i = 0; i < features.size(); ++i) {
       if (problem[i].empty()) {
         photos.push_back(out_.photos[i]);
         out_.features.push_back(std::move(features[i]));
         patches_.push_back(std::move(patches[i]));
-        circle_of.push_back(circles[i]);
+        views.push_back({photos.back().width, photos.back().height, nullptr, circles[i], masks[i]});
       } else {
         out_.left_out.push_back({out_.photos[i].name, problem[i]});
       }
     }
     out_.photos = std::move(photos);
     RequireTwo("a panorama needs at least two photos that can be used");
-    for (size_t i = 0; i < out_.photos.size(); ++i) {
-      out_.views.push_back({out_.photos[i].width, out_.photos[i].height, &out_.features[i], circle_of[i]});
-    }
+    out_.views = std::move(views);
+    for (size_t i = 0; i < out_.photos.size(); ++i) out_.views[i].features = &out_.features[i];
     out_.reason.resize(out_.photos.size());
     out_.state.photos.resize(out_.photos.size());
   }
@@ -571,7 +573,7 @@ class Stitcher {
     RigBundleOptions b = BundleOptionsOfSet();
     b.huber_px = 4;
     progress_.Begin("rotations", 0);
-    b.max_iterations = 10;  // where the photos begin
+    b.max_iterations = 20;
     const std::vector<LensPrior> priors = HoldRing();
     RigBundleResult central = SolveRig(out_.views, b, false, threads_, cancel_, &s);
     s.lens_priors = priors;
@@ -580,7 +582,7 @@ class Stitcher {
     progress_.Begin("rig", 0);
     b.centres = true;
     s.radius_m = o_.radius_m;
-    b.max_iterations = 8;  // the last solution settles what these leave
+    b.max_iterations = 30;
     for (int round = 0; round < 4; ++round) {
       // Wrong matches of what repeats are off by little, and there are many: once the photos stand about right, they
       // must not pull any more.
@@ -989,7 +991,8 @@ Camera CameraOf(const StitchedRig& rig, int photo) {
   return {l.fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan,
           v.width,
           v.height,
-          {l.focal_px, l.focal_px, v.Principal().x(), v.Principal().y(), l.k1, l.k2, 0, 0}};
+          {l.focal_px, l.focal_px, v.Principal().x(), v.Principal().y(), l.k1, l.k2, l.fisheye ? 0 : l.p1,
+           l.fisheye ? 0 : l.p2}};
 }
 
 }  // namespace trigpoint

@@ -8,8 +8,10 @@
 #include <opencv2/videoio.hpp>
 #include <thread>
 
+#include "calib/base/error.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
 
@@ -59,6 +61,49 @@ void SetOrientation(const std::filesystem::path& file, uint16_t orientation) {
   image->readMetadata();
   image->exifData()["Exif.Image.Orientation"] = orientation;
   image->writeMetadata();
+}
+
+// How many pixels of a mask are ignored in its left half and in its right half.
+std::pair<int, int> IgnoredHalves(const cv::Mat& mask) {
+  const int half = mask.cols / 2, all = half * mask.rows;
+  return {all - cv::countNonZero(mask.colRange(0, half)), all - cv::countNonZero(mask.colRange(half, mask.cols))};
+}
+
+TEST(RunMasks, TakesPicturesFoldersBoxesAndTransparencyTogether) {
+  const TempDir dir;
+  trigpoint::Run run = RunWithCamera(64, 48);
+  ASSERT_TRUE(cv::imwrite((dir / "a.png").string(), Ramp(64, 48)));
+  EXPECT_TRUE(RunMasks(run).Of(Entry(dir / "a.png")).empty());
+
+  CameraMask& mask = run.cameras[0].mask;
+  mask.boxes_px = {{60, 40, 63, 47}};
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.png"))), std::make_pair(0, 32));
+
+  cv::Mat of_camera(48, 64, CV_8U, cv::Scalar(255));
+  of_camera(cv::Rect(0, 0, 10, 10)).setTo(0);
+  ASSERT_TRUE(cv::imwrite((dir / "camera.png").string(), of_camera));
+  mask.pictures = {dir / "camera.png"};
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.png"))), std::make_pair(100, 32));
+
+  std::filesystem::create_directory(dir / "masks");
+  cv::Mat of_image(48, 64, CV_8U, cv::Scalar(1));
+  of_image.col(20).setTo(0);
+  ASSERT_TRUE(cv::imwrite((dir / "masks/a.jpg.png").string(), of_image));
+  mask.folders = {dir / "masks"};
+  ASSERT_TRUE(cv::imwrite((dir / "a.jpg").string(), Ramp(64, 48)));
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.jpg"))), std::make_pair(148, 32));
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.png"))), std::make_pair(100, 32)) << "has none in the folder";
+
+  cv::Mat transparent(48, 64, CV_8UC4, cv::Scalar(90, 90, 90, 255));
+  transparent.row(30).setTo(cv::Scalar::all(0));
+  ASSERT_TRUE(cv::imwrite((dir / "b.png").string(), transparent));
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "b.png"))), std::make_pair(132, 64));
+
+  run.config.mirrored = true;
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "b.png"))), std::make_pair(64, 132));
+
+  ASSERT_TRUE(cv::imwrite((dir / "masks/b.png").string(), of_image.colRange(0, 63)));
+  EXPECT_THROW(RunMasks(run).Of(Entry(dir / "b.png")), InputError);
 }
 
 TEST(LoadGrey, ReadsEveryKind) {

@@ -182,7 +182,22 @@ TEST_F(SiteTest, RefusesABadRunYaml) {
   Picture("runs/run1/mask.png");
   EXPECT_THAT(with("masks:\n  cam1: mask.png\n"), HasSubstr("there is no camera 'cam1'; nearest: 'cam0'"));
   EXPECT_EQ(with("masks: mask.png\n"), "");
-  EXPECT_EQ(ReadOne().cameras[0].mask, dir_ / "runs/run1/mask.png");
+  EXPECT_EQ(ReadOne().cameras[0].mask.pictures, std::vector{dir_ / "runs/run1/mask.png"});
+}
+
+TEST_F(SiteTest, ReadsListsOfMasksAndBoxes) {
+  Picture("runs/run1/mask.png");
+  Write("runs/run1/run.yaml", "masks: {cam0: [mask.png, images, [0, 40, 63.5, 47]]}\n");
+  const CameraMask mask = ReadOne().cameras[0].mask;
+  EXPECT_EQ(mask.pictures, std::vector{dir_ / "runs/run1/mask.png"});
+  EXPECT_EQ(mask.folders, std::vector{dir_ / "runs/run1/images"});
+  EXPECT_EQ(mask.boxes_px, (std::vector<Eigen::Vector4d>{{0, 40, 63.5, 47}}));
+  for (const char* wrong : {"[[0, 40, 63]]", "[[0, 40, x, 47]]", "[{u: 3}]"}) {
+    Write("runs/run1/run.yaml", std::string("masks: ") + wrong + "\n");
+    EXPECT_THAT(Refusal(), HasSubstr("key 'masks': expected the name of a mask or of a folder of masks"));
+  }
+  Write("runs/run1/run.yaml", "masks: {cam0: [[5, 0, 4, 9]]}\n");
+  EXPECT_THAT(Refusal(), HasSubstr("key 'masks.cam0': expected a box [u0, v0, u1, v1] with u0 <= u1"));
 }
 
 TEST_F(SiteTest, RefusesAMaskOfAnotherSizeAndAScaleWithoutSigma) {
@@ -322,14 +337,16 @@ TEST_F(SiteTest, ReadsBareFoldersOfImages) {
 
 TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
   std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
-  EXPECT_THAT(Refusal(), HasSubstr("run1: no camera; expected camchain.yaml"));
+  const BodyCamera guess = ReadOne().cameras.at(0);  // the images say better later
+  EXPECT_EQ(guess.camera.params(), (std::vector<double>{0.8 * 64, 0.8 * 64, 31.5, 23.5}));
+  EXPECT_EQ(guess.focal_sigma_share, 0.4);
   for (int i = 1; i <= 2; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".jpg");
   Exif("runs/run1/images/1.jpg", {{"Exif.Photo.FocalLengthIn35mmFilm", "36"}});
   Write("runs/run1/images.txt", "1 images/1.jpg\n2 images/2.jpg\n");
   trigpoint::Run run = ReadOne();
   EXPECT_EQ(run.cameras.at(0).camera.params(), (std::vector<double>{64, 64, 31.5, 23.5}));
   EXPECT_FALSE(run.cameras[0].has_extrinsics);
-  EXPECT_THAT(Warnings(run), HasSubstr("focal length from the EXIF of 1.jpg"));
+  EXPECT_THAT(Warnings(run), HasSubstr("the focal length begins with the EXIF of 1.jpg"));
   // A calibration of the project has the lens, the run's own file says where the camera sits.
   Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera);
   Write("runs/run1/run.yaml", "camera: wide\n");

@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 
 #include "calib/estimation/random.h"
-#include "survey/panorama/marginal_covariance.h"
+#include "calib/estimation/marginal_covariance.h"
 #include "survey/panorama/patch_alignment.h"
 
 namespace trigpoint {
@@ -136,7 +136,7 @@ MarginalCovariance LineWithErrors(double shared, uint64_t seed, double* error2) 
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  const MarginalCovariance found = Marginalise(&problem, {x.data()}, points, groups);
+  const MarginalCovariance found = Marginalise(&problem, {x.data()}, points, {groups});
   const Eigen::Map<const Eigen::Vector2d> at(x.data());
   *error2 = at.dot(found.covariance.ldlt().solve(at)) / 2;
   return found;

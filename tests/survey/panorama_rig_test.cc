@@ -108,7 +108,7 @@ TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
       const RigObservationCost cost(view, fisheye, cam_from_rig, cam_from_rig.conjugate() * in_cam, {400, 300},
                                     (Eigen::Matrix2d() << 1.5, 0.2, -0.1, 0.9).finished());
       const std::vector<std::vector<double>> blocks = {
-          {0.01, -0.02, 0.005}, {0.1, -0.05, 0.12}, {kFocal, -0.04, 0.01}, {0.002, -0.001, 0.3}};
+          {0.01, -0.02, 0.005}, {0.1, -0.05, 0.12}, {kFocal, -0.04, 0.01, 0.002, -0.003}, {0.002, -0.001, 0.3}};
       std::vector<const double*> parameters;
       for (const auto& block : blocks) parameters.push_back(block.data());
       const std::vector<const ceres::Manifold*> none(4, nullptr);

@@ -51,6 +51,44 @@ TEST(Stitch, RingWithoutFocalLengthClosesAndFindsIt) {
   EXPECT_THAT(rig.warnings, testing::IsEmpty());
 }
 
+TEST(Stitch, FindsDistortionAndDecentring) {
+  const Lens lens{kFocal, 0.05, -0.012, false, 0.002, -0.0015};
+  MemorySet set;
+  for (double h = 0; h < 360; h += 20) {
+    const Eigen::Quaterniond q = CamFromWorld(h, 3 * std::sin(h), 2 * std::cos(h));
+    const std::string name = std::string("p").append(std::to_string(static_cast<int>(1000 + h))).append(".jpg");
+    set.Add(name, PhotoOf(Sphere(), q, {kWidth, kHeight, nullptr, std::nullopt}, lens));
+    set.truth[name] = q;
+  }
+  const StitchedRig rig = StitchSet(set, Small());
+  EXPECT_EQ(rig.placed, 18);
+  const Lens& found = rig.state.lenses.front();
+  EXPECT_NEAR(found.focal_px / kFocal, 1, 0.002);
+  EXPECT_NEAR(found.k1, lens.k1, 0.01);
+  EXPECT_NEAR(found.p1, lens.p1, 4e-4);
+  EXPECT_NEAR(found.p2, lens.p2, 4e-4);
+  EXPECT_LT(RmsTurnError(rig, set), 0.03);
+  const Eigen::Index p1 = 6 * rig.placed + 3;
+  EXPECT_NEAR(found.p1, lens.p1, 4 * std::sqrt(rig.bundle.covariance(p1, p1)));
+}
+
+TEST(Stitch, IgnoresWhatAMaskHides) {
+  PairView view{kWidth, kHeight, nullptr, std::nullopt};
+  view.mask = cv::Mat(30, 40, CV_8U, cv::Scalar(255));
+  view.mask.colRange(0, 10).setTo(0);
+  EXPECT_LT(view.Depth({50, 150}), 0);
+  EXPECT_GT(view.Depth({150, 150}), 0);
+  const MemorySet set = Ring(0, 20, 30);
+  const ShrunkPicture grey(set.Grey(set.set.photos.front()), 4000);
+  const PhotoFeatures all = FindPhotoFeatures(grey, 500, std::nullopt, cv::Mat());
+  const PhotoFeatures kept = FindPhotoFeatures(grey, 500, std::nullopt, view.mask);
+  const auto hidden = [](const PhotoFeatures& f) {
+    return std::count_if(f.points.begin(), f.points.end(), [](const Eigen::Vector2f& p) { return p.x() < 98; });
+  };
+  EXPECT_GT(hidden(all), 10);
+  EXPECT_EQ(hidden(kept), 0);
+}
+
 // Turns of a ring as pairs see them through a lens that is a quarter too long: they add up to 288 deg.
 TEST(FindClosure, TellsByHowMuchTheFocalLengthIsOff) {
   std::vector<PhotoPair> pairs;

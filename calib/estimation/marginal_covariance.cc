@@ -1,4 +1,4 @@
-#include "survey/panorama/marginal_covariance.h"
+#include "calib/estimation/marginal_covariance.h"
 
 #include <ceres/ceres.h>
 
@@ -73,10 +73,30 @@ Part PartOfRows(const ceres::CRSMatrix& j, const std::vector<double>& r, const s
   return part;
 }
 
+// Sandwich estimate (White 1980), whose mean is what independent errors leave after the fit: a group with information
+// h has a gradient of variance h - h C h there.
+double SharedErrors(const std::vector<Part>& of_point, const std::vector<int>& groups,
+                    const Eigen::MatrixXd& covariance) {
+  std::map<int, std::vector<const Part*>> of_group;
+  for (size_t p = 0; p < of_point.size(); ++p) of_group[groups[p]].push_back(&of_point[p]);
+  double seen = 0, expected = 0;
+  for (const auto& [group, parts] : of_group) {
+    std::vector<int> active;
+    for (const Part* part : parts) active.insert(active.end(), part->columns.begin(), part->columns.end());
+    Part sum = PartOf(std::move(active));
+    for (const Part* part : parts) AddTo(*part, &sum);
+    const Eigen::MatrixXd c = covariance(sum.columns, sum.columns);
+    const Eigen::MatrixXd ch = c * sum.h;
+    seen += sum.g.dot(c * sum.g);
+    expected += ch.trace() - ch.cwiseProduct(ch.transpose()).sum();
+  }
+  return expected > 0 ? seen / expected : 0;
+}
+
 }  // namespace
 
 MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double*>& kept,
-                               const std::vector<double*>& points, const std::vector<int>& groups) {
+                               const std::vector<double*>& points, const std::vector<std::vector<int>>& groupings) {
   ceres::Problem::EvaluateOptions evaluate;
   evaluate.parameter_blocks = kept;
   evaluate.parameter_blocks.insert(evaluate.parameter_blocks.end(), points.begin(), points.end());
@@ -108,11 +128,11 @@ MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double
       AddTo(PartOfRows(j, r, {row}, columns, -1), &whole);
     }
   }
-  std::map<int, std::vector<Part>> of_group;
+  std::vector<Part> of_point;
   for (size_t p = 0; p < points.size(); ++p) {
     Part part = PartOfRows(j, r, rows_of_point[p], columns, begin_of_point[p]);
     AddTo(part, &whole);
-    if (!groups.empty()) of_group[groups[p]].push_back(std::move(part));
+    if (!groupings.empty()) of_point.push_back(std::move(part));
   }
   // A held direction has no information: outweighed, it stays out of the inverse.
   for (int c = 0; c < columns; ++c) {
@@ -122,20 +142,9 @@ MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double
   if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) return {};
   MarginalCovariance out;
   out.covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
-  // Sandwich estimate (White 1980), whose mean is what independent errors leave after the fit: a group with information
-  // h has a gradient of variance h - h C h there.
-  double seen = 0, expected = 0;
-  for (const auto& [group, parts] : of_group) {
-    std::vector<int> active;
-    for (const Part& part : parts) active.insert(active.end(), part.columns.begin(), part.columns.end());
-    Part sum = PartOf(std::move(active));
-    for (const Part& part : parts) AddTo(part, &sum);
-    const Eigen::MatrixXd c = out.covariance(sum.columns, sum.columns);
-    const Eigen::MatrixXd ch = c * sum.h;
-    seen += sum.g.dot(c * sum.g);
-    expected += ch.trace() - ch.cwiseProduct(ch.transpose()).sum();
+  for (const std::vector<int>& groups : groupings) {
+    out.shared = std::max(out.shared, SharedErrors(of_point, groups, out.covariance));
   }
-  if (expected > 0) out.shared = seen / expected;
   return out;
 }
 

@@ -1,4 +1,4 @@
-// What is known of a rig once the points it was found from are given up.
+// What is known of poses and lenses once the points they were found from are given up.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,14 +14,15 @@ struct MarginalCovariance {
   // The inverse of J^T J for the blocks kept, tangents stacked in order, every point eliminated (Schur complement).
   // What no residual depends on gets zeros; empty if the rest is not determined.
   Eigen::MatrixXd covariance;
-  // How many times larger the gradients' variance is than that says: points of a group may err alike (the outline of
-  // one thing before another, one repeated window), and then they count for less than their number. 1 without groups.
+  // How many times larger the gradients' variance is than that says, by the grouping that shows the most: points of a
+  // group may err alike (the outline of one thing before another, one repeated window), and then they count for less
+  // than their number. 1 without groups.
   double shared = 1;
 };
 
 // `kept` and `points` are free blocks, and the others of the problem are held; a point has three columns or less and
-// shares no residual with another point. `groups`: one number a point, or none.
+// shares no residual with another point. `groupings`: each one number a point.
 MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double*>& kept,
-                               const std::vector<double*>& points, const std::vector<int>& groups);
+                               const std::vector<double*>& points, const std::vector<std::vector<int>>& groupings);
 
 }  // namespace trigpoint

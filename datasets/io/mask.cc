@@ -1,0 +1,130 @@
+#include "datasets/io/mask.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/base/error.h"
+#include "datasets/io/image.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Both ignored parts together.
+void Intersect(const cv::Mat& more, cv::Mat* mask) {
+  if (more.empty()) return;
+  if (mask->empty()) {
+    *mask = more;
+  } else {
+    cv::bitwise_and(*mask, more, *mask);
+  }
+}
+
+cv::Mat LoadMask(const fs::path& file, const cv::Size& size) {
+  const cv::Mat picture = LoadPicture(file, true);
+  if (picture.size() != size) {
+    throw InputError(file.string() + ": expected a mask of " + std::to_string(size.width) + " x " +
+                     std::to_string(size.height) + " px as the picture it belongs to, found " +
+                     std::to_string(picture.cols) + " x " + std::to_string(picture.rows));
+  }
+  return picture > 0;
+}
+
+// PNG alone: of the usual formats it is the one that cameras' software writes transparency in. Colour types 4 and 6.
+bool HasAlpha(const fs::path& file) {
+  constexpr std::streamsize kHeader = 26;
+  char header[kHeader] = {};
+  std::ifstream in(file, std::ios::binary);
+  if (!in.read(header, kHeader)) return false;
+  constexpr size_t kColourType = 25;
+  return std::string(header, 4) == "\x89PNG" && (header[kColourType] & 4) != 0;
+}
+
+// What is not wholly transparent; empty if the file has no transparency.
+cv::Mat OpaquePart(const fs::path& file, const cv::Size& size) {
+  if (!HasAlpha(file)) return {};
+  const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
+  if (picture.size() != size || picture.channels() != 4) return {};
+  cv::Mat alpha;
+  cv::extractChannel(picture, alpha, 3);
+  return alpha > 0;
+}
+
+cv::Mat OutsideBoxes(const std::vector<Eigen::Vector4d>& boxes, const cv::Size& size) {
+  cv::Mat mask(size, CV_8U, cv::Scalar(255));
+  for (const Eigen::Vector4d& box : boxes) {
+    const cv::Point first(static_cast<int>(std::ceil(box(0))), static_cast<int>(std::ceil(box(1))));
+    const cv::Point last(static_cast<int>(std::floor(box(2))), static_cast<int>(std::floor(box(3))));
+    mask(cv::Rect(first, last + cv::Point(1, 1)) & cv::Rect({}, size)).setTo(0);
+  }
+  return mask;
+}
+
+}  // namespace
+
+fs::path MaskInFolder(const fs::path& folder, const std::string& image) {
+  for (const fs::path& name : {fs::path(image + ".png"), fs::path(image).replace_extension(".png"),
+                               fs::path(image).filename().replace_extension(".png")}) {
+    if (fs::is_regular_file(folder / name)) return folder / name;
+  }
+  return {};
+}
+
+RunMasks::RunMasks(const Run& run) : run_(run) {
+  for (const BodyCamera& camera : run.cameras) {
+    const cv::Size size(camera.camera.width(), camera.camera.height());
+    cv::Mat mask;
+    for (const fs::path& picture : camera.mask.pictures) Intersect(LoadMask(picture, size), &mask);
+    if (!camera.mask.boxes_px.empty()) Intersect(OutsideBoxes(camera.mask.boxes_px, size), &mask);
+    of_camera_.push_back(mask);
+  }
+}
+
+cv::Mat RunMasks::Of(const ImageEntry& image) const {
+  const auto index = static_cast<size_t>(image.camera);
+  if (index >= of_camera_.size()) return {};  // tags are found without a calibration, too
+  const BodyCamera& camera = run_.cameras[index];
+  const cv::Size size(camera.camera.width(), camera.camera.height());
+  cv::Mat mask = of_camera_[index].clone();
+  for (const fs::path& folder : camera.mask.folders) {
+    if (const fs::path file = MaskInFolder(folder, image.file); !file.empty()) Intersect(LoadMask(file, size), &mask);
+  }
+  if (image.video_frame < 0) Intersect(OpaquePart(image.path, size), &mask);
+  if (run_.config.mirrored && !mask.empty()) cv::flip(mask, mask, 1);
+  return mask;
+}
+
+cv::Mat SetPhotoMask(const fs::path& photo, const cv::Size& size) {
+  cv::Mat mask = OpaquePart(photo, size);
+  const fs::path file = MaskInFolder(photo.parent_path() / "masks", photo.filename().string());
+  if (!file.empty()) Intersect(LoadMask(file, size), &mask);
+  return mask;
+}
+
+cv::Mat ReferenceMask(const Reference& reference, const fs::path& file, const cv::Size& size) {
+  if (reference.kind == ReferenceKind::kPhotoSet) return SetPhotoMask(file, size);
+  cv::Mat mask = OpaquePart(file, size);
+  if (!reference.mask.empty()) Intersect(LoadMask(reference.mask, size), &mask);
+  return mask;
+}
+
+std::vector<fs::path> MaskFiles(const Run& run) {
+  std::vector<fs::path> files;
+  for (const BodyCamera& camera : run.cameras) {
+    files.insert(files.end(), camera.mask.pictures.begin(), camera.mask.pictures.end());
+  }
+  for (const ImageEntry& image : run.images) {
+    const auto index = static_cast<size_t>(image.camera);
+    if (index >= run.cameras.size()) continue;
+    for (const fs::path& folder : run.cameras[index].mask.folders) {
+      if (fs::path file = MaskInFolder(folder, image.file); !file.empty()) files.push_back(std::move(file));
+    }
+  }
+  return files;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,40 @@
+// What of a picture takes part: 8-bit masks of its size, 255 = takes part, 0 = ignored. An empty one ignores nothing.
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "datasets/io/site.h"
+
+namespace trigpoint {
+
+// The masks of a run's images: pictures, folders of pictures and boxes that run.yaml names, and the transparent parts
+// of the images themselves. Thread safe.
+class RunMasks {
+ public:
+  // Reads what is the same for all images of a camera. Throws InputError naming the file for what is not a mask of the
+  // camera's size.
+  explicit RunMasks(const Run& run);
+  // Of the image as LoadGrey gives it. Throws InputError as above.
+  cv::Mat Of(const ImageEntry& image) const;
+
+ private:
+  const Run& run_;
+  std::vector<cv::Mat> of_camera_;  // as stored
+};
+
+// Of a file of a reference, as LoadPanorama and LoadPhoto give it: the mask its table names, a set's masks/, and its
+// transparent part. Throws InputError where a mask has not the size of the picture, `size`.
+cv::Mat ReferenceMask(const Reference& reference, const std::filesystem::path& file, const cv::Size& size);
+
+// The mask of a photo of a hand-held set: masks/ beside the photos, and its transparent part.
+cv::Mat SetPhotoMask(const std::filesystem::path& photo, const cv::Size& size);
+
+// Every file that RunMasks reads beside the images.
+std::vector<std::filesystem::path> MaskFiles(const Run& run);
+
+// The picture in `folder` that masks an image: <name>.png, or the name with .png in place of its ending; empty: none.
+std::filesystem::path MaskInFolder(const std::filesystem::path& folder, const std::string& image);
+
+}  // namespace trigpoint

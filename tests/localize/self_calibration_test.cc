@@ -1,0 +1,95 @@
+// The lens of a camera that nobody calibrated, from a reconstruction that was made with a guess of it.
+#include "localize/self_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include "calib/estimation/random.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kNoise = 0.3;  // px
+
+Camera TrueCamera() { return {CameraModel::kRadtan, 640, 480, {500, 500, 324, 236, -0.1, 0.02, 0, 0}}; }
+
+// Cameras about a heap of points, from all sides and turned about their axes; rays as the guessed camera sees them.
+struct Scene {
+  LocalizeInput input;
+  Reconstruction reconstruction;
+};
+
+Scene MakeScene(uint64_t seed) {
+  Scene scene;
+  Random random(seed);
+  BodyCamera guess;
+  guess.camera = Camera(CameraModel::kPinhole, 640, 480, {530, 530, 319.5, 239.5});
+  guess.focal_sigma_share = 0.1;
+  guess.guessed_focal_px = 530;
+  scene.input.cameras = {guess};
+  BundleProblem& p = scene.reconstruction.problem;
+  p.views = {Rigid3d()};
+  for (int i = 0; i < 16; ++i) {
+    const Eigen::Quaterniond turn = ExpSO3({0.3 * random.Normal(), 0.4 * i, 0}) * ExpSO3({0, 0, 0.5 * random.Normal()});
+    p.poses.push_back({turn.conjugate(), Eigen::Vector3d(0, 0, 6)});
+    scene.input.images.push_back({i, std::to_string(i), 0, i});
+  }
+  const Camera truth = TrueCamera();
+  for (int j = 0; j < 400; ++j) {
+    const Eigen::Vector3d y(1.5 * random.Normal(), 1.5 * random.Normal(), 1.5 * random.Normal());
+    for (int i = 0; i < 16; ++i) {
+      auto pixel = truth.Project(p.poses[static_cast<size_t>(i)] * y);
+      if (!pixel) continue;
+      *pixel += kNoise * Eigen::Vector2d(random.Normal(), random.Normal());
+      const auto ray = guess.camera.Unproject(*pixel);
+      if (!truth.Contains(*pixel) || !ray) continue;
+      BearingObservation o;
+      o.point = static_cast<int>(p.points.size());
+      o.pose = i;
+      o.w = guess.camera.BearingSqrtInfo(*pixel, kNoise).cast<float>();
+      o.ray = ray->cast<float>();
+      p.observations.push_back(o);
+      scene.reconstruction.image_of.push_back(i);
+    }
+    p.points.push_back(y);
+  }
+  scene.reconstruction.point_valid.assign(p.points.size(), true);
+  scene.reconstruction.sigma_px = kNoise;
+  // Of the length of it all nothing else knows.
+  PoseFactor gauge;
+  gauge.kind = PoseFactor::Kind::kBetween;
+  gauge.a = 0, gauge.b = 4;
+  gauge.measured = p.poses[0] * p.poses[4].Inverse();
+  gauge.sqrt_info = 0.1 * Matrix6d::Identity();
+  p.factors = {gauge};
+  return scene;
+}
+
+TEST(SelfCalibrate, FindsFocalLengthPrincipalPointAndDistortionWithinItsSigmas) {
+  double chi2 = 0;
+  constexpr int kDraws = 10;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    const Scene scene = MakeScene(seed);
+    const std::vector<SelfCalibration> found = SelfCalibrate(scene.input, scene.reconstruction, 1);
+    ASSERT_EQ(found.size(), 1U);
+    const std::vector<double>& p = found[0].found.params();
+    EXPECT_NEAR(p[0], 500, 4 * found[0].sigma_focal_px);
+    EXPECT_LT(found[0].sigma_focal_px, 1);
+    EXPECT_NEAR(p[2], 324, 4 * found[0].sigma_centre_px);
+    EXPECT_NEAR(p[4], -0.1, 4 * found[0].sigma_k1);
+    EXPECT_GT(found[0].shift_px, 10);
+    chi2 += std::pow((p[0] - 500) / found[0].sigma_focal_px, 2);
+  }
+  // 10 squares of unit normals: 3.2 to 20.5 in 95 % of all cases.
+  EXPECT_GT(chi2, 2);
+  EXPECT_LT(chi2, 25);
+}
+
+TEST(SelfCalibrate, LeavesCalibratedCamerasAlone) {
+  Scene scene = MakeScene(1);
+  scene.input.cameras[0].focal_sigma_share = 0;
+  EXPECT_TRUE(SelfCalibrate(scene.input, scene.reconstruction, 1).empty());
+}
+
+}  // namespace
+}  // namespace trigpoint
