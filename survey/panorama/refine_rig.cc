@@ -12,8 +12,8 @@
 #include "calib/base/median.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/manifold.h"
-#include "calib/geometry/so3.h"
 #include "calib/estimation/marginal_covariance.h"
+#include "calib/geometry/so3.h"
 
 namespace trigpoint {
 namespace {

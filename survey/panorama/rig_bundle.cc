@@ -13,10 +13,10 @@
 #include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
 #include "calib/estimation/loss.h"
+#include "calib/estimation/marginal_covariance.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/so3.h"
-#include "calib/estimation/marginal_covariance.h"
 #include "survey/panorama/rig_costs.h"
 
 namespace trigpoint {

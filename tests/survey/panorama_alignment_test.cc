@@ -8,8 +8,8 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "calib/estimation/random.h"
 #include "calib/estimation/marginal_covariance.h"
+#include "calib/estimation/random.h"
 #include "survey/panorama/patch_alignment.h"
 
 namespace trigpoint {
