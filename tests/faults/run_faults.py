@@ -2,12 +2,14 @@
 """Plants the faults of faults.py into copies of a good project and judges what the program makes of each.
 
   run_faults.py PROGRAM SITE [--truth DIR] [--run RUN] [--every N] [--features N] [--quick] [--only REGEX]
-                [--json FILE] [--jobs N] [--work DIR]
+                [--json FILE] [--jobs N] [--work DIR] [--combinations N] [--variations N]
   run_faults.py --table docs/faults.md FILE.json...
 
 Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
 position on the Earth, with the cause), refused (exit 1 naming the cause). Failures: FALSE (a position outside three of
-its stated sigmas), unnamed (refused or withheld without the cause), crashed.
+its stated sigmas), unnamed (refused or withheld without the cause), crashed. --combinations draws one to three faults
+at once, --variations good projects (other stretches, noise and geotags), of which few may be warned of or refused; both
+begin at --first.
 """
 import argparse
 import concurrent.futures
@@ -23,6 +25,7 @@ import tempfile
 
 import numpy as np
 
+import draws
 import faults
 from site_files import NotApplicable, Project, copy_links
 
@@ -108,7 +111,7 @@ def judge_localize(project, run, truth, positions):
     folder = project / "results" / "localize" / run
     manifest = json.loads((folder / "manifest.json").read_text())
     if not manifest["metrics"].get("on_earth"):
-        return manifest["metrics"].get("earth_reason") or "not on the Earth"
+        return manifest["metrics"].get("earth_reason") or "not georeferenced"
     for row in rows_of(folder / "cameras.csv"):
         at = truth.cameras.get(f"{float(row['timestamp']):.4f}")
         if at is not None and row.get("latitude_deg"):
@@ -123,7 +126,7 @@ def judge_localize(project, run, truth, positions):
 def judge_survey(project, truth, positions):
     folder = project / "results" / "survey"
     if "frame=enu" not in header_of(folder / "tags.csv"):
-        return "not on the Earth"
+        return "not georeferenced"
     for row in rows_of(folder / "tags.csv"):
         if row["tag_id"] in truth.tags and row["x"]:
             error = np.array([float(row[k]) for k in "xyz"]) - truth.tags[row["tag_id"]]
@@ -257,11 +260,19 @@ class Runner:
             shutil.rmtree(folder, ignore_errors=True)
         return result
 
+    def chosen(self):
+        numbers = range(self.options.first, self.options.first + max(self.options.combinations, self.options.variations))
+        if self.options.combinations:
+            return [(i, draws.combination(i)) for i in numbers]
+        if self.options.variations:
+            return [(i, draws.variation(i, self.truth)) for i in numbers]
+        return [(i, f) for i, f in enumerate(faults.FAULTS)
+                if (f.quick or not self.options.quick) and
+                (not self.options.only or re.search(self.options.only, f"{f.group}: {f.name}"))]
+
     def run_all(self):
         self.prepare()
-        chosen = [(i, f) for i, f in enumerate(faults.FAULTS)
-                  if (f.quick or not self.options.quick) and
-                  (not self.options.only or re.search(self.options.only, f"{f.group}: {f.name}"))]
+        chosen = self.chosen()
         results = []
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             for result in pool.map(lambda item: self.one(*item), chosen):
@@ -275,7 +286,8 @@ class Runner:
 
 def copy_links_or_copy(source, target):
     """The site's own files are copied: they may lie on another file system, and are the user's."""
-    shutil.copytree(source, target, ignore=shutil.ignore_patterns("results", "truth", "trigpoint.yaml"))
+    shutil.copytree(source, target,
+                    ignore=shutil.ignore_patterns("results", "truth", "photos", "board", "trigpoint.yaml"))
 
 
 def write_table(path, files):
@@ -318,6 +330,9 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=3600)
     parser.add_argument("--work")
+    parser.add_argument("--combinations", type=int, default=0)
+    parser.add_argument("--variations", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("files", nargs="+")
     options = parser.parse_args()
     if options.table:
