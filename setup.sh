@@ -125,6 +125,8 @@ esac
 mkdir -p build
 : >"$log"
 [[ $command == nightly ]] && packages+=(clang-14 libclang-rt-14-dev)
+# A cluster for the tests of `trigpoint batch`.
+[[ $command == test || $command == nightly ]] && packages+=(slurm-wlm munge)
 install_packages
 case $command in
   build)

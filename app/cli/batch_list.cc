@@ -103,12 +103,41 @@ int Count(const std::vector<BatchResult>& results, const std::string& status) {
 
 std::string Counts(const std::vector<BatchResult>& results) {
   std::string text = fmt::format("{} of {} done", Count(results, "done") + Count(results, "gate"), results.size());
-  for (const char* status : {"gate", "failed", "cancelled", "waiting"}) {
+  for (const char* status : {"gate", "failed", "cancelled", "running", "waiting"}) {
     if (const int n = Count(results, status); n > 0) {
       text += fmt::format(", {} {}", n, std::string(status) == "gate" ? "with a gate that is not passed" : status);
     }
   }
   return text;
+}
+
+// What the tasks of a stage took. A task that several entries share counts once.
+struct StageCost {
+  std::string stage;
+  int tasks = 0, attempts = 0, repeated = 0;
+  double wall_seconds = 0, cpu_seconds = 0;
+  int64_t peak_memory_bytes = 0;
+};
+
+std::vector<StageCost> CostsOf(const std::vector<BatchResult>& results) {
+  std::vector<StageCost> costs;
+  std::set<std::pair<std::string, size_t>> counted;
+  for (const BatchResult& r : results) {
+    for (const json& stage : r.stages) {
+      const std::string name = stage.value("stage", "");
+      if (!counted.emplace(r.entry.dir.string(), stage.value("task", size_t{0})).second) continue;
+      auto it = std::find_if(costs.begin(), costs.end(), [&](const StageCost& c) { return c.stage == name; });
+      if (it == costs.end()) it = costs.insert(costs.end(), {name});
+      const int attempts = stage.value("attempts", 0);
+      ++it->tasks;
+      it->attempts += attempts;
+      it->repeated += std::max(0, attempts - 1);
+      it->wall_seconds += stage.value("wall_seconds", 0.0);
+      it->cpu_seconds += stage.value("cpu_seconds", 0.0);
+      it->peak_memory_bytes = std::max(it->peak_memory_bytes, stage.value("peak_memory_bytes", int64_t{0}));
+    }
+  }
+  return costs;
 }
 
 }  // namespace
@@ -154,21 +183,34 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
 
 std::string FormatBatch(const std::vector<BatchResult>& results) {
   std::vector<std::vector<std::string>> lines{
-      {"project", "status", "exit", "median m", "against", "gate", "time", "memory MiB", "error"}};
+      {"project", "status", "exit", "median m", "against", "gate", "time", "CPU s", "memory MiB", "error"}};
   for (const BatchResult& r : results) {
     const double median = MedianOf(r, "median_m");
     std::string error = r.error;
     std::replace(error.begin(), error.end(), '|', '/');
     lines.push_back({r.entry.name, r.status, std::to_string(r.exit_code),
                      std::isfinite(median) ? fmt::format("{:.3f}", median) : "-", TextOf(r, "median_against"),
-                     VerdictOf(r), DurationText(r.seconds),
+                     VerdictOf(r), DurationText(r.seconds), fmt::format("{:.1f}", r.cpu_seconds),
                      fmt::format("{:.0f}", static_cast<double>(r.peak_memory_bytes) / (1 << 20)), error});
   }
-  return AlignMarkdown(lines) + "\n" + Counts(results) + "\n";
+  std::vector<std::vector<std::string>> costs{{"stage", "tasks", "attempts", "time", "CPU s", "memory MiB"}};
+  for (const StageCost& c : CostsOf(results)) {
+    costs.push_back({c.stage, std::to_string(c.tasks), std::to_string(c.attempts), DurationText(c.wall_seconds),
+                     fmt::format("{:.1f}", c.cpu_seconds),
+                     fmt::format("{:.0f}", static_cast<double>(c.peak_memory_bytes) / (1 << 20))});
+  }
+  return AlignMarkdown(lines) + "\n" + Counts(results) + "\n\n" + AlignMarkdown(costs);
 }
 
-Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& taken) {
-  Ending ending("Batch done in " + taken + ": " + Counts(results));
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline) {
+  Ending ending(headline + ": " + Counts(results));
+  for (const StageCost& c : CostsOf(results)) {
+    if (c.attempts == 0) continue;
+    ending.Row(fmt::format("{:<12}{}, {:.1f} s of CPU, at most {:.0f} MiB{}", c.stage,
+                           Counted(c.tasks, "task", "tasks"), c.cpu_seconds,
+                           static_cast<double>(c.peak_memory_bytes) / (1 << 20),
+                           c.repeated > 0 ? fmt::format(", {} begun again", c.repeated) : ""));
+  }
   std::vector<std::pair<double, std::string>> medians;
   for (const BatchResult& r : results) {
     if (const double median = MedianOf(r, "median_m"); std::isfinite(median))
@@ -184,7 +226,14 @@ Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& t
 }
 
 json BatchJson(const std::vector<BatchResult>& results) {
-  json entries = json::array();
+  json entries = json::array(), costs = json::object();
+  for (const StageCost& c : CostsOf(results)) {
+    costs[c.stage] = {{"tasks", c.tasks},
+                      {"attempts", c.attempts},
+                      {"wall_seconds", c.wall_seconds},
+                      {"cpu_seconds", c.cpu_seconds},
+                      {"peak_memory_bytes", c.peak_memory_bytes}};
+  }
   for (const BatchResult& r : results) {
     entries.push_back({{"name", r.entry.name},
                        {"dir", r.entry.dir.string()},
@@ -194,6 +243,7 @@ json BatchJson(const std::vector<BatchResult>& results) {
                        {"error", r.error},
                        {"attempts", r.attempts},
                        {"seconds", r.seconds},
+                       {"cpu_seconds", r.cpu_seconds},
                        {"peak_memory_bytes", r.peak_memory_bytes},
                        {"stages", r.stages}});
   }
@@ -201,6 +251,7 @@ json BatchJson(const std::vector<BatchResult>& results) {
           {"done", Count(results, "done") + Count(results, "gate")},
           {"gate", Count(results, "gate")},
           {"failed", Count(results, "failed")},
+          {"stages", costs},
           {"entries", entries}};
 }
 
@@ -225,13 +276,15 @@ void RequireBatchFolder(const fs::path& folder) {
 void WriteBatchSummary(const std::vector<BatchResult>& results, const fs::path& folder) {
   WriteFileAtomically(folder / "summary.json", DumpJson(BatchJson(results), 2) + "\n");
   WriteFileAtomically(folder / "summary.md", FormatBatch(results));
-  CsvWriter csv({"name", "dir", "status", "exit_code", "median_m", "verdict", "seconds", "peak_memory_bytes",
-                 "attempts", "error"},
-                {"trigpoint batch 1; median_m: of the 3D errors `evaluate` shows first"});
+  CsvWriter csv(
+      {"name", "dir", "status", "exit_code", "median_m", "verdict", "seconds", "peak_memory_bytes", "attempts", "error",
+       "cpu_seconds"},
+      {"trigpoint batch 1; median_m: of the 3D errors `evaluate` shows first; seconds, cpu_seconds: sums over its "
+       "tasks"});
   for (const BatchResult& r : results) {
     csv.Text(r.entry.name).Text(r.entry.dir.string()).Text(r.status).Integer(r.exit_code);
     csv.Number(MedianOf(r, "median_m"), 6).Text(VerdictOf(r)).Number(r.seconds, 1).Integer(r.peak_memory_bytes);
-    csv.Integer(r.attempts).Text(r.error).EndRow();
+    csv.Integer(r.attempts).Text(r.error).Number(r.cpu_seconds, 1).EndRow();
   }
   csv.Save(folder / "summary.csv");
 }

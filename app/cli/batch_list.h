@@ -20,24 +20,25 @@ struct BatchEntry {
 // relative to the file; * and ? match), or a pattern of folders. Throws InputError naming file and line.
 std::vector<BatchEntry> ReadBatchList(const std::string& list);
 
-// status: done, gate (done, but a gate is not passed), failed, cancelled, waiting.
+// status: done, gate (done, but a gate is not passed), failed, cancelled, running, waiting.
 struct BatchResult {
   BatchEntry entry;
   std::string status = "waiting";
   std::string error;  // one line
   int exit_code = 0;
-  int attempts = 0;  // more than one where memory ran out
-  double seconds = 0;
+  int attempts = 0;                     // at one task; more than one where memory ran out
+  double seconds = 0, cpu_seconds = 0;  // of all attempts at its tasks
   int64_t peak_memory_bytes = 0;
-  nlohmann::json stages = nlohmann::json::array();  // as `run --json` gives them
+  // As `run --json` gives them, with attempts, wall_seconds, cpu_seconds and peak_memory_bytes of each.
+  nlohmann::json stages = nlohmann::json::array();
 };
 
 // Throws InputError unless `folder` is new, empty, or holds the summary of a batch, and if a project reads it.
 void RequireBatchFolder(const std::filesystem::path& folder);
 // summary.json, summary.csv, summary.md in `folder`.
 void WriteBatchSummary(const std::vector<BatchResult>& results, const std::filesystem::path& folder);
-// Done, failed and not passed, the worst medians; `taken` as in "55 s".
-Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& taken);
+// `headline` with the counts; failed and not passed, the worst medians, what the stages cost.
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline);
 std::string FormatBatch(const std::vector<BatchResult>& results);
 nlohmann::json BatchJson(const std::vector<BatchResult>& results);
 

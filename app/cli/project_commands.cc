@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "app/cli/command.h"
+#include "app/cli/run_command.h"
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/text.h"
@@ -119,11 +120,32 @@ void AddStatusCommand(CLI::App& app, Session& session) {
   command.callback([&session, dir] { session.action = [dir](Session& s) { return Status(s, *dir); }; });
 }
 
+void AddRunOptions(CLI::App& app, RunArguments* arguments) {
+  app.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
+  app.add_option("--variant", arguments->variants,
+                 "only this variant (may be given several times); default: the first "
+                 "results and the variants of trigpoint.yaml")
+      ->allow_extra_args(false);
+  app.add_option("--set", arguments->settings, "stage.option=value, over trigpoint.yaml (may be given several times)")
+      ->allow_extra_args(false);
+}
+
+std::vector<Job> JobsOf(const Project& project, const RunArguments& arguments) {
+  JobQuery query;
+  query.overrides = ParseOverrides(arguments.settings, "");
+  query.runs = arguments.runs;
+  if (arguments.variants.empty()) {
+    for (const auto& [variant, stages] : project.variants().items()) query.variants.push_back(variant);
+  } else {
+    query.variants = arguments.variants;
+    for (const std::string& variant : query.variants) CheckVariantName(variant);
+  }
+  std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
+  for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
+  return jobs;
+}
+
 void AddRunCommand(CLI::App& app, Session& session) {
-  struct Arguments {
-    std::string dir;
-    std::vector<std::string> runs, variants, settings;
-  };
   CLI::App& command = AddCommand(
       app, session, "run", "make every result that is missing or out of date",
       "Results whose inputs, options and version are unchanged are not computed again. What fails for one run does "
@@ -133,33 +155,15 @@ void AddRunCommand(CLI::App& app, Session& session) {
       "  trigpoint run my_site\n"
       "  trigpoint run my_site --run run1 --run run3\n"
       "  trigpoint run my_site --set localize.max_distance_m=20");
-  const auto arguments = std::make_shared<Arguments>();
-  command.add_option("DIR", arguments->dir, "the project")->required();
-  command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
-  command
-      .add_option("--variant", arguments->variants,
-                  "only this variant (may be given several times); default: the first "
-                  "results and the variants of trigpoint.yaml")
-      ->allow_extra_args(false);
-  command
-      .add_option("--set", arguments->settings, "stage.option=value, over trigpoint.yaml (may be given several times)")
-      ->allow_extra_args(false);
-  command.callback([&session, arguments] {
-    session.action = [arguments](Session& s) {
-      JobQuery query;
-      query.overrides = ParseOverrides(arguments->settings, "");
-      const Project project = OpenProject(s, arguments->dir);
-      query.runs = arguments->runs;
-      if (arguments->variants.empty()) {
-        for (const auto& [variant, stages] : project.variants().items()) query.variants.push_back(variant);
-      } else {
-        query.variants = arguments->variants;
-        for (const std::string& variant : query.variants) CheckVariantName(variant);
-      }
-      // Photo sets first: localize reads their rigs.
-      std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
-      for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
-      return RunAndReport(s, "run", project, jobs);
+  const auto dir = std::make_shared<std::string>();
+  const auto arguments = std::make_shared<RunArguments>();
+  command.add_option("DIR", *dir, "the project")->required();
+  AddRunOptions(command, arguments.get());
+  command.callback([&session, dir, arguments] {
+    session.action = [dir, arguments](Session& s) {
+      ParseOverrides(arguments->settings, "");  // a mistake there is said before the project is read
+      const Project project = OpenProject(s, *dir);
+      return RunAndReport(s, "run", project, JobsOf(project, *arguments));
     };
   });
 }

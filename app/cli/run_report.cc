@@ -7,6 +7,7 @@
 
 #include "app/cli/command.h"
 #include "app/cli/project_facts.h"
+#include "app/cli/run_command.h"
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/gates_stage.h"
 #include "datasets/io/photo_sets.h"
@@ -233,20 +234,10 @@ std::string MetricText(const nlohmann::json& metrics, const std::string& name, c
   return fmt::format("{} {:.4g}", name, it->get<double>());
 }
 
-RunReport RunJobsShown(const Session& session, const std::string& command, const Project& project,
-                       const std::vector<Job>& jobs) {
+RunReport ReportOf(const std::string& command, const Project& project, const std::vector<Job>& jobs,
+                   std::vector<JobResult> results) {
   RunReport report;
-  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
-  Terminal terminal = session.MakeTerminal();
-  JobLines lines(&terminal, session.options.verbose);
-  JobCallbacks callbacks;
-  callbacks.begun = [&](const Job& job) { lines.Begun(job); };
-  callbacks.ended = [&](const JobResult& result) { lines.Ended(result); };
-  report.results =
-      RunJobs(project, jobs, session.options.threads, session.options.seed, terminal, *session.cancel, callbacks);
-  lines.Flush();
-  terminal.ClearProgress();
-
+  report.results = std::move(results);
   for (const Job& job : jobs) report.asked.push_back(job.stage->name);
   bool gates_passed = true;
   nlohmann::json stages = nlohmann::json::array();
@@ -263,15 +254,34 @@ RunReport RunJobsShown(const Session& session, const std::string& command, const
       report.exit_code = report.exit_code == 0 || report.exit_code == result.exit_code ? result.exit_code : 1;
     if (there && result.job.stage->name == "gates" && !GatesPassed(result.outcome.manifest["metrics"], report.asked))
       gates_passed = false;
-    if (there && result.job.stage->summary) session.PrintDetails(result.job.stage->summary(result.outcome, unit));
   }
   report.problems = GivenForNothing(project, report.results);
-  for (const std::string& problem : report.problems) terminal.Log(LogLevel::kError, problem);
   if (report.exit_code == 0 && !report.problems.empty()) report.exit_code = 1;
   if (report.exit_code == 0 && !gates_passed) report.exit_code = kGateExitCode;
   report.json = {{"command", command},          {"project", project.dir().string()},
                  {"ok", report.exit_code == 0}, {"exit_code", report.exit_code},
                  {"problems", report.problems}, {"stages", stages}};
+  return report;
+}
+
+RunReport RunJobsShown(const Session& session, const std::string& command, const Project& project,
+                       const std::vector<Job>& jobs) {
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  Terminal terminal = session.MakeTerminal();
+  JobLines lines(&terminal, session.options.verbose);
+  JobCallbacks callbacks;
+  callbacks.begun = [&](const Job& job) { lines.Begun(job); };
+  callbacks.ended = [&](const JobResult& result) { lines.Ended(result); };
+  RunReport report = ReportOf(
+      command, project, jobs,
+      RunJobs(project, jobs, session.options.threads, session.options.seed, terminal, *session.cancel, callbacks));
+  lines.Flush();
+  terminal.ClearProgress();
+  for (const JobResult& result : report.results) {
+    if (IsThere(result) && result.job.stage->summary)
+      session.PrintDetails(result.job.stage->summary(result.outcome, unit));
+  }
+  for (const std::string& problem : report.problems) terminal.Log(LogLevel::kError, problem);
   return report;
 }
 

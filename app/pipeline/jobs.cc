@@ -5,8 +5,10 @@
 
 #include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/gates_stage.h"
+#include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
+#include "datasets/project/forked.h"
 #include "datasets/project/manifest.h"
 namespace trigpoint {
 
@@ -134,43 +136,78 @@ std::string_view JobEndName(JobEnd end) {
   return "";
 }
 
-std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& jobs, int threads, uint64_t seed,
+std::vector<JobNeeds> NeedsOf(const Project& project, const std::vector<Job>& jobs) {
+  std::vector<JobNeeds> all(jobs.size());
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    // What names no stage and is for all runs looks at whatever is there (gates, report).
+    const bool last = jobs[i].stage->name == "gates" || jobs[i].stage->name == "report";
+    for (size_t k = 0; k < i; ++k) {
+      const bool needs = Needs(project, jobs[i], jobs[k]);
+      if (needs) all[i].needs.push_back(k);
+      // Photo sets come first: localize reads their rigs.
+      if (needs || last || jobs[k].stage->name == "stitch") all[i].after.push_back(k);
+    }
+  }
+  return all;
+}
+
+std::optional<JobResult> EndWithoutRunning(const Project& project, const Job& job,
+                                           const std::vector<JobResult>& needed) {
+  JobResult result;
+  result.job = job;
+  size_t broken = 0;
+  for (const JobResult& earlier : needed) {
+    if (earlier.end != JobEnd::kFailed && earlier.end != JobEnd::kSkipped) continue;
+    ++broken;
+    result.reason = earlier.job.Title() + " " + std::string(JobEndName(earlier.end));
+  }
+  if (std::string why = WhyNotNeeded(project, job); !why.empty()) {
+    result.end = JobEnd::kNotNeeded;
+    result.reason = std::move(why);
+    return result;
+  }
+  if (broken > 0 && (job.stage->per_run || broken == needed.size())) {
+    result.end = JobEnd::kSkipped;
+    return result;
+  }
+  return std::nullopt;
+}
+
+JobAttempt RunJob(const Project& project, const Job& job, int threads, uint64_t seed, ProgressSink& progress,
+                  const CancelToken& cancel, const StageRunner& run) {
+  JobAttempt attempt;
+  JobResult& result = attempt.result;
+  result.job = job;
+  try {
+    result.outcome = run(project, MakeRequest(project, *job.stage, job.target), threads, seed, progress, cancel);
+    result.end = result.outcome.computed ? JobEnd::kComputed : JobEnd::kUpToDate;
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const Error& e) {
+    result.end = JobEnd::kFailed;
+    result.reason = e.what();
+    result.exit_code = e.ExitCode();
+    attempt.out_of_memory = dynamic_cast<const MemoryError*>(&e) != nullptr;
+  }
+  return attempt;
+}
+
+std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& asked, int threads, uint64_t seed,
                                ProgressSink& progress, const CancelToken& cancel, const JobCallbacks& callbacks) {
   const std::shared_ptr<ProjectLock> lock = project.Lock();  // over all of them, so that nobody comes in between
+  const std::vector<Job> jobs = WithGates(project, asked);
+  const std::vector<JobNeeds> needs = NeedsOf(project, jobs);
   std::vector<JobResult> results;
-  for (const Job& job : WithGates(project, jobs)) {
+  for (size_t i = 0; i < jobs.size(); ++i) {
     cancel.ThrowIfCancelled();
-    JobResult result;
-    result.job = job;
-    int needed = 0, broken = 0;
-    for (const JobResult& earlier : results) {
-      if (!Needs(project, job, earlier.job)) continue;
-      ++needed;
-      if (earlier.end != JobEnd::kFailed && earlier.end != JobEnd::kSkipped) continue;
-      ++broken;
-      result.reason = earlier.job.Title() + " " + std::string(JobEndName(earlier.end));
-    }
-    if (std::string why = WhyNotNeeded(project, job); !why.empty()) {
-      result.end = JobEnd::kNotNeeded;
-      result.reason = std::move(why);
-    } else if (broken > 0 && (job.stage->per_run || broken == needed)) {
-      result.end = JobEnd::kSkipped;
+    std::vector<JobResult> needed;
+    for (const size_t k : needs[i].needs) needed.push_back(results[k]);
+    if (auto decided = EndWithoutRunning(project, jobs[i], needed)) {
+      results.push_back(std::move(*decided));
     } else {
-      result.reason.clear();
-      callbacks.begun(job);
-      try {
-        result.outcome =
-            RunStage(project, MakeRequest(project, *job.stage, job.target), threads, seed, progress, cancel);
-        result.end = result.outcome.computed ? JobEnd::kComputed : JobEnd::kUpToDate;
-      } catch (const Cancelled&) {
-        throw;
-      } catch (const Error& e) {
-        result.end = JobEnd::kFailed;
-        result.reason = e.what();
-        result.exit_code = e.ExitCode();
-      }
+      callbacks.begun(jobs[i]);
+      results.push_back(RunJob(project, jobs[i], threads, seed, progress, cancel, RunStage).result);
     }
-    results.push_back(result);
     callbacks.ended(results.back());
   }
   return results;

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <fstream>
 #include <numeric>
+#include <random>
 #include <sstream>
 
 #include "calib/base/error.h"
@@ -162,11 +163,13 @@ std::string ReadTextFile(const std::filesystem::path& file) {
 
 void WriteFileAtomically(const std::filesystem::path& file, std::string_view content) {
   static std::atomic<int> counter{0};
+  // Machines that share a file system may number their processes alike.
+  static const std::string kMachine = std::to_string(std::random_device{}());
   std::error_code made;
   if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), made);
   if (made) ThrowWrite(file, made.value());
   std::string name(1, '.');
-  name.append(file.filename().string()).append(".").append(std::to_string(getpid()));
+  name.append(file.filename().string()).append(".").append(kMachine).append("-").append(std::to_string(getpid()));
   name.append("-").append(std::to_string(counter++));
   const std::filesystem::path temporary = file.parent_path() / name;
   const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);

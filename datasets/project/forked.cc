@@ -195,7 +195,7 @@ ForkedResult RunForked(const std::string& what, const std::function<std::string(
   if (listener.end() == kNoMemory) throw std::bad_alloc();
   if (listener.end() != kResult) {
     const std::string end = WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "without a result";
-    throw Error(
+    throw MemoryError(
         what + ": its process ended (" + end +
         "), most likely for lack of memory; use fewer --threads, smaller images, or a machine with more memory");
   }

@@ -4,9 +4,16 @@
 #include <functional>
 #include <string>
 
+#include "calib/base/error.h"
 #include "calib/base/progress.h"
 
 namespace trigpoint {
+
+// Memory ran out; with more of it the same may succeed.
+class MemoryError : public Error {
+ public:
+  using Error::Error;
+};
 
 struct ForkedResult {
   std::string bytes;              // what the body returned

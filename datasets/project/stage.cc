@@ -16,7 +16,10 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/forked.h"
 #include "datasets/project/manifest.h"
+#include "datasets/project/stage_task.h"
+#include "datasets/project/task_lock.h"
 
 namespace trigpoint {
 
@@ -277,7 +280,7 @@ void CallTranslated(const std::function<void()>& body) {
   } catch (const fs::filesystem_error& e) {
     throw IoErrorFor(e.path1(), "used", e.code().value());
   } catch (const std::bad_alloc&) {
-    throw Error("not enough memory; use fewer --threads or smaller images");
+    throw MemoryError("not enough memory; use fewer --threads or smaller images");
   } catch (const std::exception& e) {
     throw Error(std::string("unexpected error: ") + e.what());
   }
@@ -368,31 +371,10 @@ class Attempt {
   json manifest_;
 };
 
-}  // namespace
-
-std::string_view StageStateName(StageState state) {
-  switch (state) {
-    case StageState::kMissing: return "missing";
-    case StageState::kDone: return "done";
-    case StageState::kOutOfDate: return "out of date";
-    case StageState::kFailed: return "failed";
-    case StageState::kRunning: return "running";
-  }
-  return "";
-}
-
-StageOutcome RunStage(const Project& project, const StageRequest& request, int threads, uint64_t seed,
-                      ProgressSink& progress, const CancelToken& cancel) {
-  const std::shared_ptr<ProjectLock> lock = project.Lock();
+// The lock is held.
+StageOutcome RunLocked(const Project& project, const StageRequest& request, int threads, uint64_t seed,
+                       ProgressSink& progress, const CancelToken& cancel) {
   const std::string title = Title(request.stage, request.name);
-  lock->Announce(title);
-  // Resets the announcement however this ends.
-  const std::shared_ptr<void> announced(nullptr, [&](void*) {
-    try {
-      lock->Announce("");
-    } catch (const IoError&) {  // a full disk is reported by what needed the space
-    }
-  });
   StageOutcome outcome;
   outcome.dir = project.ResultDir(request.stage, request.name);
   json inputs;
@@ -439,10 +421,44 @@ StageOutcome RunStage(const Project& project, const StageRequest& request, int t
   return outcome;
 }
 
+}  // namespace
+
+std::string_view StageStateName(StageState state) {
+  switch (state) {
+    case StageState::kMissing: return "missing";
+    case StageState::kDone: return "done";
+    case StageState::kOutOfDate: return "out of date";
+    case StageState::kFailed: return "failed";
+    case StageState::kRunning: return "running";
+  }
+  return "";
+}
+
+StageOutcome RunStage(const Project& project, const StageRequest& request, int threads, uint64_t seed,
+                      ProgressSink& progress, const CancelToken& cancel) {
+  const std::shared_ptr<ProjectLock> lock = project.Lock();
+  lock->Announce(Title(request.stage, request.name));
+  // Resets the announcement however this ends.
+  const std::shared_ptr<void> announced(nullptr, [&](void*) {
+    try {
+      lock->Announce("");
+    } catch (const IoError&) {  // a full disk is reported by what needed the space
+    }
+  });
+  return RunLocked(project, request, threads, seed, progress, cancel);
+}
+
+StageOutcome RunStageAsTask(const Project& project, const StageRequest& request, int threads, uint64_t seed,
+                            ProgressSink& progress, const CancelToken& cancel) {
+  const TaskLock lock(project.results(), Title(request.stage, request.name));
+  return RunLocked(project, request, threads, seed, progress, cancel);
+}
+
 StageState StateOf(const Project& project, const StageRequest& request, uint64_t seed) {
   const fs::path dir = project.ResultDir(request.stage, request.name);
   if (const auto holder = ProjectLock::Holder(project.results());
-      holder && holder->stage == Title(request.stage, request.name)) {
+      holder && (holder->stage == Title(request.stage, request.name) ||
+                 TaskLock::IsHeld(project.results(), Title(request.stage, request.name)))) {
     return StageState::kRunning;
   }
   const auto manifest = ReadManifestIn(dir);
