@@ -1,0 +1,303 @@
+// Findings and advice while still on site: what is wrong is named, and nothing else.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "survey/field/advice.h"
+#include "survey/field/findings.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+// A lap and a bit round a yard, looking outwards at tags on its walls; three of them are known.
+NetworkLayout Yard() {
+  NetworkLayout layout;
+  layout.sizes.size_m = 0.3;
+  constexpr int kTags = 9, kFrames = 60;
+  constexpr double kRadius = 6;
+  for (int k = 0; k < kTags; ++k) {
+    const double a = 2 * M_PI * k / kTags;
+    const Eigen::Vector3d out(std::cos(a), std::sin(a), 0);
+    Eigen::Matrix3d columns;  // the printed side faces the yard's middle
+    columns.col(2) = out;
+    columns.col(1) = -Eigen::Vector3d::UnitZ();
+    columns.col(0) = columns.col(1).cross(columns.col(2));
+    layout.world_from_tag[k] = {Eigen::Quaterniond(columns), (kRadius + 4) * out + Eigen::Vector3d(0, 0, 0.1 * k)};
+    if (k % 3 != 1) continue;
+    SurveyPoint point;
+    point.name = std::to_string(k);
+    point.tag_id = k;
+    point.world_m = layout.world_from_tag[k].translation;
+    point.sigma_h_m = 0.01;
+    point.sigma_v_m = 0.015;
+    layout.points.push_back(point);
+  }
+  PlannedPass pass;
+  pass.name = "lap";
+  BodyCamera camera;
+  camera.name = "cam0";
+  camera.camera = Camera::FromFieldOfView(1280, 800, 90 * kDegToRad);
+  Eigen::Matrix3d rows;  // looks to the right of the way
+  rows.row(0) = Eigen::Vector3d(-1, 0, 0);
+  rows.row(1) = Eigen::Vector3d(0, 0, -1);
+  rows.row(2) = Eigen::Vector3d(0, -1, 0);
+  camera.cam_from_body = Rigid3d(Eigen::Quaterniond(rows), Eigen::Vector3d(0.1, 0, 0));
+  camera.has_extrinsics = true;
+  pass.cameras.push_back(camera);
+  for (int k = 0; k < kFrames; ++k) {
+    const double a = 2.4 * M_PI * k / (kFrames - 1);
+    const Eigen::AngleAxisd yaw(a + M_PI / 2, Eigen::Vector3d::UnitZ());
+    pass.world_from_body.push_back(
+        {int64_t{500'000'000} * k,
+         Rigid3d(Eigen::Quaterniond(yaw), kRadius * Eigen::Vector3d(std::cos(a), std::sin(a), 0))});
+  }
+  layout.passes.push_back(pass);
+  return layout;
+}
+
+NetworkOptions Options() {
+  NetworkOptions options;
+  options.ties_per_image = 0;
+  return options;
+}
+
+// The same pass again, on another day.
+NetworkLayout TwoDays() {
+  NetworkLayout layout = Yard();
+  layout.passes.push_back(layout.passes.front());
+  layout.passes.back().name = "second";
+  layout.passes.front().date = "2026-05-12";
+  layout.passes.back().date = "2026-05-13";
+  return layout;
+}
+
+// What a check has of a survey's observations.
+struct Scene {
+  Site site;
+  FieldFacts facts;
+};
+
+std::unique_ptr<Scene> SceneOf(const SurveyInput& input, const NetworkLayout& layout) {
+  auto scene = std::make_unique<Scene>();
+  FieldFacts& facts = scene->facts;
+  facts.site = &scene->site;
+  for (const SurveyRun& its : input.runs) {
+    Run run;
+    run.name = its.name;
+    run.cameras = its.cameras;
+    run.odometry = its.odometry;
+    scene->site.runs.push_back(std::move(run));
+  }
+  for (size_t r = 0; r < input.runs.size(); ++r) {
+    FieldRun run;
+    run.run = &scene->site.runs[r];
+    for (const ImageDetections& image : input.runs[r].images) {
+      FieldPicture picture;
+      picture.image = image.image;
+      picture.stamp_ns = image.stamp_ns;
+      picture.tags = image.detections;
+      picture.quality = PictureQuality{120, 0, 0, 0.6, {}};
+      run.pictures.push_back(picture);
+    }
+    facts.runs.push_back(std::move(run));
+  }
+  for (const auto& [id, pose] : layout.world_from_tag) {
+    facts.planned[id] = {"station S" + std::to_string(id), pose.translation};
+  }
+  ProgressSink silent;
+  facts.input = input;
+  facts.map = SurveyTags(input, OptionsOfSurvey(Options()), 1, silent, CancelToken());
+  facts.layout = layout;
+  facts.prediction = PredictNetwork(layout, Options(), 1, 1, CancelToken());
+  return scene;
+}
+
+SurveyInput Recorded(const NetworkLayout& layout) {
+  Random noise(5);
+  return SimulateSurvey(layout, Options(), 1, &noise);
+}
+
+// The findings that ask for something.
+std::vector<std::string> Wrong(const FieldFacts& facts) {
+  std::vector<std::string> texts;
+  for (const auto& find : {FindInPictures, FindInMap}) {
+    for (const Finding& f : find(facts)) {
+      if (f.light != Light::kGreen) texts.push_back(f.text);
+    }
+  }
+  return texts;
+}
+
+TEST(Field, NothingIsWrongWithACompleteSite) {
+  const auto scene = SceneOf(Recorded(TwoDays()), TwoDays());
+  EXPECT_THAT(Wrong(scene->facts), testing::IsEmpty());
+}
+
+TEST(Field, ATagInNoPictureIsNamedAndComesFirst) {
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
+  }
+  const auto scene = SceneOf(input, Yard());
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("tag 5 (station S5) is planned and in no picture")));
+  const std::vector<Advice> advice = WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken());
+  ASSERT_FALSE(advice.empty());
+  EXPECT_THAT(advice[0].what, HasSubstr("Photograph tag 5, "));
+  EXPECT_THAT(advice[0].why, HasSubstr("in no picture"));
+}
+
+TEST(Field, AnIdThatStandsTwiceIsNamed) {
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    for (TagDetection& d : image.detections) d.id = d.id == 6 ? 2 : d.id;
+  }
+  const auto scene = SceneOf(input, Yard());
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("tag 2 stands at two places")));
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("tag 6 (station S6) is planned and in no picture")));
+}
+
+TEST(Field, ATagThatMovedBetweenDaysIsNamed) {
+  NetworkLayout first = TwoDays(), second = TwoDays();
+  second.world_from_tag[5].translation += Eigen::Vector3d(0.3, 0.4, 0);
+  SurveyInput input = Recorded(first);
+  input.runs[1] = Recorded(second).runs[1];
+  const auto scene = SceneOf(input, first);
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("tag 5 moved")));
+}
+
+TEST(Field, ARunThatNeverLooksBackIsNamed) {
+  NetworkLayout layout = Yard();
+  auto& poses = layout.passes[0].world_from_body;
+  poses.resize(poses.size() * 3 / 4);
+  for (SurveyPoint& p : layout.points) p.sigma_h_m = 0.01;
+  const auto open = SceneOf(Recorded(layout), layout);
+  // 33 m are no long way: the run is stretched until a loop is due.
+  for (TimedPose& pose : open->site.runs[0].odometry.poses) pose.target_from_body.translation *= 2;
+  EXPECT_THAT(Wrong(open->facts), testing::Contains(HasSubstr("without coming back to a tag: the loop is open")));
+  const auto closed = SceneOf(Recorded(Yard()), Yard());
+  std::vector<std::string> texts;
+  for (const Finding& f : FindInMap(closed->facts)) texts.push_back(f.text);
+  EXPECT_THAT(texts, testing::Contains(HasSubstr("loop closed")));
+}
+
+TEST(Field, ASmearedLensIsNamed) {
+  const auto scene = SceneOf(Recorded(TwoDays()), TwoDays());
+  for (FieldPicture& p : scene->facts.runs[1].pictures) p.quality->blur_px = 1.3;
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("second: the lens is smeared or out of focus")));
+  for (FieldPicture& p : scene->facts.runs[1].pictures) {
+    p.quality->blur_px = 0.6;
+    p.quality->cell_blur_px.fill(0.6);
+    p.quality->cell_blur_px[8] = 1.5;
+  }
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("second: the lens is smeared in the lower right")));
+}
+
+TEST(Field, ExposureAndUnreadablePicturesAreNamed) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  std::vector<FieldPicture>& pictures = scene->facts.runs[0].pictures;
+  for (size_t k = 0; k < pictures.size() / 2; ++k) pictures[k].quality->mean = 20;
+  pictures.back().problem = "truncated";
+  EXPECT_THAT(Wrong(scene->facts),
+              testing::UnorderedElementsAre(HasSubstr("are too dark"), HasSubstr("1 pictures cannot be read")));
+}
+
+TEST(Field, AnOpenRingOfPhotosIsNamed) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  scene->facts.sets.push_back({"S3", 11, 11, false, 42, "IMG_9.jpg", "IMG_1.jpg", ""});
+  EXPECT_THAT(Wrong(scene->facts),
+              testing::ElementsAre(HasSubstr("photo set S3: the ring is open: 42 deg of the "
+                                             "horizon are not seen, between IMG_9.jpg and IMG_1")));
+  scene->facts.sets[0].full_turn = true;
+  EXPECT_THAT(Wrong(scene->facts), testing::IsEmpty());
+}
+
+TEST(Field, OdometryElsewhereInTimeIsNamed) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  for (TimedPose& pose : scene->site.runs[0].odometry.poses) pose.stamp_ns += 1'000'000'000'000;
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("odometry covers 0 of")));
+  scene->facts.runs[0].clock = {0.4, 0.05, true};
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("time_offset_s: 0.40")));
+}
+
+TEST(Field, AdviceLeadsInFrontOfAWeakTagAndImprovesIt) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  const std::vector<Advice> advice = WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken());
+  ASSERT_FALSE(advice.empty());
+  double before = scene->facts.prediction->RmsSigma();
+  for (const Advice& a : advice) {
+    ASSERT_TRUE(a.from && a.at && a.heading_rad);
+    EXPECT_LT(a.rms_after_m, scene->facts.prediction->RmsSigma());
+    EXPECT_GE(a.rms_after_m, before * (&a == &advice.front() ? 0 : 1));  // the best comes first
+    before = a.rms_after_m;
+    const Eigen::Vector3d line = *a.at - *a.from;
+    EXPECT_NEAR(std::atan2(line.x(), line.y()), *a.heading_rad, 1e-9);
+    EXPECT_LT(line.head<2>().norm(), 6.01);
+    EXPECT_LT(a.from->head<2>().norm(), a.at->head<2>().norm());  // on the side that the tag's print faces
+  }
+}
+
+// What pictures showed takes the place of what geometry says.
+TEST(Field, PredictionTakesTheObservationsThatAreThere) {
+  NetworkLayout layout = Yard();
+  const NetworkPrediction all = PredictNetwork(layout, Options(), 1, 1, CancelToken());
+  std::vector<PlannedSight> seen = PlanSights(layout, Options(), 1);
+  layout.passes[0].seen = seen;
+  EXPECT_DOUBLE_EQ(PredictNetwork(layout, Options(), 1, 1, CancelToken()).RmsSigma(), all.RmsSigma());
+  for (PlannedSight& sight : *layout.passes[0].seen) sight.detection.corner_sigma_px.fill(1);
+  EXPECT_GT(PredictNetwork(layout, Options(), 1, 1, CancelToken()).RmsSigma(), 1.2 * all.RmsSigma());
+  std::erase_if(*layout.passes[0].seen, [](const PlannedSight& sight) { return sight.tag_id == 3; });
+  EXPECT_FALSE(PredictNetwork(layout, Options(), 1, 1, CancelToken()).tags[3].tied);
+}
+
+// Tilted squares drawn large, blurred, and shrunk: edges of known width.
+cv::Mat Squares(double blur_px) {
+  constexpr int kScale = 4;
+  cv::Mat large(600 * kScale, 960 * kScale, CV_8U, cv::Scalar(60));
+  for (int y = 0; y < 5; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      const cv::RotatedRect square(cv::Point2f((60.F + 120 * x) * kScale, (60.F + 120 * y) * kScale),
+                                   cv::Size2f(70 * kScale, 70 * kScale), 5);
+      cv::Point2f corners[4];
+      square.points(corners);
+      const std::vector<cv::Point> points(corners, corners + 4);
+      cv::fillConvexPoly(large, points, 200);
+    }
+  }
+  cv::GaussianBlur(large, large, {}, blur_px * kScale);
+  cv::Mat small;
+  cv::resize(large, small, {960, 600}, 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+TEST(PictureQuality, BlurIsThatOfTheEdges) {
+  for (const double blur : {0.6, 1.0, 2.0, 3.0}) {
+    const PictureQuality quality = MeasurePicture(Squares(blur));
+    ASSERT_TRUE(quality.blur_px);
+    EXPECT_NEAR(*quality.blur_px, blur, 0.1 + 0.05 * blur);
+    for (const auto& cell : quality.cell_blur_px) EXPECT_NEAR(*cell, blur, 0.15 + 0.05 * blur);
+  }
+  EXPECT_FALSE(MeasurePicture(cv::Mat(600, 960, CV_8U, cv::Scalar(100))).blur_px);
+}
+
+TEST(PictureQuality, MotionInOneDirectionCounts) {
+  cv::Mat moved;
+  cv::blur(Squares(0.6), moved, {9, 1});
+  // An edge moved over nine pixels is as steep as one that a Gaussian of 9 / sqrt(2 pi) px blurred.
+  EXPECT_NEAR(*MeasurePicture(moved).blur_px, 9 / std::sqrt(2 * M_PI), 0.3);
+}
+
+TEST(PictureQuality, DarkAndBrightPixelsAreCounted) {
+  cv::Mat picture(100, 100, CV_8U, cv::Scalar(100));
+  picture.rowRange(0, 25) = 0;
+  picture.rowRange(25, 35) = 255;
+  const PictureQuality quality = MeasurePicture(picture);
+  EXPECT_NEAR(quality.dark, 0.25, 1e-9);
+  EXPECT_NEAR(quality.bright, 0.1, 1e-9);
+  EXPECT_NEAR(quality.mean, 90.5, 1e-9);
+}
+
+}  // namespace
+}  // namespace trigpoint
