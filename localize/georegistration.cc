@@ -418,16 +418,15 @@ std::vector<EarthSolution>::const_iterator Best(const std::vector<EarthSolution>
 struct OtherScale {
   double factor = 1, sigma = 0, stated_sigma = 0;  // true / measured length
   // Too far off for drift, and surely so.
-  bool IsUnit() const {
-    return std::abs(std::log(factor)) > kMostScale && std::abs(factor - 1) > 5 * std::hypot(sigma, stated_sigma);
-  }
+  bool IsUnit() const { return std::abs(std::log(factor)) > kMostScale && IsSure(); }
+  bool IsSure() const { return std::abs(factor - 1) > 5 * std::hypot(sigma, stated_sigma); }
   std::string Describe() const {
-    const std::string unit = UnitOfLength(factor, std::max(0.02, 3 * sigma / factor));
+    const std::string unit = IsSure() ? UnitOfLength(factor, std::max(0.02, 3 * sigma / factor)) : "";
     return fmt::format(
         "the geotags agree with each other if odometry is {:.4g} +- {:.2g} times as long as it states, which its "
-        "scale_sigma of {:g} does not allow{}; convert its positions to metres, or state odometry: scale_sigma in "
-        "run.yaml",
-        factor, sigma, stated_sigma, unit.empty() ? "" : ": it seems to be in " + unit);
+        "scale_sigma of {:g} does not allow{}state odometry: scale_sigma in run.yaml",
+        factor, sigma, stated_sigma,
+        unit.empty() ? "; " : ": it seems to be in " + unit + "; convert its positions to metres, or ");
   }
 };
 

@@ -80,7 +80,8 @@ class VerdictFacts {
     for (const char* status : {"rejected", "unmatched"}) {
       for (const VerdictRefusal& r : verdict_.refused) {
         if (r.status != status) continue;
-        const std::string place = r.station.empty() ? fs::path(r.panorama).filename().string() : r.station;
+        const fs::path name = fs::path(r.panorama).filename();
+        const std::string place = r.station.empty() || !name.has_extension() ? name.string() : r.station;  // or a set
         refused.push_back(r.run + "/" + place + (r.status == "unmatched" ? " (no match)" : " (refused)"));
       }
     }

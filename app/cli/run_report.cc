@@ -135,18 +135,24 @@ std::string Headline(const Session& session, const std::string& command, const P
   return text + (names.empty() ? "" : ": " + Listed(names));
 }
 
-// One line a result, for stages that are no part of the project's facts: the first of its summary, or its metric.
-void AddBriefs(const std::vector<JobResult>& results, const std::string& command, const DisplayUnit& unit,
-               Ending* ending) {
+// One line a result, for stages that are no part of the project's facts: the first of its summary, or its metric. Among
+// results of other stages the stage is the label.
+void AddBriefs(const std::vector<JobResult>& results, const std::string& name_of_stage, bool among_others,
+               const DisplayUnit& unit, Ending* ending) {
   for (const JobResult& result : results) {
     const StageInfo& stage = *result.job.stage;
-    if (!IsThere(result) || stage.name != command) continue;
+    if (!IsThere(result) || stage.name != name_of_stage) continue;
     std::string text = stage.summary ? stage.summary(result.outcome, unit) : "";
     text = text.substr(0, text.find('\n'));
     if (text.empty() || text.front() == '#' || text.front() == '|')
       text = MetricText(result.outcome.manifest.at("metrics"), stage.metric, unit);
     const std::string name = ResultName(stage, result.job.target);
-    if (!text.empty()) ending->Fact(name.empty() ? "Result" : name, text);
+    if (text.empty()) continue;
+    if (among_others) {
+      ending->Fact(Capitalised(stage.name), (name.empty() ? "" : name + ": ") + text);
+    } else {
+      ending->Fact(name.empty() ? "Result" : name, text);
+    }
   }
 }
 
@@ -297,11 +303,11 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
     // Errors and check points of an earlier solution would be taken for this one's.
     AddProjectFacts(project, unit, {there.count("evaluate") > 0, whole && there.count("survey") > 0}, &ending);
   } else {
-    AddBriefs(report.results, command, unit, &ending);
+    AddBriefs(report.results, command, false, unit, &ending);
     if (there.count("survey") > 0 && command == "survey") AddCheckPoints(project, unit, &ending);
   }
-  if (whole && there.count("localize") == 0) {
-    for (const char* stage : {"stitch", "survey"}) AddBriefs(report.results, stage, unit, &ending);
+  if (command == "demo" || (whole && there.count("localize") == 0)) {
+    for (const char* stage : {"survey", "stitch", "calibrate"}) AddBriefs(report.results, stage, true, unit, &ending);
   }
   AddGates(report, &ending);
   AddOldWarnings(report.results, &ending);

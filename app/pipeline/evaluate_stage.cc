@@ -234,7 +234,9 @@ std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options,
       const std::string name = ResultName(StageNamed("localize"), target);
       const auto manifest = ReadManifest(context.project, "localize", name);
       if (!manifest) {
-        context.progress.Log(LogLevel::kWarning, "run " + name + " is not localized and takes no part");
+        // Another variant may have been made of some runs only.
+        const LogLevel level = each == variant ? LogLevel::kWarning : LogLevel::kInfo;
+        context.progress.Log(level, "run " + name + " is not localized and takes no part");
         continue;
       }
       if (const auto failure = ReadFailure(context.project, "localize", name)) {

@@ -213,23 +213,23 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                     real ? ": another datum or height system than the map's" : ": none to be seen"));
   }
   for (const RunAgreement& r : result.runs) {
-    std::string line = fmt::format("{}{}: {} pictures, {} sights of tags, {} rejected, corners {:.2f} px rms",
-                                   r.stills ? "Stills, " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
+    std::string line = fmt::format("{}{}: {} pictures, {} detections of tags, {} rejected, corners {:.2f} px rms",
+                                   r.stills ? "Photo set " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
     if (r.stills && r.scale_sigma > 0) {
-      line += fmt::format("; rig: size {:.3f} +- {:.3f} of what stitching said (1 sigma)", r.scale, r.scale_sigma);
+      line += fmt::format("; rig: size {:.3f} +- {:.3f} of the stitched size (1 sigma)", r.scale, r.scale_sigma);
     } else if (!r.stills && r.scale_sigma > 0) {
       line += fmt::format("; odometry: scale {:.4f} +- {:.4f}, heading drift {:.3f} +- {:.3f} deg/m (1 sigma)", r.scale,
                           r.scale_sigma, r.heading_drift_deg_m, r.heading_drift_sigma_deg_m);
     }
     if (r.stills && !r.jumps_ns.empty()) {
-      line += fmt::format("; {} photo(s) stand otherwise than the rig says: these steps are hardly believed",
-                          r.jumps_ns.size());
+      line +=
+          fmt::format("; {} photo(s) contradict the stitched rig: their steps get almost no weight", r.jumps_ns.size());
     } else if (!r.jumps_ns.empty()) {
       constexpr size_t kMostNamed = 5;
       std::string when;
       for (size_t i = 0; i < std::min(kMostNamed, r.jumps_ns.size()); ++i)
         when += fmt::format("{}{:.1f}", i > 0 ? ", " : "", 1e-9 * static_cast<double>(r.jumps_ns[i]));
-      line += fmt::format("; odometry jumped in {} step(s), at {}{} s: these are hardly believed", r.jumps_ns.size(),
+      line += fmt::format("; odometry jumped in {} step(s), at {}{} s: these get almost no weight", r.jumps_ns.size(),
                           when, r.jumps_ns.size() > kMostNamed ? " ..." : "");
     }
     if (r.corner_shift_sigma_px > 0) {
@@ -422,10 +422,10 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
 
 std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findings, const DisplayUnit& unit) {
   Report out(unit);
-  out.Line(fmt::format("Datum: {} ({})", result.datum,
+  out.Line(fmt::format("{} tags; datum: {} ({})", result.tags.size(), result.datum,
                        findings.frame == "enu"     ? "site ENU"
-                       : findings.frame == "local" ? "the local frame of the surveyed points, not on the Earth"
-                                                   : "a frame of its own, not on the Earth"));
+                       : findings.frame == "local" ? "the local frame of the surveyed points, not georeferenced"
+                                                   : "a frame of its own, not georeferenced"));
   out.Line("Gauge: " + result.gauge + "\n");
   TagTable(result, out);
   Points(result, out);

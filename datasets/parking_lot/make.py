@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Cuts this example site from the full lot it is a part of.
+"""Cuts this example site from the full lot it is a part of, and renders a calibration board.
 
     make.py FULL_LOT FULL_LOT_TRUTH OUT
 
-Pictures are copied as they are; tables are cut to the rows that belong to what is kept.
+Pictures of the runs and panoramas are copied as they are, photos are halved; tables are cut to the rows that belong to
+what is kept. The board is seen by the runs' own camera, whose intrinsics are thus the truth of the calibration.
 """
 import csv
 import datetime
@@ -12,9 +13,16 @@ import os
 import shutil
 import sys
 
+import numpy as np
+from PIL import Image
+
 STATIONS = [57, 110, 71, 109]
 # run here -> run of the full lot, first and last frame
 RUNS = {"run1": ("run1", 0, 92), "run2": ("run3", 100, 123)}
+PHOTOS = ("station_110", range(1, 15))  # the level circle of the set's two
+# The runs' camera (camchain.yaml), and the board: checkerboard:9x6:0.04.
+WIDTH, HEIGHT, FOCAL = 960, 600, 402.767823
+COLUMNS, ROWS, SQUARE_M = 9, 6, 0.04
 
 
 def lines(path):
@@ -66,6 +74,63 @@ def cut_nmea(source, target, run_yaml, first, last):
     write(target, [line for line in lines(source) if line and first <= time_of(line) <= last])
 
 
+def halve_photos(source, target, truth, truth_out):
+    """2 x 2 pixels to one, EXIF kept: a focal length in millimetres of 35 mm film holds at any size."""
+    os.makedirs(target, exist_ok=True)
+    for number in PHOTOS[1]:
+        photo = Image.open(f"{source}/IMG_{number:04d}.jpg")
+        photo.reduce(2).save(f"{target}/IMG_{number:04d}.jpg", quality=85, exif=photo.info["exif"])
+    kept = [line for line in lines(truth) if line.startswith("#") or int(line.split()[0]) in PHOTOS[1]]
+    write(truth_out, [kept[0].replace("1600x1200, focal 1331.4236 px", "800x600, focal 665.7118 px")] + kept[1:])
+
+
+def rotation(axis, angle):
+    x, y, z = axis
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * k + (1 - math.cos(angle)) * k @ k
+
+
+def board_picture(cam_from_board, centre, random):
+    """Grey picture of the board, 4 x 4 rays a pixel, in front of a plain wall."""
+    samples = 4
+    steps = (np.arange(samples) + 0.5) / samples - 0.5
+    picture = np.zeros((HEIGHT, WIDTH))
+    normal = cam_from_board[:, 2]
+    for dv in steps:
+        for du in steps:
+            u, v = np.meshgrid(np.arange(WIDTH) + du, np.arange(HEIGHT) + dv)
+            rays = np.stack([(u - (WIDTH - 1) / 2) / FOCAL, (v - (HEIGHT - 1) / 2) / FOCAL, np.ones_like(u)], -1)
+            hits = rays * ((normal @ centre) / (rays @ normal))[..., None] - centre
+            x, y = (hits @ cam_from_board[:, i] / SQUARE_M + n / 2 for i, n in ((0, COLUMNS + 1), (1, ROWS + 1)))
+            inside = (x > 0) & (x < COLUMNS + 1) & (y > 0) & (y < ROWS + 1)
+            paper = (x > -1) & (x < COLUMNS + 2) & (y > -1) & (y < ROWS + 2)
+            dark = inside & ((np.floor(x) + np.floor(y)) % 2 == 0)
+            picture += np.where(dark, 40, np.where(paper, 215, 120 + 30 * rays[..., 1]))
+    return np.clip(picture / samples ** 2 + random.normal(0, 1, picture.shape), 0, 255).astype(np.uint8)
+
+
+def render_boards(target):
+    """Boards all over the picture, near and far, tilted by up to 35 deg."""
+    os.makedirs(target, exist_ok=True)
+    random = np.random.default_rng(1)
+    corners = np.array([[x, y, 0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * [
+        (COLUMNS + 1) * SQUARE_M, (ROWS + 1) * SQUARE_M, 0]
+    places = [(u, v) for v in (0.22, 0.5, 0.78) for u in (0.2, 0.4, 0.6, 0.8)]
+    for number, (u, v) in enumerate(places, 1):
+        while True:
+            distance = random.uniform(0.35, 0.6)
+            ray = np.array([(u - 0.5) * WIDTH / FOCAL, (v - 0.5) * HEIGHT / FOCAL, 1])
+            direction = random.uniform(0, 2 * math.pi)
+            turned = rotation((math.cos(direction), math.sin(direction), 0), random.uniform(0.2, 0.6)) @ rotation(
+                (0, 0, 1), random.uniform(-0.3, 0.3))
+            seen = corners @ turned.T + distance * ray
+            pixels = seen[:, :2] / seen[:, 2:] * FOCAL + [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
+            if seen[:, 2].min() > 0.1 and (pixels > 4).all() and (pixels < [WIDTH - 5, HEIGHT - 5]).all():
+                break
+        Image.fromarray(board_picture(turned, distance * ray, random)).save(f"{target}/board_{number:02d}.jpg",
+                                                                            quality=90)
+
+
 def main(full, truth, out):
     for name in ("origin.json", "tags.yaml", "aerial.tif"):
         copy(os.path.join(full, name), os.path.join(out, name))
@@ -93,6 +158,10 @@ def main(full, truth, out):
         if os.path.exists(f"{there}/gps.nmea"):
             cut_nmea(f"{there}/gps.nmea", f"{here}/gps.nmea", f"{there}/run.yaml", first - 1, last + 1)
         cut_times(f"{truth}/runs/{source}_cameras.tum", f"{out}/truth/runs/{run}_cameras.tum", first, last)
+    name = PHOTOS[0]
+    halve_photos(f"{full}/photos/{name}", f"{out}/photos/{name}", f"{truth}/photos/{name}.tum",
+                 f"{out}/truth/photos/{name}.tum")
+    render_boards(f"{out}/board")
     report(out)
 
 

@@ -199,7 +199,7 @@ class SmallSite {
     fs::remove(folder_ / "control_points.csv");
     fs::remove_all(folder_ / "runs");
     fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
-    fs::remove_all(folder_ / "runs/run1");
+    for (const char* part : {"runs/run1", "photos"}) fs::remove_all(folder_ / part);
     folder_.Write("trigpoint.yaml",
                   "stages:\n"
                   "  references: {views: {size_px: 400}, references: {max_features: 600}}\n"

@@ -76,7 +76,8 @@ class Endings(unittest.TestCase):
         cls.addClassCleanup(shutil.rmtree, cls.dir)
         cls.site = os.path.join(cls.dir, "site")
         shutil.copytree(os.path.join(SOURCE, "datasets/parking_lot"), cls.site)
-        shutil.rmtree(os.path.join(cls.site, "runs/run1"))
+        for part in ("runs/run1", "photos", "board"):
+            shutil.rmtree(os.path.join(cls.site, part))
         # Coarse views, so that the whole of it takes seconds.
         with open(os.path.join(cls.site, "trigpoint.yaml"), "w", encoding="utf-8") as file:
             file.write("stages:\n  references: {views: {size_px: 400}, references: {max_features: 600}}\n"

@@ -25,7 +25,7 @@ class Reconstructed : public testing::Test {
     fs::remove(folder_ / "control_points.csv");
     fs::remove_all(folder_ / "runs");
     fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
-    fs::remove_all(folder_ / "runs/run1");
+    for (const char* part : {"runs/run1", "photos"}) fs::remove_all(folder_ / part);
     Configure("");
   }
   void Configure(const std::string& more) const {

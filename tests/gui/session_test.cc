@@ -47,7 +47,7 @@ class SessionTest : public testing::Test {
     if (!dir_.isEmpty()) return;
     dir_ = temporary_.filePath("site");
     fs::copy(fs::path(TRIGPOINT_SOURCE_DIR) / "datasets/parking_lot", dir_.toStdString(), fs::copy_options::recursive);
-    fs::remove_all(dir_.toStdString() + "/runs/run1");
+    for (const char* part : {"/runs/run1", "/photos"}) fs::remove_all(dir_.toStdString() + part);
   }
   // The first images of lot_a's first run and the panoramas it passes on them. Nothing is copied but what is shortened.
   void UseStretchOf(const fs::path& lot) {

@@ -30,7 +30,8 @@ def main():
         program = os.path.join(prefix, "bin/trigpoint")
         assert run(program, "--version").strip(), "no version"
         # The program finds its example site beside itself, and its manual is there.
-        assert os.path.isdir(os.path.join(prefix, "share/trigpoint/parking_lot/runs"))
+        for part in ("runs", "photos", "board"):
+            assert os.path.isdir(os.path.join(prefix, "share/trigpoint/parking_lot", part)), part
         page = os.path.join(prefix, "share/man/man1/trigpoint-export.1.gz")
         with gzip.open(page, "rt", encoding="utf-8") as text:
             assert ".TH" in text.read(), page
