@@ -420,13 +420,13 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
     page.blocks.push_back(Heading{2, "Suggestion", "suggestion"});
     page.blocks.push_back(GainTable(f.suggestions, p.RmsSigma(), "After each, in this order; " + f.suggestion_note));
   }
-  page.blocks.push_back(Heading{2, "What one thing more would gain", "gains"});
+  page.blocks.push_back(Heading{2, "Gain of one more tag, point or pass", "gains"});
   page.blocks.push_back(
       GainTable(f.gains, p.RmsSigma(), fmt::format("Each alone, best first; now {:.2f} mm", kMm * p.RmsSigma())));
-  page.blocks.push_back(Heading{2, "What this rests on", "assumptions"});
+  page.blocks.push_back(Heading{2, "Assumptions", "assumptions"});
   const NetworkOptions& n = f.layout.noise;
   page.blocks.push_back(Paragraph{fmt::format(
-      "Geometry alone decides what is seen: nothing hides a tag from a camera. Corners: {:.3f} px (1 sigma) for a "
+      "Visibility is computed from geometry alone, without occlusion. Corners: {:.3f} px (1 sigma) for a "
       "sharp "
       "tag of 100 px; odometry: {:g} deg and {:g} m per square root of a metre{}; {} scene points a picture at {:g} to "
       "{:g} m, seen {:g} pictures on average, {:g} px.",
@@ -476,11 +476,17 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
                                  s.at("datum").get<std::string>());
   text += fmt::format("Tags: {} seen, RMS of the 3D sigma {}; weakest: {} with {}\n", s.at("tags").get<int>(),
                       length(s.at("rms_tag_sigma_m")), s.at("weakest_tag").dump(), length(s.at("weakest_tag_sigma_m")));
-  if (!s.at("tags_not_seen").empty()) text += "Tags that no picture sees: " + s.at("tags_not_seen").dump() + "\n";
+  const auto names = [](const nlohmann::json& list) {
+    std::string all;
+    for (const nlohmann::json& name : list)
+      all += (all.empty() ? "" : ", ") + (name.is_string() ? name.get<std::string>() : name.dump());
+    return all;
+  };
+  if (!s.at("tags_not_seen").empty()) text += "Tags that no picture sees: " + names(s.at("tags_not_seen")) + "\n";
   text += fmt::format("Cameras: 3D sigma median {}, 95 % {}\n", length(s.at("camera_sigma_median_m")),
                       length(s.at("camera_sigma_p95_m")));
   if (!s.at("uncontrolled_points").empty()) {
-    text += "Known points whose errors would not show: " + s.at("uncontrolled_points").dump() + "\n";
+    text += "Known points whose errors would not show: " + names(s.at("uncontrolled_points")) + "\n";
   }
   const nlohmann::json& suggestions = s.at("suggestions");
   const nlohmann::json& shown = suggestions.empty() ? s.at("gains") : suggestions;
