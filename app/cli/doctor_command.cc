@@ -166,10 +166,10 @@ class Doctor {
         missing.emplace_back(name);
       }
     }
-    Fact("Geoids", (there.empty() ? "none installed" : Listed(there)) +
-                       (missing.empty() ? ""
-                                        : "; not " + Listed(missing) +
-                                              ": only heights above them need a grid (geographiclib-get-geoids)"));
+    const std::string use = ", needed for heights above the sea only (geographiclib-get-geoids egm96-5)";
+    Fact("Geoids", there.empty()     ? "none installed" + use
+                   : missing.empty() ? Listed(there)
+                                     : Listed(there) + "; not installed: " + Listed(missing));
     const ProjInstallation proj = FindProj();
     if (!proj.version.empty()) {
       Fact("Grids", proj.grids > 0

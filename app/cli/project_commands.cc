@@ -81,6 +81,7 @@ int Status(const Session& session, const std::string& dir) {
                     MetricText(metrics, stage.metric, unit)});
     by_state[shown].push_back(state.job.Title());
     if (shown == "failed") ending.Problem("Failed", state.job.Title() + ": " + state.reason);
+    if (shown == "missing" && !state.reason.empty()) ending.Problem("Damaged", state.job.Title() + ": " + state.reason);
     if (!state.reason.empty()) reasons += state.job.Title() + ": " + state.reason + "\n";
     stages.push_back(
         {{"stage", stage.name}, {"name", name}, {"state", shown}, {"reason", state.reason}, {"metrics", metrics}});
@@ -102,7 +103,7 @@ int Status(const Session& session, const std::string& dir) {
 
 void AddInitCommand(CLI::App& app, Session& session) {
   CLI::App& command =
-      AddCommand(app, session, "init", "look at a folder, write trigpoint.yaml, say what is there and what is missing",
+      AddCommand(app, session, "init", "look at a folder, write trigpoint.yaml, list what is there and what is missing",
                  "A trigpoint.yaml that is there is kept; runs it does not list yet are added to it.\n"
                  "Nothing but trigpoint.yaml is written, and the files you brought are never changed.\n\n"
                  "Example:\n  trigpoint init my_site");

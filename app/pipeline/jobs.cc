@@ -30,6 +30,18 @@ bool Needs(const Project& project, const Job& job, const Job& earlier) {
   return TargetRead(project, *earlier.stage, job.stage->name, target).variant == earlier.target.variant;
 }
 
+// What goes on without some of the results it needs says whether it reads older ones.
+void WarnOfEarlierResults(const Project& project, const Job& job, const std::vector<JobResult>& needed,
+                          ProgressSink& progress) {
+  for (const JobResult& other : needed) {
+    if (other.end != JobEnd::kFailed && other.end != JobEnd::kSkipped) continue;
+    const std::string name = ResultName(*other.job.stage, other.job.target);
+    const bool there = ReadManifest(project, other.job.stage->name, name).has_value();
+    progress.Log(LogLevel::kWarning, job.Title() + ": " + other.job.Title() + " " + std::string(JobEndName(other.end)) +
+                                         (there ? ", its earlier result is used" : ", it takes no part"));
+  }
+}
+
 std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
   std::set<std::string> all;
   const std::function<void(const std::string&)> add = [&](const std::string& name) {
@@ -206,6 +218,7 @@ std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& a
       results.push_back(std::move(*decided));
     } else {
       callbacks.begun(jobs[i]);
+      WarnOfEarlierResults(project, jobs[i], needed, progress);
       results.push_back(RunJob(project, jobs[i], threads, seed, progress, cancel, RunStage).result);
     }
     callbacks.ended(results.back());

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -112,7 +113,7 @@ std::filesystem::path CalibrationFile(const std::filesystem::path& site_dir, con
   if (std::filesystem::exists(file)) return file;
   if (std::filesystem::exists(file.parent_path() / "camchain_refused.yaml")) {
     throw InputError(yaml + ": the calibration '" + run.config.camera + "' was refused; " +
-                     (file.parent_path() / "quality.md").string() + " says why and what to photograph next");
+                     (file.parent_path() / "quality.md").string() + " has the reasons and what to photograph next");
   }
   throw InputError(yaml + ": there is no calibration '" + run.config.camera + "' (" + file.string() +
                    "); run `trigpoint calibrate` with --name " + run.config.camera + " first");
@@ -202,18 +203,16 @@ void WarnOfImplausibleCameras(Run* run) {
     constexpr double kShortest = 0.15, kLongest = 30;  // of the longer side: 147 deg and 2 deg
     for (int k = 0; k < 2; ++k) {
       if (p[k] < kShortest * longer || p[k] > kLongest * longer) {
-        warn("focal length " + std::to_string(p[k]) + " px for a picture " + std::to_string(c.camera.width()) +
-             " px wide; expected " + std::to_string(kShortest) + " to " + std::to_string(kLongest) +
-             " times its longer side");
+        warn(fmt::format("focal length {:g} px for a picture {} px wide; expected {:g} to {:g} times its longer side",
+                         p[k], c.camera.width(), kShortest, kLongest));
         break;
       }
     }
     if (std::abs(p[0] / p[1] - 1) > 0.2)
-      warn("focal lengths " + std::to_string(p[0]) + " and " + std::to_string(p[1]) +
-           " px; expected nearly square pixels");
+      warn(fmt::format("focal lengths {:g} and {:g} px; expected nearly square pixels", p[0], p[1]));
     if (std::abs(p[2] - 0.5 * width) > 0.3 * width || std::abs(p[3] - 0.5 * height) > 0.3 * height) {
-      warn("principal point " + std::to_string(p[2]) + ", " + std::to_string(p[3]) + "; expected near the middle " +
-           std::to_string(0.5 * (width - 1)) + ", " + std::to_string(0.5 * (height - 1)));
+      warn(fmt::format("principal point {:g}, {:g}; expected near the middle {:g}, {:g}", p[2], p[3], 0.5 * (width - 1),
+                       0.5 * (height - 1)));
     }
     if (!CoversItsPicture(c.camera)) {
       warn(

@@ -95,6 +95,18 @@ TEST_F(JobsTest, OneRunsFailureStopsOnlyWhatNeedsIt) {
                                     "all out of date"));
 }
 
+TEST_F(JobsTest, AnEarlierResultIsNotUsedSilently) {
+  Run();
+  FailFor(second_, "run1");
+  class Sink : public ProgressSink {
+   public:
+    void Log(LogLevel, std::string_view text) override { lines.emplace_back(text); }
+    std::vector<std::string> lines;
+  } sink;
+  RunJobs(project_, jobs_, 1, 1, sink, cancel_);
+  EXPECT_THAT(sink.lines, testing::Contains("all: second/run1 failed, its earlier result is used"));
+}
+
 TEST_F(JobsTest, NothingLeftMeansSkipped) {
   jobs_.erase(jobs_.begin() + 3);
   jobs_.erase(jobs_.begin() + 1);
