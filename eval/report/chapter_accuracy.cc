@@ -187,13 +187,12 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
     }
   }
   if (seen.empty()) return;
-  Table table{
-      "matrix_" + Slug(GroupName(group)),
-      "3D differences, " + GroupName(group) + ", in " + c.unit.name +
-          "; a row a station, a column a run; blank where nothing was reported or there is no reference; of several "
-          "answers at a station the worst, with their number in brackets.",
-      {{"station"}},
-      {}};
+  Table table{"matrix_" + Slug(GroupName(group)),
+              "3D differences, " + GroupName(group) + ", in " + c.unit.name +
+                  "; a row a station, a column a run; -: nothing was reported or there is no reference; of several "
+                  "answers at a station the worst, with their number in brackets.",
+              {{"station"}},
+              {}};
   for (const auto& [run, row] : cells) table.columns.push_back({run, true});
   for (const std::string& station : c.data.stations) {
     if (seen.count(station) == 0) continue;
@@ -211,7 +210,9 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
     }
     table.rows.push_back(std::move(line));
   }
-  blocks->push_back(FoldBegin{"Table: " + GroupName(group)});
+  // On paper the tables of this program's own answers.
+  blocks->push_back(
+      FoldBegin{"Table: " + GroupName(group), TextAt(group, "method") == "single" && TextAt(group, "variant").empty()});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }
@@ -243,8 +244,8 @@ std::string RestsOn(const nlohmann::json& group, const char* key) {
 // Numbers that rest on the same things share a row.
 void AddEvidence(const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
   Table table{"rests_on",
-              "What both sides of each number rest on; images: of runs, tags: seen by runs.",
-              {{"numbers"}, {"the answers rest on"}, {"the reference rests on"}},
+              "Data behind both sides of each number; images: of runs, tags: seen by runs.",
+              {{"numbers"}, {"data of the answers"}, {"data of the reference"}},
               {}};
   for (const nlohmann::json& g : groups) {
     const std::string estimate = RestsOn(g, "estimate_rests_on"), reference = RestsOn(g, "reference_rests_on");
@@ -257,7 +258,7 @@ void AddEvidence(const std::vector<nlohmann::json>& groups, std::vector<Block>* 
       (*same)[0].text += "; " + GroupName(g);
     }
   }
-  blocks->push_back(FoldBegin{"What both sides of each number rest on"});
+  blocks->push_back(FoldBegin{"Data behind both sides of each number"});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }

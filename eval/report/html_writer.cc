@@ -189,7 +189,7 @@ class HtmlWriter {
     if (cell.sort && cell.text.find_first_not_of("0123456789.-") != std::string::npos) {
       html_ += fmt::format(" data-v=\"{:.6g}\"", *cell.sort);
     }
-    html_ += '>';
+    html_ += cell.text.empty() ? " title=\"no value\">-" : ">";
     if (!cell.anchor.empty()) {
       html_ += "<a href=\"#" + Escape(cell.anchor) + "\">" + Escape(cell.text) + "</a>";
     } else if (!cell.link.empty()) {

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -33,6 +35,32 @@ class Tagged {
   cairo_t* cairo_;
   const char* name_;
 };
+
+// Cairo 1.16 writes the structure of a tagged document without declaring it: an update of the catalogue, appended as
+// PDF has it, adds that and the language.
+void MarkAsTagged(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string pdf((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const size_t type = pdf.rfind("<< /Type /Catalog"), trailer = pdf.rfind("trailer\n<<"),
+               xref = pdf.rfind("startxref\n");
+  if (type == std::string::npos || trailer == std::string::npos || xref == std::string::npos) return;
+  const size_t object = pdf.rfind('\n', type - 2) + 1, end = pdf.find(">>\nendobj", type);
+  const std::string catalogue = pdf.substr(object, end - object);
+  if (end == std::string::npos || catalogue.find("/MarkInfo") != std::string::npos) return;
+  const size_t close = pdf.find(">>", trailer), number = pdf.find_first_of("0123456789", xref);
+  const std::string before = pdf.substr(number, pdf.find('\n', number) - number),
+                    id = catalogue.substr(0, catalogue.find(' '));
+  std::string update = "\n";
+  const size_t at = pdf.size() + update.size();
+  update += catalogue + "   /MarkInfo << /Marked true >>\n   /Lang (en)\n>>\nendobj\n";
+  const size_t table = pdf.size() + update.size();
+  update += fmt::format("xref\n{} 1\n{:010} 00000 n \n{}   /Prev {}\n>>\nstartxref\n{}\n%%EOF\n", id, at,
+                        pdf.substr(trailer, close - trailer), before, table);
+  std::ofstream out(file, std::ios::binary | std::ios::app);
+  out << update;
+  out.close();
+  if (!out) throw IoError(file + ": cannot be written; is the disk full?");
+}
 
 class Pages {
  public:
@@ -65,6 +93,8 @@ class Pages {
       } else if (std::holds_alternative<Figure>(blocks[i])) {
         DrawFigures(blocks, &i);
       } else {
+        // A heading stays with the pictures below it.
+        if (std::holds_alternative<Heading>(blocks[i]) && i + 1 < blocks.size()) Need(LeastBelow(blocks[i + 1]));
         std::visit(*this, blocks[i]);
       }
     }
@@ -72,6 +102,7 @@ class Pages {
     cairo_show_page(cairo_.get());
     cairo_surface_finish(surface_.get());
     CheckWritten();
+    MarkAsTagged(file_);
   }
 
   void operator()(const Heading& h) {
@@ -172,7 +203,7 @@ class Pages {
   }
 
  private:
-  static constexpr double kLeastShrink = 0.75;
+  static constexpr double kLeastShrink = 0.6;
 
   // Width and height on the page, points.
   std::pair<double, double> SizeOf(const Figure& figure, double shrink) const {
@@ -226,16 +257,27 @@ class Pages {
     shrink_ = 1;
   }
 
+  // A heading and the least of a figure that follows it; nothing for other blocks.
+  double LeastBelow(const Block& next) const {
+    constexpr double kHeading = 60;
+    const auto* figure = std::get_if<Figure>(&next);
+    if (figure == nullptr) return 0;
+    if (!figure->thumbnail) return kHeading + SizeOf(*figure, kLeastShrink).second + CaptionRoom(*figure);
+    return kHeading + ThumbnailHeight(*figure) + painter_->Height(figure->caption, 7.5, false, ThumbnailWidth()) + 14;
+  }
+  static constexpr double kThumbnailGap = 12;
+  double ThumbnailWidth() const { return 0.5 * (Room() - kThumbnailGap); }
+  double ThumbnailHeight(const Figure& figure) const {
+    const Picture& picture = std::get<Picture>(figure.content);
+    return ThumbnailWidth() * picture.height / std::max(1, picture.width);
+  }
+
   // Two thumbnails side by side, or one in the left half.
   void DrawPair(const Figure& left, const Figure* right) {
-    const double gap = 12, w = 0.5 * (Room() - gap);
-    const auto height = [&](const Figure& figure) {
-      const Picture& picture = std::get<Picture>(figure.content);
-      return w * picture.height / std::max(1, picture.width);
-    };
+    const double gap = kThumbnailGap, w = ThumbnailWidth();
     const auto caption = [&](const Figure& figure) { return painter_->Height(figure.caption, 7.5, false, w); };
-    double h = height(left), text = caption(left);
-    if (right != nullptr) h = std::max(h, height(*right)), text = std::max(text, caption(*right));
+    double h = ThumbnailHeight(left), text = caption(left);
+    if (right != nullptr) h = std::max(h, ThumbnailHeight(*right)), text = std::max(text, caption(*right));
     Need(h + text + 14);
     double x = kMargin;
     for (const Figure* figure : {&left, right}) {

@@ -115,12 +115,22 @@ TEST_F(PdfTest, IsRepeatableInBothSizes) {
   d.blocks.push_back(
       Figure{"png", "a picture", Picture{PngOf(DotChart({"a"}, {{"b", {{0, 1.0}}}}, "c"), 1), false, 640, 480}});
   d.blocks.push_back(Figure{"broken", "a broken picture", Picture{"no picture", false, 100, 50}});
+  Figure scene{"scene", "a scene", Picture{PngOf(DotChart({"a"}, {{"b", {{0, 1.0}}}}, "c"), 1), false, 400, 300}};
+  d.blocks.push_back(scene);
+  scene.thumbnail = true;
+  d.blocks.insert(d.blocks.end(), 3, scene);
   WritePdf(d, Paper::kA4, (dir_ / "a.pdf").string());
   WritePdf(d, Paper::kA4, (dir_ / "b.pdf").string());
   WritePdf(d, Paper::kLetter, (dir_ / "c.pdf").string());
   const std::string a = Read(dir_ / "a.pdf");
   EXPECT_EQ(a, Read(dir_ / "b.pdf"));
   EXPECT_TRUE(a.starts_with("%PDF-"));
+  EXPECT_THAT(a, HasSubstr("/MarkInfo << /Marked true >>"));
+  // The last table of objects is where the end of the file says, and the catalogue where that table says.
+  const size_t table = std::stoul(a.substr(a.rfind("startxref\n") + 10));
+  EXPECT_EQ(a.substr(table, 5), "xref\n");
+  const size_t entry = a.find('\n', table + 5) + 1;
+  EXPECT_THAT(a.substr(std::stoul(a.substr(entry, 10)), 60), HasSubstr("obj\n<< /Type /Catalog"));
   EXPECT_THAT(a, HasSubstr("595.2"));
   EXPECT_THAT(Read(dir_ / "c.pdf"), HasSubstr("0 0 612 792"));
 }
