@@ -19,11 +19,12 @@
 namespace trigpoint {
 namespace {
 
-// A detector of the library with its own family, for one thread at a time.
+// A detector of the library, for one thread at a time. The family's table of codes, which the first one fills, is read
+// by all.
 class Detector {
  public:
-  explicit Detector(const DetectTagsOptions& options)
-      : options_(options), family_(options.family), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
+  Detector(const DetectTagsOptions& options, const TagFamily& family)
+      : options_(options), family_(family), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
     apriltag_detector_add_family(detector_.get(), family_.get());
     detector_->nthreads = 1;
     detector_->quad_decimate = static_cast<float>(std::max(1.0, options.quad_decimate));
@@ -79,7 +80,7 @@ class Detector {
 
  private:
   const DetectTagsOptions& options_;
-  TagFamily family_;
+  const TagFamily& family_;
   std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector_;
 };
 
@@ -87,7 +88,9 @@ class Detector {
 
 // Detectors are handed out to threads and given back.
 struct TagFinder::Pool {
-  explicit Pool(const DetectTagsOptions& its) : options(its) {}
+  explicit Pool(const DetectTagsOptions& its) : options(its), family(options.family) {
+    Give(std::make_unique<Detector>(options, family));
+  }
   std::unique_ptr<Detector> Take() {
     {
       const std::lock_guard lock(mutex);
@@ -97,13 +100,14 @@ struct TagFinder::Pool {
         return detector;
       }
     }
-    return std::make_unique<Detector>(options);
+    return std::make_unique<Detector>(options, family);
   }
   void Give(std::unique_ptr<Detector> detector) {
     const std::lock_guard lock(mutex);
     idle.push_back(std::move(detector));
   }
   const DetectTagsOptions options;
+  TagFamily family;
   std::mutex mutex;
   std::vector<std::unique_ptr<Detector>> idle;
 };
