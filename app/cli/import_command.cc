@@ -12,6 +12,9 @@
 #include "datasets/import/phone_files.h"
 #include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
+#include "datasets/import/tag_layout_control.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -23,7 +26,7 @@ struct Arguments {
   std::string dir, from, as, name, images, odometry;
   std::vector<double> near;
   double radius_m = 0;  // 0: not given
-  double scale = 0;
+  double scale = 0, tag_size_m = 0;
   // Panoramas of services.
   std::string along, url, token_file;
   PanoramaImportOptions panoramas;
@@ -155,8 +158,10 @@ std::string Guess(const fs::path& from) {
   if (HasColmapModel(from)) return "colmap";
   if (IsBag(from)) return "bag";
   if (!DatasetKind(from).empty()) return "dataset";
+  if (fs::is_regular_file(from) && IsVideoName(from)) return "video";
   if (ending == ".db") return "colmap-database";
   if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
+  if (fs::is_regular_file(from) && (ending == ".fmap" || (ending == ".json" && IsTagLayout(from)))) return "tag-layout";
   if (fs::is_regular_file(from) && (ending == ".json" || ending == ".txt")) return "gcp";
   if (fs::is_directory(from)) {
     bool json = false;
@@ -179,7 +184,9 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
     options.run = a.name;
     return ImportBagRun(a.dir, a.from, options, progress, cancel);
   }
+  if (as == "video") return ImportVideoRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
   if (as == "dataset") return ImportDatasetRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
+  if (as == "tag-layout") return ImportTagLayout(a.dir, a.from, a.tag_size_m);
   if (as == "panoramas") {
     return ImportPanoramas(a.dir, *OpenPanoramaFolder(a.from), PanoramaOptions(a, false), progress, cancel);
   }
@@ -244,7 +251,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
           ServiceLines() +
           "  bag              a recording of ROS 1 (.bag) or ROS 2 (.db3, .mcap, or their folder) as a run: images, "
           "cameras, odometry, GPS\n"
-          "  dataset          a folder of EuRoC, TUM RGB-D or KITTI odometry as a run\n"
+          "  dataset          a folder of EuRoC, TUM RGB-D, KITTI odometry or Record3D as a run\n"
+          "  video            a video as a run, with the GPX or NMEA track of its name beside it\n"
           "  colmap           a model (binary or text, COLMAP 3.x or 4.x) as a run: cameras, poses as odometry, "
           "images\n"
           "  colmap-database  its cameras and images as a run without poses\n"
@@ -253,6 +261,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "date)\n"
           "  photos           a folder of HEIC (and other) photos as a hand-held set\n"
           "  gcp              ground control points of OpenSfM: ground_control_points.json or gcp_list.txt\n"
+          "  tag-layout       a field layout of WPILib or an fmap: tags whose places are known, as control points\n"
           "Photos with Mapillary's EXIF description need no import: every command reads it.\n\n"
           "Examples:\n"
           "  trigpoint import my_site --from panoramax --near 48.0126,7.8323 --radius 150 --list\n"
@@ -265,12 +274,16 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "  trigpoint import my_site --from ground_control_points.json");
   const auto a = std::make_shared<Arguments>();
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
-  command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary")->required();
+  command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview")
+      ->required();
   command.add_option("--as", a->as, "what it is; default: told by its contents")
-      ->check(CLI::IsMember({"bag", "dataset", "colmap", "colmap-database", "panoramas", "photos", "gcp"}));
-  command.add_option("--name", a->name, "bag, dataset, colmap: the new run; photos: the new set");
+      ->check(CLI::IsMember(
+          {"bag", "dataset", "video", "colmap", "colmap-database", "panoramas", "photos", "gcp", "tag-layout"}));
+  command.add_option("--name", a->name, "bag, dataset, video, colmap: the new run; photos: the new set");
   command.add_option("--images", a->images, "colmap: the folder its image names begin in; gcp: the pictures");
   command.add_option("--scale", a->scale, "colmap: metres per unit of the model; default: from EXIF positions")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--tag-size", a->tag_size_m, "tag-layout: edge of the black square (m), where the file has none")
       ->check(CLI::PositiveNumber);
   command.add_option("--near", a->near, "panoramas: only those around LATITUDE,LONGITUDE (deg)")
       ->delimiter(',')
@@ -290,13 +303,13 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option("--since", a->panoramas.since, "panoramas: taken on this day or later: 2024, 2024-05, 2024-05-12");
   command.add_option("--until", a->panoramas.until, "panoramas: taken on this day or earlier");
   command.add_option("--topic", a->bag.topics, "bag: take this topic and no others; once for each");
-  command.add_option("--every", a->bag.every, "bag, dataset: of each camera every n-th image")
+  command.add_option("--every", a->bag.every, "bag, dataset, video: of each camera every n-th image")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command.add_option(
       "--cameras", a->bag.cameras,
-      "bag, dataset: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
-  command.add_option("--odometry", a->odometry, "dataset: poses (TUM, EuRoC or KITTI) to be the run's odometry");
+      "bag, dataset, video: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
+  command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC or KITTI) to be the run's odometry");
   command.add_flag("--list", a->list, "services, bags: say what is there and take nothing");
   command.add_option("--url", a->url, "services: another server of the same kind");
   command.add_option("--token-file", a->token_file,

@@ -15,6 +15,7 @@
 #include "datasets/io/camchain.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/outputs.h"
@@ -27,6 +28,9 @@ namespace fs = std::filesystem;
 
 const std::vector<std::string> kLayers = {"tags",    "control",      "check",    "stations", "panoramas",
                                           "cameras", "trajectories", "ellipses", "residuals"};
+
+// A layout of tags, for programs that find their place by them.
+bool IsLayout(const std::string& format) { return format == "wpilib" || format == "fmap"; }
 
 bool IsMap(const std::string& format) {
   return format == "gpkg" || format == "geojson" || format == "kml" || format == "gpx" || format == "csv";
@@ -206,6 +210,8 @@ const std::vector<ExportFormat>& ExportFormats() {
       {"ply", {}, "points with their covariances", {}},
       {"g2o", {}, "pose graph and bundle", {}},
       {"gpano", {}, "the localized panoramas, their poses in GPano XMP and EXIF", {}},
+      {"wpilib", {}, "field layout of WPILib: the surveyed tags (JSON)", {}},
+      {"fmap", {}, "field map of Limelight: the surveyed tags with their sizes", {}},
       {"kalibr", {}, "camchain.yaml of the cameras as used", {}}};
   return kFormats;
 }
@@ -228,6 +234,22 @@ void CheckRequest(const ExportRequest& request, const ExportFormat& format) {
     throw OptionError("--frame " + request.frame + ": expected world or odom");
   }
   if (!request.variant.empty()) CheckVariantName(request.variant);
+}
+
+void ExportLayout(const Project& project, const ExportRequest& request, ExportReport* report) {
+  const fs::path dir = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
+  std::vector<LayoutTag> tags;
+  for (const TagResult& tag : ReadTagResults(dir / "tags.csv")) {
+    if (tag.map_from_tag && (tag.status == "ok" || tag.status == "weak")) {
+      tags.push_back({tag.tag_id, tag.family, tag.size_m, *tag.map_from_tag});
+    } else {
+      report->warnings.push_back(fmt::format("tag {} is left out: {}", tag.tag_id, tag.status));
+    }
+  }
+  if (tags.empty()) throw InputError(dir.string() + ": no tag to export");
+  request.to == "wpilib" ? WriteWpilibLayout(request.out, tags) : WriteFmap(request.out, tags);
+  report->files.push_back(request.out);
+  report->lines.push_back(fmt::format("{} tags, in the frame of the survey's map", tags.size()));
 }
 
 void ExportCameras(const Project& project, const std::string& run, const fs::path& out, ExportReport* report) {
@@ -272,22 +294,27 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
   const ExportFormat& format = FormatNamed(asked.to);
   request.to = format.name;
   CheckRequest(request, format);
-  const bool one_file = IsMap(request.to) && request.to != "csv", default_place = request.out.empty();
+  const std::string ending = request.to == "wpilib" ? "json" : request.to;
+  const bool one_file = (IsMap(request.to) && request.to != "csv") || IsLayout(request.to),
+             default_place = request.out.empty();
   if (default_place) {
     const std::string suffix = request.variant.empty() ? "" : "@" + request.variant;
-    request.out = project.results() / "export" / (one_file ? "site" + suffix + "." + request.to : request.to + suffix);
+    request.out = project.results() / "export" /
+                  (one_file ? (IsLayout(request.to) ? "tags" : "site") + suffix + "." + ending : request.to + suffix);
   }
   fs::path place = fs::absolute(request.out).lexically_normal();
   if (one_file && (fs::is_directory(place) || !place.has_filename())) {
     throw OptionError("--out " + request.out.string() + ": expected a file for " + request.to + ", found a folder");
   }
-  if (one_file && !place.has_extension()) place += "." + request.to;  // programs choose their reader by it
+  if (one_file && !place.has_extension()) place += "." + ending;  // programs choose their reader by it
   RequireOutputPlace(one_file ? place : place / "x");
   OutputFiles output(one_file ? place.parent_path() : place, request.force);
   request.out = one_file ? output.staging() / place.filename() : output.staging();
   ExportReport report;
   if (IsMap(request.to)) {
     ExportMap(project, request, &report);
+  } else if (IsLayout(request.to)) {
+    ExportLayout(project, request, &report);
   } else {
     ExportRuns(project, request, !default_place, &report, progress, cancel);
   }

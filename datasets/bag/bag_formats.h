@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "datasets/bag/bag.h"
-#include "datasets/bag/byte_cursor.h"
+#include "datasets/io/byte_cursor.h"
 
 namespace trigpoint {
 

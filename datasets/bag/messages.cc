@@ -4,7 +4,7 @@
 #include <map>
 
 #include "calib/base/error.h"
-#include "datasets/bag/byte_cursor.h"
+#include "datasets/io/byte_cursor.h"
 
 namespace trigpoint {
 namespace {

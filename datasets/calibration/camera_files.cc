@@ -167,6 +167,44 @@ CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int wid
   return result;
 }
 
+// Agisoft's lens: its pixels begin at 0.5, cx and cy count from the middle, its p1 and p2 are OpenCV's p2 and p1.
+CameraFile ReadAgisoftCamera(const fs::path& file, const std::string& text) {
+  const auto element = [&](const std::string& name) {
+    const size_t begin = text.find("<" + name + ">"), end = text.find("</" + name + ">");
+    if (begin == std::string::npos || end == std::string::npos || end < begin) return std::string();
+    return std::string(Trim(std::string_view(text).substr(begin + name.size() + 2, end - begin - name.size() - 2)));
+  };
+  const auto number = [&](const std::string& name) {
+    const std::string written = element(name);
+    const auto value = written.empty() ? std::optional<double>(0) : ParseDouble(written);
+    if (!value || !std::isfinite(*value))
+      throw InputError(file.string() + ": <" + name + ">: expected a number, found '" + written + "'");
+    return *value;
+  };
+  const std::string projection = element("projection");
+  if (projection != "frame" && projection != "fisheye") {
+    throw InputError(file.string() + ": <projection>: expected frame or fisheye, found '" + projection + "'");
+  }
+  const double f = number("f"), width = number("width"), height = number("height");
+  if (!(f > 0))
+    throw InputError(file.string() + ": <f>: expected the focal length in px, as Agisoft Metashape writes it");
+  const bool fisheye = projection == "fisheye", tangential = number("p1") != 0 || number("p2") != 0;
+  if (number("b2") != 0 || number("p3") != 0 || number("p4") != 0 || (fisheye ? tangential : number("k4") != 0)) {
+    throw InputError(file.string() + ": " + (fisheye ? "p1, p2" : "k4") +
+                     ", p3, p4 or b2 are not supported; calibrate without them");
+  }
+  std::vector<double> d = {number("k1"), number("k2"), number("p2"), number("p1"), number("k3")};
+  if (fisheye) d = {number("k1"), number("k2"), number("k3"), number("k4")};
+  const std::vector<double> k = {
+      f + number("b1"), 0, 0.5 * (width - 1) + number("cx"), 0, f, 0.5 * (height - 1) + number("cy"), 0, 0, 1};
+  CameraFile result;
+  result.format = "Agisoft";
+  result.cameras.push_back(Named("cam0", OpenCvCamera(file.string(), k, d, fisheye ? "fisheye" : "",
+                                                      static_cast<int>(width), static_cast<int>(height))));
+  result.related = true;
+  return result;
+}
+
 // The fields of a line of cameras.txt, or nothing.
 std::vector<std::string_view> ColmapFields(std::string_view line) {
   const std::vector<std::string_view> fields = SplitFields(line);
@@ -302,6 +340,7 @@ CameraFile ReadCameraFile(const fs::path& file, int width, int height) {
   const std::string text = ReadTextFile(file);
   const std::string_view trimmed = Trim(text);
   if (!trimmed.empty() && trimmed.front() == '{') return ReadJsonCamera(file, text, width, height);
+  if (text.find("<calibration>") != std::string::npos) return ReadAgisoftCamera(file, text);
   if (LooksLikeColmap(text)) return ReadColmapCameras(file, text);
   return ReadYamlCameras(file, text, width, height);
 }

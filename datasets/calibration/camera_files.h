@@ -11,7 +11,7 @@
 namespace trigpoint {
 
 struct CameraFile {
-  std::string format;  // "Kalibr", "OpenCV or ROS", "COLMAP", "JSON"
+  std::string format;  // "Kalibr", "OpenCV or ROS", "COLMAP", "Agisoft", "JSON"
   std::vector<BodyCamera> cameras;
   bool related = false;  // is it known how several cameras sit to each other?
 };
@@ -23,7 +23,8 @@ struct CameraFile {
 //                rational_polynomial, equidistant or fisheye; without it by the number of coefficients (4, 5, 8).
 //                Two cameras as M1, D1, M2, D2, with R, T (second from first) or without.
 //   COLMAP       cameras.txt; its pixels become ours
-//   JSON         cameraIntrinsics, distCoeffs, resolution
+//   Agisoft      the XML of a lens (calibration: projection frame or fisheye, f, cx, cy, b1, k1 to k4, p1, p2)
+//   JSON         PhotonVision's calibration: cameraIntrinsics, distCoeffs, resolution
 // `width`, `height`: of the pictures, where the file doesn't say; 0: then it must. Throws InputError naming the file
 // and what is missing.
 CameraFile ReadCameraFile(const std::filesystem::path& file, int width = 0, int height = 0);

@@ -1,16 +1,19 @@
 #include "datasets/import/dataset_run.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
-#include <set>
+#include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/import/run_folder.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/gopro_gps.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/io/yaml.h"
@@ -28,9 +31,11 @@ struct DatasetCamera {
 
 struct Dataset {
   std::vector<DatasetCamera> cameras;
-  bool camera_poses = false;  // poses are of the first camera, not of the body
-  fs::path times;             // of KITTI's poses
-  fs::path truth;             // ground truth of the folder, or empty
+  bool camera_poses = false;     // poses of a file are of the first camera, not of the body
+  fs::path times;                // of KITTI's poses
+  fs::path truth;                // ground truth of the folder, or empty
+  std::vector<TimedPose> poses;  // odometry of the folder
+  bool levelled = false;         // their z axis is vertical
 };
 
 fs::path EurocRoot(const fs::path& folder) { return fs::exists(folder / "mav0") ? folder / "mav0" : folder; }
@@ -171,6 +176,43 @@ Dataset ReadKitti(const fs::path& folder) {
   return dataset;
 }
 
+// Record3D's recording, unpacked (.r3d is a zip): metadata (JSON) and rgbd/<n>.jpg, with ARKit's pose of each picture
+// (x right, y up, z backwards, in a world whose y is up) as [qx, qy, qz, qw, x, y, z] and K by columns.
+Dataset ReadRecord3d(const fs::path& folder) {
+  const fs::path file = folder / "metadata";
+  const nlohmann::json metadata = nlohmann::json::parse(ReadTextFile(file), nullptr, false);
+  Dataset dataset;
+  dataset.levelled = true;
+  DatasetCamera& camera = dataset.cameras.emplace_back();
+  camera.dir = folder / "rgbd";
+  try {
+    const auto k = metadata.at("K").get<std::vector<double>>();
+    const auto poses = metadata.at("poses").get<std::vector<std::vector<double>>>();
+    const auto times = metadata.at("frameTimestamps").get<std::vector<double>>();
+    if (k.size() != 9 || times.size() != poses.size()) throw InputError("expected 9 numbers K, as many times as poses");
+    camera.calibration = ForwardCamera(
+        "cam0",
+        {CameraModel::kPinhole, metadata.at("w").get<int>(), metadata.at("h").get<int>(), {k[0], k[4], k[6], k[7]}});
+    const Rigid3d up(Eigen::Quaterniond(Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitX())),
+                     Eigen::Vector3d::Zero());
+    const Rigid3d arkit_from_cam(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero());
+    for (size_t i = 0; i < poses.size(); ++i) {
+      const std::vector<double>& p = poses[i];
+      if (p.size() != 7 || !std::isfinite(times[i])) throw InputError("expected poses of 7 numbers and finite times");
+      const int64_t stamp = std::llround(times[i] * 1e9);
+      camera.images.emplace_back(stamp, fmt::format("{}.jpg", i));
+      const Rigid3d world_from_arkit(Eigen::Quaterniond(p[3], p[0], p[1], p[2]), {p[4], p[5], p[6]});
+      if (!world_from_arkit.IsFinite()) continue;
+      dataset.poses.push_back({stamp, up * world_from_arkit * arkit_from_cam * ForwardCamFromBody()});
+    }
+  } catch (const InputError& e) {
+    throw InputError(file.string() + ": " + e.what());
+  } catch (const nlohmann::json::exception&) {
+    throw InputError(file.string() + ": expected Record3D's metadata: K, w, h, poses, frameTimestamps");
+  }
+  return dataset;
+}
+
 // KITTI's rows have twelve numbers.
 Trajectory ReadPoses(const fs::path& file, const fs::path& times) {
   const std::string text = ReadTextFile(file);
@@ -180,15 +222,25 @@ Trajectory ReadPoses(const fs::path& file, const fs::path& times) {
   return ReadKittiTrajectory(file, times);
 }
 
-void WriteOdometry(const Dataset& dataset, const fs::path& file, const fs::path& dir, ImportReport* report) {
-  Trajectory trajectory = ReadPoses(file, dataset.times);
-  // The body of a camera without another one looks along x.
-  if (dataset.camera_poses) {
-    for (TimedPose& pose : trajectory.poses) pose.target_from_body = pose.target_from_body * ForwardCamFromBody();
+// The file's poses, else the folder's own.
+void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path& dir, ImportReport* report) {
+  std::string source = "the folder";
+  if (!file.empty()) {
+    Trajectory trajectory = ReadPoses(file, dataset.times);
+    dataset.poses = std::move(trajectory.poses);
+    source = file.filename().string();
+    report->warnings.insert(report->warnings.end(), trajectory.warnings.begin(), trajectory.warnings.end());
+    // The body of a camera without another one looks along x.
+    if (dataset.camera_poses) {
+      for (TimedPose& pose : dataset.poses) pose.target_from_body = pose.target_from_body * ForwardCamFromBody();
+    }
+  } else if (dataset.levelled) {
+    WriteFileAtomically(dir / "run.yaml", "odometry: {levelled: true}\n");
   }
-  report->warnings.insert(report->warnings.end(), trajectory.warnings.begin(), trajectory.warnings.end());
-  WriteTum(dir / "odometry.tum", trajectory.poses, {"from " + file.filename().string()});
-  report->lines.push_back(fmt::format("odometry: {} poses from {}", trajectory.poses.size(), file.string()));
+  report->lines.push_back(dataset.poses.empty()
+                              ? "no odometry: name a file of poses by --odometry"
+                              : fmt::format("odometry: {} poses from {}", dataset.poses.size(), source));
+  if (!dataset.poses.empty()) WriteTum(dir / "odometry.tum", dataset.poses, {"from " + source});
 }
 
 }  // namespace
@@ -201,6 +253,7 @@ std::string DatasetKind(const fs::path& folder) {
   if (has(EurocRoot(folder) / "cam0" / "sensor.yaml")) return "euroc";
   if (has(folder / "rgb.txt")) return "tum-rgbd";
   const bool images = has(folder / "image_0") || has(folder / "image_2");
+  if (has(folder / "metadata") && has(folder / "rgbd")) return "record3d";
   return images && has(folder / "times.txt") && has(folder / "calib.txt") ? "kitti" : "";
 }
 
@@ -208,8 +261,12 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
   RunFolder run(site, options.run);
   const std::string kind = DatasetKind(folder);
-  if (kind.empty()) throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D or KITTI odometry");
-  Dataset dataset = kind == "euroc" ? ReadEuroc(folder) : kind == "kitti" ? ReadKitti(folder) : ReadTumRgbd(folder);
+  if (kind.empty())
+    throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D, KITTI odometry or Record3D");
+  Dataset dataset = kind == "euroc"      ? ReadEuroc(folder)
+                    : kind == "kitti"    ? ReadKitti(folder)
+                    : kind == "record3d" ? ReadRecord3d(folder)
+                                         : ReadTumRgbd(folder);
   ImportReport report;
   std::vector<BodyCamera> cameras;
   if (!options.cameras.empty()) cameras = ReadCameraFile(options.cameras, 0, 0).cameras;
@@ -235,10 +292,63 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
   }
   WriteImageList(run.dir(), images, "from " + folder.string());
   report.lines.push_back(fmt::format("{}: {} images of {} cameras", kind, images.size(), dataset.cameras.size()));
-  if (!options.odometry.empty()) WriteOdometry(dataset, options.odometry, run.dir(), &report);
-  if (options.odometry.empty()) report.lines.push_back("no odometry: name a file of poses by --odometry");
+  WriteDatasetOdometry(dataset, options.odometry, run.dir(), &report);
   if (fs::exists(dataset.truth))
     report.lines.push_back("ground truth, for `trigpoint trajectory`: " + dataset.truth.string());
+  const fs::path dir = run.Complete();
+  for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());
+  std::sort(report.files.begin(), report.files.end());
+  return report;
+}
+
+namespace {
+
+// The video's beginning in UTC, as run.yaml has it; "" without a track, which is on UTC.
+std::string VideoStart(const fs::path& video, const fs::path& track, ImportReport* report) {
+  if (track.empty()) return "";
+  const std::vector<GpsFix> fixes = track.extension() == ".gpx" ? ReadGpx(track, {}).fixes : ReadNmea(track, {}).fixes;
+  if (fixes.empty()) throw InputError(track.string() + ": no position with a time");
+  std::optional<int64_t> start = VideoCreationUtcNs(video);
+  constexpr int64_t kApart_ns = int64_t{3600} * 1'000'000'000;
+  const std::string name = video.filename().string(), gps = track.filename().string();
+  if (start && *start > fixes.front().stamp_ns - kApart_ns && *start < fixes.back().stamp_ns + kApart_ns) {
+    report->lines.push_back(
+        "time: the video began when it says that it was made; if it was made at its end, mend "
+        "time_zero_utc in run.yaml");
+  } else {
+    report->warnings.push_back(name + " does not say when it began: taken as the first time of " + gps +
+                               "; mend time_zero_utc in run.yaml if the two were not started together");
+    start = fixes.front().stamp_ns;
+  }
+  return fmt::format("time_zero_utc: {:%Y-%m-%dT%H:%M:%S}.{:03}Z\n",
+                     fmt::gmtime(static_cast<std::time_t>(*start / 1'000'000'000)), *start / 1'000'000 % 1000);
+}
+
+}  // namespace
+
+ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const DatasetRunOptions& options) {
+  if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
+  RunFolder run(site, options.run);
+  ImportReport report;
+  fs::path track;
+  for (const char* ending : {".gpx", ".nmea"}) {
+    const fs::path beside = fs::path(video).replace_extension(ending);
+    if (track.empty() && fs::exists(beside)) track = beside;
+  }
+  fs::create_symlink(fs::canonical(video), run.dir() / video.filename());
+  if (!track.empty()) fs::copy_file(track, run.dir() / track.filename());
+  WriteFileAtomically(run.dir() / "run.yaml", "# From " + video.filename().string() + ".\n" +
+                                                  VideoStart(video, track, &report) +
+                                                  fmt::format("video: {{every: {}}}\n", options.every));
+  if (!options.cameras.empty()) {
+    WriteCamchain(run.dir() / "camchain.yaml", ReadCameraFile(options.cameras, 0, 0).cameras,
+                  {"from " + options.cameras.string()});
+  } else {
+    report.warnings.push_back("the calibration of the camera is not known; name one by --cameras");
+  }
+  report.lines.push_back("video " + video.filename().string() +
+                         (track.empty() ? "" : ", GPS " + track.filename().string()));
+  if (!options.odometry.empty()) WriteDatasetOdometry({}, options.odometry, run.dir(), &report);
   const fs::path dir = run.Complete();
   for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());
   std::sort(report.files.begin(), report.files.end());

@@ -1,4 +1,4 @@
-// A run made of a folder of a public data set: EuRoC, TUM RGB-D, KITTI odometry.
+// A run made of a folder of a public data set: EuRoC, TUM RGB-D, KITTI odometry; or of Record3D (ARKit).
 #pragma once
 
 #include <filesystem>
@@ -9,12 +9,12 @@
 namespace trigpoint {
 
 // "euroc" (mav0/cam0/sensor.yaml, or cam0/sensor.yaml), "tum-rgbd" (rgb.txt), "kitti" (times.txt, calib.txt,
-// image_0 or image_2); "" for anything else.
+// image_0 or image_2), "record3d" (metadata, rgbd: the unpacked .r3d); "" for anything else.
 std::string DatasetKind(const std::filesystem::path& folder);
 
 struct DatasetRunOptions {
   std::string run;                 // name of the run to be made
-  std::filesystem::path odometry;  // poses, or empty: of the body (EuRoC), of the first camera (TUM, KITTI)
+  std::filesystem::path odometry;  // poses, or empty: of the body (EuRoC, Record3D), of the first camera (TUM, KITTI)
   std::filesystem::path cameras;   // calibrations in place of the folder's, or empty
   int every = 1;                   // of each camera every n-th image
 };
@@ -24,5 +24,12 @@ struct DatasetRunOptions {
 // named. Throws InputError; a failed import leaves nothing.
 ImportReport ImportDatasetRun(const std::filesystem::path& site, const std::filesystem::path& folder,
                               const DatasetRunOptions& options);
+
+// Writes SITE/runs/<run>/: the video (a link), a GPX or NMEA track of the video's name beside it (a copy),
+// camchain.yaml (options.cameras), odometry.tum (options.odometry), run.yaml: when the video began in UTC (its creation
+// time, else the track's first time, with a warning), every n-th frame. Throws InputError; a failed import leaves
+// nothing.
+ImportReport ImportVideoRun(const std::filesystem::path& site, const std::filesystem::path& video,
+                            const DatasetRunOptions& options);
 
 }  // namespace trigpoint

@@ -8,6 +8,7 @@
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif_positions.h"
+#include "datasets/io/gopro_gps.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/run_parts.h"
@@ -301,12 +302,21 @@ std::optional<std::filesystem::path> GpsFile(const std::filesystem::path& dir) {
   return *std::min_element(files.begin(), files.end());
 }
 
+// What the camera wrote into the video, on the run's clock.
+GpsTrack ReadVideoPositions(const Run& run) {
+  GpsTrack track = ReadGoProGps(run.images.front().path);
+  for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run.config.video_start_s);
+  return track;
+}
+
 // GPS is a help, not a need: a broken track is left out with its reason.
 void ReadGps(Run* run) {
   const auto file = GpsFile(run->dir);
   try {
     const RunClock clock{run->config.time_zero_utc_ns, run->config.date};
-    GpsTrack track = !file                          ? ReadImagePositions(*run)
+    const bool video = !run->images.empty() && run->images.front().video_frame >= 0;
+    GpsTrack track = !file && video                 ? ReadVideoPositions(*run)
+                     : !file                        ? ReadImagePositions(*run)
                      : file->extension() == ".csv"  ? ReadGpsCsv(*file)
                      : file->extension() == ".nmea" ? ReadNmea(*file, clock)
                                                     : ReadGpx(*file, clock);

@@ -139,5 +139,30 @@ TEST_F(CalibrationFiles, PairsPicturesOfOneMoment) {
               HasSubstr("no such pictures"));
 }
 
+// The equations of Agisoft's manual, evaluated here, against the camera that was read.
+TEST_F(CalibrationFiles, ReadsAgisoftsLens) {
+  const std::string xml =
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<calibration>\n  <projection>frame</projection>\n  "
+      "<width>4000</width>\n"
+      "  <height>3000</height>\n  <f>3100.5</f>\n  <cx>12.5</cx>\n  <cy>-7.25</cy>\n  <b1>1.5</b1>\n  <k1>-0.08</k1>\n"
+      "  <k2>0.03</k2>\n  <k3>-0.004</k3>\n  <p1>0.0007</p1>\n  <p2>-0.0004</p2>\n</calibration>\n";
+  WriteFileAtomically(dir() / "lens.xml", xml);
+  const CameraFile file = ReadCameraFile(dir() / "lens.xml");
+  EXPECT_EQ(file.format, "Agisoft");
+  const double x = 0.3, y = -0.2, r2 = x * x + y * y;
+  const double radial = 1 - 0.08 * r2 + 0.03 * r2 * r2 - 0.004 * r2 * r2 * r2;
+  const double xd = x * radial + 0.0007 * (r2 + 2 * x * x) + 2 * -0.0004 * x * y;
+  const double yd = y * radial - 0.0004 * (r2 + 2 * y * y) + 2 * 0.0007 * x * y;
+  // Half a pixel less: the first pixel's centre is at 0.5 there.
+  const Eigen::Vector2d expected(2000 + 12.5 + xd * 3100.5 + xd * 1.5 - 0.5, 1500 - 7.25 + yd * 3100.5 - 0.5);
+  const auto pixel = file.cameras.at(0).camera.Project({x, y, 1});
+  ASSERT_TRUE(pixel.has_value());
+  EXPECT_LT((*pixel - expected).norm(), 1e-9);
+  std::string refused = xml;
+  WriteFileAtomically(dir() / "lens.xml", refused.replace(refused.find("<k3>"), 4, "<k4>1</k4><k3>"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "lens.xml"); }),
+              HasSubstr("k4, p3, p4 or b2 are not supported"));
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
 
 #include "datasets/io/site.h"
 #include "datasets/io/text.h"
@@ -120,6 +121,57 @@ TEST(DatasetRun, KittiOdometry) {
               }),
               HasSubstr("expected one time for each pose"));
   EXPECT_FALSE(fs::exists(site / "runs/k1"));
+}
+
+// A phone that looks along the world's -z (ARKit's forward) and moves there by a metre, y up.
+TEST(DatasetRun, Record3d) {
+  const TempDir dir;
+  dir.Write("walk/metadata", R"({"h": 480, "w": 640, "K": [500, 0, 0, 0, 501, 0, 320, 240, 1], "fps": 60,
+    "poses": [[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0.5, -1]], "frameTimestamps": [7.5, 8.25]})");
+  for (const char* name : {"0.jpg", "1.jpg"}) WritePicture(dir / (std::string("walk/rgbd/") + name), 640, 480);
+  const fs::path site = dir / "site";
+  EXPECT_EQ(DatasetKind(dir / "walk"), "record3d");
+  ImportDatasetRun(site, dir / "walk", {"walk", "", "", 1});
+  const trigpoint::Run run = ReadRun(site / "runs/walk", site);
+  ASSERT_EQ(run.images.size(), 2u);
+  EXPECT_EQ(run.images[1].stamp_ns, 8'250'000'000);
+  EXPECT_EQ(run.cameras.at(0).camera.params(), (std::vector<double>{500, 501, 320, 240}));
+  EXPECT_TRUE(run.config.odometry_levelled);
+  ASSERT_EQ(run.odometry.poses.size(), 2u);
+  // z is up in the odometry's frame, and the body's x is forward.
+  const Rigid3d& first = run.odometry.poses[0].target_from_body;
+  const Rigid3d& second = run.odometry.poses[1].target_from_body;
+  EXPECT_LT((first.rotation * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-9);
+  EXPECT_LT(((first.Inverse() * second).translation - Eigen::Vector3d(1, 0, 0.5)).norm(), 1e-9);
+  dir.Write("walk/metadata", R"({"K": [1]})");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportDatasetRun(site, dir / "walk", {"w2", "", "", 1});
+              }),
+              HasSubstr("expected Record3D's metadata"));
+}
+
+TEST(VideoRun, TakesTheTrackBesideIt) {
+  const TempDir dir;
+  {
+    cv::VideoWriter video((dir / "drive.avi").string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, {64, 48});
+    ASSERT_TRUE(video.isOpened());
+    for (int i = 0; i < 20; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(10 * i)));
+  }
+  dir.Write(
+      "drive.gpx",
+      "<gpx version=\"1.1\"><trk><trkseg><trkpt lat=\"48\" lon=\"7.8\"><time>2026-05-12T09:43:20.5Z</time></trkpt>"
+      "<trkpt lat=\"48.00001\" lon=\"7.8\"><time>2026-05-12T09:43:21.5Z</time></trkpt></trkseg></trk></gpx>");
+  const fs::path cameras = dir.Write("c.yaml",
+                                     "cam0: {camera_model: pinhole, intrinsics: [50, 50, 32, 24], distortion_model: "
+                                     "none, distortion_coeffs: [], resolution: [64, 48]}\n");
+  const fs::path site = dir / "site";
+  const ImportReport report = ImportVideoRun(site, dir / "drive.avi", {"drive", "", cameras, 2});
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("does not say when it began: taken as the first time of drive.gpx"));
+  const trigpoint::Run run = ReadRun(site / "runs/drive", site);
+  EXPECT_EQ(run.images.size(), 10u);
+  ASSERT_EQ(run.gps.size(), 2u);
+  EXPECT_EQ(run.gps[0].stamp_ns, 0);
+  EXPECT_EQ(run.gps[1].stamp_ns, 1'000'000'000);
 }
 
 }  // namespace

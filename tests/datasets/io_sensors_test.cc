@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "datasets/io/camchain.h"
+#include "datasets/io/gopro_gps.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/time_check.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -280,6 +282,97 @@ TEST(TimeCheck, FindsTheOdometryOffset) {
     EXPECT_NEAR(offset.offset_s, shift, 0.05);
     ASSERT_TRUE(offset.warning) << shift;
     EXPECT_THAT(*offset.warning, HasSubstr("set odometry.time_offset_s"));
+  }
+}
+
+// Big-endian pieces of an MP4 with a track of telemetry, after the formats' public descriptions.
+std::string Big(uint64_t value, int bytes) {
+  std::string text;
+  for (int i = bytes - 1; i >= 0; --i) text += static_cast<char>(value >> (8 * i));
+  return text;
+}
+std::string Box(const std::string& type, const std::string& content) {
+  return Big(content.size() + 8, 4) + type + content;
+}
+std::string Klv(const std::string& key, char type, size_t size, const std::string& value) {
+  const std::string padding((4 - value.size() % 4) % 4, '\0');
+  return key + type + Big(size, 1) + Big(size == 0 ? 0 : value.size() / size, 2) + value + padding;
+}
+std::string Container(const std::string& key, const std::string& value) { return Klv(key, '\0', 4, value); }
+
+// Two payloads of one second each, `fixes` positions in each.
+std::string GoProVideo(const std::string& describe, const std::function<std::string(int)>& fix, const std::string& key,
+                       char type, size_t size, int fixes) {
+  std::string payloads[2];
+  int number = 0;
+  for (std::string& payload : payloads) {
+    std::string values;
+    for (int k = 0; k < fixes; ++k) values += fix(number++);
+    payload =
+        Container("DEVC", Klv("DVNM", 'c', 1, "Camera") + Container("STRM", describe + Klv(key, type, size, values)));
+  }
+  const std::string file = Box("ftyp", "mp42");
+  const uint64_t at = file.size() + 8;
+  const std::string zero(4, '\0');
+  const std::string stbl =
+      Box("stsd", zero + Big(1, 4) + Box("gpmd", std::string(8, '\0'))) +
+      Box("stts", zero + Big(1, 4) + Big(2, 4) + Big(1000, 4)) +
+      Box("stsz", zero + Big(0, 4) + Big(2, 4) + Big(payloads[0].size(), 4) + Big(payloads[1].size(), 4)) +
+      Box("stsc", zero + Big(1, 4) + Big(1, 4) + Big(2, 4) + Big(1, 4)) + Box("stco", zero + Big(1, 4) + Big(at, 4));
+  const std::string mdia =
+      Box("mdhd", zero + zero + zero + Big(1000, 4) + Big(2000, 4) + zero) + Box("minf", Box("stbl", stbl));
+  return file + Box("mdat", payloads[0] + payloads[1]) +
+         Box("moov", Box("mvhd", std::string(100, '\0')) + Box("trak", Box("mdia", mdia)));
+}
+
+TEST(GoPro, TheTrackIsReadFromTheVideo) {
+  const TempDir dir;
+  const auto scale =
+      Klv("SCAL", 'l', 4, Big(10000000, 4) + Big(10000000, 4) + Big(1000, 4) + Big(1000, 4) + Big(100, 4));
+  const auto gps5 = [](int i) {
+    return Big(480000000 + static_cast<uint64_t>(i), 4) + Big(static_cast<uint32_t>(-78000000), 4) + Big(240500, 4) +
+           Big(0, 8);
+  };
+  const auto video =
+      GoProVideo(Klv("GPSF", 'L', 4, Big(3, 4)) + Klv("GPSP", 'S', 2, Big(250, 2)) + scale, gps5, "GPS5", 'l', 20, 4);
+  const GpsTrack track = ReadGoProGps(dir.Write("a.mp4", video));
+  ASSERT_EQ(track.fixes.size(), 8u);
+  EXPECT_NEAR(track.fixes[3].position.latitude_deg, 48.0000003, 1e-12);
+  EXPECT_NEAR(track.fixes[3].position.longitude_deg, -7.8, 1e-12);
+  EXPECT_NEAR(track.fixes[3].position.height_m, 240.5, 1e-12);
+  EXPECT_EQ(track.fixes[5].stamp_ns, kSecond * 5 / 4);
+  // Without a lock, with heights above the sea, of another maker.
+  EXPECT_TRUE(
+      ReadGoProGps(dir.Write("b.mp4", GoProVideo(Klv("GPSF", 'L', 4, Big(0, 4)) + scale, gps5, "GPS5", 'l', 20, 4)))
+          .fixes.empty());
+  EXPECT_EQ(ReadGoProGps(dir.Write("c.mp4", GoProVideo(Klv("GPSA", 'F', 4, "MSLV") + scale, gps5, "GPS5", 'l', 20, 4)))
+                .fixes.at(0)
+                .sigma_v_m,
+            kUnknownGeoidSigma);
+  EXPECT_TRUE(ReadGoProGps(dir.Write("d.mp4", Box("ftyp", "isom") + Box("moov", Box("trak", "")))).fixes.empty());
+  EXPECT_TRUE(ReadGoProGps(dir.Write("e.avi", "RIFF....AVI LIST........")).fixes.empty());
+}
+
+TEST(GoPro, NewerCamerasStateFixAndDopOfEach) {
+  const TempDir dir;
+  std::string scales;
+  for (uint64_t s : {10000000, 10000000, 1000, 1000, 100, 1, 1000, 100, 1}) scales += Big(s, 4);
+  const auto gps9 = [](int i) {
+    return Big(480000000, 4) + Big(78000000, 4) + Big(240500, 4) + Big(0, 8) + Big(8700, 4) +
+           Big(1000 * static_cast<uint64_t>(i), 4) + Big(i == 1 ? 900 : 150, 2) + Big(i == 2 ? 2 : 3, 2);
+  };
+  const auto video =
+      GoProVideo(Klv("TYPE", 'c', 1, "lllllllSS") + Klv("SCAL", 'l', 4, scales), gps9, "GPS9", '?', 32, 2);
+  const GpsTrack track = ReadGoProGps(dir.Write("a.mp4", video));
+  ASSERT_EQ(track.fixes.size(), 2u);
+  EXPECT_THAT(Joined(track.warnings), HasSubstr("2 GPS fix(es) of the video"));
+  // Every cut ends in a track or in a message.
+  for (size_t size = 0; size < video.size(); size += 7) {
+    try {
+      ReadGoProGps(dir.Write("cut.mp4", video.substr(0, size)));
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("cut.mp4"));
+    }
   }
 }
 

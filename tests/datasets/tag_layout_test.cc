@@ -1,0 +1,86 @@
+// Layouts of tags of WPILib and Limelight.
+#include "datasets/io/tag_layout.h"
+
+#include <gmock/gmock.h>
+
+#include "datasets/import/tag_layout_control.h"
+#include "datasets/io/tables.h"
+#include "datasets/io/text.h"
+#include "tests/datasets/io_temp_dir.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+const char* const kWpilib = R"({"tags": [
+  {"ID": 1, "pose": {"translation": {"x": 5, "y": 2, "z": 1.5}, "rotation": {"quaternion": {"W": 1, "X": 0, "Y": 0, "Z": 0}}}},
+  {"ID": 2, "pose": {"translation": {"x": 0, "y": 0, "z": 1}, "rotation": {"quaternion": {"W": 0.7071067811865476, "X": 0, "Y": 0, "Z": 0.7071067811865476}}}}],
+  "field": {"length": 16.54, "width": 8.21}})";
+
+// A tag without rotation looks along x: who stands before it has y to the right.
+TEST(TagLayout, AxesAreThoseOfWpilib) {
+  const TempDir dir;
+  const std::vector<LayoutTag> tags = ReadTagLayout(dir.Write("field.json", kWpilib));
+  ASSERT_EQ(tags.size(), 2u);
+  const Eigen::Matrix3d r = tags[0].world_from_tag.rotation.toRotationMatrix();
+  EXPECT_LT((r.col(0) - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
+  EXPECT_LT((r.col(1) - Eigen::Vector3d(0, 0, -1)).norm(), 1e-12);
+  EXPECT_LT((r.col(2) - Eigen::Vector3d(-1, 0, 0)).norm(), 1e-12);
+  // Turned by 90 deg it looks along y.
+  EXPECT_LT((tags[1].world_from_tag.rotation * Eigen::Vector3d(0, 0, -1) - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
+}
+
+TEST(TagLayout, ComesBackAsItWasWritten) {
+  const TempDir dir;
+  std::vector<LayoutTag> tags = ReadTagLayout(dir.Write("field.json", kWpilib));
+  EXPECT_THAT(MessageOf<InputError>([&] { WriteFmap(dir / "a.fmap", tags); }), HasSubstr("an fmap states sizes"));
+  for (LayoutTag& tag : tags) tag.size_m = 0.1651;
+  WriteFmap(dir / "a.fmap", tags);
+  WriteWpilibLayout(dir / "a.json", tags);
+  EXPECT_THAT(ReadTextFile(dir / "a.fmap"), HasSubstr("apriltag3_36h11_classic"));
+  for (const char* name : {"a.fmap", "a.json"}) {
+    EXPECT_TRUE(IsTagLayout(dir / name));
+    const std::vector<LayoutTag> again = ReadTagLayout(dir / name);
+    ASSERT_EQ(again.size(), 2u);
+    for (size_t i = 0; i < 2; ++i) {
+      EXPECT_LT(again[i].world_from_tag.Minus(tags[i].world_from_tag).norm(), 1e-9);
+      EXPECT_NEAR(again[i].size_m, name[2] == 'f' ? 0.1651 : 0, 1e-12);
+    }
+  }
+}
+
+TEST(TagLayout, BecomesControl) {
+  const TempDir dir;
+  const std::filesystem::path file = dir.Write("field.json", kWpilib), site = dir / "site";
+  EXPECT_THAT(MessageOf<InputError>([&] { ImportTagLayout(site, file, 0); }), HasSubstr("--tag-size"));
+  EXPECT_FALSE(std::filesystem::exists(site));
+  ImportTagLayout(site, file, 0.2);
+  std::vector<std::string> warnings;
+  const std::vector<ControlPoint> points = ReadControlPoints(site / "control_points.csv", &warnings);
+  EXPECT_EQ(Joined(warnings), "");
+  ASSERT_EQ(points.size(), 8u);
+  // Bottom-left of the tag that looks along x: less y, below.
+  EXPECT_LT((*points[0].local_m - Eigen::Vector3d(5, 1.9, 1.4)).norm(), 1e-9);
+  EXPECT_LT((*points[2].local_m - Eigen::Vector3d(5, 2.1, 1.6)).norm(), 1e-9);
+  EXPECT_EQ(ReadTagSizes(site / "tags.yaml").SizeOf(2), 0.2);
+  EXPECT_THAT(MessageOf<InputError>([&] { ImportTagLayout(site, file, 0.2); }), HasSubstr("is there already"));
+}
+
+TEST(TagLayout, DamageIsNamed) {
+  const TempDir dir;
+  const auto message = [&](const std::string& text) {
+    return MessageOf<InputError>([&] { ReadTagLayout(dir.Write("x.json", text)); });
+  };
+  EXPECT_THAT(message("[1]"), HasSubstr("expected a field layout"));
+  EXPECT_THAT(message(R"({"tags": [{"ID": 1, "pose": {}}]})"), HasSubstr("tag 1 of the list: expected ID and pose"));
+  EXPECT_THAT(message(R"({"fiducials": [{"id": 1, "family": "aruco", "size": 1, "transform": []}]})"),
+              HasSubstr("expected a family"));
+  EXPECT_THAT(
+      message(
+          R"({"fiducials": [{"id": 1, "family": "apriltag3_36h11_classic", "size": 165.1, "transform": [2,0,0,0,0,2,0,0,0,0,2,0,0,0,0,1]}]})"),
+      HasSubstr("holds no rotation"));
+}
+
+}  // namespace
+}  // namespace trigpoint
