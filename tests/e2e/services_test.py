@@ -7,9 +7,11 @@ No request leaves this machine: every address is 127.0.0.1.
 """
 import csv
 import http.server
+import io
 import json
 import os
 import re
+import resource
 import shutil
 import signal
 import ssl
@@ -20,6 +22,8 @@ import threading
 import time
 import unittest
 import urllib.parse
+
+from PIL import Image
 
 PROGRAM = ""
 SOURCE = ""
@@ -78,6 +82,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return self.search(query)
         if url.path == "/graph/images" or re.fullmatch(r"/graph/\d+", url.path):
             return self.graph(url.path, query)
+        if url.path == "/karta/2.0/photo/":
+            return self.karta(query)
         if url.path in server.pictures:
             return self.picture(server.pictures[url.path], fault)
         return self.send(404, b"{}")
@@ -103,6 +109,13 @@ class Handler(http.server.BaseHTTPRequestHandler):
             links.append({"rel": "next", "href": f"{self.server.url}/api/search?bbox={query['bbox']}&page={page + 1}"})
         answer = {"type": "FeatureCollection", "features": inside[page * size:(page + 1) * size], "links": links}
         self.send(200, json.dumps(answer).encode(), "application/geo+json")
+
+    def karta(self, query):
+        north, west, south, east = (float(query[k]) for k in ["nwLat", "nwLng", "seLat", "seLng"])
+        inside = [i for i in self.server.items if west <= float(i["lng"]) <= east and south <= float(i["lat"]) <= north]
+        page, size = int(query["page"]) - 1, min(self.server.page_size, int(query["itemsPerPage"]))
+        answer = {"status": {"apiCode": 600, "httpCode": 200}, "result": {"data": inside[page * size:(page + 1) * size], "hasMoreData": (page + 1) * size < len(inside)}}
+        self.send(200, json.dumps(answer).encode())
 
     def graph(self, path, query):
         if self.headers.get("Authorization") != "OAuth " + self.server.token:
@@ -166,7 +179,7 @@ class Services(unittest.TestCase):
         shutil.rmtree(self.folder)
 
     def command(self, *more, service="panoramax", url=None):
-        path = "/api" if service == "panoramax" else "/graph"
+        path = {"panoramax": "/api", "mapillary": "/graph", "kartaview": "/karta"}[service]
         return [PROGRAM, "import", self.site, "--from", service, "--url", url or self.server.url + path, *more]
 
     def run_import(self, *more, expect=0, near=NEAR, service="panoramax", url=None, **environment):
@@ -385,6 +398,38 @@ class Services(unittest.TestCase):
         # An expired one is refused in words that do not show it.
         self.server.token = "another"
         self.assertIn("the token is missing, wrong or expired", self.run_import("--list", service="mapillary", expect=1, MAPILLARY_ACCESS_TOKEN=TOKEN).stderr)
+
+    def test_kartaview(self):
+        def photo(number, **more):
+            return {"id": str(number), "lat": str(NEAR[0]), "lng": str(NEAR[1] + number / 74500), "heading": "33.5", "shotDate": "2021-06-07 12:34:56", "projection": "SPHERE",
+                    "width": "5760", "height": "2880", "fileurl": f"{self.server.url}/store/{{{{sizeprefix}}}}/{number}.jpg", **more}
+        self.server.items = [photo(1), photo(2, heading="-1", fileurlProc=f"{self.server.url}/store/blurred/2.jpg"), photo(3, projection="PLANE"), photo(4, lat="x"), photo(5)]
+        self.server.pictures = {"/store/proc/1.jpg": self.panorama, "/store/blurred/2.jpg": self.panorama, "/store/proc/5.jpg": self.panorama}
+        self.server.page_size = 2
+        done = self.run_import(service="kartaview")
+        self.assertIn("1 panoramas have no usable id, position or file", done.stderr)
+        rows = self.table()
+        self.assertEqual([row["file"] for row in rows], [f"panoramas/kartaview-{n}.jpg" for n in (1, 2, 5)])
+        self.assertEqual([rows[0][c] for c in ["heading_deg", "captured_at", "sigma_h_m", "licence"]], ["33.5000", "2021-06-07T12:34:56", "5.000", "CC-BY-SA-4.0"])
+        self.assertEqual([rows[1]["heading_deg"], rows[1]["attribution"]], ["", "(c) Grab and KartaView Contributors, CC-BY-SA-4.0"])
+        self.assertEqual(len(self.server.paths("/karta/")), 3)
+        for answer in [{"result": {}}, {"data": []}, {"result": []}]:
+            self.server.faults["/karta/2.0/photo/"] = [(200, json.dumps(answer).encode(), [])]
+            self.assertIn('expected a list "data"', self.run_import("--list", service="kartaview", expect=1).stderr)
+
+    def test_two_thousand_are_listed_and_two_hundred_loaded_in_a_minute_of_cpu(self):
+        large = io.BytesIO()
+        Image.open(io.BytesIO(self.panorama)).resize((4096, 2048)).save(large, "JPEG", quality=92)
+        for number in range(2000):
+            self.server.items.append(item(self.server, number, 0.05 * number))
+        self.server.pictures = {f"/files/{number}.jpg": large.getvalue() for number in range(2000)}
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        self.assertIn("2000 panoramas:", self.run_import("--list").stdout)
+        self.assertIn("200 of 200 panoramas", self.run_import("--limit", "200", "--width", "4096").stdout)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        print(f"2,000 listed, 200 of {len(large.getvalue()) / 1e6:.1f} MB loaded: {cpu_s:.1f} s of CPU", file=sys.stderr)
+        self.assertLess(cpu_s, 60)
 
     def test_a_token_file_is_for_its_owner_alone(self):
         self.server.items = [{"graph": self.graph(1)}]

@@ -4,11 +4,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <map>
 
 #include "calib/base/error.h"
-#include "datasets/import/providers/answers.h"
-#include "datasets/import/providers/services.h"
+#include "datasets/import/providers/listing_service.h"
 
 namespace trigpoint {
 namespace {
@@ -27,30 +25,11 @@ std::string DateOf(std::optional<double> captured_at_ms) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(*captured_at_ms / 1000)));
 }
 
-class Mapillary final : public PanoramaProvider {
+class Mapillary final : public ListingService {
  public:
-  explicit Mapillary(const ServiceOptions& options) : client_("mapillary", options.url, options.http) {
-    client_.AddHeader("Authorization", "OAuth " + options.token);
-  }
-
-  std::string Name() const override { return "mapillary"; }
-  std::string Prefix() const override { return "mapillary-"; }
   // Positions and headings that Mapillary's reconstruction has computed, where there are any.
-  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
-  std::vector<std::string> Warnings() const override { return warnings_; }
-
-  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) override {
-    std::map<std::string, PanoramaRecord> found;
-    warnings_.clear();
-    unusable_ = 0;
-    for (const auto& box : BoxesOf(area, kMapillaryBox_deg)) FindInBox(box, 0, area, cancel, &found);
-    if (unusable_ > 0) {
-      warnings_.push_back(
-          fmt::format("mapillary: {} panoramas have no usable id or position, and are left out", unusable_));
-    }
-    std::vector<PanoramaRecord> records;
-    for (auto& [id, record] : found) records.push_back(std::move(record));
-    return records;
+  explicit Mapillary(const ServiceOptions& options) : ListingService("mapillary", "Mapillary", options) {
+    client_.AddHeader("Authorization", "OAuth " + options.token);
   }
 
   PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) override {
@@ -66,31 +45,29 @@ class Mapillary final : public PanoramaProvider {
   }
 
  private:
+  void Search(const SearchArea& area, const CancelToken& cancel) override {
+    for (const auto& box : BoxesOf(area, kMapillaryBox_deg)) FindInBox(box, 0, cancel);
+  }
+
   // A box whose answer is full is cut into four.
-  void FindInBox(const std::array<double, 4>& box, int halvings, const SearchArea& area, const CancelToken& cancel,
-                 std::map<std::string, PanoramaRecord>* found) {
+  void FindInBox(const std::array<double, 4>& box, int halvings, const CancelToken& cancel) {
     const auto [west, south, east, north] = box;
-    const json answer =
-        GetJson(client_, Name(),
-                fmt::format("{}/images?is_pano=true&fields={}&limit={}&bbox={:.7f},{:.7f},{:.7f},{:.7f}",
-                            client_.base(), kFields, kItemsPerAnswer, west, south, east, north),
-                cancel);
-    const auto data = answer.find("data");
-    if (data == answer.end() || !data->is_array()) {
-      throw InputError("mapillary: " + client_.base() + "/images: expected a list \"data\", found none");
-    }
-    if (data->size() >= kItemsPerAnswer && halvings < kMostHalvings && found->size() < kMostRecords) {
+    const std::string url = fmt::format("{}/images?is_pano=true&fields={}&limit={}&bbox={:.7f},{:.7f},{:.7f},{:.7f}",
+                                        client_.base(), kFields, kItemsPerAnswer, west, south, east, north);
+    const json answer = GetJson(client_, Name(), url, cancel);
+    const json& data = ListIn(answer, "data", url);
+    if (data.size() >= kItemsPerAnswer && halvings < kMostHalvings && !Full()) {
       const double x = 0.5 * (west + east), y = 0.5 * (south + north);
       for (const std::array<double, 4>& quarter : {std::array{west, south, x, y}, std::array{x, south, east, y},
                                                    std::array{west, y, x, north}, std::array{x, y, east, north}}) {
-        FindInBox(quarter, halvings + 1, area, cancel, found);
+        FindInBox(quarter, halvings + 1, cancel);
       }
       return;
     }
-    for (const json& image : *data) Take(image, area, found);
+    for (const json& image : data) Take(image);
   }
 
-  void Take(const json& image, const SearchArea& area, std::map<std::string, PanoramaRecord>* found) {
+  void Take(const json& image) {
     if (!image.is_object()) return;
     const auto pano = image.find("is_pano");
     const std::string camera = TextIn(image, "camera_type");
@@ -108,23 +85,12 @@ class Mapillary final : public PanoramaProvider {
     if (!position && stated != nullptr) position = PointOf(*stated);
     // Cameras without a compass state a negative one.
     if (record.heading_deg && *record.heading_deg < 0) record.heading_deg.reset();
-    if (!IsPlainId(record.id) || !position) {
-      ++unusable_;
-      return;
-    }
-    record.position = *position;
-    if (!area.Contains(record.position)) return;
     record.date = DateOf(NumberIn(image, "captured_at"));
     if (const json* creator = ObjectIn(image, "creator")) record.owner = TextIn(*creator, "username");
     record.licence = "CC-BY-SA-4.0";  // of all pictures there, by the terms of use
-    record.attribution = (record.owner.empty() ? "" : record.owner + ", ") + "Mapillary, " + record.licence;
     record.width_px = static_cast<int>(std::clamp(NumberIn(image, "width").value_or(0), 0.0, 1e6));
-    found->emplace(record.id, std::move(record));
+    Keep(std::move(record), position, true);
   }
-
-  HttpClient client_;
-  std::vector<std::string> warnings_;
-  int unusable_ = 0;
 };
 
 }  // namespace

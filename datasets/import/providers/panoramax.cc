@@ -2,12 +2,11 @@
 // docs.panoramax.fr.
 #include <fmt/format.h>
 
-#include <map>
+#include <algorithm>
 #include <set>
 
 #include "calib/base/error.h"
-#include "datasets/import/providers/answers.h"
-#include "datasets/import/providers/services.h"
+#include "datasets/import/providers/listing_service.h"
 #include "datasets/io/readable.h"
 
 namespace trigpoint {
@@ -20,45 +19,9 @@ constexpr int kItemsPerPage = 1000;
 // The accuracy is the radius that holds 95 %, of two axes alike.
 constexpr double kRadius95PerSigma = 2.4477;
 
-class Panoramax final : public PanoramaProvider {
+class Panoramax final : public ListingService {
  public:
-  explicit Panoramax(const ServiceOptions& options) : client_("panoramax", options.url, options.http) {}
-
-  std::string Name() const override { return "panoramax"; }
-  std::string Prefix() const override { return "panoramax-"; }
-  // GPS of action cameras and phones on vehicles and helmets; headings mostly from the track.
-  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
-  std::vector<std::string> Warnings() const override { return warnings_; }
-
-  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) override {
-    std::map<std::string, PanoramaRecord> found;
-    warnings_.clear();
-    unusable_ = 0;
-    for (const auto& [west, south, east, north] : BoxesOf(area, kPanoramaxBox_deg)) {
-      std::string url = fmt::format("{}/search?bbox={:.7f},{:.7f},{:.7f},{:.7f}&limit={}", client_.base(), west, south,
-                                    east, north, kItemsPerPage);
-      std::set<std::string> visited;
-      while (!url.empty() && static_cast<int>(visited.size()) < kMostPages && visited.insert(url).second) {
-        const json page = GetJson(client_, Name(), url, cancel);
-        const auto features = page.find("features");
-        if (features == page.end() || !features->is_array()) {
-          throw InputError("panoramax: " + WithoutQuery(url) + ": expected a list \"features\", found none");
-        }
-        for (const json& item : *features) Take(item, area, &found);
-        if (found.size() > kMostRecords) break;
-        url = NextPage(page);
-      }
-    }
-    if (unusable_ > 0) {
-      warnings_.push_back(
-          fmt::format("panoramax: {} pictures of 360 deg have no usable id, position or file, and are "
-                      "left out",
-                      unusable_));
-    }
-    std::vector<PanoramaRecord> records;
-    for (auto& [id, record] : found) records.push_back(std::move(record));
-    return records;
-  }
+  explicit Panoramax(const ServiceOptions& options) : ListingService("panoramax", "Panoramax", options) {}
 
   PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) override {
     const auto files = files_.find(record.id);
@@ -70,6 +33,20 @@ class Panoramax final : public PanoramaProvider {
   }
 
  private:
+  void Search(const SearchArea& area, const CancelToken& cancel) override {
+    for (const auto& [west, south, east, north] : BoxesOf(area, kPanoramaxBox_deg)) {
+      std::string url = fmt::format("{}/search?bbox={:.7f},{:.7f},{:.7f},{:.7f}&limit={}", client_.base(), west, south,
+                                    east, north, kItemsPerPage);
+      std::set<std::string> visited;
+      while (!url.empty() && static_cast<int>(visited.size()) < kMostPages && visited.insert(url).second) {
+        const json page = GetJson(client_, Name(), url, cancel);
+        for (const json& item : ListIn(page, "features", url)) Take(item);
+        if (Full()) break;
+        url = NextPage(page);
+      }
+    }
+  }
+
   struct Files {
     std::string full, small;
   };
@@ -90,7 +67,7 @@ class Panoramax final : public PanoramaProvider {
     return "";
   }
 
-  void Take(const json& item, const SearchArea& area, std::map<std::string, PanoramaRecord>* found) {
+  void Take(const json& item) {
     const json* properties = item.is_object() ? ObjectIn(item, "properties") : nullptr;
     if (properties == nullptr) return;
     const json* interior = ObjectIn(*properties, "pers:interior_orientation");
@@ -107,12 +84,6 @@ class Panoramax final : public PanoramaProvider {
         if (asset != nullptr && href != asset->end() && href->is_string()) *url = href->get<std::string>();
       }
     }
-    if (!IsPlainId(record.id) || !position || (files.full.empty() && files.small.empty())) {
-      ++unusable_;
-      return;
-    }
-    record.position = *position;
-    if (!area.Contains(record.position)) return;
     record.heading_deg = NumberIn(*properties, "view:azimuth");
     record.pitch_deg = NumberIn(*properties, "pers:pitch");
     record.roll_deg = NumberIn(*properties, "pers:roll");
@@ -122,15 +93,13 @@ class Panoramax final : public PanoramaProvider {
     record.date = TextIn(*properties, "datetime");
     record.owner = OwnerOf(item, *properties);
     record.licence = TextIn(*properties, "license");
-    record.attribution = (record.owner.empty() ? "" : record.owner + ", ") + "Panoramax" +
-                         (record.licence.empty() ? "" : ", " + record.licence);
     const auto size = interior->find("sensor_array_dimensions");
     if (size != interior->end() && size->is_array() && !size->empty() && (*size)[0].is_number()) {
       const double width = (*size)[0].get<double>();
       if (width > 0 && width < 1e6) record.width_px = static_cast<int>(width);
     }
-    files_[record.id] = files;
-    found->emplace(record.id, std::move(record));
+    const std::string id = record.id;
+    if (Keep(std::move(record), position, !files.full.empty() || !files.small.empty())) files_[id] = files;
   }
 
   static std::string OwnerOf(const json& item, const json& properties) {
@@ -147,10 +116,7 @@ class Panoramax final : public PanoramaProvider {
     return TextIn(properties, "geovisio:producer");
   }
 
-  HttpClient client_;
   std::map<std::string, Files> files_;
-  std::vector<std::string> warnings_;
-  int unusable_ = 0;
 };
 
 }  // namespace

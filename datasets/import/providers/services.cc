@@ -15,6 +15,7 @@ const std::vector<Service>& Services() {
        &OpenPanoramax},
       {"mapillary", "https://graph.mapillary.com", "MAPILLARY_ACCESS_TOKEN",
        "Mapillary; needs a client token of your own", &OpenMapillary},
+      {"kartaview", "https://api.openstreetcam.org", "", "KartaView; no token", &OpenKartaView},
   };
   return services;
 }

@@ -34,5 +34,7 @@ std::string ReadToken(const Service& service, const std::string& file);
 std::unique_ptr<PanoramaProvider> OpenPanoramax(const ServiceOptions& options);
 // Mapillary's Graph API, version 4; panoramas alone.
 std::unique_ptr<PanoramaProvider> OpenMapillary(const ServiceOptions& options);
+// KartaView's API, version 2.0; photos that are spheres alone.
+std::unique_ptr<PanoramaProvider> OpenKartaView(const ServiceOptions& options);
 
 }  // namespace trigpoint

@@ -1,0 +1,46 @@
+// What services share that list their panoramas by place.
+#pragma once
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "datasets/import/providers/answers.h"
+#include "datasets/import/providers/services.h"
+
+namespace trigpoint {
+
+class ListingService : public PanoramaProvider {
+ public:
+  std::string Name() const override { return name_; }
+  std::string Prefix() const override { return name_ + "-"; }
+  // GPS of action cameras and phones on vehicles and helmets; headings mostly from the track.
+  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
+  std::vector<std::string> Warnings() const override { return warnings_; }
+  std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) final;
+
+ protected:
+  // `credit` stands in the attributions, behind the owner.
+  ListingService(std::string name, std::string credit, const ServiceOptions& options)
+      : client_(name, options.url, options.http), name_(std::move(name)), credit_(std::move(credit)) {}
+  // Asks for what lies in the area, and calls Keep.
+  virtual void Search(const SearchArea& area, const CancelToken& cancel) = 0;
+  // Takes a record in if it lies in the area, with its attribution. One without a usable id, position or file is
+  // counted. Returns whether it was taken in.
+  bool Keep(PanoramaRecord record, const std::optional<Geodetic>& position, bool has_file);
+  bool Full() const { return found_.size() > kMostRecords; }
+  // The list `key` of an answer; throws InputError if there is none.
+  const nlohmann::json& ListIn(const nlohmann::json& answer, const char* key, const std::string& url) const;
+
+  HttpClient client_;
+
+ private:
+  std::string name_, credit_;
+  const SearchArea* area_ = nullptr;  // during Find
+  std::map<std::string, PanoramaRecord> found_;
+  int unusable_ = 0;
+  std::vector<std::string> warnings_;
+};
+
+}  // namespace trigpoint
