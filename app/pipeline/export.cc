@@ -238,6 +238,8 @@ void CheckRequest(const ExportRequest& request, const ExportFormat& format) {
 
 void ExportLayout(const Project& project, const ExportRequest& request, ExportReport* report) {
   const fs::path dir = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
+  if (!fs::exists(dir / "tags.csv"))
+    throw InputError(dir.string() + ": there is no tag map yet; run `trigpoint survey`");
   std::vector<LayoutTag> tags;
   for (const TagResult& tag : ReadTagResults(dir / "tags.csv")) {
     if (tag.map_from_tag && (tag.status == "ok" || tag.status == "weak")) {

@@ -46,7 +46,7 @@ TEST(DatasetRun, Euroc) {
   }
   dir.Write("MH_01/mav0/state_groundtruth_estimate0/data.csv",
             "#timestamp, p_x, p_y, p_z, q_w, q_x, q_y, "
-            "q_z\n1403636579763555580,1,2,3,1,0,0,0\n1403636579763555583,2,2,3,1,0,0,0\n");
+            "q_z\n1403636579763555580,1,2,3,1,0,0,0\n1403636580763555580,2,2,3,1,0,0,0\n");
   EXPECT_EQ(DatasetKind(dir / "MH_01"), "euroc");
   const fs::path site = dir / "site";
   const ImportReport report =

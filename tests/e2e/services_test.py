@@ -112,7 +112,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
     def karta(self, query):
         north, west, south, east = (float(query[k]) for k in ["nwLat", "nwLng", "seLat", "seLng"])
-        inside = [i for i in self.server.items if west <= float(i["lng"]) <= east and south <= float(i["lat"]) <= north]
+        inside = [i for i in self.server.items if i["lat"] == "x" or (west <= float(i["lng"]) <= east and south <= float(i["lat"]) <= north)]
         page, size = int(query["page"]) - 1, min(self.server.page_size, int(query["itemsPerPage"]))
         answer = {"status": {"apiCode": 600, "httpCode": 200}, "result": {"data": inside[page * size:(page + 1) * size], "hasMoreData": (page + 1) * size < len(inside)}}
         self.send(200, json.dumps(answer).encode())
