@@ -1,5 +1,6 @@
 #include "eval/crosscheck.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <algorithm>
@@ -126,6 +127,54 @@ CrossComparison CompareCameras(const std::vector<CrossPair>& pairs, const Eigen:
   }
   result.statistics = StatisticsOf(result.differences);
   return result;
+}
+
+std::string_view CrossVerdictName(CrossVerdict verdict) {
+  switch (verdict) {
+    case CrossVerdict::kAgrees: return "agrees";
+    case CrossVerdict::kContradicts: return "contradicts";
+    case CrossVerdict::kOnlyTheirs: return "found by them alone";
+    case CrossVerdict::kOnlyOurs: return "found by us alone";
+    case CrossVerdict::kNeither: return "found by neither";
+    case CrossVerdict::kWeak: return "too weak to judge";
+  }
+  return "";
+}
+
+std::vector<PanoramaJudgement> JudgePanoramas(const std::vector<CrossPanorama>& panoramas,
+                                              const Sim3d& ours_from_theirs, double camera_sigma_m) {
+  constexpr double kLeastSigma_m = 0.01, kMedianOfLength = 1.538, kChi2Of3At999 = 16.27;
+  constexpr int kFewPoints = 60;
+  std::vector<PanoramaJudgement> judged;
+  std::vector<double> lengths;
+  for (const CrossPanorama& p : panoramas) {
+    PanoramaJudgement j;
+    j.name = p.name;
+    j.views = p.views, j.points = p.points;
+    if (p.theirs) j.theirs = ours_from_theirs * *p.theirs;
+    if (p.theirs && p.ours) j.difference_m = *j.theirs - *p.ours;
+    if (j.difference_m) lengths.push_back(j.difference_m->norm());
+    judged.push_back(j);
+  }
+  double sigma = std::max(kLeastSigma_m, camera_sigma_m);
+  if (lengths.size() >= 3) sigma = std::max(sigma, Quantile(lengths, 0.5) / kMedianOfLength);
+  for (size_t i = 0; i < panoramas.size(); ++i) {
+    PanoramaJudgement& j = judged[i];
+    const bool weak = j.views < 2 && j.points < kFewPoints;
+    if (j.difference_m) {
+      Eigen::Matrix3d covariance = sigma * sigma * Eigen::Matrix3d::Identity();
+      if (panoramas[i].covariance) covariance += *panoramas[i].covariance;
+      j.chi2 = j.difference_m->dot(covariance.ldlt().solve(*j.difference_m));
+      j.verdict = *j.chi2 <= kChi2Of3At999 ? CrossVerdict::kAgrees
+                  : weak                   ? CrossVerdict::kWeak
+                                           : CrossVerdict::kContradicts;
+    } else if (j.theirs) {
+      j.verdict = weak ? CrossVerdict::kWeak : CrossVerdict::kOnlyTheirs;
+    } else {
+      j.verdict = panoramas[i].ours ? CrossVerdict::kOnlyOurs : CrossVerdict::kNeither;
+    }
+  }
+  return judged;
 }
 
 CrossComparison ComparePlaces(const std::vector<CrossPair>& pairs, const Sim3d& ours_from_theirs,

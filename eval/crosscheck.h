@@ -61,4 +61,38 @@ CrossComparison CompareCameras(const std::vector<CrossPair>& pairs, const Eigen:
 CrossComparison ComparePlaces(const std::vector<CrossPair>& pairs, const Sim3d& ours_from_theirs,
                               CrossAlignment alignment);
 
+// A panorama in both solutions.
+struct CrossPanorama {
+  std::string name;
+  std::optional<Eigen::Vector3d> ours;        // our answer's centre, our frame, m; unset: refused or unmatched
+  std::optional<Eigen::Matrix3d> covariance;  // of it, m^2
+  std::optional<Eigen::Vector3d> theirs;      // their frame; unset: they did not find it
+  int views = 0, points = 0;                  // of it, that they registered and saw
+};
+
+// What a cross-check tells of one panorama.
+enum class CrossVerdict {
+  kAgrees,
+  kContradicts,  // both answer, farther apart than both errors explain: one of the two is wrong
+  kOnlyTheirs,   // we refuse where they have an answer
+  kOnlyOurs,     // nothing said against or for our answer
+  kNeither,
+  kWeak  // theirs rests on one view and few points, and does not agree with ours: not judged
+};
+std::string_view CrossVerdictName(CrossVerdict verdict);
+
+struct PanoramaJudgement {
+  std::string name;
+  CrossVerdict verdict = CrossVerdict::kNeither;
+  int views = 0, points = 0;
+  std::optional<Eigen::Vector3d> theirs;        // in our frame
+  std::optional<Eigen::Vector3d> difference_m;  // theirs minus ours
+  std::optional<double> chi2;                   // of it, 3 degrees of freedom; beyond 16.27 (99.9 %) it contradicts
+};
+
+// 1 sigma per axis of their panoramas is taken from the median difference of those that both have (three or more), so
+// that single wrong answers do not widen it, and is at least `camera_sigma_m`, that of their cameras.
+std::vector<PanoramaJudgement> JudgePanoramas(const std::vector<CrossPanorama>& panoramas,
+                                              const Sim3d& ours_from_theirs, double camera_sigma_m);
+
 }  // namespace trigpoint

@@ -48,6 +48,7 @@ struct Subject {
   const Statement& statement;
   json survey;    // map/summary.json
   json evaluate;  // evaluate/summary.json
+  json gates;     // gates/gates.json
   std::vector<TagResult> tags;
 };
 
@@ -68,6 +69,7 @@ class Page {
     Systems();
     Method();
     Accuracy();
+    Gates();
     Limits();
     document.blocks = std::move(blocks_);
     return document;
@@ -113,14 +115,14 @@ class Page {
 
   void Systems() {
     Chapter("Reference system", "systems");
-    std::set<std::string> heights, epochs;
-    bool local = false, geodetic = false;
-    for (const ControlPoint& point : f_.project.site().control_points) {
-      local |= point.local_m.has_value();
-      geodetic |= point.geodetic.has_value();
-      if (point.geodetic) heights.insert(point.height_system);
-      epochs.insert(point.epoch);
-    }
+    const json control = f_.survey.value("control", json::object());
+    const auto stated = [&](const char* key) {
+      std::set<std::string> texts;
+      for (const json& text : control.value(key, json::array())) texts.insert(text.get<std::string>());
+      return texts;
+    };
+    const std::set<std::string> crs = stated("crs"), heights = stated("heights"), epochs = stated("epochs");
+    const bool local = crs.count("local x, y, z") > 0, geodetic = !heights.empty();
     std::string frame = "a frame of its own, not on the Earth";
     if (const json origin = f_.record.value("origin", json()); origin.is_array() && origin.size() == 3) {
       frame =
@@ -132,10 +134,29 @@ class Page {
     Values("systems", {{"Coordinates of this release", frame},
                        {"Reference ellipsoid", geodetic ? "WGS 84" : ""},
                        {"System for exports", f_.project.crs()},
+                       {"System of the control as given", Joined(crs, "none")},
                        {"Heights of the control as given", geodetic ? Joined(heights) : ""},
-                       {"Epoch of the control", Joined(epochs)},
+                       {"Epoch of the control", crs.empty() ? "" : Joined(epochs)},
+                       {"Epochs compared", Epochs(control)},
                        {"Datum of the map", f_.survey.value("datum", kNotStated)},
                        {"What fixes it", f_.survey.value("gauge", kNotStated)}});
+  }
+
+  // Of points surveyed at several epochs: how far they are apart.
+  static std::string Epochs(const json& control) {
+    const json differences = control.value("epoch_differences", json::array());
+    if (differences.empty()) return "";
+    size_t moved = 0;
+    double largest = 0;
+    for (const json& d : differences) {
+      const json& v = d["used_minus_earlier_m"];
+      moved += d.value("moved", false) ? 1 : 0;
+      largest = std::max(largest, Eigen::Vector3d(v[0], v[1], v[2]).norm());
+    }
+    return fmt::format(
+        "{} differences between the newest epoch of a point and earlier ones, largest {:.3f} m, {} "
+        "beyond 99.9 %; the newest is used",
+        differences.size(), largest, moved);
   }
 
   void Method() {
@@ -263,6 +284,50 @@ class Page {
     }
   }
 
+  // The limits that the project set, and how its results stand to them.
+  void Gates() {
+    const json gates = f_.gates.value("gates", json::array());
+    Chapter("Quality gates", "gates");
+    if (gates.empty()) {
+      Say("No limits were set (gates: of trigpoint.yaml), so that nothing was judged.");
+      return;
+    }
+    data_["gates"] = f_.gates;
+    Table table{"gates",
+                "Limits of the project, judged by the whole interval where the value was sampled: passed, failed, or "
+                "undecided.",
+                {{"gate"}, {"of"}, {"limit", true}, {"value", true}, {"interval"}, {"n", true}, {"verdict"}},
+                {}};
+    const auto number = [](const json& v) { return v.is_number() ? fmt::format("{:.4g}", v.get<double>()) : ""; };
+    for (const json& gate : gates) {
+      const std::string unit = gate.value("unit", ""), verdict = gate.value("verdict", "");
+      const json interval = gate.value("interval", json());
+      table.rows.push_back({{gate.value("gate", "")},
+                            {gate.value("of", "")},
+                            {(gate.value("limit_is", "") == "most" ? "at most " : "at least ") + number(gate["limit"]) +
+                             (unit.empty() ? "" : " " + unit)},
+                            {number(gate["value"])},
+                            {interval.is_array() ? fmt::format("{} to {} ({:.0f} %)", number(interval[0]),
+                                                               number(interval[1]), 100 * gate.value("confidence", 0.0))
+                                                 : ""},
+                            {gate.value("n", 0) > 0 ? std::to_string(gate.value("n", 0)) : ""},
+                            {verdict,
+                             {},
+                             verdict == "passed"   ? Tone::kGood
+                             : verdict == "failed" ? Tone::kBad
+                                                   : Tone::kWarning}});
+    }
+    Say("All together: " + f_.gates.value("verdict", "undecided") + ".");
+    blocks_.push_back(table);
+  }
+
+  void AddGateLimits(std::vector<std::string>* limits) const {
+    for (const json& gate : f_.gates.value("gates", json::array())) {
+      if (gate.value("verdict", "") == "passed") continue;
+      limits->push_back("A quality gate was not passed: " + gate.value("message", gate.value("gate", "")));
+    }
+  }
+
   void Limits() {
     std::vector<std::string> limits;
     const int n = f_.survey.value("check", json::object()).value("n", 0);
@@ -276,6 +341,7 @@ class Page {
       limits.push_back(n == 0 ? "The accuracy was not tested by check points; it must not be stated as tested."
                               : fmt::format("The accuracy was tested at {} check points only.", n));
     }
+    AddGateLimits(&limits);
     AddExtent(&limits);
     std::map<std::string, std::set<std::string>> unusable;
     for (const TagResult& tag : f_.tags) {
@@ -335,14 +401,13 @@ class Page {
   }
 
   void AddSystemLimits(std::vector<std::string>* limits) const {
-    bool unknown_epoch = false;
+    const json control = f_.survey.value("control", json::object());
     std::set<std::string> geoids;
-    for (const ControlPoint& point : f_.project.site().control_points) {
-      if (!point.geodetic) continue;
-      unknown_epoch |= point.epoch.empty();
-      if (point.height_system != "ellipsoidal") geoids.insert(point.height_system);
-    }
-    if (unknown_epoch) {
+    for (const json& height : control.value("heights", json::array())) geoids.insert(height.get<std::string>());
+    const bool geodetic = !geoids.empty();
+    geoids.erase("ellipsoidal");
+    const json epochs = control.value("epochs", json::array());
+    if (geodetic && std::find(epochs.begin(), epochs.end(), json("")) != epochs.end()) {
       limits->push_back(
           "The epoch of the control is not stated: coordinates hold at the time of its measurement; plates "
           "move by centimetres a year.");
@@ -394,6 +459,7 @@ void WriteCertificate(const Project& project, const json& record, const Statemen
                 statement,
                 ReadObject(release / "map" / "summary.json"),
                 ReadObject(release / "evaluate" / "summary.json"),
+                ReadObject(release / "gates" / "gates.json"),
                 {}};
   if (fs::exists(release / "map" / "tags.csv"))
     facts.tags = ReadTagResults(release / "map" / "tags.csv", release / "map" / "tags_cov.csv");

@@ -249,6 +249,32 @@ ColmapSolution ColmapRun::Images() {
   return solution;
 }
 
+// COLMAP's names of images that a panorama is matched with: over the whole run, so that a wrong answer or refusal of
+// ours does not decide where it is looked for, and near our answer, where there is one.
+std::set<std::string> ColmapRun::Candidates(const ColmapSolution& images,
+                                            const std::optional<Eigen::Vector3d>& answer) const {
+  std::map<std::string, std::string> colmap_name;  // ours -> COLMAP's
+  for (const ModelImage& image : images.model.images) {
+    const auto name = images.name_of.find(image.name);
+    if (name != images.name_of.end()) colmap_name[name->second] = image.name;
+  }
+  std::vector<std::string> all;  // that it registered, in the run's order
+  std::vector<std::pair<double, std::string>> nearest;
+  for (const ModelImage& image : scene_.model.images) {
+    const auto name = colmap_name.find(image.name);
+    if (name == colmap_name.end()) continue;
+    all.push_back(name->second);
+    if (answer) nearest.emplace_back((image.cam_from_world.TargetOriginInSource() - *answer).norm(), name->second);
+  }
+  std::set<std::string> chosen;
+  const size_t spread = std::min(all.size(), static_cast<size_t>(options_.spread));
+  for (size_t k = 0; k < spread; ++k) chosen.insert(all[(2 * k + 1) * all.size() / (2 * spread)]);
+  std::sort(nearest.begin(), nearest.end());
+  nearest.resize(std::min(nearest.size(), static_cast<size_t>(options_.candidates)));
+  for (const auto& [distance, name] : nearest) chosen.insert(name);
+  return chosen;
+}
+
 ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
                                     std::map<std::string, std::pair<std::string, size_t>>* views) {
   ColmapSolution solution;
@@ -265,15 +291,12 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
   solution.images = images.images;
   solution.name_of = images.name_of;
 
-  // Places to choose candidates by: our cameras, and the panoramas' geotags or our answers, in one frame.
   const LocalizeResult result =
       ReadLocalizeResult(ResultOf(project_, "localize", {run_, variant_, nlohmann::json::object()}));
   std::map<std::string, Eigen::Vector3d> answers;
   for (const PanoramaResult& p : result.panoramas) {
     if (p.odom_from_pano) answers[p.panorama] = p.odom_from_pano->translation;
   }
-  std::map<std::string, std::string> colmap_name;  // ours -> COLMAP's
-  for (const auto& [theirs, ours] : images.name_of) colmap_name[ours] = theirs;
   std::vector<std::string> warnings;
   std::map<size_t, std::vector<std::string>> names;  // view index -> images
   std::map<size_t, Camera> cameras;
@@ -284,20 +307,13 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
     cancel_.ThrowIfCancelled();
     const Reference& reference = project_.site().references[static_cast<size_t>(p.reference)];
     if (reference.kind != ReferenceKind::kPanorama) continue;
-    const auto at = answers.find(reference.name);
-    if (at == answers.end()) continue;
     if (!cameras.empty() && cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
       solution.reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
       continue;
     }
-    std::vector<std::pair<double, std::string>> nearest;
-    for (const ModelImage& image : scene_.model.images) {
-      const auto name = colmap_name.find(image.name);
-      if (name == colmap_name.end()) continue;
-      nearest.emplace_back((image.cam_from_world.TargetOriginInSource() - at->second).norm(), name->second);
-    }
-    std::sort(nearest.begin(), nearest.end());
-    nearest.resize(std::min(nearest.size(), static_cast<size_t>(options_.candidates)));
+    const auto answer = answers.find(reference.name);
+    const std::set<std::string> candidates =
+        Candidates(images, answer == answers.end() ? std::nullopt : std::optional(answer->second));
     const cv::Mat picture = LoadPanorama(reference.files.front(), true);
     for (size_t v = 0; v < p.rig.views.size(); ++v) {
       const std::string name = fmt::format("view{}/{:04d}.jpg", v, number);
@@ -310,13 +326,13 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
       cameras.emplace(v, p.rig.views[v].camera);
       rig_from_view.emplace(v, p.rig.views[v].rig_from_view);
       (*views)[name] = {reference.name, v};
-      for (const auto& [distance, image] : nearest) pairs += name + " " + image + "\n";
+      for (const std::string& image : candidates) pairs += name + " " + image + "\n";
     }
     ++number;
   }
   if (names.empty()) {
     solution.status = "skipped";
-    solution.reason = "no panorama was localized";
+    solution.reason = "the project has no panorama";
     return solution;
   }
   for (const auto& [v, list] : names) {

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,7 +23,8 @@ struct CrosscheckOptions {
   std::string solver = "triangulate";  // of depth a
   std::string matcher = "auto";        // of depth b
   int exhaustive_below = 60;           // images
-  int candidates = 15;                 // images a panorama's views are matched with
+  int spread = 24;                     // images a panorama's views are matched with, evenly over the run
+  int candidates = 8;                  // and so many nearest to our answer
   double timeout_min = 240;            // of one COLMAP step
   bool keep = false;                   // COLMAP's workspace
   template <typename Self, typename Visitor>
@@ -33,7 +36,8 @@ struct CrosscheckOptions {
     visit(self.solver, {"solver", "", 0, 0, "of depth a: triangulate (and adjust, from our cameras) or mapper"});
     visit(self.matcher, {"matcher", "", 0, 0, "of depth b: auto, exhaustive or sequential"});
     visit(self.exhaustive_below, {"exhaustive_below", "", 2, 10000, "auto: exhaustive up to so many images"});
-    visit(self.candidates, {"candidates", "", 1, 1000, "nearest images that a panorama's views are matched with"});
+    visit(self.spread, {"spread", "", 1, 1e5, "images over the whole run that a panorama's views are matched with"});
+    visit(self.candidates, {"candidates", "", 0, 1000, "and so many nearest to our answer, where there is one"});
     visit(self.timeout_min, {"timeout_min", "min", 0, 1e5, "a COLMAP step that takes longer is ended; 0: any time"});
     visit(self.keep, {"keep", "", 0, 1, "keep COLMAP's databases, images and models in work/"});
   }
@@ -68,7 +72,8 @@ class ColmapRun {
 
   ColmapSolution Features();  // depth a
   ColmapSolution Images();    // depth b
-  // depth c, on top of `images`. `views`: image name -> (panorama, index of its view).
+  // depth c, on top of `images`: every panorama, whether we localized it or not. `views`: image name -> (panorama,
+  // index of its view).
   ColmapSolution Panoramas(const ColmapSolution& images, std::map<std::string, std::pair<std::string, size_t>>* views);
   // pixel's feature, by image id of the scene's model; filled by Features().
   const std::map<uint32_t, std::vector<int>>& feature_of() const { return feature_of_; }
@@ -79,6 +84,7 @@ class ColmapRun {
   bool ExtractFeatures(ColmapSolution* solution, const std::string& name, const std::filesystem::path& database,
                        const std::filesystem::path& images, const std::vector<std::string>& names,
                        const Camera& camera);
+  std::set<std::string> Candidates(const ColmapSolution& images, const std::optional<Eigen::Vector3d>& answer) const;
   bool PickModel(ColmapSolution* solution, const std::filesystem::path& dir);
   std::string Option(const std::string& sift) const;
 

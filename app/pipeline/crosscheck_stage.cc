@@ -11,6 +11,7 @@
 
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
+#include "app/pipeline/crosscheck_panoramas.h"
 #include "app/pipeline/feature_store.h"
 #include "calib/estimation/bundle.h"
 #include "datasets/io/csv.h"
@@ -34,6 +35,7 @@ struct Ours {
   std::map<std::string, Rigid3d> odom_from_cam;
   std::vector<std::string> judged;  // images the covariance is about, spread evenly
   Eigen::MatrixXd covariance;       // 3 x judged, m^2, the first image held
+  std::vector<PanoramaResult> answers;
 };
 
 // From the bundle behind the result: observations, odometry with its noise, a scale as uncertain as run.yaml says.
@@ -132,6 +134,8 @@ struct Other {
   int models = 1;
   std::vector<double> errors_px;  // mean reprojection error of each point
   std::vector<CrossPair> panoramas;
+  std::vector<CrossPanorama> all_panoramas;  // those of one side alone, too
+  std::vector<PanoramaJudgement> judged;
   std::vector<CrossPair> points;                                                      // with our covariance
   std::vector<CrossComparison> comparisons, panorama_comparisons, point_comparisons;  // one an alignment
 };
@@ -176,32 +180,17 @@ void MatchPoints(const Ours& ours, const ColmapRun& colmap, const SparseModel& t
   }
 }
 
-// Panoramas of depth c: the mean of their views' centres, weighted by the points each sees.
-void SetPanoramas(const SparseModel& model, const std::map<std::string, std::pair<std::string, size_t>>& views,
-                  const std::vector<PanoramaResult>& answers, Other* other) {
-  struct Sum {
-    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    double weight = 0;
-  };
-  std::map<std::string, Sum> sums;
-  for (const ModelImage& image : model.images) {
-    const auto view = views.find(image.name);
-    if (view == views.end()) continue;
-    const auto seen = std::count_if(image.points.begin(), image.points.end(), [](int64_t p) { return p >= 0; });
-    Sum& sum = sums[view->second.first];
-    sum.centre += static_cast<double>(seen) * image.cam_from_world.TargetOriginInSource();
-    sum.weight += static_cast<double>(seen);
-  }
-  for (const PanoramaResult& answer : answers) {
-    const auto sum = sums.find(answer.panorama);
-    if (!answer.odom_from_pano || sum == sums.end() || sum->second.weight <= 0) continue;
+void SetPanoramas(std::vector<CrossPanorama> panoramas, Other* other) {
+  for (const CrossPanorama& p : panoramas) {
+    if (!p.ours || !p.theirs) continue;
     CrossPair pair;
-    pair.name = answer.panorama;
-    pair.ours.translation = answer.odom_from_pano->translation;
-    pair.theirs.translation = sum->second.centre / sum->second.weight;
-    if (answer.odom_sigma_m) pair.covariance = Eigen::Matrix3d(answer.odom_sigma_m->cwiseAbs2().asDiagonal());
+    pair.name = p.name;
+    pair.ours.translation = *p.ours;
+    pair.theirs.translation = *p.theirs;
+    pair.covariance = p.covariance;
     other->panoramas.push_back(pair);
   }
+  other->all_panoramas = std::move(panoramas);
 }
 
 void Compare(const Ours& ours, Other* other) {
@@ -224,6 +213,9 @@ void Compare(const Ours& ours, Other* other) {
       CrossComparison c = CompareCameras(pairs, covariance, alignment);
       other->panorama_comparisons.push_back(ComparePlaces(other->panoramas, c.ours_from_theirs, alignment));
       other->point_comparisons.push_back(ComparePlaces(other->points, c.ours_from_theirs, alignment));
+      if (alignment == CrossAlignment::kSim3) {
+        other->judged = JudgePanoramas(other->all_panoramas, c.ours_from_theirs, c.statistics.rmse_m / std::sqrt(3));
+      }
       other->comparisons.push_back(std::move(c));
     } catch (const NumericError& e) {
       other->reason += (other->reason.empty() ? "" : "; ") + std::string("no alignment: ") + e.what();
@@ -291,6 +283,44 @@ double Mean(const std::vector<double>& values) {
   double sum = 0;
   for (double v : values) sum += v;
   return values.empty() ? 0 : sum / static_cast<double>(values.size());
+}
+
+void WriteDifferences(const std::vector<Other>& others, const fs::path& file) {
+  CsvWriter differences(
+      {"system", "what", "alignment", "name", "dx_m", "dy_m", "dz_m", "length_m", "rotation_deg", "normalised"},
+      {"trigpoint crosscheck_differences 1; frame=odom; theirs minus ours"});
+  for (const Other& other : others) {
+    const std::pair<const char*, const std::vector<CrossComparison>*> kinds[] = {
+        {"cameras", &other.comparisons}, {"panoramas", &other.panorama_comparisons}};
+    for (const auto& [what, comparisons] : kinds) {
+      for (const CrossComparison& c : *comparisons) {
+        for (const CrossDifference& d : c.differences) {
+          differences.Text(other.system).Text(what).Text(CrossAlignmentName(c.alignment)).Text(d.name);
+          for (int k = 0; k < 3; ++k) differences.Number(d.difference_m[k], 6);
+          differences.Number(d.difference_m.norm(), 6);
+          std::string(what) == "cameras" ? differences.Number(d.rotation_deg, 5) : differences.Empty();
+          differences.Text(Optional(d.normalised, 4)).EndRow();
+        }
+      }
+    }
+  }
+  differences.Save(file);
+}
+
+// The same as Markdown.
+std::string WriteSteps(const std::vector<ColmapStep>& steps, const fs::path& file) {
+  CsvWriter times({"depth", "step", "exit_code", "wall_s", "cpu_s", "peak_mib"}, {"trigpoint crosscheck_steps 1"});
+  std::string md;
+  if (!steps.empty()) md += "\n| COLMAP | step | CPU s | wall s | peak MiB |\n|---|---|---|---|---|\n";
+  for (const ColmapStep& step : steps) {
+    const ChildResult& r = step.result;
+    times.Text(step.depth).Text(step.name).Integer(r.exit_code);
+    times.Number(r.wall_seconds, 2).Number(r.cpu_seconds, 2).Number(r.peak_mib, 1).EndRow();
+    md += fmt::format("| {} | {} | {:.1f} | {:.1f} | {:.0f} |\n", step.depth, step.name, r.cpu_seconds, r.wall_seconds,
+                      r.peak_mib);
+  }
+  times.Save(file);
+  return md;
 }
 
 void WriteTables(const fs::path& dir, const std::vector<Other>& others, const std::vector<ColmapStep>& steps,
@@ -364,38 +394,11 @@ void WriteTables(const fs::path& dir, const std::vector<Other>& others, const st
     }
   }
   md += "\n" + notes;
+  for (const Other& other : others) md += FormatPanoramaVerdicts(other.judged, ours.answers);
   csv.Save(dir / "comparison.csv");
 
-  CsvWriter differences(
-      {"system", "what", "alignment", "name", "dx_m", "dy_m", "dz_m", "length_m", "rotation_deg", "normalised"},
-      {"trigpoint crosscheck_differences 1; frame=odom; theirs minus ours"});
-  for (const Other& other : others) {
-    const std::pair<const char*, const std::vector<CrossComparison>*> kinds[] = {
-        {"cameras", &other.comparisons}, {"panoramas", &other.panorama_comparisons}};
-    for (const auto& [what, comparisons] : kinds) {
-      for (const CrossComparison& c : *comparisons) {
-        for (const CrossDifference& d : c.differences) {
-          differences.Text(other.system).Text(what).Text(CrossAlignmentName(c.alignment)).Text(d.name);
-          for (int k = 0; k < 3; ++k) differences.Number(d.difference_m[k], 6);
-          differences.Number(d.difference_m.norm(), 6);
-          std::string(what) == "cameras" ? differences.Number(d.rotation_deg, 5) : differences.Empty();
-          differences.Text(Optional(d.normalised, 4)).EndRow();
-        }
-      }
-    }
-  }
-  differences.Save(dir / "differences.csv");
-
-  CsvWriter times({"depth", "step", "exit_code", "wall_s", "cpu_s", "peak_mib"}, {"trigpoint crosscheck_steps 1"});
-  if (!steps.empty()) md += "\n| COLMAP | step | CPU s | wall s | peak MiB |\n|---|---|---|---|---|\n";
-  for (const ColmapStep& step : steps) {
-    const ChildResult& r = step.result;
-    times.Text(step.depth).Text(step.name).Integer(r.exit_code);
-    times.Number(r.wall_seconds, 2).Number(r.cpu_seconds, 2).Number(r.peak_mib, 1).EndRow();
-    md += fmt::format("| {} | {} | {:.1f} | {:.1f} | {:.0f} |\n", step.depth, step.name, r.cpu_seconds, r.wall_seconds,
-                      r.peak_mib);
-  }
-  times.Save(dir / "steps.csv");
+  WriteDifferences(others, dir / "differences.csv");
+  md += WriteSteps(steps, dir / "steps.csv");
   WriteFileAtomically(dir / "crosscheck.md", md);
 }
 
@@ -411,6 +414,22 @@ nlohmann::json MetricsOf(const Other& other) {
   return m;
 }
 
+std::vector<CrossFigure> FiguresOf(const std::vector<Other>& others, const Ours& ours) {
+  std::vector<CrossFigure> figures;
+  for (const Other& other : others) {
+    if (other.comparisons.size() < 3) continue;
+    CrossFigure figure;
+    figure.system = other.system;
+    for (const CrossDifference& d : other.comparisons[2].differences) {
+      figure.places.push_back(ours.odom_from_cam.at(d.name).translation);
+      figure.differences.push_back(d.difference_m);
+      figure.normalised.push_back(d.normalised.value_or(std::nan("")));
+    }
+    figures.push_back(std::move(figure));
+  }
+  return figures;
+}
+
 void Crosscheck(StageContext& context, const std::string& run, const std::string& variant,
                 const CrosscheckOptions& options, const ViewOptions& views) {
   const Project& project = context.project;
@@ -418,6 +437,8 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
   ours.scene = ReadRunScene(project, run, variant, "odom");
   for (const ModelImage& image : ours.scene.model.images)
     ours.odom_from_cam[image.name] = image.cam_from_world.Inverse();
+  ours.answers =
+      ReadPanoramaResults(ResultOf(project, "localize", {run, variant, nlohmann::json::object()}) / "panoramas.csv");
   context.progress.Begin("our covariance", 0);
   try {
     AddCovariance(project, variant, context.threads, context.cancel, &ours);
@@ -465,10 +486,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
         const ColmapSolution c = colmap.Panoramas(b, &view_names);
         Other& other = add(c);
         if (c.status == "done") {
-          SetPanoramas(c.model, view_names,
-                       ReadPanoramaResults(ResultOf(project, "localize", {run, variant, nlohmann::json::object()}) /
-                                           "panoramas.csv"),
-                       &other);
+          SetPanoramas(PanoramasOf(c.model, view_names, ours.answers), &other);
         }
       }
     }
@@ -491,20 +509,14 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
     Compare(ours, &other);
     context.metrics["systems"][other.system] = MetricsOf(other);
     if (other.status == "failed") context.progress.Log(LogLevel::kWarning, other.system + ": " + other.reason);
+    if (other.judged.empty()) continue;
+    WritePanoramaVerdicts(other.judged, ours.answers, context.out / "panoramas.csv");
+    context.metrics["panoramas"] = PanoramaVerdictsJson(other.judged, ours.answers);
+    for (const std::string& w : PanoramaWarnings(other.judged, ours.answers))
+      context.progress.Log(LogLevel::kWarning, w);
   }
   WriteTables(context.out, others, colmap.steps(), colmap.version(), ours);
-  std::vector<CrossFigure> figures;
-  for (const Other& other : others) {
-    if (other.comparisons.size() < 3) continue;
-    CrossFigure figure;
-    figure.system = other.system;
-    for (const CrossDifference& d : other.comparisons[2].differences) {
-      figure.places.push_back(ours.odom_from_cam.at(d.name).translation);
-      figure.differences.push_back(d.difference_m);
-      figure.normalised.push_back(d.normalised.value_or(std::nan("")));
-    }
-    figures.push_back(std::move(figure));
-  }
+  const std::vector<CrossFigure> figures = FiguresOf(others, ours);
   fs::create_directories(context.out / "figures");
   if (!figures.empty()) WriteCrossFigures(context.out / "figures", run, figures);
   nlohmann::json& m = context.metrics["colmap"];
@@ -531,6 +543,7 @@ StageInfo CrosscheckStage() {
     StageTarget plain = target;
     plain.variant.clear();
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", plain));

@@ -10,6 +10,7 @@
 #include "app/pipeline/measured_offsets.h"
 #include "app/pipeline/reference_maps.h"
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rotation_errors.h"
 #include "app/pipeline/score_estimates.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
@@ -325,6 +326,7 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   Evaluation evaluation;
   evaluation.options = options.errors;
   if (!input.runs.empty()) evaluation = Evaluate(input, options.errors);
+  FillRotationErrors(context.project, input.runs, &evaluation);
   for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
   extras.comparisons = CompareWithin(evaluation);
   if (!options.truth.empty()) ScoreTruth(options, input.runs, context, &extras.notes);
@@ -382,7 +384,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 6;
+    request.version = 7;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

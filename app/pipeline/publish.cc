@@ -88,7 +88,7 @@ std::string PlaceInRelease(const RestedOn& result, const std::string& variant) {
   const std::string& stage = result.job.stage->name;
   if (result.job.stage->variants && result.job.target.variant != variant) return "";
   if (stage == "survey") return "map";
-  if (stage == "evaluate" || stage == "report") return stage;
+  if (stage == "evaluate" || stage == "gates" || stage == "report") return stage;
   if (stage == "localize" || stage == "reference") return stage + "/" + result.job.target.run;
   return "";
 }
@@ -105,6 +105,11 @@ std::vector<RestedOn> Published(const Project& project, const std::string& varia
   }
   add("survey", {"", variant});
   add("evaluate", {"", variant});
+  // Verdicts of limits that are no longer set are left behind.
+  if (std::optional<RestedOn> gates = ResultNow(project, "gates", {"", variant})) {
+    const StageTarget target{"", variant, gates->manifest.value("given", json::object())};
+    if (gates->job.stage->not_needed(project, target).empty()) results.push_back(std::move(*gates));
+  }
   add("report", {});
   return results;
 }

@@ -5,6 +5,7 @@
 
 #include "app/pipeline/release_files.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -62,7 +63,7 @@ std::vector<std::string> RunsOf(const json& manifest) {
 ReferenceMap ControlMap(const Project& project) {
   ReferenceMap map;
   map.name = "control";
-  for (const ControlPoint& point : project.site().control_points) {
+  for (const ControlPoint& point : AtNewestEpoch(project.site().control_points)) {
     if (point.tag_id < 0 || point.corner >= 0 || !(point.local_m || (point.geodetic && project.has_frame()))) continue;
     bool turned = false;
     for (const Station& station : project.site().stations)

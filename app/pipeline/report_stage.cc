@@ -8,6 +8,7 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
+#include "app/pipeline/versions.h"
 #include "eval/report/report.h"
 
 namespace trigpoint {
@@ -111,6 +112,12 @@ void KeepPdf(const Project& project, const StageTarget& target, ReportOptions* o
   if (has_paper) options->paper = made["paper"].get<std::string>();
 }
 
+// "Trigpoint 0.1.0 on Debian GNU/Linux 12 (bookworm), Linux 6.1".
+std::string ProgramText() {
+  const nlohmann::json versions = ProgramVersions();
+  return "Trigpoint " + versions.value("trigpoint", "") + " on " + versions.value("system", "");
+}
+
 }  // namespace
 
 StageInfo ReportStage() {
@@ -125,7 +132,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 6;
+    request.version = 7;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;
@@ -133,7 +140,7 @@ StageInfo ReportStage() {
     input.stages = OtherResults(project);
     AddNamedResults(project, &input.stages);
     input.command = "trigpoint report " + project.dir().filename().string() + (options.pdf ? " --pdf" : "") +
-                    (options.images ? "" : " --no-images");
+                    (options.images ? "" : " --no-images") + ", with " + ProgramText();
     for (const ResultRecord& s : input.stages) {
       if (s.manifest.is_object()) request.inputs.push_back(project.ResultDir(s.stage, s.name) / "manifest.json");
       // The pages show states and times too, not only what the results hold.

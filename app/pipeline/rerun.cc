@@ -145,6 +145,11 @@ struct Planned {
   std::string copied_to;
 };
 
+json OptionsOf(const json& stages, const std::string& key) {
+  const json result = stages.value(key, json::object());
+  return result.is_object() ? result.value("options", json::object()) : json::object();
+}
+
 std::vector<Planned> PlanStages(const RerunOptions& options, const ReleaseRecord& record) {
   const json stages = record.json.at("stages"), order = record.json.at("order");
   std::vector<Planned> plan;
@@ -172,6 +177,8 @@ std::vector<Planned> PlanStages(const RerunOptions& options, const ReleaseRecord
       ThrowDamaged(options, "result '" + CleanPath(planned.key) + "' has a name that is no folder's");
     }
     planned.job.target.overrides[stage] = its["options"];
+    // Limits given on the command line of evaluate.
+    if (stage == "gates") planned.job.target.overrides["evaluate"] = OptionsOf(stages, "evaluate");
     if (its.contains("copied_to") && its["copied_to"].is_string() && StaysInside(its["copied_to"]))
       planned.copied_to = its["copied_to"];
     plan.push_back(std::move(planned));

@@ -6,13 +6,16 @@
 #include <cmath>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/survey_tables.h"
+#include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "survey/tags/control.h"
 #include "survey/tags/tie_points.h"
@@ -126,10 +129,75 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
   return marks;
 }
 
+// Systems of the coordinates as control_points.csv and gcp_list.txt name them.
+std::set<std::string> StatedSystems(const Project& project, const std::vector<ControlPoint>& points) {
+  std::set<std::string> systems;
+  for (const ControlPoint& c : points) {
+    if (c.local_m) systems.insert("local x, y, z");
+  }
+  const fs::path table = project.dir() / "control_points.csv", list = project.dir() / "gcp_list.txt";
+  if (fs::exists(table)) {
+    const CsvTable csv = CsvTable::Read(table, {}, {"crs", "easting_m", "latitude_deg"});
+    for (const CsvRow& row : csv.rows()) {
+      if (row.Has("easting_m") && row.Has("crs")) systems.insert(row.Text("crs"));
+      if (row.Has("latitude_deg")) systems.insert("WGS 84 latitude, longitude");
+    }
+  }
+  if (fs::exists(list)) {
+    std::istringstream in(ReadTextFile(list));
+    for (std::string line; std::getline(in, line);) {
+      if (Trim(line).empty() || Trim(line).front() == '#') continue;
+      systems.insert(std::string(Trim(line)));
+      break;
+    }
+  }
+  return systems;
+}
+
+// The newest epoch of each point is used, earlier ones are compared with it. Points of several epochs may be apart by
+// the motion of their plate.
+void UseNewestEpochs(const Project& project, std::vector<ControlPoint>* points, SurveyJob* job) {
+  constexpr double kApart_years = 1;
+  const std::vector<ControlPoint> all = std::exchange(*points, AtNewestEpoch(*points));
+  ControlSystems& control = job->control;
+  control.crs = StatedSystems(project, all);
+  for (const ControlPoint& c : all) {
+    control.epochs.insert(c.epoch);
+    if (c.geodetic) control.heights.insert(c.height_system);
+    for (const ControlPoint& used : *points) {
+      if (ReviewControlName(used) != ReviewControlName(c) || used.epoch == c.epoch) continue;
+      const auto now = WorldOf(project, used), then = WorldOf(project, c);
+      if (!now || !then) continue;
+      EpochDifference d{ReviewControlName(c), c.epoch, used.epoch, *now - *then};
+      const double h = std::hypot(c.sigma_h_m, used.sigma_h_m);
+      d.sigma_m = {h, h, std::hypot(c.sigma_v_m, used.sigma_v_m)};
+      d.chi2 = d.difference_m.cwiseQuotient(d.sigma_m).squaredNorm();
+      control.epoch_differences.push_back(d);
+      if (!d.Moved()) continue;
+      job->warnings.push_back(fmt::format(
+          "point {}: its coordinates of epoch {} are {:.3f} m from those of epoch {}, {:.1f} sigma: the newer ones are "
+          "used; look whether the point was moved, or its system is another one",
+          d.point, d.earlier, d.difference_m.norm(), d.used, std::sqrt(d.chi2)));
+    }
+  }
+  std::map<double, std::string> years;
+  for (const ControlPoint& c : *points) {
+    const auto year = YearOfEpoch(c.epoch);
+    if (year && c.geodetic) years[*year] = c.epoch;
+  }
+  if (!years.empty() && years.rbegin()->first - years.begin()->first > kApart_years) {
+    job->warnings.push_back(fmt::format(
+        "the surveyed points are of epochs {} to {}: they are used as stated, and in a frame that does not move with "
+        "its plate they are apart by centimetres a year; bring them to one epoch",
+        years.begin()->second, years.rbegin()->second));
+  }
+}
+
 void AddControl(const Project& project, bool used, SurveyJob* job) {
   std::vector<SurveyPoint> points;
   bool roles = false;
-  const KnownPoints known = ReadKnownPoints(project, &job->warnings);
+  KnownPoints known = ReadKnownPoints(project, &job->warnings);
+  UseNewestEpochs(project, &known.points, job);
   for (const ControlPoint& c : known.points) roles |= c.has_role;
   bool local = true;
   for (const ControlPoint& c : known.points) {

@@ -246,6 +246,12 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
     }
     out.Line(line);
   }
+  for (const EpochDifference& d : findings.control.epoch_differences) {
+    out.Line(fmt::format("Point {}, epoch {} minus epoch {}: {}, {}, {} {}, sigma {}, {}, {} (1 sigma){}", d.point,
+                         d.used, d.earlier, out.Length(d.difference_m.x()), out.Length(d.difference_m.y()),
+                         out.Length(d.difference_m.z()), out.name(), out.Length(d.sigma_m.x()),
+                         out.Length(d.sigma_m.y()), out.Length(d.sigma_m.z()), d.Moved() ? ": moved (99.9 %)" : ""));
+  }
   if (findings.epochs) {
     const SurveyEpochs& test = *findings.epochs;
     out.Line(fmt::format("\nAgainst {}{}: {}", findings.against,
@@ -293,6 +299,23 @@ json PointJson(const PointAgreement& p) {
     point["left_out_sigma_m"] = Vector(p.left_out_sigma_m);
   }
   return point;
+}
+
+json ControlJson(const ControlSystems& control) {
+  json differences = json::array();
+  for (const EpochDifference& d : control.epoch_differences) {
+    differences.push_back({{"point", d.point},
+                           {"earlier", d.earlier},
+                           {"used", d.used},
+                           {"used_minus_earlier_m", Vector(d.difference_m)},
+                           {"sigma_m", Vector(d.sigma_m)},
+                           {"chi2_3dof", d.chi2},
+                           {"moved", d.Moved()}});
+  }
+  return {{"crs", control.crs},
+          {"heights", control.heights},
+          {"epochs", control.epochs},
+          {"epoch_differences", differences}};
 }
 
 json RunJson(const RunAgreement& r, const SurveyFindings& findings) {
@@ -375,6 +398,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                   {"photo_sets", findings.photo_sets},
                   {"iterations", result.iterations},
                   {"warnings", result.warnings}};
+  summary["control"] = ControlJson(findings.control);
   if (result.fit) {
     summary["rigid_fit_to_points"] = {{"n", result.fit->n},
                                       {"median_m", result.fit->median_m},

@@ -16,6 +16,7 @@ namespace trigpoint {
 struct SurveyFindings {
   std::string frame = "enu";  // of the map: enu; local: a surveyor's own, without a place on the Earth; map: its own
   std::string check_note;
+  ControlSystems control;
   std::vector<std::string> photo_sets;  // that took part
   bool nssda = false;
   std::optional<Repeatability> repeatability;  // maps of all runs but one, against the map of all

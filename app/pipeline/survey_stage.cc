@@ -164,6 +164,7 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   findings.frame = !result.in_world ? "map" : context.project.has_frame() && !job.local_frame ? "enu" : "local";
   const std::string& frame = findings.frame;
   findings.check_note = job.check_note;
+  findings.control = job.control;
   for (const auto& [name, tags] : job.sets) findings.photo_sets.push_back(name);
   findings.nssda = options.nssda;
   Repeat(job, options, result, context, &findings);
@@ -231,7 +232,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 8;
+    request.version = 9;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

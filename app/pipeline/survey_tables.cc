@@ -169,6 +169,21 @@ void WriteChanges(const SurveyResult& result, const SurveyFindings& findings, co
   csv.Save(file);
 }
 
+// Points surveyed at several epochs.
+void WriteControlEpochs(const SurveyResult& result, const SurveyFindings& findings, const fs::path& file) {
+  CsvWriter csv(
+      {"point", "earlier_epoch", "used_epoch", "status", "de_m", "dn_m", "du_m", "sigma_e_m", "sigma_n_m", "sigma_u_m",
+       "standardised", "chi2_3dof"},
+      {Comment("control_epochs", result, findings, "d: coordinates of the epoch used minus the earlier ones")});
+  for (const EpochDifference& d : findings.control.epoch_differences) {
+    csv.Text(d.point).Text(d.earlier).Text(d.used).Text(d.Moved() ? "moved" : "same");
+    Three(d.difference_m, 5, &csv);
+    Three(d.sigma_m, 5, &csv);
+    csv.Number(std::sqrt(d.chi2), 3).Number(d.chi2, 3).EndRow();
+  }
+  csv.Save(file);
+}
+
 // Tags in the project's coordinate system.
 void WriteTagsInCrs(const Project& project, const SurveyResult& result, const SurveyFindings& findings,
                     const fs::path& file) {
@@ -204,6 +219,7 @@ void WriteSurveyTables(const Project& project, const SurveyJob& job, const Surve
   WriteResiduals(job, result, findings, out / "residuals.csv");
   WriteDistances(result, findings, out / "distances.csv");
   WriteSessions(job, result, findings, out / "sessions.csv");
+  if (!findings.control.epoch_differences.empty()) WriteControlEpochs(result, findings, out / "control_epochs.csv");
   if (findings.epochs) WriteChanges(result, findings, out / "changes.csv");
   if (findings.frame != "enu") return;
   try {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -154,6 +155,7 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
   warnings->insert(warnings->end(), table.warnings().begin(), table.warnings().end());
   PositionReader positions(file, warnings);
   std::map<std::tuple<int, int, std::string, std::string>, std::string> lines;  // of each point, where it stands
+  std::map<std::tuple<int, int, std::string>, std::string> epochs;              // and the first epoch it has
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     ControlPoint point;
     point.point = row.Text("point");
@@ -172,6 +174,14 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
     point.sigma_v_m = row.Number("sigma_v_m", point.sigma_v_m);
     if (point.sigma_h_m <= 0 || point.sigma_v_m <= 0) row.Fail("expected sigmas above 0");
     point.epoch = row.Text("epoch");
+    const auto [first, alone] =
+        epochs.try_emplace(std::make_tuple(point.tag_id, point.corner, point.point), point.epoch);
+    for (const std::string& epoch : {point.epoch, first->second}) {
+      if (alone || first->second == point.epoch || YearOfEpoch(epoch)) continue;
+      row.Fail(
+          "column epoch: a point in several rows is compared between their epochs: expected a year as 2023.45 or " +
+          std::string("a date as 2023-06-15 in each, found '") + epoch + "'");
+    }
     const auto [earlier, fresh] =
         lines.try_emplace(std::make_tuple(point.tag_id, point.corner, point.point, point.epoch), row.Where());
     if (!fresh) {
@@ -182,6 +192,28 @@ std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, s
   });
   positions.LeaveOutUnknownHeights(&points);
   return points;
+}
+
+std::optional<double> YearOfEpoch(const std::string& epoch) {
+  constexpr double kYear_ns = 365.25 * 86400e9, kStart_ns = 30 * kYear_ns;  // of 2000, since 1970
+  if (const auto ns = ParseUtcToNs(epoch)) return 2000 + (static_cast<double>(*ns) - kStart_ns) / kYear_ns;
+  const auto year = ParseDouble(epoch);
+  return year && *year >= 1900 && *year < 2200 ? year : std::nullopt;
+}
+
+std::vector<ControlPoint> AtNewestEpoch(const std::vector<ControlPoint>& points) {
+  std::vector<ControlPoint> newest;
+  for (const ControlPoint& point : points) {
+    const auto same = std::find_if(newest.begin(), newest.end(), [&](const ControlPoint& other) {
+      return std::tie(other.tag_id, other.corner, other.point) == std::tie(point.tag_id, point.corner, point.point);
+    });
+    if (same == newest.end()) {
+      newest.push_back(point);
+    } else if (YearOfEpoch(same->epoch).value_or(0) < YearOfEpoch(point.epoch).value_or(0)) {
+      *same = point;
+    }
+  }
+  return newest;
 }
 
 TagSizes ReadTagSizes(const std::filesystem::path& file) {

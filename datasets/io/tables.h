@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,10 @@ std::vector<Reference> ReadPhotoTable(const std::filesystem::path& file, const s
 std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vector<std::string>* warnings);
 std::vector<Station> ReadStations(const std::filesystem::path& file, std::vector<std::string>* warnings);
 std::vector<ControlPoint> ReadControlPoints(const std::filesystem::path& file, std::vector<std::string>* warnings);
+// An epoch as a year with decimals: "2023.45", or a date "2023-06-15". Nothing for another text.
+std::optional<double> YearOfEpoch(const std::string& epoch);
+// Of a point that stands in several rows the one of the newest epoch.
+std::vector<ControlPoint> AtNewestEpoch(const std::vector<ControlPoint>& points);
 TagSizes ReadTagSizes(const std::filesystem::path& file);
 Geodetic ReadOrigin(const std::filesystem::path& file);
 

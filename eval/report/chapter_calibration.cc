@@ -12,12 +12,47 @@ TableCell NumberCell(const std::optional<double>& value, int decimals) {
   return {value ? fmt::format("{:.{}f}", *value, decimals) : "", value};
 }
 
-// "1234.5 +- 0.3" of a parameter; empty if the camera has none of this name.
+// "1234.5 ± 0.3" of a parameter; empty if the camera has none of this name.
 TableCell ParameterCell(const nlohmann::json& camera, const char* name, int decimals) {
   const auto value = At(camera, {"parameters", name}), sigma = At(camera, {"sigma", name});
   if (!value) return {};
-  return {fmt::format("{:.{}f}", *value, decimals) + (sigma ? fmt::format(" +- {:.{}f}", *sigma, decimals + 1) : ""),
+  return {fmt::format("{:.{}f}", *value, decimals) + (sigma ? fmt::format(" ± {:.{}f}", *sigma, decimals + 1) : ""),
           value};
+}
+
+Table CrosscheckedPanoramas(const ChapterContext& c) {
+  Table table{
+      "crosscheck_panoramas",
+      "Panoramas that COLMAP looked for over the whole run, whether we localized them or not. Contradicts: apart "
+      "beyond 99.9 % of both sides' errors (chi-square, 3 degrees of freedom). Found by them alone: perhaps "
+      "refused wrongly.",
+      {{"run"},
+       {"panorama"},
+       {"verdict"},
+       {"ours"},
+       {"their views", true},
+       {"their points", true},
+       {"apart (" + c.unit.name + ")", true},
+       {"chi-square", true}},
+      {}};
+  for (const ResultRecord& s : c.input.stages) {
+    const nlohmann::json& metrics = ObjectAt(s.manifest, "metrics");
+    const auto panoramas = metrics.find("panoramas");
+    if (s.stage != "crosscheck" || panoramas == metrics.end() || !panoramas->is_array()) continue;
+    for (const nlohmann::json& p : *panoramas) {
+      const std::string verdict = TextAt(p, "verdict");
+      const bool doubtful = verdict == "contradicts" || verdict == "found by them alone";
+      table.rows.push_back({{s.name},
+                            {TextAt(p, "panorama")},
+                            {verdict, {}, doubtful ? Tone::kWarning : Tone::kPlain},
+                            {TextAt(p, "ours")},
+                            NumberCell(At(p, {"views"}), 0),
+                            NumberCell(At(p, {"points"}), 0),
+                            c.LengthCell(At(p, {"length_m"})),
+                            NumberCell(At(p, {"chi2_3dof"}), 1)});
+    }
+  }
+  return table;
 }
 
 }  // namespace
@@ -105,6 +140,7 @@ void AddCrosschecks(const ChapterContext& c, std::vector<Block>* blocks) {
   if (table.rows.empty()) return;
   blocks->push_back(Heading{2, "Cross-check", "crosscheck"});
   blocks->push_back(table);
+  if (Table panoramas = CrosscheckedPanoramas(c); !panoramas.rows.empty()) blocks->push_back(std::move(panoramas));
 }
 
 }  // namespace trigpoint

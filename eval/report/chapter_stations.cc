@@ -41,7 +41,7 @@ std::vector<const ErrorRecord*> OwnFirst(std::vector<const ErrorRecord*> errors)
 Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
-      "",
+      "station_errors",
       "Differences of the answers from their references. self: tags seen by the same cameras, in the run's "
       "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
       "its "
@@ -110,7 +110,7 @@ void AddReasons(const ChapterContext& c, const StationPart& part, std::vector<Bl
 Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
-      "",
+      "station_answers",
       "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
       "horizontal distance of the geotag from the answer. First matches: of the views by themselves, before "
       "geometry; the guided search afterwards finds more, so that inliers may outnumber them; pictures of matches "

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -133,22 +134,85 @@ void AddChapters(const ChapterContext& context, bool images, Scenes scenes, std:
   AddProvenance(context, blocks);
 }
 
-nlohmann::json JsonOf(const Document& document, const ReportData& data) {
-  nlohmann::json tables = nlohmann::json::object(), figures = nlohmann::json::array();
+// Rows of a table below those of another of its name: columns of the same name are one.
+void Append(const Table& table, const std::string& heading, Table* all) {
+  std::vector<size_t> place;
+  for (const TableColumn& column : table.columns) {
+    const auto at = std::find_if(all->columns.begin() + 1, all->columns.end(),
+                                 [&](const TableColumn& c) { return c.name == column.name; });
+    place.push_back(static_cast<size_t>(at - all->columns.begin()));
+    if (at == all->columns.end()) all->columns.push_back(column);
+  }
+  for (const auto& row : table.rows) {
+    std::vector<TableCell> cells(all->columns.size());
+    cells[0] = {heading};
+    for (size_t k = 0; k < std::min(row.size(), place.size()); ++k) cells[place[k]] = row[k];
+    all->rows.push_back(std::move(cells));
+  }
+}
+
+// Every number of the pages by name: the tables, those of one name put together with the headings they stand under,
+// and as `statements` what stands in facts, sentences and captions.
+std::vector<Table> TablesOf(const Document& document) {
+  std::map<std::string, int> count;
   for (const Block& block : document.blocks) {
-    if (const auto* table = std::get_if<Table>(&block); table != nullptr && !table->name.empty()) {
-      nlohmann::json rows = nlohmann::json::array();
-      for (const auto& row : table->rows) {
-        nlohmann::json cells = nlohmann::json::array();
-        for (const TableCell& cell : row) cells.push_back(CleanText(cell.text));
-        rows.push_back(std::move(cells));
+    if (const auto* table = std::get_if<Table>(&block)) ++count[table->name];
+  }
+  std::vector<Table> tables;
+  Table statements{"statements", "facts, sentences and captions of the report", {{"under"}, {"what"}, {"text"}}, {}};
+  std::string heading = document.title;
+  const auto state = [&](const std::string& what, const std::string& text) {
+    if (!text.empty()) statements.rows.push_back({{heading}, {what}, {text}});
+  };
+  state("title", document.title);
+  state("title", document.subtitle);
+  for (const Block& block : document.blocks) {
+    if (const auto* h = std::get_if<Heading>(&block)) {
+      heading = h->text;
+      state("heading", h->text);
+    } else if (const auto* paragraph = std::get_if<Paragraph>(&block)) {
+      state("sentence", paragraph->text);
+    } else if (const auto* facts = std::get_if<Facts>(&block)) {
+      for (const Fact& fact : facts->facts) {
+        state(fact.label, fact.value);
+        state(fact.label + ", more", fact.detail);
       }
-      nlohmann::json columns = nlohmann::json::array();
-      for (const TableColumn& column : table->columns) columns.push_back(CleanText(column.name));
-      tables[table->name] = {{"caption", CleanText(table->caption)}, {"columns", columns}, {"rows", rows}};
     } else if (const auto* figure = std::get_if<Figure>(&block)) {
-      figures.push_back({{"file", "figures/" + figure->name + ".png"}, {"caption", CleanText(figure->caption)}});
+      state("figure " + figure->name, figure->caption);
+    } else if (const auto* fold = std::get_if<FoldBegin>(&block)) {
+      state("fold", fold->title);
+    } else if (const auto* table = std::get_if<Table>(&block)) {
+      state("table " + table->name, table->caption);
+      if (table->name.empty()) continue;
+      if (count[table->name] == 1) {
+        tables.push_back(*table);
+        continue;
+      }
+      auto all = std::find_if(tables.begin(), tables.end(), [&](const Table& t) { return t.name == table->name; });
+      if (all == tables.end()) all = tables.insert(tables.end(), Table{table->name, table->caption, {{"under"}}, {}});
+      Append(*table, heading, &*all);
     }
+  }
+  tables.push_back(std::move(statements));
+  return tables;
+}
+
+nlohmann::json JsonOf(const Document& document, const std::vector<Table>& named, const ReportData& data) {
+  nlohmann::json tables = nlohmann::json::object(), figures = nlohmann::json::array();
+  for (const Table& table : named) {
+    nlohmann::json rows = nlohmann::json::array();
+    for (const auto& row : table.rows) {
+      nlohmann::json cells = nlohmann::json::array();
+      for (const TableCell& cell : row) cells.push_back(CleanText(cell.text));
+      rows.push_back(std::move(cells));
+    }
+    nlohmann::json columns = nlohmann::json::array();
+    for (const TableColumn& column : table.columns) columns.push_back(CleanText(column.name));
+    tables[table.name] = {{"caption", CleanText(table.caption)}, {"columns", columns}, {"rows", rows}};
+  }
+  for (const Block& block : document.blocks) {
+    if (const auto* figure = std::get_if<Figure>(&block))
+      figures.push_back({{"file", "figures/" + figure->name + ".png"}, {"caption", CleanText(figure->caption)}});
   }
   nlohmann::json evaluations = nlohmann::json::object();
   for (const VariantData& v : data.variants) evaluations[v.variant.empty() ? "first" : v.variant] = v.summary;
@@ -206,12 +270,9 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
   summary.html_bytes = html.size();
   WriteFileAtomically(out / "index.html", html);
   WriteFileAtomically(out / "report.md", MarkdownOf(document));
-  WriteFileAtomically(out / "report.json", DumpJson(JsonOf(document, data), 1) + "\n");
-  for (const Block& block : document.blocks) {
-    const auto* table = std::get_if<Table>(&block);
-    if (table != nullptr && !table->name.empty())
-      WriteFileAtomically(out / "tables" / (table->name + ".csv"), CsvOf(*table));
-  }
+  const std::vector<Table> tables = TablesOf(document);
+  WriteFileAtomically(out / "report.json", DumpJson(JsonOf(document, tables, data), 1) + "\n");
+  for (const Table& table : tables) WriteFileAtomically(out / "tables" / (table.name + ".csv"), CsvOf(table));
   WriteFigures(document, out, &summary);
   cancel.ThrowIfCancelled();
   if (options.pdf) {

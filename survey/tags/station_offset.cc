@@ -83,6 +83,17 @@ std::optional<Rigid3d> Start(const std::vector<Sight>& sights) {
 
 Vector6d Sigmas(const Matrix6d& covariance) { return covariance.diagonal().cwiseMax(1e-14).cwiseSqrt(); }
 
+// `combined`: the stated offset's covariance before, of both after.
+void CombineWithStated(StationOffset* out) {
+  const Eigen::Matrix3d stated = out->combined;
+  const Eigen::Vector3d off = *out->offset_m - out->stated_m;
+  out->chi2 = off.dot((out->covariance + stated).ldlt().solve(off));
+  if (out->Contradicts()) return;
+  const Eigen::Matrix3d gain = stated * (out->covariance + stated).inverse();
+  out->combined_m = out->stated_m + gain * off;
+  out->combined = stated - gain * stated;
+}
+
 }  // namespace
 
 StationOffset EstimateStationOffset(const Station& station, const std::string& panorama,
@@ -173,6 +184,8 @@ StationOffset EstimateStationOffset(const Station& station, const std::string& p
       continue;
     }
     out.offset_m = pano.translation - solver.Pose(own_tag).translation;
+    out.world_from_pano = pano;
+    out.sigma_rot_rad = std::sqrt(std::max(0.0, solver.PoseCovariance(body).topLeftCorner<3, 3>().trace() / 3));
     const int at = solver.Offset(body), of = solver.Offset(own_tag);
     const Eigen::MatrixXd columns = solver.CovarianceColumns(at + 3, 3);
     const Eigen::Matrix3d cross = columns.middleRows(of + 3, 3);
@@ -182,14 +195,7 @@ StationOffset EstimateStationOffset(const Station& station, const std::string& p
     const Eigen::Matrix3d turn = pano.rotation.toRotationMatrix();
     out.covariance += turn * centres * turn.transpose();
   }
-  const Eigen::Matrix3d stated = out.combined;
-  const Eigen::Vector3d off = *out.offset_m - out.stated_m;
-  out.chi2 = off.dot((out.covariance + stated).ldlt().solve(off));
-  if (!out.Contradicts()) {
-    const Eigen::Matrix3d gain = stated * (out.covariance + stated).inverse();
-    out.combined_m = out.stated_m + gain * off;
-    out.combined = stated - gain * stated;
-  }
+  CombineWithStated(&out);
   return out;
 }
 
@@ -199,13 +205,13 @@ void WriteStationOffsets(const std::filesystem::path& file, const std::vector<St
   for (const char* what : {"stated", "estimated", "sigma", "combined", "combined_sigma"}) {
     for (const char* axis : {"east", "north", "up"}) columns.push_back(fmt::format("{}_{}_m", what, axis));
   }
-  for (const char* c :
-       {"right_m", "out_m", "up_m", "sigma_right_m", "sigma_out_m", "chi2", "tags", "own_tag", "rejected", "rms_px"}) {
+  for (const char* c : {"right_m", "out_m", "up_m", "sigma_right_m", "sigma_out_m", "chi2", "tags", "own_tag",
+                        "rejected", "rms_px", "qx", "qy", "qz", "qw", "sigma_rot_deg"}) {
     columns.emplace_back(c);
   }
   CsvWriter csv(columns, {"trigpoint stations 1; frame=" + frame +
                           "; sigma=1; centre minus the tag's centre; right_m, out_m, up_m: the estimate in the tag's "
-                          "levelled frame"});
+                          "levelled frame; q: rotation of world_from_pano by the tags"});
   const auto vector = [&](const Eigen::Vector3d& v) {
     for (int k = 0; k < 3; ++k) csv.Number(v[k], 4);
   };
@@ -228,6 +234,8 @@ void WriteStationOffsets(const std::filesystem::path& file, const std::vector<St
     const Eigen::Vector3d its = sigma(level * o.covariance * level.transpose());
     csv.Number(its[0], 4).Number(its[1], 4).Number(o.chi2, 2);
     csv.Integer(o.tags).Integer(o.own_tag ? 1 : 0).Integer(o.rejected).Number(o.rms_px, 3);
+    const Eigen::Quaterniond& q = o.world_from_pano.rotation;
+    csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9).Number(o.sigma_rot_rad * kRadToDeg, 5);
     csv.EndRow();
   }
   csv.Save(file);

@@ -27,6 +27,8 @@ struct StationOffset {
   double stated_sigma_m = 0;                           // per axis
   // Empty where the panorama shows too little; `reason` says what.
   std::optional<Eigen::Vector3d> offset_m;                         // world axes
+  Rigid3d world_from_pano;                                         // with it
+  double sigma_rot_rad = 0;                                        // of its rotation, root mean square of the axes
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();            // of it, the map's uncertainty included
   Eigen::Vector3d combined_m = Eigen::Vector3d::Zero();            // both, weighted
   Eigen::Matrix3d combined = Eigen::Matrix3d::Zero();              // its covariance

@@ -7,6 +7,7 @@ The COLMAP of these tests is a script that answers with our own poses, twice as 
 data (TRIGPOINT_SHARED_DATA, or ../shared/data beside the sources), without which they are skipped.
 """
 import csv
+import math
 import os
 import shutil
 import signal
@@ -23,6 +24,15 @@ import os, sys, time
 mode, model = os.environ.get("FAKE_MODE", ""), os.environ.get("FAKE_MODEL", "")
 if sys.argv[1] == "help":
     print("COLMAP 3.8 -- Structure-from-Motion and Multi-View Stereo")
+elif sys.argv[1] == "feature_extractor":
+    open(sys.argv[sys.argv.index("--database_path") + 1], "a").close()
+elif sys.argv[1] in ("image_registrator", "bundle_adjuster"):
+    source, out = (sys.argv[sys.argv.index(f"--{side}_path") + 1] for side in ("input", "output"))
+    for file in ("images.txt", "cameras.txt", "points3D.txt"):
+        text = open(f"{source}/{file}").read()
+        if sys.argv[1] == "image_registrator":
+            text += open(f"{model}/panoramas/{file}").read()
+        open(f"{out}/{file}", "w").write(text)
 elif sys.argv[1] == "mapper":
     if mode == "fail":
         print("ERROR: out of luck\n*** Check failure stack trace: ***\n    @     0x564724b203a1  _start")
@@ -45,6 +55,26 @@ elif sys.argv[1] == "mapper":
         open(f"{out}/{name}/cameras.txt", "w").write(open(model + "/cameras.txt").read())
         open(f"{out}/{name}/points3D.txt", "w").write("")
 '''
+
+
+class Rotation:
+    """A unit quaternion."""
+
+    def __init__(self, w, x, y, z):
+        self.w, self.x, self.y, self.z = w, x, y, z
+
+    def __mul__(self, o):
+        return Rotation(self.w * o.w - self.x * o.x - self.y * o.y - self.z * o.z,
+                        self.w * o.x + self.x * o.w + self.y * o.z - self.z * o.y,
+                        self.w * o.y - self.x * o.z + self.y * o.w + self.z * o.x,
+                        self.w * o.z + self.x * o.y - self.y * o.x + self.z * o.w)
+
+    def inverse(self):
+        return Rotation(self.w, -self.x, -self.y, -self.z)
+
+    def turned(self, v):
+        r = self * Rotation(0, *v) * self.inverse()
+        return [r.x, r.y, r.z]
 
 
 @unittest.skipUnless(os.path.isdir(os.path.join(SHARED, "heidelberg")), "no shared data")
@@ -98,6 +128,43 @@ class Crosscheck(unittest.TestCase):
         self.assertEqual(rows[0]["models"], "2")
         self.assertIn("compared is the largest", rows[0]["reason"])
         self.assertEqual(int(rows[0]["registered"]), int(rows[0]["images"]) - 2)
+
+    def write_panoramas(self, answers):
+        """Two views of each panorama for COLMAP's model, at our own answers, which are right; twice as large as ours."""
+        folder = f"{self.temporary}/model/text/panoramas"
+        os.makedirs(folder, exist_ok=True)
+        images, points = [], []
+        for number, row in enumerate(answers):
+            turn = Rotation(*(float(row[f"odom_{axis}"]) for axis in ("qw", "qx", "qy", "qz")))
+            centre = [2 * float(row[f"odom_{axis}"]) for axis in "xyz"]
+            for view, angle in enumerate((0, math.pi / 4)):
+                # View k looks 45 deg * k to the right of the panorama's centre.
+                q = (turn * Rotation(math.cos(angle / 2), 0, math.sin(angle / 2), 0)).inverse()
+                t = [-c for c in q.turned(centre)]
+                identity = 900 + 2 * number + view
+                seen = [f"{10 + k} 20 {1000 * identity + k}" for k in range(40)]
+                points += [f"{1000 * identity + k} 0 0 0 0 0 0 0.5 {identity} {k}\n" for k in range(40)]
+                images.append(f"{identity} {q.w} {q.x} {q.y} {q.z} {t[0]} {t[1]} {t[2]} 1 view{view}/{number:04d}.jpg\n{' '.join(seen)}\n")
+        for file, text in (("images.txt", "".join(images)), ("points3D.txt", "".join(points)), ("cameras.txt", "")):
+            with open(f"{folder}/{file}", "w", encoding="utf-8") as out:
+                out.write(text)
+
+    def verdicts(self):
+        shutil.rmtree(f"{self.site}/results/crosscheck", ignore_errors=True)
+        done = self.run_program("crosscheck", self.site, "--run", "front", "--set", "features=false", "--set", "rig=false",
+                                environment=self.environment(""))
+        with open(f"{self.site}/results/crosscheck/front/panoramas.csv", encoding="utf-8") as text:
+            return done.stderr, {r["panorama"]: r for r in csv.DictReader(line for line in text if not line.startswith("#"))}
+
+    def test_panoramas_are_looked_for_and_agree(self):
+        table = f"{self.site}/results/localize/front/panoramas.csv"
+        with open(table, encoding="utf-8") as text:
+            lines = text.read().splitlines()
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+        self.assertEqual({r["status"] for r in rows}, {"localized"})
+        self.write_panoramas(rows)
+        _, found = self.verdicts()
+        self.assertEqual({r["verdict"] for r in found.values()}, {"agrees"})
 
     def test_a_failure_is_said_and_the_rest_goes_on(self):
         shutil.copytree(f"{self.temporary}/model/text", f"{self.site}/models/mine")

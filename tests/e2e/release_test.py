@@ -6,6 +6,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -218,6 +219,57 @@ class Release(unittest.TestCase):
         self.assertIn(f"in space {survey['check']['rmse_3d_m']:.3f} m", html)
         with open(f"{release}/certificate.pdf", "rb") as pdf:
             self.assertTrue(pdf.read(5) == b"%PDF-")
+
+    @unittest.skipUnless(shutil.which("pdftotext"), "no pdftotext")
+    def test_every_number_of_the_pdf_is_in_a_csv(self):
+        trigpoint("report", self.site, "--pdf")
+        report = f"{self.site}/results/report"
+        text = subprocess.run(["pdftotext", "-layout", f"{report}/report.pdf", "-"], capture_output=True, text=True, check=True).stdout
+        # The last line of each page has its number.
+        paper = "\n".join(page.rstrip().rpartition("\n")[0] for page in text.split("\f"))
+
+        def numbers(words):
+            return set(re.findall(r"""(?:(?<=[\s,;:("'>])|^)-?\d+(?:\.\d+)?(?=$|[\s,;:)"'<%]|\.(?:[\s"]|$))""", words))
+
+        def all_of(folder, extension):
+            return numbers("\n".join(read(f"{folder}/{name}") for name in os.listdir(folder) if name.endswith(extension)))
+
+        stated, axes = all_of(f"{report}/tables", ".csv"), all_of(f"{report}/figures", ".svg")
+        self.assertEqual(numbers(paper) - stated - axes, set())
+        self.assertGreater(len(numbers(paper) & stated), 100)
+
+    def test_certificate_states_systems_epochs_and_gates(self):
+        header = "tag_id,role,x_m,y_m,z_m,crs,easting_m,northing_m,height_m,latitude_deg,longitude_deg,sigma_h_m,sigma_v_m,epoch"
+        rows = [row.split(",") for row in survey_site.control_rows()]
+        table = [f"{tag},{role},,,,EPSG:4326,{lon},{lat},{h},,,{sh},{sv},2024.5" for tag, role, lat, lon, h, sh, sv in rows]
+        # The first point as it was two years before, 10 cm lower; the second, where it is.
+        tag, role, lat, lon, h, sh, sv = rows[0]
+        table.append(f"{tag},{role},,,,EPSG:4326,{lon},{lat},{float(h) - 0.1:.4f},,,{sh},{sv},2022-07-01")
+        tag, role, lat, lon, h, sh, sv = rows[1]
+        table.append(f"{tag},{role},,,,EPSG:4326,{lon},{lat},{h},,,{sh},{sv},2022-07-01")
+        self.edit(f"{self.site}/control_points.csv", lambda _: header + "\n" + "\n".join(table) + "\n")
+        self.edit(f"{self.site}/trigpoint.yaml",
+                  lambda t: t + "gates: {survey: {min_check_points: 3, max_tag_sigma_m: 0.05}}\n")
+        done = trigpoint("run", self.site, expect=3)
+        self.assertIn("its coordinates of epoch 2022-07-01 are 0.100 m from those of epoch 2024.5", done.stderr)
+        survey = json.loads(read(f"{self.site}/results/survey/summary.json"))
+        self.assertEqual([(d["point"], d["moved"]) for d in survey["control"]["epoch_differences"]], [("0", True), ("1", False)])
+        # The map is as without the earlier rows: nothing is averaged.
+        before = json.loads(read(f"{self.release}/map/summary.json"))
+        for now, then in zip(survey["points"], before["points"]):
+            for a, b in zip(now["map_minus_stated_m"], then["map_minus_stated_m"]):
+                self.assertAlmostEqual(a, b, 4)
+        trigpoint("publish", self.site, "--name", "june")
+        page = json.loads(read(f"{self.site}/releases/june/certificate.json"))
+        self.assertIn("EPSG:4326", page["systems"]["System of the control as given"])
+        self.assertEqual(page["systems"]["Epoch of the control"], "2022-07-01, 2024.5")
+        self.assertIn("largest 0.100 m, 1 beyond", page["systems"]["Epochs compared"])
+        self.assertEqual({g["name"]: g["verdict"] for g in page["gates"]["gates"]},
+                         {"min_check_points": "failed", "max_tag_sigma_m": "passed"})
+        self.assertIn("A quality gate was not passed", " ".join(page["limits"]))
+        self.assertIn("Quality gates", read(f"{self.site}/releases/june/certificate.html"))
+        trigpoint("verify", f"{self.site}/releases/june")
+        trigpoint("rerun", f"{self.site}/releases/june")
 
     def test_certificate_without_check_points_claims_nothing(self):
         header = read(f"{self.site}/control_points.csv").split("\n")[0]
