@@ -312,7 +312,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   }
   auto local = std::make_unique<BundleCovariance>(p, threads, cancel);
   if (!input.has_frame) {
-    result.earth_reason = "the project has no origin: nothing says where on the Earth it is";
+    result.earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
   } else {
     const auto fit = [&](double scale_prior) {
       GeoRegistration geo = RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,

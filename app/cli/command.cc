@@ -48,7 +48,7 @@ void Session::PrintJson(nlohmann::json summary) const {
 
 void AddCommonOptions(CLI::App& app, CommonOptions& options) {
   const std::string group = "Common options";
-  app.add_flag("--quiet", options.quiet, "say nothing but errors")->group(group);
+  app.add_flag("--quiet", options.quiet, "print nothing but errors")->group(group);
   app.add_flag("--verbose", options.verbose, "also print tables and messages that are otherwise in files only")
       ->group(group);
   app.add_option("--log-level", options.log_level, "least level shown: debug, info, warning, error")

@@ -40,7 +40,7 @@ void AddExportCommand(CLI::App& app, Session& session) {
       formats +
           "Layers of the maps (gpkg, geojson, kml, gpx, csv): tags, control, check, stations, panoramas, "
           "cameras,\n"
-          "trajectories, ellipses, residuals. Uncertainties are 1 sigma unless a column says another confidence.\n\n"
+          "trajectories, ellipses, residuals. Uncertainties are 1 sigma unless a column names another confidence.\n\n"
           "Examples:\n"
           "  trigpoint export my_site --to gpkg --crs EPSG:25832\n"
           "  trigpoint export my_site --to geojson --what panoramas,tags --out site.geojson\n"

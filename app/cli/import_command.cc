@@ -276,7 +276,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
   command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview")
       ->required();
-  command.add_option("--as", a->as, "what it is; default: told by its contents")
+  command.add_option("--as", a->as, "what it is; default: recognised by its contents")
       ->check(CLI::IsMember(
           {"bag", "dataset", "video", "colmap", "colmap-database", "panoramas", "photos", "gcp", "tag-layout"}));
   command.add_option("--name", a->name, "bag, dataset, video, colmap: the new run; photos: the new set");

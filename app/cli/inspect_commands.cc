@@ -132,7 +132,7 @@ int Mark(const Session& session, const MarkArguments& a) {
 
 void AddInspectCommand(CLI::App& app, Session& session) {
   CLI::App& command =
-      AddCommand(app, session, "inspect", "what a solution says about one image: tags, points, matches with a panorama",
+      AddCommand(app, session, "inspect", "what a solution has about one image: tags, points, matches with a panorama",
                  "Examples:\n  trigpoint inspect my_site --run run1 --image images/000012.jpg\n"
                  "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/p7.jpg --json");
   const auto a = std::make_shared<InspectArguments>();
@@ -149,7 +149,7 @@ void AddInspectCommand(CLI::App& app, Session& session) {
 
 void AddMarkCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "mark", "mark a surveyed point in images, and say where it must lie in the others",
+      app, session, "mark", "mark a surveyed point in images, and compute where it lies in the others",
       "Marks are kept in control_observations.csv (point, image, u, v); pixels count from the centre of the first.\n"
       "From two marks in localized images on, every other image that must show the point is listed, with the pixel to\n"
       "confirm and its uncertainty (1 sigma, for marks good to 1 px).\n\n"

@@ -49,7 +49,7 @@ int CheckPrinted(int exit_code) {
 int Launch(int argc, char** argv) {
   CLI::App app(
       "Trigpoint: from a folder of images to localized panoramas, and how good they are.\n"
-      "`trigpoint <command> --help` says it all about a command.",
+      "`trigpoint <command> --help` describes a command and its options.",
       "trigpoint");
   app.set_version_flag("--version", TRIGPOINT_VERSION);
   app.require_subcommand(1);

@@ -20,7 +20,7 @@ int EnterMeasured(const Session& session, const Arguments& a) {
   const MeasuredPrint entered = EnterMeasuredPrint(a.dir, ids, a.measured, a.nominal_mm);
   Terminal terminal = session.MakeTerminal();
   for (const std::string& warning : entered.warnings) terminal.Log(LogLevel::kWarning, warning);
-  session.Print(fmt::format("{} tags are {:.2f} % of the size asked for; their sizes stand in {}\n", entered.ids.size(),
+  session.Print(fmt::format("{} tags are {:.2f} % of the size asked for; their sizes are in {}\n", entered.ids.size(),
                             100 * entered.factor, (std::filesystem::path(a.dir) / "tags.yaml").string()));
   if (!entered.old.empty()) session.Print("The file as it was: " + entered.old.string() + "\n");
   session.PrintJson({{"command", "print"},

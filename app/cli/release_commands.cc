@@ -80,7 +80,7 @@ void AddPublishCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
       app, session, "publish", "freeze map, tables and all they were computed from under a name",
       "A release is never overwritten and never changes: `evaluate --reference NAME` holds results against its\n"
-      "map, so that next month's run does not move last month's truth; `compare` says what changed since. It has\n"
+      "map, so that next month's run does not move last month's truth; `compare` shows what changed since. It has\n"
       "tables, settings, review and calibrations of the project, options and versions of every result; pictures and\n"
       "videos as hashes, or copied with --copy-inputs. What is out of date is not published.\n\n"
       "Examples:\n"
@@ -254,7 +254,7 @@ int RerunRelease(const Session& session, const RerunOptions& options) {
 
 void AddRerunCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "rerun", "compute a release again from what it holds, and say what differs",
+      app, session, "rerun", "compute a release again from its own files, and list what differs",
       "Puts the project together as it was, computes every result behind the release with the options and the seed of\n"
       "then, and compares file by file: the same bytes, or by how much each column differs. Pictures that the release\n"
       "has by hash alone are taken from the project it lies in, or from --inputs. Calibrations are taken over; the\n"

@@ -117,7 +117,7 @@ void AddReviewCommand(CLI::App& app, Session& session) {
       "OBJECT: image:RUN/FILE, detection:RUN/FILE#TAG, tag:TAG (wherever it is seen), station:NAME (its errors),\n"
       "panorama:NAME (as a reference of localize), control:TAG[/CORNER] or control:POINT (for role). The kind may be\n"
       "left away where only one thing has that name. undo takes an object (its last decision), an entry's number, or\n"
-      "`last`. list prints the decisions; solve makes every result anew that rests on them, and prints what changed "
+      "`last`. list prints the decisions; solve computes every result again that uses them, and prints what changed "
       "at\n"
       "stations and check points.\n\n"
       "Examples:\n"

@@ -120,7 +120,7 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
         "{}: body_from_cam at ({:.4f}, {:.4f}, {:.4f}) m, sigma ({:.4f}, {:.4f}, {:.4f}) m; attitude known to ({:.3f}, "
         "{:.3f}, {:.3f}) deg (1 sigma, about the body's axes); {:.2f} deg and {:.3f} m from the place it had before. "
         "Odometry scale {:.4f}, sigma {:.4f}. Corners fit to {:.2f} px (rms, odometry's errors included); {} of {} "
-        "sights in {} passes.\n{}\n",
+        "detections in {} passes.\n{}\n",
         camera.name, t.x(), t.y(), t.z(), sigma[3], sigma[4], sigma[5], sigma[0] / kDegToRad, sigma[1] / kDegToRad,
         sigma[2] / kDegToRad, change.head<3>().norm() / kDegToRad, change.tail<3>().norm(), result.scale,
         result.scale_sigma, result.rms_px, result.sights_used, result.sights, result.passes, unseen);

@@ -41,12 +41,12 @@ struct CalibrateStageOptions {
     visit(self.hand_eye, {"hand_eye", "", 0, 0, "instead: a run whose odometry and tags show how its cameras sit"});
     visit(self.from, {"from", "", 0, 0, "instead: a file to import (Kalibr, OpenCV, ROS camera_info, COLMAP, JSON)"});
     visit(self.from_camera, {"from_camera", "", 0, 0, "only this camera of the file"});
-    visit(self.from_width, {"from_width", "px", 0, 1e6, "size of the pictures, where the file doesn't say"});
-    visit(self.from_height, {"from_height", "px", 0, 1e6, "size of the pictures, where the file doesn't say"});
+    visit(self.from_width, {"from_width", "px", 0, 1e6, "size of the pictures, where the file lacks it"});
+    visit(self.from_height, {"from_height", "px", 0, 1e6, "size of the pictures, where the file lacks it"});
     visit(self.mirrored, {"mirrored", "", 0, 1, "the pictures are flipped left-right, as run.yaml's mirrored"});
     visit(self.accept, {"accept", "", 0, 1, "let runs use the result even if a gate refuses it"});
     CalibrateOptions::Visit(self.calibration, visit);
-    visit(self.gates, {"gates", "", 0, 0, "when a calibration is warned about or refused"});
+    visit(self.gates, {"gates", "", 0, 0, "limits beyond which a calibration gets a warning or is refused"});
     visit(self.hand_eye_options, {"hand_eye_options", "", 0, 0, "of hand-eye calibration"});
   }
   std::vector<std::string> Check() const {

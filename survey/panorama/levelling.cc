@@ -250,7 +250,7 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
     level = FromTags(*rig);
     if (level.found) rig->level_source = "tags";
     if (wanted == "tags" && !level.found)
-      rig->warnings.push_back("no photo says its pitch and roll; levelled by the horizon");
+      rig->warnings.push_back("no photo has pitch and roll; levelled by the horizon");
   }
   if (!level.found && (wanted == "auto" || wanted == "lines")) {
     level = FromLines(*rig, load_grey, threads, cancel);

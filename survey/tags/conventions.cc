@@ -66,7 +66,7 @@ void CheckCorners(const SurveyRun& run, std::vector<ConventionFinding>* findings
     findings->push_back(
         {true, fmt::format("run {}: corners of {} of {} detections run clockwise in the picture; expected bottom-left, "
                            "bottom-right, top-right, top-left of the upright tag. Reorder the columns u0..v3, or, if "
-                           "the pictures are mirrored, say mirrored: true in run.yaml",
+                           "the pictures are mirrored, set mirrored: true in run.yaml",
                            run.name, clockwise, n)});
   }
 }

@@ -317,10 +317,10 @@ void MapSolver::CompareDistances() {
     agreement.sigma_m = std::sqrt(std::max(1e-12, d.check || agreement.excluded ? stated + map : stated - map));
     const double off = agreement.map_m - d.distance_m;
     if (std::abs(off) > kDistanceSigmas * agreement.sigma_m) {
-      result_.warnings.push_back(
-          fmt::format("distance {} - {}: measured {:.4f} m, the map says {:.4f} m, {:.1f} sigma apart{}", d.from, d.to,
-                      d.distance_m, agreement.map_m, std::abs(off) / agreement.sigma_m,
-                      agreement.excluded ? ": taken out; measure it again" : ""));
+      result_.warnings.push_back(fmt::format("distance {} - {}: measured {:.4f} m, map {:.4f} m, {:.1f} sigma apart{}",
+                                             d.from, d.to, d.distance_m, agreement.map_m,
+                                             std::abs(off) / agreement.sigma_m,
+                                             agreement.excluded ? ": taken out; measure it again" : ""));
     }
     result_.distances.push_back(agreement);
   }
