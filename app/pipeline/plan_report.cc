@@ -11,6 +11,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/report/document.h"
+#include "eval/report/plan.h"
 
 namespace trigpoint {
 namespace {
@@ -173,15 +174,14 @@ class Map {
     for (const TagPrediction& tag : findings.prediction.tags) {
       if (tag.tied) largest = std::max(largest, EllipseOf(Position(tag.covariance)).a);
     }
-    // The largest one is about 34 pixels; a round factor is easier to read off.
-    const double wanted = 34 / (scale_ * largest);
-    const double power = std::pow(10, std::floor(std::log10(wanted)));
-    factor_ = power * (wanted / power >= 5 ? 5 : wanted / power >= 2 ? 2 : 1);
+    // The largest one is at most 34 pixels; a round factor is easier to read off.
+    factor_ = RoundDown(34 / (scale_ * largest));
   }
 
   Drawing Draw() {
     drawing_.Rectangle(0, 0, drawing_.width, drawing_.height, "#ffffff");
     Paths();
+    for (const PlanStationItem& station : findings_.layout.stations) DrawStation(station);
     for (const TagPrediction& tag : findings_.prediction.tags) DrawTag(tag);
     int rank = 0;
     for (const PlanGain& gain : findings_.suggestions) {
@@ -210,11 +210,14 @@ class Map {
   }
   void Paths() {
     std::map<int, std::vector<std::pair<double, double>>> lines;
-    std::map<int, size_t> count;
     for (const BodyPrediction& body : findings_.prediction.bodies) {
       lines[body.pass].push_back(At(body.world_from_body.translation));
     }
-    for (const auto& [pass, line] : lines) drawing_.Line(line, kGrey, 1.2);
+    for (const auto& [pass, line] : lines) {
+      drawing_.Line(line, kGrey, 1.2);
+      const std::string& name = findings_.layout.network.passes[static_cast<size_t>(pass)].name;
+      drawing_.Text(line.front().first + 6, line.front().second + 14, name, -1, 11, "#5a6570");
+    }
     const size_t every = std::max<size_t>(1, findings_.prediction.bodies.size() / 60);
     for (size_t k = 0; k < findings_.prediction.bodies.size(); k += every) {
       const BodyPrediction& body = findings_.prediction.bodies[k];
@@ -232,25 +235,45 @@ class Map {
     }
     drawing_.Line(line, colour, width);
   }
+  // The stroke shows which way the printed side faces; the id stands behind it.
   void DrawTag(const TagPrediction& tag) {
     const auto [x, y] = At(tag.world_m);
     const bool control = tag.role == "control";
     const char* colour = !tag.tied ? kOrange : kBlue;
-    if (tag.tied) DrawEllipse(tag.world_m, Position(tag.covariance), colour, 1.6);
+    double behind = 14;
+    if (tag.tied) {
+      DrawEllipse(tag.world_m, Position(tag.covariance), colour, 1.6);
+      behind += scale_ * factor_ * EllipseOf(Position(tag.covariance)).a;
+    }
+    const Rigid3d& pose = findings_.layout.network.world_from_tag.at(tag.tag_id);
+    Eigen::Vector2d out = -(pose.rotation * Eigen::Vector3d::UnitZ()).head<2>();
+    if (out.norm() > 1e-3) {
+      constexpr double kStroke = 11;
+      out.normalize();
+      drawing_.Line({{x, y}, {x + kStroke * out.x(), y - kStroke * out.y()}}, colour, 2);
+    }
     if (control) {
       drawing_.Area({{x, y - 6}, {x + 5.5, y + 4}, {x - 5.5, y + 4}}, colour);
     } else {
       drawing_.Circle(x, y, tag.tied ? 3 : 5, colour);
     }
-    drawing_.Text(x + 8, y - 7, std::to_string(tag.tag_id), -1, 12, "#1d2329", true);
+    drawing_.Text(x - behind * out.x(), y + behind * out.y() + 4, std::to_string(tag.tag_id), 0, 12, "#1d2329", true);
+  }
+  void DrawStation(const PlanStationItem& station) {
+    constexpr double kHalf = 4;
+    const auto [x, y] = At(findings_.layout.network.world_from_tag.at(station.tag_id).translation + station.offset_m);
+    drawing_.Rectangle(x - kHalf, y - kHalf, 2 * kHalf, 2 * kHalf, kGreen);
+    drawing_.Text(x + 2 * kHalf, y + kHalf, station.name, -1, 11);
   }
   void Legend() {
     const double y = drawing_.height - 14;
-    const double metres = std::pow(10, std::floor(std::log10(0.3 * (high_.x() - low_.x()))));
+    const double metres = RoundDown(0.3 * (high_.x() - low_.x()));
     drawing_.Line({{10, y}, {10 + metres * scale_, y}}, "#1d2329", 2);
     drawing_.Text(10, y - 6, fmt::format("{:g} m", metres), -1, 11);
     drawing_.Text(drawing_.width - 8, y + 2,
-                  fmt::format("ellipses: 1 sigma, {:g} times enlarged; triangle: control; orange: not tied", factor_),
+                  fmt::format("ellipses: 1 sigma, {:g} times enlarged; triangle: control; square: station; stroke: the "
+                              "way a tag faces; orange: not tied",
+                              factor_),
                   1, 11);
     drawing_.Text(drawing_.width - 14, 16, "N", 0, 12, "#1d2329", true);
     drawing_.Line({{drawing_.width - 14, 40}, {drawing_.width - 14, 20}}, "#1d2329", 1.5);

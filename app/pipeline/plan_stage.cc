@@ -188,8 +188,9 @@ class Planner {
       all.sizes.sizes_m[id++] = findings_.layout.candidate_size_m;
     }
     findings_.suggestion_note = fmt::format(
-        "chosen one after the other among the places tried; no choice of {} among them gives less than {:.1f} mm",
-        options_.count, 1e3 * Predict(all).RmsSigmaOf(findings_.prediction));
+        "chosen one after the other among the {} tried; no choice of {} among them gives less than {:.1f} mm",
+        options_.suggest == "tags" ? "places" : "passes", options_.count,
+        1e3 * Predict(all).RmsSigmaOf(findings_.prediction));
   }
 
   void SuggestKnownPoints() {
