@@ -75,7 +75,8 @@ CheckOutcome Watch(SiteCheck& check, CheckOutcome outcome, Terminal& terminal, c
   bool waited = outcome.waiting > 0;
   try {
     while (true) {
-      const size_t now = check.Look(kAtATime, terminal, cancel);
+      size_t now = check.Look(kAtATime, terminal, cancel);
+      if (now < kAtATime) now += check.Compare(kAtATime, terminal, cancel);
       looked += now;
       const bool news = looked > 0 || waited || check.OthersChanged();
       if (news && Seconds(judged) > kQuietShare * took) {
@@ -90,7 +91,7 @@ CheckOutcome Watch(SiteCheck& check, CheckOutcome outcome, Terminal& terminal, c
         SayChanges(outcome, &said, &terminal);
         looked = 0;
       }
-      constexpr auto kPause = std::chrono::milliseconds(200);
+      constexpr auto kPause = std::chrono::milliseconds(500);
       if (now == 0) std::this_thread::sleep_for(kPause);
       cancel.ThrowIfCancelled();
     }
@@ -103,7 +104,8 @@ int Check(Session& session, const Arguments& a) {
   Terminal terminal = session.MakeTerminal();
   terminal.SetTitle("check");
   SiteCheck check(a.dir, session.options.threads, session.options.seed);
-  while (check.Look(kAtATime, terminal, *session.cancel) > 0) {
+  while (check.Look(kAtATime, terminal, *session.cancel) > 0 ||
+         check.Compare(kAtATime, terminal, *session.cancel) > 0) {
   }
   CheckOutcome outcome = check.Judge(terminal, *session.cancel);
   WriteCheck(outcome, a.watch ? kRefresh_s : 0, check.out());

@@ -175,7 +175,11 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   const DetectTagsOptions options = DetectorOptions(*project_, {});
   if (!log_) {
     log_ = std::make_unique<PictureLog>(out_ / "pictures.jsonl",
-                                        nlohmann::json{{"schema", 1}, {"detector", JsonFromOptions(options)}});
+                                        nlohmann::json{{"schema", 1}, {"blur", 2}, {"detector", JsonFromOptions(options)}});
+    pairs_ = std::make_unique<PairLog>(out_ / "pairs.jsonl");
+    set_lines_ = std::make_unique<JsonLines>(
+        out_ / "sets.jsonl", nlohmann::json{{"schema", 1}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});
+    ReadSets();
   }
   waiting_.clear();
   std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
@@ -202,21 +206,38 @@ std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
 
 bool SiteCheck::OthersChanged() const { return Others() != judged_; }
 
+size_t SiteCheck::Compare(size_t most, ProgressSink& progress, const CancelToken& cancel) {
+  size_t compared = 0;
+  for (const Run& run : project_->site().runs) {
+    if (compared < most) {
+      compared += ComparePairs(PicturesOf(run), most - compared, pairs_.get(), threads_, progress, cancel);
+    }
+  }
+  return compared;
+}
+
+// Those that were looked at.
+FieldRun SiteCheck::PicturesOf(const Run& run) const {
+  FieldRun field;
+  field.run = &run;
+  std::map<fs::path, FileStamp> stamps;  // a video has many pictures
+  for (const ImageEntry& image : run.images) {
+    const auto [it, fresh] = stamps.try_emplace(image.path);
+    if (fresh) it->second = StampOf(image.path);
+    const FieldPicture* seen = log_->Find(run.name, image.file, it->second);
+    if (seen == nullptr) continue;
+    field.pictures.push_back(*seen);
+    field.pictures.back().camera = image.camera;
+    field.pictures.back().stamp_ns = image.stamp_ns;
+  }
+  return field;
+}
+
 void SiteCheck::AddPictures(CheckOutcome* outcome) const {
   for (const Run& run : project_->site().runs) {
-    FieldRun field;
-    field.run = &run;
+    FieldRun field = PicturesOf(run);
     if (const auto waiting = waiting_.find(run.name); waiting != waiting_.end()) field.waiting = waiting->second;
-    std::map<fs::path, FileStamp> stamps;
-    for (const ImageEntry& image : run.images) {
-      const auto [it, fresh] = stamps.try_emplace(image.path);
-      if (fresh) it->second = StampOf(image.path);
-      const FieldPicture* seen = log_->Find(run.name, image.file, it->second);
-      if (seen == nullptr) continue;
-      field.pictures.push_back(*seen);
-      field.pictures.back().camera = image.camera;
-      field.pictures.back().stamp_ns = image.stamp_ns;
-    }
+    field.pairs = PairsOf(field, *pairs_);
     if (!run.detections.empty()) {
       std::vector<std::string> warnings;
       for (const ImageDetections& image : ReadDetections(run.detections, 0.5, &warnings)) {
@@ -310,6 +331,14 @@ void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelTo
   }
 }
 
+void SiteCheck::ReadSets() {
+  set_lines_->Read([&](const nlohmann::json& j) {
+    const FieldSet set{j.at("name"),    j.at("photos"),     j.at("placed"),    j.at("full_turn"),
+                       j.at("gap_deg"), j.at("before_gap"), j.at("after_gap"), j.at("problem")};
+    sets_[set.name] = {j.at("like"), set};
+  });
+}
+
 void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) {
   for (const fs::path& dir : PhotoSetFolders(dir_)) {
     std::string like;  // a set whose photos are as they were is as it was
@@ -321,7 +350,18 @@ void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelT
     }
     const auto known = sets_.find(dir.filename().string());
     if (stable && (known == sets_.end() || known->second.first != like)) {
-      sets_[dir.filename().string()] = {like, LookAtSet(dir, threads_, seed_, progress, cancel)};
+      const FieldSet set = LookAtSet(dir, threads_, seed_, progress, cancel);
+      JsonAppender(set_lines_->file())
+          .Add({{"name", set.name},
+                {"like", like},
+                {"photos", set.photos},
+                {"placed", set.placed},
+                {"full_turn", set.full_turn},
+                {"gap_deg", set.gap_deg},
+                {"before_gap", set.before_gap},
+                {"after_gap", set.after_gap},
+                {"problem", set.problem}});
+      ReadSets();
     }
     if (const auto set = sets_.find(dir.filename().string()); set != sets_.end())
       facts->sets.push_back(set->second.second);

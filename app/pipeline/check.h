@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/pipeline/check_intake.h"
+#include "app/pipeline/check_pairs.h"
 #include "app/pipeline/plan_report.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
@@ -32,6 +33,8 @@ class SiteCheck {
   SiteCheck(const std::filesystem::path& dir, int threads, uint64_t seed);
   // Reads the folder again and looks at no more than `most` new pictures. Returns how many.
   size_t Look(size_t most, ProgressSink& progress, const CancelToken& cancel);
+  // Compares no more than `most` pairs of pictures that were looked at. Returns how many.
+  size_t Compare(size_t most, ProgressSink& progress, const CancelToken& cancel);
   // What all of it shows.
   CheckOutcome Judge(ProgressSink& progress, const CancelToken& cancel);
   // Whether anything but pictures changed since the last Judge: tables, odometry, photos of sets.
@@ -39,7 +42,9 @@ class SiteCheck {
   const std::filesystem::path& out() const { return out_; }
 
  private:
+  FieldRun PicturesOf(const Run& run) const;
   void AddPictures(CheckOutcome* outcome) const;
+  void ReadSets();
   void AddPlanned(FieldFacts* facts) const;
   void AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const;
   void AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel);
@@ -53,6 +58,8 @@ class SiteCheck {
   std::shared_ptr<const Project> project_;
   std::vector<std::string> problems_;  // of opening it
   std::unique_ptr<PictureLog> log_;
+  std::unique_ptr<PairLog> pairs_;
+  std::unique_ptr<JsonLines> set_lines_;
   FolderWatch watch_;
   std::map<std::string, int> waiting_;
   std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: what its photos were like, what they show

@@ -1,19 +1,13 @@
 #include "app/pipeline/check_intake.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cmath>
-#include <fstream>
-#include <mutex>
 
 #include "app/pipeline/detection_json.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
-#include "datasets/io/text.h"
-#include "datasets/project/files.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/tag_finder.h"
 
@@ -43,46 +37,23 @@ PictureQuality QualityOf(const json& j) {
   return q;
 }
 
-std::string LineOf(const PendingPicture& pending, const std::string& problem,
-                   const std::optional<PictureQuality>& quality, const std::vector<TagDetection>& tags) {
+json LineOf(const PendingPicture& pending, const std::string& problem, const std::optional<PictureQuality>& quality,
+            const std::vector<TagDetection>& tags) {
   json found = json::array();
   for (const TagDetection& tag : tags) found.push_back(JsonOf(tag));
-  return DumpJson({{"run", pending.run->name},
-                   {"image", pending.image->file},
-                   {"size", pending.stamp.size},
-                   {"changed_ns", pending.stamp.changed_ns},
-                   {"problem", problem},
-                   {"quality", quality ? JsonOfQuality(*quality) : json()},
-                   {"tags", found}}) +
-         "\n";
+  return {{"run", pending.run->name},
+          {"image", pending.image->file},
+          {"size", pending.stamp.size},
+          {"changed_ns", pending.stamp.changed_ns},
+          {"problem", problem},
+          {"quality", quality ? JsonOfQuality(*quality) : json()},
+          {"tags", found}};
 }
-
-// Lines added to a file, each whole or not at all but for a kill in its middle.
-class Appender {
- public:
-  explicit Appender(const fs::path& file) : file_(file), fd_(open(file.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC)) {
-    if (fd_ < 0) throw IoErrorFor(file, "written", errno);
-  }
-  Appender(const Appender&) = delete;
-  Appender& operator=(const Appender&) = delete;
-  ~Appender() { close(fd_); }
-  void Add(const std::string& line) {
-    const std::lock_guard guard(mutex_);
-    if (write(fd_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) {
-      throw IoErrorFor(file_, "written", errno);
-    }
-  }
-
- private:
-  fs::path file_;
-  int fd_;
-  std::mutex mutex_;
-};
 
 // Pictures of one run.
 void LookAtRun(const std::vector<PendingPicture>& pending, const DetectTagsOptions& options, const fs::path& log,
                int threads, ProgressSink& progress, const CancelToken& cancel) {
-  Appender appender(log);
+  JsonAppender appender(log);
   const Run& run = *pending.front().run;
   const auto entry = [&](int64_t i) -> const ImageEntry& { return *pending[static_cast<size_t>(i)].image; };
   const auto camera = [&](int64_t i) -> const Camera* {
@@ -125,36 +96,18 @@ FileStamp StampOf(const fs::path& file) {
   return {its.st_size, its.st_mtim.tv_sec * 1'000'000'000LL + its.st_mtim.tv_nsec};
 }
 
-PictureLog::PictureLog(fs::path file, const json& identity) : file_(std::move(file)) {
-  const std::string first = DumpJson(identity) + "\n";
-  std::string text;
-  if (fs::exists(file_)) text = ReadTextFile(file_);
-  if (!text.starts_with(first)) {
-    WriteFileAtomically(file_, first);
-  } else if (text.back() != '\n') {
-    fs::resize_file(file_, text.rfind('\n') + 1);
-  }
-  read_to_ = static_cast<int64_t>(first.size());
-  Read();
-}
+PictureLog::PictureLog(const fs::path& file, const json& identity) : lines_(file, identity) { Read(); }
 
 void PictureLog::Read() {
-  std::ifstream in(file_, std::ios::binary);
-  in.seekg(read_to_);
-  for (std::string line; std::getline(in, line) && !in.eof();) {
-    read_to_ += static_cast<int64_t>(line.size()) + 1;
-    const json j = json::parse(line, nullptr, false);
-    try {
-      FieldPicture picture;
-      picture.image = j.at("image");
-      picture.problem = j.at("problem");
-      if (!j.at("quality").is_null()) picture.quality = QualityOf(j.at("quality"));
-      for (const json& tag : j.at("tags")) picture.tags.push_back(DetectionOf(tag));
-      const std::pair<std::string, std::string> key = {j.at("run"), picture.image};
-      pictures_[key] = {FileStamp{j.at("size"), j.at("changed_ns")}, std::move(picture)};
-    } catch (const json::exception&) {  // its picture is looked at again
-    }
-  }
+  lines_.Read([&](const json& j) {
+    FieldPicture picture;
+    picture.image = j.at("image");
+    picture.problem = j.at("problem");
+    if (!j.at("quality").is_null()) picture.quality = QualityOf(j.at("quality"));
+    for (const json& tag : j.at("tags")) picture.tags.push_back(DetectionOf(tag));
+    const std::pair<std::string, std::string> key = {j.at("run"), picture.image};
+    pictures_[key] = {FileStamp{j.at("size"), j.at("changed_ns")}, std::move(picture)};
+  });
 }
 
 const FieldPicture* PictureLog::Find(const std::string& run, const std::string& image, const FileStamp& stamp) const {
@@ -229,7 +182,7 @@ void LookAtPictures(const std::vector<PendingPicture>& pending, const DetectTags
         } catch (const Cancelled&) {
           throw;
         } catch (const Error& e) {
-          Appender(log->file()).Add(LineOf(picture, e.what(), std::nullopt, {}));
+          JsonAppender(log->file()).Add(LineOf(picture, e.what(), std::nullopt, {}));
         }
       }
     }

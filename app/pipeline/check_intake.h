@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "app/pipeline/json_lines.h"
 #include "datasets/project/project.h"
 #include "survey/field/findings.h"
 
@@ -20,21 +21,19 @@ struct FileStamp {
 // Size -1: there is no such file.
 FileStamp StampOf(const std::filesystem::path& file);
 
-// results/check/pictures.jsonl: a first line with what the lines depend on, then a line for each picture.
+// results/check/pictures.jsonl: a line for each picture.
 class PictureLog {
  public:
-  // Begins anew where `identity` is another one than the file's. A line that a kill cut off is removed.
-  PictureLog(std::filesystem::path file, const nlohmann::json& identity);
-  // Takes over the lines that were added since; those that cannot be read are left out.
+  // Begins anew where `identity` is another one than the file's.
+  PictureLog(const std::filesystem::path& file, const nlohmann::json& identity);
+  // Takes over the lines that were added since.
   void Read();
   // Of a picture as it is now, else null.
   const FieldPicture* Find(const std::string& run, const std::string& image, const FileStamp& stamp) const;
-  const std::filesystem::path& file() const { return file_; }
-  size_t size() const { return pictures_.size(); }
+  const std::filesystem::path& file() const { return lines_.file(); }
 
  private:
-  std::filesystem::path file_;
-  int64_t read_to_ = 0;
+  JsonLines lines_;
   std::map<std::pair<std::string, std::string>, std::pair<FileStamp, FieldPicture>> pictures_;
 };
 

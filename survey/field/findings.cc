@@ -21,6 +21,7 @@ constexpr size_t kLeastPictures = 8;   // of a camera, before its lens is judged
 constexpr size_t kLatest = 12;         // pictures that show what the lens is like now
 constexpr double kDarkMean = 40, kBrightMean = 215, kMostDark = 0.5, kMostBright = 0.3;
 constexpr int kRealId = 3;           // pictures of an id that nobody planned, before it counts as being there
+constexpr int kLeastShared = 20;     // features of two pictures in a row, for tracks to go on
 constexpr double kSmallTag_px = 24;  // tags seen no larger than this have poor corners
 
 double Quantile(std::vector<double> values, double share) {
@@ -71,6 +72,10 @@ void FindUnusable(const FieldFacts& facts, std::vector<Finding>* findings) {
     }
   }
   for (const auto& [run, why] : facts.site->broken_runs) {
+    if (why.find("there is no file") != std::string::npos) {  // its list came first
+      findings->push_back({Light::kAmber, "files", run + ": none of the pictures of its list has been copied yet"});
+      continue;
+    }
     findings->push_back({Light::kRed, "files", fmt::format("{}: nothing of this run can be used: {}", run, why)});
   }
 }
@@ -183,6 +188,38 @@ void FindExposure(const CameraPictures& camera, std::vector<Finding>* findings) 
   tell(bright, "bright", "expose shorter, with the sun behind you");
 }
 
+// What was looked at and is as it should be is said, too.
+void SayQuality(const CameraPictures& camera, std::vector<Finding>* findings) {
+  if (camera.blurs.empty()) return;
+  std::vector<double> means;
+  for (const FieldPicture* picture : camera.pictures) means.push_back(picture->quality->mean);
+  findings->push_back({Light::kGreen, "pictures",
+                       fmt::format("{}: {} pictures, blur {:.1f} px (median), brightness {:.0f} of 255", camera.name,
+                                   camera.pictures.size(), Median(camera.blurs), Median(std::move(means)))});
+}
+
+// Pictures in a row that share too little: walked or turned too fast, nothing but a bare wall.
+void FindOverlap(const FieldRun& run, std::vector<Finding>* findings) {
+  std::vector<double> shared;
+  std::vector<std::string> broken;
+  for (const FieldPair& pair : run.pairs) {
+    if (pair.loop || pair.shared < 0) continue;
+    shared.push_back(pair.shared);
+    if (pair.shared < kLeastShared) broken.push_back(pair.from + " to " + pair.to);
+  }
+  if (shared.empty()) return;
+  if (broken.empty()) {
+    findings->push_back({Light::kGreen, "overlap",
+                         fmt::format("{}: pictures in a row share {:.0f} features (median), {:.0f} at least",
+                                     run.run->name, Median(shared), *std::min_element(shared.begin(), shared.end()))});
+    return;
+  }
+  findings->push_back({Light::kAmber, "overlap",
+                       fmt::format("{}: {} of {} pictures share fewer than {} features with the one before ({}); walk "
+                                   "and turn slower there",
+                                   run.run->name, broken.size(), shared.size(), kLeastShared, SomeOf(broken, 2))});
+}
+
 void FindMissingTags(const FieldFacts& facts, std::vector<Finding>* findings) {
   for (const TagCoverage& tag : CoverTags(facts)) {
     const auto planned = facts.planned.find(tag.tag_id);
@@ -255,7 +292,9 @@ std::vector<Finding> FindInPictures(const FieldFacts& facts) {
       FindSmearedPart(camera, &findings);
     }
     FindExposure(camera, &findings);
+    SayQuality(camera, &findings);
   }
+  for (const FieldRun& run : facts.runs) FindOverlap(run, &findings);
   FindMissingTags(facts, &findings);
   FindInSets(facts, &findings);
   return findings;

@@ -40,12 +40,21 @@ struct FieldClock {
   bool significant = false;
 };
 
+// Two pictures of a run that were compared: one after the other, or both of one place at different times.
+struct FieldPair {
+  std::string from, to;  // pictures
+  int shared = -1;       // features that agree with one relative pose; -1: not compared yet
+  bool loop = false;     // `from` is of an earlier passage
+  double way_m = 0;      // along the run, at `to`
+};
+
 struct FieldRun {
   const Run* run = nullptr;
   std::vector<FieldPicture> pictures;  // looked at so far, ascending time
   int waiting = 0;                     // pictures that are still being copied or not looked at yet
   std::optional<FieldClock> clock;
   std::string unit_problem;  // odometry against GPS; empty: none
+  std::vector<FieldPair> pairs;
 };
 
 // A hand-held photo set, as far as its photos hang together.

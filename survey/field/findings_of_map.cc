@@ -11,15 +11,17 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kLoop_m = 15;        // way between two passages of a tag that makes them a loop
-constexpr double kLoopWanted_m = 40;  // shorter runs need none
-constexpr int kFewPictures = 4;       // of a tag
-constexpr double kNarrow_deg = 20;    // directions from which a tag is seen
-constexpr double kPoorCorners = 4;    // residuals in sigmas of the corners
-constexpr double kFocalOff = 0.004;   // share of the focal length that is worth a calibration
-constexpr double kPoorOdometry = 6;   // residuals in units of what odometry is taken to be good for
-constexpr double kCovered = 0.9;      // share of the pictures that odometry covers
-constexpr double kStation_m = 12;     // pictures that count as being at a station
+constexpr double kLoop_m = 15;         // way between two passages of a tag that makes them a loop
+constexpr double kLoopWanted_m = 40;   // shorter runs need none
+constexpr int kLoopShared = 25;        // features that pictures of two passages share
+constexpr int kFewPictures = 4;        // of a tag
+constexpr double kNarrow_deg = 20;     // directions from which a tag is seen
+constexpr double kPoorCorners = 4;     // residuals in sigmas of the corners
+constexpr double kFocalOff = 0.004;    // share of the focal length that is worth a calibration
+constexpr double kPoorOdometry = 6;    // residuals in units of what odometry is taken to be good for
+constexpr double kClockKnown_s = 0.5;  // 1 sigma beyond which an offset says nothing
+constexpr double kCovered = 0.9;       // share of the pictures that odometry covers
+constexpr double kStation_m = 12;      // pictures that count as being at a station
 constexpr int kStationPictures = 5, kStationSectors = 3;
 constexpr double kSector_deg = 30;
 
@@ -115,7 +117,7 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Fi
         fmt::format("odometry's clock is {:+.2f} s off the pictures' ({:.2f} s, 1 sigma): say odometry: "
                     "{{time_offset_s: {:.2f}}} in run.yaml, or record again",
                     -run.clock->offset_s, run.clock->sigma_s, run.clock->offset_s));
-  } else if (run.clock) {
+  } else if (run.clock && run.clock->sigma_s < kClockKnown_s) {
     add(Light::kGreen, "clock",
         fmt::format("odometry's clock agrees with the pictures' ({:+.2f} s, 1 sigma {:.2f} s)", -run.clock->offset_s,
                     run.clock->sigma_s));
@@ -140,6 +142,10 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Fi
           fmt::format("odometry and tags disagree, {:.0f} times as much as they should: body axes, order of the "
                       "quaternion, clock, or slip",
                       factor));
+    } else {
+      add(Light::kGreen, "odometry",
+          fmt::format("odometry agrees with the tags; its metre is {:.3f} m by them ({:.3f} m, 1 sigma)", found.scale,
+                      found.scale_sigma));
     }
   }
 }
@@ -191,15 +197,20 @@ void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>
     });
   }
   const std::string others = shared > 0 ? fmt::format("; it shares {} tags with other runs", shared) : "";
-  if (returns > 0) {
+  const auto passages = std::count_if(run.pairs.begin(), run.pairs.end(),
+                                      [](const FieldPair& pair) { return pair.loop && pair.shared >= kLoopShared; });
+  if (returns > 0 || passages > 0) {
+    const std::string tags =
+        returns > 0 ? fmt::format("it came back to tags ({}x, last after {:.0f} m)", returns, last_return) : "";
+    const std::string places =
+        passages > 0 ? fmt::format("{} pictures show places of an earlier passage", passages) : "";
     findings->push_back({Light::kGreen, "loops",
-                         fmt::format("{}: {:.0f} m, loop closed: it came back to tags {} times, last after {:.0f} m{}",
-                                     run.run->name, length, returns, last_return, others)});
+                         fmt::format("{}: {:.0f} m, loop closed: {}{}{}{}", run.run->name, length, tags,
+                                     returns > 0 && passages > 0 ? ", " : "", places, others)});
   } else if (length > kLoopWanted_m) {
     findings->push_back({shared >= 2 ? Light::kGreen : Light::kAmber, "loops",
-                         fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}; pass the first "
-                                     "tags again at the end",
-                                     run.run->name, length, others)});
+                         fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}{}", run.run->name,
+                                     length, others, shared >= 2 ? "" : "; pass the first tags again at the end")});
   }
 }
 

@@ -10,21 +10,34 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kDark = 8, kBright = 250;  // grey values
-constexpr float kLeastGradient = 12;     // grey values a pixel: above noise and faint texture
+constexpr int kDark = 8, kBright = 250;                // grey values
+constexpr float kLowGradient = 4, kHighGradient = 12;  // grey values a pixel: what counts as an edge at least
+constexpr float kNoises = 4;                           // and in sigmas of the gradient where there is none
 constexpr size_t kLeastEdges = 100, kLeastCellEdges = 30;
 constexpr double kReblur_px = 1;
-// What sampling adds to the variance of an edge: a pixel's square, and the difference over two pixels.
-constexpr double kSampling_px2 = 1.0 / 12 + 4.0 / 12;
 
 struct EdgeBlurs {
   std::vector<double> all;
   std::array<std::vector<double>, kQualityCells * kQualityCells> cells;
 };
 
+// A gradient that noise and faint texture do not reach. Most of a picture is no edge.
+float LeastGradient(const cv::Mat& picture) {
+  constexpr int kEvery = 3;
+  constexpr double kSigmaOfMedian = 1.4826;
+  std::vector<double> sizes;
+  for (int y = 0; y < picture.rows; y += kEvery) {
+    const auto* p = picture.ptr<float>(y);
+    for (int x = 1; x + 1 < picture.cols; x += kEvery) sizes.push_back(std::abs(0.5F * (p[x + 1] - p[x - 1])));
+  }
+  const auto noise = static_cast<float>(kSigmaOfMedian * Median(std::move(sizes)));
+  return std::clamp(kNoises * noise, kLowGradient, kHighGradient);
+}
+
 // Edges across x; those across y are the ones of the transposed picture.
 EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred) {
   EdgeBlurs blurs;
+  const float least = LeastGradient(picture);
   for (int y = 1; y + 1 < picture.rows; ++y) {
     const auto* p = picture.ptr<float>(y);
     const auto* q = reblurred.ptr<float>(y);
@@ -32,13 +45,12 @@ EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred) {
     const auto gradient = [](const float* row, int x) { return 0.5F * (row[x + 1] - row[x - 1]); };
     for (int x = 2; x + 2 < picture.cols; ++x) {
       const float g = gradient(p, x), size = std::abs(g);
-      if (size < kLeastGradient || size < std::abs(gradient(p, x - 1)) || size <= std::abs(gradient(p, x + 1)))
-        continue;
+      if (size < least || size < std::abs(gradient(p, x - 1)) || size <= std::abs(gradient(p, x + 1))) continue;
       // Across the edge, not along one that is nearly level.
       if (0.5F * std::abs(below[x] - above[x]) > 0.4F * size) continue;
       const double ratio = g / gradient(q, x);
       if (!(ratio > 1.01 && ratio < 50)) continue;
-      const double blur = std::sqrt(std::max(0.0, kReblur_px * kReblur_px / (ratio * ratio - 1) - kSampling_px2));
+      const double blur = kReblur_px / std::sqrt(ratio * ratio - 1);
       blurs.all.push_back(blur);
       const int cell = kQualityCells * (kQualityCells * y / picture.rows) + kQualityCells * x / picture.cols;
       blurs.cells[static_cast<size_t>(cell)].push_back(blur);

@@ -1,0 +1,144 @@
+#include "app/pipeline/check_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/parallel.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/bearing.h"
+#include "datasets/io/image.h"
+#include "localize/shared_features.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kKeyframe_m = 0.5, kKeyframe_deg = 10, kKeyframe_s = 0.4;  // from one keyframe to the next
+// Of an earlier passage: as `reconstruct` looks for loops, with room for odometry's drift.
+constexpr double kLoop_m = 30, kNear_m = 3, kDrift = 0.03, kAxis_deg = 40, kSpacing_m = 3;
+
+struct Keyframe {
+  const FieldPicture* picture = nullptr;
+  std::optional<Rigid3d> odom_from_cam;
+  double way_m = 0;
+};
+
+std::vector<Keyframe> KeyframesOf(const FieldRun& run, int camera) {
+  constexpr int64_t kGap_ns = 2'000'000'000;
+  std::vector<Keyframe> keyframes;
+  std::optional<Eigen::Vector3d> last;
+  double way = 0;
+  for (const FieldPicture& picture : run.pictures) {
+    if (picture.camera != camera || !picture.problem.empty() || !picture.quality) continue;
+    Keyframe next{&picture};
+    const BodyCamera& its = run.run->cameras[static_cast<size_t>(camera)];
+    if (const auto odom_from_body = run.run->odometry.At(picture.stamp_ns, kGap_ns)) {
+      next.odom_from_cam = *odom_from_body * its.cam_from_body.Inverse();
+      if (last) way += (next.odom_from_cam->translation - *last).norm();
+      last = next.odom_from_cam->translation;
+    }
+    next.way_m = way;
+    if (!keyframes.empty()) {
+      const Keyframe& before = keyframes.back();
+      const bool posed = next.odom_from_cam && before.odom_from_cam;
+      const double turn = posed ? before.odom_from_cam->rotation.angularDistance(next.odom_from_cam->rotation) : 0;
+      const bool moved = next.way_m - before.way_m >= kKeyframe_m || turn >= kKeyframe_deg * kDegToRad;
+      const double seconds = 1e-9 * static_cast<double>(picture.stamp_ns - before.picture->stamp_ns);
+      if (posed ? !moved : seconds < kKeyframe_s) continue;
+    }
+    keyframes.push_back(next);
+  }
+  return keyframes;
+}
+
+// The nearest keyframe of an earlier passage that looks the same way.
+const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
+  const Keyframe& now = keyframes[k];
+  const Keyframe* nearest = nullptr;
+  double least = 1e9;
+  for (size_t j = 0; j < k && now.odom_from_cam; ++j) {
+    const Keyframe& other = keyframes[j];
+    const double between = now.way_m - other.way_m;
+    if (between < kLoop_m) break;
+    if (!other.odom_from_cam) continue;
+    const double away = (other.odom_from_cam->translation - now.odom_from_cam->translation).norm();
+    const double angle = AngleBetween(other.odom_from_cam->rotation * Eigen::Vector3d::UnitZ(),
+                                      now.odom_from_cam->rotation * Eigen::Vector3d::UnitZ());
+    if (away > kNear_m + kDrift * between || angle > kAxis_deg * kDegToRad || away >= least) continue;
+    least = away;
+    nearest = &other;
+  }
+  return nearest;
+}
+
+}  // namespace
+
+PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 1}, {"features", 1}}) { Read(); }
+
+void PairLog::Read() {
+  lines_.Read([&](const nlohmann::json& j) { shared_[{j.at("run"), j.at("a"), j.at("b")}] = j.at("shared"); });
+}
+
+const int* PairLog::Find(const std::string& run, const std::string& a, const std::string& b) const {
+  const auto it = shared_.find({run, a, b});
+  return it == shared_.end() ? nullptr : &it->second;
+}
+
+std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
+  std::vector<FieldPair> pairs;
+  for (size_t c = 0; c < run.run->cameras.size(); ++c) {
+    const std::vector<Keyframe> keyframes = KeyframesOf(run, static_cast<int>(c));
+    double tried = -1e9;
+    const auto add = [&](const Keyframe& a, const Keyframe& b, bool loop) {
+      const int* shared = log.Find(run.run->name, a.picture->image, b.picture->image);
+      pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? *shared : -1, loop, b.way_m});
+    };
+    for (size_t k = 1; k < keyframes.size(); ++k) {
+      add(keyframes[k - 1], keyframes[k], false);
+      if (keyframes[k].way_m - tried < kSpacing_m) continue;
+      if (const Keyframe* earlier = Earlier(keyframes, k)) {
+        tried = keyframes[k].way_m;
+        add(*earlier, keyframes[k], true);
+      }
+    }
+  }
+  return pairs;
+}
+
+size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,
+                    const CancelToken& cancel) {
+  std::vector<FieldPair> pairs = PairsOf(run, *log);
+  std::erase_if(pairs, [](const FieldPair& pair) { return pair.shared >= 0; });
+  pairs.resize(std::min(most, pairs.size()));
+  if (pairs.empty()) return 0;
+  std::map<std::string, const ImageEntry*> entries;
+  for (const ImageEntry& image : run.run->images) entries[image.file] = &image;
+  std::map<std::string, QuickFeatures> features;
+  for (const FieldPair& pair : pairs) {
+    features.try_emplace(pair.from);
+    features.try_emplace(pair.to);
+  }
+  std::vector<std::pair<const std::string, QuickFeatures>*> pictures;
+  for (auto& its : features) pictures.push_back(&its);
+  const SharedFeatureOptions options;
+  progress.Begin("features of " + run.run->name, static_cast<int64_t>(pictures.size()));
+  ParallelFor(static_cast<int64_t>(pictures.size()), threads, cancel, [&](int64_t i) {
+    auto& [file, found] = *pictures[static_cast<size_t>(i)];
+    const ImageEntry& entry = *entries.at(file);
+    try {
+      const Camera& camera = run.run->cameras[static_cast<size_t>(entry.camera)].camera;
+      found = FindQuickFeatures(LoadGrey(*run.run, entry), camera, options);
+    } catch (const InputError&) {  // it was readable a moment ago: without features it shares nothing
+    }
+    progress.Advance(1);
+  });
+  JsonAppender appender(log->file());
+  ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
+    const FieldPair& pair = pairs[static_cast<size_t>(i)];
+    const int shared = CountShared(features.at(pair.from), features.at(pair.to), options);
+    appender.Add({{"run", run.run->name}, {"a", pair.from}, {"b", pair.to}, {"shared", shared}});
+  });
+  log->Read();
+  return pairs.size();
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,35 @@
+// What pictures of a run share with the one before, and with those of an earlier passage.
+#pragma once
+
+#include <map>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "app/pipeline/json_lines.h"
+#include "survey/field/findings.h"
+
+namespace trigpoint {
+
+// results/check/pairs.jsonl: a line for each pair that was compared.
+class PairLog {
+ public:
+  explicit PairLog(const std::filesystem::path& file);
+  void Read();
+  const int* Find(const std::string& run, const std::string& a, const std::string& b) const;
+  const std::filesystem::path& file() const { return lines_.file(); }
+
+ private:
+  JsonLines lines_;
+  std::map<std::tuple<std::string, std::string, std::string>, int> shared_;
+};
+
+// Pairs of keyframes of a run: each with the one before, and with the nearest of an earlier passage, by odometry.
+// `shared` is that of the log, -1 where it is not there yet.
+std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log);
+
+// Compares pairs of one run, at most `most` of those that are not in the log. Returns how many.
+size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,
+                    const CancelToken& cancel);
+
+}  // namespace trigpoint
