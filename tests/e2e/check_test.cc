@@ -1,0 +1,273 @@
+// A rendered site, copied in pieces and damaged as sites are: `check` names what is wrong while there is time.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+
+#include "datasets/io/text.h"
+#include "survey/tags/detection.h"
+#include "tests/e2e/program.h"
+#include "tests/synthetic/rendered_site.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+class FieldCheck : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    base_ = fs::temp_directory_path() / ("trigpoint check " + std::to_string(getpid()));
+    fs::remove_all(base_);
+    SyntheticOptions options;
+    options.length_m = 80;
+    options.step_m = 1;
+    options.panoramas = 5;
+    options.panoramas_left = true;
+    BodyCamera camera = SyntheticCamera("cam0", 0.8);
+    camera.camera = Camera(CameraModel::kRadtan, 480, 300, {260, 260, 239.5, 149.5, 0, 0, 0, 0});
+    RenderedSiteOptions rendered;
+    rendered.px_per_m = 24;
+    rendered.panorama_width = 256;
+    rendered.photo_sets = 1;
+    ProgressSink progress;
+    WriteRenderedSite(MakeSyntheticSite(options, 3, {camera}), rendered, 3, base_ / "whole", base_ / "truth", 2,
+                      progress, {});
+  }
+  static void TearDownTestSuite() { fs::remove_all(base_); }
+
+  void SetUp() override {
+    fs::remove_all(site_);
+    fs::copy(base_ / "whole", site_, fs::copy_options::recursive);
+    images_ = Images(site_);
+    for (const fs::path& image : images_) Age(image);
+    fs::remove_all(site_ / "photos");
+  }
+  void BringPhotos() const {
+    fs::copy(base_ / "whole" / "photos", site_ / "photos", fs::copy_options::recursive);
+    for (const auto& photo : fs::recursive_directory_iterator(site_ / "photos")) Age(photo.path());
+  }
+
+  // As if it had been copied a while ago.
+  static void Age(const fs::path& file) {
+    fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::minutes(1));
+  }
+  static std::vector<fs::path> Images(const fs::path& site) {
+    std::vector<fs::path> images;
+    for (const auto& entry : fs::directory_iterator(site / "runs" / "run1" / "images")) images.push_back(entry.path());
+    std::sort(images.begin(), images.end());
+    return images;
+  }
+  static std::vector<std::string> Findings(const nlohmann::json& summary, const std::string& but = "green") {
+    std::vector<std::string> texts;
+    for (const auto& f : summary.at("findings")) {
+      if (f.at("light") != but) texts.push_back(f.at("text"));
+    }
+    return texts;
+  }
+  nlohmann::json Check(int* exit_code = nullptr) const {
+    const Finished finished = Trigpoint({"check", site_.string(), "--json"});
+    if (exit_code != nullptr) *exit_code = finished.exit_code;
+    EXPECT_THAT(finished.exit_code, testing::AnyOf(0, 3)) << finished.err;
+    return finished.Json();
+  }
+  // Writes the pictures anew that `change(index, picture, its tags)` changed, which it returns.
+  template <typename Change>
+  void ChangePictures(const Change& change) const {
+    ProgressSink silent;
+    std::vector<cv::Mat> pictures;
+    for (const fs::path& image : images_) pictures.push_back(cv::imread(image.string(), cv::IMREAD_GRAYSCALE));
+    const DetectTagsResult found =
+        DetectTags(static_cast<int64_t>(pictures.size()), [&](int64_t i) { return pictures[static_cast<size_t>(i)]; },
+                   {}, {}, 2, silent, {});
+    for (size_t i = 0; i < pictures.size(); ++i) {
+      if (!change(i, pictures[i], found.images[i].detections)) continue;
+      cv::imwrite(images_[i].string(), pictures[i]);
+      Age(images_[i]);
+    }
+  }
+  static std::vector<cv::Point2f> Corners(const TagDetection& tag, double grown) {
+    cv::Point2f centre(0, 0);
+    std::vector<cv::Point2f> corners;
+    for (const Eigen::Vector2d& c : tag.corners) {
+      corners.emplace_back(static_cast<float>(c.x()), static_cast<float>(c.y()));
+      centre += corners.back() * 0.25F;
+    }
+    for (cv::Point2f& c : corners) c = centre + static_cast<float>(grown) * (c - centre);
+    return corners;
+  }
+  static void Hide(const TagDetection& tag, cv::Mat* picture) {
+    std::vector<cv::Point> corners;
+    for (const cv::Point2f& c : Corners(tag, 1.6)) corners.emplace_back(cvRound(c.x), cvRound(c.y));
+    cv::fillConvexPoly(*picture, corners, 120);
+  }
+
+  static fs::path base_;
+  fs::path site_ = base_ / "site";
+  std::vector<fs::path> images_;
+};
+fs::path FieldCheck::base_;
+
+TEST_F(FieldCheck, PiecesAreTakenUpAsTheyArrive) {
+  const size_t third = images_.size() / 3;
+  for (size_t i = third; i < images_.size(); ++i) fs::remove(images_[i]);
+  int exit_code = 0;
+  const nlohmann::json first = Check(&exit_code);
+  EXPECT_EQ(exit_code, 3);
+  EXPECT_EQ(first.at("light"), "red");
+  EXPECT_EQ(first.at("pictures"), third);
+  EXPECT_THAT(Findings(first), Contains(HasSubstr("is planned and in no picture")));
+  EXPECT_THAT(first.at("next").at(0).get<std::string>(), HasSubstr("Photograph tag"));
+  // The next piece arrives; one picture of it is half there, another one was copied this moment.
+  for (size_t i = third; i < images_.size(); ++i) {
+    fs::copy(base_ / "whole/runs/run1/images" / images_[i].filename(), images_[i]);
+    Age(images_[i]);
+  }
+  fs::last_write_time(images_.back(), fs::file_time_type::clock::now() + std::chrono::hours(1));
+  fs::resize_file(images_[third], fs::file_size(images_[third]) / 2);
+  Age(images_[third]);
+  const nlohmann::json second = Check();
+  EXPECT_EQ(second.at("waiting"), 1);
+  EXPECT_THAT(Findings(second), Contains(HasSubstr("1 pictures cannot be read")));
+  EXPECT_THAT(Findings(second), Not(Contains(HasSubstr("in no picture"))));
+  fs::copy(base_ / "whole/runs/run1/images" / images_[third].filename(), images_[third],
+           fs::copy_options::overwrite_existing);
+  Age(images_[third]);
+  Age(images_.back());
+  BringPhotos();
+  const nlohmann::json third_time = Check();
+  EXPECT_EQ(third_time.at("pictures"), images_.size());
+  EXPECT_EQ(third_time.at("waiting"), 0);
+  EXPECT_THAT(Findings(third_time), Not(Contains(HasSubstr("cannot be read"))));
+  EXPECT_THAT(Findings(third_time, ""), Contains(HasSubstr("the ring of 12 photos is closed")));
+  for (const char* file : {"index.html", "map.svg", "findings.csv", "tags.csv", "next.csv", "summary.json"}) {
+    EXPECT_TRUE(fs::exists(site_ / "results/check" / file)) << file;
+  }
+}
+
+TEST_F(FieldCheck, AHiddenTagIsNamed) {
+  ChangePictures([](size_t, cv::Mat& picture, const std::vector<TagDetection>& tags) {
+    bool changed = false;
+    for (const TagDetection& tag : tags) {
+      if (tag.id != 2) continue;
+      Hide(tag, &picture);
+      changed = true;
+    }
+    return changed;
+  });
+  EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 2 (")));
+}
+
+TEST_F(FieldCheck, ADoubledTagIsNamed) {
+  // What tag 3 looks like, from its largest picture, goes where tag 1 is.
+  cv::Mat pattern;
+  double largest = 0;
+  constexpr float kSide = 120;
+  const std::vector<cv::Point2f> square = {{0, kSide}, {kSide, kSide}, {kSide, 0}, {0, 0}};
+  ChangePictures([&](size_t, cv::Mat& picture, const std::vector<TagDetection>& tags) {
+    for (const TagDetection& tag : tags) {
+      const double side = (tag.corners[0] - tag.corners[1]).norm();
+      if (tag.id != 3 || side < largest) continue;
+      largest = side;
+      cv::warpPerspective(picture, pattern, cv::getPerspectiveTransform(Corners(tag, 1.2), square), {120, 120});
+    }
+    return false;
+  });
+  ChangePictures([&](size_t, cv::Mat& picture, const std::vector<TagDetection>& tags) {
+    bool changed = false;
+    for (const TagDetection& tag : tags) {
+      if (tag.id != 1) continue;
+      changed = true;
+      const cv::Mat there = cv::getPerspectiveTransform(square, Corners(tag, 1.2));
+      cv::Mat warped, mask;
+      cv::warpPerspective(pattern, warped, there, picture.size());
+      cv::warpPerspective(cv::Mat(pattern.size(), CV_8U, cv::Scalar(255)), mask, there, picture.size(),
+                          cv::INTER_NEAREST);
+      warped.copyTo(picture, mask);
+    }
+    return changed;
+  });
+  const std::vector<std::string> findings = Findings(Check());
+  EXPECT_THAT(findings, Contains(HasSubstr("tag 3 stands at two places")));
+  EXPECT_THAT(findings, Contains(HasSubstr("tag 1 (")));
+}
+
+TEST_F(FieldCheck, ALensThatGetsSmearedIsNamed) {
+  ChangePictures([&](size_t i, cv::Mat& picture, const std::vector<TagDetection>&) {
+    if (i > images_.size() / 2) cv::GaussianBlur(picture, picture, {}, 2);
+    return i > images_.size() / 2;
+  });
+  EXPECT_THAT(Findings(Check()), Contains(HasSubstr("the lens is smeared or out of focus")));
+}
+
+TEST_F(FieldCheck, AnOpenRingIsNamed) {
+  BringPhotos();
+  const fs::path set = fs::directory_iterator(site_ / "photos")->path();
+  std::vector<fs::path> photos;
+  for (const auto& photo : fs::directory_iterator(set)) photos.push_back(photo.path());
+  std::sort(photos.begin(), photos.end());
+  for (size_t k = 7; k < photos.size(); ++k) fs::remove(photos[k]);
+  EXPECT_THAT(Findings(Check()), Contains(HasSubstr("the ring is open")));
+}
+
+TEST_F(FieldCheck, AKillLosesOnlyWhatWasInHand) {
+  const fs::path log = site_ / "results/check/pictures.jsonl";
+  const auto lines = [&] {
+    std::ifstream in(log);
+    return std::count(std::istreambuf_iterator<char>(in), {}, '\n');
+  };
+  {
+    const Program killed({"check", site_.string(), "--threads", "1"});
+    while (lines() < 10) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    killed.Signal(SIGKILL);
+    killed.Wait();
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));  // its own child ends a moment later
+  }
+  const auto kept = lines();
+  ASSERT_LT(kept, std::ssize(images_) + 1) << "it was done before it was killed";
+  const std::string before = ReadTextFile(log);
+  std::ofstream(log, std::ios::app) << "{\"run\":\"run1\",\"ima";  // a line that was cut off
+  EXPECT_EQ(Check().at("pictures"), images_.size());
+  EXPECT_EQ(lines(), std::ssize(images_) + 1);  // each picture once, the first line besides
+  EXPECT_TRUE(ReadTextFile(log).starts_with(before.substr(0, before.rfind('\n') + 1)));
+}
+
+TEST_F(FieldCheck, TheWatchedPageFollowsTheFolder) {
+  for (size_t i = 20; i < images_.size(); ++i) fs::remove(images_[i]);
+  const Program watch({"check", site_.string(), "--watch"});
+  const auto wait_for = [&](size_t pictures) {
+    for (int k = 0; k < 600; ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      const fs::path file = site_ / "results/check/summary.json";
+      if (!fs::exists(file)) continue;
+      if (nlohmann::json::parse(ReadTextFile(file)).at("pictures") == pictures) return true;
+    }
+    return false;
+  };
+  ASSERT_TRUE(wait_for(20));
+  const std::string page = ReadTextFile(site_ / "results/check/index.html");
+  EXPECT_THAT(page, HasSubstr("http-equiv=\"refresh\""));
+  EXPECT_THAT(page, Not(HasSubstr("http://")));
+  EXPECT_THAT(page, Not(HasSubstr("https://")));
+  for (size_t i = 20; i < images_.size(); ++i) {
+    fs::copy(base_ / "whole/runs/run1/images" / images_[i].filename(), images_[i]);
+  }
+  EXPECT_TRUE(wait_for(images_.size()));
+  watch.Signal(SIGINT);
+  const Finished ended = watch.Wait();
+  const auto last = nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json"));
+  EXPECT_EQ(ended.exit_code, last.at("light") == "green" ? 0 : 3);
+  EXPECT_THAT(ended.err, HasSubstr("is planned and in no picture"));
+  EXPECT_LE(std::count(ended.out.begin(), ended.out.end(), '\n'), 12);
+  EXPECT_THAT(ReadTextFile(site_ / "results/check/index.html"), Not(HasSubstr("http-equiv=\"refresh\"")));
+}
+
+}  // namespace
+}  // namespace trigpoint
