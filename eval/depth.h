@@ -2,11 +2,11 @@
 // surroundings are far away or were seen from one direction only is not to be trusted, however many matches it has.
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "datasets/colmap/model.h"
 #include "eval/bootstrap.h"
 #include "eval/results.h"
 
@@ -18,9 +18,8 @@ struct StructurePoint {
   double parallax_rad = 0;
 };
 
-// From a COLMAP binary model (images.bin, points3D.bin) in the run's own frame. Empty if there is none; throws
-// InputError for one that is cut off.
-std::vector<StructurePoint> ReadStructure(const std::filesystem::path& sparse_dir);
+// Of a model in the run's own frame: its points with two rays or more.
+std::vector<StructurePoint> StructureOf(const SparseModel& model);
 
 struct DepthSupport {
   double structure_m = 0;    // median distance of the points around

@@ -21,10 +21,12 @@
 
 #include "calib/base/option.h"
 #include "datasets/io/site.h"
+#include "eval/answer_covariance.h"
 #include "eval/bootstrap.h"
 #include "eval/consistency.h"
 #include "eval/depth.h"
 #include "eval/results.h"
+#include "eval/stations.h"
 #include "eval/statistics.h"
 
 namespace trigpoint {
@@ -64,7 +66,7 @@ struct EvaluatedRun {
   std::vector<TagResult> self_tags;
   // What the global fit rests on, one name each ("geotag:S57", "gps:run1"); decides what is shared with a map.
   std::vector<std::string> evidence;
-  std::vector<CameraResult> cameras;      // cameras.csv: what errors of the global fit have in common; may be empty
+  AnswerCovariances covariances;          // empty: answers' own sigmas, as if independent of each other and of the tags
   std::vector<StructurePoint> structure;  // of the run's sparse model, odom frame; may be empty
   std::map<std::string, double> stitch_sigma;  // panorama -> 1 sigma per axis of its stitched centre, m
 };
@@ -101,7 +103,7 @@ struct ErrorRow {
   std::optional<double> error_h_m, error_v_m;  // unset when the vertical of the odom frame is not known
   std::optional<Eigen::Vector3d> error_enu_m;  // estimate - reference; unset when north is not known
   std::optional<double> error_rot_deg;         // unset: a tag says nothing about a panorama's heading
-  // Of the difference, ENU, estimate and reference taken as independent; unset unless both sides have theirs.
+  // Of the difference, ENU; unset unless both sides have theirs. Relative: what the cameras have in common taken out.
   std::optional<Eigen::Matrix3d> covariance_m2;
   std::optional<double> nees;  // e' C^-1 e
   int dof = 0;
@@ -111,9 +113,7 @@ struct ErrorRow {
   std::string dominant;  // the largest of them: tag map, station offset, stitch centre, localization
   std::optional<DepthSupport> depth;
   std::optional<bool> trusted;  // unset without structure
-  // For joint covariances: the estimate's place in world, and the reference's part of the covariance with how it
-  // follows from the tag's.
-  std::optional<Eigen::Vector3d> place_enu_m;
+  // For joint covariances: the reference's part of the covariance with how it follows from the tag's.
   std::optional<Eigen::Matrix3d> reference_covariance_m2;
   Eigen::Matrix<double, 3, 6> centre_from_tag = Eigen::Matrix<double, 3, 6>::Zero();
   bool passed = false;  // the run came within passed_radius_m of the reference position
@@ -182,22 +182,5 @@ struct Evaluation {
 // Pure function of its input; thread safe. Throws OptionError for options out of range, InputError when there is no
 // run. O(rows) plus the bootstrap.
 Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options = {});
-
-// The centre of a station from its tag's pose, in the tag's frame of reference `map`.
-// `enu_from_map`: rotation from the map to east-north-up (identity for a world map); unset when unknown.
-// `up_in_map`: unit vertical in the map frame; unset when unknown.
-// Offsets east/north/up need enu_from_map; right/out/up need up_in_map: right is the tag's x axis made level, out the
-// horizontal normal away from the tag's face towards the reader, up the vertical. Unset with `reason` otherwise.
-std::optional<Eigen::Vector3d> StationCentre(const Station& station, const Rigid3d& map_from_tag,
-                                             const std::optional<Eigen::Matrix3d>& enu_from_map,
-                                             const std::optional<Eigen::Vector3d>& up_in_map, std::string* reason);
-
-// Rigid world_from_odom of a run from its two camera trajectories (same stamps): mean rotation (chordal), then mean
-// translation. Unset with fewer than one common stamp.
-std::optional<Rigid3d> WorldFromOdom(const std::vector<TimedPose>& cameras_odom, const std::vector<TimedPose>& cameras);
-
-// The station a panorama's or photo set's name means: itself, or the only one with the same number ("station_099" is
-// S99). Empty if there is none.
-std::string StationNamed(const std::string& name, const std::vector<Station>& stations);
 
 }  // namespace trigpoint

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,6 +11,8 @@
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/solution_covariance.h"
+#include "datasets/solution/solution_file.h"
 
 namespace trigpoint {
 namespace {
@@ -68,8 +71,6 @@ std::vector<TimedPose> ReadPosesIfThere(const std::filesystem::path& file, std::
   return std::move(trajectory.poses);
 }
 
-}  // namespace
-
 std::vector<PanoramaResult> ReadPanoramaResults(const std::filesystem::path& panoramas_csv) {
   std::vector<PanoramaResult> results;
   const CsvTable table = CsvTable::Read(panoramas_csv, {"panorama", "station", "status", "odom_x", "odom_y", "odom_z"});
@@ -81,9 +82,7 @@ std::vector<PanoramaResult> ReadPanoramaResults(const std::filesystem::path& pan
                        .world_from_pano = GivenPose(row, ""),
                        .sigma_m = GivenVector(row, "sigma_", "_m"),
                        .odom_from_pano = GivenPose(row, "odom_"),
-                       .odom_sigma_m = GivenVector(row, "odom_sigma_", "_m"),
-                       .inliers = Count(row, "inliers"),
-                       .views = Count(row, "views")});
+                       .odom_sigma_m = GivenVector(row, "odom_sigma_", "_m")});
   }
   return results;
 }
@@ -103,6 +102,80 @@ std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv) 
   }
   return results;
 }
+
+std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras_csv) {
+  std::vector<CameraResult> results;
+  const CsvTable table = CsvTable::Read(cameras_csv, {"timestamp", "x", "y", "z"});
+  for (const CsvRow& row : table.rows()) {
+    results.push_back({.stamp_ns = row.StampNs("timestamp"),
+                       .image = row.Has("image") ? row.Text("image") : "",
+                       .camera = row.Has("camera") ? row.Text("camera") : "",
+                       .world_from_cam = GivenPose(row, ""),
+                       .sigma_m = GivenVector(row, "sigma_", "_m", "enu")});
+  }
+  return results;
+}
+
+Eigen::Vector3d PositionSigma(const Matrix6d& covariance) {
+  return covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt();
+}
+
+void SetPoses(const Solution& s, LocalizeResult* result) {
+  for (const SolutionImage& image : s.images) {
+    const Rigid3d odom_from_cam = OdomFromCam(s, image);
+    if (image.camera == 0) result->cameras_odom.push_back({image.stamp_ns, odom_from_cam});
+    if (!s.georeference) continue;
+    const Rigid3d world_from_cam =
+        s.georeference->world_from_odom.TransformPose(OdomFromRig(s, image.pose)) * BodyFromCam(s, image);
+    if (image.camera == 0) result->cameras.push_back({image.stamp_ns, world_from_cam});
+    CameraResult& camera = result->images.emplace_back();
+    camera.stamp_ns = image.stamp_ns, camera.image = image.name;
+    camera.camera = s.cameras[static_cast<size_t>(image.camera)].name;
+    camera.world_from_cam = world_from_cam;
+    if (s.covariances.empty()) continue;
+    const Matrix6d covariance = ImageWorldCovariance(s, image);
+    camera.covariance_m2 = covariance.bottomRightCorner<3, 3>();
+    camera.sigma_m = PositionSigma(covariance);
+  }
+}
+
+// The first photo of a set that is localized stands for it; its centre is the mean of those that are.
+void SetPanoramas(const Solution& s, LocalizeResult* result) {
+  std::map<std::string, std::vector<const SolutionReference*>> rows;
+  std::vector<std::string> names;
+  for (const SolutionReference& reference : s.references) {
+    std::vector<const SolutionReference*>& row = rows[reference.row];
+    if (row.empty()) names.push_back(reference.row);
+    row.push_back(&reference);
+  }
+  for (const std::string& name : names) {
+    const std::vector<const SolutionReference*>& row = rows[name];
+    std::vector<const SolutionReference*> good;
+    for (const SolutionReference* r : row) {
+      if (r->status == "localized" && r->pose >= 0) good.push_back(r);
+    }
+    const SolutionReference& shown = good.empty() ? *row.front() : *good.front();
+    PanoramaResult& answer = result->panoramas.emplace_back();
+    answer.panorama = name;
+    answer.station = shown.station, answer.status = shown.status, answer.reason = shown.reason;
+    if (good.empty()) continue;
+    Rigid3d odom_from_pano = OdomFromRig(s, shown.pose);
+    odom_from_pano.translation.setZero();
+    for (const SolutionReference* r : good) {
+      odom_from_pano.translation += OdomFromRig(s, r->pose).translation / static_cast<double>(good.size());
+    }
+    answer.odom_from_pano = odom_from_pano;
+    if (s.georeference) answer.world_from_pano = s.georeference->world_from_odom.TransformPose(odom_from_pano);
+    if (s.covariances.empty()) continue;
+    answer.odom_sigma_m = PositionSigma(OdomCovariance(s, shown.pose));
+    if (!s.georeference) continue;
+    const Matrix6d covariance = WorldCovariance(s, shown.pose);
+    answer.covariance_m2 = covariance.bottomRightCorner<3, 3>();
+    answer.sigma_m = PositionSigma(covariance);
+  }
+}
+
+}  // namespace
 
 std::string CommentValue(const std::vector<std::string>& comments, const std::string& key) {
   for (const std::string& comment : comments) {
@@ -165,22 +238,26 @@ TagCovariances ReadTagCovariances(const std::filesystem::path& tags_cov_csv) {
   return results;
 }
 
-std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras_csv) {
-  std::vector<CameraResult> results;
-  const CsvTable table = CsvTable::Read(cameras_csv, {"timestamp", "x", "y", "z"});
-  for (const CsvRow& row : table.rows()) {
-    results.push_back({.stamp_ns = row.StampNs("timestamp"),
-                       .image = row.Has("image") ? row.Text("image") : "",
-                       .camera = row.Has("camera") ? row.Text("camera") : "",
-                       .world_from_cam = GivenPose(row, ""),
-                       .sigma_m = GivenVector(row, "sigma_", "_m", "enu")});
-  }
-  return results;
+LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir) {
+  if (!std::filesystem::exists(dir / kSolutionFile)) return ReadLocalizeResult(dir, nullptr);
+  const Solution solution = ReadSolution(dir / kSolutionFile);
+  return ReadLocalizeResult(dir, &solution);
 }
 
-LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir) {
+LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir, const Solution* solution) {
   LocalizeResult result;
-  result.panoramas = ReadPanoramaResults(dir / "panoramas.csv");
+  if (solution != nullptr) {
+    SetPoses(*solution, &result);
+    SetPanoramas(*solution, &result);
+    if (solution->georeference) result.world_from_odom = solution->georeference->world_from_odom;
+  } else {
+    result.panoramas = ReadPanoramaResults(dir / "panoramas.csv");
+    result.cameras_odom = ReadPosesIfThere(dir / "cameras_odom.tum", &result.warnings);
+    result.cameras = ReadPosesIfThere(dir / "cameras.tum", &result.warnings);
+    if (std::filesystem::exists(dir / "cameras.csv")) result.images = ReadCameraResults(dir / "cameras.csv");
+    result.world_from_odom = WorldFromOdom(result.cameras_odom, result.cameras);
+  }
+  if (std::filesystem::exists(dir / "views.csv")) result.views = ReadViewResults(dir / "views.csv");
   const auto placed = [](const PanoramaResult& p) { return p.status == "localized" && p.world_from_pano; };
   const auto bare = [&](const PanoramaResult& p) { return placed(p) && !p.sigma_m; };
   if (const auto n = std::count_if(result.panoramas.begin(), result.panoramas.end(), bare); n > 0) {
@@ -189,10 +266,40 @@ LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir) {
         "of their consistency",
         n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
   }
-  if (std::filesystem::exists(dir / "views.csv")) result.views = ReadViewResults(dir / "views.csv");
-  result.cameras_odom = ReadPosesIfThere(dir / "cameras_odom.tum", &result.warnings);
-  result.cameras = ReadPosesIfThere(dir / "cameras.tum", &result.warnings);
   return result;
+}
+
+std::optional<Sim3d> WorldFromOdom(const std::vector<TimedPose>& odom, const std::vector<TimedPose>& world) {
+  std::map<int64_t, const Rigid3d*> by_stamp;
+  for (const TimedPose& pose : world) by_stamp.emplace(pose.stamp_ns, &pose.target_from_body);
+  std::vector<std::pair<const Rigid3d*, const Rigid3d*>> pairs;
+  for (const TimedPose& pose : odom) {
+    if (const auto it = by_stamp.find(pose.stamp_ns); it != by_stamp.end()) {
+      pairs.emplace_back(&pose.target_from_body, it->second);
+    }
+  }
+  if (pairs.empty()) return std::nullopt;
+  const double n = static_cast<double>(pairs.size());
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d mean_odom = Eigen::Vector3d::Zero(), mean_world = Eigen::Vector3d::Zero();
+  for (const auto& [a, b] : pairs) {
+    sum += (b->rotation * a->rotation.conjugate()).toRotationMatrix();
+    mean_odom += a->translation / n;
+    mean_world += b->translation / n;
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1.0 : 1.0;
+  Sim3d fit;
+  fit.rotation = Eigen::Quaterniond(
+      Eigen::Matrix3d(svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose()));
+  double along = 0, square = 0;
+  for (const auto& [a, b] : pairs) {
+    along += (fit.rotation * (a->translation - mean_odom)).dot(b->translation - mean_world);
+    square += (a->translation - mean_odom).squaredNorm();
+  }
+  fit.scale = square > 1e-6 && along > 0 ? along / square : 1;
+  fit.translation = mean_world - fit.scale * (fit.rotation * mean_odom);
+  return fit;
 }
 
 }  // namespace trigpoint

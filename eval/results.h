@@ -1,5 +1,5 @@
-// The result files of `localize` and `survey` as plain values. The formats are those of docs/file_formats.md; columns
-// that a reader does not know are ignored, so that a newer file still reads.
+// What `localize` and `survey` found, as plain values: from localize's solution, and from tables (docs/file_formats.md;
+// columns that a reader does not know are ignored, so that a newer file still reads).
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +13,7 @@
 
 #include "calib/geometry/rigid3.h"
 #include "datasets/io/trajectory.h"
+#include "datasets/solution/solution.h"
 
 namespace trigpoint {
 
@@ -23,12 +24,11 @@ struct PanoramaResult {
   std::string status;  // localized, rejected, unmatched
   std::string reason;
   std::optional<Rigid3d> world_from_pano;
-  std::optional<Eigen::Vector3d> sigma_m;  // of the world position, per axis of world
-  std::optional<Rigid3d> odom_from_pano;   // in the run's own optimised frame
+  std::optional<Eigen::Vector3d> sigma_m;        // of the world position, per axis of world
+  std::optional<Eigen::Matrix3d> covariance_m2;  // of it; unset from tables
+  std::optional<Rigid3d> odom_from_pano;         // in the run's own optimised frame
   // Of the odom position, per axis of odom (optional columns odom_sigma_x_m, odom_sigma_y_m, odom_sigma_z_m).
   std::optional<Eigen::Vector3d> odom_sigma_m;
-  int inliers = 0;
-  int views = 0;
 };
 
 // A row of views.csv: one view of a panorama by itself (G1 of the paper).
@@ -62,28 +62,29 @@ struct TagResult {
 // Covariances between different tags (tags_cov.csv, a < b): rows of tag a.
 using TagCovariances = std::map<std::pair<int, int>, Matrix6d>;
 
-// A row of cameras.csv.
+// An image's pose in world, as in cameras.csv.
 struct CameraResult {
   int64_t stamp_ns = 0;
   std::string image;
   std::string camera;
   std::optional<Rigid3d> world_from_cam;
-  std::optional<Eigen::Vector3d> sigma_m;  // east, north, up
+  std::optional<Eigen::Vector3d> sigma_m;        // east, north, up
+  std::optional<Eigen::Matrix3d> covariance_m2;  // unset from tables
 };
 
-// The artefacts of results/localize/<run>[@V] that an evaluation needs.
+// What results/localize/<run>[@V] holds.
 struct LocalizeResult {
   std::vector<PanoramaResult> panoramas;
   std::vector<ViewResult> views;        // empty without views.csv
   std::vector<TimedPose> cameras_odom;  // odom_from_cam, first camera
   std::vector<TimedPose> cameras;       // world_from_cam, first camera; empty: no global fit
-  std::vector<std::string> warnings;    // rows that could not be used, one sentence each
+  std::vector<CameraResult> images;     // of all cameras; empty: no global fit
+  std::optional<Sim3d> world_from_odom;
+  std::vector<std::string> warnings;  // rows that could not be used, one sentence each
 };
 
 // Each throws InputError naming file, line, expected and found when a needed column is missing or a value is not a
 // number. An empty or NaN number is "not given".
-std::vector<PanoramaResult> ReadPanoramaResults(const std::filesystem::path& panoramas_csv);
-std::vector<ViewResult> ReadViewResults(const std::filesystem::path& views_csv);
 // What a table's comments say: "enu" of "frame" in "trigpoint tags 1; frame=enu; datum=control". Empty if nothing.
 std::string CommentValue(const std::vector<std::string>& comments, const std::string& key);
 // What a tags.csv says of its frame ("enu", "map"), empty if nothing.
@@ -92,8 +93,14 @@ std::string TagMapFrame(const std::filesystem::path& tags_csv);
 std::vector<TagResult> ReadTagResults(const std::filesystem::path& tags_csv,
                                       const std::filesystem::path& tags_cov_csv = {});
 TagCovariances ReadTagCovariances(const std::filesystem::path& tags_cov_csv);
-std::vector<CameraResult> ReadCameraResults(const std::filesystem::path& cameras_csv);
-// Reads panoramas.csv (needed), views.csv, cameras_odom.tum and cameras.tum (each may be missing) of a folder.
+// Of a folder: from its solution.db; of an older program's result without one, from its tables. views.csv may be
+// missing.
 LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir);
+// The same with the folder's solution as read before; null: there is none.
+LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir, const Solution* solution);
+
+// The similarity between two trajectories of the same stamps: mean rotation (chordal), then scale and place by least
+// squares (a scale of 1 if the path has no length). Unset without a common stamp.
+std::optional<Sim3d> WorldFromOdom(const std::vector<TimedPose>& odom, const std::vector<TimedPose>& world);
 
 }  // namespace trigpoint

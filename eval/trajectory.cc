@@ -120,14 +120,14 @@ Pieces AllPieces(const std::vector<double>& progress, const RelativeOptions& opt
   return pieces;
 }
 
-TrajectoryErrors ErrorsOf(const std::vector<PosePair>& pairs, const Pieces& pieces, double scale) {
+TrajectoryErrors ErrorsOf(const std::vector<PosePair>& pairs, const Pieces& pieces) {
   TrajectoryErrors errors;
   for (const auto& [i, j] : pieces) {
     const MatrixPose reference = Between(pairs[i].reference, pairs[j].reference);
     const MatrixPose estimate = Between(pairs[i].estimate, pairs[j].estimate);
     errors.stamps_ns.push_back(pairs[i].stamp_ns);
     errors.translation_m.push_back(
-        (reference.rotation.transpose() * (scale * estimate.translation - reference.translation)).norm());
+        (reference.rotation.transpose() * (estimate.translation - reference.translation)).norm());
     errors.rotation_deg.push_back(RotationDeg(reference.rotation.transpose() * estimate.rotation));
   }
   return errors;
@@ -316,7 +316,7 @@ TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const Relati
   if (!(options.delta > 0)) throw OptionError(fmt::format("delta is {:g}, expected more than 0", options.delta));
   const std::vector<double> progress = Progress(pairs, options.unit, options.lengths_from_reference);
   const Pieces pieces = options.all_pairs ? AllPieces(progress, options) : ConsecutivePieces(progress, options);
-  if (!positions_only) return ErrorsOf(pairs, pieces, 1);
+  if (!positions_only) return ErrorsOf(pairs, pieces);
   TrajectoryErrors errors;
   for (const auto& [i, j] : pieces) {
     const double reference = (pairs[j].reference.translation - pairs[i].reference.translation).norm();
@@ -325,16 +325,6 @@ TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const Relati
     errors.translation_m.push_back(std::abs(reference - estimate));
   }
   return errors;
-}
-
-TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, double length_m, double scale) {
-  const std::vector<double> path = Progress(pairs, DeltaUnit::kMetres, true);
-  Pieces pieces;
-  for (size_t i = 0; i < path.size(); ++i) {
-    const auto j = std::lower_bound(path.begin(), path.end(), path[i] + length_m);
-    if (j != path.end()) pieces.emplace_back(i, static_cast<size_t>(j - path.begin()));
-  }
-  return ErrorsOf(pairs, pieces, scale);
 }
 
 double PathLength(const std::vector<PosePair>& pairs) {

@@ -128,9 +128,6 @@ RelativeOptions ParseRelative(const std::string& text);
 TrajectoryErrors RelativeErrors(const std::vector<PosePair>& pairs, const RelativeOptions& options,
                                 bool positions_only = false);
 
-// Another usual form: from every pose to the first one at least `length_m` further along the reference's path, the
-// estimate's translation multiplied by `scale`, in the first body's axes.
-TrajectoryErrors RelativeErrorsOverPath(const std::vector<PosePair>& pairs, double length_m, double scale = 1);
 // Length of the reference's path through the pairs, m.
 double PathLength(const std::vector<PosePair>& pairs);
 

@@ -53,6 +53,68 @@ double Nees(const Eigen::Vector3d& error, const Eigen::Vector3d& sigma) {
   return error.cwiseQuotient(sigma).squaredNorm();
 }
 
+// Positions of the same cameras, estimated and true.
+struct Pairs {
+  std::vector<Eigen::Vector3d> odom, world;
+};
+
+Pairs CompareCameras(const LocalizeResult& result, const Truth& truth, int64_t max_ns, TruthEvaluation* evaluation) {
+  Pairs pairs;
+  double squares_h = 0, squares_v = 0, camera_nees = 0;
+  size_t world_count = 0, nees_count = 0;
+  for (const TimedPose& camera : truth.cameras) {
+    const Eigen::Vector3d& position = camera.target_from_body.translation;
+    if (const TimedPose* estimate = Nearest(result.cameras_odom, camera.stamp_ns, max_ns)) {
+      pairs.odom.push_back(estimate->target_from_body.translation);
+      pairs.world.push_back(position);
+    }
+    if (const TimedPose* estimate = Nearest(result.cameras, camera.stamp_ns, max_ns)) {
+      const Eigen::Vector3d e = estimate->target_from_body.translation - position;
+      squares_h += e.head<2>().squaredNorm();
+      squares_v += e.z() * e.z();
+      ++world_count;
+      const CameraResult* row = Nearest(result.images, camera.stamp_ns, max_ns);
+      if (row != nullptr && row->sigma_m) camera_nees += Nees(e, *row->sigma_m) / 3, ++nees_count;
+    }
+  }
+  if (world_count > 0) {
+    evaluation->camera_rmse_h_m = Rmse(squares_h, world_count);
+    evaluation->camera_rmse_v_m = Rmse(squares_v, world_count);
+  }
+  if (nees_count > 0) evaluation->camera_nees_per_dof = camera_nees / static_cast<double>(nees_count);
+  if (pairs.odom.size() < 3) return pairs;
+  const auto rmse = [&](const Sim3d& fit) {
+    return Rmse(SquaredResiduals(fit, pairs.odom, pairs.world), pairs.odom.size());
+  };
+  evaluation->ate_se3_m = rmse(AlignPoints(pairs.odom, pairs.world, AlignmentKind::kSE3));
+  const Sim3d similarity = AlignPoints(pairs.odom, pairs.world, AlignmentKind::kSim3);
+  evaluation->ate_sim3_m = rmse(similarity);
+  evaluation->scale_error = 1 / similarity.scale - 1;
+  return pairs;
+}
+
+TruthError ErrorOf(const PanoramaResult& row, int station, const Rigid3d& world_from_pano, const Pairs& pairs,
+                   double fit_radius_m) {
+  Pairs near;
+  for (size_t i = 0; i < pairs.world.size(); ++i) {
+    if ((pairs.world[i] - world_from_pano.translation).norm() >= fit_radius_m) continue;
+    near.odom.push_back(pairs.odom[i]);
+    near.world.push_back(pairs.world[i]);
+  }
+  const Pairs& used = near.odom.empty() ? pairs : near;
+  const Sim3d world_from_odom = AlignPoints(used.odom, used.world, AlignmentKind::kSE3);
+  TruthError error{.station = station, .panorama = row.panorama};
+  const Rigid3d estimate = world_from_odom.TransformPose(*row.odom_from_pano);
+  error.relative_m = (estimate.translation - world_from_pano.translation).norm();
+  error.relative_rot_deg = kRadToDeg * AngleBetween(estimate.rotation, world_from_pano.rotation);
+  if (!row.world_from_pano) return error;
+  const Eigen::Vector3d e = row.world_from_pano->translation - world_from_pano.translation;
+  error.world_h_m = e.head<2>().norm();
+  error.world_v_m = std::abs(e.z());
+  if (row.sigma_m) error.nees = Nees(e, *row.sigma_m);
+  return error;
+}
+
 }  // namespace
 
 Truth ReadTruth(const std::filesystem::path& dir, const std::string& run) {
@@ -66,43 +128,12 @@ Truth ReadTruth(const std::filesystem::path& dir, const std::string& run) {
   return truth;
 }
 
-TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const std::vector<CameraResult>& camera_rows,
-                                     const Truth& truth, const TruthOptions& options) {
-  const auto max_ns = static_cast<int64_t>(options.max_time_difference_s * kNsPerS);
+TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const Truth& truth, const TruthOptions& options) {
   TruthEvaluation evaluation;
   evaluation.frames_truth = static_cast<int>(truth.cameras.size());
   evaluation.frames_out = static_cast<int>(result.cameras_odom.size());
-
-  std::vector<Eigen::Vector3d> odom, world;  // positions of the same cameras, estimated and true
-  double squares_h = 0, squares_v = 0, camera_nees = 0;
-  size_t world_count = 0, nees_count = 0;
-  for (const TimedPose& camera : truth.cameras) {
-    const Eigen::Vector3d& position = camera.target_from_body.translation;
-    if (const TimedPose* estimate = Nearest(result.cameras_odom, camera.stamp_ns, max_ns)) {
-      odom.push_back(estimate->target_from_body.translation);
-      world.push_back(position);
-    }
-    if (const TimedPose* estimate = Nearest(result.cameras, camera.stamp_ns, max_ns)) {
-      const Eigen::Vector3d e = estimate->target_from_body.translation - position;
-      squares_h += e.head<2>().squaredNorm();
-      squares_v += e.z() * e.z();
-      ++world_count;
-      const CameraResult* row = Nearest(camera_rows, camera.stamp_ns, max_ns);
-      if (row != nullptr && row->sigma_m) camera_nees += Nees(e, *row->sigma_m) / 3, ++nees_count;
-    }
-  }
-  if (world_count > 0) {
-    evaluation.camera_rmse_h_m = Rmse(squares_h, world_count);
-    evaluation.camera_rmse_v_m = Rmse(squares_v, world_count);
-  }
-  if (nees_count > 0) evaluation.camera_nees_per_dof = camera_nees / static_cast<double>(nees_count);
-  if (odom.size() >= 3) {
-    evaluation.ate_se3_m =
-        Rmse(SquaredResiduals(AlignPoints(odom, world, AlignmentKind::kSE3), odom, world), odom.size());
-    const Sim3d similarity = AlignPoints(odom, world, AlignmentKind::kSim3);
-    evaluation.ate_sim3_m = Rmse(SquaredResiduals(similarity, odom, world), odom.size());
-    evaluation.scale_error = 1 / similarity.scale - 1;
-  }
+  const Pairs pairs =
+      CompareCameras(result, truth, static_cast<int64_t>(options.max_time_difference_s * kNsPerS), &evaluation);
 
   std::map<int, TruthError> answers;
   double panorama_nees = 0;
@@ -112,30 +143,8 @@ TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const std::ve
     const int station = NumberOf(row.station);
     const auto it = truth.panoramas.find(station);
     if (it == truth.panoramas.end()) throw InputError("station " + row.station + " is not in the truth");
-    const Rigid3d& world_from_pano = it->second;
-
-    std::vector<Eigen::Vector3d> near_odom, near_world;
-    for (size_t i = 0; i < world.size(); ++i) {
-      if ((world[i] - world_from_pano.translation).norm() >= options.fit_radius_m) continue;
-      near_odom.push_back(odom[i]);
-      near_world.push_back(world[i]);
-    }
-    const bool some = !near_odom.empty();
-    const Sim3d world_from_odom = AlignPoints(some ? near_odom : odom, some ? near_world : world, AlignmentKind::kSE3);
-    TruthError error{.station = station, .panorama = row.panorama};
-    const Rigid3d estimate = world_from_odom.TransformPose(*row.odom_from_pano);
-    error.relative_m = (estimate.translation - world_from_pano.translation).norm();
-    error.relative_rot_deg = kRadToDeg * AngleBetween(estimate.rotation, world_from_pano.rotation);
-    if (row.world_from_pano) {
-      const Eigen::Vector3d e = row.world_from_pano->translation - world_from_pano.translation;
-      error.world_h_m = e.head<2>().norm();
-      error.world_v_m = std::abs(e.z());
-      if (row.sigma_m) {
-        error.nees = Nees(e, *row.sigma_m);
-        panorama_nees += *error.nees;
-        ++panorama_nees_count;
-      }
-    }
+    const TruthError error = ErrorOf(row, station, it->second, pairs, options.fit_radius_m);
+    if (error.nees) panorama_nees += *error.nees, ++panorama_nees_count;
     answers.insert_or_assign(station, error);
   }
   if (panorama_nees_count > 0) evaluation.panorama_anees_per_dof = panorama_nees / panorama_nees_count / 3;

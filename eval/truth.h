@@ -51,10 +51,10 @@ struct TruthEvaluation {
   std::optional<double> camera_nees_per_dof;
 };
 
-// `camera_rows` (cameras.csv) may be empty. A station's number is the digits of its name; an answer for a station
+// A station's number is the digits of its name; an answer for a station
 // without truth throws InputError. O(n log n).
-TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const std::vector<CameraResult>& camera_rows,
-                                     const Truth& truth, const TruthOptions& options = {});
+TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const Truth& truth,
+                                     const TruthOptions& options = {});
 
 // One sentence, metres; and the same as JSON, every answer with its errors.
 std::string Describe(const TruthEvaluation& evaluation);

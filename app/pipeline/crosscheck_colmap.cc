@@ -15,7 +15,6 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "eval/results.h"
 
 namespace trigpoint {
 namespace {
@@ -55,12 +54,11 @@ std::vector<std::string> CrosscheckOptions::Check() const {
   return problems;
 }
 
-ColmapRun::ColmapRun(const Project& project, const std::string& run, const std::string& variant, const RunScene& scene,
+ColmapRun::ColmapRun(const Project& project, const std::string& run, const RunScene& scene,
                      const CrosscheckOptions& options, const ViewOptions& views, const fs::path& work,
                      const fs::path& log, int threads, ProgressSink& progress, const CancelToken& cancel)
     : project_(project),
       run_(run),
-      variant_(variant),
       scene_(scene),
       options_(options),
       views_(views),
@@ -158,7 +156,7 @@ ColmapSolution ColmapRun::Features() {
   solution.images = static_cast<int>(scene_.model.images.size());
   const fs::path dir = work_ / "a", database = dir / "database.db";
   fs::create_directories(dir);
-  feature_of_ = WriteSceneDatabase(scene_, database, cancel_);
+  WriteSceneDatabase(scene_, database, cancel_);
   for (const ModelImage& image : scene_.model.images) solution.name_of[image.name] = image.name;
   const std::string threads = std::to_string(threads_);
   if (options_.solver == "mapper") {
@@ -291,11 +289,10 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
   solution.images = images.images;
   solution.name_of = images.name_of;
 
-  const LocalizeResult result =
-      ReadLocalizeResult(ResultOf(project_, "localize", {run_, variant_, nlohmann::json::object()}));
+  // Our answers, by which candidates are chosen.
   std::map<std::string, Eigen::Vector3d> answers;
-  for (const PanoramaResult& p : result.panoramas) {
-    if (p.odom_from_pano) answers[p.panorama] = p.odom_from_pano->translation;
+  for (const SolutionReference& r : scene_.solution.references) {
+    if (r.pose >= 0) answers[r.row] = OdomFromRig(scene_.solution, r.pose).translation;
   }
   std::vector<std::string> warnings;
   std::map<size_t, std::vector<std::string>> names;  // view index -> images

@@ -63,9 +63,9 @@ struct ColmapSolution {
 // Runs steps in a folder; nothing of it throws but Cancelled and IoError.
 class ColmapRun {
  public:
-  ColmapRun(const Project& project, const std::string& run, const std::string& variant, const RunScene& scene,
-            const CrosscheckOptions& options, const ViewOptions& views, const std::filesystem::path& work,
-            const std::filesystem::path& log, int threads, ProgressSink& progress, const CancelToken& cancel);
+  ColmapRun(const Project& project, const std::string& run, const RunScene& scene, const CrosscheckOptions& options,
+            const ViewOptions& views, const std::filesystem::path& work, const std::filesystem::path& log, int threads,
+            ProgressSink& progress, const CancelToken& cancel);
 
   const std::string& version() const { return version_; }  // empty: COLMAP is not there
   const std::vector<ColmapStep>& steps() const { return steps_; }
@@ -75,8 +75,6 @@ class ColmapRun {
   // depth c, on top of `images`: every panorama, whether we localized it or not. `views`: image name -> (panorama,
   // index of its view).
   ColmapSolution Panoramas(const ColmapSolution& images, std::map<std::string, std::pair<std::string, size_t>>* views);
-  // pixel's feature, by image id of the scene's model; filled by Features().
-  const std::map<uint32_t, std::vector<int>>& feature_of() const { return feature_of_; }
 
  private:
   // False: it failed, and `solution` says so.
@@ -89,7 +87,7 @@ class ColmapRun {
   std::string Option(const std::string& sift) const;
 
   const Project& project_;
-  const std::string run_, variant_;
+  const std::string run_;
   const RunScene& scene_;
   const CrosscheckOptions& options_;
   const ViewOptions& views_;
@@ -101,7 +99,6 @@ class ColmapRun {
   std::string version_;
   bool new_option_names_ = false;  // since COLMAP 3.12
   std::vector<ColmapStep> steps_;
-  std::map<uint32_t, std::vector<int>> feature_of_;
 };
 
 }  // namespace trigpoint

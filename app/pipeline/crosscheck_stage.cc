@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,11 +11,10 @@
 #include "app/pipeline/crosscheck_figures.h"
 #include "app/pipeline/crosscheck_panoramas.h"
 #include "app/pipeline/feature_store.h"
-#include "calib/estimation/bundle.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/solution_covariance.h"
 #include "eval/crosscheck.h"
-#include "eval/evaluate.h"
 #include "eval/results.h"
 
 namespace trigpoint {
@@ -38,76 +35,19 @@ struct Ours {
   std::vector<PanoramaResult> answers;
 };
 
-// From the bundle behind the result: observations, odometry with its noise, a scale as uncertain as run.yaml says.
-void AddCovariance(const Project& project, const std::string& variant, int threads, const CancelToken& cancel,
-                   Ours* ours) {
-  const SparseModel& model = ours->scene.model;
-  const Run& run = project.run(ours->scene.run);
-  BundleProblem problem;
-  problem.views = {Rigid3d()};
-  std::map<uint32_t, int> pose_of;
-  for (const ModelImage& image : model.images) {
-    pose_of[image.id] = static_cast<int>(problem.poses.size());
-    problem.poses.push_back(image.cam_from_world);
-  }
-  problem.pose_constant.assign(problem.poses.size(), false);
-  problem.pose_constant.front() = true;
-  std::map<uint32_t, const ModelImage*> images;
-  for (const ModelImage& image : model.images) images[image.id] = &image;
-  for (const ModelPoint& point : model.points) {
-    for (const auto& [id, index] : point.track) {
-      const Camera& camera = model.CameraOf(*images.at(id));
-      const Eigen::Vector2d& pixel = images.at(id)->pixels[index];
-      const auto ray = camera.Unproject(pixel);
-      if (!ray) continue;
-      BearingObservation o;
-      o.point = static_cast<int>(problem.points.size());
-      o.pose = pose_of.at(id);
-      o.w = camera.BearingSqrtInfo(pixel, ours->scene.sigma_px).cast<float>();
-      o.ray = ray->cast<float>();
-      problem.observations.push_back(o);
-    }
-    problem.points.push_back(point.position);
-  }
-  for (const PoseGraph::Edge& edge : MakePoseGraph(project, variant, ours->scene).edges) {
-    PoseFactor factor;
-    factor.kind = PoseFactor::Kind::kBetween;
-    factor.a = pose_of.at(static_cast<uint32_t>(edge.a));
-    factor.b = pose_of.at(static_cast<uint32_t>(edge.b));
-    factor.measured = edge.a_from_b;
-    factor.scaled = true;
-    factor.sqrt_info = edge.covariance.inverse().llt().matrixU();
-    problem.factors.push_back(factor);
-  }
-  problem.scale_constant = false;
-  problem.scale_sigma = run.config.odometry_scale_sigma;
-
-  std::vector<int> poses;
-  const size_t n = model.images.size();
-  const size_t count = std::min(n, kMostCameras);
+// By the solution's normal equations, with a length as uncertain as run.yaml says.
+void AddCovariance(int threads, const CancelToken& cancel, Ours* ours) {
+  const Solution& solution = ours->scene.solution;
+  const size_t n = solution.images.size(), count = std::min(n, kMostCameras);
+  Eigen::MatrixXd centre(3, 6);
+  centre << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
+  std::vector<SolutionFunction> centres;
   for (size_t k = 0; k < count; ++k) {
-    const size_t i = count == 1 ? 0 : k * (n - 1) / (count - 1);
-    poses.push_back(static_cast<int>(i));
-    ours->judged.push_back(model.images[i].name);
+    const SolutionImage& image = solution.images[count == 1 ? 0 : k * (n - 1) / (count - 1)];
+    centres.push_back(centre * OdomPose(solution, image.pose, BodyFromCam(solution, image)));
+    ours->judged.push_back(image.name);
   }
-  const Eigen::MatrixXd joint = BundleCovariance(problem, threads, cancel).Joint(poses);
-  const auto m = static_cast<Eigen::Index>(poses.size());
-  ours->covariance = Eigen::MatrixXd::Zero(3 * m, 3 * m);
-  // Of centres: c = -R't, dc = -R'[t]x w - R'd.
-  std::vector<Eigen::Matrix<double, 3, 6>> jacobians;
-  for (int p : poses) {
-    const Rigid3d& pose = problem.poses[static_cast<size_t>(p)];
-    const Eigen::Matrix3d rt = pose.rotation.conjugate().toRotationMatrix();
-    Eigen::Matrix<double, 3, 6> j;
-    j << -rt * Skew(pose.translation), -rt;
-    jacobians.push_back(j);
-  }
-  for (Eigen::Index a = 0; a < m; ++a) {
-    for (Eigen::Index b = 0; b < m; ++b) {
-      ours->covariance.block<3, 3>(3 * a, 3 * b) = jacobians[static_cast<size_t>(a)] * joint.block<6, 6>(6 * a, 6 * b) *
-                                                   jacobians[static_cast<size_t>(b)].transpose();
-    }
-  }
+  ours->covariance = SolutionCovariance(solution, true, threads, cancel).Of(centres);
 }
 
 // Rows and columns of the judged images that the other has too.
@@ -149,26 +89,23 @@ void SetCameras(const SparseModel& model, const std::map<std::string, std::strin
 }
 
 // Depth a has our features: a point of theirs and one of ours are the same if most of their observations are.
-void MatchPoints(const Ours& ours, const ColmapRun& colmap, const SparseModel& theirs, Other* other) {
+void MatchPoints(const Ours& ours, const SparseModel& theirs, Other* other) {
   std::map<std::string, const ModelImage*> images;
   for (const ModelImage& image : theirs.images) images[image.name] = &image;
   std::map<int64_t, const ModelPoint*> points;
   for (const ModelPoint& point : theirs.points) points[point.id] = &point;
-  std::map<uint32_t, const ModelImage*> our_images;
-  for (const ModelImage& image : ours.scene.model.images) our_images[image.id] = &image;
   for (const ModelPoint& point : ours.scene.model.points) {
     std::map<int64_t, size_t> votes;
     for (const auto& [id, index] : point.track) {
-      const int feature = colmap.feature_of().at(id)[index];
-      const auto image = images.find(our_images.at(id)->name);
-      if (feature < 0 || image == images.end() || static_cast<size_t>(feature) >= image->second->points.size())
-        continue;
-      const int64_t their_point = image->second->points[static_cast<size_t>(feature)];
+      const auto feature = static_cast<size_t>(ours.scene.feature_of[id - 1][index]);
+      const auto image = images.find(ours.scene.model.images[id - 1].name);
+      if (image == images.end() || feature >= image->second->points.size()) continue;
+      const int64_t their_point = image->second->points[feature];
       if (their_point >= 0) ++votes[their_point];
     }
     for (const auto& [id, count] : votes) {
       if (2 * count <= point.track.size()) continue;
-      const auto covariance = PointCovariance(ours.scene.model, point, ours.scene.sigma_px);
+      const auto covariance = PointCovariance(ours.scene, point);
       if (!covariance) continue;
       CrossPair pair;
       pair.name = std::to_string(point.id);
@@ -396,7 +333,6 @@ void WriteTables(const fs::path& dir, const std::vector<Other>& others, const st
   md += "\n" + notes;
   for (const Other& other : others) md += FormatPanoramaVerdicts(other.judged, ours.answers);
   csv.Save(dir / "comparison.csv");
-
   WriteDifferences(others, dir / "differences.csv");
   md += WriteSteps(steps, dir / "steps.csv");
   WriteFileAtomically(dir / "crosscheck.md", md);
@@ -437,11 +373,10 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
   ours.scene = ReadRunScene(project, run, variant, "odom");
   for (const ModelImage& image : ours.scene.model.images)
     ours.odom_from_cam[image.name] = image.cam_from_world.Inverse();
-  ours.answers =
-      ReadPanoramaResults(ResultOf(project, "localize", {run, variant, nlohmann::json::object()}) / "panoramas.csv");
+  ours.answers = ReadLocalizeResult(ResultOf(project, "localize", {run, variant, nlohmann::json::object()})).panoramas;
   context.progress.Begin("our covariance", 0);
   try {
-    AddCovariance(project, variant, context.threads, context.cancel, &ours);
+    AddCovariance(context.threads, context.cancel, &ours);
   } catch (const NumericError& e) {
     context.progress.Log(LogLevel::kWarning,
                          std::string("our covariance cannot be computed, nothing is normalised: ") + e.what());
@@ -453,7 +388,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
   std::vector<Other> others;
   const fs::path work = context.out / "work";
   fs::create_directories(work);
-  ColmapRun colmap(project, run, variant, ours.scene, options, views, work, context.out / "colmap.log", context.threads,
+  ColmapRun colmap(project, run, ours.scene, options, views, work, context.out / "colmap.log", context.threads,
                    context.progress, context.cancel);
   if (colmap.version().empty()) {
     context.progress.Log(LogLevel::kWarning,
@@ -476,7 +411,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
     if (options.features) {
       const ColmapSolution a = colmap.Features();
       Other& other = add(a);
-      if (a.status == "done") MatchPoints(ours, colmap, a.model, &other);
+      if (a.status == "done") MatchPoints(ours, a.model, &other);
     }
     if (options.images || options.panoramas) {
       const ColmapSolution b = colmap.Images();

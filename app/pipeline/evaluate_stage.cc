@@ -15,6 +15,7 @@
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/solution_file.h"
 #include "eval/evaluation_files.h"
 #include "eval/gates/limits.h"
 #include "eval/truth.h"
@@ -77,10 +78,14 @@ StageTarget TargetOf(const std::string& run, const std::string& variant) {
 }
 
 // The run's pictures with tags, with the poses that `localize` found for them in the run's own frame.
-std::vector<TagView> TagViews(const Run& run, const LocalizeResult& result,
-                              const std::vector<ImageDetections>& images) {
+struct OwnViews {
   std::vector<TagView> views;
-  if (run.cameras.empty()) return views;
+  std::vector<std::pair<int64_t, std::string>> images;  // of each: time and camera
+};
+
+OwnViews TagViews(const Run& run, const LocalizeResult& result, const std::vector<ImageDetections>& images) {
+  OwnViews own;
+  if (run.cameras.empty()) return own;
   std::map<int64_t, Rigid3d> odom_from_first;
   for (const TimedPose& pose : result.cameras_odom) odom_from_first[pose.stamp_ns] = pose.target_from_body;
   const Rigid3d first_from_body = run.cameras.front().cam_from_body;
@@ -94,10 +99,27 @@ std::vector<TagView> TagViews(const Run& run, const LocalizeResult& result,
       view.world_from_cam = pose->second * first_from_body * camera.cam_from_body.Inverse();
       view.run = run.name;
       view.detections = image.detections;
-      views.push_back(std::move(view));
+      own.views.push_back(std::move(view));
+      own.images.emplace_back(image.stamp_ns, image.camera);
     }
   }
-  return views;
+  return own;
+}
+
+TagDerivatives DerivativesOf(const Solution& solution, const OwnViews& own, const std::vector<TagEstimate>& tags) {
+  std::map<std::pair<int64_t, std::string>, int> index;
+  for (size_t i = 0; i < solution.images.size(); ++i) {
+    const SolutionImage& image = solution.images[i];
+    index[{image.stamp_ns, solution.cameras[static_cast<size_t>(image.camera)].name}] = static_cast<int>(i);
+  }
+  TagDerivatives derivatives;
+  for (const TagEstimate& tag : tags) {
+    for (size_t k = 0; k < tag.views.size(); ++k) {
+      const auto image = index.find(own.images[static_cast<size_t>(tag.views[k])]);
+      if (image != index.end()) derivatives[tag.tag_id].emplace_back(image->second, tag.by_camera[k]);
+    }
+  }
+  return derivatives;
 }
 
 TagResult ToTagResult(const TagEstimate& tag) {
@@ -118,10 +140,8 @@ TagResult ToTagResult(const TagEstimate& tag) {
   return result;
 }
 
-// What the global fit of a result rests on, one name each.
-std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const nlohmann::json& manifest) {
-  // "geotags", "gps" or "geotags and gps".
-  const std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
+// What the global fit of a result rests on, one name each. `source`: "geotags", "gps" or "geotags and gps".
+std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const std::string& source) {
   std::vector<std::string> evidence;
   if (source.find("gps") != std::string::npos) evidence.push_back("gps:" + run.name);
   for (const PanoramaResult& panorama : result.panoramas) {
@@ -189,9 +209,27 @@ double StitchSigma(const fs::path& rig_csv) {
   return n > 0 ? std::sqrt(sum / 3) / n : 0;
 }
 
+// The run's own tags, by its detections; where errors of its cameras take them.
+TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, const StageTarget& target,
+                          const Solution* solution, StageContext& context, EvaluatedRun* evaluated) {
+  const fs::path detections = ResultOf(context.project, "detect", target) / "detections.csv";
+  if (!fs::exists(detections)) return {};
+  std::vector<std::string> warnings;
+  std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
+  LeaveOutExcluded(context.project.review(), run.name, images);
+  const OwnViews own = TagViews(run, evaluated->result, images);
+  const std::vector<TagEstimate> tags = EstimateTagPoses(own.views, context.project.site().tags, options.tags,
+                                                         context.threads, context.progress, context.cancel);
+  WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
+            "cameras of " + run.name);
+  for (const TagEstimate& tag : tags) evaluated->self_tags.push_back(ToTagResult(tag));
+  return solution == nullptr ? TagDerivatives() : DerivativesOf(*solution, own, tags);
+}
+
 // A run's localize result with everything the evaluation wants to know of it. Throws InputError for a broken one.
 EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& run, const StageTarget& target,
-                              const nlohmann::json& manifest, StageContext& context) {
+                              const nlohmann::json& manifest, const std::vector<Station>& stations,
+                              StageContext& context) {
   const Project& project = context.project;
   EvaluatedRun evaluated;
   evaluated.run = run.name;
@@ -200,26 +238,25 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
   evaluated.method = mode == "paper" ? "g2" : "single";
   evaluated.odometry_levelled = run.config.odometry_levelled;
   const fs::path dir = ResultOf(project, "localize", target);
-  evaluated.result = ReadLocalizeResult(dir);
-  evaluated.evidence = EvidenceOf(run, evaluated.result, manifest);
-  if (fs::exists(dir / "cameras.csv")) evaluated.cameras = ReadCameraResults(dir / "cameras.csv");
-  evaluated.structure = ReadStructure(dir / "sparse");
+  std::optional<Solution> solution;  // none: of an older program
+  if (fs::exists(dir / kSolutionFile)) solution = ReadSolution(dir / kSolutionFile);
+  const Solution* const its = solution ? &*solution : nullptr;
+  evaluated.result = ReadLocalizeResult(dir, its);
+  std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
+  if (solution) source = solution->georeference ? solution->georeference->source : "";
+  evaluated.evidence = EvidenceOf(run, evaluated.result, source);
+  if (HasColmapModel(dir / "sparse")) evaluated.structure = StructureOf(ReadColmapModel(dir / "sparse"));
   for (const PanoramaResult& row : evaluated.result.panoramas) {
     const fs::path rig = project.ResultDir("stitch", fs::path(row.panorama).filename().string()) / "rig.csv";
     if (!row.panorama.empty() && fs::exists(rig)) evaluated.stitch_sigma[row.panorama] = StitchSigma(rig);
   }
-  const fs::path detections = ResultOf(project, "detect", target) / "detections.csv";
-  const bool self = options.reference.empty() || options.reference == "self";
-  if (self && fs::exists(detections)) {
-    std::vector<std::string> warnings;
-    std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
-    LeaveOutExcluded(project.review(), run.name, images);
-    const std::vector<TagView> views = TagViews(run, evaluated.result, images);
-    const std::vector<TagEstimate> tags =
-        EstimateTagPoses(views, project.site().tags, options.tags, context.threads, context.progress, context.cancel);
-    WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
-              "cameras of " + run.name);
-    for (const TagEstimate& tag : tags) evaluated.self_tags.push_back(ToTagResult(tag));
+  TagDerivatives by_camera;
+  if (options.reference.empty() || options.reference == "self") {
+    by_camera = AddOwnTags(options, run, target, its, context, &evaluated);
+  }
+  if (solution) {
+    evaluated.covariances =
+        CovariancesOfAnswers(*solution, evaluated.self_tags, by_camera, stations, context.threads, context.cancel);
   }
   return evaluated;
 }
@@ -227,7 +264,8 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
 // All localized runs of all variants side by side; one that cannot be read is named, and the others go on.
 // A result whose newest attempt failed is an older one: said in the tables too, so that it does not pass for the new.
 std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options, const std::string& variant,
-                                            StageContext& context, std::vector<std::string>* notes) {
+                                            const std::vector<Station>& stations, StageContext& context,
+                                            std::vector<std::string>* notes) {
   std::vector<EvaluatedRun> runs;
   for (const std::string& each : EvaluatedVariants(context.project, variant)) {
     for (const Run* run : EvaluatedRuns(context.project)) {
@@ -246,7 +284,7 @@ std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options,
         context.progress.Log(LogLevel::kWarning, notes->back());
       }
       try {
-        runs.push_back(ReadEvaluatedRun(options, *run, target, *manifest, context));
+        runs.push_back(ReadEvaluatedRun(options, *run, target, *manifest, stations, context));
       } catch (const InputError& e) {
         context.progress.Log(LogLevel::kWarning, "run " + name + " takes no part: " + e.what());
       }
@@ -268,7 +306,7 @@ void ScoreTruth(const EvaluateStageOptions& options, const std::vector<Evaluated
   for (const EvaluatedRun& run : runs) {
     const std::string name = run.variant.empty() ? run.run : run.run + "@" + run.variant;
     try {
-      const TruthEvaluation truth = EvaluateAgainstTruth(run.result, run.cameras, ReadTruth(dir, run.run));
+      const TruthEvaluation truth = EvaluateAgainstTruth(run.result, ReadTruth(dir, run.run));
       all.push_back(TruthJson(truth));
       all.back()["run"] = run.run;
       all.back()["variant"] = run.variant;
@@ -316,7 +354,7 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   input.references = ReferencesFor(context.project, options.reference, context.progress);
   EvaluationExtras extras;
   UseMeasuredOffsets(context.project, options.offsets, variant, &input.stations, &extras.notes);
-  input.runs = ReadEvaluatedRuns(options, variant, context, &extras.notes);
+  input.runs = ReadEvaluatedRuns(options, variant, input.stations, context, &extras.notes);
   const std::vector<EstimateReport> estimates =
       ScoreEstimates(context.project, options.estimates, input.runs, context.progress);
   if (input.runs.empty() && estimates.empty()) {

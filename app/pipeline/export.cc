@@ -93,7 +93,7 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
   }
   Path panoramas{"panoramas", wants_odom ? "odom" : "world", {}};
   int64_t number = 0;
-  for (const PanoramaResult& p : ReadPanoramaResults(dir / "panoramas.csv")) {
+  for (const PanoramaResult& p : ReadLocalizeResult(dir).panoramas) {
     const auto& pose = wants_odom ? p.odom_from_pano : p.world_from_pano;
     if (pose) panoramas.poses.push_back({number * 1'000'000'000, *pose});
     ++number;
@@ -140,19 +140,17 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     if (reference.kind == ReferenceKind::kPanorama) pictures[reference.name] = reference.files.front();
   }
   const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
-  const CsvTable table = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
   const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
   int written = 0;
-  for (const CsvRow& row : table.rows()) {
+  for (const PanoramaResult& answer : ReadLocalizeResult(dir).panoramas) {
     cancel.ThrowIfCancelled();
-    const auto picture = pictures.find(row.Text("panorama"));
-    if (picture == pictures.end() || !row.Has("latitude_deg") || !row.Has("heading_deg")) continue;
+    const auto picture = pictures.find(answer.panorama);
+    if (picture == pictures.end() || !answer.world_from_pano) continue;
     PanoramaPose pose;
-    pose.position = {row.Number("latitude_deg"), row.Number("longitude_deg"), row.Number("height_m")};
-    pose.attitude = {row.Number("heading_deg") * kDegToRad, row.Number("pitch_deg") * kDegToRad,
-                     row.Number("roll_deg") * kDegToRad};
-    pose.sigma_h_m = std::hypot(row.Number("sigma_x_m", 0), row.Number("sigma_y_m", 0));
-    if (const auto credit = credits.find(row.Text("panorama")); credit != credits.end()) {
+    pose.position = project.frame().GeodeticFromEnu(answer.world_from_pano->translation);
+    pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
+    if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
+    if (const auto credit = credits.find(answer.panorama); credit != credits.end()) {
       pose.copyright = credit->second.attribution;
     }
     report->files.push_back(out / picture->second.filename());

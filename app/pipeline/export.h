@@ -12,6 +12,7 @@
 #include "datasets/export/layers.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/project/project.h"
+#include "datasets/solution/solution.h"
 
 namespace trigpoint {
 
@@ -54,29 +55,25 @@ ExportReport ExportResults(const Project& project, const ExportRequest& request,
 // The layers of maps, in site ENU brought to the Earth. Missing results are named in `warnings`.
 std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings);
 
-// A run as localized: its sparse model with all its features as pixels, in world or in the run's own frame.
+// A run as localized: its solution, and the sparse model of it in world or in the run's own frame.
 struct RunScene {
   std::string run;
-  bool world = false;  // frame: site ENU, else the run's own
-  SparseModel model;
-  double sigma_px = 1;             // estimated noise of a feature
-  std::filesystem::path features;  // the store they come from
+  std::optional<Sim3d> world_from_odom;      // frame: site ENU; unset: the run's own
+  Solution solution;                         // in its own frame
+  SparseModel model;                         // ids of images are indices + 1
+  std::vector<std::vector<int>> feature_of;  // of each image's pixels: in `features`
+  std::filesystem::path features;
 };
+// Throws InputError for a run that is not localized, or was by a program that wrote no solution.
 RunScene ReadRunScene(const Project& project, const std::string& run, const std::string& variant,
                       const std::string& frame);
 // Its features and the matches that its tracks stand for, as a COLMAP database; images and cameras get the ids 1, 2,
-// ... in the model's order. Returns, by image id of the model, the feature of each of its pixels, -1: none at its
-// place.
-std::map<uint32_t, std::vector<int>> WriteSceneDatabase(const RunScene& scene, const std::filesystem::path& file,
-                                                        const CancelToken& cancel);
+// ... in the model's order.
+void WriteSceneDatabase(const RunScene& scene, const std::filesystem::path& file, const CancelToken& cancel);
 
 // Covariance of a point given its cameras (what triangulation alone leaves), model frame, m^2; none with less than two
 // rays or no parallax.
-std::optional<Eigen::Matrix3d> PointCovariance(const SparseModel& model, const ModelPoint& point, double sigma_px);
-
-// Cameras chained by odometry with the noise that localize found, panoramas as points seen from their nearest camera;
-// in the scene's frame. Ids of cameras are those of the model.
-PoseGraph MakePoseGraph(const Project& project, const std::string& variant, const RunScene& scene);
+std::optional<Eigen::Matrix3d> PointCovariance(const RunScene& scene, const ModelPoint& point);
 
 // Writes plain scenes: colmap, ply, g2o, g2o-bundle.
 void ExportScene(const Project& project, const ExportRequest& request, const std::string& run,

@@ -87,6 +87,34 @@ Layer PanoramaLayer() {
           {}};
 }
 
+Layer TagLayer() {
+  return {"tags",
+          "tags of the map, their centres",
+          LayerGeometry::kPoint,
+          "#1f77b4",
+          {Whole("tag_id"),
+           Text("family"),
+           Real("size_m"),
+           Text("role"),
+           Text("status"),
+           Real("x_m"),
+           Real("y_m"),
+           Real("z_m"),
+           Real("sigma_e_m", 5),
+           Real("sigma_n_m", 5),
+           Real("sigma_u_m", 5),
+           Real("sigma_rx_deg"),
+           Real("sigma_ry_deg"),
+           Real("sigma_rz_deg"),
+           Whole("images"),
+           Whole("runs"),
+           Real("rms_px"),
+           Real("latitude_deg", 9),
+           Real("longitude_deg", 9),
+           Real("height_m")},
+          {}};
+}
+
 // The last four of a panorama's values: whose picture it is.
 void PutCredit(const std::map<std::string, PictureCredit>& credits, const std::string& panorama,
                std::vector<LayerValue>* values) {
@@ -109,10 +137,28 @@ void AddResidual(Sources* s, const std::string& run, const std::string& name, co
       {name, {OnEarth(*s, from), OnEarth(*s, to)}, {run, kind, d.x(), d.y(), d.z(), d.head<2>().norm(), d.norm()}, {}});
 }
 
+// `covariance` of the position, else what its sigmas say of the axes alone.
+void AddSpread(Sources* s, const std::string& layer, const std::string& run, const std::string& name,
+               const Rigid3d& pose, const std::optional<Eigen::Matrix3d>& covariance,
+               const std::optional<Eigen::Vector3d>& sigma) {
+  if (covariance) {
+    s->spreads.push_back({layer, run, name, pose.translation, covariance->topLeftCorner<2, 2>(), true});
+  } else if (sigma) {
+    s->spreads.push_back({layer, run, name, pose.translation, sigma->head<2>().cwiseAbs2().asDiagonal(), false});
+  }
+}
+
 void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
   const auto columns = [](const CsvRow& row) {
     return Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z"));
   };
+  const LocalizeResult result = ReadLocalizeResult(dir);
+  for (const PanoramaResult& p : result.panoramas) {
+    if (p.world_from_pano) AddSpread(s, "panoramas", run, p.panorama, *p.world_from_pano, p.covariance_m2, p.sigma_m);
+  }
+  for (const CameraResult& c : result.images) {
+    if (c.world_from_cam) AddSpread(s, "cameras", run, c.image, *c.world_from_cam, c.covariance_m2, c.sigma_m);
+  }
   const CsvTable panoramas = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
   for (const CsvRow& row : panoramas.rows()) {
     LayerFeature feature;
@@ -123,10 +169,6 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     if (row.Has("x") && row.Has("latitude_deg")) {
       const Eigen::Vector3d at = columns(row);
       feature.geometry = {OnEarth(*s, at)};
-      if (row.Has("sigma_x_m") && row.Has("sigma_y_m")) {
-        const Eigen::Vector2d sigma(row.Number("sigma_x_m"), row.Number("sigma_y_m"));
-        s->spreads.push_back({"panoramas", run, feature.name, at, sigma.cwiseAbs2().asDiagonal(), false});
-      }
       if (row.Has("geotag_de_m") && row.Has("geotag_dn_m")) {
         AddResidual(
             s, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
@@ -150,10 +192,6 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     if (config.time_zero_utc_ns) {
       feature.times_ns = {row.StampNs("timestamp") + *config.time_zero_utc_ns};
       track.times_ns.push_back(feature.times_ns.front());
-    }
-    if (row.Has("sigma_e_m") && row.Has("sigma_n_m")) {
-      const Eigen::Vector2d sigma(row.Number("sigma_e_m"), row.Number("sigma_n_m"));
-      s->spreads.push_back({"cameras", run, feature.name, at, sigma.cwiseAbs2().asDiagonal(), false});
     }
     s->cameras.features.push_back(std::move(feature));
   }
@@ -208,11 +246,9 @@ void AddTags(Sources* s, const fs::path& dir) {
       const Geodetic& g = feature.geometry.front();
       feature.values.insert(feature.values.end(), {g.latitude_deg, g.longitude_deg, g.height_m});
       world_from_tag[tag.tag_id] = *tag.map_from_tag;
-      if (tag.covariance) {
-        s->spreads.push_back({"tags", "", feature.name, *at, tag.covariance->block<2, 2>(3, 3), true});
-      } else if (tag.sigma_m) {
-        s->spreads.push_back({"tags", "", feature.name, *at, tag.sigma_m->head<2>().cwiseAbs2().asDiagonal(), false});
-      }
+      std::optional<Eigen::Matrix3d> covariance;
+      if (tag.covariance) covariance = tag.covariance->bottomRightCorner<3, 3>();
+      AddSpread(s, "tags", "", feature.name, *tag.map_from_tag, covariance, tag.sigma_m);
     } else {
       feature.values.resize(s->tags.fields.size());
     }
@@ -292,31 +328,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
         ": nothing ties it to the Earth; add origin.json, or panoramas, control points or GPS with positions");
   }
   Sources s{.project = project, .request = request, .credits = ReadCredits(project.dir())};
-  s.tags = {"tags",
-            "tags of the map, their centres",
-            LayerGeometry::kPoint,
-            "#1f77b4",
-            {Whole("tag_id"),
-             Text("family"),
-             Real("size_m"),
-             Text("role"),
-             Text("status"),
-             Real("x_m"),
-             Real("y_m"),
-             Real("z_m"),
-             Real("sigma_e_m", 5),
-             Real("sigma_n_m", 5),
-             Real("sigma_u_m", 5),
-             Real("sigma_rx_deg"),
-             Real("sigma_ry_deg"),
-             Real("sigma_rz_deg"),
-             Whole("images"),
-             Whole("runs"),
-             Real("rms_px"),
-             Real("latitude_deg", 9),
-             Real("longitude_deg", 9),
-             Real("height_m")},
-            {}};
+  s.tags = TagLayer();
   s.stations = {"stations", "panorama stations as measured from their tags",    LayerGeometry::kPoint,
                 "#9467bd",  {Whole("tag_id"), Real("sigma_m"), Text("reason")}, {}};
   s.panoramas = PanoramaLayer();

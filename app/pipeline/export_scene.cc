@@ -5,63 +5,24 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
-#include <unordered_map>
 
 #include "app/pipeline/export.h"
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/project/files.h"
-#include "eval/evaluate.h"
-#include "eval/results.h"
+#include "datasets/solution/solution_covariance.h"
+#include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
 
 namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
 
-// Observations in a model are rays cast back into pixels: the feature they came from is the nearest one.
-constexpr double kFeatureRadiusPx = 0.05;
-
-// Nearest features by cells of one pixel.
-class FeatureGrid {
- public:
-  explicit FeatureGrid(const FeatureSet& features) : features_(features), taken_(features.size(), false) {
-    for (size_t i = 0; i < features.size(); ++i) cells_[Key(features.points[i].cast<double>())].push_back(i);
-  }
-  // The nearest one within the radius that nobody took; several may lie on the same place (orientations of SIFT).
-  std::optional<size_t> Take(const Eigen::Vector2d& pixel) {
-    std::optional<size_t> best;
-    double best_distance = kFeatureRadiusPx;
-    for (int dx = -1; dx <= 1; ++dx) {
-      for (int dy = -1; dy <= 1; ++dy) {
-        const auto cell = cells_.find(Key(pixel + Eigen::Vector2d(dx, dy)));
-        if (cell == cells_.end()) continue;
-        for (size_t i : cell->second) {
-          const double distance = (features_.points[i].cast<double>() - pixel).norm();
-          if (taken_[i] || distance > best_distance) continue;
-          best_distance = distance;
-          best = i;
-        }
-      }
-    }
-    if (best) taken_[*best] = true;
-    return best;
-  }
-
- private:
-  static int64_t Key(const Eigen::Vector2d& p) {
-    return static_cast<int64_t>(std::floor(p.x())) * 1'000'003 + static_cast<int64_t>(std::floor(p.y()));
-  }
-  const FeatureSet& features_;
-  std::vector<bool> taken_;
-  std::unordered_map<int64_t, std::vector<size_t>> cells_;
-};
-
 std::vector<std::string> FrameComments(const Project& project, const RunScene& scene) {
   std::string frame = "frame: odom, the run's own optimised frame, m";
-  if (scene.world) {
+  if (scene.world_from_odom) {
     const Geodetic& o = project.frame().origin();
     frame = fmt::format("frame: ENU, m, origin latitude {:.9f} deg, longitude {:.9f} deg, ellipsoidal height {:.4f} m",
                         o.latitude_deg, o.longitude_deg, o.height_m);
@@ -78,7 +39,7 @@ void ExportPly(const Project& project, const RunScene& scene, const fs::path& fi
   }
   columns.push_back({"track_length", Type::kInt, {}});
   for (const ModelPoint& point : scene.model.points) {
-    const std::optional<Eigen::Matrix3d> covariance = PointCovariance(scene.model, point, scene.sigma_px);
+    const std::optional<Eigen::Matrix3d> covariance = PointCovariance(scene, point);
     if (!covariance) continue;
     const Eigen::Matrix3d& c = *covariance;
     size_t i = 0;
@@ -92,14 +53,8 @@ void ExportPly(const Project& project, const RunScene& scene, const fs::path& fi
   std::vector<std::string> comments = FrameComments(project, scene);
   comments.push_back(fmt::format(
       "cov_*: m^2, sigma_max: m (1 sigma, largest axis): of triangulation with {:.3f} px, given the cameras",
-      scene.sigma_px));
+      scene.solution.sigma_px));
   WritePly(file, columns, comments);
-}
-
-// The manifest of the run's localization.
-nlohmann::json LocalizeManifest(const Project& project, const StageTarget& target) {
-  const auto manifest = ReadManifest(project, "localize", ResultName(StageNamed("localize"), target));
-  return manifest ? *manifest : nlohmann::json::object();
 }
 
 PoseGraph MakeBundle(const RunScene& scene) {
@@ -144,7 +99,7 @@ PoseGraph MakeBundle(const RunScene& scene) {
       edge.point = id;
       edge.camera = number;
       edge.pixel = *at;
-      edge.covariance = scene.sigma_px * scene.sigma_px * j * j.transpose();
+      edge.covariance = std::pow(scene.solution.sigma_px, 2) * j * j.transpose();
       graph.pixel_edges.push_back(edge);
     }
   }
@@ -161,69 +116,42 @@ void ExportColmap(const RunScene& scene, const fs::path& out, ExportReport* repo
   }
 }
 
-}  // namespace
-
-PoseGraph MakePoseGraph(const Project& project, const std::string& variant, const RunScene& scene) {
+// Cameras chained by odometry with the noise that localize found, panoramas as points seen from their nearest camera.
+// One chain, of the first camera; ids are those of the model.
+PoseGraph MakePoseGraph(const RunScene& scene) {
   PoseGraph graph;
-  const Run& run = project.run(scene.run);
-  const StageTarget target{scene.run, variant, nlohmann::json::object()};
-  const nlohmann::json manifest = LocalizeManifest(project, target);
-  const StageInfo& stage = StageNamed("reconstruct");
-  const auto made =
-      ReadManifest(project, stage.name, ResultName(stage, TargetRead(project, stage, "localize", target)));
-  const nlohmann::json options = made.value_or(nlohmann::json::object())
-                                     .value("options", nlohmann::json::object())
-                                     .value("reconstruct", nlohmann::json::object());
-  const nlohmann::json metrics = manifest.value("metrics", nlohmann::json::object());
-  const std::vector<double> factors =
-      metrics.value("odometry_noise_factor_rx_ry_rz_x_y_z", std::vector<double>(6, 1.0));
-  const double scale = metrics.value("odometry_scale", 1.0);
-  std::map<std::string, const ImageEntry*> entries;
-  for (const ImageEntry& entry : run.images) entries[entry.file] = &entry;
-
-  std::optional<Rigid3d> previous_odom;  // odom_from_cam as measured
-  int previous_id = -1;
-  for (const ModelImage& image : scene.model.images) {
-    const int id = static_cast<int>(image.id);
-    graph.poses.emplace_back(id, image.cam_from_world.Inverse());
-    const auto entry = entries.find(image.name);
-    if (entry == entries.end()) continue;
-    const BodyCamera& camera = run.cameras[static_cast<size_t>(entry->second->camera)];
-    if (entry->second->camera != 0) continue;  // one chain, of the first camera
-    const auto body = run.odometry.At(entry->second->stamp_ns + std::llround(camera.time_offset_s * 1e9), INT64_MAX);
-    if (!body) continue;
-    const Rigid3d odom_from_cam = *body * camera.cam_from_body.Inverse();
-    if (previous_odom) {
-      PoseGraph::Edge edge;
-      edge.a = previous_id, edge.b = id;
-      edge.a_from_b = previous_odom->Inverse() * odom_from_cam;
-      edge.a_from_b.translation *= scale;
-      const double length = edge.a_from_b.translation.norm();
-      const double rotation = kDegToRad * std::hypot(options.value("odometry_rotation_deg", 0.1),
-                                                     options.value("odometry_rotation_deg_m", 0.3) * length);
-      const double translation = std::hypot(options.value("odometry_translation_m", 0.005),
-                                            options.value("odometry_translation_part", 0.02) * length);
-      Vector6d sigma;  // of the body's axes
-      for (int k = 0; k < 6; ++k) sigma(k) = (k < 3 ? rotation : translation) * factors.at(static_cast<size_t>(k));
-      const Eigen::Matrix3d r = camera.cam_from_body.rotation.toRotationMatrix();
-      Matrix6d turn = Matrix6d::Zero();
-      turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = r;
-      edge.covariance = turn * sigma.cwiseAbs2().asDiagonal() * turn.transpose();
-      graph.edges.push_back(edge);
-    }
-    previous_odom = odom_from_cam;
-    previous_id = id;
+  const Solution& s = scene.solution;
+  const Sim3d frame_from_odom = scene.world_from_odom.value_or(Sim3d());
+  std::map<int, int> id_of;  // of body poses
+  for (size_t i = 0; i < s.images.size(); ++i) {
+    const int id = static_cast<int>(i + 1);
+    graph.poses.emplace_back(id, scene.model.images[i].cam_from_world.Inverse());
+    if (s.images[i].camera == 0) id_of[s.images[i].pose] = id;
   }
-  if (!graph.poses.empty()) graph.fixed = {graph.poses.front().first};
-
-  // Panoramas: points that their nearest camera sees, with the uncertainty they have in the run's frame.
-  const LocalizeResult result = ReadLocalizeResult(ResultOf(project, "localize", target));
-  const auto world_from_odom = WorldFromOdom(result.cameras_odom, result.cameras);
-  int id = graph.poses.empty() ? 0 : graph.poses.back().first;
-  for (const PanoramaResult& panorama : result.panoramas) {
-    if (!panorama.odom_from_pano || !panorama.odom_sigma_m || graph.poses.empty()) continue;
-    const Rigid3d frame_from_odom = scene.world && world_from_odom ? *world_from_odom : Rigid3d();
-    const Eigen::Vector3d p = frame_from_odom * panorama.odom_from_pano->translation;
+  if (graph.poses.empty()) return graph;
+  graph.fixed = {graph.poses.front().first};
+  const Rigid3d& cam_from_body = s.cameras.front().cam_from_body;
+  for (const PoseFactor& f : s.problem.factors) {
+    if (f.kind != PoseFactor::Kind::kBetween || id_of.count(f.a) == 0 || id_of.count(f.b) == 0) continue;
+    PoseGraph::Edge edge;
+    edge.a = id_of[f.a], edge.b = id_of[f.b];
+    Rigid3d a_from_b = f.measured;
+    if (f.scaled) a_from_b.translation *= s.problem.scale;
+    edge.a_from_b = cam_from_body * a_from_b * cam_from_body.Inverse();
+    // From the bodies' tangents to the cameras'.
+    Matrix6d j = Matrix6d::Zero();
+    j.topLeftCorner<3, 3>() = j.bottomRightCorner<3, 3>() = cam_from_body.rotation.toRotationMatrix();
+    j.bottomLeftCorner<3, 3>() =
+        -j.topLeftCorner<3, 3>() * Skew(a_from_b.rotation * cam_from_body.TargetOriginInSource());
+    j.bottomRows<3>() *= frame_from_odom.scale;
+    edge.a_from_b.translation *= frame_from_odom.scale;
+    edge.covariance = j * (f.sqrt_info.transpose() * f.sqrt_info).inverse() * j.transpose();
+    graph.edges.push_back(edge);
+  }
+  int id = graph.poses.back().first;
+  for (const SolutionReference& reference : s.references) {
+    if (reference.pose < 0 || reference.status != "localized" || s.covariances.empty()) continue;
+    const Eigen::Vector3d p = frame_from_odom * OdomFromRig(s, reference.pose).translation;
     const auto nearest = std::min_element(graph.poses.begin(), graph.poses.end(), [&](const auto& a, const auto& b) {
       return (a.second.translation - p).norm() < (b.second.translation - p).norm();
     });
@@ -231,59 +159,57 @@ PoseGraph MakePoseGraph(const Project& project, const std::string& variant, cons
     edge.pose = nearest->first;
     edge.point = ++id;
     edge.in_pose = nearest->second.Inverse() * p;
-    const Eigen::Matrix3d r = (nearest->second.rotation.conjugate() * frame_from_odom.rotation).toRotationMatrix();
-    edge.covariance = r * panorama.odom_sigma_m->cwiseMax(1e-6).cwiseAbs2().asDiagonal() * r.transpose();
+    const Eigen::Matrix3d r =
+        frame_from_odom.scale * (nearest->second.rotation.conjugate() * frame_from_odom.rotation).toRotationMatrix();
+    edge.covariance = r * OdomCovariance(s, reference.pose).bottomRightCorner<3, 3>() * r.transpose();
     graph.points.emplace_back(edge.point, p);
     graph.point_edges.push_back(edge);
   }
   return graph;
 }
 
+}  // namespace
+
 RunScene ReadRunScene(const Project& project, const std::string& run, const std::string& variant,
                       const std::string& frame) {
   RunScene scene;
   scene.run = project.run(run).name;
-  const StageTarget target{run, variant, nlohmann::json::object()};
-  const fs::path dir = ResultOf(project, "localize", target);
-  if (!HasColmapModel(dir / "sparse")) {
-    throw InputError("run " + run + ": not localized yet" + (variant.empty() ? "" : " in variant " + variant) +
-                     "; run trigpoint localize first");
+  const fs::path dir = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  if (!fs::exists(dir / kSolutionFile)) {
+    const bool old = fs::exists(dir / "panoramas.csv");
+    throw InputError("run " + run +
+                     (old ? ": its localization is of an older version, without " + std::string(kSolutionFile)
+                          : ": not localized yet") +
+                     (variant.empty() ? "" : " in variant " + variant) + "; run trigpoint localize first");
   }
-  scene.model = ReadColmapModel(dir / "sparse");
-  scene.sigma_px =
-      LocalizeManifest(project, target).value("metrics", nlohmann::json::object()).value("feature_sigma_px", 1.0);
-  const LocalizeResult result = ReadLocalizeResult(dir);
-  const auto world_from_odom = WorldFromOdom(result.cameras_odom, result.cameras);
-  if (frame == "world" && !world_from_odom) {
+  scene.solution = ReadSolution(dir / kSolutionFile);
+  SolutionModel model = ModelOf(scene.solution);
+  scene.model = std::move(model.model);
+  scene.feature_of = std::move(model.feature_of);
+  const bool on_earth = scene.solution.georeference.has_value();
+  if (frame == "world" && !on_earth) {
     throw InputError("run " + run + ": is not on the Earth (see its log.txt); ask for --frame odom");
   }
-  scene.world = frame != "odom" && world_from_odom.has_value();
-  if (scene.world) {
-    const Rigid3d odom_from_world = world_from_odom->Inverse();
-    for (ModelImage& image : scene.model.images) image.cam_from_world = image.cam_from_world * odom_from_world;
-    for (ModelPoint& point : scene.model.points) point.position = *world_from_odom * point.position;
+  if (frame != "odom" && on_earth) {
+    const Sim3d& world_from_odom = scene.world_from_odom.emplace(scene.solution.georeference->world_from_odom);
+    for (ModelImage& image : scene.model.images) {
+      image.cam_from_world = world_from_odom.TransformPose(image.cam_from_world.Inverse()).Inverse();
+    }
+    for (ModelPoint& point : scene.model.points) point.position = world_from_odom * point.position;
   }
   scene.features = ResultOf(project, "features", {run, "", nlohmann::json::object()}) / "features.db";
   return scene;
 }
 
-std::optional<Eigen::Matrix3d> PointCovariance(const SparseModel& model, const ModelPoint& point, double sigma_px) {
-  // Images and cameras are found by id; ids of a localization are 1..n.
+std::optional<Eigen::Matrix3d> PointCovariance(const RunScene& scene, const ModelPoint& point) {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   int rays = 0;
   for (const auto& [id, index] : point.track) {
-    const ModelImage* image =
-        id >= 1 && id <= model.images.size() && model.images[id - 1].id == id ? &model.images[id - 1] : nullptr;
-    if (image == nullptr) {
-      const auto it =
-          std::find_if(model.images.begin(), model.images.end(), [id = id](const ModelImage& m) { return m.id == id; });
-      if (it == model.images.end()) continue;
-      image = &*it;
-    }
+    const ModelImage& image = scene.model.images[id - 1];
     Eigen::Matrix<double, 2, 3> jacobian;
-    if (!model.CameraOf(*image).Project(image->cam_from_world * point.position, &jacobian)) continue;
-    const Eigen::Matrix<double, 2, 3> j = jacobian * image->cam_from_world.rotation.toRotationMatrix();
-    information += j.transpose() * j / (sigma_px * sigma_px);
+    if (!scene.model.CameraOf(image).Project(image.cam_from_world * point.position, &jacobian)) continue;
+    const Eigen::Matrix<double, 2, 3> j = jacobian * image.cam_from_world.rotation.toRotationMatrix();
+    information += j.transpose() * j / std::pow(scene.solution.sigma_px, 2);
     ++rays;
   }
   if (rays < 2) return std::nullopt;
@@ -292,45 +218,34 @@ std::optional<Eigen::Matrix3d> PointCovariance(const SparseModel& model, const M
   return lu.inverse();
 }
 
-std::map<uint32_t, std::vector<int>> WriteSceneDatabase(const RunScene& scene, const fs::path& file,
-                                                        const CancelToken& cancel) {
+void WriteSceneDatabase(const RunScene& scene, const fs::path& file, const CancelToken& cancel) {
   const FeatureStore store(scene.features);
   ColmapDatabase database = ColmapDatabase::Create(file);
   database.Begin();
   std::map<uint32_t, uint32_t> camera_ids;
   for (const auto& [id, camera] : scene.model.cameras) camera_ids[id] = database.AddCamera(camera);
-  std::map<uint32_t, uint32_t> image_ids;
-  // Feature of each pixel of the model.
-  std::map<uint32_t, std::vector<int>> feature_of;
+  std::vector<uint32_t> image_ids;
   for (const ModelImage& image : scene.model.images) {
     cancel.ThrowIfCancelled();
-    const uint32_t id = image_ids[image.id] = database.AddImage(image.name, camera_ids.at(image.camera_id));
-    const FeatureSet features = store.Read(image.name);
-    database.WriteFeatures(id, features);
-    FeatureGrid grid(features);
-    std::vector<int>& of = feature_of[image.id];
-    for (const Eigen::Vector2d& pixel : image.pixels) {
-      const auto feature = grid.Take(pixel);
-      of.push_back(feature ? static_cast<int>(*feature) : -1);
-    }
+    image_ids.push_back(database.AddImage(image.name, camera_ids.at(image.camera_id)));
+    database.WriteFeatures(image_ids.back(), store.Read(image.name));
   }
-  std::map<std::pair<uint32_t, uint32_t>, std::vector<std::pair<int, int>>> matches;
+  std::map<std::pair<size_t, size_t>, std::vector<std::pair<int, int>>> matches;  // by indices of images
   for (const ModelPoint& point : scene.model.points) {
     for (size_t i = 0; i < point.track.size(); ++i) {
       for (size_t j = i + 1; j < point.track.size(); ++j) {
         auto a = point.track[i], b = point.track[j];
         if (a.first == b.first) continue;
         if (a.first > b.first) std::swap(a, b);
-        const int fa = feature_of.at(a.first)[a.second], fb = feature_of.at(b.first)[b.second];
-        if (fa >= 0 && fb >= 0) matches[{a.first, b.first}].emplace_back(fa, fb);
+        const size_t of_a = a.first - 1, of_b = b.first - 1;
+        matches[{of_a, of_b}].emplace_back(scene.feature_of[of_a][a.second], scene.feature_of[of_b][b.second]);
       }
     }
   }
   for (const auto& [pair, rows] : matches) {
-    database.WriteVerifiedMatches(image_ids.at(pair.first), image_ids.at(pair.second), rows);
+    database.WriteVerifiedMatches(image_ids[pair.first], image_ids[pair.second], rows);
   }
   database.Commit();
-  return feature_of;
 }
 
 void ExportScene(const Project& project, const ExportRequest& request, const std::string& run, const fs::path& out,
@@ -343,12 +258,12 @@ void ExportScene(const Project& project, const ExportRequest& request, const std
     ExportPly(project, scene, out / "points.ply");
     report->files.push_back(out / "points.ply");
   } else {
-    WriteG2oPoseGraph(out / "pose_graph.g2o", MakePoseGraph(project, request.variant, scene), comments);
+    WriteG2oPoseGraph(out / "pose_graph.g2o", MakePoseGraph(scene), comments);
     WriteG2oBundle(out / "bundle.g2o", MakeBundle(scene), comments);
     report->files.insert(report->files.end(), {out / "pose_graph.g2o", out / "bundle.g2o"});
   }
   report->lines.push_back(fmt::format("{}: {} images, {} points, frame {}", run, scene.model.images.size(),
-                                      scene.model.points.size(), scene.world ? "world (ENU)" : "odom"));
+                                      scene.model.points.size(), scene.world_from_odom ? "world (ENU)" : "odom"));
 }
 
 }  // namespace trigpoint

@@ -168,7 +168,7 @@ std::vector<GateMeasure> MeasuresOf(const JudgedResult& result, const std::strin
   if (result.stage == "survey") {
     add(SurveyMeasures(ReadJsonFile(result.dir / "summary.json"), ReadTagResults(result.dir / "tags.csv"), confidence));
   } else if (result.stage == "localize") {
-    add(LocalizeMeasures(result.name, ReadPanoramaResults(result.dir / "panoramas.csv"), confidence));
+    add(LocalizeMeasures(result.name, ReadLocalizeResult(result.dir).panoramas, confidence));
   } else if (result.stage == "evaluate") {
     add(EvaluationMeasures(ReadJsonFile(result.dir / "summary.json"), variant, confidence));
     add(EstimateMeasures(ReadJsonFile(result.dir / "estimates.json")));

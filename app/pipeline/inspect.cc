@@ -7,9 +7,10 @@
 
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
-#include "datasets/colmap/model.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
 #include "eval/results.h"
 #include "localize/matching.h"
 #include "survey/tags/tag_files.h"
@@ -29,8 +30,9 @@ struct RunInspector::Parts {
   const Project project;
   const Run& run;
   StageTarget target;
-  bool model_read = false;
-  SparseModel model;
+  bool result_read = false;
+  LocalizeResult result;
+  SparseModel model;                          // odom
   std::map<std::string, size_t> model_image;  // by name
   std::map<int64_t, size_t> model_point;      // by id
   bool tags_read = false;
@@ -40,8 +42,6 @@ struct RunInspector::Parts {
     target.run = name;
     target.variant = variant;
   }
-  fs::path Localized() const { return ResultOf(project, "localize", target); }
-
   const ImageEntry& Entry(const std::string& file) const {
     std::vector<std::string> names;
     for (const ImageEntry& entry : run.images) {
@@ -50,12 +50,18 @@ struct RunInspector::Parts {
     }
     throw InputError("run " + run.name + " has no image '" + file + "'; nearest: '" + NearestName(file, names) + "'");
   }
-  void ReadModel() {
-    if (model_read) return;
-    model_read = true;
-    const fs::path dir = Localized() / "sparse";
-    if (!HasColmapModel(dir)) return;
-    model = ReadColmapModel(dir);
+  void ReadResult() {
+    if (result_read) return;
+    result_read = true;
+    const fs::path dir = ResultOf(project, "localize", target);
+    if (fs::exists(dir / kSolutionFile)) {
+      const Solution solution = ReadSolution(dir / kSolutionFile);
+      result = ReadLocalizeResult(dir, &solution);
+      model = ModelOf(solution).model;
+    } else {  // of an older program
+      if (fs::exists(dir / "panoramas.csv")) result = ReadLocalizeResult(dir, nullptr);
+      if (HasColmapModel(dir / "sparse")) model = ReadColmapModel(dir / "sparse");
+    }
     for (size_t i = 0; i < model.images.size(); ++i) model_image[model.images[i].name] = i;
     for (size_t i = 0; i < model.points.size(); ++i) model_point[model.points[i].id] = i;
   }
@@ -97,7 +103,7 @@ InspectedImage RunInspector::Image(const std::string& file) {
       result.tags.push_back(std::move(t));
     }
   }
-  p.ReadModel();
+  p.ReadResult();
   const auto found = p.model_image.find(file);
   if (found == p.model_image.end()) return result;
   const ModelImage& image = p.model.images[found->second];
@@ -118,7 +124,7 @@ InspectedImage RunInspector::Image(const std::string& file) {
 
 std::vector<std::string> RunInspector::ImagesOf(int64_t point) {
   Parts& p = *parts_;
-  p.ReadModel();
+  p.ReadResult();
   const auto found = p.model_point.find(point);
   if (found == p.model_point.end()) {
     throw InputError("run " + p.run.name + " has no point " + std::to_string(point) + "; its model has " +
@@ -153,15 +159,12 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
 
   // Poses in the run's own frame, where both were localized.
   std::optional<Rigid3d> cam_from_odom, odom_from_pano;
-  p.ReadModel();
+  p.ReadResult();
   if (const auto it = p.model_image.find(file); it != p.model_image.end()) {
     cam_from_odom = p.model.images[it->second].cam_from_world;
   }
-  const fs::path answers = p.Localized() / "panoramas.csv";
-  if (fs::exists(answers)) {
-    for (const PanoramaResult& answer : ReadPanoramaResults(answers)) {
-      if (answer.panorama == panorama) odom_from_pano = answer.odom_from_pano;
-    }
+  for (const PanoramaResult& answer : p.result.panoramas) {
+    if (answer.panorama == panorama) odom_from_pano = answer.odom_from_pano;
   }
   const ViewOptions options = ResolveOptions<FeatureStageOptions>(p.project, "references", plain).views;
   std::vector<InspectedMatch> matches;

@@ -5,7 +5,6 @@
 #include <map>
 
 #include "calib/base/error.h"
-#include "datasets/colmap/model.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
 #include "survey/panorama/rig_files.h"
@@ -321,50 +320,6 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
   csv.Save(dir / "matches.csv");
 }
 
-void WriteSparse(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
-  const Reconstruction& r = result.reconstruction;
-  SparseModel model;
-  for (size_t c = 0; c < job.input.cameras.size(); ++c) {
-    model.cameras.emplace_back(static_cast<uint32_t>(c + 1), job.input.cameras[c].camera);
-  }
-  for (size_t i = 0; i < job.input.images.size(); ++i) {
-    const FrameImage& image = job.input.images[i];
-    ModelImage m;
-    m.id = static_cast<uint32_t>(i + 1);
-    m.name = image.name;
-    m.camera_id = static_cast<uint32_t>(image.camera + 1);
-    m.cam_from_world = CamFromOdom(job.input, result, image);
-    model.images.push_back(std::move(m));
-  }
-  size_t k = 0;
-  for (size_t j = 0; j < r.problem.points.size(); ++j) {
-    ModelPoint point;
-    point.id = static_cast<int64_t>(j + 1);
-    point.position = r.problem.points[j];
-    double sum = 0;
-    for (; k < r.problem.observations.size() && r.problem.observations[k].point == static_cast<int>(j); ++k) {
-      const BearingObservation& o = r.problem.observations[k];
-      if (!o.active || r.image_of[k] < 0 || !r.point_valid[j]) continue;
-      ModelImage& image = model.images[static_cast<size_t>(r.image_of[k])];
-      const Camera& camera = job.input.cameras[static_cast<size_t>(image.camera_id - 1)].camera;
-      const auto pixel = camera.Project(o.ray.cast<double>());
-      if (!pixel) continue;
-      point.track.emplace_back(image.id, static_cast<uint32_t>(image.pixels.size()));
-      image.pixels.push_back(*pixel);
-      image.points.push_back(point.id);
-      sum += std::sqrt(SquaredError(r.problem, o)) * r.sigma_px;
-    }
-    if (point.track.size() < 2) {
-      // Not kept: its observations go without a point.
-      for (const auto& [image, index] : point.track) model.images[image - 1].points[index] = -1;
-      continue;
-    }
-    point.error_px = sum / static_cast<double>(point.track.size());
-    model.points.push_back(std::move(point));
-  }
-  WriteColmapModel(model, dir / "sparse");
-}
-
 // Photo sets that are stitched become one reference each, with the photos as views; they leave `prepared`.
 void AddStitchedSets(const Site& site, const std::map<std::string, std::filesystem::path>& rigs,
                      const FeatureStore& store, std::vector<PreparedReference>* prepared,
@@ -543,7 +498,6 @@ void WriteLocalization(const Site& site, const LocalizeJob& job, const Localizat
   WriteCameras(job, result, dir);
   WritePanoramas(site, job, result, dir);
   WriteMatches(site, job, result, dir);
-  WriteSparse(job, result, dir);
 }
 
 }  // namespace trigpoint

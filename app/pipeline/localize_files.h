@@ -42,7 +42,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
 // odom_from_cam of the run's first camera, in image time.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);
 
-// cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, sparse/.
+// cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, matches.csv.
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir);
 

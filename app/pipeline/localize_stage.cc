@@ -12,6 +12,7 @@
 #include "datasets/io/time_check.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {
@@ -125,6 +126,7 @@ void WriteWithTables(const Site& site, const LocalizeJob& job, Solution* solutio
   }
   WriteSolution(*solution, dir / kSolutionFile);
   WriteCovarianceTables(*solution, dir);
+  WriteColmapModel(ModelOf(*solution).model, dir / "sparse");
 }
 
 // How long a run is, and how well that is known.

@@ -154,10 +154,10 @@ std::vector<LocalizedView> LocalizedViews(const Project& project, const std::str
     StageTarget target;
     target.run = run.name;
     target.variant = variant;
-    const fs::path file = ResultOf(project, "localize", target) / "cameras.csv";
-    if (!fs::exists(file)) continue;
+    const fs::path dir = ResultOf(project, "localize", target);
+    if (!fs::exists(dir / "cameras.csv")) continue;
     std::map<std::string, Rigid3d> poses;
-    for (const CameraResult& camera : ReadCameraResults(file)) {
+    for (const CameraResult& camera : ReadLocalizeResult(dir).images) {
       if (camera.world_from_cam) poses[camera.image] = camera.world_from_cam->Inverse();
     }
     for (const ImageEntry& entry : run.images) {

@@ -55,7 +55,7 @@ EstimateReport ScoreCameras(const Project& project, const EvaluatedRun& run, con
                     ReadReferencePoses(ReferenceOf(project, run.run)), project.run(run.run).cameras, config, options);
   if (!placed) report.notes.push_back("the run has no place in the site's frame: fitted to the reference first");
   std::map<int64_t, Eigen::Vector3d> sigmas;
-  for (const CameraResult& camera : run.cameras) {
+  for (const CameraResult& camera : run.result.images) {
     if (camera.sigma_m) sigmas.emplace(camera.stamp_ns, *camera.sigma_m);
   }
   for (EstimateRow& row : report.rows) {

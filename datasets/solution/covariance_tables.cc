@@ -30,12 +30,7 @@ void Put(CsvWriter& csv, const std::string& name, const Matrix6d& c) {
 void WriteCovarianceTables(const Solution& s, const std::filesystem::path& dir) {
   if (!s.georeference || s.covariances.empty()) return;
   CsvWriter cameras = Table("image", "cameras_cov", *s.georeference);
-  for (const SolutionImage& image : s.images) {
-    const Rigid3d world_from_body =
-        s.georeference->world_from_odom.TransformPose(s.problem.poses[static_cast<size_t>(image.pose)].Inverse());
-    const Rigid3d body_from_cam = s.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
-    Put(cameras, image.name, MountedCovariance(world_from_body, WorldCovariance(s, image.pose), body_from_cam));
-  }
+  for (const SolutionImage& image : s.images) Put(cameras, image.name, ImageWorldCovariance(s, image));
   cameras.Save(dir / "cameras_cov.csv");
   CsvWriter panoramas = Table("panorama", "panoramas_cov", *s.georeference);
   std::set<std::string> put;

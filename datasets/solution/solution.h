@@ -87,4 +87,12 @@ struct Solution {
   std::optional<SolutionGeoreference> georeference;
 };
 
+inline Rigid3d OdomFromRig(const Solution& s, int pose) { return s.problem.poses[static_cast<size_t>(pose)].Inverse(); }
+inline Rigid3d BodyFromCam(const Solution& s, const SolutionImage& image) {
+  return s.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
+}
+inline Rigid3d OdomFromCam(const Solution& s, const SolutionImage& image) {
+  return OdomFromRig(s, image.pose) * BodyFromCam(s, image);
+}
+
 }  // namespace trigpoint

@@ -48,39 +48,24 @@ bool SetLoss(const std::string& text, Loss* loss) {
 Table RunTable(Solution& s) {
   Table t{"run", 1, [](size_t) {}, {}};
   BundleProblem& p = s.problem;
-  t.Add(
-      "name", [&](size_t) -> auto& { return s.run; });
-  t.Add(
-      "mode", [&](size_t) -> auto& { return s.mode; });
-  t.Add(
-      "sigma_px", [&](size_t) -> auto& { return s.sigma_px; });
-  t.Add(
-      "correlation_inflation", [&](size_t) -> auto& { return s.correlation_inflation; });
-  t.Add(
-      "odometry_noise_factor", [&](size_t) -> auto& { return s.odometry_noise_factor; });
+  t.AddOne("name", s.run);
+  t.AddOne("mode", s.mode);
+  t.AddOne("sigma_px", s.sigma_px);
+  t.AddOne("correlation_inflation", s.correlation_inflation);
+  t.AddOne("odometry_noise_factor", s.odometry_noise_factor);
   t.AddMade(
       "loss", [&](size_t) { return LossText(p.loss); },
       [&](size_t, const std::string& text) { return SetLoss(text, &p.loss); });
-  t.Add(
-      "scale", [&](size_t) -> auto& { return p.scale; });
-  t.Add(
-      "scale_constant", [&](size_t) -> auto& { return p.scale_constant; });
-  t.Add(
-      "scale_prior", [&](size_t) -> auto& { return p.scale_prior; });
-  t.Add(
-      "scale_sigma", [&](size_t) -> auto& { return p.scale_sigma; });
-  t.Add(
-      "points_constant", [&](size_t) -> auto& { return p.points_constant; });
-  t.Add(
-      "initial_cost", [&](size_t) -> auto& { return s.summary.initial_cost; });
-  t.Add(
-      "final_cost", [&](size_t) -> auto& { return s.summary.final_cost; });
-  t.Add(
-      "iterations", [&](size_t) -> auto& { return s.summary.iterations; });
-  t.Add(
-      "converged", [&](size_t) -> auto& { return s.summary.converged; });
-  t.Add(
-      "dropped_observations", [&](size_t) -> auto& { return s.dropped_observations; });
+  t.AddOne("scale", p.scale);
+  t.AddOne("scale_constant", p.scale_constant);
+  t.AddOne("scale_prior", p.scale_prior);
+  t.AddOne("scale_sigma", p.scale_sigma);
+  t.AddOne("points_constant", p.points_constant);
+  t.AddOne("initial_cost", s.summary.initial_cost);
+  t.AddOne("final_cost", s.summary.final_cost);
+  t.AddOne("iterations", s.summary.iterations);
+  t.AddOne("converged", s.summary.converged);
+  t.AddOne("dropped_observations", s.dropped_observations);
   return t;
 }
 
@@ -100,8 +85,7 @@ Table CameraTable(Solution& s) {
   };
   const auto parts = std::make_shared<Parts>();  // of the row that is being read
   const auto camera = [&](size_t i) -> Camera& { return s.cameras[i].camera; };
-  t.Add(
-      "name", [&](size_t i) -> auto& { return s.cameras[i].name; });
+  t.Add("name", s.cameras, &BodyCamera::name);
   t.AddMade(
       "model", [=](size_t i) { return std::string(CameraModelName(camera(i).model())); },
       [=](size_t, const std::string& v) { return parts->model = v, true; });
@@ -121,30 +105,23 @@ Table CameraTable(Solution& s) {
       });
   t.AddRigid(
       "cam_from_body_", [&](size_t i) -> auto& { return s.cameras[i].cam_from_body; });
-  t.Add(
-      "has_extrinsics", [&](size_t i) -> auto& { return s.cameras[i].has_extrinsics; });
-  t.Add(
-      "time_offset_s", [&](size_t i) -> auto& { return s.cameras[i].time_offset_s; });
+  t.Add("has_extrinsics", s.cameras, &BodyCamera::has_extrinsics);
+  t.Add("time_offset_s", s.cameras, &BodyCamera::time_offset_s);
   return t;
 }
 
 Table ImageTable(Solution& s) {
   Table t{"images", s.images.size(), [&](size_t n) { s.images.resize(n); }, {}};
-  t.Add(
-      "stamp_ns", [&](size_t i) -> auto& { return s.images[i].stamp_ns; });
-  t.Add(
-      "name", [&](size_t i) -> auto& { return s.images[i].name; });
-  t.Add(
-      "camera", [&](size_t i) -> auto& { return s.images[i].camera; });
-  t.Add(
-      "pose", [&](size_t i) -> auto& { return s.images[i].pose; });
+  t.Add("stamp_ns", s.images, &SolutionImage::stamp_ns);
+  t.Add("name", s.images, &SolutionImage::name);
+  t.Add("camera", s.images, &SolutionImage::camera);
+  t.Add("pose", s.images, &SolutionImage::pose);
   return t;
 }
 
 Table StampTable(Solution& s) {
   Table t{"body_poses", s.pose_stamps.size(), [&](size_t n) { s.pose_stamps.resize(n); }, {}};
-  t.Add(
-      "stamp_ns", [&](size_t i) -> auto& { return s.pose_stamps[i]; });
+  t.Add("stamp_ns", s.pose_stamps);
   return t;
 }
 
@@ -162,8 +139,7 @@ Table PoseTable(Solution& s) {
 
 Table CovarianceTable(Solution& s) {
   Table t{"covariances", s.covariances.size(), [&](size_t n) { s.covariances.resize(n); }, {}};
-  t.Add(
-      "covariance", [&](size_t i) -> auto& { return s.covariances[i]; });
+  t.Add("covariance", s.covariances);
   return t;
 }
 
@@ -185,8 +161,7 @@ Table PointTable(Solution& s) {
       "y", [&](size_t i) -> auto& { return points[i].y(); });
   t.Add(
       "z", [&](size_t i) -> auto& { return points[i].z(); });
-  t.Add(
-      "depth_m", [&](size_t i) -> auto& { return s.depth_m[i]; });
+  t.Add("depth_m", s.depth_m);
   t.Add("valid", [&](size_t i) { return s.point_valid[i]; });
   return t;
 }
@@ -194,22 +169,14 @@ Table PointTable(Solution& s) {
 Table ObservationTable(Solution& s) {
   std::vector<BearingObservation>& o = s.problem.observations;
   Table t{"observations", o.size(), [&](size_t n) { o.resize(n), s.image_of.resize(n), s.feature_of.resize(n); }, {}};
-  t.Add(
-      "point", [&](size_t i) -> auto& { return o[i].point; });
-  t.Add(
-      "pose", [&](size_t i) -> auto& { return o[i].pose; });
-  t.Add(
-      "view", [&](size_t i) -> auto& { return o[i].view; });
-  t.Add(
-      "image", [&](size_t i) -> auto& { return s.image_of[i]; });
-  t.Add(
-      "feature", [&](size_t i) -> auto& { return s.feature_of[i]; });
-  t.Add(
-      "active", [&](size_t i) -> auto& { return o[i].active; });
-  t.Add(
-      "ray", [&](size_t i) -> auto& { return o[i].ray; });
-  t.Add(
-      "w", [&](size_t i) -> auto& { return o[i].w; });
+  t.Add("point", o, &BearingObservation::point);
+  t.Add("pose", o, &BearingObservation::pose);
+  t.Add("view", o, &BearingObservation::view);
+  t.Add("image", s.image_of);
+  t.Add("feature", s.feature_of);
+  t.Add("active", o, &BearingObservation::active);
+  t.Add("ray", o, &BearingObservation::ray);
+  t.Add("w", o, &BearingObservation::w);
   return t;
 }
 
@@ -231,70 +198,47 @@ Table FactorTable(Solution& s) {
         }
         return false;
       });
-  t.Add(
-      "a", [&](size_t i) -> auto& { return f[i].a; });
-  t.Add(
-      "b", [&](size_t i) -> auto& { return f[i].b; });
-  t.Add(
-      "scaled", [&](size_t i) -> auto& { return f[i].scaled; });
+  t.Add("a", f, &PoseFactor::a);
+  t.Add("b", f, &PoseFactor::b);
+  t.Add("scaled", f, &PoseFactor::scaled);
   t.AddRigid(
       "measured_", [&](size_t i) -> auto& { return f[i].measured; });
-  t.Add(
-      "arm", [&](size_t i) -> auto& { return f[i].arm; });
-  t.Add(
-      "view_a", [&](size_t i) -> auto& { return f[i].view_a; });
-  t.Add(
-      "view_b", [&](size_t i) -> auto& { return f[i].view_b; });
-  t.Add(
-      "sqrt_info", [&](size_t i) -> auto& { return f[i].sqrt_info; });
+  t.Add("arm", f, &PoseFactor::arm);
+  t.Add("view_a", f, &PoseFactor::view_a);
+  t.Add("view_b", f, &PoseFactor::view_b);
+  t.Add("sqrt_info", f, &PoseFactor::sqrt_info);
   t.AddMade(
       "loss", [&](size_t i) { return LossText(f[i].loss); },
       [&](size_t i, const std::string& text) { return SetLoss(text, &f[i].loss); });
-  t.Add(
-      "weight", [&](size_t i) -> auto& { return f[i].weight; });
+  t.Add("weight", f, &PoseFactor::weight);
   return t;
 }
 
 Table CountTable(Solution& s) {
   Table t{"counts", s.counts.size(), [&](size_t n) { s.counts.resize(n); }, {}};
-  t.Add(
-      "name", [&](size_t i) -> auto& { return s.counts[i].first; });
-  t.Add(
-      "value", [&](size_t i) -> auto& { return s.counts[i].second; });
+  using Count = SolutionCounts::value_type;
+  t.Add("name", s.counts, &Count::first);
+  t.Add("value", s.counts, &Count::second);
   return t;
 }
 
 Table ReferenceTable(Solution& s) {
   std::vector<SolutionReference>& r = s.references;
   Table t{"refs", r.size(), [&](size_t n) { r.resize(n); }, {}};  // `references` is a word of SQL
-  t.Add(
-      "name", [&](size_t i) -> auto& { return r[i].name; });
-  t.Add(
-      "row", [&](size_t i) -> auto& { return r[i].row; });
-  t.Add(
-      "station", [&](size_t i) -> auto& { return r[i].station; });
-  t.Add(
-      "status", [&](size_t i) -> auto& { return r[i].status; });
-  t.Add(
-      "reason", [&](size_t i) -> auto& { return r[i].reason; });
-  t.Add(
-      "pose", [&](size_t i) -> auto& { return r[i].pose; });
-  t.Add(
-      "view_matches", [&](size_t i) -> auto& { return r[i].view_matches; });
-  t.Add(
-      "agreeing", [&](size_t i) -> auto& { return r[i].agreeing; });
-  t.Add(
-      "second", [&](size_t i) -> auto& { return r[i].second; });
-  t.Add(
-      "support", [&](size_t i) -> auto& { return r[i].support; });
-  t.Add(
-      "inlier_ratio", [&](size_t i) -> auto& { return r[i].inlier_ratio; });
-  t.Add(
-      "distance_m", [&](size_t i) -> auto& { return r[i].distance_m; });
-  t.Add(
-      "geotag", [&](size_t i) -> auto& { return r[i].geotag; });
-  t.Add(
-      "geotag_difference", [&](size_t i) -> auto& { return r[i].geotag_difference; });
+  t.Add("name", r, &SolutionReference::name);
+  t.Add("row", r, &SolutionReference::row);
+  t.Add("station", r, &SolutionReference::station);
+  t.Add("status", r, &SolutionReference::status);
+  t.Add("reason", r, &SolutionReference::reason);
+  t.Add("pose", r, &SolutionReference::pose);
+  t.Add("view_matches", r, &SolutionReference::view_matches);
+  t.Add("agreeing", r, &SolutionReference::agreeing);
+  t.Add("second", r, &SolutionReference::second);
+  t.Add("support", r, &SolutionReference::support);
+  t.Add("inlier_ratio", r, &SolutionReference::inlier_ratio);
+  t.Add("distance_m", r, &SolutionReference::distance_m);
+  t.Add("geotag", r, &SolutionReference::geotag);
+  t.Add("geotag_difference", r, &SolutionReference::geotag_difference);
   return t;
 }
 

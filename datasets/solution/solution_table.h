@@ -171,6 +171,20 @@ struct Table {
     columns.push_back(std::move(c));
     return *this;
   }
+  // Elements of a vector, or a member of each; it must outlive the table.
+  template <typename T>
+  Table& Add(const std::string& column, std::vector<T>& of) {
+    return Add(column, [&of](size_t row) -> T& { return of[row]; });
+  }
+  template <typename T, typename M, typename Of>
+  Table& Add(const std::string& column, std::vector<T>& of, M Of::*member) {
+    return Add(column, [&of, member](size_t row) -> M& { return of[row].*member; });
+  }
+  // Of a table of one row.
+  template <typename T>
+  Table& AddOne(const std::string& column, T& value) {
+    return Add(column, [&value](size_t) -> T& { return value; });
+  }
   // A value that stands for something else in memory: `get(row)` makes it, `set(row, value)` takes it and is false for
   // one that makes no sense.
   template <typename G, typename F>

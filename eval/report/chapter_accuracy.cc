@@ -9,6 +9,7 @@
 #include "eval/interval_text.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
+#include "eval/report/verdict.h"
 
 namespace trigpoint {
 namespace {
@@ -45,7 +46,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
               "3D differences between answers and references. relative: in the run's own frame, tags seen by the same "
               "cameras, as in the paper; absolute: in site ENU, errors of the global fit included. Median, its 95 % "
               "interval, mean, P90 and largest are over answers; the attempts' median counts an abstention as worse "
-              "than any number. ANEES: mean squared error in its own sigmas, 1 where these are right.",
+              "than any number. ANEES: mean squared error in units of its covariance, 1 where sigmas are right.",
               {{"method"},
                {"against"},
                {"answers", true},
@@ -67,7 +68,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
       const double low = (*it)[0].get<double>(), high = (*it)[1].is_number() ? (*it)[1].get<double>() : HUGE_VAL;
       interval = IsInformative({low, high}) ? c.Length(low) + " to " + c.Length(high) : "too few";
     }
-    const auto anees = At(g, {"nees", "mean_per_dof"});
+    const std::optional<SigmaTest> sigmas = SigmasOf(g);
     const bool shared = FlagAt(g, "shares_evidence");
     table.rows.push_back({{c.RunName(TextAt(g, "method"), TextAt(g, "variant"))},
                           {TextAt(g, "reference") + ", " + TextAt(g, "kind")},
@@ -79,7 +80,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
                           number("over_answers", "p90_m"),
                           number("over_answers", "max_m"),
                           number("over_attempts", "median_m"),
-                          {anees ? fmt::format("{:.2f}", *anees) : "", anees},
+                          sigmas ? TableCell{fmt::format("{:.2f}", sigmas->anees), sigmas->anees} : TableCell{},
                           {shared ? "shared: agreement" : "independent"}});
   }
   blocks->push_back(table);

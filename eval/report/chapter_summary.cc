@@ -107,20 +107,13 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   facts.facts.push_back(
       {"Median 3D " + word, c.LengthUnit(median, 2), IntervalText(c, g, "median_interval_m", confidence)});
   facts.facts.push_back({"90 % are within", c.LengthUnit(p90, 2), IntervalText(c, g, "p90_interval_m", confidence)});
-  const auto anees = At(g, {"nees", "mean_per_dof"});
-  if (anees) {
-    const nlohmann::json& bounds = g["nees"].contains("bounds") ? g["nees"]["bounds"] : nlohmann::json();
-    std::string detail, value = "not tested";
-    Tone tone = Tone::kPlain;
-    if (bounds.is_array() && bounds.size() == 2 && bounds[0].is_number() && bounds[1].is_number()) {
-      const double low = bounds[0].get<double>(), high = bounds[1].get<double>();
-      detail = fmt::format(", {:.0f} % bounds {:.2f} to {:.2f}", 100 * confidence, low, high);
-      value = *anees < low ? "too large" : *anees > high ? "too small" : "right";
-      tone = *anees < low || *anees > high ? Tone::kWarning : Tone::kGood;
-    }
+  if (const std::optional<SigmaTest> test = SigmasOf(g)) {
     facts.facts.push_back(
-        {"Stated uncertainty", value,
-         fmt::format("mean squared error in its own sigmas (ANEES) {:.2f}; 1 is right", *anees) + detail, tone});
+        {"Stated uncertainty", test->Consistent() ? "right" : test->Words(),
+         fmt::format("mean squared error in units of its own covariance (ANEES) {:.2f}; 1 is right, {:.0f} % bounds "
+                     "{:.2f} to {:.2f}",
+                     test->anees, 100 * confidence, test->low, test->high),
+         test->Consistent() ? Tone::kGood : Tone::kWarning});
   }
   blocks->push_back(facts);
   std::string text = fmt::format(

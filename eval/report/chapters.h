@@ -23,7 +23,6 @@ struct ChapterContext {
   std::string Length(const std::optional<double>& metres, int decimals = 3) const;      // "" if not given; without unit
   std::string LengthUnit(const std::optional<double>& metres, int decimals = 3) const;  // with unit
   TableCell LengthCell(const std::optional<double>& metres, int decimals = 3) const;
-  std::string VariantName(const std::string& variant) const { return variant.empty() ? "first" : variant; }
   // "run1", "run1@paper": as the folders of results are called.
   std::string RunName(const std::string& run, const std::string& variant) const {
     return variant.empty() ? run : run + "@" + variant;

@@ -123,15 +123,19 @@ void ReadGates(const ReportData& data, ProjectVerdict* verdict) {
 
 }  // namespace
 
-std::optional<SigmaTest> VerdictErrors::Sigmas() const {
-  const auto anees = At(group, {"nees", "mean_per_dof"});
-  const nlohmann::json& nees = ObjectAt(group, "nees");
+std::optional<SigmaTest> SigmasOf(const nlohmann::json& group) {
+  const nlohmann::json& all = ObjectAt(group, "nees");
+  const nlohmann::json& joint = ObjectAt(all, "joint");
+  const nlohmann::json& nees = joint.empty() ? all : joint;
+  const auto per_dof = At(nees, {"mean_per_dof"});
   const auto bounds = nees.find("bounds");
-  if (!anees || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
+  if (!per_dof || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
       !(*bounds)[1].is_number())
     return {};
-  return SigmaTest{*anees, (*bounds)[0].get<double>(), (*bounds)[1].get<double>()};
+  return SigmaTest{*per_dof, (*bounds)[0].get<double>(), (*bounds)[1].get<double>()};
 }
+
+std::optional<SigmaTest> VerdictErrors::Sigmas() const { return SigmasOf(group); }
 
 std::string VerdictErrors::Name() const {
   return method + " against " + reference + ", " + kind +

@@ -26,36 +26,6 @@ namespace fs = std::filesystem;
 constexpr int64_t kSameTimeNs = 50'000'000;  // poses of two systems this near in time are of the same moment
 constexpr double kCameraHeightM = 1.5;       // above the ground, where no point tells
 
-// The similarity that takes a run's optimised frame into the scene's: rotation and place from the cameras' poses in
-// both, scale from their paths.
-Sim3d SceneFromOdom(const std::vector<TimedPose>& odom, const std::vector<TimedPose>& world) {
-  const std::optional<Rigid3d> rigid = WorldFromOdom(odom, world);
-  if (!rigid) return {};
-  std::map<int64_t, Eigen::Vector3d> by_stamp;
-  for (const TimedPose& pose : odom) by_stamp[pose.stamp_ns] = pose.target_from_body.translation;
-  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> pairs;
-  Eigen::Vector3d mean_odom = Eigen::Vector3d::Zero(), mean_world = Eigen::Vector3d::Zero();
-  for (const TimedPose& pose : world) {
-    const auto it = by_stamp.find(pose.stamp_ns);
-    if (it == by_stamp.end()) continue;
-    pairs.emplace_back(rigid->rotation * it->second, pose.target_from_body.translation);
-    mean_odom += pairs.back().first;
-    mean_world += pairs.back().second;
-  }
-  mean_odom /= static_cast<double>(pairs.size());
-  mean_world /= static_cast<double>(pairs.size());
-  double along = 0, square = 0;
-  for (const auto& [a, b] : pairs) {
-    along += (a - mean_odom).dot(b - mean_world);
-    square += (a - mean_odom).squaredNorm();
-  }
-  Sim3d result;
-  result.scale = square > 1e-6 && along > 0 ? along / square : 1;
-  result.rotation = rigid->rotation;
-  result.translation = mean_world - result.scale * mean_odom;
-  return result;
-}
-
 // The decoder fills what is missing of a JPEG with grey: no end marker behind its middle (before it there may be that
 // of a thumbnail) means that it was cut off.
 bool IsCutOff(const fs::path& file) {
@@ -188,7 +158,7 @@ class Loader {
     }
     part.result = ReadLocalizeResult(part.dir);
     part.on_earth = !part.result.cameras.empty();
-    if (part.on_earth) part.scene_from_odom = SceneFromOdom(part.result.cameras_odom, part.result.cameras);
+    part.scene_from_odom = part.result.world_from_odom.value_or(Sim3d());
     runs_.push_back(std::move(part));
   }
 
@@ -277,13 +247,11 @@ class Loader {
       }
       model_.cameras.push_back(std::move(c));
     };
-    if (part.on_earth && fs::exists(part.dir / "cameras.csv")) {
-      for (const CameraResult& row : ReadCameraResults(part.dir / "cameras.csv")) {
-        const auto entry = entries.find(row.image);
-        if (entry != entries.end() && row.world_from_cam) add(entry->second, *row.world_from_cam, row.sigma_m);
-      }
-      return;
+    for (const CameraResult& row : part.result.images) {
+      const auto entry = entries.find(row.image);
+      if (entry != entries.end() && row.world_from_cam) add(entry->second, *row.world_from_cam, row.sigma_m);
     }
+    if (!part.result.images.empty()) return;
     for (const TimedPose& pose : part.on_earth ? part.result.cameras : part.result.cameras_odom) {
       const auto entry = first_camera.find(pose.stamp_ns);
       if (entry != first_camera.end()) add(entry->second, pose.target_from_body, std::nullopt);

@@ -378,14 +378,6 @@ double BlockSolver::Cost(int threads, const CancelToken& cancel) {
   return cost;
 }
 
-double BlockSolver::TieSquare(const TieSight& sight) const {
-  bool in_front = false;
-  const double square = TieResidual(sight, views[static_cast<size_t>(sight.view)], Pose(sight.pose),
-                                    points[static_cast<size_t>(sight.point)].position, nullptr, nullptr, &in_front)
-                            .squaredNorm();
-  return in_front ? square : std::numeric_limits<double>::infinity();
-}
-
 BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, ProgressSink& progress,
                                         const CancelToken& cancel) {
   Prepare();

@@ -96,7 +96,6 @@ class BlockSolver {
   Eigen::MatrixXd Jacobian(int factor) const;  // weighted; columns of its free unknowns in order
   // into += J' a, J as in Jacobian, at the rows of its unknowns.
   void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
-  double TieSquare(const TieSight& sight) const;  // |W u|^2; infinite behind the camera
 
  private:
   struct Chunk;

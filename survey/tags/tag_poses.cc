@@ -24,7 +24,6 @@ struct Sighting {
   int view = 0;
   TagSight sight;
   Rigid3d world_from_cam;
-  Matrix86d camera_part = Matrix86d::Zero();  // d residual / d camera * square root of the camera's covariance
   bool has_covariance = false;
 };
 
@@ -75,6 +74,7 @@ class OneTag {
     Fit fit = Solve(best);
     out->world_from_tag = fit.world_from_tag;
     out->covariance = fit.covariance;
+    out->by_camera = std::move(fit.by_camera);
     out->rms_px = fit.rms_px;
     std::set<std::string> runs;
     for (int i : fit.used) {
@@ -98,6 +98,7 @@ class OneTag {
     double variance_factor = 1;
     double rms_px = 0;
     std::vector<int> used;
+    std::vector<Matrix6d> by_camera;  // of each used
   };
 
   double ErrorPx(const Sighting& s, const Rigid3d& world_from_tag) const {
@@ -129,29 +130,34 @@ class OneTag {
     return found;
   }
 
-  // Whitened residual with its derivative by the tag, the cameras' covariance taken into the whitening.
-  void Linearise(int i, const Rigid3d& world_from_tag, Vector8d* r, Matrix86d* j, Matrix86d* camera_part) const {
+  struct Linear {
+    Vector8d r;  // whitened, the cameras' covariance taken into the whitening
+    Matrix86d by_tag, by_camera;
+    Matrix86d camera_part = Matrix86d::Zero();  // by_camera times the root of the camera's covariance
+  };
+
+  Linear Linearise(int i, const Rigid3d& world_from_tag) const {
     const Sighting& s = sightings_[i];
-    Matrix86d by_camera;
-    *r = TagResidual(s.sight, size_m_, kIdentity, s.world_from_cam, world_from_tag, &by_camera, j);
-    camera_part->setZero();
-    if (!s.has_covariance) return;
-    *camera_part = by_camera * covariance_roots_[i];
+    Linear l;
+    l.r = TagResidual(s.sight, size_m_, kIdentity, s.world_from_cam, world_from_tag, &l.by_camera, &l.by_tag);
+    if (!s.has_covariance) return l;
+    l.camera_part = l.by_camera * covariance_roots_[i];
     const Eigen::Matrix<double, 8, 8> c =
-        Eigen::Matrix<double, 8, 8>::Identity() + *camera_part * camera_part->transpose();
+        Eigen::Matrix<double, 8, 8>::Identity() + l.camera_part * l.camera_part.transpose();
     const Eigen::LLT<Eigen::Matrix<double, 8, 8>> llt(c);
-    llt.matrixL().solveInPlace(*r);
-    llt.matrixL().solveInPlace(*j);
-    llt.matrixL().solveInPlace(*camera_part);
+    llt.matrixL().solveInPlace(l.r);
+    for (Matrix86d* m : {&l.by_tag, &l.by_camera, &l.camera_part}) llt.matrixL().solveInPlace(*m);
+    return l;
+  }
+
+  double HuberWeight(const Linear& l) const {
+    return std::min(1.0, std::sqrt(kHuberChi2 * factor_ / std::max(l.r.squaredNorm(), 1e-300)));
   }
 
   double RobustCost(const Rigid3d& t, const std::vector<int>& used) const {
     double cost = 0;
     for (int i : used) {
-      Vector8d r;
-      Matrix86d j, camera_part;
-      Linearise(i, t, &r, &j, &camera_part);
-      const double s = r.squaredNorm();
+      const double s = Linearise(i, t).r.squaredNorm();
       cost += s <= kHuberChi2 * factor_ ? s : 2 * std::sqrt(s * kHuberChi2 * factor_) - kHuberChi2 * factor_;
     }
     return cost;
@@ -181,12 +187,7 @@ class OneTag {
   // Variance factor from the median of the sightings' squared residuals (median of chi-square 8: 7.344).
   double MedianFactor(const Fit& fit) const {
     std::vector<double> s;
-    for (int i : fit.used) {
-      Vector8d r;
-      Matrix86d j, camera_part;
-      Linearise(i, fit.world_from_tag, &r, &j, &camera_part);
-      s.push_back(r.squaredNorm());
-    }
+    for (int i : fit.used) s.push_back(Linearise(i, fit.world_from_tag).r.squaredNorm());
     std::nth_element(s.begin(), s.begin() + s.size() / 2, s.end());
     // Six of the 8 n are spent on the pose.
     const double n = 8.0 * static_cast<double>(s.size());
@@ -199,12 +200,10 @@ class OneTag {
       Matrix6d a = Matrix6d::Zero();
       Vector6d b = Vector6d::Zero();
       for (int i : fit->used) {
-        Vector8d r;
-        Matrix86d j, camera_part;
-        Linearise(i, fit->world_from_tag, &r, &j, &camera_part);
-        const double w = std::min(1.0, std::sqrt(kHuberChi2 * factor_ / std::max(r.squaredNorm(), 1e-300)));
-        a += w * j.transpose() * j;
-        b += w * j.transpose() * r;
+        const Linear l = Linearise(i, fit->world_from_tag);
+        const double w = HuberWeight(l);
+        a += w * l.by_tag.transpose() * l.by_tag;
+        b += w * l.by_tag.transpose() * l.r;
       }
       a.diagonal() *= 1 + lambda;
       const Vector6d step = -a.ldlt().solve(b);
@@ -228,19 +227,18 @@ class OneTag {
     Matrix6d a = Matrix6d::Zero(), common = Matrix6d::Zero(), own = Matrix6d::Zero(), noise = Matrix6d::Zero();
     double chi2 = 0, weights = 0, square_px = 0;
     for (int i : fit->used) {
-      Vector8d r;
-      Matrix86d j, camera_part;
-      Linearise(i, fit->world_from_tag, &r, &j, &camera_part);
-      const double w = std::min(1.0, std::sqrt(kHuberChi2 * factor_ / std::max(r.squaredNorm(), 1e-300)));
-      a += w * j.transpose() * j;
+      const Linear l = Linearise(i, fit->world_from_tag);
+      const double w = HuberWeight(l);
+      a += w * l.by_tag.transpose() * l.by_tag;
       // The whitened residual has unit covariance: corner noise is what the camera's part leaves of it.
       const Eigen::Matrix<double, 8, 8> corner =
-          Eigen::Matrix<double, 8, 8>::Identity() - camera_part * camera_part.transpose();
-      noise += w * j.transpose() * corner * j;
-      const Matrix6d g = w * j.transpose() * camera_part;
+          Eigen::Matrix<double, 8, 8>::Identity() - l.camera_part * l.camera_part.transpose();
+      noise += w * l.by_tag.transpose() * corner * l.by_tag;
+      const Matrix6d g = w * l.by_tag.transpose() * l.camera_part;
+      fit->by_camera.emplace_back(-w * l.by_tag.transpose() * l.by_camera);
       common += g;
       own += g * g.transpose();
-      chi2 += w * r.squaredNorm();
+      chi2 += w * l.r.squaredNorm();
       weights += 8 * w;
       const double px = ErrorPx(sightings_[i], fit->world_from_tag);
       square_px += px * px;
@@ -248,6 +246,7 @@ class OneTag {
     fit->rms_px = std::sqrt(square_px / static_cast<double>(fit->used.size()));
     fit->variance_factor = std::max(1.0, chi2 / std::max(1.0, weights - 6));
     const Matrix6d inverse = a.ldlt().solve(Matrix6d::Identity());
+    for (Matrix6d& d : fit->by_camera) d = (inverse * d).eval();
     const double rho = options_.camera_correlation;
     const Matrix6d middle = fit->variance_factor * noise + rho * common * common.transpose() + (1 - rho) * own;
     fit->covariance = inverse * middle * inverse;

@@ -62,6 +62,8 @@ struct TagEstimate {
   std::string status;
   std::string reason;
   std::vector<int> views;  // indices of the pictures used, ascending
+  // Derivative of the pose by that of each picture's camera (left tangents, world axes): where errors of cameras go.
+  std::vector<Matrix6d> by_camera;
   bool HasPose() const { return world_from_tag.has_value(); }
 };
 

@@ -65,7 +65,8 @@ struct Scene {
                                     .world_from_pano = world_from_pano,
                                     .odom_from_pano = kWorldFromOdom.Inverse() * world_from_pano});
   }
-  Evaluation Evaluate(std::vector<ReferenceMap> references = {}) const {
+  Evaluation Evaluate(std::vector<ReferenceMap> references = {}) {
+    run.result.world_from_odom = WorldFromOdom(run.result.cameras_odom, run.result.cameras);
     return trigpoint::Evaluate({.runs = {run}, .stations = stations, .references = std::move(references)},
                                {.bootstrap_samples = 0});
   }
@@ -112,7 +113,11 @@ TEST(WorldFromOdom, IsRecoveredFromTheTwoTrajectories) {
   const Scene scene;
   const auto fit = WorldFromOdom(scene.run.result.cameras_odom, scene.run.result.cameras);
   ASSERT_TRUE(fit);
-  EXPECT_LT(fit->Minus(kWorldFromOdom).norm(), 1e-12);
+  EXPECT_LT(fit->TransformPose(Rigid3d()).Minus(kWorldFromOdom).norm(), 1e-12);
+  EXPECT_NEAR(fit->scale, 1, 1e-12);
+  std::vector<TimedPose> longer = scene.run.result.cameras;
+  for (TimedPose& pose : longer) pose.target_from_body.translation *= 1.25;
+  EXPECT_NEAR(WorldFromOdom(scene.run.result.cameras_odom, longer)->scale, 1.25, 1e-12);
   EXPECT_FALSE(WorldFromOdom(scene.run.result.cameras_odom, {}));
 }
 

@@ -17,8 +17,7 @@ double Rounded(double value) { return std::round(value * 1e4) / 1e4; }
 // The expected numbers are those of an independent program (numpy); it rounds errors of panoramas to 0.1 mm.
 TEST(EvaluateAgainstTruth, AgreesWithAnIndependentProgram) {
   const auto dir = kData / "localize_run3";
-  const TruthEvaluation e = EvaluateAgainstTruth(ReadLocalizeResult(dir), ReadCameraResults(dir / "cameras.csv"),
-                                                 ReadTruth(kData / "truth", "run3"));
+  const TruthEvaluation e = EvaluateAgainstTruth(ReadLocalizeResult(dir), ReadTruth(kData / "truth", "run3"));
   EXPECT_EQ(e.frames_truth, 62);
   EXPECT_EQ(e.frames_out, 62);
   EXPECT_EQ(e.expected, (std::vector<int>{57, 59, 65, 75, 99, 110}));
@@ -49,7 +48,9 @@ TEST(EvaluateAgainstTruth, AgreesWithAnIndependentProgram) {
 
 TEST(EvaluateAgainstTruth, RotationIsThatOfTheFittedPose) {
   const auto dir = kData / "localize_run3";
-  const TruthEvaluation e = EvaluateAgainstTruth(ReadLocalizeResult(dir), {}, ReadTruth(kData / "truth", "run3"));
+  LocalizeResult result = ReadLocalizeResult(dir);
+  result.images.clear();  // no sigmas of cameras
+  const TruthEvaluation e = EvaluateAgainstTruth(result, ReadTruth(kData / "truth", "run3"));
   // The made-up answers have the true rotation, so what is left is the fit's: small where cameras surround the station.
   ASSERT_EQ(e.answers[0].station, 57);
   EXPECT_LT(e.answers[0].relative_rot_deg, 1);
@@ -58,13 +59,13 @@ TEST(EvaluateAgainstTruth, RotationIsThatOfTheFittedPose) {
 
 TEST(EvaluateAgainstTruth, WithoutAnyAnswerSaysSo) {
   LocalizeResult result;
-  const TruthEvaluation e = EvaluateAgainstTruth(result, {}, ReadTruth(kData / "truth", "run3"));
+  const TruthEvaluation e = EvaluateAgainstTruth(result, ReadTruth(kData / "truth", "run3"));
   EXPECT_EQ(e.missing, e.expected);
   EXPECT_FALSE(e.relative_median_m);
   EXPECT_FALSE(e.ate_se3_m);
   EXPECT_FALSE(e.camera_rmse_h_m);
   result.panoramas.push_back({.panorama = "p", .station = "S7", .status = "localized", .odom_from_pano = Rigid3d()});
-  EXPECT_THROW(EvaluateAgainstTruth(result, {}, ReadTruth(kData / "truth", "run3")), InputError);
+  EXPECT_THROW(EvaluateAgainstTruth(result, ReadTruth(kData / "truth", "run3")), InputError);
 }
 
 }  // namespace

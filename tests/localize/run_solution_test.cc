@@ -119,12 +119,11 @@ TEST_F(RunSolution, GivesTheCovariancesOfTheAnswers) {
     EXPECT_LT(error, 5 * std::sqrt(references[i].world.covariance.diagonal().tail<3>().sum())) << s.references[i].name;
   }
   ASSERT_GE(localized, 3);
-  const Rigid3d body =
-      s.georeference->world_from_odom.TransformPose(s.problem.poses[static_cast<size_t>(poses[0])].Inverse());
-  const Matrix6d of_camera =
-      MountedCovariance(body, WorldCovariance(s, poses[0]), s.cameras[0].cam_from_body.Inverse());
+  const Matrix6d of_camera = ImageWorldCovariance(s, s.images[5]);
   EXPECT_TRUE(of_camera.isApprox(cameras[5].covariance, 1e-9));
-  const Eigen::MatrixXd joint = SolutionCovariance(s, false, 2, {}).World(poses);
+  std::vector<SolutionFunction> functions;
+  for (int pose : poses) functions.push_back(WorldPose(s, pose));
+  const Eigen::MatrixXd joint = SolutionCovariance(s, false, 2, {}).Of(functions);
   for (size_t i = 0; i < poses.size(); ++i) {
     const auto at = 6 * static_cast<Eigen::Index>(i);
     EXPECT_TRUE((joint.block<6, 6>(at, at).isApprox(WorldCovariance(s, poses[i]), 1e-6))) << i;

@@ -119,6 +119,31 @@ TagEstimate Estimate(const std::vector<TagView>& views, const TagPosesOptions& o
   return EstimateTagPoses(views, Sizes(), options, 1, progress, cancel).at(0);
 }
 
+TEST(TagPoses, StateHowTheyFollowTheirCameras) {
+  Random random(3);
+  TagPosesOptions options;
+  options.extra_sigma_px = 0;
+  for (const bool uncertain : {false, true}) {
+    std::vector<TagView> views = Arc(RandomPose(&random, 1, 20), 5, 0.05, &random);
+    if (uncertain) {
+      for (TagView& view : views) view.covariance = Vector6d(Vector6d::Constant(1e-6)).asDiagonal();
+    }
+    const TagEstimate tag = Estimate(views, options);
+    ASSERT_EQ(tag.by_camera.size(), 5u);
+    for (size_t v = 0; v < views.size(); ++v) {
+      for (int k = 0; k < 6; ++k) {
+        const Rigid3d kept = views[v].world_from_cam;
+        views[v].world_from_cam = kept.Plus(1e-4 * Vector6d::Unit(k));
+        const Rigid3d ahead = *Estimate(views, options).world_from_tag;
+        views[v].world_from_cam = kept.Plus(-1e-4 * Vector6d::Unit(k));
+        const Vector6d d = ahead.Minus(*Estimate(views, options).world_from_tag) / 2e-4;
+        views[v].world_from_cam = kept;
+        EXPECT_LT((d - tag.by_camera[v].col(k)).norm(), 0.02 * (0.1 + d.norm())) << v << " " << k;
+      }
+    }
+  }
+}
+
 TEST(TagPoses, RecoverTruthAndStateTheirCovariance) {
   Random random(9);
   const Rigid3d truth = RandomPose(&random, 1, 20);

@@ -109,16 +109,6 @@ std::string OriginOf(const std::string& url) {
   return origin;
 }
 
-std::string UrlEncoded(const std::string& text) {
-  std::string encoded;
-  for (const char c : text) {
-    const bool plain =
-        std::isalnum(static_cast<unsigned char>(c)) != 0 || std::string_view("-._~").find(c) != std::string_view::npos;
-    encoded += plain ? std::string(1, c) : fmt::format("%{:02X}", static_cast<unsigned char>(c));
-  }
-  return encoded;
-}
-
 HttpClient::HttpClient(std::string source, const std::string& base, const HttpOptions& options)
     : source_(std::move(source)), base_(base), options_(options) {
   static std::once_flag once;

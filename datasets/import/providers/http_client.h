@@ -68,7 +68,5 @@ class HttpClient {
 std::string WithoutQuery(const std::string& url);
 // "https://host:port" of an address, "" if it is none.
 std::string OriginOf(const std::string& url);
-// For a query or form: everything but letters, digits and -._~ as %XX.
-std::string UrlEncoded(const std::string& text);
 
 }  // namespace trigpoint
