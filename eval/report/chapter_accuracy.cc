@@ -86,6 +86,19 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
   blocks->push_back(table);
 }
 
+// Whose difference a step of a curve is: a share of attempts has lost its name.
+std::string StationOf(const ChapterContext& c, const nlohmann::json& group, double error_m) {
+  constexpr double kWritten = 1e-6;  // m, to which tables are written
+  for (const VariantData& v : c.data.variants) {
+    for (const ErrorRecord& e : v.errors) {
+      if (e.Answered() && std::abs(*e.error_3d_m - error_m) < kWritten && Belongs(e, group)) {
+        return "station:" + e.station;
+      }
+    }
+  }
+  return "";
+}
+
 void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
   // A chart for each thing that answers are held against.
   std::vector<std::pair<std::string, std::string>> against;  // reference, kind
@@ -109,7 +122,9 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
       for (size_t i = 0; i < curve->size(); i += step) {
         const nlohmann::json& p = (*curve)[i];
         const auto x = At(p, {"error_m"}), y = At(p, {"share"});
-        if (x && y && std::isfinite(*x)) s.points.push_back({*x / c.unit.metres, *y, At(p, {"low"}), At(p, {"high"})});
+        if (x && y && std::isfinite(*x)) {
+          s.points.push_back({*x / c.unit.metres, *y, At(p, {"low"}), At(p, {"high"}), StationOf(c, g, *x)});
+        }
       }
       series.push_back(std::move(s));
     }

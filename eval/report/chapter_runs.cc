@@ -98,6 +98,66 @@ void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
   }
 }
 
+// Where a run's images and points agree less than elsewhere.
+void AddResidualsOverTime(const ChapterContext& c, std::vector<Block>* blocks) {
+  constexpr size_t kMostPoints = 400;  // of a line
+  std::vector<Series> series;
+  for (const RunData& run : c.data.runs) {
+    if (run.image_residuals.empty() || series.size() == kChartRuns) continue;
+    Series& s = series.emplace_back(Series{c.RunName(run.run, run.variant), {}});
+    const size_t step = run.image_residuals.size() / kMostPoints + 1;
+    // Of images that fall together the worst one is shown.
+    for (size_t i = 0; i < run.image_residuals.size(); i += step) {
+      const RunData::ImageResidual* worst = &run.image_residuals[i];
+      for (size_t k = i; k < std::min(i + step, run.image_residuals.size()); ++k) {
+        if (run.image_residuals[k].mean_px > worst->mean_px) worst = &run.image_residuals[k];
+      }
+      s.points.push_back({worst->time_s, worst->mean_px, {}, {}, worst->object});
+    }
+  }
+  if (series.empty()) return;
+  blocks->push_back(
+      Figure{"residuals_over_time",
+             "Residuals over time: of each image the mean, over the points it sees, of their reprojection "
+             "errors (px).",
+             LineChart(series, "time since the run began (s)", "mean reprojection error (px)", false)});
+}
+
+// A dot a tag and source: which tags' corners fit their images badly.
+void AddTagResiduals(const ChapterContext& c, std::vector<Block>* blocks) {
+  constexpr size_t kMostTags = 40;
+  std::map<int, double> worst;
+  for (const TagLine& tag : c.data.tags) {
+    if (tag.rms_px) worst[tag.id] = std::max(worst[tag.id], *tag.rms_px);
+  }
+  if (worst.empty()) return;
+  std::vector<std::pair<int, double>> tags(worst.begin(), worst.end());
+  std::string which = "every tag";
+  if (tags.size() > kMostTags) {
+    which = fmt::format("the {} tags with the largest of {}", kMostTags, tags.size());
+    std::stable_sort(tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+    tags.resize(kMostTags);
+  }
+  std::vector<std::string> names;
+  std::map<int, int> column;
+  for (const auto& [id, rms] : tags) {
+    column[id] = static_cast<int>(names.size());
+    names.push_back(std::to_string(id));
+  }
+  std::vector<DotSeries> series;
+  for (const TagLine& tag : c.data.tags) {
+    if (!tag.rms_px || column.count(tag.id) == 0) continue;
+    const auto of = std::find_if(series.begin(), series.end(), [&](const auto& s) { return s.name == tag.source; });
+    DotSeries& s = of == series.end() ? series.emplace_back(DotSeries{tag.source, {}}) : *of;
+    s.dots.emplace_back(column[tag.id], *tag.rms_px);
+  }
+  blocks->push_back(Figure{"tag_residuals",
+                           "Residuals of tags: root mean square over the corners of a tag in its images (px, "
+                           "logarithmic); " +
+                               which + ".",
+                           DotChart(names, series, "corner residual (px)", "tag")});
+}
+
 void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
   std::vector<std::pair<std::string, double>> rows;
   std::map<std::string, std::pair<double, int>> of_stage;
@@ -164,7 +224,9 @@ void AddRuns(const ChapterContext& c, std::vector<Block>* blocks) {
   } else {
     AddRunTable(c, blocks);
     AddHistograms(c, blocks);
+    AddResidualsOverTime(c, blocks);
   }
+  AddTagResiduals(c, blocks);
   AddTags(c, blocks);
   AddTiming(c, blocks);
 }

@@ -107,6 +107,10 @@ class Plot {
     }
   }
 
+  void AddSpot(double x, double y, const std::string& object) {
+    if (!object.empty()) drawing_.spots.push_back({X(x), Y(y), object});
+  }
+
   double X(double v) const { return left_ + Inside(x_.At(v)) * (right_ - left_); }
   double Y(double v) const { return bottom_ - Inside(y_.At(v)) * (bottom_ - top_); }
   Drawing& drawing() { return drawing_; }
@@ -173,6 +177,7 @@ Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_
       plot.drawing().Area(upper, ColourOf(0), 0.14);
     }
     plot.drawing().Line(line, ColourOf(i), 2, i >= kColours.size());
+    for (const CurvePoint& p : points) plot.AddSpot(p.x, p.y, p.object);
     if (points.size() > 60) continue;
     for (const CurvePoint& p : points) plot.Mark(i, plot.X(p.x), plot.Y(p.y), 3);
   }
@@ -194,6 +199,7 @@ Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, 
     std::vector<std::pair<double, double>> line;
     for (const CurvePoint& p : series[i].points) line.emplace_back(plot.X(p.x), plot.Y(p.y));
     plot.drawing().Line(line, ColourOf(i), 2);
+    for (const CurvePoint& p : series[i].points) plot.AddSpot(p.x, p.y, p.object);
     if (line.size() > 60) continue;
     for (const auto& [x, y] : line) plot.Mark(i, x, y, 3);
   }
@@ -201,7 +207,7 @@ Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, 
 }
 
 Drawing DotChart(const std::vector<std::string>& categories, const std::vector<DotSeries>& series,
-                 const std::string& y_axis) {
+                 const std::string& y_axis, const std::string& kind) {
   std::vector<double> values;
   for (const DotSeries& s : series) {
     for (const auto& [category, value] : s.dots) values.push_back(value);
@@ -211,7 +217,7 @@ Drawing DotChart(const std::vector<std::string>& categories, const std::vector<D
   for (const std::string& c : categories) longest = std::max(longest, TextWidth(c, 11));
   const double bottom = crowded ? std::min(130.0, longest + 34) : 42;
   const double columns = static_cast<double>(std::max<size_t>(1, categories.size()));
-  Plot plot({0, columns, false, "station"}, LogAxis(values, y_axis), 290, bottom, Names(series));
+  Plot plot({0, columns, false, kind}, LogAxis(values, y_axis), 290, bottom, Names(series));
   plot.Frame(false);
   for (size_t k = 0; k < categories.size(); ++k) {
     const double x = plot.X(static_cast<double>(k) + 0.5), edge = plot.X(static_cast<double>(k));
@@ -227,7 +233,10 @@ Drawing DotChart(const std::vector<std::string>& categories, const std::vector<D
     const double shift = (static_cast<double>(i) - 0.5 * static_cast<double>(series.size() - 1)) *
                          std::min(14.0, 0.7 * room / static_cast<double>(series.size()));
     for (const auto& [category, value] : series[i].dots) {
-      if (value > 0) plot.Mark(i, plot.X(category + 0.5) + shift, plot.Y(value), room < 14 ? 2.5 : 4);
+      if (!(value > 0)) continue;
+      const double x = plot.X(category + 0.5) + shift, y = plot.Y(value);
+      plot.Mark(i, x, y, room < 14 ? 2.5 : 4);
+      plot.drawing().spots.push_back({x, y, kind + ":" + categories[static_cast<size_t>(category)]});
     }
   }
   return plot.drawing();

@@ -13,6 +13,7 @@ namespace trigpoint {
 struct CurvePoint {
   double x = 0, y = 0;
   std::optional<double> low, high;  // of y
+  std::string object;               // that it is of, see Spot; may be empty
 };
 struct Series {
   std::string name;
@@ -31,8 +32,9 @@ struct DotSeries {
   std::string name;
   std::vector<std::pair<int, double>> dots;  // (category, value)
 };
+// A category is an object of a kind: "station" makes S57 the object station:S57.
 Drawing DotChart(const std::vector<std::string>& categories, const std::vector<DotSeries>& series,
-                 const std::string& y_axis);
+                 const std::string& y_axis, const std::string& kind = "station");
 
 // Shares of values in equal bins from 0 to `limit`, an outline a series; larger values count in the last bin.
 struct Sample {

@@ -28,10 +28,17 @@ struct Shape {
   bool upwards = false;  // turned a quarter to the left
 };
 
+// Where something of the site stands in a drawing, for windows in which it can be pointed at; nothing is drawn there.
+struct Spot {
+  double x = 0, y = 0;
+  std::string object;  // as the review names objects: "station:S57", "tag:57", "image:run1/images/000012.jpg"
+};
+
 // x to the right, y down; units are pixels of a screen, 1/96 inch on paper.
 struct Drawing {
   double width = 720, height = 360;
   std::vector<Shape> shapes;
+  std::vector<Spot> spots;
 
   void Line(std::vector<std::pair<double, double>> points, const std::string& colour, double width_px = 1,
             bool dashed = false);

@@ -93,7 +93,10 @@ class ErrorPainter {
     Pieces([](const ErrorAlong& e) { return e.error_m.has_value(); },
            [&](size_t begin, size_t end) {
              std::vector<std::pair<double, double>> line;
-             for (size_t i = begin; i < end; ++i) line.emplace_back(X(run_[i].time_s), Y(k, (*run_[i].error_m)[k]));
+             for (size_t i = begin; i < end; ++i) {
+               const auto& [x, y] = line.emplace_back(X(run_[i].time_s), Y(k, (*run_[i].error_m)[k]));
+               if (!run_[i].object.empty()) drawing_.spots.push_back({x, y, run_[i].object});
+             }
              if (line.size() > 1) drawing_.Line(line, kLine, 1.4);
              if (line.size() == 1) drawing_.Circle(line[0].first, line[0].second, 1.5, kLine);
            });

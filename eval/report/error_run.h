@@ -14,6 +14,7 @@ struct ErrorAlong {
   double time_s = 0;                       // since the run began
   std::optional<Eigen::Vector3d> error_m;  // east, north, up; unset: absent, and the line is broken
   std::optional<Eigen::Vector3d> sigma_m;  // 1 sigma of it
+  std::string object;                      // its image, see Spot
 };
 
 // Three panels, the band at two sigmas. At least one error.

@@ -41,7 +41,7 @@ class PlanPainter {
           "difference at the same enlargement.",
           enlarged_);
     }
-    return {std::move(drawing_), caption, std::move(spots_)};
+    return {std::move(drawing_), caption};
   }
 
  private:
@@ -167,7 +167,7 @@ class PlanPainter {
       const Eigen::Vector2d p = place.first / place.second;
       dots.emplace_back(X(p.x()), Y(p.y()));
       const bool station = alone.count(name) == 0;
-      spots_.push_back({station ? name : "", station ? "" : name, dots.back().first, dots.back().second});
+      drawing_.spots.push_back({dots.back().first, dots.back().second, (station ? "station:" : "panorama:") + name});
       drawing_.Circle(dots.back().first, dots.back().second, 6, "#ffffff");
       drawing_.Circle(dots.back().first, dots.back().second, 4.2, kInk);
     }
@@ -217,7 +217,6 @@ class PlanPainter {
 
   const SceneModel& scene_;
   Drawing drawing_;
-  std::vector<PlanSpot> spots_;
   Eigen::Vector2d low_, high_;
   double scale_ = 1, enlarged_ = 1;
   std::vector<cv::Rect2d> labels_;

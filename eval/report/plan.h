@@ -9,16 +9,9 @@ namespace trigpoint {
 // 1, 2 or 5 times a power of ten at most `value` > 0: steps of grids and scales.
 double RoundDown(double value);
 
-// A station, or a panorama without one, in the drawing's units.
-struct PlanSpot {
-  std::string station, panorama;  // one of them is empty
-  double x = 0, y = 0;
-};
-
 struct Plan {
-  Drawing drawing;
+  Drawing drawing;  // its spots are stations, and panoramas without one
   std::string caption;
-  std::vector<PlanSpot> spots;
 };
 
 // Of a scene with a path or a panorama. Lengths in the scene's frame, metres.

@@ -177,6 +177,9 @@ class Reader {
         }
         return v;
       };
+      if (const std::string image = Text(table, row, "image"); !image.empty()) {
+        e.object = "image:" + row.Text("run") + "/" + image;
+      }
       e.error_m = vector("d", "_m");
       const auto reference = vector("reference_sigma_", "_m"), own = vector("sigma_", "_m");
       if (reference) {
@@ -250,7 +253,28 @@ class Reader {
         if (std::isfinite(model.points[i].error_px)) run.residuals_px.push_back(model.points[i].error_px);
         run.track_lengths.push_back(static_cast<double>(model.points[i].track.size()));
       }
+      ReadImageResiduals(model, &run);
     });
+  }
+
+  void ReadImageResiduals(const SparseModel& model, RunData* run) const {
+    std::map<uint32_t, std::pair<double, int>> sums;  // by image
+    for (const ModelPoint& point : model.points) {
+      if (!std::isfinite(point.error_px)) continue;
+      for (const auto& [image, pixel] : point.track) sums[image].first += point.error_px, ++sums[image].second;
+    }
+    std::map<std::string, int64_t> stamps;
+    for (const ImageEntry& image : project_.run(run->run).images) stamps.emplace(image.file, image.stamp_ns);
+    for (const ModelImage& image : model.images) {
+      const auto sum = sums.find(image.id);
+      const auto stamp = stamps.find(image.name);
+      if (sum == sums.end() || stamp == stamps.end()) continue;
+      run->image_residuals.push_back(
+          {1e-9 * static_cast<double>(stamp->second - project_.run(run->run).images[0].stamp_ns),
+           sum->second.first / sum->second.second, "image:" + run->run + "/" + image.name});
+    }
+    std::sort(run->image_residuals.begin(), run->image_residuals.end(),
+              [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
   }
 
   void ReadTags() {

@@ -73,6 +73,13 @@ struct RunData {
   std::vector<Answer> answers;
   std::vector<double> residuals_px;   // mean of each point
   std::vector<double> track_lengths;  // of each point
+  // Of each image in the order of time: the mean over the points it sees of their reprojection errors.
+  struct ImageResidual {
+    double time_s = 0;  // since the run began
+    double mean_px = 0;
+    std::string object;  // "image:run1/images/000012.jpg"
+  };
+  std::vector<ImageResidual> image_residuals;
 };
 
 struct TagLine {

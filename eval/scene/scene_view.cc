@@ -12,6 +12,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
+#include "eval/method_name.h"
 #include "eval/scene/scene_parts.h"
 
 namespace trigpoint {
@@ -77,7 +78,7 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
     const SceneError& e = model.errors[i];
     pick->run = e.run, pick->name = e.panorama;
     pick->position = e.reference_position;
-    pick->text = fmt::format("{} by {} ({}) against {}: error ", e.panorama, e.run, e.method, e.reference) +
+    pick->text = fmt::format("{} by {} ({}) against {}: error ", e.panorama, e.run, MethodName(e.method), e.reference) +
                  say.Length(e.difference.norm()) + " = " + say.Place(e.difference) + say.Sigma(e.sigma_m);
   } else {
     const ScenePath& path = model.paths[i];
