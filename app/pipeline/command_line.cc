@@ -27,12 +27,13 @@ const char* NameFlag(const std::string& stage) {
 std::vector<const StageInfo*> AllStages() {
   std::vector<const StageInfo*> all;
   for (const StageInfo& stage : Stages()) all.push_back(&stage);
-  for (const char* other : {"stitch", "calibrate"}) all.push_back(&StageNamed(other));
+  for (const char* other : {"stitch", "calibrate", "plan"}) all.push_back(&StageNamed(other));
   return all;
 }
 
 std::vector<Job> AskedJobs(const Project& project, const JobQuery& query) {
   const std::string stage = query.stages.size() == 1 ? query.stages.front() : "";
+  if (stage == "plan") return {{&StageNamed(stage), {"", "", query.overrides}}};
   if (stage == "stitch") return StitchJobs(project, query.runs, query.overrides);
   if (stage != "calibrate") return PlanJobs(project, query);
   std::vector<Job> jobs;

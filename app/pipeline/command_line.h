@@ -12,7 +12,7 @@ namespace trigpoint {
 std::string ShellWord(const std::string& word);
 
 // What can be asked for: the stages of a run, then stitch and calibrate, whose results have names of their own (photo
-// sets, calibrations) that stand in place of the runs in a query.
+// sets, calibrations) that stand in place of the runs in a query, and plan.
 std::vector<const StageInfo*> AllStages();
 // The jobs of a query for any of these. Throws InputError for a run or a photo set that isn't there.
 std::vector<Job> AskedJobs(const Project& project, const JobQuery& query);
