@@ -15,10 +15,12 @@
 #include "app/desktop/background.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/scene_desk.h"
 #include "app/pipeline/compared.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/compare.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 
@@ -109,10 +111,7 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   connect(tabs_, &QTabWidget::currentChanged, this, [this] {
     if (tabs_->currentWidget() == scenes_) ShowScenes();
   });
-  connect(errors_, &QTableWidget::itemSelectionChanged, this, [this] {
-    const auto items = errors_->selectedItems();
-    if (!items.isEmpty()) workspace_->Select(items.front()->data(Qt::UserRole).toString());
-  });
+  LinkTable(errors_, workspace_);
   connect(workspace_, &Workspace::Replaced, this, [this] { added_.clear(); });
   connect(workspace_, &Workspace::Opened, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CompareDesk::Refresh);
@@ -206,7 +205,7 @@ void CompareDesk::Compare() {
         c.text += FormatComparison(CompareErrors(a.rows, b.rows), name_a, name_b);
         // A panorama's answer is one, by whichever method.
         for (std::vector<ErrorRow>* rows : {&a.rows, &b.rows}) {
-          for (ErrorRow& row : *rows) row.method = row.method == "g1" ? "view" : "panorama";
+          for (ErrorRow& row : *rows) row.method = MethodName(row.method);
         }
         c.rows = ChangedErrors(a.rows, b.rows, -1);
         c.changes = ChangesBetween(a, b);
@@ -271,6 +270,7 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
   }
   errors_->setSortingEnabled(true);
   errors_->resizeColumnsToContents();
+  ShowSelectedRows(errors_, *workspace_);
 }
 
 void CompareDesk::Note(const QString& text) {

@@ -15,11 +15,10 @@
 #include "app/desktop/background.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
+#include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
-#include "app/pipeline/marking.h"
-#include "app/pipeline/stages.h"
-#include "survey/tags/tag_files.h"
+#include "app/desktop/thumbnails.h"
 
 namespace trigpoint {
 
@@ -37,29 +36,40 @@ QCheckBox* LayerBox(const QString& text, const char* name, bool on) {
   return box;
 }
 
-// The image in which a tag is seen largest: RUN/FILE, or empty.
-std::string BestImageOf(const Project& project, int tag_id) {
-  std::string best;
-  double largest = 0;
-  for (const Run& run : project.site().runs) {
-    StageTarget target;
-    target.run = run.name;
-    const std::filesystem::path file = ResultOf(project, "detect", target) / "detections.csv";
-    if (!std::filesystem::exists(file)) continue;
-    std::vector<std::string> warnings;
-    for (const ImageDetections& image : ReadDetections(file, 0.2, &warnings)) {
-      for (const TagDetection& tag : image.detections) {
-        const double side = (tag.corners[0] - tag.corners[2]).norm();
-        if (tag.id == tag_id && side > largest) largest = side, best = run.name + "/" + image.image;
-      }
-    }
-  }
-  return best;
-}
-
 }  // namespace
 
 ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  MakeControls();
+  Arrange();
+  ConnectViews();
+  ConnectMarks();
+  connect(run_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::FillImages);
+  connect(images_, &QListWidget::currentRowChanged, this, [this](int row) {
+    const QSignalBlocker block(slider_);
+    slider_->setValue(row);
+    ShowImage();
+    if (row >= 0) workspace_->Select("image:" + run() + "/" + image());
+  });
+  connect(slider_, &QSlider::valueChanged, images_, [this](int row) { images_->setCurrentRow(row); });
+  connect(reference_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowReference);
+  connect(match_, &QPushButton::clicked, this, &ImagesDesk::ShowMatches);
+  connect(next_, &QPushButton::clicked, this, &ImagesDesk::NextImageOfTag);
+  connect(order_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] { tag_ = -1; });
+  for (QCheckBox* box : {detections_, tracks_, inliers_, outliers_}) {
+    connect(box, &QCheckBox::toggled, this, &ImagesDesk::Redraw);
+  }
+  images_->setContextMenuPolicy(Qt::CustomContextMenu);
+  connect(images_, &QWidget::customContextMenuRequested, this, [this](const QPoint& at) {
+    const QListWidgetItem* item = images_->itemAt(at);
+    if (item != nullptr) workspace_->AskMenu("image:" + run() + "/" + item->text(), images_->mapToGlobal(at));
+  });
+  connect(workspace_, &Workspace::Replaced, this, &ImagesDesk::Clear);
+  connect(workspace_, &Workspace::Opened, this, &ImagesDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &ImagesDesk::Refresh);
+  connect(workspace_, &Workspace::Selected, this, &ImagesDesk::ShowSelected);
+}
+
+void ImagesDesk::MakeControls() {
   run_ = new QComboBox;
   run_->setObjectName("images.run");
   run_->setAccessibleName(tr("Run"));
@@ -70,6 +80,7 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   images_->setMinimumWidth(images_->fontMetrics().horizontalAdvance("images/000000.jpg") + 40);
   images_->setTextElideMode(Qt::ElideLeft);
   images_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
+  thumbnails_ = new Thumbnails(images_);
   slider_ = new QSlider(Qt::Horizontal);
   slider_->setAccessibleName(tr("Image by time"));
   reference_ = new QComboBox;
@@ -77,14 +88,25 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   reference_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
   reference_->setMinimumContentsLength(14);
   reference_->setAccessibleName(tr("Panorama or photo"));
-  auto* match = new QPushButton(tr("&Match"));
-  match->setObjectName("images.match");
-  match->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
+  match_ = new QPushButton(tr("&Match"));
+  match_->setObjectName("images.match");
+  match_->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
   // Reprojection errors are drawn ten times as long as they are.
   detections_ = LayerBox(tr("detections"), "images.detections", true);
   tracks_ = LayerBox(tr("tracks, errors x 10"), "images.tracks", true);
   inliers_ = LayerBox(tr("inlier matches"), "images.inliers", true);
   outliers_ = LayerBox(tr("outlier matches"), "images.outliers", false);
+  linked_ = LayerBox(tr("linked zoom"), "images.linked", false);
+  linked_->setToolTip(tr("What is looked at in one picture is looked at in the other, by the inlier matches"));
+  next_ = new QPushButton(tr("&Next image of the tag"));
+  next_->setObjectName("images.next");
+  next_->setShortcut(QKeySequence(tr("Ctrl+N")));
+  next_->setToolTip(tr("Goes through all images that show the selected station's tag (Ctrl+N)"));
+  order_ = new QComboBox;
+  order_->setObjectName("images.order");
+  order_->setAccessibleName(tr("Order of the images of a tag"));
+  order_->addItem(tr("worst residual first"), static_cast<int>(TagImageOrder::kWorstResidual));
+  order_->addItem(tr("largest first"), static_cast<int>(TagImageOrder::kLargest));
   point_ = new QComboBox;
   point_->setObjectName("images.point");
   point_->setAccessibleName(tr("Name of the surveyed point"));
@@ -93,10 +115,16 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   mark_ = new QPushButton(tr("Mar&k by click"));
   mark_->setObjectName("images.mark");
   mark_->setCheckable(true);
-  mark_->setToolTip(tr("The next click in the image marks the point; from two marks on it is predicted elsewhere"));
+  mark_->setToolTip(
+      tr("The next click in the image marks the point; from two marks on it is predicted elsewhere. A mark "
+         "is moved by dragging it"));
   confirm_ = new QPushButton(tr("C&onfirm prediction"));
   confirm_->setObjectName("images.confirm");
   confirm_->setEnabled(false);
+  remove_ = new QPushButton(tr("Re&move mark"));
+  remove_->setObjectName("images.remove");
+  remove_->setToolTip(tr("Take the point's mark out of this image"));
+  remove_->setEnabled(false);
   status_ = new QLabel;
   status_->setObjectName("images.status");
   status_->setWordWrap(true);
@@ -108,27 +136,32 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   right_ = new PictureView;
   right_->setObjectName("images.right");
   right_->setAccessibleName(tr("Panorama or photo"));
+}
 
+void ImagesDesk::Arrange() {
   auto* side = new QWidget;
   auto* column = new QVBoxLayout(side);
   column->setContentsMargins(0, 0, 0, 0);
   column->addWidget(run_);
   column->addWidget(images_, 1);
-  auto* pictures = new QSplitter;
-  pictures->addWidget(left_);
-  pictures->addWidget(right_);
+  panes_ = new QSplitter;
+  panes_->addWidget(left_);
+  panes_->addWidget(right_);
+  lines_ = new MatchLines(left_, right_, panes_);
   auto* middle = new QWidget;
   auto* rows = new QVBoxLayout(middle);
   rows->setContentsMargins(0, 0, 0, 0);
   auto* top = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, reference_, match}) {
+  for (QWidget* w :
+       std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, linked_, reference_, match_}) {
     top->addWidget(w);
   }
   rows->addLayout(top);
-  rows->addWidget(pictures, 1);
+  rows->addWidget(panes_, 1);
   rows->addWidget(slider_);
   auto* bottom = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{new QLabel(tr("Point")), point_, mark_, confirm_}) {
+  for (QWidget* w :
+       std::initializer_list<QWidget*>{next_, order_, new QLabel(tr("Point")), point_, mark_, confirm_, remove_}) {
     bottom->addWidget(w);
   }
   rows->addLayout(bottom);
@@ -140,55 +173,106 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   split->addWidget(side);
   split->addWidget(middle);
   split->setStretchFactor(1, 1);
-  split->setSizes({160, 800});
+  split->setSizes({190, 800});
   auto* all = new QVBoxLayout(this);
   all->addWidget(split);
+}
 
-  connect(run_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::FillImages);
-  connect(images_, &QListWidget::currentRowChanged, this, [this](int row) {
-    const QSignalBlocker block(slider_);
-    slider_->setValue(row);
-    ShowImage();
-    if (row >= 0) workspace_->Select("image:" + run() + "/" + image());
-  });
-  connect(slider_, &QSlider::valueChanged, images_, [this](int row) { images_->setCurrentRow(row); });
-  connect(reference_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowReference);
-  connect(match, &QPushButton::clicked, this, &ImagesDesk::ShowMatches);
-  for (QCheckBox* box : {detections_, tracks_, inliers_, outliers_}) {
-    connect(box, &QCheckBox::toggled, this, &ImagesDesk::Redraw);
-  }
+void ImagesDesk::ConnectViews() {
   connect(left_, &PictureView::Clicked, this, [this](const QPointF& pixel, const QString& object) {
     if (mark_->isChecked()) {
       mark_->setChecked(false);
       Mark(pixel.x(), pixel.y());
+    } else if (object.startsWith("mark:")) {
+      point_->setCurrentText(object.mid(5));
     } else if (!object.isEmpty()) {
       workspace_->Select(object);
     }
   });
   for (PictureView* view : {left_, right_}) {
+    PictureView* other = view == left_ ? right_ : left_;
     connect(view, &PictureView::Hovered, this, [this](const QPointF& pixel) {
       place_->setText(tr("%1, %2 px").arg(pixel.x(), 0, 'f', 1).arg(pixel.y(), 0, 'f', 1));
     });
+    connect(view, &PictureView::ViewChanged, this, [this, view, other] { Follow(view, other); });
   }
-  connect(confirm_, &QPushButton::clicked, this, [this] {
-    for (const Prediction& p : predictions_) {
-      if (p.image == run() + "/" + image()) return Mark(p.u, p.v);
-    }
-  });
-  connect(point_, &QComboBox::currentTextChanged, this, &ImagesDesk::ShowMarks);
-  connect(workspace_, &Workspace::Replaced, this, &ImagesDesk::Clear);
-  connect(workspace_, &Workspace::Opened, this, &ImagesDesk::Refresh);
-  connect(workspace_, &Workspace::Closed, this, &ImagesDesk::Refresh);
-  connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
-    left_->SetHighlight(object);
-    if (object.startsWith("detection:") || object.startsWith("image:")) ShowObject(object);
-  });
+  connect(right_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
+  connect(linked_, &QCheckBox::toggled, this, [this] { Follow(left_, right_); });
+}
+
+// To where the matches in sight lead, as much enlarged; without any the other view stays.
+void ImagesDesk::Follow(const PictureView* from, PictureView* to) {
+  if (following_ || !linked_->isChecked() || from->image().isNull() || to->image().isNull()) return;
+  QPointF sum;
+  int count = 0;
+  for (const MatchPair& pair : lines_->pairs()) {
+    const QPointF here = from == left_ ? pair.first : pair.second, there = from == left_ ? pair.second : pair.first;
+    if (!QRectF(from->rect()).contains(from->WidgetAt(here))) continue;
+    sum += there;
+    ++count;
+  }
+  if (count == 0) return;
+  following_ = true;
+  to->LookAt(sum / count, to->FittedScale() * from->scale() / from->FittedScale());
+  following_ = false;
+}
+
+void ImagesDesk::resizeEvent(QResizeEvent* event) {
+  QWidget::resizeEvent(event);
+  PlacePanes();
+}
+
+void ImagesDesk::PlacePanes() {
+  // Whichever way shows more of both.
+  const QSize room = panes_->size();
+  const auto shown = [](const PictureView* view, double width, double height) {
+    const double shape = view->image().isNull()
+                             ? 4.0 / 3
+                             : static_cast<double>(view->image().width()) / std::max(1, view->image().height());
+    const double scale = std::min(width / shape, height);
+    return scale * scale * shape;
+  };
+  const double beside =
+      shown(left_, 0.5 * room.width(), room.height()) + shown(right_, 0.5 * room.width(), room.height());
+  const double below =
+      shown(left_, room.width(), 0.5 * room.height()) + shown(right_, room.width(), 0.5 * room.height());
+  const Qt::Orientation way = below > 1.1 * beside ? Qt::Vertical : Qt::Horizontal;
+  if (way == panes_->orientation()) return;
+  panes_->setOrientation(way);
+  panes_->setSizes({1000, 1000});
+}
+
+void ImagesDesk::ShowSelected() {
+  const QString object = workspace_->selected();
+  left_->SetHighlight(Highlighted());
+  const bool in_image = object.startsWith("detection:") || object.startsWith("image:");
+  if (in_image) ShowObject(object);
+  for (const std::string& related : workspace_->related()) {
+    if (related.starts_with("panorama:")) ShowObject(QString::fromStdString(related));
+  }
+  behind_ = !isVisible();
+  if (in_image || behind_ || Highlighted().startsWith("detection:")) return;
+  for (const std::string& related : workspace_->related()) {
+    if (related.starts_with("tag:")) return ShowTag(std::stoi(related.substr(4)));
+  }
+}
+
+// Of a tag or station that is selected its detection in the image that is shown.
+QString ImagesDesk::Highlighted() const {
+  const QString object = workspace_->selected();
+  if (!inspected_ || object.startsWith("detection:")) return object;
+  for (const InspectedTag& tag : inspected_->tags) {
+    if (workspace_->related().count("tag:" + std::to_string(tag.id)) == 0) continue;
+    return "detection:" + run() + "/" + image() + "#" + QString::number(tag.id);
+  }
+  return object;
 }
 
 QString ImagesDesk::run() const { return run_->currentText(); }
 QString ImagesDesk::image() const { return images_->currentItem() != nullptr ? images_->currentItem()->text() : ""; }
 
 void ImagesDesk::Refresh() {
+  tag_ = -1;  // found anew from other results
   const QString run_before = run_->currentText(), image_before = image(), reference = reference_->currentText();
   const QString point = point_->currentText();
   {
@@ -225,6 +309,9 @@ void ImagesDesk::Clear() {
   inspected_.reset();
   matches_.reset();
   predictions_.clear();
+  marks_.clear();
+  tag_images_.clear();
+  tag_ = -1;
   wanted_.clear();
   mark_->setChecked(false);
   confirm_->setEnabled(false);
@@ -235,6 +322,8 @@ void ImagesDesk::Clear() {
     point_->clearEditText();
   }
   for (PictureView* view : {left_, right_}) view->SetMarks({});
+  lines_->SetPairs({});
+  thumbnails_->SetSource(nullptr);
   left_->SetPicture({}, tr("no image"));
   right_->SetPicture({}, tr("no panorama"));
 }
@@ -247,6 +336,10 @@ void ImagesDesk::FillImages() {
     QStringList files;
     for (const SnapshotImage& i : r->images) files << QString::fromStdString(i.file);
     images_->addItems(files);
+    thumbnails_->SetSource([snapshot = workspace_->snapshot(), name = r->name](const QString& file) {
+      return LoadRunPicture(*snapshot->project, name, file.toStdString())
+          .scaled(64, 48, Qt::KeepAspectRatio, Qt::SmoothTransformation);
+    });
   }
   slider_->setRange(0, std::max(0, images_->count() - 1));
   images_->setCurrentRow(images_->count() > 0 ? 0 : -1);
@@ -255,9 +348,11 @@ void ImagesDesk::FillImages() {
 
 void ImagesDesk::showEvent(QShowEvent* event) {
   QWidget::showEvent(event);
-  if (!stale_) return;
-  ShowImage();
-  ShowReference();
+  if (stale_) {
+    ShowImage();
+    ShowReference();
+  }
+  if (behind_) ShowSelected();  // what was selected on other desks meanwhile
 }
 
 void ImagesDesk::ShowImage() {
@@ -278,6 +373,7 @@ void ImagesDesk::ShowImage() {
         if (generation != generation_) return;
         left_->SetPicture(picture.value,
                           picture.error.isEmpty() ? QString::fromStdString(r + "/" + file) : picture.error);
+        PlacePanes();
         Redraw();
       });
   std::shared_ptr<SharedInspector> inspector;
@@ -331,6 +427,7 @@ void ImagesDesk::ShowReference() {
       [this, generation, name = QString::fromStdString(reference.name)](const Attempted<QImage>& picture) {
         if (generation != reference_generation_) return;
         right_->SetPicture(picture.value, picture.error.isEmpty() ? name : picture.error);
+        PlacePanes();
       });
 }
 
@@ -380,23 +477,7 @@ void ImagesDesk::Redraw() {
       left.push_back(mark);
     }
   }
-  if (matches_) {
-    int number = 0;
-    for (const InspectedMatch& match : *matches_) {
-      if (!(match.inlier ? inliers_ : outliers_)->isChecked()) continue;
-      ++number;
-      PictureMark mark;
-      mark.layer = match.inlier ? "inliers" : "outliers";
-      mark.kind = PictureMark::Kind::kCircle;
-      mark.colour = match.inlier ? QColor(240, 228, 66) : QColor(204, 121, 167);
-      if (number % 20 == 1) mark.text = QString::number(number);  // the same in both pictures
-      mark.points << Point(match.image) << QPointF(3, 0);
-      left.push_back(mark);
-      mark.points.clear();
-      mark.points << Point(match.panorama) << QPointF(3, 0);
-      right.push_back(mark);
-    }
-  }
+  AddMatches(&left, &right);
   if (inspected_ && detections_->isChecked()) {
     for (const InspectedTag& tag : inspected_->tags) {
       PictureMark mark;
@@ -409,21 +490,10 @@ void ImagesDesk::Redraw() {
       left.push_back(mark);
     }
   }
-  confirm_->setEnabled(false);
-  for (const Prediction& p : predictions_) {
-    if (p.image != where) continue;
-    PictureMark mark;
-    mark.layer = "marks";
-    mark.kind = PictureMark::Kind::kCircle;
-    mark.points << QPointF(p.u, p.v) << QPointF(2 * p.sigma_px, 0);
-    mark.colour = p.marked ? QColor(0, 114, 178) : QColor(230, 159, 0);
-    mark.text = point_->currentText() + (p.marked ? "" : tr(" predicted"));
-    left.push_back(mark);
-    confirm_->setEnabled(!p.marked);
-  }
+  AddMarks(&left);
   left_->SetMarks(std::move(left));
   right_->SetMarks(std::move(right));
-  left_->SetHighlight(workspace_->selected());
+  left_->SetHighlight(Highlighted());
   if (inspected_ && !left_->image().isNull() && !wanted_.startsWith("image:")) {
     for (const PictureMark& mark : left_->marks()) {
       if (wanted_.isEmpty() || mark.object != wanted_) continue;
@@ -436,64 +506,19 @@ void ImagesDesk::Redraw() {
   }
 }
 
-void ImagesDesk::Mark(double u, double v) {
-  const std::string point = point_->currentText().trimmed().toStdString();
-  InBackground(
-      this,
-      [snapshot = workspace_->snapshot(), point, where = (run() + "/" + image()).toStdString(), u, v] {
-        SavePointMark(*snapshot->project, point, where, {u, v});
-        return true;
-      },
-      [this](const Attempted<bool>& saved) {
-        if (!saved.error.isEmpty()) emit workspace_->Problem(saved.error, tr("The mark was not saved."));
-        ShowMarks();
-      });
-}
-
-void ImagesDesk::ShowMarks() {
-  predictions_.clear();
-  const std::string point = point_->currentText().trimmed().toStdString();
-  if (!workspace_->snapshot() || point.empty()) return Redraw();
-  struct Answer {
-    std::vector<Prediction> predictions;
-    QString text;
-  };
-  InBackground(
-      this,
-      [snapshot = workspace_->snapshot(), point] {
-        Answer answer;
-        try {
-          const PointSolution solution = PredictPoint(*snapshot->project, point, "");
-          for (const PointPrediction& p : solution.images) {
-            answer.predictions.push_back({QString::fromStdString(p.run + "/" + p.file), p.pixel.x(), p.pixel.y(),
-                                          std::sqrt(p.covariance_px2.trace() / 2), p.marked.has_value()});
-          }
-          answer.text = tr("%1 marks, %2 px; it must show in %3 images")
-                            .arg(solution.marks)
-                            .arg(solution.rms_px, 0, 'f', 2)
-                            .arg(solution.images.size());
-        } catch (const Error& e) {
-          answer.text = QString::fromUtf8(e.what());
-        }
-        return answer;
-      },
-      [this, point, of = workspace_->snapshot()](const Attempted<Answer>& answer) {
-        if (of != workspace_->snapshot() || point_->currentText().trimmed().toStdString() != point) return;
-        predictions_ = answer.value.predictions;
-        status_->setText(answer.error.isEmpty() ? answer.value.text : answer.error);
-        Redraw();
-      });
-}
-
 void ImagesDesk::ShowTag(int tag_id) {
   InBackground(
-      this, [snapshot = workspace_->snapshot(), tag_id] { return BestImageOf(*snapshot->project, tag_id); },
-      [this, tag_id](const Attempted<std::string>& best) {
-        if (best.value.empty()) {
+      this,
+      [snapshot = workspace_->snapshot(), tag_id] {
+        return ImagesOfTag(*snapshot->project, tag_id, TagImageOrder::kLargest);
+      },
+      [this, tag_id, of = workspace_->selected()](const Attempted<std::vector<TagImage>>& images) {
+        if (workspace_->selected() != of) return;  // something else was selected meanwhile
+        if (images.value.empty()) {
           status_->setText(tr("Tag %1 was detected in no image.").arg(tag_id));
           return;
         }
-        ShowObject(QString::fromStdString("detection:" + best.value + "#" + std::to_string(tag_id)));
+        ShowObject(QString::fromStdString("detection:" + images.value.front().image + "#" + std::to_string(tag_id)));
       });
 }
 

@@ -5,6 +5,7 @@
 #include <QWidget>
 #include <memory>
 
+#include "app/desktop/tag_images.h"
 #include "app/desktop/workspace.h"
 
 class QCheckBox;
@@ -13,12 +14,16 @@ class QLabel;
 class QListWidget;
 class QPushButton;
 class QSlider;
+class QSplitter;
 
 namespace trigpoint {
 
+class MatchLines;
 class PictureView;
+class Thumbnails;
 struct InspectedImage;
 struct InspectedMatch;
+struct PictureMark;
 
 class ImagesDesk : public QWidget {
   Q_OBJECT
@@ -33,14 +38,23 @@ class ImagesDesk : public QWidget {
   QString image() const;
   PictureView* left() const { return left_; }
   PictureView* right() const { return right_; }
+  MatchLines* lines() const { return lines_; }
+  // The next image that shows the selected tag, in the order chosen; the first again after the last.
+  void NextImageOfTag();
 
  signals:
   void Shown(const QString& image);  // the picture and what was found in it are there
 
  protected:
   void showEvent(QShowEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
 
  private:
+  void MakeControls();
+  void Arrange();
+  void ConnectViews();
+  void PlacePanes();                                      // side by side or stacked, as there is room
+  void Follow(const PictureView* from, PictureView* to);  // linked zoom
   void Refresh();
   void Clear();  // nothing of a project that is no longer open stays
   void FillImages();
@@ -49,33 +63,53 @@ class ImagesDesk : public QWidget {
   void ShowMatches();
   void ShowMarks();
   void Mark(double u, double v);
+  void RemoveMark(const QString& point);
+  void ConnectMarks();
+  void AddMarks(std::vector<PictureMark>* marks);  // to what is drawn
+  void AddMatches(std::vector<PictureMark>* left, std::vector<PictureMark>* right);
+  int SelectedTag() const;  // -1: none
   void Redraw();
+  void ShowSelected();  // on any desk
+  QString Highlighted() const;
   void ShowTag(int tag_id);
   bool ShowPoint(const QString& object);
 
   Workspace* workspace_;
-  bool stale_ = false;  // to be loaded when it is seen
+  bool stale_ = false;   // to be loaded when it is seen
+  bool behind_ = false;  // what is selected is followed when it is seen
   QComboBox* run_;
   QListWidget* images_;
   QSlider* slider_;
   QComboBox* reference_;
   QComboBox* point_;
-  QPushButton* mark_;
-  QPushButton* confirm_;
-  QCheckBox *detections_, *tracks_, *inliers_, *outliers_;
+  QPushButton *match_, *mark_, *confirm_, *remove_, *next_;
+  QComboBox* order_;  // of the images of a tag
+  QCheckBox *detections_, *tracks_, *inliers_, *outliers_, *linked_;
   QLabel* status_;
   QLabel* place_;
   PictureView* left_;
   PictureView* right_;
+  QSplitter* panes_;
+  MatchLines* lines_;
+  Thumbnails* thumbnails_;
+  bool following_ = false;
   std::shared_ptr<const InspectedImage> inspected_;
   std::shared_ptr<const std::vector<InspectedMatch>> matches_;
   struct Prediction {
     QString image;  // RUN/FILE
     double u = 0, v = 0, sigma_px = 0;
-    bool marked = false;
+    double off_px = -1;  // of the mark from the prediction; -1: not marked there
   };
-  std::vector<Prediction> predictions_;
-  QString wanted_;  // object to look at when its image is there
+  std::vector<Prediction> predictions_;  // of the point that is named
+  struct PlacedMark {
+    QString point, image;  // image: below the project
+    double u = 0, v = 0;
+  };
+  std::vector<PlacedMark> marks_;  // of all points
+  std::vector<TagImage> tag_images_;
+  int tag_ = -1;       // whose images those are
+  size_t tag_at_ = 0;  // the one that is shown
+  QString wanted_;     // object to look at when its image is there
   int generation_ = 0, reference_generation_ = 0;
 };
 

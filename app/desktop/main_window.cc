@@ -9,6 +9,7 @@
 #include <QFileDialog>
 #include <QLabel>
 #include <QMenuBar>
+#include <QMessageBox>
 #include <QMimeData>
 #include <QPushButton>
 #include <QSettings>
@@ -18,9 +19,14 @@
 #include <QTimer>
 #include <QUrl>
 
+#include "app/desktop/action_dialog.h"
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_desk.h"
+#include "app/desktop/charts_desk.h"
 #include "app/desktop/compare_desk.h"
+#include "app/desktop/decisions.h"
+#include "app/desktop/help_dialog.h"
+#include "app/desktop/icons.h"
 #include "app/desktop/images_desk.h"
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/panorama_desk.h"
@@ -29,7 +35,9 @@
 #include "app/desktop/run_desk.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/site_tree.h"
+#include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
+#include "app/pipeline/demo_site.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
@@ -37,6 +45,7 @@ namespace trigpoint {
 namespace {
 
 constexpr int kMostRecent = 10;
+constexpr int kNamedTabs = 1250;  // px of the window; in a narrower one only the current tab has its name
 
 QPalette DarkPalette() {
   QPalette dark;
@@ -71,8 +80,10 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   resize(1280, 800);
   workspace_ = new Workspace(this);
   jobs_ = new JobController(this);
+  decisions_ = new Decisions(workspace_, this);
   problem_ = new ProblemBar;
   tree_ = new SiteTree(workspace_);
+  card_ = new StationCard(workspace_);
   desks_ = new QTabWidget;
   desks_->setObjectName("desks");
   desks_->setAccessibleName(tr("Desks"));
@@ -82,8 +93,9 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   scene_ = new SceneDesk(workspace_);
   images_ = new ImagesDesk(workspace_);
   tables_ = new TablesDesk(workspace_);
+  charts_ = new ChartsDesk(workspace_);
   compare_ = new CompareDesk(workspace_);
-  review_ = new ReviewDesk(workspace_, jobs_);
+  review_ = new ReviewDesk(workspace_, jobs_, decisions_);
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
   AddDesk(overview_, "overview", tr("Overview"));
@@ -91,18 +103,17 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   AddDesk(scene_, "scene", tr("3D"));
   AddDesk(images_, "images", tr("Images"));
   AddDesk(tables_, "tables", tr("Tables"));
+  AddDesk(charts_, "charts", tr("Charts"));
   AddDesk(compare_, "compare", tr("Compare"));
   AddDesk(review_, "review", tr("Review"));
   AddDesk(panoramas_, "panoramas", tr("Panoramas"));
   AddDesk(calibration_, "calibration", tr("Calibration"));
 
   setCentralWidget(desks_);
-  site_ = new QDockWidget(tr("Site"));
-  site_->setObjectName("site");
-  site_->setWidget(tree_);
-  site_->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
-  addDockWidget(Qt::LeftDockWidgetArea, site_);
+  site_ = MakeDock("site", tr("Site"), tree_);
+  station_ = MakeDock("station", tr("Station"), card_);
   resizeDocks({site_}, {300}, Qt::Horizontal);
+  resizeDocks({site_, station_}, {330, 330}, Qt::Vertical);
   progress_ = new QLabel;
   progress_->setObjectName("progress");
   progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
@@ -115,6 +126,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   // As high as with a problem, so that none moves what is above.
   statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
   statusBar()->addPermanentWidget(cancel_);
+  connect(desks_, &QTabWidget::currentChanged, this, &MainWindow::ShowTabs);
   MakeMenus();
 
   save_ = new QTimer(this);  // what was done last survives a crash
@@ -156,22 +168,13 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
     run_->Choose(stage, run);
     ShowDesk("run");
   });
-  connect(tree_, &SiteTree::ReviewRequested, this, [this](const QString& object) {
-    workspace_->Select(object);
-    ShowDesk("review");
-  });
   connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
+  connect(charts_, &ChartsDesk::Activated, this, &MainWindow::Show);
   ConnectOverview();
-  connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] {
-    run_->Choose("calibrate", "");
-    ShowDesk("run");
-  });
-  connect(panoramas_, &PanoramaDesk::StitchRequested, this, [this] {
-    run_->Choose("stitch", "");
-    ShowDesk("run");
-  });
+  connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] { ChooseStage("calibrate"); });
+  connect(panoramas_, &PanoramaDesk::StitchRequested, this, [this] { ChooseStage("stitch"); });
   QSettings settings;
   restoreGeometry(settings.value("geometry").toByteArray());
   SetTheme(settings.value("theme", "system").toString());
@@ -179,6 +182,15 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   if (unit == "ft" || unit == "us-ft") workspace_->SetUnit(unit);
   ShowRecent();
   ShowIdle();
+}
+
+QDockWidget* MainWindow::MakeDock(const char* name, const QString& title, QWidget* widget) {
+  auto* dock = new QDockWidget(title);
+  dock->setObjectName(name);
+  dock->setWidget(widget);
+  dock->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
+  addDockWidget(Qt::LeftDockWidgetArea, dock);
+  return dock;
 }
 
 MainWindow::~MainWindow() {
@@ -223,21 +235,19 @@ void MainWindow::ConnectJobs() {
 }
 
 void MainWindow::ConnectOverview() {
-  connect(overview_, &OverviewDesk::Activated, this, &MainWindow::Show);
-  connect(overview_, &OverviewDesk::SceneRequested, this, [this](const QString& object) {
-    workspace_->Select(object);
-    ShowDesk("scene");
-    scene_->LookAt(object);
-  });
-  connect(overview_, &OverviewDesk::ReviewRequested, this, [this](const QString& object) {
-    workspace_->Select(object);
-    ShowDesk("review");
-  });
+  connect(overview_, &OverviewDesk::Loaded, card_, [this] { card_->SetOverview(overview_->overview()); });
+  connect(card_, &StationCard::ImageRequested, this, &MainWindow::Show);
+  connect(card_, &StationCard::SceneRequested, this, &MainWindow::ShowInScene);
+  connect(overview_, &OverviewDesk::SceneRequested, this, &MainWindow::ShowInScene);
   connect(overview_, &OverviewDesk::RunRequested, this, &MainWindow::RunAll);
   connect(overview_, &OverviewDesk::ReportRequested, this, &MainWindow::ShowReport);
   connect(overview_, &OverviewDesk::CreateRequested, this, &MainWindow::CreateProject);
   connect(overview_, &OverviewDesk::ProjectRequested, this, &MainWindow::Visit);
   connect(overview_, &OverviewDesk::OpenRequested, this, &MainWindow::ChooseProject);
+  connect(overview_, &OverviewDesk::ExampleRequested, this, [this] {
+    const QString below = QFileDialog::getExistingDirectory(this, tr("Where the folder trigpoint-demo is made"));
+    if (!below.isEmpty()) MakeExample(below + "/trigpoint-demo");
+  });
 }
 
 void MainWindow::ChooseProject() {
@@ -269,23 +279,62 @@ void MainWindow::ShowReport() {
 
 void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) {
   desk->setObjectName(QString("desk.") + name);
-  desks_->addTab(desk, title);
+  const int tab = desks_->addTab(desk, IconNamed(name), title);
+  desks_->setTabToolTip(tab, title);
+}
+
+void MainWindow::ShowTabs() {
+  const bool narrow = width() < kNamedTabs;
+  for (int i = 0; i < desks_->count(); ++i) {
+    desks_->setTabText(i, narrow && i != desks_->currentIndex() ? QString() : desks_->tabToolTip(i));
+  }
+}
+
+void MainWindow::resizeEvent(QResizeEvent* event) {
+  QMainWindow::resizeEvent(event);
+  ShowTabs();
 }
 
 void MainWindow::MakeMenus() {
   QMenu* file = menuBar()->addMenu(tr("&File"));
-  file->addAction(tr("&Open project or folder ..."), this, &MainWindow::ChooseProject, QKeySequence::Open);
+  file->addAction(IconNamed("open"), tr("&Open project or folder ..."), this, &MainWindow::ChooseProject,
+                  QKeySequence::Open);
   recent_ = file->addMenu(tr("&Recent projects"));
-  file->addAction(tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
+  file->addAction(IconNamed("reload"), tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
   file->addAction(tr("&Close project"), workspace_, &Workspace::Close, QKeySequence::Close);
   file->addSeparator();
-  file->addAction(tr("Open the &report"), this, &MainWindow::ShowReport, QKeySequence(tr("Ctrl+Shift+O")));
+  file->addAction(
+      IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
+  file->addAction(IconNamed("publish"), tr("&Publish ..."), this, [this] { ShowAction(PublishAction()); });
+  file->addSeparator();
+  file->addAction(IconNamed("report"), tr("Open the &report"), this, &MainWindow::ShowReport,
+                  QKeySequence(tr("Ctrl+Shift+O")));
   file->addSeparator();
   file->addAction(tr("&Quit"), this, &QWidget::close, QKeySequence::Quit);
 
+  MakeEditMenu();
+  MakeRunMenu();
+  MakeViewMenu();
+  MakeHelpMenu();
+}
+
+void MainWindow::MakeHelpMenu() {
+  QMenu* help = menuBar()->addMenu(tr("&Help"));
+  help->addAction(
+      IconNamed("help"), tr("&Keys and terms"), this, [this] { (new HelpDialog(menuBar(), this))->show(); },
+      QKeySequence::HelpContents);
+  help->addAction(tr("&About"), this, [this] {
+    QMessageBox::about(
+        this, tr("Trigpoint"),
+        tr("Trigpoint %1: ground truth for visual localization.").arg(QApplication::applicationVersion()));
+  });
+}
+
+void MainWindow::MakeRunMenu() {
   QMenu* run = menuBar()->addMenu(tr("&Run"));
-  run->addAction(tr("Run all that is &out of date"), this, &MainWindow::RunAll, QKeySequence(tr("Ctrl+R")));
-  run->addAction(tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
+  run->addAction(IconNamed("run"), tr("Run all that is &out of date"), this, &MainWindow::RunAll,
+                 QKeySequence(tr("Ctrl+R")));
+  run->addAction(IconNamed("cancel"), tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
   run->addAction(
       tr("Re-&solve after a review"), this,
       [this] {
@@ -293,14 +342,37 @@ void MainWindow::MakeMenus() {
         review_->Solve();
       },
       QKeySequence(tr("Ctrl+Shift+R")));
+  run->addSeparator();
+  run->addAction(IconNamed("report"), tr("Make the r&eport ..."), this, [this] { ChooseStage("report"); });
+  run->addAction(IconNamed("compare"), tr("Cross-check with COL&MAP ..."), this, [this] { ChooseStage("crosscheck"); });
+  run->addSeparator();
+  run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ChooseStage("plan"); });
+  run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowAction(PrintAction()); });
+}
 
+void MainWindow::ChooseStage(const QString& stage) {
+  run_->Choose(stage, "");
+  ShowDesk("run");
+}
+
+void MainWindow::ShowAction(const Action& action) {
+  if (!workspace_->snapshot()) {
+    emit workspace_->Problem(tr("Open a project first."), "");
+    return;
+  }
+  (new ActionDialog(workspace_, action, this))->show();
+}
+
+void MainWindow::MakeViewMenu() {
   QMenu* view = menuBar()->addMenu(tr("&View"));
   for (int i = 0; i < desks_->count(); ++i) {
     view->addAction(
-        desks_->tabText(i), this, [this, i] { desks_->setCurrentIndex(i); }, QKeySequence(tr("Ctrl+%1").arg(i + 1)));
+        desks_->tabIcon(i), desks_->tabToolTip(i), this, [this, i] { desks_->setCurrentIndex(i); },
+        QKeySequence(tr("Ctrl+%1").arg((i + 1) % 10)));
   }
   view->addSeparator();
   view->addAction(site_->toggleViewAction());
+  view->addAction(station_->toggleViewAction());
   view->addSeparator();
   const auto choices = [this, view](const QString& title, const QStringList& names, const QStringList& texts,
                                     const char* key, const QString& standard, auto set) {
@@ -320,6 +392,43 @@ void MainWindow::MakeMenus() {
           [this](const QString& name) { SetTheme(name); });
 }
 
+void MainWindow::MakeEditMenu() {
+  QMenu* edit = menuBar()->addMenu(tr("&Edit"));
+  // A field of text in which one writes keeps these keys for its own text.
+  QAction* undo = edit->addAction(IconNamed("undo"), tr("&Undo"), decisions_, &Decisions::Undo, QKeySequence::Undo);
+  QAction* redo = edit->addAction(IconNamed("redo"), tr("&Redo"), decisions_, &Decisions::Redo, QKeySequence::Redo);
+  undo->setObjectName("edit.undo");
+  redo->setObjectName("edit.redo");
+  const auto show = [this, undo, redo] {
+    const QString back = decisions_->UndoText(), again = decisions_->RedoText();
+    undo->setText(back.isEmpty() ? tr("&Undo") : tr("&Undo: %1").arg(back));
+    redo->setText(again.isEmpty() ? tr("&Redo") : tr("&Redo: %1").arg(again));
+    undo->setEnabled(!back.isEmpty());
+    redo->setEnabled(!again.isEmpty());
+  };
+  connect(decisions_, &Decisions::Changed, edit, show);
+  show();
+  connect(workspace_, &Workspace::MenuAsked, this, &MainWindow::ShowMenu);
+}
+
+void MainWindow::ShowInScene(const QString& object) {
+  workspace_->Select(object);
+  ShowDesk("scene");
+  scene_->LookAt(object);
+}
+
+void MainWindow::ShowMenu(const QString& object, const QPoint& at) {
+  auto* menu = new QMenu(this);
+  menu->setObjectName("object.menu");
+  menu->setAttribute(Qt::WA_DeleteOnClose);
+  menu->addSection(object);
+  menu->addAction(tr("Show its &image"), this, [this, object] { Show(object); });
+  menu->addAction(tr("Show in &3D"), this, [this, object] { ShowInScene(object); });
+  menu->addSeparator();
+  decisions_->AddTo(menu, object);
+  menu->popup(at);
+}
+
 void MainWindow::OpenProject(const QString& dir) {
   problem_->hide();
   progress_->setText(tr("Opening %1 ...").arg(dir));
@@ -336,6 +445,20 @@ void MainWindow::CreateProject(const QString& dir) {
           return;
         }
         OpenProject(dir);
+      });
+}
+
+void MainWindow::MakeExample(const QString& dir) {
+  progress_->setText(tr("Copying the example ..."));
+  InBackground(
+      this,
+      [path = dir.toStdString()] {
+        MakeDemoSite(path);
+        return true;
+      },
+      [this, dir](const Attempted<bool>& made) {
+        if (made.error.isEmpty()) return Visit(dir);
+        emit workspace_->Problem(made.error, tr("The example was not made."));
       });
 }
 

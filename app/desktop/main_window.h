@@ -16,7 +16,10 @@ class QTimer;
 namespace trigpoint {
 
 class CalibrationDesk;
+struct Action;
+class ChartsDesk;
 class CompareDesk;
+class Decisions;
 class ImagesDesk;
 class OverviewDesk;
 class PanoramaDesk;
@@ -25,6 +28,7 @@ class ReviewDesk;
 class RunDesk;
 class SceneDesk;
 class SiteTree;
+class StationCard;
 class TablesDesk;
 
 class MainWindow : public QMainWindow {
@@ -38,23 +42,28 @@ class MainWindow : public QMainWindow {
   void OpenProject(const QString& dir);
   // Writes its trigpoint.yaml, and opens it.
   void CreateProject(const QString& dir);
+  // Copies the example into a new folder, and opens it.
+  void MakeExample(const QString& dir);
   // The project, desk and selection of the last session, if it ended without Quit or a project was open.
   void RestoreSession();
 
   Workspace* workspace() const { return workspace_; }
   JobController* jobs() const { return jobs_; }
+  Decisions* decisions() const { return decisions_; }
   ProblemBar* problem() const { return problem_; }
   SiteTree* tree() const { return tree_; }
+  StationCard* card() const { return card_; }
   OverviewDesk* overview() const { return overview_; }
   RunDesk* run_desk() const { return run_; }
   SceneDesk* scene() const { return scene_; }
   ImagesDesk* images() const { return images_; }
   TablesDesk* tables() const { return tables_; }
+  ChartsDesk* charts() const { return charts_; }
   CompareDesk* compare() const { return compare_; }
   ReviewDesk* review() const { return review_; }
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
-  // "overview", "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration".
+  // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -62,6 +71,7 @@ class MainWindow : public QMainWindow {
 
  protected:
   void closeEvent(QCloseEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
   void dragEnterEvent(QDragEnterEvent* event) override;
   void dropEvent(QDropEvent* event) override;
 
@@ -69,6 +79,7 @@ class MainWindow : public QMainWindow {
   void MakeMenus();
   void ConnectJobs();
   void ConnectOverview();
+  QDockWidget* MakeDock(const char* name, const QString& title, QWidget* widget);
   void ChooseProject();
   void Visit(const QString& dir);  // opens it, on the overview
   void RunAll();
@@ -76,20 +87,32 @@ class MainWindow : public QMainWindow {
   void ShowRecent();
   void Show(const QString& object);  // on the desk that shows it best
   void SaveSession();
+  void ShowMenu(const QString& object, const QPoint& at);
+  void MakeEditMenu();
+  void MakeRunMenu();
+  void MakeViewMenu();
+  void MakeHelpMenu();
+  void ShowTabs();                        // names where there is room, else icons
+  void ShowAction(const Action& action);  // its form
+  void ChooseStage(const QString& stage);
+  void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs
   void AddDesk(QWidget* desk, const char* name, const QString& title);
 
   Workspace* workspace_;
   JobController* jobs_;
+  Decisions* decisions_;
   ProblemBar* problem_;
   SiteTree* tree_;
+  StationCard* card_;
   QTabWidget* desks_;
-  QDockWidget* site_;
+  QDockWidget *site_, *station_;
   OverviewDesk* overview_;
   RunDesk* run_;
   SceneDesk* scene_;
   ImagesDesk* images_;
   TablesDesk* tables_;
+  ChartsDesk* charts_;
   CompareDesk* compare_;
   ReviewDesk* review_;
   PanoramaDesk* panoramas_;

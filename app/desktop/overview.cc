@@ -14,22 +14,6 @@ namespace {
 
 constexpr double kPlanScale = 2.5;  // pixels a unit of the drawing
 
-ReportInput InputOf(const Snapshot& snapshot) {
-  ReportInput input;
-  input.project = snapshot.project.get();
-  input.variants = snapshot.variants;
-  input.points = false;
-  for (const SnapshotResult& result : ResultsOfSnapshot(snapshot)) {
-    ResultRecord record;
-    record.stage = result.stage;
-    record.name = result.run;
-    if (!result.variant.empty()) record.name += "@" + result.variant;
-    if (const auto manifest = ReadManifest(*snapshot.project, record.stage, record.name)) record.manifest = *manifest;
-    input.stages.push_back(std::move(record));
-  }
-  return input;
-}
-
 void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* overview) {
   overview->comparison = best.kind + ", against " + best.Against();
   std::set<std::string> stations, runs;
@@ -76,13 +60,9 @@ void FillPlan(const Snapshot& snapshot, Overview* overview) {
   options.max_points = options.max_cameras = options.panorama_width_px = 0;
   const SceneModel scene = LoadScene(*snapshot.project, options);
   if (scene.paths.empty() && scene.panoramas.empty()) return;
-  Plan plan = PlanOf(scene);
-  overview->plan_png = PngOf(plan.drawing, kPlanScale);
+  const Plan plan = PlanOf(scene);
+  overview->plan = PaintDrawing(plan.drawing, kPlanScale);
   overview->plan_caption = plan.caption;
-  for (PlanSpot& spot : plan.spots) {
-    spot.x *= kPlanScale, spot.y *= kPlanScale;
-    overview->spots.push_back(std::move(spot));
-  }
 }
 
 void FillWarnings(const Project& project, const ReportData& data, Overview* overview) {
@@ -95,15 +75,29 @@ void FillWarnings(const Project& project, const ReportData& data, Overview* over
   }
 }
 
-class NoProgress final : public ProgressSink {};
-
 }  // namespace
+
+ReportInput ReportInputOf(const Snapshot& snapshot, bool points) {
+  ReportInput input;
+  input.project = snapshot.project.get();
+  input.variants = snapshot.variants;
+  input.points = points;
+  for (const SnapshotResult& result : ResultsOfSnapshot(snapshot)) {
+    ResultRecord record;
+    record.stage = result.stage;
+    record.name = result.run;
+    if (!result.variant.empty()) record.name += "@" + result.variant;
+    if (const auto manifest = ReadManifest(*snapshot.project, record.stage, record.name)) record.manifest = *manifest;
+    input.stages.push_back(std::move(record));
+  }
+  return input;
+}
 
 Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
   Overview overview;
   overview.has_project_file = std::filesystem::exists(snapshot.dir / "trigpoint.yaml");
-  const ReportInput input = InputOf(snapshot);
-  NoProgress progress;
+  const ReportInput input = ReportInputOf(snapshot, false);
+  ProgressSink progress;
   const ReportData data = ReadReportData(input, progress, {});
   FillWarnings(*snapshot.project, data, &overview);
   if (!overview.has_project_file) {
@@ -125,11 +119,6 @@ Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
     overview.warnings.push_back(std::string("plan: ") + e.what());
   }
   return overview;
-}
-
-std::string MethodName(const std::string& method) {
-  if (method == "g1") return "view (G1)";
-  return method == "g2" || method == "single" ? "panorama (G2)" : method;
 }
 
 NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, bool has_project_file) {

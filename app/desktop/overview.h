@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "app/desktop/charts.h"
 #include "app/desktop/snapshot.h"
 #include "eval/display_unit.h"
 #include "eval/report/document.h"
@@ -22,15 +23,15 @@ struct Overview {
   std::vector<std::string> stations, runs;  // of the matrix
   std::vector<ErrorRecord> matrix;          // its errors
   std::vector<ErrorRecord> errors;          // all of the first set of results
-  std::string plan_png, plan_caption;       // empty: there is nothing to draw
-  std::vector<PlanSpot> spots;              // in the picture's pixels
+  PaintedDrawing plan;                      // nothing: there is nothing to draw
+  std::string plan_caption;
 };
+
+// The results as the report reads them; `points`: with the runs' sparse models, which takes a while.
+ReportInput ReportInputOf(const Snapshot& snapshot, bool points);
 
 // Reads what is there; what is missing or broken is left out, or named in `warnings`.
 Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit);
-
-// "panorama (G2)", "view (G1)": what errors.csv calls single, g2 and g1.
-std::string MethodName(const std::string& method);
 
 // What to do next, as `status` shows it.
 struct NextStep {

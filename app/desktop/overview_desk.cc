@@ -1,5 +1,8 @@
 #include "app/desktop/overview_desk.h"
 
+#include <QCryptographicHash>
+#include <QDir>
+#include <QFileInfo>
 #include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
@@ -8,13 +11,16 @@
 #include <QScrollArea>
 #include <QSettings>
 #include <QSplitter>
+#include <QStandardPaths>
 #include <QTableWidget>
 #include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
 
 #include "app/desktop/background.h"
+#include "app/desktop/charts_desk.h"
 #include "app/desktop/flow_layout.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/tolerance.h"
@@ -27,6 +33,8 @@ constexpr int kTileWidth = 196;
 constexpr int kSideBySide = 900;     // px; in a narrower desk the plan stands below
 constexpr int kHighestMatrix = 420;  // px, then it scrolls
 constexpr int kMostWarnings = 12;
+constexpr int kThumbnail_px = 96;  // of a project's plan on the welcome page
+
 QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 const char* ToneColour(Tone tone) {
@@ -72,12 +80,10 @@ QWidget* Tile(const Fact& fact) {
   return tile;
 }
 
-void Clear(QLayout* layout) {
-  while (QLayoutItem* item = layout->takeAt(0)) {
-    delete item->widget();
-    if (item->layout() != nullptr) Clear(item->layout());
-    delete item;
-  }
+// Where the plan of a project is kept, small.
+QString ThumbnailOf(const QString& dir) {
+  const QByteArray name = QCryptographicHash::hash(dir.toUtf8(), QCryptographicHash::Sha1).toHex();
+  return QStandardPaths::writableLocation(QStandardPaths::CacheLocation) + "/" + QString::fromLatin1(name) + ".png";
 }
 
 }  // namespace
@@ -103,24 +109,13 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   plan_ = new PictureView;
   plan_->setObjectName("overview.plan");
   plan_->setAccessibleName(tr("Plan"));
-  MakeCard();
   auto* top = new QHBoxLayout;
   top->addWidget(title_);
   top->addWidget(next_text_, 1);
   top->addWidget(next_);
-  auto* lower = new QWidget;
-  auto* card = new QVBoxLayout(lower);
-  card->setContentsMargins(0, 0, 0, 0);
-  card->addWidget(card_title_);
-  card->addWidget(card_, 1);
-  card->addWidget(card_buttons_);
-  auto* right = new QSplitter(Qt::Vertical);
-  right->addWidget(plan_);
-  right->addWidget(lower);
-  right->setSizes({500, 260});
   split_ = new QSplitter;
   split_->addWidget(scroll_);
-  split_->addWidget(right);
+  split_->addWidget(plan_);
   split_->setSizes({560, 560});
   auto* all = new QVBoxLayout(this);
   all->addLayout(top);
@@ -129,6 +124,7 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   connect(plan_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
     if (!object.isEmpty()) workspace_->Select(object);
   });
+  connect(plan_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
   connect(next_, &QPushButton::clicked, this, [this] { Follow(next_->property("anchor").toString()); });
   connect(workspace_, &Workspace::Replaced, this, [this] {
     ++generation_;
@@ -141,30 +137,6 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   connect(workspace_, &Workspace::UnitChanged, this, &OverviewDesk::Load);
   connect(workspace_, &Workspace::Selected, this, &OverviewDesk::ShowSelected);
   Show();
-}
-
-void OverviewDesk::MakeCard() {
-  card_title_ = new QLabel;
-  card_title_->setObjectName("overview.card_title");
-  card_title_->setWordWrap(true);
-  card_ = new QTableWidget;
-  card_->setObjectName("overview.card");
-  card_->setAccessibleName(tr("Errors of the selected station"));
-  card_->setEditTriggers(QAbstractItemView::NoEditTriggers);
-  card_->setSelectionBehavior(QAbstractItemView::SelectRows);
-  card_->verticalHeader()->hide();
-  card_->verticalHeader()->setDefaultSectionSize(card_->fontMetrics().height() + 6);
-  card_buttons_ = new QWidget;
-  auto* buttons = new FlowLayout(card_buttons_);
-  const auto add = [&](const char* name, const QString& text, auto signal) {
-    auto* button = new QPushButton(text);
-    button->setObjectName(name);
-    buttons->addWidget(button);
-    connect(button, &QPushButton::clicked, this, [this, signal] { emit(this->*signal)(workspace_->selected()); });
-  };
-  add("overview.scene", tr("Show in &3D"), &OverviewDesk::SceneRequested);
-  add("overview.image", tr("Show the best &image"), &OverviewDesk::Activated);
-  add("overview.review", tr("&Exclude ..."), &OverviewDesk::ReviewRequested);
 }
 
 void OverviewDesk::resizeEvent(QResizeEvent* event) {
@@ -190,6 +162,7 @@ void OverviewDesk::Load() {
         if (!loaded.value) emit workspace_->Problem(loaded.error, tr("The overview is not shown."));
         overview_ = loaded.value;
         Show();
+        SaveThumbnail();
         emit Loaded();
       });
 }
@@ -226,17 +199,26 @@ void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
   open->setObjectName("overview.open");
   connect(open, &QPushButton::clicked, this, &OverviewDesk::OpenRequested);
   buttons->addWidget(open);
+  auto* example = new QPushButton(tr("Make the &example ..."));
+  example->setObjectName("overview.example");
+  example->setToolTip(tr("Copies a small site with two runs into a new folder and opens it"));
+  connect(example, &QPushButton::clicked, this, &OverviewDesk::ExampleRequested);
+  buttons->addWidget(example);
   column->addWidget(row);
   const QStringList recent = QSettings().value("recent").toStringList();
   QString text = tr("A folder can also be dropped into the window. It is only read; what is written, is asked for.");
   text += "<br><br><b>" + tr("Recent projects") + "</b>";
   if (recent.isEmpty()) {
-    text += "<br>" + tr("None yet. The command <tt>trigpoint demo</tt> makes a small example to open here.");
+    text += "<br>" + tr("None yet. The example is a good beginning.");
   }
+  text += "<table cellspacing=\"6\">";
   for (const QString& dir : recent) {
-    text += QString("<br><a href=\"open:%1\">%2</a> <small>%3</small>")
-                .arg(dir.toHtmlEscaped(), dir.section('/', -1).toHtmlEscaped(), dir.toHtmlEscaped());
+    const QString picture = ThumbnailOf(dir), name = dir.section('/', -1).toHtmlEscaped();
+    text += QString("<tr><td>%1</td><td valign=\"middle\"><a href=\"open:%2\">%3</a><br><small>%2</small></td></tr>")
+                .arg(QFile::exists(picture) ? QString("<img src=\"%1\">").arg(picture) : QString(), dir.toHtmlEscaped(),
+                     name);
   }
+  text += "</table>";
   QLabel* label = Wrapped(text);
   label->setObjectName("overview.recent");
   connect(label, &QLabel::linkActivated, this, &OverviewDesk::Follow);
@@ -309,6 +291,7 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
     if (!worse) continue;  // of several panoramas the largest
     auto* item = new QTableWidgetItem;
     item->setData(Qt::UserRole, e.error_3d_m.value_or(-1));
+    item->setData(Qt::UserRole + 1, Text("station:" + e.station));
     item->setTextAlignment(Qt::AlignCenter);
     item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
                      (e.reason.empty() ? "" : "\n" + Text(e.reason)));
@@ -337,6 +320,7 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
     if (!showing_ && row >= 0) workspace_->Select("station:" + matrix_->verticalHeaderItem(row)->text());
   });
   connect(matrix_, &QTableWidget::cellDoubleClicked, this, [this] { emit SceneRequested(workspace_->selected()); });
+  AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
   column->addWidget(matrix_);
 }
 
@@ -361,23 +345,16 @@ void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
 }
 
 void OverviewDesk::ShowPlan() {
-  std::vector<PictureMark> marks;
-  QImage image;
-  if (overview_) {
-    image = QImage::fromData(reinterpret_cast<const uchar*>(overview_->plan_png.data()),
-                             static_cast<int>(overview_->plan_png.size()), "PNG");
-    for (const PlanSpot& spot : overview_->spots) {
-      PictureMark mark;
-      mark.kind = PictureMark::Kind::kCircle;
-      mark.points << QPointF(spot.x, spot.y) << QPointF(18, 0);
-      mark.colour = QColor(0, 0, 0, 0);  // the picture has it; what is selected gets its ring
-      mark.object = Text(spot.station.empty() ? "panorama:" + spot.panorama : "station:" + spot.station);
-      marks.push_back(mark);
-    }
-  }
-  plan_->SetPicture(image, image.isNull() ? tr("Nothing to draw yet: run localize.") : tr("plan"));
+  const PaintedDrawing plan = overview_ ? overview_->plan : PaintedDrawing();
+  ShowDrawing(plan_, plan, plan.png.empty() ? tr("Nothing to draw yet: run localize.") : tr("plan"));
   if (overview_) plan_->setToolTip(Text(overview_->plan_caption));
-  plan_->SetMarks(std::move(marks));
+}
+
+void OverviewDesk::SaveThumbnail() const {
+  if (plan_->image().isNull()) return;
+  const QString file = ThumbnailOf(workspace_->dir());
+  QDir().mkpath(QFileInfo(file).path());
+  plan_->image().scaled(kThumbnail_px, kThumbnail_px, Qt::KeepAspectRatio, Qt::SmoothTransformation).save(file);
 }
 
 void OverviewDesk::ShowNext() {
@@ -434,86 +411,6 @@ void OverviewDesk::ShowSelected() {
     }
     showing_ = false;
   }
-  shown_ = object;
-  ShowCard();
-}
-
-void OverviewDesk::ShowCard() {
-  card_->setRowCount(0);
-  const bool any = overview_ != nullptr && !shown_.isEmpty();
-  card_buttons_->setVisible(any);
-  card_->setVisible(any);
-  if (!any) {
-    card_title_->setText(tr("Select a station in the plan, in the matrix, or in the tree."));
-    return;
-  }
-  const QString unit = workspace_->unit();
-  const QStringList header{tr("compared"),
-                           tr("run"),
-                           tr("answer"),
-                           tr("3D (%1)").arg(unit),
-                           tr("dE (%1)").arg(unit),
-                           tr("dN (%1)").arg(unit),
-                           tr("dU (%1)").arg(unit),
-                           QString::fromUtf8("\xcf\x83 E (%1)").arg(unit),
-                           QString::fromUtf8("\xcf\x83 N (%1)").arg(unit),
-                           QString::fromUtf8("\xcf\x83 U (%1)").arg(unit),
-                           tr("NEES / dof"),
-                           tr("status")};
-  card_->setColumnCount(header.size());
-  card_->setHorizontalHeaderLabels(header);
-  const std::string name = shown_.section(':', 1).toStdString();
-  const bool station = shown_.startsWith("station:");
-  std::vector<const ErrorRecord*> rows;
-  for (const ErrorRecord& e : overview_->errors) {
-    if ((station ? e.station : e.panorama) == name) rows.push_back(&e);
-  }
-  // Final answers before single views, then as they are compared, then by run.
-  const auto key = [](const ErrorRecord* e) { return std::tie(e->kind, e->reference, e->run, e->panorama); };
-  std::stable_sort(rows.begin(), rows.end(), [&](const auto* a, const auto* b) {
-    return (a->method == "g1") != (b->method == "g1") ? b->method == "g1" : key(a) < key(b);
-  });
-  const auto length = [this](const std::optional<double>& metres) {
-    return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', 3) : QString();
-  };
-  for (const ErrorRecord* e : rows) {
-    const auto part = [&](int k) {
-      return length(e->error_enu_m ? std::optional<double>((*e->error_enu_m)(k)) : std::nullopt);
-    };
-    const QString against = e->reference == "self" ? tr("own tags") : Text(e->reference);
-    const QStringList cells{Text(e->kind) + ", " + against,
-                            Text(e->run),
-                            Text(MethodName(e->method)),
-                            length(e->error_3d_m),
-                            part(0),
-                            part(1),
-                            part(2),
-                            length(e->sigma_e_m),
-                            length(e->sigma_n_m),
-                            length(e->sigma_u_m),
-                            e->nees && e->dof > 0 ? QString::number(*e->nees / e->dof, 'f', 2) : QString(),
-                            e->reason.empty() ? Text(e->status) : Text(e->status + ": " + e->reason)};
-    const int row = card_->rowCount();
-    card_->insertRow(row);
-    for (int c = 0; c < cells.size(); ++c) {
-      auto* item = new QTableWidgetItem(cells[c]);
-      if (c >= 3 && c <= 10) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
-      if (e->method == "g1") item->setForeground(palette().color(QPalette::Disabled, QPalette::Text));
-      item->setToolTip(Text(e->panorama));
-      card_->setItem(row, c, item);
-    }
-  }
-  card_->resizeColumnsToContents();
-  card_->setVisible(!rows.empty());
-  QString tag;
-  for (const SnapshotStation& s : workspace_->snapshot()->stations) {
-    if (station && s.name == name && s.tag_id >= 0) tag = tr(", tag %1").arg(s.tag_id);
-  }
-  card_title_->setText(
-      "<b>" + (station ? tr("Station %1%2") : tr("Panorama %1%2")).arg(Text(name).toHtmlEscaped(), tag) + "</b> " +
-      (rows.empty() ? tr("No answer of it is evaluated.")
-                    : tr("Relative: in the run's own frame. Absolute: in site coordinates, the georeference's error "
-                         "included.")));
 }
 
 void OverviewDesk::Follow(const QString& anchor) {

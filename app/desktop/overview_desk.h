@@ -24,34 +24,34 @@ class OverviewDesk : public QWidget {
  public:
   explicit OverviewDesk(Workspace* workspace, QWidget* parent = nullptr);
   PictureView* plan() const { return plan_; }
+  // Null until it is read.
+  const std::shared_ptr<const Overview>& overview() const { return overview_; }
 
  signals:
-  void Loaded();                          // what is there is shown
-  void Activated(const QString& object);  // show its image
+  void Loaded();  // what is there is shown
   void SceneRequested(const QString& object);
-  void ReviewRequested(const QString& object);
   void RunRequested();  // all that is out of date
   void ReportRequested();
   void CreateRequested(const QString& dir);   // write trigpoint.yaml
   void ProjectRequested(const QString& dir);  // open it
   void OpenRequested();                       // choose a folder
+  void ExampleRequested();                    // copy the embedded site, and open it
 
  protected:
   void resizeEvent(QResizeEvent* event) override;
 
  private:
-  void MakeCard();
   void Load();
   void Show();
   void ShowWelcome(QVBoxLayout* column);
+  void SaveThumbnail() const;  // of the plan, for the welcome page
   void ShowVerdict(QVBoxLayout* column);
   void ShowMatrix(QVBoxLayout* column);
   void ShowFolder(QVBoxLayout* column);
   void ShowWarnings(QVBoxLayout* column);
   void ShowPlan();
   void ShowNext();
-  void ShowSelected();  // the plan's mark, the matrix' row, the card
-  void ShowCard();
+  void ShowSelected();  // the plan's mark, the matrix' row
   void Follow(const QString& anchor);
 
   Workspace* workspace_;
@@ -63,10 +63,6 @@ class OverviewDesk : public QWidget {
   QSplitter* split_;
   PictureView* plan_;
   QTableWidget* matrix_ = nullptr;  // of what is shown now
-  QLabel* card_title_;
-  QTableWidget* card_;
-  QWidget* card_buttons_;
-  QString shown_;  // whose card is shown
   bool showing_ = false;
   int generation_ = 0;
 };

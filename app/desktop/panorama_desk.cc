@@ -104,6 +104,13 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   all->addLayout(top);
   all->addWidget(split, 1);
   connect(set_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &PanoramaDesk::ShowSet);
+  connect(set_, QOverload<int>::of(&QComboBox::activated), this, [this] {
+    const auto& snapshot = workspace_->snapshot();
+    if (!snapshot || set_->currentIndex() < 0) return;
+    const auto index = static_cast<size_t>(set_->currentData().toInt());
+    workspace_->Select(QString::fromStdString("panorama:" + snapshot->references[index].name));
+  });
+  connect(workspace_, &Workspace::Selected, this, &PanoramaDesk::ShowSelected);
   connect(stitch, &QPushButton::clicked, this, &PanoramaDesk::StitchRequested);
   connect(photos_, &QTableWidget::currentCellChanged, this, &PanoramaDesk::ShowPhoto);
   connect(workspace_, &Workspace::Replaced, this, &PanoramaDesk::Clear);
@@ -129,6 +136,19 @@ void PanoramaDesk::Refresh() {
     set_->setCurrentIndex(std::max(0, set_->findText(before)));
   }
   ShowSet();
+}
+
+void PanoramaDesk::ShowSelected() {
+  const auto& snapshot = workspace_->snapshot();
+  if (!snapshot) return;
+  const auto belongs = [&](int i) {
+    const auto index = static_cast<size_t>(set_->itemData(i).toInt());
+    return workspace_->related().count("panorama:" + snapshot->references[index].name) > 0;
+  };
+  if (set_->currentIndex() >= 0 && belongs(set_->currentIndex())) return;
+  for (int i = 0; i < set_->count(); ++i) {
+    if (belongs(i)) return set_->setCurrentIndex(i);
+  }
 }
 
 void PanoramaDesk::ShowPhoto(int row) {

@@ -30,6 +30,7 @@ class PanoramaDesk : public QWidget {
  private:
   void Refresh();
   void ShowSet();
+  void ShowSelected();
   void ShowPhoto(int row);
   void Clear();
 

@@ -1,5 +1,6 @@
 #include "app/desktop/picture_view.h"
 
+#include <QContextMenuEvent>
 #include <QKeyEvent>
 #include <QMouseEvent>
 #include <QPainter>
@@ -35,6 +36,7 @@ void PictureView::SetPicture(const QImage& image, const QString& title) {
 
 void PictureView::SetMarks(std::vector<PictureMark> marks) {
   marks_ = std::move(marks);
+  moved_ = -1;
   update();
 }
 
@@ -49,12 +51,18 @@ void PictureView::SetHighlight(const QString& object) {
   update();
 }
 
+double PictureView::FittedScale() const {
+  if (image_.isNull()) return 1;
+  return std::min(static_cast<double>(width()) / image_.width(), static_cast<double>(height()) / image_.height());
+}
+
 void PictureView::Fit() {
   fitted_ = true;
   if (image_.isNull() || width() == 0 || height() == 0) return;
-  scale_ = std::min(static_cast<double>(width()) / image_.width(), static_cast<double>(height()) / image_.height());
+  scale_ = FittedScale();
   offset_ = QPointF(0.5 * (width() - scale_ * image_.width()), 0.5 * (height() - scale_ * image_.height()));
   update();
+  emit ViewChanged();
 }
 
 void PictureView::LookAt(const QPointF& pixel, double scale) {
@@ -62,6 +70,7 @@ void PictureView::LookAt(const QPointF& pixel, double scale) {
   scale_ = std::clamp(scale, 0.02, kMostScale);
   offset_ = QPointF(0.5 * width(), 0.5 * height()) - scale_ * (pixel + QPointF(0.5, 0.5));
   update();
+  emit ViewChanged();
 }
 
 QPointF PictureView::PixelAt(const QPointF& widget) const { return (widget - offset_) / scale_ - QPointF(0.5, 0.5); }
@@ -73,6 +82,7 @@ void PictureView::Zoom(double factor, const QPointF& about) {
   scale_ = std::clamp(scale_ * factor, 0.02, kMostScale);
   offset_ += about - WidgetAt(pixel);
   update();
+  emit ViewChanged();
 }
 
 void PictureView::paintEvent(QPaintEvent*) {
@@ -151,6 +161,7 @@ void PictureView::mousePressEvent(QMouseEvent* event) {
   setFocus();
   pressed_ = event->localPos();
   dragged_ = false;
+  moved_ = event->button() == Qt::LeftButton ? MovableAt(PixelAt(pressed_)) : -1;
 }
 
 void PictureView::mouseMoveEvent(QMouseEvent* event) {
@@ -158,18 +169,38 @@ void PictureView::mouseMoveEvent(QMouseEvent* event) {
     const QPointF by = event->localPos() - pressed_;
     if (!dragged_ && by.manhattanLength() < 4) return;
     dragged_ = true;
-    fitted_ = false;
-    offset_ += by;
     pressed_ = event->localPos();
+    if (moved_ >= 0) {
+      marks_[static_cast<size_t>(moved_)].points[0] += by / scale_;
+    } else {
+      fitted_ = false;
+      offset_ += by;
+      emit ViewChanged();
+    }
     update();
   }
   emit Hovered(PixelAt(event->localPos()));
 }
 
 void PictureView::mouseReleaseEvent(QMouseEvent* event) {
+  if (dragged_ && moved_ >= 0 && moved_ < static_cast<int>(marks_.size())) {
+    const PictureMark& mark = marks_[static_cast<size_t>(moved_)];
+    emit MarkMoved(mark.object, mark.points[0]);
+  }
+  moved_ = -1;
   if (dragged_ || event->button() != Qt::LeftButton || image_.isNull()) return;
   const QPointF pixel = PixelAt(event->localPos());
   emit Clicked(pixel, ObjectAt(pixel));
+}
+
+void PictureView::mouseDoubleClickEvent(QMouseEvent* event) {
+  mousePressEvent(event);
+  emit DoubleClicked(ObjectAt(PixelAt(event->localPos())));
+}
+
+void PictureView::contextMenuEvent(QContextMenuEvent* event) {
+  const QString object = ObjectAt(PixelAt(event->pos()));
+  if (!object.isEmpty()) emit MenuAsked(object, event->globalPos());
 }
 
 void PictureView::keyPressEvent(QKeyEvent* event) {
@@ -191,10 +222,21 @@ void PictureView::keyPressEvent(QKeyEvent* event) {
   }
   fitted_ = false;
   update();
+  emit ViewChanged();
 }
 
 void PictureView::resizeEvent(QResizeEvent*) {
   if (fitted_) Fit();
+  emit ViewChanged();
+}
+
+int PictureView::MovableAt(const QPointF& pixel) const {
+  for (size_t i = 0; i < marks_.size(); ++i) {
+    if (!marks_[i].movable) continue;
+    const QPointF by = marks_[i].points[0] - pixel;
+    if (std::hypot(by.x(), by.y()) < kPickDistance / scale_) return static_cast<int>(i);
+  }
+  return -1;
 }
 
 QString PictureView::ObjectAt(const QPointF& pixel) const {

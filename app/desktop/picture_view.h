@@ -17,9 +17,10 @@ struct PictureMark {
   Kind kind = Kind::kCross;
   QPolygonF points;  // cross: one; line: two; outline: closed; circle: centre, and (radius px, 0)
   QColor colour;
-  QString text;    // drawn beside it
-  QString layer;   // "detections", "tracks", ...
-  QString object;  // what it is, as the review names objects; may be empty
+  QString text;          // drawn beside it
+  QString layer;         // "detections", "tracks", ...
+  QString object;        // what it is, as the review names objects; may be empty
+  bool movable = false;  // by dragging its centre
 };
 
 class PictureView : public QWidget {
@@ -39,12 +40,18 @@ class PictureView : public QWidget {
   // `pixel` in the middle, `scale` screen pixels a picture pixel.
   void LookAt(const QPointF& pixel, double scale);
   double scale() const { return scale_; }
+  // At which the whole picture just fits.
+  double FittedScale() const;
   QPointF PixelAt(const QPointF& widget) const;
   QPointF WidgetAt(const QPointF& pixel) const;
 
  signals:
   void Clicked(const QPointF& pixel, const QString& object);
   void Hovered(const QPointF& pixel);
+  void ViewChanged();  // another part of the picture is seen
+  void MarkMoved(const QString& object, const QPointF& pixel);
+  void DoubleClicked(const QString& object);
+  void MenuAsked(const QString& object, const QPoint& at);  // by a right click on a mark; `at` on the screen
 
  protected:
   void paintEvent(QPaintEvent* event) override;
@@ -52,12 +59,15 @@ class PictureView : public QWidget {
   void mousePressEvent(QMouseEvent* event) override;
   void mouseMoveEvent(QMouseEvent* event) override;
   void mouseReleaseEvent(QMouseEvent* event) override;
+  void mouseDoubleClickEvent(QMouseEvent* event) override;
   void keyPressEvent(QKeyEvent* event) override;
+  void contextMenuEvent(QContextMenuEvent* event) override;
   void resizeEvent(QResizeEvent* event) override;
 
  private:
   void Zoom(double factor, const QPointF& about);
   QString ObjectAt(const QPointF& pixel) const;
+  int MovableAt(const QPointF& pixel) const;  // index of the mark, -1: none
 
   QImage image_;
   QString title_;
@@ -69,6 +79,7 @@ class PictureView : public QWidget {
   bool fitted_ = true;
   QPointF pressed_;
   bool dragged_ = false;
+  int moved_ = -1;  // index of the mark that is dragged
 };
 
 }  // namespace trigpoint

@@ -11,9 +11,12 @@
 #include <QTableWidget>
 #include <QVBoxLayout>
 
-#include "app/desktop/background.h"
+#include "app/desktop/decisions.h"
 #include "app/desktop/flow_layout.h"
+#include "app/desktop/object_table.h"
+#include "app/desktop/run_desk.h"
 #include "app/pipeline/reviewed.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 
@@ -48,8 +51,8 @@ void AddRow(QTableWidget* table, const QStringList& cells, const QString& object
 
 }  // namespace
 
-ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
-    : QWidget(parent), workspace_(workspace), jobs_(jobs) {
+ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* decisions, QWidget* parent)
+    : QWidget(parent), workspace_(workspace), jobs_(jobs), decisions_(decisions) {
   const auto edit = [](const char* name, const QString& accessible) {
     auto* line = new QLineEdit;
     line->setObjectName(name);
@@ -70,16 +73,16 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   exclude_ = button("review.exclude", tr("&Exclude"), tr("Leave it out of what is solved and evaluated"));
   restore_ = button("review.restore", tr("&Restore"), tr("Take it in again"));
   role_ = button("review.role", tr("Change &role"), tr("Control point to check point, or back"));
-  undo_ = button("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z)"));
+  undo_ = button("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z, where no text is written)"));
+  redo_ = button("review.redo", tr("Re&do"), tr("Make the decision again that was taken back last (Ctrl+Shift+Z)"));
   solve_ = button("review.solve", tr("Re-&solve"), tr("Make every result anew that rests on the review"));
-  undo_->setShortcut(QKeySequence::Undo);
   variant_ = new QComboBox;
   variant_->setObjectName("review.variant");
   variant_->setAccessibleName(tr("Variant to solve"));
   entries_ = MakeTable("review.entries", tr("Decisions"),
                        {tr("entry"), tr("time (UTC)"), tr("user"), tr("action"), tr("object"), tr("reason")});
   changes_ = MakeTable("review.changes", tr("What changed"),
-                       {tr("reference"), tr("method"), tr("run"), tr("station"), tr("before"), tr("after"),
+                       {tr("reference"), tr("answer"), tr("run"), tr("station"), tr("before"), tr("after"),
                         tr("status before"), tr("status after")});
   summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
   summary_->setObjectName("review.summary");
@@ -90,7 +93,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   form->addRow(tr("Reason"), reason_);
   form->addRow(tr("User"), user_);
   auto* buttons = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_, variant_, solve_}) {
+  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_, redo_, variant_, solve_}) {
     buttons->addWidget(w);
   }
   auto* split = new QSplitter(Qt::Vertical);
@@ -106,21 +109,24 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* paren
   all->addLayout(buttons);
   all->addWidget(split, 1);
 
-  const auto decide = [this](const char* action) {
-    return [this, action] { Decide(action, object_->text().trimmed(), reason_->text()); };
-  };
-  connect(exclude_, &QPushButton::clicked, this, decide("exclude"));
-  connect(restore_, &QPushButton::clicked, this, decide("restore"));
-  connect(role_, &QPushButton::clicked, this, decide("role"));
-  connect(undo_, &QPushButton::clicked, this,
-          [this] { Decide("undo", "last", reason_->text().isEmpty() ? tr("taken back") : reason_->text()); });
+  connect(exclude_, &QPushButton::clicked, this, [this] { Decide("exclude"); });
+  connect(restore_, &QPushButton::clicked, this, [this] { Decide("restore"); });
+  connect(role_, &QPushButton::clicked, this, [this] { Decide("role"); });
+  connect(undo_, &QPushButton::clicked, decisions_, &Decisions::Undo);
+  connect(redo_, &QPushButton::clicked, decisions_, &Decisions::Redo);
+  connect(user_, &QLineEdit::textChanged, decisions_, &Decisions::SetUser);
+  connect(decisions_, &Decisions::Decided, this, [this] {
+    const auto& entries = workspace_->snapshot()->project->review().entries();
+    const bool taken = !entries.empty() && entries.back().reason == reason_->text().trimmed().toStdString();
+    if (taken) reason_->clear();
+    emit Reviewed();
+  });
+  connect(decisions_, &Decisions::Changed, this, [this] {
+    undo_->setEnabled(!decisions_->UndoText().isEmpty());
+    redo_->setEnabled(!decisions_->RedoText().isEmpty());
+  });
   connect(solve_, &QPushButton::clicked, this, &ReviewDesk::Solve);
-  for (QTableWidget* table : {entries_, changes_}) {
-    connect(table, &QTableWidget::itemSelectionChanged, this, [this, table] {
-      const auto items = table->selectedItems();
-      if (!items.isEmpty()) workspace_->Select(items.front()->data(Qt::UserRole).toString());
-    });
-  }
+  for (QTableWidget* table : {entries_, changes_}) LinkTable(table, workspace_);
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
     if (!object.isEmpty()) object_->setText(object);
   });
@@ -154,40 +160,9 @@ void ReviewDesk::Forget() {
   reason_->clear();
 }
 
-void ReviewDesk::Decide(const QString& action, const QString& object, const QString& reason) {
-  if (!workspace_->snapshot() || deciding_) return;
-  if (reason.trimmed().isEmpty()) {
-    emit workspace_->Problem(tr("A decision needs a reason: write it beside 'Reason'."),
-                             tr("Nothing was written to review.jsonl."));
-    reason_->setFocus();
-    return;
-  }
-  deciding_ = true;
-  ReviewRequest request;
-  request.action = action.toStdString();
-  request.object = object.toStdString();
-  request.reason = reason.toStdString();
-  request.user = user_->text().trimmed().toStdString();
-  InBackground(
-      this,
-      [snapshot = workspace_->snapshot(), request] {
-        // As it is now: somebody may have written since the snapshot was made.
-        return AppendReview(Project::Open(snapshot->dir), request).number;
-      },
-      [this](const Attempted<int>& entry) {
-        deciding_ = false;
-        if (!entry.error.isEmpty()) {
-          emit workspace_->Problem(entry.error, tr("Nothing was written to review.jsonl."));
-          return;
-        }
-        reason_->clear();
-        const auto connection = std::make_shared<QMetaObject::Connection>();
-        *connection = connect(workspace_, &Workspace::Opened, this, [this, connection] {
-          disconnect(*connection);
-          emit Reviewed();
-        });
-        workspace_->Reload();
-      });
+void ReviewDesk::Decide(const char* action) {
+  if (reason_->text().trimmed().isEmpty()) reason_->setFocus();
+  decisions_->Decide(action, object_->text().trimmed(), reason_->text());
 }
 
 void ReviewDesk::Solve() {
@@ -195,7 +170,10 @@ void ReviewDesk::Solve() {
   solving_variant_ = variant_->currentData().toString().toStdString();
   before_ = ErrorsOf(*workspace_->snapshot()->project, solving_variant_);
   solving_ = true;
-  summary_->setText(tr("Solving ..."));
+  const double seconds =
+      ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), ReviewQuery(solving_variant_)).seconds;
+  summary_->setText(tr("Solving ...") +
+                    (seconds > 1 ? " " + tr("The last time it took %1.").arg(DurationText(seconds)) : ""));
   changes_->setRowCount(0);
   jobs_->Start(workspace_->dir(), ReviewQuery(solving_variant_), 0, 1);
 }
@@ -234,8 +212,8 @@ void ReviewDesk::ShowChanges() {
       ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_), kLeastChange_m);
   for (const ReviewedError& row : changed) {
     AddRow(changes_,
-           {QString::fromStdString(row.reference), QString::fromStdString(row.method), QString::fromStdString(row.run),
-            QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
+           {QString::fromStdString(row.reference), QString::fromStdString(MethodName(row.method)),
+            QString::fromStdString(row.run), QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
             QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
            QString::fromStdString("station:" + row.station), false);
   }

@@ -15,17 +15,15 @@ class QTableWidget;
 
 namespace trigpoint {
 
+class Decisions;
 struct ErrorRow;
 
 class ReviewDesk : public QWidget {
   Q_OBJECT
 
  public:
-  ReviewDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
+  ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* decisions, QWidget* parent = nullptr);
   ~ReviewDesk() override;
-
-  // The same as `trigpoint review`; Reviewed or a Problem follows.
-  void Decide(const QString& action, const QString& object, const QString& reason);
 
  public slots:
   void Solve();
@@ -37,18 +35,20 @@ class ReviewDesk : public QWidget {
  private:
   void Refresh();
   void Forget();  // before another project is opened
+  void Decide(const char* action);
   void ShowChanges();
 
   Workspace* workspace_;
   JobController* jobs_;
+  Decisions* decisions_;
   QLineEdit *object_, *reason_, *user_;
   QComboBox* variant_;
-  QPushButton *exclude_, *restore_, *role_, *undo_, *solve_;
+  QPushButton *exclude_, *restore_, *role_, *undo_, *redo_, *solve_;
   QTableWidget *entries_, *changes_;
   QLabel* summary_;
   std::vector<ErrorRow> before_;
   std::string solving_variant_;
-  bool solving_ = false, deciding_ = false;
+  bool solving_ = false;
 };
 
 }  // namespace trigpoint

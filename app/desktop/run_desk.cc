@@ -5,20 +5,24 @@
 #include <QComboBox>
 #include <QFormLayout>
 #include <QHBoxLayout>
+#include <QHeaderView>
 #include <QLabel>
 #include <QLineEdit>
 #include <QListWidget>
+#include <QMessageBox>
 #include <QPlainTextEdit>
 #include <QProgressBar>
 #include <QPushButton>
 #include <QScrollArea>
 #include <QSpinBox>
 #include <QSplitter>
+#include <QTableWidget>
 #include <QTime>
 #include <QVBoxLayout>
 #include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/site_tree.h"
 #include "app/desktop/stage_form.h"
 #include "app/pipeline/command_line.h"
 
@@ -26,12 +30,7 @@ namespace trigpoint {
 
 namespace {
 
-QString Duration(double seconds) {
-  const int s = static_cast<int>(std::lround(seconds));
-  return s >= 3600
-             ? QString("%1:%2:%3").arg(s / 3600).arg(s / 60 % 60, 2, 10, QChar('0')).arg(s % 60, 2, 10, QChar('0'))
-             : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));
-}
+constexpr double kLong_s = 60;  // from here on one is asked before something is computed again
 
 template <typename Widget>
 Widget* Named(Widget* widget, const char* object, const QString& accessible) {
@@ -49,8 +48,49 @@ QComboBox* Narrow(QComboBox* box) {
 
 }  // namespace
 
+QString DurationText(double seconds) {
+  const int s = static_cast<int>(std::lround(seconds));
+  return s >= 3600
+             ? QString("%1:%2:%3").arg(s / 3600).arg(s / 60 % 60, 2, 10, QChar('0')).arg(s % 60, 2, 10, QChar('0'))
+             : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));
+}
+
 RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     : QWidget(parent), workspace_(workspace), jobs_(jobs) {
+  MakeControls();
+  Arrange();
+  stage_->addItem(tr("all that is out of date"), "");
+  for (const StageInfo* stage : AllStages()) {
+    const QString name = QString::fromStdString(stage->name);
+    stage_->addItem(name + ": " + QString::fromStdString(stage->help), name);
+  }
+  connect(stage_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &RunDesk::ShowStage);
+  connect(runs_, &QListWidget::itemChanged, this, &RunDesk::ShowCommand);
+  connect(variant_, &QComboBox::currentTextChanged, this, &RunDesk::ShowStage);
+  connect(threads_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
+  connect(seed_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
+  connect(form_, &StageForm::Changed, this, &RunDesk::ShowCommand);
+  connect(copy_, &QPushButton::clicked, this, [this] { QApplication::clipboard()->setText(command_->text()); });
+  connect(reset_, &QPushButton::clicked, form_, &StageForm::Reset);
+  connect(run_, &QPushButton::clicked, this, &RunDesk::Run);
+  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
+  connect(cancel_, &QPushButton::clicked, this, [this] { status_->setText(tr("Stopping ...")); });
+  ConnectJobs();
+  connect(workspace_, &Workspace::Replaced, this, &RunDesk::Forget);
+  connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
+  connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
+  connect(workspace_, &Workspace::ResultsChanged, this, [this] {
+    ShowResults();
+    ShowCommand();
+  });
+  connect(results_, &QTableWidget::cellDoubleClicked, this, [this](int row) {
+    const SnapshotResult& result = workspace_->results()[static_cast<size_t>(row)];
+    Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run));
+  });
+  Refresh();
+}
+
+void RunDesk::MakeControls() {
   stage_ = Narrow(Named(new QComboBox, "run.stage", tr("Stage")));
   runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
@@ -64,18 +104,18 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   seed_->setRange(0, 1 << 30);
   seed_->setValue(1);
   form_ = new StageForm;
-  auto* scroll = Named(new QScrollArea, "run.form", tr("Options"));
-  scroll->setWidget(form_);
-  scroll->setWidgetResizable(true);
+  scroll_ = Named(new QScrollArea, "run.form", tr("Options"));
+  scroll_->setWidget(form_);
+  scroll_->setWidgetResizable(true);
   command_ = Named(new QLineEdit, "run.command", tr("Equivalent command line"));
   command_->setReadOnly(true);
-  auto* copy = Named(new QPushButton(tr("Copy")), "run.copy", tr("Copy the command line"));
+  copy_ = Named(new QPushButton(tr("Copy")), "run.copy", tr("Copy the command line"));
   problem_ = Named(new QLabel, "run.problem", tr("What is wrong with the options"));
   problem_->setWordWrap(true);
   run_ = Named(new QPushButton(tr("&Run")), "run.run", tr("Run"));
   cancel_ = Named(new QPushButton(tr("&Cancel")), "run.cancel", tr("Cancel the run"));
   cancel_->setEnabled(false);
-  auto* reset = Named(new QPushButton(tr("Reset options")), "run.reset", tr("Reset options"));
+  reset_ = Named(new QPushButton(tr("Reset options")), "run.reset", tr("Reset options"));
   bar_ = Named(new QProgressBar, "run.progress", tr("Progress"));
   status_ = Named(new QLabel(tr("Nothing runs.")), "run.status", tr("State of the run"));
   status_->setWordWrap(true);
@@ -83,6 +123,18 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   log_->setReadOnly(true);
   log_->setMaximumBlockCount(5000);
 
+  expected_ = Named(new QLabel, "run.expected", tr("How long it took the last time"));
+  expected_->setWordWrap(true);
+  results_ = Named(new QTableWidget(0, 4), "run.results", tr("Results and their states"));
+  results_->setHorizontalHeaderLabels({tr("result"), tr("state"), tr("metric"), tr("time (s)")});
+  results_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  results_->setSelectionBehavior(QAbstractItemView::SelectRows);
+  results_->verticalHeader()->hide();
+  results_->verticalHeader()->setDefaultSectionSize(results_->fontMetrics().height() + 6);
+  results_->setToolTip(tr("In the order in which each needs those above it; a double click chooses the stage"));
+}
+
+void RunDesk::Arrange() {
   auto* choice = new QWidget;
   auto* choices = new QFormLayout(choice);
   choices->addRow(tr("Stage"), stage_);
@@ -95,24 +147,28 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   auto* options = new QWidget;
   auto* left = new QVBoxLayout(options);
   left->addWidget(choice);
-  left->addWidget(scroll, 1);
+  left->addWidget(scroll_, 1);
   left->addWidget(problem_);
+  left->addWidget(expected_);
   auto* line = new QHBoxLayout;
   line->addWidget(new QLabel(tr("Command")));
   line->addWidget(command_, 1);
-  line->addWidget(copy);
+  line->addWidget(copy_);
   left->addLayout(line);
   auto* buttons = new QHBoxLayout;
   buttons->addWidget(run_);
   buttons->addWidget(cancel_);
   buttons->addStretch();
-  buttons->addWidget(reset);
+  buttons->addWidget(reset_);
   left->addLayout(buttons);
   auto* progress = new QWidget;
   auto* right = new QVBoxLayout(progress);
   right->addWidget(status_);
   right->addWidget(bar_);
-  right->addWidget(log_, 1);
+  auto* below = new QSplitter(Qt::Vertical);
+  below->addWidget(results_);
+  below->addWidget(log_);
+  right->addWidget(below, 1);
   auto* split = new QSplitter;
   split->addWidget(options);
   split->addWidget(progress);
@@ -120,23 +176,9 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   auto* all = new QVBoxLayout(this);
   all->setContentsMargins(0, 0, 0, 0);
   all->addWidget(split);
+}
 
-  stage_->addItem(tr("all that is out of date"), "");
-  for (const StageInfo* stage : AllStages()) {
-    const QString name = QString::fromStdString(stage->name);
-    stage_->addItem(name + ": " + QString::fromStdString(stage->help), name);
-  }
-  connect(stage_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &RunDesk::ShowStage);
-  connect(runs_, &QListWidget::itemChanged, this, &RunDesk::ShowCommand);
-  connect(variant_, &QComboBox::currentTextChanged, this, &RunDesk::ShowStage);
-  connect(threads_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
-  connect(seed_, QOverload<int>::of(&QSpinBox::valueChanged), this, &RunDesk::ShowCommand);
-  connect(form_, &StageForm::Changed, this, &RunDesk::ShowCommand);
-  connect(copy, &QPushButton::clicked, this, [this] { QApplication::clipboard()->setText(command_->text()); });
-  connect(reset, &QPushButton::clicked, form_, &StageForm::Reset);
-  connect(run_, &QPushButton::clicked, this, &RunDesk::Run);
-  connect(cancel_, &QPushButton::clicked, jobs_, &JobController::Cancel);
-  connect(cancel_, &QPushButton::clicked, this, [this] { status_->setText(tr("Stopping ...")); });
+void RunDesk::ConnectJobs() {
   connect(jobs_, &JobController::Started, this, [this](const QString& command) {
     run_->setEnabled(false);
     cancel_->setEnabled(true);
@@ -152,10 +194,25 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     Say(job + ": " + end + (why.isEmpty() ? "" : ": " + why));
   });
   connect(jobs_, &JobController::Finished, this, &RunDesk::ShowEnd);
-  connect(workspace_, &Workspace::Replaced, this, &RunDesk::Forget);
-  connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
-  connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
-  Refresh();
+}
+
+void RunDesk::ShowResults() {
+  results_->setRowCount(0);
+  for (const SnapshotResult& result : workspace_->results()) {
+    const int row = results_->rowCount();
+    results_->insertRow(row);
+    const QStringList cells{QString::fromStdString(result.title), QString::fromStdString(result.state),
+                            QString::fromStdString(result.metric),
+                            result.seconds > 0 ? QString::number(result.seconds, 'f', 1) : QString()};
+    for (int c = 0; c < cells.size(); ++c) {
+      auto* item = new QTableWidgetItem(cells[c]);
+      item->setToolTip(QString::fromStdString(result.reason));
+      if (c == 1) item->setForeground(ColourOfState(result.state));
+      if (c == 3) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
+      results_->setItem(row, c, item);
+    }
+  }
+  results_->resizeColumnsToContents();
 }
 
 void RunDesk::Choose(const QString& stage, const QString& run) {
@@ -196,6 +253,7 @@ void RunDesk::Refresh() {
   const auto& snapshot = workspace_->snapshot();
   setEnabled(snapshot != nullptr);
   ListNames();
+  ShowResults();
   ShowStage();
 }
 
@@ -290,13 +348,51 @@ void RunDesk::ShowCommand() {
   problem_->setText(text);
   problem_->setVisible(!text.isEmpty());
   run_->setEnabled(problems.empty() && !jobs_->running());
+  const QString expected = ExpectedText();
+  expected_->setText(expected);
+  expected_->setVisible(!expected.isEmpty());
   const JobQuery query = Query();
   command_->setText(QString::fromStdString(
       CommandLine(workspace_->dir().toStdString(), query, threads_->value(), static_cast<uint64_t>(seed_->value()))));
 }
 
+QString RunDesk::ExpectedText() const {
+  ExpectedTime expected;
+  try {
+    expected = ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), Query());
+  } catch (const Error&) {  // what is wrong with the query is said when it is run
+    return "";
+  }
+  if (expected.again == 0) return "";
+  QString text = tr("Results that are computed again: %1.").arg(expected.again);
+  if (expected.seconds > 0) text += " " + tr("The last time that took %1.").arg(DurationText(expected.seconds));
+  if (expected.never_made > 0) text += " " + tr("Never made before: %1.").arg(expected.never_made);
+  return text;
+}
+
 void RunDesk::Run() {
   if (!workspace_->snapshot() || !run_->isEnabled()) return;
+  expected_s_ = 0;
+  try {
+    const ExpectedTime expected = ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), Query());
+    if (expected.never_made == 0) expected_s_ = expected.seconds;
+    if (expected.seconds > kLong_s) {
+      auto* ask = new QMessageBox(QMessageBox::Question, tr("Run"), ExpectedText() + "\n" + tr("Run it now?"),
+                                  QMessageBox::Yes | QMessageBox::No, this);
+      ask->setObjectName("run.ask");
+      ask->setAttribute(Qt::WA_DeleteOnClose);
+      connect(ask, &QMessageBox::finished, this, [this](int answer) {
+        if (answer == QMessageBox::Yes) Start();
+      });
+      return ask->open();
+    }
+  } catch (const Error&) {  // the run says what is wrong
+  }
+  Start();
+}
+
+void RunDesk::Start() {
+  since_.start();
   jobs_->Start(workspace_->dir(), Query(), threads_->value(), static_cast<quint64>(seed_->value()));
 }
 
@@ -306,7 +402,9 @@ void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done,
   const QString of = jobs_->OtherProject(workspace_->dir());
   QString text = (of.isEmpty() ? "" : tr("Project %1: ").arg(of)) + job + ": " + task;
   if (total > 0) text += tr(", %1 of %2").arg(done).arg(total);
-  if (seconds_left >= 0) text += tr(", %1 left").arg(Duration(seconds_left));
+  if (seconds_left >= 0) text += tr(", %1 left").arg(DurationText(seconds_left));
+  const double all_left = expected_s_ - 1e-3 * static_cast<double>(since_.isValid() ? since_.elapsed() : 0);
+  if (expected_s_ > 0 && all_left > seconds_left) text += tr("; of all about %1").arg(DurationText(all_left));
   status_->setText(text);
 }
 

@@ -1,6 +1,7 @@
 // Stages from the window: what to run, with which options, how far it is, its log, and the same as a command line.
 #pragma once
 
+#include <QElapsedTimer>
 #include <QWidget>
 
 #include "app/desktop/job_controller.h"
@@ -13,11 +14,16 @@ class QListWidget;
 class QPlainTextEdit;
 class QProgressBar;
 class QPushButton;
+class QScrollArea;
 class QSpinBox;
+class QTableWidget;
 
 namespace trigpoint {
 
 class StageForm;
+
+// "3:20", "1:02:00".
+QString DurationText(double seconds);
 
 class RunDesk : public QWidget {
   Q_OBJECT
@@ -32,6 +38,9 @@ class RunDesk : public QWidget {
   void Run();
 
  private:
+  void MakeControls();
+  void Arrange();
+  void ConnectJobs();
   JobQuery Query() const;
   void Refresh();    // after a project was opened
   void Forget();     // before another one is
@@ -40,6 +49,9 @@ class RunDesk : public QWidget {
   void ShowCommand();
   void ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left);
   void ShowEnd(JobController::End end, const QString& error);
+  void ShowResults();
+  QString ExpectedText() const;  // how long it took the last time; empty: not known, or nothing is computed again
+  void Start();
   void Say(const QString& line);
 
   Workspace* workspace_;
@@ -55,11 +67,15 @@ class RunDesk : public QWidget {
   StageForm* form_;
   QLineEdit* command_;
   QLabel* problem_;
-  QPushButton* run_;
-  QPushButton* cancel_;
+  QScrollArea* scroll_;
+  QPushButton *run_, *cancel_, *copy_, *reset_;
   QProgressBar* bar_;
   QLabel* status_;
   QPlainTextEdit* log_;
+  QLabel* expected_;
+  QTableWidget* results_;  // of all stages, with their states
+  QElapsedTimer since_;    // the run began
+  double expected_s_ = 0;  // of the run that goes on; 0: not known
 };
 
 }  // namespace trigpoint

@@ -3,6 +3,7 @@
 #include <vtkCamera.h>
 
 #include <QApplication>
+#include <QCheckBox>
 #include <QClipboard>
 #include <QComboBox>
 #include <QFileDialog>
@@ -52,6 +53,10 @@ bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
       const auto* mouse = static_cast<QMouseEvent*>(event);
       if (mouse->button() == Qt::LeftButton && (mouse->localPos() - pressed_).manhattanLength() < 4) {
         PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y());
+      }
+      if (mouse->button() == Qt::RightButton && (mouse->localPos() - pressed_).manhattanLength() < 4 &&
+          !measure_->isChecked() && !PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y()).isEmpty()) {
+        workspace_->AskMenu(workspace_->selected(), mouse->globalPos());
       }
       break;
     }
@@ -201,6 +206,32 @@ void SceneDesk::SaveMeasurements() {
   } catch (const std::exception& e) {
     emit workspace_->Problem(QString::fromUtf8(e.what()), "");
   }
+}
+
+void SceneDesk::FollowSlider() {
+  const SceneModel* model = vtk_->model();
+  if (model == nullptr) return;
+  // An image itself; of a station, tag or panorama the camera nearest to it.
+  const SceneCamera* wanted = nullptr;
+  double nearest = HUGE_VAL;
+  for (const std::string& object : workspace_->related()) {
+    const std::vector<ScenePick> found = vtk_->Find(object);
+    for (const SceneCamera& camera : model->cameras) {
+      if (object == "image:" + camera.run + "/" + camera.image) wanted = &camera, nearest = 0;
+      if (found.empty() || object.starts_with("point:") || QString::fromStdString(camera.run) != run_->currentText())
+        continue;
+      const double away = (camera.world_from_cam.translation - found.front().position).norm();
+      if (away < nearest) wanted = &camera, nearest = away;
+    }
+  }
+  if (wanted == nullptr) return;
+  const QSignalBlocker block(time_);  // it is moved by the selection, and selects nothing
+  const QString run = QString::fromStdString(wanted->run);
+  if (run_->currentText() != run) run_->setCurrentIndex(run_->findText(run));
+  for (size_t i = 0; i < vtk_->cameras.size(); ++i) {
+    if (&model->cameras[static_cast<size_t>(vtk_->cameras[i])] == wanted) time_->setValue(static_cast<int>(i));
+  }
+  camera_->setText(QString::fromStdString(wanted->image));
 }
 
 void SceneDesk::StepBy(int by) {

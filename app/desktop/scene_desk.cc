@@ -504,7 +504,7 @@ void SceneDesk::ShowSelected() {
       // From inside a panorama its own mark would be a cage.
       if (pick.layer != "errors" && !inside()) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
       const QString text = QString::fromStdString(pick.text);
-      if (!texts.contains(text)) texts << text;
+      if (pick.layer != "errors" && !texts.contains(text)) texts << text;  // errors stand on the station's card
     }
   }
   texts.sort();
@@ -512,6 +512,7 @@ void SceneDesk::ShowSelected() {
     Say(texts.join("\n") + "\n" + tr("frame: %1").arg(QString::fromStdString(vtk_->scene->model.frame)));
   Render();
   ShowPicture();
+  FollowSlider();
 }
 
 void SceneDesk::ShowPicture() {
@@ -603,6 +604,17 @@ QString SceneDesk::PickAt(double x, double y) {
   const std::string object = ObjectOf(*pick);
   if (!object.empty()) workspace_->Select(QString::fromStdString(object));  // says what belongs to it, too
   return text;
+}
+
+std::vector<std::pair<std::string, double>> SceneDesk::ErrorsAt(const QString& object) const {
+  std::vector<std::pair<std::string, double>> errors;
+  const SceneModel* model = vtk_->model();
+  if (model == nullptr) return errors;
+  for (const SceneError& e : model->errors) {
+    const std::string of = object.toStdString();
+    if (of == "station:" + e.station || of == "panorama:" + e.panorama) errors.emplace_back(e.run, e.difference.norm());
+  }
+  return errors;
 }
 
 QPointF SceneDesk::PlaceOf(const QString& object) const {

@@ -11,15 +11,15 @@ constexpr int kObject = Qt::UserRole, kStage = Qt::UserRole + 1, kRun = Qt::User
 constexpr int kMostImages = 20000;  // listed below a run
 constexpr int kMostUnfolded = 12;   // entries of a group that is open from the beginning
 
-QColor ColourOf(const std::string& state) {
+}  // namespace
+
+QColor ColourOfState(const std::string& state) {
   if (state == "done") return QColor(0, 158, 115);
   if (state == "failed") return QColor(213, 94, 0);
   if (state == "out of date") return QColor(230, 159, 0);
   if (state == "running") return QColor(0, 114, 178);
   return QColor(128, 128, 128);
 }
-
-}  // namespace
 
 SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent), workspace_(workspace) {
   setObjectName("site.tree");
@@ -67,7 +67,7 @@ QTreeWidgetItem* SiteTree::AddObject(QTreeWidgetItem* group, const QString& text
   item->setData(0, kObject, object);
   if (workspace_->snapshot()->excluded.count(object.toStdString()) > 0) {
     item->setText(1, tr("excluded"));
-    item->setForeground(1, ColourOf("out of date"));
+    item->setForeground(1, ColourOfState("out of date"));
   }
   return item;
 }
@@ -97,7 +97,7 @@ void SiteTree::Refresh() {
     auto* item = new QTreeWidgetItem(runs, {text(run.name)});
     item->setToolTip(0, text(run.broken));
     item->setText(1, run.broken.empty() ? tr("%1 images").arg(run.images.size()) : tr("broken"));
-    if (!run.broken.empty()) item->setForeground(1, ColourOf("failed"));
+    if (!run.broken.empty()) item->setForeground(1, ColourOfState("failed"));
     if (run.images.size() > kMostImages) continue;
     for (const SnapshotImage& image : run.images) {
       AddObject(item, text(image.file), text("image:" + run.name + "/" + image.file));
@@ -157,7 +157,7 @@ void SiteTree::ShowStates() {
     auto* item = new QTreeWidgetItem(results_, {QString::fromStdString(result.title), state});
     item->setData(0, kStage, QString::fromStdString(result.stage));
     item->setData(0, kRun, QString::fromStdString(result.run));
-    item->setForeground(1, ColourOf(result.state));
+    item->setForeground(1, ColourOfState(result.state));
     item->setToolTip(0, QString::fromStdString(result.metric));
     item->setToolTip(1, QString::fromStdString(result.reason));
   }
@@ -181,7 +181,7 @@ void SiteTree::SetState(const QString& title, const QString& state) {
   if (item == nullptr) return;
   const std::string name = state.toStdString();
   item->setText(1, tr(name.c_str()));
-  item->setForeground(1, ColourOf(name));
+  item->setForeground(1, ColourOfState(name));
 }
 
 void SiteTree::ShowSelected() {
@@ -205,14 +205,11 @@ void SiteTree::Menu(const QPoint& at) {
   QTreeWidgetItem* item = itemAt(at);
   if (item == nullptr) return;
   const QString object = item->data(0, kObject).toString(), stage = item->data(0, kStage).toString();
+  const QPoint place = viewport()->mapToGlobal(at);
+  if (stage.isEmpty()) return workspace_->AskMenu(object, place);
   QMenu menu;
-  if (!stage.isEmpty()) {
-    menu.addAction(tr("Run ..."), this, [=, this] { emit RunRequested(stage, item->data(0, kRun).toString()); });
-  } else if (!object.isEmpty()) {
-    menu.addAction(tr("Show"), this, [=, this] { emit Activated(object); });
-    menu.addAction(tr("Review ..."), this, [=, this] { emit ReviewRequested(object); });
-  }
-  if (!menu.isEmpty()) menu.exec(viewport()->mapToGlobal(at));
+  menu.addAction(tr("Run ..."), this, [=, this] { emit RunRequested(stage, item->data(0, kRun).toString()); });
+  menu.exec(place);
 }
 
 }  // namespace trigpoint

@@ -1,11 +1,15 @@
 // The tree of a project: runs, panoramas, photo sets, stations, tags, control points, results with their state.
 #pragma once
 
+#include <QColor>
 #include <QTreeWidget>
 
 #include "app/desktop/workspace.h"
 
 namespace trigpoint {
+
+// Of a result's state: "done", "failed", "out of date", "running", others.
+QColor ColourOfState(const std::string& state);
 
 class SiteTree : public QTreeWidget {
   Q_OBJECT
@@ -21,7 +25,6 @@ class SiteTree : public QTreeWidget {
  signals:
   void Activated(const QString& object);                        // show it
   void RunRequested(const QString& stage, const QString& run);  // a result was opened
-  void ReviewRequested(const QString& object);
 
  private:
   void Refresh();

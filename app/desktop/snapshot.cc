@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
-#include "app/pipeline/jobs.h"
+#include <algorithm>
+
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/csv.h"
+#include "eval/evaluate.h"
 
 namespace trigpoint {
 
@@ -29,6 +32,12 @@ std::string Metric(const StageInfo& stage, const nlohmann::json& manifest) {
     return fmt::format("{} {:.3f} m", stage.metric.substr(0, stage.metric.size() - 2), it->get<double>());
   }
   return stage.metric + " " + (it->is_string() ? it->get<std::string>() : it->dump());
+}
+
+double Seconds(const nlohmann::json& manifest) {
+  if (!manifest.is_object()) return 0;
+  const auto it = manifest.find("wall_seconds");
+  return it != manifest.end() && it->is_number() ? it->get<double>() : 0;
 }
 
 // Tags that no station and no control point names, but a survey found.
@@ -59,12 +68,19 @@ void FillSite(const Project& project, Snapshot& snapshot) {
     snapshot.runs.push_back(std::move(r));
   }
   for (const Reference& reference : site.references) {
-    snapshot.references.push_back({KindName(reference.kind), reference.name, reference.station, reference.files});
+    snapshot.references.push_back({KindName(reference.kind), reference.name, reference.station, -1, reference.files});
   }
   std::set<int> tags;
   for (const Station& station : site.stations) {
     snapshot.stations.push_back({station.name, station.tag_id});
     if (station.tag_id >= 0) tags.insert(station.tag_id);
+  }
+  for (SnapshotReference& reference : snapshot.references) {
+    // A set that is called by a number is of the station with that number, as in the evaluation.
+    const std::string meant = StationNamed(reference.station, site.stations);
+    for (size_t i = 0; i < snapshot.stations.size() && !meant.empty(); ++i) {
+      if (snapshot.stations[i].name == meant) reference.listed = static_cast<int>(i);
+    }
   }
   for (const ControlPoint& point : site.control_points) {
     const std::string name = ReviewControlName(point);
@@ -103,23 +119,39 @@ const SnapshotRun* Snapshot::FindRun(const std::string& run) const {
 }
 
 std::set<std::string> Snapshot::Related(const std::string& object) const {
-  std::set<std::string> related = {object};
+  std::set<std::string> seeds = {object};
   if (object.starts_with("detection:")) {
     const size_t hash = object.rfind('#');
-    related.insert("image:" + object.substr(10, hash - 10));
+    seeds.insert("image:" + object.substr(10, hash - 10));
+    seeds.insert("tag:" + object.substr(hash + 1));
   }
-  for (const SnapshotStation& station : stations) {
-    std::set<std::string> group = {"station:" + station.name};
-    if (station.tag_id >= 0) group.insert("tag:" + std::to_string(station.tag_id));
+  if (object.starts_with("control:")) {  // 57, or its corner 57/2
+    seeds.insert("tag:" + object.substr(8, object.find('/') - 8));
+  }
+  std::set<std::string> related = seeds;
+  const auto add = [&](const std::set<std::string>& group) {
+    const bool touched = std::any_of(group.begin(), group.end(), [&](const auto& o) { return seeds.count(o) > 0; });
+    if (touched) related.insert(group.begin(), group.end());
+  };
+  for (size_t i = 0; i < stations.size(); ++i) {
+    std::set<std::string> group = {"station:" + stations[i].name};
+    if (stations[i].tag_id >= 0) group.insert("tag:" + std::to_string(stations[i].tag_id));
     for (const SnapshotReference& reference : references) {
-      if (reference.station == station.name) group.insert("panorama:" + reference.name);
+      if (reference.listed != static_cast<int>(i)) continue;
+      group.insert("panorama:" + reference.name);
+      group.insert("station:" + reference.station);
     }
-    if (group.count(object) > 0) related.insert(group.begin(), group.end());
+    add(group);
   }
   for (const SnapshotReference& reference : references) {  // stations that stations.csv doesn't list
-    const std::string station = "station:" + reference.station, panorama = "panorama:" + reference.name;
-    if (object == station) related.insert(panorama);
-    if (object == panorama && !reference.station.empty()) related.insert(station);
+    if (reference.listed < 0 && !reference.station.empty()) {
+      add({"station:" + reference.station, "panorama:" + reference.name});
+    }
+  }
+  std::set<std::string> known;
+  for (const SnapshotControl& control : controls) known.insert(control.object);
+  for (const std::string& of : std::set<std::string>(related)) {
+    if (of.starts_with("tag:") && known.count("control:" + of.substr(4)) > 0) related.insert("control:" + of.substr(4));
   }
   return related;
 }
@@ -148,6 +180,7 @@ std::vector<SnapshotResult> StatesOfSnapshot(const Snapshot& snapshot) {
     result.state = state.needed ? std::string(StageStateName(state.state)) : "not needed";
     result.reason = state.reason;
     result.metric = Metric(*state.job.stage, state.manifest);
+    result.seconds = Seconds(state.manifest);
     results.push_back(std::move(result));
   }
   return results;
@@ -160,6 +193,7 @@ std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot) {
     const std::string name = ResultName(*job.stage, job.target);
     if (const auto manifest = ReadManifest(*snapshot.project, job.stage->name, name)) {
       result.metric = Metric(*job.stage, *manifest);
+      result.seconds = Seconds(*manifest);
     } else if (const auto failure = ReadFailure(*snapshot.project, job.stage->name, name)) {
       result.state = "failed";
       result.reason = failure->value("error", "");
@@ -169,6 +203,23 @@ std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot) {
     results.push_back(std::move(result));
   }
   return results;
+}
+
+ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results,
+                            const JobQuery& query) {
+  ExpectedTime expected;
+  for (const Job& job : AskedJobs(*snapshot.project, query)) {
+    const std::string title = job.Title();
+    const auto result = std::find_if(results.begin(), results.end(), [&](const auto& r) { return r.title == title; });
+    const bool changed = query.overrides.contains(job.stage->name);
+    if (result == results.end() || result->state == "missing" || result->state == "failed") {
+      ++expected.never_made;
+    } else if (changed || result->state == "out of date") {
+      ++expected.again;
+      expected.seconds += result->seconds;
+    }
+  }
+  return expected;
 }
 
 }  // namespace trigpoint

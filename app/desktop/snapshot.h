@@ -11,6 +11,7 @@
 namespace trigpoint {
 
 class Project;
+struct JobQuery;
 
 struct SnapshotImage {
   std::string file;  // as in images.txt
@@ -31,6 +32,7 @@ struct SnapshotRun {
 struct SnapshotReference {
   std::string kind;  // panorama, photo, photo set
   std::string name, station;
+  int listed = -1;  // index of its station among those listed; -1: stations.csv has none for it
   std::vector<std::filesystem::path> files;
 };
 
@@ -48,6 +50,7 @@ struct SnapshotResult {
   std::string state;   // done, out of date, failed, running, missing, not needed; empty: not looked at yet
   std::string reason;  // of a failure
   std::string metric;  // the main one, with its value, metres
+  double seconds = 0;  // that it took; 0: not known
 };
 
 struct Snapshot {
@@ -65,7 +68,8 @@ struct Snapshot {
   std::shared_ptr<const Project> project;
 
   const SnapshotRun* FindRun(const std::string& run) const;
-  // The object itself and what belongs to it: a station's tag and panoramas, and back; an image of a detection.
+  // The object itself and what belongs to it: a station's tag, control point, panoramas and sets, and back; image and
+  // tag of a detection.
   std::set<std::string> Related(const std::string& object) const;
 };
 
@@ -75,5 +79,13 @@ std::shared_ptr<const Snapshot> OpenSnapshot(const std::filesystem::path& dir);
 std::vector<SnapshotResult> StatesOfSnapshot(const Snapshot& snapshot);
 // Stage, title and metric of what is there, without asking whether it is out of date: fast.
 std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot);
+
+// How long what a query would compute again took the last time, and how many results that are not there it would make.
+struct ExpectedTime {
+  double seconds = 0;
+  int again = 0, never_made = 0;
+};
+ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results,
+                            const JobQuery& query);
 
 }  // namespace trigpoint

@@ -20,7 +20,9 @@
 #include <map>
 
 #include "app/desktop/background.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/tolerance.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 
@@ -95,6 +97,7 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
   const QString text = QString::fromStdString(table_->rows[r][c]);
   switch (role) {
     case Qt::DisplayRole:
+      if (table_->columns[c] == "method") return QString::fromStdString(MethodName(text.toStdString()));
       return formats_[c].Cell(text, {workspace_->unit().toStdString(), workspace_->metres_per_unit()});
     case Qt::ToolTipRole: return text;  // as the file has it
     case kSortRole: return numeric_[c] ? (text.isEmpty() ? QVariant() : QVariant(text.toDouble())) : QVariant(text);
@@ -187,6 +190,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   view_->horizontalHeader()->setContextMenuPolicy(Qt::CustomContextMenu);
   connect(view_->horizontalHeader(), &QWidget::customContextMenuRequested, this, &TablesDesk::ColumnMenu);
   connect(columns, &QPushButton::clicked, this, [this, columns] { ColumnMenu(columns->mapTo(this, {0, 0})); });
+  AskMenuOn(view_, workspace_, DataTableModel::kObjectRole);
   connect(tree_, &QTreeWidget::currentItemChanged, this, &TablesDesk::ShowTable);
   connect(filter_, &QLineEdit::textChanged, this, [this](const QString& text) {
     showing_ = true;  // rows that go take the current one along: that is no choice of anybody's

@@ -75,6 +75,12 @@ void Workspace::Select(const QString& object) {
   emit Selected(object);
 }
 
+void Workspace::AskMenu(const QString& object, const QPoint& at) {
+  if (object.isEmpty() || !snapshot_) return;
+  Select(object);
+  emit MenuAsked(object, at);
+}
+
 void Workspace::SetUnit(const QString& name) {
   if (name == unit_) return;
   metres_ = DisplayUnitNamed(name.toStdString()).metres;

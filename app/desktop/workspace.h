@@ -3,6 +3,7 @@
 #pragma once
 
 #include <QObject>
+#include <QPoint>
 #include <QString>
 #include <map>
 #include <memory>
@@ -40,6 +41,8 @@ class Workspace : public QObject {
   // The selected object and what belongs to it.
   const std::set<std::string>& related() const { return related_; }
   void Select(const QString& object);
+  // Selects it, and asks for its menu at a place of the screen.
+  void AskMenu(const QString& object, const QPoint& at);
 
   // "m", "ft", "us-ft".
   const QString& unit() const { return unit_; }
@@ -54,6 +57,7 @@ class Workspace : public QObject {
   void ResultsChanged();  // states of results are known
   void Closed();
   void Selected(const QString& object);
+  void MenuAsked(const QString& object, const QPoint& at);
   void UnitChanged();
   // One readable sentence and what stands behind it.
   void Problem(const QString& sentence, const QString& details);

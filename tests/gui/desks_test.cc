@@ -309,7 +309,7 @@ TEST_F(DesksTest, OptionFormsSayRangesAndTheCommandLineFollows) {
 
 TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
   for (const char* desk :
-       {"overview", "run", "scene", "images", "tables", "compare", "review", "panoramas", "calibration"}) {
+       {"overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration"}) {
     window_->ShowDesk(desk);
     EXPECT_EQ(window_->desk(), desk);
     for (QWidget* widget : window_->findChildren<QWidget*>()) {
@@ -327,8 +327,8 @@ TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
       }
     }
   }
-  for (int key = 0; key < 9; ++key) {  // Ctrl+1 ... Ctrl+9
-    QTest::keyClick(window_.get(), static_cast<Qt::Key>(Qt::Key_1 + key), Qt::ControlModifier);
+  for (int key = 1; key <= 10; ++key) {  // Ctrl+1 ... Ctrl+9, Ctrl+0
+    QTest::keyClick(window_.get(), static_cast<Qt::Key>(Qt::Key_0 + key % 10), Qt::ControlModifier);
   }
   EXPECT_EQ(window_->desk(), "calibration");
 }

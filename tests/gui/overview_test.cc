@@ -58,28 +58,33 @@ TEST_F(OverviewTest, ShowsTheVerdictAndTheErrorsByStationAndRun) {
 }
 
 TEST_F(OverviewTest, ACellAPlaceAndATreeSelectTheSameStation) {
-  auto* card = Child<QTableWidget>(window_.get(), "overview.card");
+  auto* card = Child<QTableWidget>(window_.get(), "card.table");
   EXPECT_FALSE(card->isVisible());
   const QRect cell = Matrix()->visualItemRect(Matrix()->item(2, 0));
   QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {}, cell.center());
   EXPECT_EQ(window_->workspace()->selected(), "station:S2");
-  ASSERT_EQ(card->rowCount(), 1);
+  ASSERT_EQ(card->rowCount(), 2);  // what is compared, and the run
   EXPECT_TRUE(card->isVisible());
-  EXPECT_EQ(card->item(0, 2)->text(), "panorama (G2)");
-  EXPECT_EQ(card->item(0, 3)->text(), "0.030");
-  EXPECT_EQ(card->item(0, 4)->text(), "0.030");
-  EXPECT_EQ(card->item(0, 9)->text(), "0.080");
-  EXPECT_THAT(Words(), HasSubstr("Station S2, tag 2"));
+  EXPECT_EQ(card->item(0, 0)->text(), "absolute, panorama (G2), against surveyed control");
+  const char* expected[] = {"run1", "0.030", "0.030", "0.000", "0.000", "0.107", "0.1", "0.33"};
+  for (int c = 0; c < card->columnCount(); ++c) EXPECT_EQ(card->item(1, c)->text(), expected[c]) << c;
+  EXPECT_THAT(Child<QLabel>(window_.get(), "card.title")->text().toStdString(), HasSubstr("Station S2, tag 2"));
+  for (const char* desk : {"scene", "images", "tables", "compare", "review"}) {  // the same beside every desk
+    window_->ShowDesk(desk);
+    EXPECT_TRUE(card->isVisible()) << desk;
+    EXPECT_EQ(card->item(1, 1)->text(), "0.030") << desk;
+  }
+  window_->ShowDesk("overview");
   window_->workspace()->Select("panorama:panoramas/p001.jpg");
   EXPECT_EQ(Matrix()->currentRow(), 1);
-  EXPECT_EQ(card->item(0, 3)->text(), "0.020");
+  EXPECT_EQ(card->item(1, 1)->text(), "0.020");
   PictureView* plan = window_->overview()->plan();
   ASSERT_EQ(plan->marks().size(), 4u);
   QTest::mouseClick(plan, Qt::LeftButton, {}, plan->WidgetAt(plan->marks()[3].points[0]).toPoint());
   EXPECT_EQ(window_->workspace()->selected(), "station:S3");
   EXPECT_EQ(Matrix()->currentRow(), 3);
   Screenshot(window_.get(), "overview_station");
-  Click(window_.get(), "overview.scene");
+  Click(window_.get(), "card.scene");
   EXPECT_EQ(window_->desk(), "scene");
   ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));
   // Looked at: in the middle of the view.

@@ -13,12 +13,74 @@
 <context>
     <name>main</name>
     <message>
-        <source>Trigpoint's workstation.</source>
+        <source>Trigpoint&apos;s workstation.</source>
         <translation>Der Arbeitsplatz von Trigpoint.</translation>
     </message>
     <message>
         <source>the project; default: that of the last session</source>
         <translation>das Projekt; Vorgabe: das der letzten Sitzung</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::Action</name>
+    <message>
+        <source>Export</source>
+        <translation>Export</translation>
+    </message>
+    <message>
+        <source>Results as files of other programs: maps, models, pose graphs. Files of others are never replaced.</source>
+        <translation>Ergebnisse als Dateien anderer Programme: Karten, Modelle, Posengraphen. Fremde Dateien werden nie ersetzt.</translation>
+    </message>
+    <message>
+        <source>Publish</source>
+        <translation>Veröffentlichen</translation>
+    </message>
+    <message>
+        <source>Freezes map, tables and all they were computed from under a name. A release is never overwritten; what is out of date is not published.</source>
+        <translation>Hält Karte, Tabellen und alles, woraus sie berechnet wurden, unter einem Namen fest. Eine Veröffentlichung wird nie überschrieben; Veraltetes wird nicht veröffentlicht.</translation>
+    </message>
+    <message>
+        <source>Print tags and boards</source>
+        <translation>Marken und Tafeln drucken</translation>
+    </message>
+    <message>
+        <source>Sheets with tags, calibration boards or scale bars as PDF to scale; tags are noted in tags.yaml.</source>
+        <translation>Bögen mit Marken, Kalibriertafeln oder Maßstäben als maßstäbliches PDF; Marken werden in tags.yaml vermerkt.</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ActionDialog</name>
+    <message>
+        <source>Options</source>
+        <translation>Optionen</translation>
+    </message>
+    <message>
+        <source>Equivalent command line</source>
+        <translation>Gleichwertige Befehlszeile</translation>
+    </message>
+    <message>
+        <source>What came of it</source>
+        <translation>Was daraus wurde</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Close</source>
+        <translation>Schließen</translation>
+    </message>
+    <message>
+        <source>Working ...</source>
+        <translation>In Arbeit ...</translation>
+    </message>
+    <message>
+        <source>Done.</source>
+        <translation>Fertig.</translation>
+    </message>
+    <message>
+        <source>Not done.</source>
+        <translation>Nicht ausgeführt.</translation>
     </message>
 </context>
 <context>
@@ -97,6 +159,49 @@
     </message>
 </context>
 <context>
+    <name>trigpoint::ChartsDesk</name>
+    <message>
+        <source>Charts</source>
+        <translation>Diagramme</translation>
+    </message>
+    <message>
+        <source>Chart</source>
+        <translation>Diagramm</translation>
+    </message>
+    <message>
+        <source>&amp;Save chart ...</source>
+        <translation>Diagramm &amp;speichern ...</translation>
+    </message>
+    <message>
+        <source>The chart as PNG; the report has all of them as SVG, too</source>
+        <translation>Das Diagramm als PNG; der Bericht enthält alle auch als SVG</translation>
+    </message>
+    <message>
+        <source>Drawing ...</source>
+        <translation>Wird gezeichnet ...</translation>
+    </message>
+    <message>
+        <source>The charts are not shown.</source>
+        <translation>Die Diagramme werden nicht gezeigt.</translation>
+    </message>
+    <message>
+        <source>No chart yet: run evaluate, then they are drawn here as in the report.</source>
+        <translation>Noch kein Diagramm: evaluate ausführen, dann werden sie hier wie im Bericht gezeichnet.</translation>
+    </message>
+    <message>
+        <source>Save the chart</source>
+        <translation>Diagramm speichern</translation>
+    </message>
+    <message>
+        <source>PNG (*.png)</source>
+        <translation>PNG (*.png)</translation>
+    </message>
+    <message>
+        <source>%1: cannot be written</source>
+        <translation>%1: kann nicht geschrieben werden</translation>
+    </message>
+</context>
+<context>
     <name>trigpoint::CompareDesk</name>
     <message>
         <source>First evaluation</source>
@@ -171,7 +276,7 @@
         <translation>Noch nichts zu vergleichen: Es gibt keine Auswertung. Zuerst evaluate ausführen.</translation>
     </message>
     <message>
-        <source>One side is %1 alone: of the other side's runs only %1 is compared.</source>
+        <source>One side is %1 alone: of the other side&apos;s runs only %1 is compared.</source>
         <translation>Auf einer Seite steht nur %1: Von den Läufen der anderen Seite wird nur %1 verglichen.</translation>
     </message>
     <message>
@@ -236,6 +341,308 @@
     </message>
 </context>
 <context>
+    <name>trigpoint::Decisions</name>
+    <message>
+        <source>make %1 a %2 point</source>
+        <translation>%1 die Rolle %2 geben</translation>
+    </message>
+    <message>
+        <source>exclude %1</source>
+        <translation>%1 ausschließen</translation>
+    </message>
+    <message>
+        <source>restore %1</source>
+        <translation>%1 wieder aufnehmen</translation>
+    </message>
+    <message>
+        <source>taken back</source>
+        <translation>zurückgenommen</translation>
+    </message>
+    <message>
+        <source>A decision needs a reason: write it beside &apos;Reason&apos;.</source>
+        <translation>Eine Entscheidung braucht einen Grund: bei „Grund“ eintragen.</translation>
+    </message>
+    <message>
+        <source>Nothing was written to review.jsonl.</source>
+        <translation>In review.jsonl wurde nichts geschrieben.</translation>
+    </message>
+    <message>
+        <source>excluded by mistake</source>
+        <translation>irrtümlich ausgeschlossen</translation>
+    </message>
+    <message>
+        <source>put right since</source>
+        <translation>inzwischen berichtigt</translation>
+    </message>
+    <message>
+        <source>held back to check the map</source>
+        <translation>zur Prüfung der Karte zurückgehalten</translation>
+    </message>
+    <message>
+        <source>needed to hold the map</source>
+        <translation>zum Halten der Karte gebraucht</translation>
+    </message>
+    <message>
+        <source>half hidden</source>
+        <translation>halb verdeckt</translation>
+    </message>
+    <message>
+        <source>blurred</source>
+        <translation>unscharf</translation>
+    </message>
+    <message>
+        <source>a reflection</source>
+        <translation>eine Spiegelung</translation>
+    </message>
+    <message>
+        <source>another tag&apos;s id</source>
+        <translation>die Nummer einer anderen Marke</translation>
+    </message>
+    <message>
+        <source>badly exposed</source>
+        <translation>schlecht belichtet</translation>
+    </message>
+    <message>
+        <source>the lens was covered</source>
+        <translation>das Objektiv war verdeckt</translation>
+    </message>
+    <message>
+        <source>stitched badly</source>
+        <translation>schlecht zusammengesetzt</translation>
+    </message>
+    <message>
+        <source>taken elsewhere</source>
+        <translation>anderswo aufgenommen</translation>
+    </message>
+    <message>
+        <source>was moved</source>
+        <translation>wurde bewegt</translation>
+    </message>
+    <message>
+        <source>damaged</source>
+        <translation>beschädigt</translation>
+    </message>
+    <message>
+        <source>surveyed badly</source>
+        <translation>schlecht eingemessen</translation>
+    </message>
+    <message>
+        <source>Reason</source>
+        <translation>Grund</translation>
+    </message>
+    <message>
+        <source>Why? It stands in review.jsonl.</source>
+        <translation>Warum? Es steht in review.jsonl.</translation>
+    </message>
+    <message>
+        <source>Exclude %1</source>
+        <translation>%1 ausschließen</translation>
+    </message>
+    <message>
+        <source>Restore %1</source>
+        <translation>%1 wieder aufnehmen</translation>
+    </message>
+    <message>
+        <source>Change the role of %1</source>
+        <translation>Rolle von %1 ändern</translation>
+    </message>
+    <message>
+        <source>Another reason ...</source>
+        <translation>Anderer Grund ...</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::HelpDialog</name>
+    <message>
+        <source>Keys and terms</source>
+        <translation>Tasten und Begriffe</translation>
+    </message>
+    <message>
+        <source>Wheel, + and -</source>
+        <translation>Rad, + und -</translation>
+    </message>
+    <message>
+        <source>pictures, charts and scene: zoom to the mouse</source>
+        <translation>Bilder, Diagramme und Szene: an der Maus vergrößern</translation>
+    </message>
+    <message>
+        <source>Drag, arrow keys</source>
+        <translation>Ziehen, Pfeiltasten</translation>
+    </message>
+    <message>
+        <source>pictures: move; scene: turn, in the plan move</source>
+        <translation>Bilder: verschieben; Szene: drehen, im Plan verschieben</translation>
+    </message>
+    <message>
+        <source>pictures: fit; pixel by pixel</source>
+        <translation>Bilder: einpassen; Pixel für Pixel</translation>
+    </message>
+    <message>
+        <source>Home, F</source>
+        <translation>Pos1, F</translation>
+    </message>
+    <message>
+        <source>scene: all; the selection</source>
+        <translation>Szene: alles; die Auswahl</translation>
+    </message>
+    <message>
+        <source>Page Up, Page Down, Escape</source>
+        <translation>Bild auf, Bild ab, Esc</translation>
+    </message>
+    <message>
+        <source>inside a panorama: the run&apos;s others; leave</source>
+        <translation>in einem Panorama: die anderen der Fahrt; verlassen</translation>
+    </message>
+    <message>
+        <source>scene: copy the coordinates under the mouse; tables: copy the rows</source>
+        <translation>Szene: Koordinaten unter der Maus kopieren; Tabellen: Zeilen kopieren</translation>
+    </message>
+    <message>
+        <source>Ctrl+N</source>
+        <translation>Ctrl+N</translation>
+    </message>
+    <message>
+        <source>images: the next image of the selected tag</source>
+        <translation>Bilder: das nächste Bild der gewählten Marke</translation>
+    </message>
+    <message>
+        <source>Right click</source>
+        <translation>Rechtsklick</translation>
+    </message>
+    <message>
+        <source>any station, tag, image, detection, panorama, point: show it, exclude it, restore it</source>
+        <translation>Station, Marke, Bild, Detektion, Panorama, Punkt: zeigen, ausschließen, wieder aufnehmen</translation>
+    </message>
+    <message>
+        <source>Double click, Enter</source>
+        <translation>Doppelklick, Eingabe</translation>
+    </message>
+    <message>
+        <source>show it: the image that sees it best</source>
+        <translation>zeigen: das Bild, das es am besten sieht</translation>
+    </message>
+    <message>
+        <source>station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>a place with a tag and a panorama, whose position is known or surveyed</source>
+        <translation>ein Ort mit Marke und Panorama, dessen Lage bekannt oder eingemessen ist</translation>
+    </message>
+    <message>
+        <source>panorama (G2)</source>
+        <translation>Panorama (G2)</translation>
+    </message>
+    <message>
+        <source>one pose for a whole panorama: the final answer</source>
+        <translation>eine Pose für das ganze Panorama: die endgültige Antwort</translation>
+    </message>
+    <message>
+        <source>view (G1)</source>
+        <translation>Ansicht (G1)</translation>
+    </message>
+    <message>
+        <source>one pose for each rectilinear view of a panorama by itself</source>
+        <translation>je eine Pose für jede geradlinige Ansicht eines Panoramas</translation>
+    </message>
+    <message>
+        <source>relative</source>
+        <translation>relativ</translation>
+    </message>
+    <message>
+        <source>compared in the run&apos;s own frame, with tags that the same cameras saw</source>
+        <translation>im eigenen System der Fahrt verglichen, mit Marken, die dieselben Kameras sahen</translation>
+    </message>
+    <message>
+        <source>absolute</source>
+        <translation>absolut</translation>
+    </message>
+    <message>
+        <source>compared in site coordinates: the georeference&apos;s error is part of it</source>
+        <translation>in Koordinaten des Geländes verglichen: der Fehler der Georeferenz ist enthalten</translation>
+    </message>
+    <message>
+        <source>answer minus reference, east, north, up</source>
+        <translation>Antwort minus Referenz, Ost, Nord, oben</translation>
+    </message>
+    <message>
+        <source>1 sigma, of the difference where an error stands beside it</source>
+        <translation>1 Sigma, der Differenz, wo ein Fehler daneben steht</translation>
+    </message>
+    <message>
+        <source>squared error in units of its own covariance; by degree of freedom about 1 if the sigmas are right</source>
+        <translation>quadrierter Fehler in Einheiten der eigenen Kovarianz; je Freiheitsgrad etwa 1, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>within</source>
+        <translation>innerhalb</translation>
+    </message>
+    <message>
+        <source>the narrowest tolerance of 0.1, 0.25, 0.5 and 1 m that holds the error; the colours show it</source>
+        <translation>die engste Toleranz von 0,1, 0,25, 0,5 und 1 m, die der Fehler einhält; die Farben zeigen sie</translation>
+    </message>
+    <message>
+        <source>control, check</source>
+        <translation>Passpunkt, Prüfpunkt</translation>
+    </message>
+    <message>
+        <source>a surveyed point that the map is fitted to; one that only tests it</source>
+        <translation>ein eingemessener Punkt, an den die Karte angepasst wird; einer, der sie nur prüft</translation>
+    </message>
+    <message>
+        <source>detection</source>
+        <translation>Detektion</translation>
+    </message>
+    <message>
+        <source>one tag found in one image; its residual is the distance of its corners from the map&apos;s</source>
+        <translation>eine in einem Bild gefundene Marke; ihr Residuum ist der Abstand ihrer Ecken von denen der Karte</translation>
+    </message>
+    <message>
+        <source>track</source>
+        <translation>Spur</translation>
+    </message>
+    <message>
+        <source>a point of the scene as several images see it; lines show reprojection errors ten times as long</source>
+        <translation>ein Punkt der Szene, wie ihn mehrere Bilder sehen; Linien zeigen Rückprojektionsfehler zehnfach verlängert</translation>
+    </message>
+    <message>
+        <source>reference trajectory</source>
+        <translation>Referenztrajektorie</translation>
+    </message>
+    <message>
+        <source>poses of every image by tag map and odometry, against which cameras are held</source>
+        <translation>Posen aller Bilder aus Markenkarte und Odometrie, mit denen Kameras verglichen werden</translation>
+    </message>
+    <message>
+        <source>variant</source>
+        <translation>Variante</translation>
+    </message>
+    <message>
+        <source>a second set of results beside the first, with other options</source>
+        <translation>ein zweiter Satz von Ergebnissen neben dem ersten, mit anderen Optionen</translation>
+    </message>
+    <message>
+        <source>release</source>
+        <translation>Veröffentlichung</translation>
+    </message>
+    <message>
+        <source>a frozen copy of results with all they rest on</source>
+        <translation>eine festgehaltene Kopie von Ergebnissen mit allem, worauf sie beruhen</translation>
+    </message>
+    <message>
+        <source>Keys of the menus</source>
+        <translation>Tasten der Menüs</translation>
+    </message>
+    <message>
+        <source>Keys and mouse in the views</source>
+        <translation>Tasten und Maus in den Ansichten</translation>
+    </message>
+    <message>
+        <source>Terms</source>
+        <translation>Begriffe</translation>
+    </message>
+</context>
+<context>
     <name>trigpoint::ImagesDesk</name>
     <message>
         <source>Run</source>
@@ -284,10 +691,6 @@
     <message>
         <source>Mar&amp;k by click</source>
         <translation>Per &amp;Klick markieren</translation>
-    </message>
-    <message>
-        <source>The next click in the image marks the point; from two marks on it is predicted elsewhere</source>
-        <translation>Der nächste Klick ins Bild markiert den Punkt; ab zwei Marken wird er in den anderen vorhergesagt</translation>
     </message>
     <message>
         <source>C&amp;onfirm prediction</source>
@@ -352,6 +755,74 @@
     <message>
         <source>Tag %1 was detected in no image.</source>
         <translation>Tag %1 wurde in keinem Bild gefunden.</translation>
+    </message>
+    <message>
+        <source>linked zoom</source>
+        <translation>gekoppelter Zoom</translation>
+    </message>
+    <message>
+        <source>What is looked at in one picture is looked at in the other, by the inlier matches</source>
+        <translation>Was im einen Bild betrachtet wird, wird auch im anderen betrachtet, nach den passenden Zuordnungen</translation>
+    </message>
+    <message>
+        <source>&amp;Next image of the tag</source>
+        <translation>&amp;Nächstes Bild der Marke</translation>
+    </message>
+    <message>
+        <source>Ctrl+N</source>
+        <translation>Ctrl+N</translation>
+    </message>
+    <message>
+        <source>Goes through all images that show the selected station&apos;s tag (Ctrl+N)</source>
+        <translation>Geht durch alle Bilder, die die Marke der gewählten Station zeigen (Ctrl+N)</translation>
+    </message>
+    <message>
+        <source>Order of the images of a tag</source>
+        <translation>Reihenfolge der Bilder einer Marke</translation>
+    </message>
+    <message>
+        <source>worst residual first</source>
+        <translation>größtes Residuum zuerst</translation>
+    </message>
+    <message>
+        <source>largest first</source>
+        <translation>größte zuerst</translation>
+    </message>
+    <message>
+        <source>The next click in the image marks the point; from two marks on it is predicted elsewhere. A mark is moved by dragging it</source>
+        <translation>Der nächste Klick ins Bild markiert den Punkt; ab zwei Markierungen wird er anderswo vorhergesagt. Eine Markierung wird durch Ziehen verschoben</translation>
+    </message>
+    <message>
+        <source>Re&amp;move mark</source>
+        <translation>Markierung &amp;entfernen</translation>
+    </message>
+    <message>
+        <source>Take the point&apos;s mark out of this image</source>
+        <translation>Die Markierung des Punkts aus diesem Bild nehmen</translation>
+    </message>
+    <message>
+        <source>Remove the mark of %1</source>
+        <translation>Markierung von %1 entfernen</translation>
+    </message>
+    <message>
+        <source>The mark was not removed.</source>
+        <translation>Die Markierung wurde nicht entfernt.</translation>
+    </message>
+    <message>
+        <source>, %1 px off</source>
+        <translation>, %1 px daneben</translation>
+    </message>
+    <message>
+        <source>Select a station or a tag first.</source>
+        <translation>Zuerst eine Station oder Marke wählen.</translation>
+    </message>
+    <message>
+        <source>tag %1: %2 of %3</source>
+        <translation>Marke %1: %2 von %3</translation>
+    </message>
+    <message>
+        <source>, residual %1 px</source>
+        <translation>, Residuum %1 px</translation>
     </message>
 </context>
 <context>
@@ -429,7 +900,7 @@
         <translation>Abgebrochen; fertige Stufen bleiben erhalten.</translation>
     </message>
     <message>
-        <source>Open a project's folder</source>
+        <source>Open a project&apos;s folder</source>
         <translation>Den Ordner eines Projekts öffnen</translation>
     </message>
     <message>
@@ -556,6 +1027,102 @@
         <source>Stopping the run ...</source>
         <translation>Der Lauf wird angehalten ...</translation>
     </message>
+    <message>
+        <source>Charts</source>
+        <translation>Diagramme</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>Where the folder trigpoint-demo is made</source>
+        <translation>Wo der Ordner trigpoint-demo angelegt wird</translation>
+    </message>
+    <message>
+        <source>&amp;Export ...</source>
+        <translation>&amp;Exportieren ...</translation>
+    </message>
+    <message>
+        <source>Ctrl+E</source>
+        <translation>Ctrl+E</translation>
+    </message>
+    <message>
+        <source>&amp;Publish ...</source>
+        <translation>&amp;Veröffentlichen ...</translation>
+    </message>
+    <message>
+        <source>&amp;Help</source>
+        <translation>&amp;Hilfe</translation>
+    </message>
+    <message>
+        <source>&amp;Keys and terms</source>
+        <translation>&amp;Tasten und Begriffe</translation>
+    </message>
+    <message>
+        <source>&amp;About</source>
+        <translation>&amp;Über</translation>
+    </message>
+    <message>
+        <source>Trigpoint %1: ground truth for visual localization.</source>
+        <translation>Trigpoint %1: Referenzdaten für visuelle Lokalisierung.</translation>
+    </message>
+    <message>
+        <source>Make the r&amp;eport ...</source>
+        <translation>B&amp;ericht erstellen ...</translation>
+    </message>
+    <message>
+        <source>Cross-check with COL&amp;MAP ...</source>
+        <translation>Mit COL&amp;MAP gegenprüfen ...</translation>
+    </message>
+    <message>
+        <source>&amp;Plan a survey ...</source>
+        <translation>Vermessung &amp;planen ...</translation>
+    </message>
+    <message>
+        <source>Print &amp;tags and boards ...</source>
+        <translation>&amp;Marken und Tafeln drucken ...</translation>
+    </message>
+    <message>
+        <source>Open a project first.</source>
+        <translation>Zuerst ein Projekt öffnen.</translation>
+    </message>
+    <message>
+        <source>&amp;Edit</source>
+        <translation>&amp;Bearbeiten</translation>
+    </message>
+    <message>
+        <source>&amp;Undo</source>
+        <translation>&amp;Rückgängig</translation>
+    </message>
+    <message>
+        <source>&amp;Redo</source>
+        <translation>&amp;Wiederholen</translation>
+    </message>
+    <message>
+        <source>&amp;Undo: %1</source>
+        <translation>&amp;Rückgängig: %1</translation>
+    </message>
+    <message>
+        <source>&amp;Redo: %1</source>
+        <translation>&amp;Wiederholen: %1</translation>
+    </message>
+    <message>
+        <source>Show its &amp;image</source>
+        <translation>&amp;Bild zeigen</translation>
+    </message>
+    <message>
+        <source>Show in &amp;3D</source>
+        <translation>In &amp;3D zeigen</translation>
+    </message>
+    <message>
+        <source>Copying the example ...</source>
+        <translation>Das Beispiel wird kopiert ...</translation>
+    </message>
+    <message>
+        <source>The example was not made.</source>
+        <translation>Das Beispiel wurde nicht angelegt.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::MeasurementList</name>
@@ -611,22 +1178,6 @@
         <translation>Lageplan</translation>
     </message>
     <message>
-        <source>Errors of the selected station</source>
-        <translation>Fehler der gewählten Station</translation>
-    </message>
-    <message>
-        <source>Show in &amp;3D</source>
-        <translation>In &amp;3D zeigen</translation>
-    </message>
-    <message>
-        <source>Show the best &amp;image</source>
-        <translation>Das beste &amp;Bild zeigen</translation>
-    </message>
-    <message>
-        <source>&amp;Exclude ...</source>
-        <translation>&amp;Ausschließen ...</translation>
-    </message>
-    <message>
         <source>Reading ...</source>
         <translation>Wird gelesen ...</translation>
     </message>
@@ -639,7 +1190,7 @@
         <translation>Trigpoint</translation>
     </message>
     <message>
-        <source>Localizes panoramas and photos against a camera's run, surveys tags, and measures how good the answers are.</source>
+        <source>Localizes panoramas and photos against a camera&apos;s run, surveys tags, and measures how good the answers are.</source>
         <translation>Bestimmt Panoramen und Fotos in der Aufnahme einer Kamera, vermisst Tags und misst, wie gut die Antworten sind.</translation>
     </message>
     <message>
@@ -653,10 +1204,6 @@
     <message>
         <source>Recent projects</source>
         <translation>Letzte Projekte</translation>
-    </message>
-    <message>
-        <source>None yet. The command &lt;tt&gt;trigpoint demo&lt;/tt&gt; makes a small example to open here.</source>
-        <translation>Noch keine. Der Befehl &lt;tt&gt;trigpoint demo&lt;/tt&gt; legt ein kleines Beispiel an, das sich hier öffnen lässt.</translation>
     </message>
     <message>
         <source>This folder has no trigpoint.yaml. Nothing is written into it until you ask for it.</source>
@@ -727,68 +1274,16 @@
         <translation>&amp;Bericht öffnen</translation>
     </message>
     <message>
-        <source>Select a station in the plan, in the matrix, or in the tree.</source>
-        <translation>Eine Station im Lageplan, in der Matrix oder im Baum wählen.</translation>
+        <source>Make the &amp;example ...</source>
+        <translation>&amp;Beispiel anlegen ...</translation>
     </message>
     <message>
-        <source>compared</source>
-        <translation>verglichen</translation>
+        <source>Copies a small site with two runs into a new folder and opens it</source>
+        <translation>Kopiert ein kleines Gelände mit zwei Fahrten in einen neuen Ordner und öffnet es</translation>
     </message>
     <message>
-        <source>run</source>
-        <translation>Lauf</translation>
-    </message>
-    <message>
-        <source>answer</source>
-        <translation>Antwort</translation>
-    </message>
-    <message>
-        <source>3D (%1)</source>
-        <translation>3D (%1)</translation>
-    </message>
-    <message>
-        <source>dE (%1)</source>
-        <translation>dE (%1)</translation>
-    </message>
-    <message>
-        <source>dN (%1)</source>
-        <translation>dN (%1)</translation>
-    </message>
-    <message>
-        <source>dU (%1)</source>
-        <translation>dU (%1)</translation>
-    </message>
-    <message>
-        <source>NEES / dof</source>
-        <translation>NEES / Freiheitsgrad</translation>
-    </message>
-    <message>
-        <source>status</source>
-        <translation>Status</translation>
-    </message>
-    <message>
-        <source>own tags</source>
-        <translation>eigene Tags</translation>
-    </message>
-    <message>
-        <source>, tag %1</source>
-        <translation>, Tag %1</translation>
-    </message>
-    <message>
-        <source>Station %1%2</source>
-        <translation>Station %1%2</translation>
-    </message>
-    <message>
-        <source>Panorama %1%2</source>
-        <translation>Panorama %1%2</translation>
-    </message>
-    <message>
-        <source>No answer of it is evaluated.</source>
-        <translation>Keine ihrer Antworten ist ausgewertet.</translation>
-    </message>
-    <message>
-        <source>Relative: in the run's own frame. Absolute: in site coordinates, the georeference's error included.</source>
-        <translation>Relativ: im Koordinatensystem des Laufs. Absolut: in den Koordinaten des Messgebiets, mit dem Fehler der Georeferenzierung.</translation>
+        <source>None yet. The example is a good beginning.</source>
+        <translation>Noch keine. Das Beispiel ist ein guter Anfang.</translation>
     </message>
 </context>
 <context>
@@ -975,10 +1470,6 @@
         <translation>Letzte &amp;rückgängig</translation>
     </message>
     <message>
-        <source>Take the last decision back (Ctrl+Z)</source>
-        <translation>Die letzte Entscheidung zurücknehmen (Strg+Z)</translation>
-    </message>
-    <message>
         <source>Re-&amp;solve</source>
         <translation>Neu &amp;lösen</translation>
     </message>
@@ -1027,10 +1518,6 @@
         <translation>Referenz</translation>
     </message>
     <message>
-        <source>method</source>
-        <translation>Verfahren</translation>
-    </message>
-    <message>
         <source>run</source>
         <translation>Lauf</translation>
     </message>
@@ -1059,20 +1546,8 @@
         <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Kontrollpunkten ändert.</translation>
     </message>
     <message>
-        <source>taken back</source>
-        <translation>zurückgenommen</translation>
-    </message>
-    <message>
         <source>Cancelled.</source>
         <translation>Abgebrochen.</translation>
-    </message>
-    <message>
-        <source>A decision needs a reason: write it beside 'Reason'.</source>
-        <translation>Eine Entscheidung braucht einen Grund: neben „Grund“ eintragen.</translation>
-    </message>
-    <message>
-        <source>Nothing was written to review.jsonl.</source>
-        <translation>In review.jsonl wurde nichts geschrieben.</translation>
     </message>
     <message>
         <source>Solving ...</source>
@@ -1097,6 +1572,26 @@
     <message>
         <source>%1 3D errors changed</source>
         <translation>%1 3D-Fehler haben sich geändert</translation>
+    </message>
+    <message>
+        <source>Take the last decision back (Ctrl+Z, where no text is written)</source>
+        <translation>Die letzte Entscheidung zurücknehmen (Ctrl+Z, wo kein Text geschrieben wird)</translation>
+    </message>
+    <message>
+        <source>Re&amp;do</source>
+        <translation>&amp;Wiederholen</translation>
+    </message>
+    <message>
+        <source>Make the decision again that was taken back last (Ctrl+Shift+Z)</source>
+        <translation>Die zuletzt zurückgenommene Entscheidung erneut treffen (Ctrl+Umschalt+Z)</translation>
+    </message>
+    <message>
+        <source>answer</source>
+        <translation>Antwort</translation>
+    </message>
+    <message>
+        <source>The last time it took %1.</source>
+        <translation>Beim letzten Mal dauerte es %1.</translation>
     </message>
 </context>
 <context>
@@ -1228,6 +1723,54 @@
     <message>
         <source>Failed: %1</source>
         <translation>Fehlgeschlagen: %1</translation>
+    </message>
+    <message>
+        <source>How long it took the last time</source>
+        <translation>Wie lange es beim letzten Mal dauerte</translation>
+    </message>
+    <message>
+        <source>Results and their states</source>
+        <translation>Ergebnisse und ihr Zustand</translation>
+    </message>
+    <message>
+        <source>result</source>
+        <translation>Ergebnis</translation>
+    </message>
+    <message>
+        <source>state</source>
+        <translation>Zustand</translation>
+    </message>
+    <message>
+        <source>metric</source>
+        <translation>Kennzahl</translation>
+    </message>
+    <message>
+        <source>time (s)</source>
+        <translation>Zeit (s)</translation>
+    </message>
+    <message>
+        <source>In the order in which each needs those above it; a double click chooses the stage</source>
+        <translation>In der Reihenfolge, in der jedes die darüber braucht; ein Doppelklick wählt die Stufe</translation>
+    </message>
+    <message>
+        <source>Results that are computed again: %1.</source>
+        <translation>Ergebnisse, die neu berechnet werden: %1.</translation>
+    </message>
+    <message>
+        <source>The last time that took %1.</source>
+        <translation>Beim letzten Mal dauerte das %1.</translation>
+    </message>
+    <message>
+        <source>Never made before: %1.</source>
+        <translation>Noch nie erstellt: %1.</translation>
+    </message>
+    <message>
+        <source>Run it now?</source>
+        <translation>Jetzt ausführen?</translation>
+    </message>
+    <message>
+        <source>; of all about %1</source>
+        <translation>; insgesamt etwa %1</translation>
     </message>
 </context>
 <context>
@@ -1437,7 +1980,7 @@
         <translation>Breite x Höhe, Pixel</translation>
     </message>
     <message>
-        <source>'%1' is no size; expected something like 1920x1080</source>
+        <source>&apos;%1&apos; is no size; expected something like 1920x1080</source>
         <translation>„%1“ ist keine Größe; erwartet wird etwas wie 1920x1080</translation>
     </message>
     <message>
@@ -1551,14 +2094,6 @@
         <source>Run ...</source>
         <translation>Ausführen ...</translation>
     </message>
-    <message>
-        <source>Show</source>
-        <translation>Zeigen</translation>
-    </message>
-    <message>
-        <source>Review ...</source>
-        <translation>Prüfen ...</translation>
-    </message>
 </context>
 <context>
     <name>trigpoint::StageForm</name>
@@ -1577,6 +2112,117 @@
     <message>
         <source>default %1</source>
         <translation>Vorgabe %1</translation>
+    </message>
+    <message>
+        <source>Find an option</source>
+        <translation>Option finden</translation>
+    </message>
+    <message>
+        <source>find an option by name or meaning</source>
+        <translation>Option nach Name oder Bedeutung finden</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::StationCard</name>
+    <message>
+        <source>also each &amp;view (G1)</source>
+        <translation>auch jede &amp;Ansicht (G1)</translation>
+    </message>
+    <message>
+        <source>Besides the final answers, panorama (G2), those of each rectilinear view by itself</source>
+        <translation>Neben den endgültigen Antworten, Panorama (G2), die jeder geradlinigen Ansicht für sich</translation>
+    </message>
+    <message>
+        <source>Errors of the selected station</source>
+        <translation>Fehler der gewählten Station</translation>
+    </message>
+    <message>
+        <source>Show in &amp;3D</source>
+        <translation>In &amp;3D zeigen</translation>
+    </message>
+    <message>
+        <source>Best &amp;image</source>
+        <translation>Bestes &amp;Bild</translation>
+    </message>
+    <message>
+        <source>&amp;Decide ...</source>
+        <translation>&amp;Entscheiden ...</translation>
+    </message>
+    <message>
+        <source>Select a station: in the plan, a table, a chart, the scene, or the tree.</source>
+        <translation>Eine Station wählen: im Plan, in einer Tabelle, einem Diagramm, der Szene oder im Baum.</translation>
+    </message>
+    <message>
+        <source>, tag %1</source>
+        <translation>, Marke %1</translation>
+    </message>
+    <message>
+        <source>Station %1%2</source>
+        <translation>Station %1%2</translation>
+    </message>
+    <message>
+        <source>Panorama %1%2</source>
+        <translation>Panorama %1%2</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>Fahrt</translation>
+    </message>
+    <message>
+        <source>3D</source>
+        <translation>3D</translation>
+    </message>
+    <message>
+        <source>within</source>
+        <translation>innerhalb</translation>
+    </message>
+    <message>
+        <source>NEES/dof</source>
+        <translation>NEES/FG</translation>
+    </message>
+    <message>
+        <source>run, and what was answered</source>
+        <translation>Fahrt, und was geantwortet wurde</translation>
+    </message>
+    <message>
+        <source>error in space (%1)</source>
+        <translation>Fehler im Raum (%1)</translation>
+    </message>
+    <message>
+        <source>error to the east (%1)</source>
+        <translation>Fehler nach Osten (%1)</translation>
+    </message>
+    <message>
+        <source>error to the north (%1)</source>
+        <translation>Fehler nach Norden (%1)</translation>
+    </message>
+    <message>
+        <source>error upwards (%1)</source>
+        <translation>Fehler nach oben (%1)</translation>
+    </message>
+    <message>
+        <source>1 sigma of the difference in space (%1)</source>
+        <translation>1 Sigma der Differenz im Raum (%1)</translation>
+    </message>
+    <message>
+        <source>the tolerance that the error keeps, of 0.1, 0.25, 0.5 and 1 m (%1)</source>
+        <translation>die Toleranz, die der Fehler einhält, von 0,1, 0,25, 0,5 und 1 m (%1)</translation>
+    </message>
+    <message>
+        <source>squared error in its own sigmas, by degrees of freedom: about 1 if the sigmas are right</source>
+        <translation>quadrierter Fehler in den eigenen Sigmas je Freiheitsgrad: etwa 1, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>No answer of it is evaluated.</source>
+        <translation>Keine Antwort dazu ist ausgewertet.</translation>
+    </message>
+    <message>
+        <source>Lengths in %1. Absolute: in site coordinates (east, north, up), with the georeference&apos;s error. Relative: in the run&apos;s own frame.</source>
+        <translation>Längen in %1. Absolut: in Koordinaten des Geländes (Ost, Nord, oben), mit dem Fehler der Georeferenz. Relativ: im eigenen System der Fahrt.</translation>
+    </message>
+    <message>
+        <source>none</source>
+        <translation>keine</translation>
     </message>
 </context>
 <context>

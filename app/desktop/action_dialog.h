@@ -1,0 +1,45 @@
+// A form of what a menu does, and what came of it. Works in the background; the window stays usable.
+#pragma once
+
+#include <QDialog>
+#include <memory>
+
+#include "app/desktop/actions.h"
+#include "app/desktop/workspace.h"
+
+class QLabel;
+class QLineEdit;
+class QPlainTextEdit;
+class QPushButton;
+class QTimer;
+
+namespace trigpoint {
+
+class ActionDialog : public QDialog {
+  Q_OBJECT
+
+ public:
+  // Of the project that is open.
+  ActionDialog(Workspace* workspace, Action action, QWidget* parent);
+  ~ActionDialog() override;  // cancels what goes on
+
+ signals:
+  void Done(bool well);
+
+ private:
+  struct Work;
+  void Run();
+  void ShowCommand();
+
+  Workspace* workspace_;
+  Action action_;
+  StageForm* form_;
+  QLineEdit* command_;
+  QLabel* status_;
+  QPlainTextEdit* outcome_;
+  QPushButton *run_, *cancel_;
+  QTimer* timer_;
+  std::shared_ptr<Work> work_;  // that goes on
+};
+
+}  // namespace trigpoint

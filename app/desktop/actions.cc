@@ -1,0 +1,216 @@
+#include "app/desktop/actions.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <QCoreApplication>
+
+#include "app/pipeline/export.h"
+#include "app/pipeline/print.h"
+#include "app/pipeline/publish.h"
+#include "datasets/io/text.h"
+#include "datasets/project/project.h"
+#include "survey/tags/tag_family.h"
+
+namespace trigpoint {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+QString Words(const char* text) { return QCoreApplication::translate("trigpoint::Action", text); }
+
+std::vector<std::string> SplitAtCommas(const std::string& text) {
+  std::vector<std::string> parts;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find(',', begin), text.size());
+    if (const std::string part(Trim(std::string_view(text).substr(begin, end - begin))); !part.empty()) {
+      parts.push_back(part);
+    }
+    begin = end + 1;
+  }
+  return parts;
+}
+
+void CheckWord(const char* name, const std::string& value, const std::vector<std::string>& known,
+               std::vector<std::string>* problems) {
+  if (value.empty() || std::find(known.begin(), known.end(), value) != known.end()) return;
+  problems->push_back(fmt::format("option {} is '{}', expected {} or {}", name, value,
+                                  fmt::join(known.begin(), known.end() - 1, ", "), known.back()));
+}
+
+std::string Files(const std::vector<fs::path>& files) {
+  std::string text;
+  for (const fs::path& file : files) text += file.string() + "\n";
+  return text;
+}
+
+struct ExportForm {
+  std::string to = "gpkg", what, run, variant, crs, heights, frame, out;
+  double confidence = 0.95, ellipse_scale = 1;
+  bool force = false;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.to, {"to", "", 0, 0, "format"});
+    visit(self.what, {"what", "", 0, 0, "layers or parts, separated by commas; empty: all"});
+    visit(self.run, {"run", "", 0, 0, "only this run; empty: all"});
+    visit(self.variant, {"variant", "", 0, 0, "results of this variant"});
+    visit(self.crs, {"crs", "", 0, 0, "EPSG:N, or utm for the zone of the site; empty: EPSG:4326 (WGS 84)"});
+    visit(self.heights, {"heights", "", 0, 0, "above the ellipsoid or a geoid"});
+    visit(self.frame, {"frame", "", 0, 0, "of scenes and trajectories: world (site ENU) or odom (the run's own)"});
+    visit(self.confidence, {"confidence", "", 0.01, 0.9999, "of the ellipses"});
+    visit(self.ellipse_scale, {"ellipse_scale", "", 0.001, 1e6, "draw ellipses so many times larger"});
+    visit(self.out, {"out", "", 0, 0, "file or folder; empty: below results/export"});
+    visit(self.force, {"force", "", 0, 1, "replace files of an earlier export that were changed since"});
+  }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = CheckRanges(*this), formats;
+    for (const ExportFormat& format : ExportFormats()) formats.push_back(format.name);
+    CheckWord("to", to, formats, &problems);
+    CheckWord("heights", heights, {"ellipsoidal", "egm84", "egm96", "egm2008"}, &problems);
+    CheckWord("frame", frame, {"world", "odom"}, &problems);
+    return problems;
+  }
+  std::string Run(const fs::path& dir, ProgressSink& progress, const CancelToken& cancel) const {
+    ExportRequest request;
+    request.to = to, request.what = SplitAtCommas(what);
+    if (!run.empty()) request.runs = {run};
+    request.variant = variant, request.crs = crs, request.heights = heights, request.frame = frame;
+    request.confidence = confidence, request.ellipse_scale = ellipse_scale, request.out = out, request.force = force;
+    const ExportReport report = ExportResults(Project::Open(dir), request, progress, cancel);
+    return fmt::format("{}\n{}{}", fmt::join(report.lines, "\n"), Files(report.files),
+                       fmt::join(report.warnings, "\n"));
+  }
+};
+
+struct PublishForm {
+  PublishOptions options;
+  std::string sign;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.options.name, {"name", "", 0, 0, "the release's name: releases/NAME"});
+    visit(self.options.variant, {"variant", "", 0, 0, "publish this variant's map and tables"});
+    visit(self.options.statement.author, {"author", "", 0, 0, "who is responsible, for the certificate"});
+    visit(self.options.statement.instrument, {"instrument", "", 0, 0, "what the control was measured with"});
+    visit(self.options.statement.note, {"note", "", 0, 0, "a sentence for the certificate"});
+    visit(self.sign, {"sign", "", 0, 0, "sign with the file of an SSH key, or gpg:KEY; empty: not signed"});
+    visit(self.options.copy_inputs,
+          {"copy_inputs", "", 0, 1, "copy pictures and videos too; without it, their hashes"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+  std::string Run(const fs::path& dir, ProgressSink&, const CancelToken& cancel) const {
+    PublishOptions publish = options;
+    if (!sign.empty()) publish.sign = sign;
+    const Release release = Publish(Project::Open(dir), publish, cancel);
+    return fmt::format("{}\n{} files, a map of {} tags\nSHA-256 of release.json: {}\nInputs: {}, of which {} by hash",
+                       release.dir.string(), release.files, release.tags, release.sha256, release.inputs,
+                       release.inputs_by_hash);
+  }
+};
+
+struct PrintForm {
+  std::string what = "tags", ids, family, paper = "A4", target, out;
+  double size_mm = 160, length_mm = 0, margin_mm = SheetOptions().margin_mm, measured_mm = 0, nominal_mm = 100;
+  int per_sheet = 0;
+  bool force = false;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.what, {"what", "", 0, 0, "what is printed"});
+    visit(self.ids, {"ids", "", 0, 0, "ids of the tags, as 0-9,12"});
+    visit(self.size_mm, {"size", "mm", 5, 5000, "size of a tag as tags.yaml declares it: the black square's edge"});
+    visit(self.family, {"family", "", 0, 0, "tag family; empty: that of tags.yaml, else tag36h11"});
+    visit(self.paper, {"paper", "", 0, 0, "A0 to A6, Letter, Legal, Tabloid, or WIDTHxHEIGHT in mm"});
+    visit(self.margin_mm, {"margin", "mm", 0, 100, "edge of the paper that the printer leaves white"});
+    visit(self.per_sheet, {"per_sheet", "", 0, 1000, "most tags on a sheet; 0: as many as fit"});
+    visit(self.target, {"target", "", 0, 0, "board: a file or one line, as calibrate takes it"});
+    visit(self.length_mm, {"length", "mm", 0, 20000, "scale bar: distance of the two tags' centres"});
+    visit(self.measured_mm,
+          {"measured", "mm", 0, 5000, "length of the printed bar as measured: corrects tags.yaml, prints nothing"});
+    visit(self.nominal_mm, {"nominal", "mm", 1, 5000, "length that the bar should have"});
+    visit(self.out, {"out", "", 0, 0, "the PDF; empty: below print/"});
+    visit(self.force, {"force", "", 0, 1, "replace a PDF that was changed since it was written"});
+  }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = CheckRanges(*this);
+    CheckWord("what", what, {"tags", "board", "scale-bar"}, &problems);
+    CheckWord("family", family, TagFamilyNames(), &problems);
+    return problems;
+  }
+  std::string Run(const fs::path& dir, ProgressSink&, const CancelToken&) const {
+    const std::vector<int> numbers = ids.empty() ? std::vector<int>() : ParseIds(ids);
+    if (measured_mm > 0) {
+      const MeasuredPrint entered = EnterMeasuredPrint(dir, numbers, {measured_mm}, nominal_mm);
+      return fmt::format("{} tags are {:.2f} % of the size asked for; their sizes stand in {}\n{}", entered.ids.size(),
+                         100 * entered.factor, (dir / "tags.yaml").string(), fmt::join(entered.warnings, "\n"));
+    }
+    PrintRequest request;
+    request.dir = dir, request.what = what, request.family = family, request.ids = numbers;
+    request.size_mm = what == "board" ? 0 : size_mm;
+    request.length_mm = length_mm, request.target = target, request.out = out, request.force = force;
+    request.sheets.paper = PaperNamed(paper);
+    request.sheets.margin_mm = margin_mm, request.sheets.per_sheet = per_sheet;
+    const PrintOutcome outcome = PrintSheetsFor(request);
+    return fmt::format(
+        "{}: {} pages\nPrint at 100 %, not fitted to the page. Then measure:\nthe bars, {:g} mm, both "
+        "ways\n{}\n{} entries added to tags.yaml",
+        outcome.pdf.string(), outcome.sheets.pages, outcome.sheets.bar_mm, fmt::join(outcome.checks, "\n"),
+        outcome.entries_added);
+  }
+};
+
+template <typename Form>
+std::vector<std::string> Fill(const nlohmann::json& values, Form* form) {
+  std::vector<std::string> problems;
+  SetOptions(values, "form", *form, problems);
+  return problems.empty() ? form->Check() : problems;
+}
+
+template <typename Form>
+Action ActionOf(const char* command, const QString& title, const QString& intro) {
+  Action action;
+  action.command = command;
+  action.title = title;
+  action.intro = intro;
+  action.options = DescribeOptions<Form>();
+  action.check = [](const nlohmann::json& values) {
+    Form form;
+    return Fill(values, &form);
+  };
+  action.run = [](const fs::path& dir, const nlohmann::json& values, ProgressSink& progress,
+                  const CancelToken& cancel) {
+    Form form;
+    ThrowIfAny(Fill(values, &form));
+    return form.Run(dir, progress, cancel);
+  };
+  return action;
+}
+
+}  // namespace
+
+Action ExportAction() {
+  return ActionOf<ExportForm>("export", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Export")),
+                              Words(QT_TRANSLATE_NOOP("trigpoint::Action",
+                                                      "Results as files of other programs: maps, models, pose "
+                                                      "graphs. Files of others are never replaced.")));
+}
+
+Action PublishAction() {
+  return ActionOf<PublishForm>(
+      "publish", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Publish")),
+      Words(QT_TRANSLATE_NOOP("trigpoint::Action",
+                              "Freezes map, tables and all they were computed from under a name. A release is never "
+                              "overwritten; what is out of date is not published.")));
+}
+
+Action PrintAction() {
+  return ActionOf<PrintForm>(
+      "print", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Print tags and boards")),
+      Words(QT_TRANSLATE_NOOP("trigpoint::Action",
+                              "Sheets with tags, calibration boards or scale bars as PDF to scale; tags are noted in "
+                              "tags.yaml.")));
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,32 @@
+// What the menus do beside stages, as forms: export, publish, print. The same as the commands of these names.
+#pragma once
+
+#include <QString>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "app/desktop/stage_form.h"
+#include "app/pipeline/options_json.h"
+#include "calib/base/progress.h"
+
+namespace trigpoint {
+
+struct Action {
+  std::string command;  // "export"
+  QString title, intro;
+  std::vector<OptionDescription> options;
+  StageForm::Check check;
+  // Does it with the options that differ from their defaults; what came of it, for people. Throws Error, Cancelled.
+  std::function<std::string(const std::filesystem::path& dir, const nlohmann::json& values, ProgressSink& progress,
+                            const CancelToken& cancel)>
+      run;
+};
+
+Action ExportAction();
+Action PublishAction();
+Action PrintAction();
+
+}  // namespace trigpoint

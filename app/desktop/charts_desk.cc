@@ -1,0 +1,172 @@
+#include "app/desktop/charts_desk.h"
+
+#include <QFileDialog>
+#include <QLabel>
+#include <QListWidget>
+#include <QPushButton>
+#include <QSplitter>
+#include <QVBoxLayout>
+#include <algorithm>
+
+#include "app/desktop/background.h"
+#include "app/desktop/picture_view.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr double kRing_px = 18;  // about a mark, in the picture
+
+}  // namespace
+
+void ShowDrawing(PictureView* view, const PaintedDrawing& drawing, const QString& title) {
+  std::vector<PictureMark> marks;
+  for (const Spot& spot : drawing.spots) {
+    PictureMark mark;
+    mark.kind = PictureMark::Kind::kCircle;
+    mark.points << QPointF(spot.x, spot.y) << QPointF(kRing_px, 0);
+    mark.colour = QColor(0, 0, 0, 0);  // the picture has it; what is selected gets its ring
+    mark.object = QString::fromStdString(spot.object);
+    marks.push_back(mark);
+  }
+  view->SetPicture(
+      QImage::fromData(reinterpret_cast<const uchar*>(drawing.png.data()), static_cast<int>(drawing.png.size()), "PNG"),
+      title);
+  view->SetMarks(std::move(marks));
+}
+
+ChartsDesk::ChartsDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  list_ = new QListWidget;
+  list_->setObjectName("charts.list");
+  list_->setAccessibleName(tr("Charts"));
+  list_->setWordWrap(true);
+  list_->setAlternatingRowColors(true);
+  view_ = new PictureView;
+  view_->setObjectName("charts.view");
+  view_->setAccessibleName(tr("Chart"));
+  caption_ = new QLabel;
+  caption_->setObjectName("charts.caption");
+  caption_->setWordWrap(true);
+  caption_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  auto* save = new QPushButton(tr("&Save chart ..."));
+  save->setObjectName("charts.save");
+  save->setToolTip(tr("The chart as PNG; the report has all of them as SVG, too"));
+  auto* right = new QWidget;
+  auto* rows = new QVBoxLayout(right);
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addWidget(view_, 1);
+  auto* below = new QHBoxLayout;
+  below->addWidget(caption_, 1);
+  below->addWidget(save, 0, Qt::AlignTop);
+  rows->addLayout(below);
+  auto* split = new QSplitter;
+  split->addWidget(list_);
+  split->addWidget(right);
+  split->setStretchFactor(1, 1);
+  split->setSizes({230, 900});
+  auto* all = new QVBoxLayout(this);
+  all->addWidget(split);
+
+  connect(list_, &QListWidget::currentRowChanged, this, &ChartsDesk::ShowChart);
+  connect(save, &QPushButton::clicked, this, &ChartsDesk::Save);
+  connect(view_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
+    if (!object.isEmpty()) workspace_->Select(object);
+  });
+  connect(view_, &PictureView::DoubleClicked, this, [this](const QString& object) {
+    if (!object.isEmpty()) emit Activated(object);
+  });
+  connect(view_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
+  connect(workspace_, &Workspace::Selected, this, &ChartsDesk::ShowSelected);
+  connect(workspace_, &Workspace::Replaced, this, [this] {
+    ++generation_;
+    charts_.clear();
+    list_->clear();
+    ShowChart();
+  });
+  connect(workspace_, &Workspace::Opened, this, &ChartsDesk::Load);
+  connect(workspace_, &Workspace::UnitChanged, this, &ChartsDesk::Load);
+  ShowChart();
+}
+
+void ChartsDesk::showEvent(QShowEvent* event) {
+  QWidget::showEvent(event);
+  if (stale_) Load();
+}
+
+void ChartsDesk::Load() {
+  const int generation = ++generation_;
+  stale_ = workspace_->snapshot() && !isVisible();
+  if (!workspace_->snapshot() || stale_) return;
+  if (charts_.empty()) view_->SetPicture({}, tr("Drawing ..."));
+  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  InBackground(
+      this, [snapshot = workspace_->snapshot(), unit] { return LoadCharts(*snapshot, unit); },
+      [this, generation](const Attempted<std::vector<NamedChart>>& loaded) {
+        if (generation != generation_) return;
+        if (!loaded.error.isEmpty()) emit workspace_->Problem(loaded.error, tr("The charts are not shown."));
+        const QListWidgetItem* item = list_->currentItem();
+        const QString before = item == nullptr ? QString() : item->data(Qt::UserRole).toString();
+        charts_ = loaded.value;
+        {
+          const QSignalBlocker block(list_);
+          list_->clear();
+          for (const NamedChart& chart : charts_) {
+            auto* entry = new QListWidgetItem(QString::fromStdString(chart.title), list_);
+            entry->setData(Qt::UserRole, QString::fromStdString(chart.name));
+            entry->setToolTip(QString::fromStdString(chart.caption));
+          }
+        }
+        if (!Choose(before)) list_->setCurrentRow(0);
+        ShowChart();
+        emit Loaded();
+      });
+}
+
+bool ChartsDesk::Choose(const QString& name) {
+  for (int row = 0; row < list_->count(); ++row) {
+    if (list_->item(row)->data(Qt::UserRole).toString() != name) continue;
+    list_->setCurrentRow(row);
+    return true;
+  }
+  return false;
+}
+
+void ChartsDesk::ShowChart() {
+  const int row = list_->currentRow();
+  if (row < 0 || row >= static_cast<int>(charts_.size())) {
+    caption_->clear();
+    view_->SetMarks({});
+    view_->SetPicture({}, tr("No chart yet: run evaluate, then they are drawn here as in the report."));
+    return;
+  }
+  const NamedChart& chart = charts_[static_cast<size_t>(row)];
+  ShowDrawing(view_, chart.painted, QString::fromStdString(chart.title));
+  caption_->setText(QString::fromStdString(chart.caption));
+  ShowSelected();
+}
+
+void ChartsDesk::ShowSelected() {
+  // The selected object, else what belongs to it and is drawn.
+  QString marked = workspace_->selected();
+  const auto drawn = [this](const QString& object) {
+    return std::any_of(view_->marks().begin(), view_->marks().end(), [&](const auto& m) { return m.object == object; });
+  };
+  for (const std::string& related : workspace_->related()) {
+    if (drawn(marked)) break;
+    marked = QString::fromStdString(related);
+  }
+  view_->SetHighlight(marked);
+}
+
+void ChartsDesk::Save() {
+  if (view_->image().isNull()) return;
+  QFileDialog dialog(this, tr("Save the chart"), QString(), tr("PNG (*.png)"));
+  dialog.setAcceptMode(QFileDialog::AcceptSave);
+  dialog.setDefaultSuffix("png");
+  dialog.selectFile(list_->currentItem()->data(Qt::UserRole).toString() + ".png");
+  if (dialog.exec() != QDialog::Accepted || dialog.selectedFiles().isEmpty()) return;
+  const QString file = dialog.selectedFiles().first();
+  if (!view_->image().save(file)) emit workspace_->Problem(tr("%1: cannot be written").arg(file), "");
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,51 @@
+// Tables whose rows are about objects (Qt::UserRole of their cells): a row selects its object on every desk, what is
+// selected elsewhere is selected here, a right click asks for the object's menu.
+#pragma once
+
+#include <QAbstractItemView>
+#include <QTableWidget>
+
+#include "app/desktop/workspace.h"
+
+namespace trigpoint {
+
+// A right click on an entry asks for the menu of the object that `role` holds, with `prefix` before it.
+inline void AskMenuOn(QAbstractItemView* view, Workspace* workspace, int role, const QString& prefix = "") {
+  view->setContextMenuPolicy(Qt::CustomContextMenu);
+  QObject::connect(view, &QWidget::customContextMenuRequested, workspace, [view, workspace, role, prefix](QPoint at) {
+    const QString object = view->indexAt(at).data(role).toString();
+    if (!object.isEmpty()) workspace->AskMenu(prefix + object, view->viewport()->mapToGlobal(at));
+  });
+}
+
+// The rows of what is selected; scrolls to the first. Nothing is selected by it.
+inline void ShowSelectedRows(QTableWidget* table, const Workspace& workspace) {
+  const auto object_of = [table](int row) {
+    const QTableWidgetItem* item = table->item(row, 0);
+    return item == nullptr ? QString() : item->data(Qt::UserRole).toString();
+  };
+  const auto selected = table->selectedItems();
+  if (!selected.isEmpty() && object_of(selected.front()->row()) == workspace.selected()) return;
+  const QSignalBlocker block(table);
+  table->clearSelection();
+  int best = -1;
+  for (int row = 0; row < table->rowCount(); ++row) {
+    const QString object = object_of(row);
+    if (object.isEmpty() || workspace.related().count(object.toStdString()) == 0) continue;
+    if (best < 0 || (object == workspace.selected() && object_of(best) != object)) best = row;
+  }
+  if (best < 0) return;
+  table->selectRow(best);
+  table->scrollToItem(table->item(best, 0));
+}
+
+inline void LinkTable(QTableWidget* table, Workspace* workspace) {
+  QObject::connect(table, &QTableWidget::itemSelectionChanged, workspace, [table, workspace] {
+    const auto items = table->selectedItems();
+    if (!items.isEmpty()) workspace->Select(items.front()->data(Qt::UserRole).toString());
+  });
+  QObject::connect(workspace, &Workspace::Selected, table, [table, workspace] { ShowSelectedRows(table, *workspace); });
+  AskMenuOn(table, workspace, Qt::UserRole);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,48 @@
+// The numbers of the selected station, the same beside every desk: run by run its error east, north, up and in space,
+// 1 sigma, and the tolerance it keeps.
+#pragma once
+
+#include <QWidget>
+#include <memory>
+#include <vector>
+
+#include "app/desktop/workspace.h"
+
+class QCheckBox;
+class QLabel;
+class QTableWidget;
+
+namespace trigpoint {
+
+struct ErrorRecord;
+struct Overview;
+
+class StationCard : public QWidget {
+  Q_OBJECT
+
+ public:
+  explicit StationCard(Workspace* workspace, QWidget* parent = nullptr);
+  // What the errors are taken from; null: nothing is known.
+  void SetOverview(std::shared_ptr<const Overview> overview);
+  // Whose numbers are shown: "station:S57", "panorama:..." for one without a station; empty: nobody's.
+  const QString& object() const { return object_; }
+
+ signals:
+  void ImageRequested(const QString& object);
+  void SceneRequested(const QString& object);
+
+ private:
+  void Show();
+  void AddGroup(const std::vector<const ErrorRecord*>& rows);
+  void AddRow(const ErrorRecord& error);
+
+  Workspace* workspace_;
+  std::shared_ptr<const Overview> overview_;
+  QLabel *title_, *note_;
+  QTableWidget* table_;
+  QCheckBox* views_;
+  QWidget* buttons_;
+  QString object_;
+};
+
+}  // namespace trigpoint

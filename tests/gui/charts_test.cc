@@ -1,0 +1,121 @@
+// The report's charts on the screen: a mark selects, and what is selected elsewhere is marked.
+#include <gmock/gmock.h>
+
+#include <QLabel>
+#include <QListWidget>
+#include <QTableWidget>
+
+#include "app/desktop/charts_desk.h"
+#include "app/desktop/picture_view.h"
+#include "datasets/io/text.h"
+#include "tests/gui/gui_driver.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr const char* kSummary = R"({"schema": "trigpoint evaluate 1", "confidence": 0.95, "groups": [
+  {"variant": "", "method": "single", "reference": "control", "kind": "absolute", "shares_evidence": false,
+   "answers": 4, "attempts": 4, "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}},
+   "cumulative": [{"error_m": 0.01, "share": 0.25}, {"error_m": 0.02, "share": 0.5},
+                  {"error_m": 0.03, "share": 0.75}, {"error_m": 0.04, "share": 1.0}]}]})";
+
+class ChartsTest : public ResultsWindowTest {
+ protected:
+  void SetUp() override {
+    WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kSummary);
+    WriteFileAtomically(Path("results/survey/tags.csv").toStdString(),
+                        "# trigpoint tags 1\ntag_id,role,status,size_m,x,y,z,rms_px,images,runs\n"
+                        "0,control,ok,0.5,1,2,3,0.2,4,1\n2,,ok,0.5,4,2,3,0.9,4,1\n");
+    std::string rows =
+        "# trigpoint estimates 1\nsystem,run,timestamp,image,status,de_m,dn_m,du_m,reference_sigma_e_m,"
+        "reference_sigma_n_m,reference_sigma_u_m\n";
+    for (int i = 0; i < 24; ++i) {
+      rows += "trigpoint,run1," + std::to_string(1000 + i / 2) + (i % 2 == 1 ? ".5" : ".0") + ",images/0000" +
+              (i < 10 ? "0" : "") + std::to_string(i) + ".jpg,estimated," + std::to_string(0.01 * (i % 5)) +
+              ",0.01,0.0,0.02,0.02,0.02\n";
+    }
+    WriteFileAtomically(Path("results/evaluate/estimates.csv").toStdString(), rows);
+    WriteFileAtomically(Path("results/evaluate/estimates.json").toStdString(),
+                        R"({"estimates": [{"system": "trigpoint", "run": "run1", "attempts": 24, "answers": 24}]})");
+    ResultsWindowTest::SetUp();
+    window_->ShowDesk("charts");
+    charts_ = window_->charts();
+    list_ = Child<QListWidget>(window_.get(), "charts.list");
+    ASSERT_TRUE(WaitFor([&] { return list_->count() > 0; }));
+  }
+  // Where a mark of an object is on the screen.
+  QPoint At(const QString& object) const {
+    for (const PictureMark& mark : charts_->view()->marks()) {
+      if (mark.object == object) return charts_->view()->WidgetAt(mark.points[0]).toPoint();
+    }
+    return {-1, -1};
+  }
+  // Is the orange ring of the selection drawn about it?
+  bool Ringed(const QString& object) {
+    const QPoint at = At(object);
+    const QImage seen = charts_->view()->grab().toImage();
+    for (int dx = 2; dx < 24; ++dx) {
+      const QColor colour = seen.pixelColor(std::min(at.x() + dx, seen.width() - 1), at.y());
+      if (colour.red() > 190 && colour.green() > 70 && colour.green() < 130 && colour.blue() < 60) return true;
+    }
+    return false;
+  }
+
+  ChartsDesk* charts_ = nullptr;
+  QListWidget* list_ = nullptr;
+};
+
+TEST_F(ChartsTest, AreThoseOfTheReport) {
+  QStringList names;
+  for (int row = 0; row < list_->count(); ++row) names << list_->item(row)->data(Qt::UserRole).toString();
+  for (const char* name : {"cumulative_absolute", "by_station_single-against-control-absolute", "nees", "trust_curve",
+                           "camera_errors_1", "residuals_over_time", "tag_residuals"}) {
+    EXPECT_TRUE(names.contains(name)) << name;
+  }
+  EXPECT_FALSE(charts_->view()->image().isNull());
+  EXPECT_THAT(Child<QLabel>(window_.get(), "charts.caption")->text().toStdString(), HasSubstr("Cumulative histogram"));
+  Screenshot(window_.get(), "charts");
+}
+
+TEST_F(ChartsTest, AMarkSelectsAndTheSelectionIsMarked) {
+  ASSERT_TRUE(charts_->Choose("by_station_single-against-control-absolute"));
+  QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, At("station:S2"));
+  EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+  EXPECT_TRUE(Ringed("station:S2"));
+  EXPECT_FALSE(Ringed("station:S0"));
+  Screenshot(window_.get(), "charts_station");
+  // From a table, and in the curve.
+  ASSERT_TRUE(charts_->Choose("cumulative_absolute"));
+  window_->workspace()->Select("panorama:panoramas/p003.jpg");
+  EXPECT_TRUE(Ringed("station:S3"));
+  EXPECT_FALSE(Ringed("station:S2"));
+  // The residual of a tag, and of its station.
+  ASSERT_TRUE(charts_->Choose("tag_residuals"));
+  EXPECT_FALSE(Ringed("tag:2"));
+  window_->workspace()->Select("station:S2");
+  EXPECT_TRUE(Ringed("tag:2"));
+  // Along the run an image is selected, and seen on its desk.
+  ASSERT_TRUE(charts_->Choose("camera_errors_1"));
+  QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, At("image:run1/images/000007.jpg"));
+  EXPECT_EQ(window_->workspace()->selected(), "image:run1/images/000007.jpg");
+  Screenshot(window_.get(), "charts_run");
+  ASSERT_TRUE(charts_->Choose("residuals_over_time"));
+  EXPECT_TRUE(Ringed("image:run1/images/000007.jpg"));
+  QTest::mouseDClick(charts_->view(), Qt::LeftButton, {}, At("image:run1/images/000011.jpg"));
+  EXPECT_EQ(window_->desk(), "images");
+}
+
+TEST_F(ChartsTest, FollowTheUnitAndAnotherProject) {
+  ASSERT_TRUE(charts_->Choose("cumulative_absolute"));
+  window_->workspace()->SetUnit("ft");
+  const auto* caption = Child<QLabel>(window_.get(), "charts.caption");
+  EXPECT_TRUE(WaitFor([&] { return caption->text().contains("(ft, logarithmic)"); }));
+  window_->workspace()->Close();
+  EXPECT_EQ(list_->count(), 0);
+  EXPECT_TRUE(charts_->view()->image().isNull());
+}
+
+}  // namespace
+}  // namespace trigpoint

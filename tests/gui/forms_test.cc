@@ -1,0 +1,206 @@
+// Forms: options in groups that are found by a word, choices as boxes, errors at the field, a question before something
+// long is computed again; exports, prints and help from the menus.
+#include <gmock/gmock.h>
+
+#include <QAction>
+#include <QComboBox>
+#include <QLabel>
+#include <QLineEdit>
+#include <QMenuBar>
+#include <QMessageBox>
+#include <QPlainTextEdit>
+#include <QSignalSpy>
+#include <QTabWidget>
+#include <QTableWidget>
+#include <QTextBrowser>
+
+#include "app/desktop/action_dialog.h"
+#include "app/desktop/icons.h"
+#include "app/desktop/run_desk.h"
+#include "datasets/io/text.h"
+#include "tests/gui/gui_driver.h"
+
+namespace trigpoint {
+namespace {
+
+using testing::HasSubstr;
+
+class FormsTest : public ResultsWindowTest {
+ protected:
+  QWidget* Option(const char* name) { return Child<QWidget>(window_.get(), (std::string("option.") + name).c_str()); }
+  QAction* MenuAction(const QString& text) {
+    for (QAction* menu : window_->menuBar()->actions()) {
+      for (QAction* action : menu->menu()->actions()) {
+        if (action->text().remove('&') == text) return action;
+      }
+    }
+    ADD_FAILURE() << text.toStdString();
+    return nullptr;
+  }
+};
+
+TEST_F(FormsTest, OptionsStandInGroupsAndAreFoundByAWord) {
+  window_->ShowDesk("run");
+  window_->run_desk()->Choose("localize", "");
+  QTest::qWait(50);  // until the form is laid out
+  QWidget* mode = Option("mode");
+  auto* box = qobject_cast<QComboBox*>(mode);
+  ASSERT_NE(box, nullptr);  // an enumeration
+  EXPECT_GE(box->findText("paper"), 0);
+  EXPECT_GE(box->findText("trigpoint"), 0);
+  QWidget* gps = Option("geo.use_gps");
+  ASSERT_NE(qobject_cast<QComboBox*>(gps), nullptr);
+  EXPECT_TRUE(gps->isVisibleTo(window_.get()));
+  Type(window_.get(), "option.filter", "only without geotagged");  // of its help
+  EXPECT_TRUE(gps->isVisibleTo(window_.get()));
+  EXPECT_FALSE(mode->isVisibleTo(window_.get()));
+  Screenshot(window_.get(), "run_found");
+  Child<QLineEdit>(window_.get(), "option.filter")->clear();
+  EXPECT_TRUE(mode->isVisibleTo(window_.get()));
+  box->setCurrentText("paper");
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("mode=\"paper\""));
+  Screenshot(window_.get(), "run_groups");
+}
+
+TEST_F(FormsTest, AnErrorStandsAtItsField) {
+  window_->ShowDesk("run");
+  window_->run_desk()->Choose("detect", "");
+  QTest::qWait(50);
+  auto* problem = Child<QLabel>(window_.get(), "problem.min_margin");
+  EXPECT_FALSE(problem->isVisible());
+  Type(window_.get(), "option.min_margin", "-1");
+  EXPECT_TRUE(problem->isVisible());
+  EXPECT_THAT(problem->text().toStdString(), HasSubstr("min_margin"));
+  EXPECT_FALSE(Child<QLabel>(window_.get(), "problem.family")->isVisible());
+  Type(window_.get(), "option.min_margin", "40");
+  EXPECT_FALSE(problem->isVisible());
+}
+
+TEST_F(FormsTest, OneIsAskedBeforeSomethingLongIsComputedAgain) {
+  // A result that took an hour and whose inputs are others now.
+  WriteFileAtomically(Path("results/detect/run1/manifest.json").toStdString(),
+                      R"({"schema": 1, "stage": "detect", "name": "run1", "identity": "of other inputs",
+                          "wall_seconds": 3600.0, "metrics": {}})");
+  window_->workspace()->Reload();
+  auto* results = Child<QTableWidget>(window_.get(), "run.results");
+  const auto state = [&] {
+    const int row = RowWith(results, "detect/run1");
+    return row < 0 ? std::string() : results->item(row, 1)->text().toStdString();
+  };
+  ASSERT_TRUE(WaitFor([&] { return state() == "out of date"; })) << state();
+  window_->ShowDesk("run");
+  window_->run_desk()->Choose("detect", "run1");
+  EXPECT_THAT(Child<QLabel>(window_.get(), "run.expected")->text().toStdString(), HasSubstr("1:00:00"));
+  Click(window_.get(), "run.run");
+  auto* ask = Child<QMessageBox>(window_.get(), "run.ask");
+  ASSERT_NE(ask, nullptr);
+  EXPECT_THAT(ask->text().toStdString(), HasSubstr("1:00:00"));
+  EXPECT_FALSE(window_->jobs()->running());
+  ask->button(QMessageBox::No)->click();
+  QTest::qWait(100);
+  EXPECT_FALSE(window_->jobs()->running());
+  Screenshot(window_.get(), "run_results");
+  QFile::remove(Path("results/detect/run1/manifest.json"));
+}
+
+TEST_F(FormsTest, ResultsAreExportedFromTheMenu) {
+  MenuAction("Export ...")->trigger();
+  auto* dialog = Child<ActionDialog>(window_.get(), "action.export");
+  ASSERT_NE(dialog, nullptr);
+  auto* to = Child<QComboBox>(dialog, "option.to");
+  EXPECT_GE(to->count(), 5);
+  to->setCurrentText("csv");
+  const QTemporaryDir out;
+  Type(dialog, "option.out", out.filePath("site"));
+  EXPECT_EQ(Child<QLineEdit>(dialog, "action.line")->text().toStdString(),
+            ("trigpoint export " + site_->path() + " --out " + out.filePath("site") + " --to csv").toStdString());
+  QSignalSpy done(dialog, &ActionDialog::Done);
+  Screenshot(dialog, "export");
+  Click(dialog, "action.run");
+  ASSERT_TRUE(WaitFor([&] { return done.count() == 1; }));
+  const std::string outcome = Child<QPlainTextEdit>(dialog, "action.outcome")->toPlainText().toStdString();
+  EXPECT_TRUE(done[0][0].toBool()) << outcome;
+  EXPECT_FALSE(QDir(out.filePath("site")).entryList({"*.csv"}).isEmpty()) << outcome;
+  Click(dialog, "action.close");
+}
+
+TEST_F(FormsTest, SheetsArePrintedAndWhatIsWrongIsSaid) {
+  MenuAction("Print tags and boards ...")->trigger();
+  auto* dialog = Child<ActionDialog>(window_.get(), "action.print");
+  QSignalSpy done(dialog, &ActionDialog::Done);
+  Type(dialog, "option.ids", "60-61");
+  Type(dialog, "option.size", "500");  // as tags.yaml has it
+  Click(dialog, "action.run");
+  ASSERT_TRUE(WaitFor([&] { return done.count() == 1; }));
+  auto* outcome = Child<QPlainTextEdit>(dialog, "action.outcome");
+  EXPECT_TRUE(done[0][0].toBool()) << outcome->toPlainText().toStdString();
+  EXPECT_THAT(outcome->toPlainText().toStdString(), HasSubstr(".pdf"));
+  Type(dialog, "option.ids", "60-");
+  Click(dialog, "action.run");
+  ASSERT_TRUE(WaitFor([&] { return done.count() == 2; }));
+  EXPECT_FALSE(done[1][0].toBool());
+  EXPECT_THAT(outcome->toPlainText().toStdString(), HasSubstr("60-"));
+  Type(dialog, "option.size", "1");
+  EXPECT_FALSE(Child<QAbstractButton>(dialog, "action.run")->isEnabled());
+  Click(dialog, "action.close");
+  QFile::remove(Path("print/printed.csv"));
+}
+
+TEST_F(FormsTest, PlansAndCrossChecksAreStagesOfTheRunDesk) {
+  MenuAction("Plan a survey ...")->trigger();
+  EXPECT_EQ(window_->desk(), "run");
+  EXPECT_EQ(Child<QLineEdit>(window_.get(), "run.command")->text(), "trigpoint plan " + site_->path());
+  EXPECT_NE(qobject_cast<QComboBox*>(Option("suggest")), nullptr);
+  MenuAction("Cross-check with COLMAP ...")->trigger();
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("trigpoint crosscheck"));
+}
+
+TEST_F(FormsTest, HelpListsEveryShortcutOfTheMenus) {
+  MenuAction("Keys and terms")->trigger();
+  const auto* text = Child<QTextBrowser>(window_.get(), "help.text");
+  const std::string all = text->toPlainText().toStdString();
+  int shortcuts = 0;
+  for (QAction* menu : window_->menuBar()->actions()) {
+    for (QAction* action : menu->menu()->actions()) {
+      if (action->shortcut().isEmpty()) continue;
+      ++shortcuts;
+      EXPECT_THAT(all, HasSubstr(action->shortcut().toString(QKeySequence::NativeText).toStdString()));
+    }
+  }
+  EXPECT_GT(shortcuts, 15);
+  EXPECT_THAT(all, HasSubstr("panorama (G2)"));
+  Screenshot(text->window(), "help");
+}
+
+TEST_F(FormsTest, IconsFollowTheThemeAndTabsTheRoom) {
+  auto* desks = Child<QTabWidget>(window_.get(), "desks");
+  const auto ink = [&](int tab) {
+    const QImage image = desks->tabIcon(tab).pixmap(32, 32).toImage();
+    int lightness = -1;
+    for (int y = 0; y < image.height(); ++y) {
+      for (int x = 0; x < image.width(); ++x) {
+        if (image.pixelColor(x, y).alpha() == 255) lightness = image.pixelColor(x, y).lightness();
+      }
+    }
+    return lightness;
+  };
+  window_->SetTheme("light");
+  for (int tab = 0; tab < desks->count(); ++tab) {
+    EXPECT_GE(ink(tab), 0) << tab;
+    EXPECT_LT(ink(tab), 100) << tab;
+  }
+  window_->SetTheme("dark");
+  EXPECT_GT(ink(0), 180);
+  window_->SetTheme("system");
+  window_->resize(1300, 800);
+  QTest::qWait(50);
+  EXPECT_EQ(desks->tabText(3), "Images");
+  window_->resize(1024, 700);
+  QTest::qWait(50);
+  EXPECT_EQ(desks->tabText(3), "");
+  EXPECT_EQ(desks->tabToolTip(3), "Images");
+  EXPECT_TRUE(IconNamed("nothing of that name").isNull());
+}
+
+}  // namespace
+}  // namespace trigpoint
