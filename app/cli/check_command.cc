@@ -38,8 +38,8 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
     ending.Fact(k == 0 ? "Do next" : "  then", outcome.advice[k].what);
   }
   size_t shown = 0, wrong = 0;
-  for (const Finding& f : outcome.findings) wrong += f.light != Light::kGreen ? 1 : 0;
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) wrong += f.light != Light::kGreen ? 1 : 0;
+  for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen || shown == kFindingsShown) break;
     ++shown;
     ending.Problem(Capitalised(LightName(f.light)), f.text);
@@ -52,7 +52,7 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
 // What became true, and what is no longer.
 void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, Terminal* terminal) {
   std::set<std::string> now;
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen) continue;
     const std::string line = fmt::format("{}: {}", LightName(f.light), f.text);
     now.insert(line);
@@ -120,7 +120,7 @@ int Check(Session& session, const Arguments& a) {
   nlohmann::json json = {
       {"command", "check"},           {"ok", outcome.light == Light::kGreen}, {"light", LightName(outcome.light)},
       {"pictures", outcome.pictures}, {"waiting", outcome.waiting},           {"dir", check.out().string()}};
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) {
     json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text}});
   }
   for (const Advice& advice : outcome.advice) json["next"].push_back(advice.what);

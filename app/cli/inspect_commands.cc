@@ -109,7 +109,7 @@ int Mark(const Session& session, const MarkArguments& a) {
     json["world_m"] = {solution.world_m.x(), solution.world_m.y(), solution.world_m.z()};
     json["rms_px"] = solution.rms_px;
     json["images"] = nlohmann::json::array();
-    for (const PointPrediction& p : solution.images) {
+    for (const PredictedMark& p : solution.images) {
       const double spread = std::sqrt(p.covariance_px2.trace() / 2);
       rows.push_back({p.run + "/" + p.file, fmt::format("{:.2f}", p.pixel.x()), fmt::format("{:.2f}", p.pixel.y()),
                       fmt::format("{:.2f}", spread), p.marked ? "marked" : ""});

@@ -99,7 +99,7 @@ void ImagesDesk::ShowMarks() {
         if (point.empty()) return answer;
         try {
           const PointSolution solution = PredictPoint(*snapshot->project, point, "");
-          for (const PointPrediction& p : solution.images) {
+          for (const PredictedMark& p : solution.images) {
             answer.predictions.push_back({QString::fromStdString(p.run + "/" + p.file), p.pixel.x(), p.pixel.y(),
                                           std::sqrt(p.covariance_px2.trace() / 2),
                                           p.marked ? (*p.marked - p.pixel).norm() : -1});

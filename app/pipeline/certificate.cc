@@ -45,7 +45,7 @@ std::string Millimetres(const json& metres) {
 struct Subject {
   const Project& project;
   const json& record;
-  const Statement& statement;
+  const ReleaseStatement& statement;
   json survey;    // map/summary.json
   json evaluate;  // evaluate/summary.json
   json gates;     // gates/gates.json
@@ -453,7 +453,8 @@ class Page {
 
 }  // namespace
 
-void WriteCertificate(const Project& project, const json& record, const Statement& statement, const fs::path& release) {
+void WriteCertificate(const Project& project, const json& record, const ReleaseStatement& statement,
+                      const fs::path& release) {
   Subject facts{project,
                 record,
                 statement,

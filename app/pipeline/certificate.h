@@ -12,7 +12,7 @@ namespace trigpoint {
 // Writes certificate.html, certificate.pdf and certificate.json into the half-made release `release`, from its record
 // and its map/ and evaluate/. Accuracy is that at check points and of answers that share no evidence with what they are
 // held against: residuals of control are never stated as accuracy; where nothing was checked, the page states that.
-void WriteCertificate(const Project& project, const nlohmann::json& record, const Statement& statement,
+void WriteCertificate(const Project& project, const nlohmann::json& record, const ReleaseStatement& statement,
                       const std::filesystem::path& release);
 
 }  // namespace trigpoint

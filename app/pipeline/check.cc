@@ -411,7 +411,7 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   AddMap(&facts, progress, cancel);
   AddSets(&facts, progress, cancel);
   for (const auto& find : {FindInPictures, FindInMap}) {
-    const std::vector<Finding> found = find(facts);
+    const std::vector<SiteFinding> found = find(facts);
     outcome.findings.insert(outcome.findings.end(), found.begin(), found.end());
   }
   JudgeGates(&outcome);
@@ -419,7 +419,7 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
     outcome.findings.push_back({Light::kRed, "files", "no picture has been copied here yet"});
   }
   std::stable_sort(outcome.findings.begin(), outcome.findings.end(),
-                   [](const Finding& a, const Finding& b) { return a.light > b.light; });
+                   [](const SiteFinding& a, const SiteFinding& b) { return a.light > b.light; });
   outcome.light = outcome.findings.empty() ? Light::kGreen : outcome.findings.front().light;
   for (const TagCoverage& tag : CoverTags(facts)) {
     const bool counts = facts.planned.empty() || facts.planned.contains(tag.tag_id);

@@ -19,7 +19,7 @@ namespace trigpoint {
 struct CheckOutcome {
   std::shared_ptr<const Project> project;  // `facts` points into it
   FieldFacts facts;
-  std::vector<Finding> findings;  // red ones first
+  std::vector<SiteFinding> findings;  // red ones first
   std::vector<Advice> advice;     // most valuable first
   Light light = Light::kGreen;    // the worst of the findings
   int pictures = 0, waiting = 0;  // looked at; still being copied or not looked at yet

@@ -36,7 +36,7 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
 
 void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
   CsvWriter findings({"light", "topic", "finding"}, {"trigpoint check findings 1"});
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) {
     findings.Text(LightName(f.light)).Text(f.topic).Text(f.text);
     findings.EndRow();
   }
@@ -94,7 +94,7 @@ nlohmann::json SummaryOf(const CheckOutcome& outcome) {
                          {"planned_tags_seen", outcome.planned_seen},
                          {"findings", nlohmann::json::array()},
                          {"next", nlohmann::json::array()}};
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) {
     json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text}});
   }
   for (const Advice& a : outcome.advice) json["next"].push_back({{"what", a.what}, {"why", a.why}});
@@ -111,7 +111,7 @@ TableCell Number(double value, int decimals) { return {fmt::format("{:.{}f}", va
 Table FindingTable(const CheckOutcome& outcome) {
   Table table{"", ""};
   table.columns = {{"light"}, {"topic"}, {"finding"}};
-  for (const Finding& f : outcome.findings) {
+  for (const SiteFinding& f : outcome.findings) {
     table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text)});
   }
   return table;

@@ -267,7 +267,7 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
   solution.world_m = x;
   solution.covariance = information.inverse();
   solution.rms_px = std::sqrt(cost / static_cast<double>(marked.size()));
-  std::vector<std::pair<double, PointPrediction>> ranked;
+  std::vector<std::pair<double, PredictedMark>> ranked;
   for (const LocalizedView& view : views) {
     Eigen::Matrix<double, 2, 3> j;
     const auto pixel = view.camera->Project(view.cam_from_world * x, &j);

@@ -23,7 +23,7 @@ PointMark SavePointMark(const Project& project, const std::string& point, const 
 // Takes a mark away. Throws InputError if there is none.
 void RemovePointMark(const Project& project, const std::string& point, const std::string& image);
 
-struct PointPrediction {
+struct PredictedMark {
   std::string run, file, image;  // file as in images.txt, image below the project
   Eigen::Vector2d pixel;
   Eigen::Matrix2d covariance_px2;  // of the predicted pixel: of the marks, through the point
@@ -35,7 +35,7 @@ struct PointSolution {
   Eigen::Matrix3d covariance;  // m^2, 1 px marks, cameras held
   double rms_px = 0;           // of the marks; from two marks it says little
   int marks = 0;
-  std::vector<PointPrediction> images;  // every image that must show it, nearest camera first
+  std::vector<PredictedMark> images;  // every image that must show it, nearest camera first
 };
 
 // From the marks in localized images, by least squares on their pixels. Throws InputError if fewer than two marks lie

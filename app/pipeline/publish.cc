@@ -237,7 +237,7 @@ void WriteRelease(const Project& project, const PublishOptions& options, const s
     const Geodetic& o = project.frame().origin();
     record["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
   }
-  const Statement& statement = options.statement;
+  const ReleaseStatement& statement = options.statement;
   record["certificate"] = {
       {"author", statement.author}, {"instrument", statement.instrument}, {"note", statement.note}};
   // So that a signature that was taken away is missed.

@@ -12,7 +12,7 @@
 namespace trigpoint {
 
 // What only a person knows, for the certificate; empty: not stated.
-struct Statement {
+struct ReleaseStatement {
   std::string author;      // who is responsible for it
   std::string instrument;  // what the control was measured with
   std::string note;
@@ -22,7 +22,7 @@ struct PublishOptions {
   std::string name;
   std::string variant;
   bool copy_inputs = false;  // pictures and videos too; else their hashes
-  Statement statement;
+  ReleaseStatement statement;
   std::optional<std::string> sign;  // with which key, see SignRelease
 };
 

@@ -54,7 +54,7 @@ std::vector<CameraPictures> ByCamera(const FieldFacts& facts) {
   return cameras;
 }
 
-void FindUnusable(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindUnusable(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldRun& run : facts.runs) {
     std::vector<std::string> names;
     for (const FieldPicture& picture : run.pictures) {
@@ -81,7 +81,7 @@ void FindUnusable(const FieldFacts& facts, std::vector<Finding>* findings) {
 }
 
 // Pictures that are blurred against the same camera's sharp ones: walked too fast, shaken.
-void FindBlurred(const CameraPictures& camera, std::vector<Finding>* findings) {
+void FindBlurred(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   if (camera.blurs.empty()) return;
   const double sharp = Quantile(camera.blurs, 0.25), limit = std::max(kBlurred_px, kBlurredTimes * sharp);
   std::vector<std::string> names;
@@ -114,7 +114,7 @@ std::optional<double> MedianBlur(const std::vector<const FieldPicture*>& picture
 
 // The lens as a whole: against a fixed limit, its own earlier pictures, and the other cameras.
 bool FindBlurredLens(const CameraPictures& camera, const std::vector<CameraPictures>& all,
-                     std::vector<Finding>* findings) {
+                     std::vector<SiteFinding>* findings) {
   const std::optional<double> now = MedianBlur(Latest(camera));
   if (!now || *now < kLeastSmear_px) return false;
   std::string against;
@@ -138,7 +138,7 @@ bool FindBlurredLens(const CameraPictures& camera, const std::vector<CameraPictu
 }
 
 // A part of the picture that is always less sharp than the rest.
-void FindSmearedPart(const CameraPictures& camera, std::vector<Finding>* findings) {
+void FindSmearedPart(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   static constexpr const char* kParts[] = {"upper left",   "upper middle", "upper right",  "middle left", "middle",
                                            "middle right", "lower left",   "lower middle", "lower right"};
   const std::vector<const FieldPicture*> latest = Latest(camera);
@@ -170,7 +170,7 @@ void FindSmearedPart(const CameraPictures& camera, std::vector<Finding>* finding
                                    camera.name, SomeOf(parts), worst, rest)});
 }
 
-void FindExposure(const CameraPictures& camera, std::vector<Finding>* findings) {
+void FindExposure(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   std::vector<std::string> dark, bright;
   for (const FieldPicture* picture : camera.pictures) {
     const PictureQuality& q = *picture->quality;
@@ -189,7 +189,7 @@ void FindExposure(const CameraPictures& camera, std::vector<Finding>* findings) 
 }
 
 // What was looked at and is as it should be is said, too.
-void SayQuality(const CameraPictures& camera, std::vector<Finding>* findings) {
+void SayQuality(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   if (camera.blurs.empty()) return;
   std::vector<double> means;
   for (const FieldPicture* picture : camera.pictures) means.push_back(picture->quality->mean);
@@ -199,7 +199,7 @@ void SayQuality(const CameraPictures& camera, std::vector<Finding>* findings) {
 }
 
 // Pictures in a row that share too little: walked or turned too fast, nothing but a bare wall.
-void FindOverlap(const FieldRun& run, std::vector<Finding>* findings) {
+void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
   std::vector<double> shared;
   std::vector<std::string> broken;
   for (const FieldPair& pair : run.pairs) {
@@ -220,7 +220,7 @@ void FindOverlap(const FieldRun& run, std::vector<Finding>* findings) {
                                    run.run->name, broken.size(), shared.size(), kLeastShared, SomeOf(broken, 2))});
 }
 
-void FindMissingTags(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindMissingTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const TagCoverage& tag : CoverTags(facts)) {
     const auto planned = facts.planned.find(tag.tag_id);
     const std::string what = planned != facts.planned.end() && !planned->second.what.empty()
@@ -243,7 +243,7 @@ void FindMissingTags(const FieldFacts& facts, std::vector<Finding>* findings) {
   }
 }
 
-void FindInSets(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindInSets(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldSet& set : facts.sets) {
     const std::string name = "photo set " + set.name;
     if (!set.problem.empty()) {
@@ -282,8 +282,8 @@ std::string SomeOf(const std::vector<std::string>& names, size_t most) {
   return names.size() > most ? text + fmt::format(" and {} more", names.size() - most) : text;
 }
 
-std::vector<Finding> FindInPictures(const FieldFacts& facts) {
-  std::vector<Finding> findings;
+std::vector<SiteFinding> FindInPictures(const FieldFacts& facts) {
+  std::vector<SiteFinding> findings;
   FindUnusable(facts, &findings);
   const std::vector<CameraPictures> cameras = ByCamera(facts);
   for (const CameraPictures& camera : cameras) {

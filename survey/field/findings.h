@@ -19,7 +19,7 @@ namespace trigpoint {
 enum class Light { kGreen, kAmber, kRed };
 const char* LightName(Light light);  // green, amber, red
 
-struct Finding {
+struct SiteFinding {
   Light light = Light::kGreen;
   std::string topic;  // tags, blur, exposure, lens, files, map, calibration, odometry, clock, gps, loops, stations, ...
   std::string text;   // one sentence, plain words
@@ -121,9 +121,9 @@ struct StationCoverage {
 std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radius_m);
 
 // What the pictures by themselves show: files, blur, lens, exposure, tags that are missing, photo sets.
-std::vector<Finding> FindInPictures(const FieldFacts& facts);
+std::vector<SiteFinding> FindInPictures(const FieldFacts& facts);
 // What the map shows: tags that stand twice, moved or are barely held, calibration, odometry, loops, clock, stations.
-std::vector<Finding> FindInMap(const FieldFacts& facts);
+std::vector<SiteFinding> FindInMap(const FieldFacts& facts);
 
 // "a, b, c and 4 more".
 std::string SomeOf(const std::vector<std::string>& names, size_t most = 4);

@@ -43,7 +43,7 @@ struct Way {
   std::vector<double> length;
 };
 
-void FindInTags(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   std::map<int, std::string> reasons;
   for (const TagEstimate& tag : facts.map->tags) reasons[tag.tag_id] = tag.reason;
   for (const TagCoverage& tag : CoverTags(facts)) {
@@ -70,7 +70,7 @@ void FindInTags(const FieldFacts& facts, std::vector<Finding>* findings) {
   }
 }
 
-void FindInCalibration(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindInCalibration(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldCalibration& c : facts.calibrations) {
     const double sigmas = c.focal_sigma > 0 ? std::abs(c.focal_change) / c.focal_sigma : 0;
     if (std::abs(c.focal_change) > kFocalOff && sigmas > 3) {
@@ -92,7 +92,7 @@ void FindInCalibration(const FieldFacts& facts, std::vector<Finding>* findings) 
   }
 }
 
-void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>* findings) {
+void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
   const std::string& name = run.run->name;
   const auto add = [&](Light light, const char* topic, const std::string& text) {
     findings->push_back({light, topic, name + ": " + text});
@@ -150,7 +150,7 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Fi
   }
 }
 
-void FindInGps(const FieldRun& run, std::vector<Finding>* findings) {
+void FindInGps(const FieldRun& run, std::vector<SiteFinding>* findings) {
   if (run.pictures.empty()) return;
   const std::string& name = run.run->name;
   if (run.run->gps.empty()) {
@@ -171,7 +171,7 @@ void FindInGps(const FieldRun& run, std::vector<Finding>* findings) {
   }
 }
 
-void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>* findings) {
+void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
   if (run.run->odometry.poses.size() < 2 || run.pictures.empty()) return;
   const Way way(run.run->odometry);
   std::map<int, double> last_seen;
@@ -214,7 +214,7 @@ void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<Finding>
   }
 }
 
-void FindInStations(const FieldFacts& facts, std::vector<Finding>* findings) {
+void FindInStations(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   std::vector<std::string> bare;
   for (const StationCoverage& station : CoverStations(facts, kStation_m)) {
     if (!station.reference) bare.push_back(station.station);
@@ -326,8 +326,8 @@ std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radiu
   return list;
 }
 
-std::vector<Finding> FindInMap(const FieldFacts& facts) {
-  std::vector<Finding> findings;
+std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
+  std::vector<SiteFinding> findings;
   if (!facts.map_problem.empty()) findings.push_back({Light::kRed, "map", facts.map_problem});
   if (facts.map) {
     FindInTags(facts, &findings);

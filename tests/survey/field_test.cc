@@ -124,7 +124,7 @@ SurveyInput Recorded(const NetworkLayout& layout) {
 std::vector<std::string> Wrong(const FieldFacts& facts) {
   std::vector<std::string> texts;
   for (const auto& find : {FindInPictures, FindInMap}) {
-    for (const Finding& f : find(facts)) {
+    for (const SiteFinding& f : find(facts)) {
       if (f.light != Light::kGreen) texts.push_back(f.text);
     }
   }
@@ -179,7 +179,7 @@ TEST(Field, ARunThatNeverLooksBackIsNamed) {
   EXPECT_THAT(Wrong(open->facts), testing::Contains(HasSubstr("without coming back to a tag: the loop is open")));
   const auto closed = SceneOf(Recorded(Yard()), Yard());
   std::vector<std::string> texts;
-  for (const Finding& f : FindInMap(closed->facts)) texts.push_back(f.text);
+  for (const SiteFinding& f : FindInMap(closed->facts)) texts.push_back(f.text);
   EXPECT_THAT(texts, testing::Contains(HasSubstr("loop closed")));
 }
 
