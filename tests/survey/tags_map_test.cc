@@ -119,7 +119,7 @@ SurveyRun MakeStills(const Yard& yard, uint64_t seed, double rig_over_true) {
   set.stills = true;
   set.scale_sigma = 0.2;
   set.max_gap_s = 100;
-  set.cameras.push_back({"lens0", kCamera, Rigid3d(), false, 0, ""});
+  set.cameras.push_back({"lens0", kCamera, Rigid3d()});
   for (int i = 0; i < 16; ++i) {
     const double a = 0.39270 * i;
     Eigen::Matrix3d r;  // z outwards, y down
