@@ -252,19 +252,19 @@ void AddNotes(bool or_shifted, EstimateReport* r) {
         fmt::format("its clock is off: {:+.3f} s (sigma {:.3f} s) added to its stamps fit best, RMSE "
                     "{:.3f} m instead of {:.3f} m{}",
                     r->time_offset->offset_s, r->time_offset->sigma_s, *r->rmse_with_offset_m, *r->rmse_m,
-                    or_shifted ? "; or it is shifted along its path, which is too straight to tell" : ""));
+                    or_shifted ? "; or it is shifted along its path, which is too straight to decide" : ""));
   }
   if (InAnotherFrame(*r)) {
     r->notes.push_back(
         fmt::format("it seems to be in another frame than the site's east, north, up: after a rigid fit "
-                    "its RMSE is {:.3f} m instead of {:.3f} m; say alignment: se3 in system.yaml to have "
-                    "it fitted",
+                    "its RMSE is {:.3f} m instead of {:.3f} m; set alignment: se3 in system.yaml to fit "
+                    "it",
                     *r->aligned_rmse_m, *r->rmse_m));
   } else if (r->lever_arm && r->lever_arm->significant) {
     const LeverArm& a = *r->lever_arm;
     r->notes.push_back(
         fmt::format("it fits a point that lies at ({:.3f}, {:.3f}, {:.3f}) m in the camera's axes: RMSE "
-                    "{:.3f} m instead of {:.3f} m; say lever_arm_m in system.yaml",
+                    "{:.3f} m instead of {:.3f} m; set lever_arm_m in system.yaml",
                     a.arm_m.x(), a.arm_m.y(), a.arm_m.z(), a.rmse_after_m, a.rmse_before_m));
   }
 }

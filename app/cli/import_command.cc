@@ -168,7 +168,7 @@ std::string Guess(const fs::path& from) {
     for (const auto& entry : fs::directory_iterator(from)) json = json || entry.path().extension() == ".json";
     return json ? "panoramas" : "photos";
   }
-  throw InputError(from.string() + ": what it is cannot be told from its name; say it by --as");
+  throw InputError(from.string() + ": its kind cannot be recognised by its name; give it by --as");
 }
 
 ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& progress, const CancelToken& cancel) {
@@ -207,7 +207,7 @@ int TakeIn(Session& session, const Arguments& a) {
   if (a.list && as == "bag") return ListTopics(session, a);
   if (service == nullptr && a.list) throw OptionError("--list is for services and bags; --from " + a.from + " is none");
   if (service != nullptr && a.near.empty() && a.along.empty()) {
-    throw OptionError("--from " + service->name + ": where? Give --near LAT,LON or --along RUN");
+    throw OptionError("--from " + service->name + ": expected --near LAT,LON or --along RUN");
   }
   if (service != nullptr && a.list) return List(session, a, *service);
   Terminal terminal = session.MakeTerminal();

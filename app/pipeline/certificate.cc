@@ -129,7 +129,7 @@ class Page {
           fmt::format("east, north, up about latitude {:.8f} deg, longitude {:.8f} deg, ellipsoidal height {:.3f} m",
                       origin[0].get<double>(), origin[1].get<double>(), origin[2].get<double>());
     } else if (local) {
-      frame = "the local frame of the surveyed points, not on the Earth";
+      frame = "the local frame of the surveyed points, not georeferenced";
     }
     Values("systems", {{"Coordinates of this release", frame},
                        {"Reference ellipsoid", geodetic ? "WGS 84" : ""},
@@ -257,7 +257,7 @@ class Page {
   // Of positions of panoramas and cameras, where they were held against something independent.
   void Answers() {
     Table table{"answers",
-                "Positions of panoramas, held against points that share no evidence with them.",
+                "Positions of panoramas, compared with points that share no data with them.",
                 {{"method"}, {"against"}, {"kind"}, {"answers", true}, {"median 3D (m)", true}, {"P90 3D (m)", true}},
                 {}};
     for (const json& group : f_.evaluate.value("groups", json::array())) {
@@ -280,7 +280,7 @@ class Page {
     }
     if (!table.rows.empty()) blocks_.push_back(table);
     if (f_.tags.empty() && table.rows.empty()) {
-      Say("No answer was held against anything independent: the accuracy was not tested.", Tone::kWarning);
+      Say("No answer was compared with anything independent: the accuracy was not tested.", Tone::kWarning);
     }
   }
 
@@ -334,7 +334,7 @@ class Page {
     const std::string datum = f_.survey.value("datum", "");
     if (!f_.tags.empty() && datum.find("control") == std::string::npos) {
       limits.push_back("No control holds the map (datum: " + (datum.empty() ? "none" : datum) +
-                       "): distances between tags can be used; coordinates on the Earth are as good as what the datum "
+                       "): distances between tags can be used; georeferenced coordinates are as good as what the datum "
                        "was taken from.");
     }
     if (!f_.tags.empty() && n < 30) {

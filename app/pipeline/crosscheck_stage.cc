@@ -264,20 +264,19 @@ void WriteTables(const fs::path& dir, const std::vector<Other>& others, const st
                  const std::string& version, const Ours& ours) {
   std::vector<double> errors;
   for (const ModelPoint& point : ours.scene.model.points) errors.push_back(point.error_px);
-  CsvWriter csv(
-      {"system", "status", "reason", "images", "registered", "models", "reprojection_px", "what", "alignment",
-       "compared", "rmse_m", "median_m", "max_m", "rotation_median_deg", "rotation_max_deg", "scale",
-       "normalised_median", "normalised_p95", "beyond_99"},
-      {"trigpoint crosscheck 1; theirs minus ours, frame=odom; normalised by our covariance (1: as much as we "
-       "say we may be wrong)"});
+  CsvWriter csv({"system", "status", "reason", "images", "registered", "models", "reprojection_px", "what", "alignment",
+                 "compared", "rmse_m", "median_m", "max_m", "rotation_median_deg", "rotation_max_deg", "scale",
+                 "normalised_median", "normalised_p95", "beyond_99"},
+                {"trigpoint crosscheck 1; theirs minus ours, frame=odom; normalised by our covariance (1: as large as "
+                 "our stated sigmas)"});
   std::string md = fmt::format(
       "# Cross-check of {}\n\nCOLMAP {}. Ours: {} images, {} points, mean reprojection error {:.3f} px. Differences "
       "are "
       "theirs minus ours; *normalised* is by our own covariance after the same alignment: about 1 is agreement within "
       "what "
       "we state, and the last column is the share of cameras beyond the 99 % value (1 % would be chance). A "
-      "reconstruction from images alone has a place, a direction and a size of its own: only its sim3 rows say "
-      "something.\n\n"
+      "reconstruction from images alone has an arbitrary position, orientation and scale: only its sim3 rows are "
+      "meaningful.\n\n"
       "| system | what | alignment | compared | rmse m | max m | rotation median deg | scale | normalised median | p95 "
       "| "
       "beyond 99 % |\n|---|---|---|---|---|---|---|---|---|---|---|\n",
@@ -468,7 +467,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
 StageInfo CrosscheckStage() {
   StageInfo info;
   info.name = "crosscheck";
-  info.help = "hold a run against COLMAP, and against models/ and estimates/";
+  info.help = "compare a run with COLMAP, and with models/ and estimates/";
   info.variants = true;
   info.needs = {"localize"};
   info.metric = "compared";

@@ -200,7 +200,7 @@ void LeaveOutOtherFamilies(const Run& run, const std::string& family, StageConte
     });
   }
   if (others == 0) return;
-  const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml says {}",
+  const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml has {}",
                                         run.detections.string(), others, all, other, family);
   if (others == all) throw InputError(found + "; mend one of the two");
   context.progress.Log(LogLevel::kWarning, found + "; they are left out");

@@ -86,7 +86,7 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
     if (!wants_odom && fs::exists(world)) {
       paths.push_back({"cameras" + suffix, "world", ReadTrajectory(world).poses});
     } else if (wants_world) {
-      throw InputError("run " + run + ": is not on the Earth (see its log.txt); ask for --frame odom");
+      throw InputError("run " + run + ": is not georeferenced (see its log.txt); use --frame odom");
     }
     if (!wants_world && fs::exists(odom))
       paths.push_back({"cameras_odom" + suffix, "odom", ReadTrajectory(odom).poses});
@@ -157,7 +157,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     WritePanoramaWithPose(picture->second, report->files.back(), pose);
     ++written;
   }
-  if (written == 0) throw InputError("run " + run + ": no panorama has a position on the Earth");
+  if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced");
   report->lines.push_back(fmt::format("{}: {} panoramas", run, written));
 }
 

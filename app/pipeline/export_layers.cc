@@ -368,7 +368,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
     if (!fs::exists(dir / "panoramas.csv")) {
       warnings->push_back("run " + run + " is left out: not localized yet (trigpoint localize)");
     } else if (!fs::exists(dir / "cameras.csv")) {
-      warnings->push_back("run " + run + " is left out: its localization is not on the Earth (see its log.txt)");
+      warnings->push_back("run " + run + " is left out: it is not georeferenced (see its log.txt)");
     } else {
       AddRun(&s, run, dir);
     }
@@ -379,7 +379,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
       AddTags(&s, survey);
     } else {
       warnings->push_back(
-          "no tags and stations: the tag map is in a frame of its own, not on the Earth (give the "
+          "no tags and stations: the tag map is in a frame of its own, not georeferenced (give the "
           "survey control points or geotags)");
     }
   } else if (!project.site().stations.empty() || !project.site().control_points.empty()) {

@@ -85,13 +85,13 @@ void LeaveOutSets(Site* site, ProgressSink& progress) {
 
 void WarnOfEarth(const Localization& result, ProgressSink& progress) {
   if (!result.earth_reason.empty()) {
-    progress.Log(LogLevel::kWarning, (result.on_earth ? "" : "no position on the Earth: ") + result.earth_reason);
+    progress.Log(LogLevel::kWarning, (result.on_earth ? "" : "not georeferenced: ") + result.earth_reason);
   }
   // Half of it: a height that one of many GPS fixes has is known.
   if (result.on_earth && std::sqrt(result.geo.covariance(5, 5)) > 0.5 * kUnknownHeightSigma)
     progress.Log(LogLevel::kWarning,
-                 "no geotag says a height: heights are counted from the site's origin, as if the references "
-                 "lay there, and are not known (1 sigma 10 km)");
+                 "no geotag has a height: the references are taken to lie at the height of the site's origin, "
+                 "so heights are unknown (1 sigma 10 km)");
 }
 
 // Offsets of other clocks against the images'.
@@ -105,7 +105,7 @@ void NoteClocks(const Run& r, const LocalizeJob& job, const Localization& result
   }
 }
 
-// Without odometry the length of the run is first known once it lies on the Earth. Thresholds in metres hold from then
+// Without odometry the length of the run is first known once it is georeferenced. Thresholds in metres hold from then
 // on, so it is localized again.
 Localization AtItsLength(const LocalizeJob& job, const std::function<Localization(double length)>& localize) {
   constexpr int kRounds = 3;
@@ -232,8 +232,8 @@ StageInfo LocalizeStage() {
                        m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
                        m.at("unmatched").get<int>(), m.at("images").get<int>(),
                        m.at("on_earth").get<bool>()
-                           ? "on the Earth by " + m.at("earth_source").get<std::string>() + ", " + LengthText(m)
-                           : "not on the Earth: " + m.at("earth_reason").get<std::string>());
+                           ? "georeferenced from " + m.at("earth_source").get<std::string>() + ", " + LengthText(m)
+                           : "not georeferenced: " + m.at("earth_reason").get<std::string>());
   };
   return info;
 }

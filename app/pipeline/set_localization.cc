@@ -149,7 +149,7 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
         if (again.status != AnswerStatus::kLocalized || again.support < g.support - 3 * std::sqrt(g.support)) break;
         g = again;
       }
-      // A pose elsewhere that another size leads to is a rival like any other.
+      // A pose elsewhere that another size leads to is a second hypothesis like any other.
       const Eigen::Vector3d centre = g.rig_from_odom.TargetOriginInSource();
       for (const Registration& other : attempts) {
         const double apart = (other.rig_from_odom.TargetOriginInSource() - centre).norm();

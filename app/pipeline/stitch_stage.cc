@@ -28,7 +28,7 @@ struct StitchStageOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.rig, {"rig", "", 0, 0, "how the photos hang together"});
+    visit(self.rig, {"rig", "", 0, 0, "how the photos are tied together"});
     visit(self.panorama, {"panorama", "", 0, 0, "the picture made of them"});
     visit(self.compose, {"compose", "", 0, 1, "also make the picture, not the rig alone"});
   }
@@ -148,7 +148,7 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
                       number("level_sigma_deg"));
   text += m.contains("heading_deg") ? fmt::format(", heading {:.1f} deg +- {:.1f} by compass\n", number("heading_deg"),
                                                   number("heading_sigma_deg"))
-                                    : std::string(", heading not known\n");
+                                    : std::string(", heading unknown\n");
   if (m.contains("panorama")) {
     text += fmt::format("{} ({} x {} px, {:.1f} % of the sphere)\n",
                         (outcome.dir / m.at("panorama").get<std::string>()).string(), m.at("width_px").get<int>(),
@@ -162,7 +162,7 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
 StageInfo StitchStage() {
   StageInfo info;
   info.name = "stitch";
-  info.help = "make a panorama of hand-held photos, and the true place of each";
+  info.help = "make a panorama of hand-held photos, and the pose of each";
   info.metric = "placed";
   UseOptions<StitchStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {

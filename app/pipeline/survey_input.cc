@@ -420,7 +420,7 @@ void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJ
   }
   if (datum == "gravity" && !levelled) {
     throw InputError(
-        "datum gravity: no survey run's odometry is levelled; say odometry: {levelled: true} in its run.yaml, if its z "
+        "datum gravity: no survey run's odometry is levelled; set odometry: {levelled: true} in its run.yaml, if its z "
         "axis is up");
   }
   for (const SurveyRun& run : input.runs) fixes |= !run.gps.empty();

@@ -246,7 +246,7 @@ StageInfo SurveyStage() {
   };
   info.not_needed = [](const Project& project, const StageTarget&) -> std::string {
     if (SurveyRuns(project).empty()) return "no run whose role is survey or both";
-    if (!fs::exists(project.dir() / "tags.yaml")) return "no tags.yaml, which says how large the tags are";
+    if (!fs::exists(project.dir() / "tags.yaml")) return "no tags.yaml with the sizes of the tags";
     return "";
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {

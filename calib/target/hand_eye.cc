@@ -322,7 +322,7 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
         std::to_string(result.passes) + "; drive past more tags, or past the same ones again");
   }
   if (result.turned_rad < kLeastTurn) {
-    throw InputError("hand-eye calibration: the body hardly turns while it sees a tag (" +
+    throw InputError("hand-eye calibration: the body rotates too little while it sees a tag (" +
                      std::to_string(static_cast<int>(std::lround(result.turned_rad * 180 / std::numbers::pi))) +
                      " deg at most): where the camera sits cannot be seen; drive curves in front of tags");
   }

@@ -52,7 +52,7 @@ ImportReport ImportOpenSfmGcp(const fs::path& site, const fs::path& file, const 
   }
   CsvWriter csv({"point", "role", "latitude_deg", "longitude_deg", "height_m", "sigma_h_m", "sigma_v_m"},
                 {"from " + file.filename().string() +
-                 "; heights as given; sigmas are a handheld receiver's: put in what your survey says"});
+                 "; heights as given; sigmas are a handheld receiver's: replace them by those of your survey"});
   CsvWriter marks({"point", "image", "u", "v"}, {"pixels: the centre of the first one is 0, 0"});
   for (const ControlPoint& point : known.points) {
     csv.Text(point.point).Text("control");

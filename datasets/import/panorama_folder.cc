@@ -58,7 +58,7 @@ std::optional<PanoramaRecord> ReadRecord(const json& object, const std::string& 
   if (!latitude || !longitude) return skip("panorama " + record.id + " has no latitude and longitude");
   if (std::abs(*latitude) > 90 || std::abs(*longitude) > 180) {
     return skip(
-        fmt::format("panorama {}: latitude {}, longitude {} is not on the Earth", record.id, *latitude, *longitude));
+        fmt::format("panorama {}: latitude {}, longitude {} is out of range", record.id, *latitude, *longitude));
   }
   record.position = {*latitude, *longitude, 0};
   if (const auto height = Number(place, {"altitude", "elevation", "height", "height_m"})) {

@@ -27,8 +27,8 @@ SearchArea AreaAlongRun(const std::filesystem::path& site, const std::string& ru
   }
   if (track.empty()) {
     throw InputError("run " + run +
-                     ": nothing shows where on the Earth it went; give GPS (gps.csv, *.gpx, *.nmea, or EXIF "
-                     "positions), or say --near LAT,LON");
+                     ": it has no position; give GPS (gps.csv, *.gpx, *.nmea, or EXIF "
+                     "positions), or use --near LAT,LON");
   }
   SearchArea area;
   area.radius_m = radius_m + 2 * Median(sigmas);

@@ -188,7 +188,7 @@ cv::Mat LoadPicture(const std::filesystem::path& file, bool grey) {
 cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey) {
   const auto refuse = [&](const cv::Size& size) {
     throw InputError(file.string() + ": expected an equirectangular panorama twice as wide as high (or GPano tags " +
-                     "that say which part it is), found " + Size(size.width, size.height));
+                     "that state which part it is), found " + Size(size.width, size.height));
   };
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);

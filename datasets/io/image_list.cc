@@ -200,10 +200,9 @@ void ReadFolders(Run* run) {
     } else {
       std::vector<int64_t> next(std::max<size_t>(run->cameras.size(), 1), 0);
       for (ImageEntry& image : images) image.stamp_ns = kNsPerSecond * next[static_cast<size_t>(image.camera)]++;
-      run->warnings.push_back(run->dir.string() +
-                              ": neither names nor EXIF tell when the images were taken; they are " +
-                              "numbered one a second. Odometry and GPS fit only if they use that clock: better list " +
-                              "'timestamp file' in images.txt");
+      run->warnings.push_back(
+          run->dir.string() + ": neither the names nor the EXIF of the images have a time; they are " +
+          "numbered one a second. Odometry and GPS must use that clock, else list " + "'timestamp file' in images.txt");
     }
   }
   run->images = std::move(images);

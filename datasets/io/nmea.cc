@@ -174,7 +174,7 @@ GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock) {
   warn(bad_checksum,
        "sentence(s) with a wrong checksum are skipped, the first on line " + std::to_string(first_bad_line));
   warn(malformed, "GGA sentence(s) without a readable time and position are skipped");
-  warn(no_fix, "GGA sentence(s) say that there was no fix");
+  warn(no_fix, "GGA sentence(s) have no fix");
   warn(no_geoid, "fix(es) state no geoid separation; their heights above the sea are kept with a sigma of 50 m");
   if (!first_day_ns && !clock.date.empty()) first_day_ns = ParseUtcToNs(clock.date.substr(0, 10));
   if (!first_day_ns && clock.time_zero_utc_ns) {

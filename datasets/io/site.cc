@@ -113,7 +113,7 @@ Site ReadSite(const std::filesystem::path& dir) {
       site.aerial = site.dir / "aerial.tif";
     } else {
       site.warnings.push_back((site.dir / "aerial.tif").string() +
-                              ": expected a TIFF with its place on the Earth (GeoTIFF); it is not used");
+                              ": expected a georeferenced TIFF (GeoTIFF); it is not used");
     }
   }
   return site;

@@ -17,7 +17,7 @@ std::string Count(const std::optional<double>& value) { return value ? fmt::form
 
 void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"runs",
-              "What became of each run. Scale: of the odometry, estimated; 1 sigma. Residual: median over points of "
+              "Each run. Scale: of the odometry, estimated; 1 sigma. Residual: median over points of "
               "their mean reprojection "
               "error.",
               {{"run"},
@@ -53,7 +53,7 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
                           {std::to_string(rejected), rejected},
                           {std::to_string(unmatched), unmatched},
                           {on_earth          ? "from " + TextAt(metrics, "earth_source")
-                           : metrics.empty() ? "not known"
+                           : metrics.empty() ? "unknown"
                                              : "none: " + TextAt(metrics, "earth_reason")},
                           {scale},
                           {Count(number("tracks")), number("tracks")},
@@ -177,7 +177,7 @@ void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
     which = "each stage, all its results together";
   }
   blocks->push_back(Figure{"timing",
-                           "Wall time of " + which + " (s), on the machine and with the threads that Provenance names.",
+                           "Wall time of " + which + " (s), on the machine and threads named under Provenance.",
                            BarChart(rows, "wall time (s)", 1)});
 }
 

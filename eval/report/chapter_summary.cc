@@ -120,7 +120,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
       "These numbers are {}: the place of each localized panorama against the place that its {} gives, in three "
       "dimensions, over the answers that were given. The tables call this comparison \"{}\".",
       accuracy ? "accuracy against a reference that the tested runs had no part in"
-               : "agreement, not accuracy: both sides rest on the same data, so that errors they share do not show",
+               : "agreement, not accuracy: both sides use the same data, so that common errors cancel",
       TextAt(g, "reference") == "self" ? "tag, as seen by the same run's cameras, and the measured offset"
                                        : "reference and the measured offset",
       GroupName(g));
@@ -259,12 +259,12 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
     AddHeadline(c, headline, blocks);
     AddRivals(c, headline, blocks);
   } else if (c.data.variants.empty()) {
-    blocks->push_back(Paragraph{
-        "Nothing was evaluated: there is no result of `trigpoint evaluate`. How good the answers are is not known.",
-        Tone::kWarning});
+    blocks->push_back(
+        Paragraph{"Nothing was evaluated: there is no result of `trigpoint evaluate`, so the accuracy is unknown.",
+                  Tone::kWarning});
   } else {
     blocks->push_back(
-        Paragraph{"No answer could be held against a reference: how good the answers are is not known. Reasons stand "
+        Paragraph{"No answer could be compared with a reference: their accuracy is unknown. The reasons are listed "
                   "with the stations.",
                   Tone::kWarning});
   }

@@ -49,7 +49,7 @@ class SurveyChapter {
            "standardised: the difference in its sigmas, in space (3 degrees of freedom: 95 % are below 2.8).");
     Points("control", "survey_control",
            "Control points: part of the solution, so that their residuals are smaller than the map's errors. Left out: "
-           "the difference in space if the map were made without the point, linearly; empty where nothing else holds a "
+           "the difference in space if the map were made without the point, linearly; - where nothing else holds a "
            "direction.");
     ControlEpochs();
     Distances();

@@ -104,7 +104,7 @@ class Reader {
       const std::string schema = TextAt(v.summary, "schema");
       if (v.summary.is_object() && schema != "trigpoint evaluate 1") {
         data_.notes.push_back(name + ": summary.json is of another version ('" + schema +
-                              "'); what is known of it is shown. Run `trigpoint evaluate` again.");
+                              "'); only what could be read is shown. Run `trigpoint evaluate` again.");
       }
     } else {
       data_.notes.push_back(name + ": has no summary.json; run `trigpoint evaluate` again");

@@ -63,7 +63,7 @@ SceneAerial ReadAerial(const std::filesystem::path& file, const LocalFrame& fram
   const OGRSpatialReference* system = data->GetSpatialRef();
   if (data->GetGeoTransform(t) != CE_None || !system) {
     throw InputError(file.string() +
-                     ": does not say where it lies; expected a GeoTIFF with a coordinate system and a "
+                     ": has no georeference; expected a GeoTIFF with a coordinate system and a "
                      "geotransform (gdal_translate -a_srs -a_ullr)");
   }
   OGRSpatialReference source(*system), geographic;

@@ -68,7 +68,7 @@ class Loader {
     }
     model_.on_earth = std::any_of(runs_.begin(), runs_.end(), [](const RunPart& r) { return r.on_earth; });
     if (!model_.on_earth && runs_.size() > 1) {
-      model_.notes.push_back("No run has a place on the Earth: only " + runs_.front().run->name +
+      model_.notes.push_back("No run is georeferenced: only " + runs_.front().run->name +
                              " is shown, in its own frame.");
       runs_.resize(1);
     }
@@ -77,7 +77,7 @@ class Loader {
                                    : "the optimised frame of " + runs_.front().run->name;
     for (const RunPart& part : runs_) {
       if (model_.on_earth && !part.on_earth) {
-        model_.notes.push_back("Run " + part.run->name + " has no place on the Earth and is not shown.");
+        model_.notes.push_back("Run " + part.run->name + " is not georeferenced and not shown.");
         continue;
       }
       cancel_.ThrowIfCancelled();

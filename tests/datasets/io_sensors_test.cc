@@ -157,7 +157,7 @@ TEST(NmeaTrack, CountsWhatItSkips) {
   EXPECT_EQ(track.fixes[0].stamp_ns, (1'778'716'800 + 36'000) * kSecond);
   const std::string warnings = Joined(track.warnings);
   EXPECT_THAT(warnings, HasSubstr("1 sentence(s) with a wrong checksum are skipped, the first on line 3"));
-  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) say that there was no fix"));
+  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) have no fix"));
   EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) without a readable time"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadNmea(file, {}); }),
               HasSubstr("give 'date: YYYY-MM-DD' (UTC) in run.yaml"));

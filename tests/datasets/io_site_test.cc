@@ -235,10 +235,10 @@ TEST_F(SiteTest, NamesTheLineOfAJump) {
 
 TEST_F(SiteTest, SaysThatAnAerialImageHasNoPlace) {
   Write("aerial.tif", "garbage");
-  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a TIFF with its place on the Earth"));
+  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a georeferenced TIFF"));
   EXPECT_TRUE(Read().aerial.empty());
   Picture("aerial.tif");
-  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a TIFF with its place on the Earth"));
+  EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a georeferenced TIFF"));
 }
 
 TEST_F(SiteTest, AppliesTimeOffsets) {

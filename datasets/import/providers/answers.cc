@@ -48,10 +48,10 @@ class ScratchFile {
   if (status == 401 || status == 403) {
     throw IoError(
         fmt::format("{} refuses the request (status {}): the token is missing, wrong or expired; make a new one "
-                    "with the service and give it as `trigpoint import --help` says",
+                    "with the service and give it as in `trigpoint import --help`",
                     at, status));
   }
-  if (status == 429) throw NetworkError(at + " says that too much was asked of it (status 429); try again later");
+  if (status == 429) throw NetworkError(at + " refuses more requests for now (status 429); try again later");
   if (status >= 500) throw NetworkError(fmt::format("{} fails (status {}); try again later", at, status));
   throw InputError(fmt::format("{} answers with status {}", at, status));
 }
