@@ -20,10 +20,10 @@ struct CheckOutcome {
   std::shared_ptr<const Project> project;  // `facts` points into it
   FieldFacts facts;
   std::vector<SiteFinding> findings;  // red ones first
-  std::vector<Advice> advice;     // most valuable first
-  Light light = Light::kGreen;    // the worst of the findings
-  int pictures = 0, waiting = 0;  // looked at; still being copied or not looked at yet
-  int planned_seen = 0;           // of facts.planned; of all tags where none are planned: those seen
+  std::vector<Advice> advice;         // most valuable first
+  Light light = Light::kGreen;        // the worst of the findings
+  int pictures = 0, waiting = 0;      // looked at; still being copied or not looked at yet
+  int planned_seen = 0;               // of facts.planned; of all tags where none are planned: those seen
 };
 
 // Reads a folder that grows. Its state is results/check/pictures.jsonl, so that another one goes on where it ended.

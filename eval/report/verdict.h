@@ -19,7 +19,8 @@ struct SigmaTest {
   const char* Words() const { return anees < low ? "too large" : anees > high ? "too small" : "consistent"; }
 };
 
-// Of a group of summary.json: with the joint covariance of its errors, of results without one as if they were independent.
+// Of a group of summary.json: with the joint covariance of its errors, of results without one as if they were
+// independent.
 std::optional<SigmaTest> SigmasOf(const nlohmann::json& group);
 
 // One comparison of the evaluation: a method against a reference.
