@@ -34,7 +34,7 @@ TEST(CommandLine, PhotoSetsAndCalibrationsHaveNamesOfTheirOwn) {
   query.runs = {"phone"};
   query.overrides = {{"calibrate", {{"images", "board/*.jpg"}}}};
   EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint calibrate s --name phone --set 'images=\"board/*.jpg\"'");
-  EXPECT_EQ(AllStages().back()->name, "calibrate");
+  EXPECT_EQ(AllStages().back()->name, "plan");
 }
 
 TEST(CommandLine, QuotesForTheShell) {

@@ -251,7 +251,7 @@ TEST(LoadPanorama, WantsTwoToOneOrTheTagsThatSayWhere) {
   EXPECT_EQ(LoadPanorama(dir / "full.jpg", true).size(), cv::Size(128, 64));
   cv::imwrite((dir / "odd.jpg").string(), Ramp(128, 48));
   EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(dir / "odd.jpg", true); }),
-              HasSubstr("odd.jpg: expected an equirectangular panorama twice as wide as high (or GPano tags that say "
+              HasSubstr("odd.jpg: expected an equirectangular panorama twice as wide as high (or GPano tags that state "
                         "which part it is), found 128 x 48"));
   // The sphere without its top quarter, at half the size the tags were written for.
   SetExif(dir / "odd.jpg", {{"Xmp.GPano.FullPanoWidthPixels", "256"},

@@ -323,7 +323,7 @@ TEST_F(SiteTest, ReadsBareFoldersOfImages) {
   ASSERT_EQ(read.images.size(), 2u);
   EXPECT_EQ(read.images[1].file, "IMG_10.jpg");
   EXPECT_EQ(read.images[1].stamp_ns, kSecond);
-  EXPECT_THAT(Warnings(read), HasSubstr("neither names nor EXIF tell when the images were taken"));
+  EXPECT_THAT(Warnings(read), HasSubstr("neither the names nor the EXIF of the images have a time"));
 
   Exif(run + "IMG_2.jpg", {{"Exif.Photo.DateTimeOriginal", "2026:05:12 09:43:22"}});
   Exif(run + "IMG_10.jpg", {{"Exif.Photo.DateTimeOriginal", "2026:05:12 09:43:21"}});

@@ -269,7 +269,7 @@ void ExpectSameTables(const std::map<std::string, std::string>& a, const std::ma
       const auto p = ParseDouble(x[i]), q = ParseDouble(y[i]);
       if (p && q) {
         EXPECT_NEAR(*p, *q, 1e-6);
-      } else {
+      } else if (!ParseUtcToNs(x[i]) || !ParseUtcToNs(y[i])) {  // when a result was made differs
         EXPECT_EQ(x[i], y[i]);
       }
     }

@@ -247,7 +247,7 @@ class Services(unittest.TestCase):
         self.assertEqual({size_of(f"{self.site}/{row['file']}") for row in self.table()}, {(512, 256)})
         # A server that wants to be left alone is.
         self.server.faults["/api/search"] = [(429, b"", [("Retry-After", "3600")])]
-        self.assertIn("too much was asked", self.run_import(expect=1).stderr)
+        self.assertIn("refuses more requests for now", self.run_import(expect=1).stderr)
 
     def test_a_cut_connection_goes_on_where_it_broke(self):
         self.add(1)

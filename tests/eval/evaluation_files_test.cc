@@ -52,6 +52,7 @@ class EvaluationFiles : public ::testing::Test {
       }
       r.result.cameras = {{0, Rigid3d(Eigen::Quaterniond::Identity(), {5, 0, 0})}};
       r.result.cameras_odom = r.result.cameras;
+      r.result.world_from_odom = Sim3d();
       return r;
     };
     return Evaluate({.runs = {run("r1", 0.25, 0.5), run("r2", 0.125, std::nullopt)},

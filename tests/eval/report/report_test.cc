@@ -224,7 +224,7 @@ TEST_F(ReportTest, ZeroAnswersAreNoGoodNews) {
       "results/evaluate/errors.csv",
       std::string(kErrorHeader) + "run1,,single,S1,p1.jpg,1,control,absolute,unmatched,nothing alike,,,,,,,,,,,,\n");
   const std::string html = Report();
-  EXPECT_THAT(html, HasSubstr("how good the answers are is not known"));
+  EXPECT_THAT(html, HasSubstr("so their accuracy is not measured here"));
   EXPECT_THAT(html, HasSubstr("nothing alike"));
 }
 
