@@ -150,7 +150,8 @@ void SessionTest::FromTheFirstRunToTheLastQuit() {
       if (mark.layer == "detections") detection = mark.object;
     }
     return !detection.isEmpty() && picture->scale() > 1.5;  // on the tag
-  }));
+  })) << station.toStdString()
+      << ": detection '" << detection.toStdString() << "', scale " << picture->scale();
   Screenshot(window_.get(), "session_images");
   const QString panorama = Child<QComboBox>(window_.get(), "images.reference")->currentText();
   Click(window_.get(), "images.match");
