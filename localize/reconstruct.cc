@@ -19,6 +19,10 @@ namespace {
 // Of the mean squared stray of stretches from odometry: well beyond chance and odometry's own small faults.
 constexpr double kMostExcess = 4;
 
+// Points that wrong matches draw into a camera: nothing that a site is surveyed by is as near, and there directions
+// have no derivatives.
+constexpr double kNearest_m = 0.05;
+
 // Raw odometry residual of factor k at the current state.
 Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
   const Rigid3d predicted = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
@@ -208,11 +212,11 @@ void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
     std::vector<Eigen::Vector3d> directions;
     for (size_t i = begin; i < k; ++i) {
       BearingObservation& ob = p.observations[i];
-      ob.active = valid && SquaredError(p, ob) < chi2;
-      if (!ob.active) continue;
-      ++good;
       const Rigid3d view_from_world = p.views[static_cast<size_t>(ob.view)] * p.poses[static_cast<size_t>(ob.pose)];
       const Eigen::Vector3d d = p.points[j] - view_from_world.TargetOriginInSource();
+      ob.active = valid && d.norm() > kNearest_m && SquaredError(p, ob) < chi2;
+      if (!ob.active) continue;
+      ++good;
       depth = std::min(depth, d.norm());
       directions.push_back(d.normalized());
     }
@@ -350,7 +354,9 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
     f.scaled = true;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
     const double length = f.measured.translation.norm();
-    const double rotation = std::hypot(o.odometry_rotation_deg, o.odometry_rotation_deg_m * length) * kDegToRad;
+    // Over more than a metre directions wander: their variance grows with the length, not their sigma.
+    const double wander = o.odometry_rotation_deg_m * std::min(length, std::sqrt(length));
+    const double rotation = std::hypot(o.odometry_rotation_deg, wander) * kDegToRad;
     const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
     Vector6d sigma;
     sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);

@@ -276,7 +276,11 @@ TimeOffset CheckOdometryTime(const Run& run, const Trajectory& frame_from_cam, c
     return r;
   };
   TimeOffset offset = Minimise(residuals, max_offset_s, 1, 1);
-  Judge(run, options, "odometry", "cameras", "odometry.time_offset_s", run.config.odometry_time_offset_s, &offset);
+  // Where both are known at stops alone, what lies between two stops is interpolated: it tells no time.
+  TimeCheckOptions sampled = options;
+  sampled.min_report_s =
+      std::max(options.min_report_s, std::min(MedianStep(run.odometry.poses), MedianStep(frame_from_cam.poses)));
+  Judge(run, sampled, "odometry", "cameras", "odometry.time_offset_s", run.config.odometry_time_offset_s, &offset);
   return offset;
 }
 
