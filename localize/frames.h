@@ -44,4 +44,7 @@ struct LocalizeInput {
   double scale_sigma = 0.01;
 };
 
+// Distance of consecutive body poses by odometry, m: the median.
+double MedianStep(const LocalizeInput& input);
+
 }  // namespace trigpoint

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/median.h"
 
 namespace trigpoint {
 
@@ -22,15 +21,6 @@ ReconstructRunOptions ReconstructRunOptions::Paper() {
 }
 
 namespace {
-
-// Distance of consecutive body poses, m.
-double MedianStep(const LocalizeInput& input) {
-  std::vector<double> steps;
-  for (size_t i = 1; i < input.odom_from_body.size(); ++i) {
-    steps.push_back((input.odom_from_body[i].translation - input.odom_from_body[i - 1].translation).norm());
-  }
-  return Median(std::move(steps));
-}
 
 // Joins the run's tracks by the pairs of its view graph.
 ReconstructStart JoinPairs(const LocalizeInput& input, const ReconstructRunOptions& options, int threads, uint64_t seed,

@@ -27,7 +27,7 @@ namespace {
 constexpr int kViewsOfSet = 3;
 
 // Passages of the run that a reference is looked for in, at most.
-constexpr int kPassages = 3;
+constexpr size_t kPassages = 3;
 
 // One of the photos of a hand-held set, or the set as one rig.
 bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
@@ -94,6 +94,7 @@ class Registrar {
         paper_(paper),
         seed_(seed),
         cancel_(cancel),
+        sparse_(options.candidates * MedianStep(input) > options.passage_m),
         image_points_(PointsOfImages(input, reconstruction)) {
     for (const FrameImage& image : input.images) {
       const Rigid3d cam_from_odom = input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
@@ -119,18 +120,18 @@ class Registrar {
     const int n_views = static_cast<int>(job.ref.rig.views.size());
     Registration out;
     out.views.resize(job.ref.rig.views.size());
-    const std::vector<std::vector<int>> passages = Passages(reference);
+    const std::vector<Passage> passages = Passages(reference);
     if (passages.empty()) {
       out.reason = "no image of the run looks like it";
       return Unmatched(out);
     }
     for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
     for (size_t k = 0; k < passages.size(); ++k) {
-      // Two passages always: what one shows may stand elsewhere a second time. A third where neither has an answer.
-      if (k >= 2 && out.status == AnswerStatus::kLocalized) break;
+      if (passages[k].last && out.status == AnswerStatus::kLocalized) break;
       job.candidates.clear();
       job.images.clear();
-      for (int image : passages[k]) {
+      job.passage_m = passages[k].length_m;
+      for (int image : passages[k].images) {
         // The views that the retrieval named, and their neighbours.
         std::set<int> chosen;
         for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
@@ -159,6 +160,7 @@ class Registrar {
     ref.rig.views.resize(1);
     ref.rig.views[0].camera = camera.camera;
     Job job{ref, -1, {}, {}, query.latest_m, seed_ + 100003 * static_cast<uint64_t>(query.image + 1)};
+    job.passage_m = o_.passage_m;
     for (int image : query.candidates) job.candidates.push_back({image, {0}});
     Registration out;
     out.views.resize(1);
@@ -167,18 +169,26 @@ class Registrar {
   }
 
  private:
+  // Points that speak for another pose than the best. It must also find a good share of what it predicts: a facade that
+  // stands twice brings many points to a wrong pose, but not a good share.
+  static double RivalSupport(const Registration& best, const Registration& other) {
+    const double share = best.matched_share > 0 ? std::min(1.0, other.matched_share / best.matched_share) : 1.0;
+    return std::min(other.support, share * best.support);
+  }
+
   // Of what two passages say, the one whose prediction finds more points; the other is its rival.
   Registration Stronger(Registration a, Registration b) const {
     const bool both = a.status == AnswerStatus::kLocalized && b.status == AnswerStatus::kLocalized;
     const bool second = both ? b.support > a.support : b.status == AnswerStatus::kLocalized;
     if (second) std::swap(a, b);
     const double apart = (a.rig_from_odom.TargetOriginInSource() - b.rig_from_odom.TargetOriginInSource()).norm();
-    if (a.status == AnswerStatus::kLocalized && apart > 1 && b.support > o_.rival_support_share * a.support) {
+    const double support = RivalSupport(a, b);
+    if (a.status == AnswerStatus::kLocalized && apart > 1 && support > o_.rival_support_share * a.support) {
       char text[200];
       std::snprintf(
           text, sizeof text,
           "ambiguous: another passage of the run puts it %.1f m away, where %.0f points are found, against %.0f", apart,
-          b.support, a.support);
+          support, a.support);
       a.status = AnswerStatus::kRejected;
       a.reason = text;
     }
@@ -199,6 +209,7 @@ class Registrar {
     uint64_t seed;
     // Images of this passage, read once: matching, and every search about a pose and its rival, ask for the same ones.
     mutable std::map<int, PreparedImage> images = {};
+    double passage_m = 0;  // path about the candidates whose images' points are searched for
   };
 
   const PreparedImage& Image(const Job& job, int image) const {
@@ -227,8 +238,16 @@ class Registrar {
     return out;
   }
 
-  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest passage first.
-  std::vector<std::vector<int>> Passages(int reference) const {
+  struct Passage {
+    std::vector<int> images;
+    double length_m;
+    bool last;  // where none before it has an answer
+  };
+
+  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest passage first. Two
+  // passages always: what one shows may stand elsewhere a second time. Where stops are so sparse that a passage has few
+  // of them, the last is the whole run.
+  std::vector<Passage> Passages(int reference) const {
     std::vector<std::pair<float, int>> scored;
     for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
       float best = 0;
@@ -238,16 +257,17 @@ class Registrar {
       if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
     }
     std::sort(scored.begin(), scored.end());
-    std::vector<std::vector<int>> passages;
+    std::vector<Passage> passages;
     if (paper_) {
-      if (!scored.empty()) passages.push_back(Spaced(scored, 4 * o_.candidates, 0));
+      if (!scored.empty()) passages.push_back({Spaced(scored, 4 * o_.candidates, 0), o_.passage_m, false});
       return passages;
     }
+    const std::vector<int> of_whole_run = Spaced(scored, o_.candidates, o_.candidate_spacing);
     // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at once
     // fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by chance:
     // a score counts by how far it stands out, or the stretch with the most images would win.
     const double typical = typical_[OfSet(input_.references[static_cast<size_t>(reference)]) ? 1 : 0];
-    while (!scored.empty() && static_cast<int>(passages.size()) < kPassages) {
+    while (!scored.empty() && passages.size() < kPassages - (sparse_ ? 1 : 0)) {
       double best_sum = -1, begin = 0;
       for (const auto& [score, image] : scored) {
         const double from = travelled_[static_cast<size_t>(image)];
@@ -263,17 +283,28 @@ class Registrar {
         const double at = travelled_[static_cast<size_t>(s.second)];
         return at >= begin && at <= begin + o_.passage_m;
       });
-      passages.push_back(Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing));
+      passages.push_back({Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing), o_.passage_m,
+                          passages.size() + 1 == kPassages});
       scored.erase(scored.begin(), elsewhere);
     }
+    if (sparse_ && !of_whole_run.empty())
+      passages.push_back({of_whole_run, std::numeric_limits<double>::infinity(), true});
     return passages;
   }
 
-  static std::vector<int> Spaced(const std::vector<std::pair<float, int>>& scored, int most, int spacing) {
+  // Whether two images are so close together that the second tells little. A rig's other cameras look elsewhere, and
+  // stops farther apart than the candidates of a passage would be are all needed.
+  bool SameAs(int a, int b, int spacing) const {
+    const FrameImage& of_a = input_.images[static_cast<size_t>(a)];
+    const FrameImage& of_b = input_.images[static_cast<size_t>(b)];
+    return of_a.camera == of_b.camera && std::abs(of_a.pose - of_b.pose) < spacing &&
+           (centres_[static_cast<size_t>(a)] - centres_[static_cast<size_t>(b)]).norm() < o_.passage_m / o_.candidates;
+  }
+
+  std::vector<int> Spaced(const std::vector<std::pair<float, int>>& scored, int most, int spacing) const {
     std::vector<int> kept;
     for (const auto& [score, image] : scored) {
-      const bool near =
-          std::any_of(kept.begin(), kept.end(), [&, i = image](int k) { return std::abs(k - i) < spacing; });
+      const bool near = std::any_of(kept.begin(), kept.end(), [&, i = image](int k) { return SameAs(k, i, spacing); });
       if (!near) kept.push_back(image);
       if (static_cast<int>(kept.size()) >= most) break;
     }
@@ -334,10 +365,7 @@ class Registrar {
       if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
         out.rival = static_cast<int>(rival.inliers.size());
         out.rival_distance_m = apart;
-        // A rival that finds many points must also find a good share of what it predicts: a facade that stands twice
-        // brings the first to a wrong pose, not the second.
-        const double share = out.matched_share > 0 ? std::min(1.0, other.matched_share / out.matched_share) : 1.0;
-        out.rival_support = std::min(other.support, share * out.support);
+        out.rival_support = RivalSupport(out, other);
       }
     }
     Decide(&out);
@@ -522,7 +550,7 @@ class Registrar {
     // The nearest images, spaced, in both directions of travel.
     std::vector<std::pair<double, int>> near;
     for (size_t i = 0; i < centres_.size(); ++i) {
-      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > o_.passage_m || travelled_[i] > job.latest_m)
+      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > job.passage_m || travelled_[i] > job.latest_m)
         continue;
       near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
     }
@@ -531,7 +559,7 @@ class Registrar {
     for (const auto& [distance, image] : near) {
       if (distance > o_.max_distance_m) break;
       const bool close = std::any_of(images.begin(), images.end(),
-                                     [&, i = image](int k) { return std::abs(k - i) < o_.candidate_spacing; });
+                                     [&, i = image](int k) { return SameAs(k, i, o_.candidate_spacing); });
       if (!close) images.push_back(image);
       if (static_cast<int>(images.size()) >= o_.guided_images) break;
     }
@@ -853,6 +881,7 @@ class Registrar {
   bool paper_;
   uint64_t seed_;
   const CancelToken& cancel_;
+  bool sparse_;  // stops are so far apart that a passage has fewer of them than candidates are asked for
   ImagePoints image_points_;
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;

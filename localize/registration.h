@@ -15,7 +15,7 @@ namespace trigpoint {
 struct RegistrationOptions {
   int candidates = 12;        // images matched with a reference, the best of the retrieval
   double passage_m = 30;      // images of one passage: longest path between them
-  int candidate_spacing = 2;  // at least so many images apart
+  int candidate_spacing = 2;  // images of one camera at least so many apart, where they are close together
   double ratio = 0.85;        // ratio test between image and view (paper: 0.7)
   double max_distance = 0.8;  // largest distance of unit descriptors
   double ransac_px = 8;       // threshold of the first pose, px of a view (trajectory drift included)
@@ -40,7 +40,8 @@ struct RegistrationOptions {
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.candidates, {"candidates", "images", 1, 1000, "images matched with a reference"});
     visit(self.passage_m, {"passage_m", "m", 0.1, 1e6, "images of one passage: longest path between them"});
-    visit(self.candidate_spacing, {"candidate_spacing", "images", 1, 1000, "images between two candidates"});
+    visit(self.candidate_spacing, {"candidate_spacing", "images", 1, 1000,
+                                   "images between two candidates of one camera that are close together"});
     visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test between image and view"});
     visit(self.max_distance, {"max_distance", "", 0.1, 1.4, "largest distance of unit descriptors"});
     visit(self.ransac_px, {"ransac_px", "px", 0.5, 100, "threshold of the first pose"});
