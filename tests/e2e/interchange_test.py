@@ -3,8 +3,8 @@
 
     interchange_test.py PROGRAM
 
-A small made-up result is written by hand, so that every number is known. Tests of a program that isn't installed are
-skipped.
+A small made-up result is written by hand, so that every number is known; scenes are those of a run that the program
+localizes. Tests of a program that isn't installed are skipped.
 """
 import json
 import math
@@ -49,6 +49,21 @@ def quaternion(r):
         return np.array([(r[2, 1] - r[1, 2]) / (4 * w), (r[0, 2] - r[2, 0]) / (4 * w), (r[1, 0] - r[0, 1]) / (4 * w), w])
     x = math.sqrt(max(0, 1 + r[0, 0] - r[1, 1] - r[2, 2])) / 2
     return np.array([x, (r[0, 1] + r[1, 0]) / (4 * x), (r[0, 2] + r[2, 0]) / (4 * x), (r[2, 1] - r[1, 2]) / (4 * x)])
+
+
+def matrix(q):
+    """Of a unit quaternion w, x, y, z."""
+    w, x, y, z = q
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+
+def body_pose(row, scale):
+    """4 x 4 of a line of a TUM file."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = matrix(row[[7, 4, 5, 6]]), scale * row[1:4]
+    return pose
 
 
 def ecef(lat, lon, h):
@@ -146,10 +161,6 @@ def make_project(folder):
         db.execute("INSERT INTO descriptors VALUES (?, ?, 128, ?)", (i + 1, len(keys), bytes(128 * len(keys))))
     db.commit()
     return world, pano
-
-
-# The project below has tables alone; scenes are exported from solution.db.
-WITHOUT_SOLUTION = "the test's project has no solution.db"
 
 
 class Interchange(unittest.TestCase):
@@ -255,103 +266,6 @@ class Interchange(unittest.TestCase):
         kitti = np.loadtxt(os.path.join(self.export("kitti", "kitti", "--frame", "odom"), "cameras_odom.txt")).reshape(-1, 3, 4)
         self.assertLess(np.abs(kitti[:, :, 3] - CENTRES).max(), 1e-8)
         self.assertLess(np.abs(kitti[0, :, :3] - ODOM_FROM_CAM).max(), 1e-8)
-
-    @unittest.skip(WITHOUT_SOLUTION)
-    def test_ply_has_points_and_covariances(self):
-        with open(os.path.join(self.export("ply", "ply", "--frame", "odom"), "points.ply"), "rb") as file:
-            head, body = file.read().split(b"end_header\n", 1)
-        names = re.findall(r"property (\w+) (\w+)", head.decode())
-        record = np.dtype([(name, {"double": "<f8", "float": "<f4", "int": "<i4", "uchar": "u1"}[kind]) for kind, name in names])
-        points = np.frombuffer(body, record)
-        self.assertEqual(len(points), len(POINTS))
-        # The first point's covariance by hand, given the cameras.
-        information = np.zeros((3, 3))
-        for c in CENTRES:
-            p = ODOM_FROM_CAM.T @ (POINTS[0] - c)
-            j = FOCAL / p[2] * np.array([[1, 0, -p[0] / p[2]], [0, 1, -p[1] / p[2]]]) @ ODOM_FROM_CAM.T
-            information += j.T @ j / 0.25
-        expected = np.linalg.inv(information)
-        self.assertAlmostEqual(points["cov_yy"][0] / expected[1, 1], 1, 4)
-        self.assertAlmostEqual(points["sigma_max"][0] / math.sqrt(np.linalg.eigvalsh(expected)[-1]), 1, 4)
-        self.assertLess(abs(points["x"][0] - POINTS[0][0]), 1e-9)
-
-    @unittest.skip(WITHOUT_SOLUTION)
-    def test_g2o(self):
-        folder = self.export("g2o", "g2o", "--frame", "odom")
-        with open(os.path.join(folder, "pose_graph.g2o"), encoding="utf-8") as text:
-            lines = [line.split() for line in text if not line.startswith("#")]
-        poses = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_SE3:QUAT"}
-        edges = [f for f in lines if f[0] == "EDGE_SE3:QUAT"]
-        self.assertEqual((len(poses), len(edges)), (COUNT, COUNT - 1))
-        for f in edges:
-            self.assertEqual(len(f), 3 + 7 + 21)
-            a, b = int(f[1]), int(f[2])
-            expected = ODOM_FROM_CAM.T @ (poses[b][:3] - poses[a][:3])
-            self.assertLess(np.abs(np.array(f[3:6], float) - expected).max(), 1e-6)
-        with open(os.path.join(folder, "bundle.g2o"), encoding="utf-8") as text:
-            lines = [line.split() for line in text if not line.startswith("#")]
-        points = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_XYZ"}
-        poses = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_SE3:EXPMAP"}
-        focal, cx, cy = [float(v) for v in next(f for f in lines if f[0] == "PARAMS_CAMERAPARAMETERS")[2:5]]
-        observations = [f for f in lines if f[0] == "EDGE_PROJECT_XYZ2UV:EXPMAP"]
-        self.assertEqual(len(observations), COUNT * len(POINTS))
-        for f in observations:
-            p = ODOM_FROM_CAM.T @ (points[int(f[1])] - poses[int(f[2])][:3])
-            self.assertAlmostEqual(focal * p[0] / p[2] + cx, float(f[4]), 4)
-            self.assertAlmostEqual(focal * p[1] / p[2] + cy, float(f[5]), 4)
-            self.assertAlmostEqual(float(f[6]), 4, 3)  # 1 / 0.5^2
-
-    @unittest.skip(WITHOUT_SOLUTION)
-    def test_database_has_the_features_and_the_tracks_as_matches(self):
-        db = sqlite3.connect(os.path.join(self.export("colmap", "db"), "database.db"))
-        rows, data = db.execute("SELECT rows, data FROM matches ORDER BY pair_id").fetchone()
-        self.assertEqual(rows, len(POINTS))
-        pairs = np.frombuffer(data, np.uint32).reshape(-1, 2)
-        self.assertEqual(sorted(pairs[:, 0]), list(range(1, len(POINTS) + 1)))
-        self.assertTrue((pairs[:, 0] == pairs[:, 1]).all())
-        self.assertEqual(db.execute("SELECT count(*) FROM two_view_geometries").fetchone()[0], COUNT * (COUNT - 1) // 2)
-
-    @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
-    @unittest.skip(WITHOUT_SOLUTION)
-    def test_colmap_reads_model_and_database(self):
-        model = self.export("colmap", "model")
-        for path in (model, os.path.join(model, "text")):
-            log = tool("colmap", "model_analyzer", "--path", path)
-            self.assertRegex(log, rf"Images: {COUNT}\b")
-            self.assertRegex(log, rf"Points: {len(POINTS)}\b")
-            self.assertRegex(log, rf"Observations: {COUNT * len(POINTS)}\b")
-        # Both formats hold the same numbers: COLMAP's own comparison finds no difference.
-        os.makedirs(self.out("compared"))
-        tool("colmap", "model_comparer", "--input_path1", model, "--input_path2", os.path.join(model, "text"), "--output_path", self.out("compared"))
-        with open(os.path.join(self.out("compared"), "errors.csv"), encoding="utf-8") as text:
-            errors = np.array([line.split(",") for line in text.read().splitlines() if line and not line.startswith("#")], float)
-        self.assertLess(np.abs(errors).max(), 1e-5)
-        merged = self.out("merged.db")
-        os.makedirs(self.out("other"))
-        shutil.copy(os.path.join(model, "database.db"), os.path.join(self.out("other"), "database.db"))
-        other = sqlite3.connect(os.path.join(self.out("other"), "database.db"))
-        other.execute("UPDATE images SET name = 'other/' || name")
-        other.commit()
-        other.close()
-        tool("colmap", "database_merger", "--database_path1", os.path.join(model, "database.db"), "--database_path2",
-             os.path.join(self.out("other"), "database.db"), "--merged_database_path", merged)
-        db = sqlite3.connect(merged)
-        self.assertEqual(db.execute("SELECT count(*) FROM images").fetchone()[0], 2 * COUNT)
-        self.assertEqual(db.execute("SELECT sum(rows) FROM matches").fetchone()[0], COUNT * (COUNT - 1) * len(POINTS))
-
-    @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
-    @unittest.skip(WITHOUT_SOLUTION)
-    def test_a_model_becomes_a_run_with_its_poses(self):
-        model = self.export("colmap", "to_import", "--frame", "odom")
-        site = self.out("imported")
-        trigpoint("import", site, "--from", model, "--images", f"{self.site}/runs/run1", "--name", "again", "--scale", "2")
-        poses = np.loadtxt(os.path.join(site, "runs/again/odometry.tum"))
-        self.assertLess(np.abs(poses[:, 1:4] - 2 * np.array(CENTRES)).max(), 1e-8)
-        trigpoint("init", site)
-        refused = trigpoint("import", site, "--from", model, "--images", f"{self.site}/runs/run1", "--name", "again", expect=1)
-        self.assertIn("is there already", refused.stderr)
-        refused = trigpoint("import", site, "--from", model, "--images", self.temporary, "--name", "third", expect=1)
-        self.assertIn("6 of 6 images", refused.stderr)
 
     @unittest.skipUnless(shutil.which("exiftool"), "libimage-exiftool-perl is not installed")
     def test_exiftool_reads_the_poses_of_panoramas(self):
@@ -466,6 +380,181 @@ class Interchange(unittest.TestCase):
         done = subprocess.run([PROGRAM, "export", self.site, "--to", "kml", "--heights", "egm84"], capture_output=True, text=True, check=False, env=environment)
         self.assertEqual(done.returncode, 2)
         self.assertIn("geographiclib-get-geoids egm84-15", done.stderr)
+
+
+class Scenes(unittest.TestCase):
+    """Models, graphs and clouds of a run that the program itself localized, against each other and its input."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.mkdtemp(prefix="trigpoint scenes ")
+        cls.addClassCleanup(shutil.rmtree, cls.temporary)
+        cls.site = os.path.join(cls.temporary, "site")
+        lot = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../datasets/parking_lot")
+        shutil.copytree(lot, cls.site, ignore=shutil.ignore_patterns("run1", "photos", "truth", "board"))
+        # Coarse views and few images, so that it takes seconds.
+        images = f"{cls.site}/runs/run2/images.txt"
+        with open(images, encoding="utf-8") as text:
+            lines = text.readlines()
+        write(images, "".join(lines[:13]))
+        write(f"{cls.site}/trigpoint.yaml", "stages:\n  references: {views: {size_px: 400}, references: {max_features: 600}}\n")
+        trigpoint("localize", cls.site, "--run", "run2")
+        cls.model = cls.export("colmap", "model", "--frame", "odom")
+        cls.read_model(os.path.join(cls.model, "text"))
+        with open(f"{cls.site}/results/localize/run2/manifest.json", encoding="utf-8") as text:
+            metrics = json.load(text)["metrics"]
+        cls.sigma_px, cls.scale = metrics["feature_sigma_px"], metrics["odometry_scale"]
+
+    @classmethod
+    def export(cls, fmt, name, *more):
+        out = os.path.join(cls.temporary, name)
+        trigpoint("export", cls.site, "--to", fmt, "--out", out, *more)
+        return out
+
+    @classmethod
+    def read_model(cls, folder):
+        """COLMAP's text, pixels - 0.5: images {id: (name, cam_from_odom, centre, pixels, points)}, points {id: (place, track)}."""
+        def rows(file):
+            with open(os.path.join(folder, file), encoding="utf-8") as text:
+                return [line.split() for line in text.read().splitlines() if not line.startswith("#")]
+        camera = rows("cameras.txt")[0]
+        assert camera[1] == "OPENCV" and [float(v) for v in camera[8:]] == [0] * 4, camera  # no distortion
+        cls.focal, cls.centre = float(camera[4]), np.array(camera[6:8], float) - 0.5
+        cls.images, cls.points = {}, {}
+        lines = rows("images.txt")
+        for head, seen in zip(lines[::2], lines[1::2]):
+            turn, t = matrix(np.array(head[1:5], float)), np.array(head[5:8], float)
+            table = np.array(seen, float).reshape(-1, 3)
+            cls.images[int(head[0])] = (head[9], turn, -turn.T @ t, table[:, :2] - 0.5, table[:, 2].astype(int))
+        for f in rows("points3D.txt"):
+            cls.points[int(f[0])] = (np.array(f[1:4], float), np.array(f[8:], int).reshape(-1, 2))
+        cls.observations = sum(len(track) for _, track in cls.points.values())
+
+    def test_the_model_is_what_was_seen(self):
+        self.assertEqual(len(self.images), 12)
+        self.assertGreater(len(self.points), 500)
+        errors = []
+        for k, (place, track) in self.points.items():
+            for i, index in track:
+                _, turn, centre, pixels, points = self.images[i]
+                self.assertEqual(points[index], k)
+                p = turn @ (place - centre)
+                errors.append(self.focal * p[:2] / p[2] + self.centre - pixels[index])
+        self.assertLess(np.sqrt(np.mean(np.square(errors))), 2 * self.sigma_px)
+
+    def test_ply_has_points_and_covariances(self):
+        with open(os.path.join(self.export("ply", "ply", "--frame", "odom"), "points.ply"), "rb") as file:
+            head, body = file.read().split(b"end_header\n", 1)
+        names = re.findall(r"property (\w+) (\w+)", head.decode())
+        record = np.dtype([(name, {"double": "<f8", "float": "<f4", "int": "<i4", "uchar": "u1"}[kind]) for kind, name in names])
+        cloud = np.frombuffer(body, record)
+        self.assertEqual(len(cloud), len(self.points))
+        # Covariances by hand, given the cameras.
+        for row, (place, track) in list(zip(cloud, self.points.values()))[::50]:
+            information = np.zeros((3, 3))
+            for i, _ in track:
+                _, turn, centre, _, _ = self.images[i]
+                p = turn @ (place - centre)
+                j = self.focal / p[2] * np.array([[1, 0, -p[0] / p[2]], [0, 1, -p[1] / p[2]]]) @ turn
+                information += j.T @ j / self.sigma_px**2
+            expected = np.linalg.inv(information)
+            self.assertLess(np.abs([row["x"], row["y"], row["z"]] - place).max(), 1e-9)
+            self.assertEqual(row["track_length"], len(track))
+            self.assertAlmostEqual(row["cov_yy"] / expected[1, 1], 1, 4)
+            self.assertAlmostEqual(row["sigma_max"] / math.sqrt(np.linalg.eigvalsh(expected)[-1]), 1, 4)
+
+    def test_g2o(self):
+        folder = self.export("g2o", "g2o", "--frame", "odom")
+        with open(os.path.join(folder, "pose_graph.g2o"), encoding="utf-8") as text:
+            lines = [line.split() for line in text if not line.startswith("#")]
+        poses = {int(f[1]): np.array(f[2:], float) for f in lines if f[0] == "VERTEX_SE3:QUAT"}
+        edges = [f for f in lines if f[0] == "EDGE_SE3:QUAT"]
+        self.assertEqual((sorted(poses), len(edges)), (sorted(self.images), len(self.images) - 1))
+        for i, (_, _, centre, _, _) in self.images.items():
+            self.assertLess(np.abs(poses[i][:3] - centre).max(), 1e-8)
+        # Between two images stands what the odometry measured, as the first one's camera sees it.
+        tum = np.loadtxt(f"{self.site}/runs/run2/odometry.tum")[:len(self.images)]
+        with open(f"{self.site}/runs/run2/camchain.yaml", encoding="utf-8") as text:
+            cam_from_body = np.array(re.findall(r"- \[(.*)\]", text.read())[-4:])
+        cam_from_body = np.array([row.split(",") for row in cam_from_body], float)
+        for f in edges:
+            self.assertEqual(len(f), 3 + 7 + 21)
+            a, b = [body_pose(tum[int(i) - 1], self.scale) for i in f[1:3]]
+            expected = cam_from_body @ np.linalg.inv(a) @ b @ np.linalg.inv(cam_from_body)
+            self.assertLess(np.abs(np.array(f[3:6], float) - expected[:3, 3]).max(), 1e-5)
+            self.assertLess(np.abs(matrix(np.array([f[9], *f[6:9]], float)) - expected[:3, :3]).max(), 1e-6)
+        with open(os.path.join(folder, "bundle.g2o"), encoding="utf-8") as text:
+            lines = [line.split() for line in text if not line.startswith("#")]
+        points = [np.array(f[2:], float) for f in lines if f[0] == "VERTEX_XYZ"]
+        self.assertLess(np.abs(np.array(points) - [place for place, _ in self.points.values()]).max(), 1e-8)
+        focal, cx, cy = [float(v) for v in next(f for f in lines if f[0] == "PARAMS_CAMERAPARAMETERS")[2:5]]
+        self.assertLess(np.abs([focal - self.focal, cx - self.centre[0], cy - self.centre[1]]).max(), 1e-6)
+        observations = [f for f in lines if f[0] == "EDGE_PROJECT_XYZ2UV:EXPMAP"]
+        seen = [(i, self.images[i][3][index]) for _, track in self.points.values() for i, index in track]
+        self.assertEqual(len(observations), len(seen))
+        for f, (i, at) in zip(observations, seen):
+            self.assertEqual(int(f[2]), i)
+            self.assertLess(np.abs(np.array(f[4:6], float) - at).max(), 1e-4)
+            self.assertAlmostEqual(float(f[6]) * self.sigma_px**2, 1, 3)
+
+    def test_database_has_the_features_and_the_tracks_as_matches(self):
+        db = sqlite3.connect(os.path.join(self.model, "database.db"))
+        keys = {i: np.frombuffer(data, np.float32).reshape(rows, -1)[:, :2] - 0.5
+                for i, rows, data in db.execute("SELECT image_id, rows, data FROM keypoints")}
+        self.assertEqual(sorted(keys), sorted(self.images))
+        pairs = {}  # the same points in two images
+        for place, track in self.points.values():
+            for a, index_a in track:
+                for b, index_b in track:
+                    if a < b:
+                        pairs.setdefault(2147483647 * a + b, []).append((self.images[a][3][index_a], self.images[b][3][index_b]))
+        found = db.execute("SELECT pair_id, data FROM matches WHERE rows > 0 ORDER BY pair_id").fetchall()
+        self.assertEqual([row[0] for row in found], sorted(pairs))
+        for pair, data in found:
+            a, b = divmod(pair, 2147483647)
+            matched = np.frombuffer(data, np.uint32).reshape(-1, 2)
+            places = np.hstack([keys[a][matched[:, 0]], keys[b][matched[:, 1]]])
+            expected = np.array([np.hstack(p) for p in pairs[pair]])
+            self.assertEqual(places.shape, expected.shape)
+            self.assertLess(np.abs(places[np.lexsort(places.T)] - expected[np.lexsort(expected.T)]).max(), 1e-3)
+        self.assertEqual(db.execute("SELECT count(*) FROM two_view_geometries").fetchone()[0], len(pairs))
+
+    @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
+    def test_colmap_reads_model_and_database(self):
+        for path in (self.model, os.path.join(self.model, "text")):
+            log = tool("colmap", "model_analyzer", "--path", path)
+            self.assertRegex(log, rf"Images: {len(self.images)}\b")
+            self.assertRegex(log, rf"Points: {len(self.points)}\b")
+            self.assertRegex(log, rf"Observations: {self.observations}\b")
+        # Both formats hold the same numbers: COLMAP's own comparison finds no difference.
+        compared, other, merged = [os.path.join(self.temporary, name) for name in ("compared", "other", "merged.db")]
+        os.makedirs(compared)
+        tool("colmap", "model_comparer", "--input_path1", self.model, "--input_path2", os.path.join(self.model, "text"), "--output_path", compared)
+        with open(os.path.join(compared, "errors.csv"), encoding="utf-8") as text:
+            errors = np.array([line.split(",") for line in text.read().splitlines() if line and not line.startswith("#")], float)
+        self.assertLess(np.abs(errors).max(), 1e-5)
+        os.makedirs(other)
+        shutil.copy(os.path.join(self.model, "database.db"), other)
+        with sqlite3.connect(os.path.join(other, "database.db")) as db:
+            matches = db.execute("SELECT sum(rows) FROM matches").fetchone()[0]
+            db.execute("UPDATE images SET name = 'other/' || name")
+        db.close()
+        tool("colmap", "database_merger", "--database_path1", os.path.join(self.model, "database.db"), "--database_path2",
+             os.path.join(other, "database.db"), "--merged_database_path", merged)
+        db = sqlite3.connect(merged)
+        self.assertEqual(db.execute("SELECT count(*) FROM images").fetchone()[0], 2 * len(self.images))
+        self.assertEqual(db.execute("SELECT sum(rows) FROM matches").fetchone()[0], 2 * matches)
+
+    def test_a_model_becomes_a_run_with_its_poses(self):
+        site = os.path.join(self.temporary, "imported")
+        trigpoint("import", site, "--from", self.model, "--images", f"{self.site}/runs/run2", "--name", "again", "--scale", "2")
+        poses = np.loadtxt(os.path.join(site, "runs/again/odometry.tum"))
+        self.assertLess(np.abs(poses[:, 1:4] - [2 * centre for _, _, centre, _, _ in self.images.values()]).max(), 1e-8)
+        trigpoint("init", site)
+        refused = trigpoint("import", site, "--from", self.model, "--images", f"{self.site}/runs/run2", "--name", "again", expect=1)
+        self.assertIn("is there already", refused.stderr)
+        refused = trigpoint("import", site, "--from", self.model, "--images", self.temporary, "--name", "third", expect=1)
+        self.assertIn(f"{len(self.images)} of {len(self.images)} images", refused.stderr)
 
 
 if __name__ == "__main__":
