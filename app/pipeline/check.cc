@@ -175,7 +175,7 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   const DetectTagsOptions options = DetectorOptions(*project_, {});
   if (!log_) {
     log_ = std::make_unique<PictureLog>(
-        out_ / "pictures.jsonl", nlohmann::json{{"schema", 1}, {"blur", 2}, {"detector", JsonFromOptions(options)}});
+        out_ / "pictures.jsonl", nlohmann::json{{"schema", 1}, {"blur", 3}, {"detector", JsonFromOptions(options)}});
     pairs_ = std::make_unique<PairLog>(out_ / "pairs.jsonl");
     set_lines_ = std::make_unique<JsonLines>(
         out_ / "sets.jsonl", nlohmann::json{{"schema", 1}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});

@@ -15,6 +15,10 @@ constexpr float kLowGradient = 4, kHighGradient = 12;  // grey values a pixel: w
 constexpr float kNoises = 4;                           // and in sigmas of the gradient where there is none
 constexpr size_t kLeastEdges = 100, kLeastCellEdges = 30;
 constexpr double kReblur_px = 1;
+// Variance of a pixel's square, and of the difference over two pixels, px^2.
+constexpr double kPixelVariance = 1.0 / 12, kDifferenceVariance = 4.0 / 12;
+constexpr double kLeastResolved_px = 0.2;  // below it the gradients no longer depend on the blur
+constexpr double kMostBlur_px = 50;
 
 struct EdgeBlurs {
   std::vector<double> all;
@@ -59,6 +63,33 @@ EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred) {
   return blurs;
 }
 
+// What BlursAlongRows finds for a step that a Gaussian of `blur_px` blurred, with every position of the edge between
+// the pixels equally likely. The central difference at a distance d from an edge of standard deviation s (the pixel's
+// square included) is (erf((1 + d) / (sqrt(2) s)) + erf((1 - d) / (sqrt(2) s))) / 4 of the step. Local maxima have
+// distances to 0.5, 0.25 in the median, and the ratio of the gradients falls with the distance.
+double MedianFound(double blur_px) {
+  const auto gradient = [](double variance) {
+    const double scale = 1 / std::sqrt(2 * variance);
+    return std::erf(1.25 * scale) + std::erf(0.75 * scale);
+  };
+  const double variance = blur_px * blur_px + kPixelVariance;
+  const double ratio = gradient(variance) / gradient(variance + kReblur_px * kReblur_px);
+  return kReblur_px / std::sqrt(ratio * ratio - 1);
+}
+
+// The blur of which `found` is the median, with the variances of sampling.
+double SampledBlur(double found) {
+  double low = kLeastResolved_px, high = kMostBlur_px;
+  const auto sampled = [](double blur) { return std::sqrt(blur * blur + kPixelVariance + kDifferenceVariance); };
+  if (found <= MedianFound(low)) return sampled(low) * found / MedianFound(low);
+  constexpr int kHalvings = 40;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double middle = 0.5 * (low + high);
+    (MedianFound(middle) < found ? low : high) = middle;
+  }
+  return sampled(low);
+}
+
 size_t Transposed(size_t cell) { return kQualityCells * (cell % kQualityCells) + cell / kQualityCells; }
 
 }  // namespace
@@ -78,13 +109,15 @@ PictureQuality MeasurePicture(const cv::Mat& grey) {
   const EdgeBlurs upright = BlursAlongRows(picture, reblurred);
   const EdgeBlurs level = BlursAlongRows(picture.t(), reblurred.t());
   for (const EdgeBlurs* edges : {&upright, &level}) {
-    if (edges->all.size() >= kLeastEdges) quality.blur_px = std::max(quality.blur_px.value_or(0), Median(edges->all));
+    if (edges->all.size() >= kLeastEdges) {
+      quality.blur_px = std::max(quality.blur_px.value_or(0), SampledBlur(Median(edges->all)));
+    }
   }
   for (size_t k = 0; k < quality.cell_blur_px.size(); ++k) {
     std::vector<double> both = upright.cells[k];
     const std::vector<double>& other = level.cells[Transposed(k)];
     both.insert(both.end(), other.begin(), other.end());
-    if (both.size() >= kLeastCellEdges) quality.cell_blur_px[k] = Median(std::move(both));
+    if (both.size() >= kLeastCellEdges) quality.cell_blur_px[k] = SampledBlur(Median(std::move(both)));
   }
   return quality;
 }
