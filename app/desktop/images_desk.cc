@@ -24,9 +24,6 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kMostTagZoom = 6;  // screen pixels a picture pixel when a tag is looked at
-constexpr double kTagShare = 0.4;   // of the view that it then fills
-
 QPointF Point(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 QCheckBox* LayerBox(const QString& text, const char* name, bool on) {
@@ -306,6 +303,7 @@ void ImagesDesk::Refresh() {
 void ImagesDesk::Clear() {
   ++generation_;
   ++reference_generation_;
+  pictured_ = false;
   inspected_.reset();
   matches_.reset();
   predictions_.clear();
@@ -359,6 +357,7 @@ void ImagesDesk::ShowImage() {
   const int generation = ++generation_;
   stale_ = !isVisible();
   if (stale_ && workspace_->snapshot()) return;
+  pictured_ = false;
   inspected_.reset();
   matches_.reset();
   if (!workspace_->snapshot() || image().isEmpty()) {
@@ -373,6 +372,7 @@ void ImagesDesk::ShowImage() {
         if (generation != generation_) return;
         left_->SetPicture(picture.value,
                           picture.error.isEmpty() ? QString::fromStdString(r + "/" + file) : picture.error);
+        pictured_ = !left_->image().isNull();
         PlacePanes();
         Redraw();
       });
@@ -494,13 +494,11 @@ void ImagesDesk::Redraw() {
   left_->SetMarks(std::move(left));
   right_->SetMarks(std::move(right));
   left_->SetHighlight(Highlighted());
-  if (inspected_ && !left_->image().isNull() && !wanted_.startsWith("image:")) {
+  if (inspected_ && pictured_ && !wanted_.startsWith("image:")) {
     for (const PictureMark& mark : left_->marks()) {
       if (wanted_.isEmpty() || mark.object != wanted_) continue;
-      const QRectF box = mark.points.boundingRect();
       wanted_.clear();
-      const double side = std::max({1.0, box.width(), box.height()});
-      left_->LookAt(box.center(), std::min(kMostTagZoom, kTagShare * std::min(left_->width(), left_->height()) / side));
+      left_->LookAt(mark.points.boundingRect());
       break;
     }
   }

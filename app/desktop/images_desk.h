@@ -75,8 +75,9 @@ class ImagesDesk : public QWidget {
   bool ShowPoint(const QString& object);
 
   Workspace* workspace_;
-  bool stale_ = false;   // to be loaded when it is seen
-  bool behind_ = false;  // what is selected is followed when it is seen
+  bool pictured_ = false;  // the image that is named is the one that is seen
+  bool stale_ = false;     // to be loaded when it is seen
+  bool behind_ = false;    // what is selected is followed when it is seen
   QComboBox* run_;
   QListWidget* images_;
   QSlider* slider_;

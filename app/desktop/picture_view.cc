@@ -15,6 +15,11 @@ namespace {
 constexpr double kMostScale = 64;    // screen pixels a picture pixel
 constexpr double kGridScale = 16;    // from here on pixels are seen as squares
 constexpr double kPickDistance = 8;  // screen pixels
+// A part that is looked at: screen pixels a picture pixel at most, and its longer side on the screen, in shares of the
+// view's shorter side and in pixels where those leave a choice. 0.8: a tag with the white border that it needs.
+constexpr double kMostPartScale = 6;
+constexpr double kLeastPartShare = 0.4, kMostPartShare = 0.8;
+constexpr double kPartSide_px = 240;
 
 }  // namespace
 
@@ -56,7 +61,13 @@ double PictureView::FittedScale() const {
   return std::min(static_cast<double>(width()) / image_.width(), static_cast<double>(height()) / image_.height());
 }
 
+void PictureView::Release() {
+  fitted_ = false;
+  part_.reset();
+}
+
 void PictureView::Fit() {
+  Release();
   fitted_ = true;
   if (image_.isNull() || width() == 0 || height() == 0) return;
   scale_ = FittedScale();
@@ -66,11 +77,19 @@ void PictureView::Fit() {
 }
 
 void PictureView::LookAt(const QPointF& pixel, double scale) {
-  fitted_ = false;
+  Release();
   scale_ = std::clamp(scale, 0.02, kMostScale);
   offset_ = QPointF(0.5 * width(), 0.5 * height()) - scale_ * (pixel + QPointF(0.5, 0.5));
   update();
   emit ViewChanged();
+}
+
+void PictureView::LookAt(const QRectF& part) {
+  const double longer = std::max({1.0, part.width(), part.height()});
+  const double room = std::min(width(), height());
+  const double side = std::clamp(kPartSide_px, kLeastPartShare * room, kMostPartShare * room);
+  LookAt(part.center(), std::min(kMostPartScale, side / longer));
+  part_ = part;
 }
 
 QPointF PictureView::PixelAt(const QPointF& widget) const { return (widget - offset_) / scale_ - QPointF(0.5, 0.5); }
@@ -78,7 +97,7 @@ QPointF PictureView::WidgetAt(const QPointF& pixel) const { return offset_ + sca
 
 void PictureView::Zoom(double factor, const QPointF& about) {
   const QPointF pixel = PixelAt(about);
-  fitted_ = false;
+  Release();
   scale_ = std::clamp(scale_ * factor, 0.02, kMostScale);
   offset_ += about - WidgetAt(pixel);
   update();
@@ -173,7 +192,7 @@ void PictureView::mouseMoveEvent(QMouseEvent* event) {
     if (moved_ >= 0) {
       marks_[static_cast<size_t>(moved_)].points[0] += by / scale_;
     } else {
-      fitted_ = false;
+      Release();
       offset_ += by;
       emit ViewChanged();
     }
@@ -220,13 +239,14 @@ void PictureView::keyPressEvent(QKeyEvent* event) {
     case Qt::Key_Enter: emit Clicked(PixelAt(middle), ObjectAt(PixelAt(middle))); return;
     default: QWidget::keyPressEvent(event); return;
   }
-  fitted_ = false;
+  Release();
   update();
   emit ViewChanged();
 }
 
 void PictureView::resizeEvent(QResizeEvent*) {
   if (fitted_) Fit();
+  if (part_) LookAt(QRectF(*part_));
   emit ViewChanged();
 }
 

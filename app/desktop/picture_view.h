@@ -6,8 +6,10 @@
 #include <QImage>
 #include <QPointF>
 #include <QPolygonF>
+#include <QRectF>
 #include <QString>
 #include <QWidget>
+#include <optional>
 #include <vector>
 
 namespace trigpoint {
@@ -39,6 +41,9 @@ class PictureView : public QWidget {
   void Fit();
   // `pixel` in the middle, `scale` screen pixels a picture pixel.
   void LookAt(const QPointF& pixel, double scale);
+  // `part` of the picture in the middle, large enough to judge its corners with its surroundings as far as there is
+  // room; so it stays when the view changes its size, until it is moved or zoomed.
+  void LookAt(const QRectF& part);
   double scale() const { return scale_; }
   // At which the whole picture just fits.
   double FittedScale() const;
@@ -66,6 +71,7 @@ class PictureView : public QWidget {
 
  private:
   void Zoom(double factor, const QPointF& about);
+  void Release();  // neither fitted nor kept on a part
   QString ObjectAt(const QPointF& pixel) const;
   int MovableAt(const QPointF& pixel) const;  // index of the mark, -1: none
 
@@ -77,6 +83,7 @@ class PictureView : public QWidget {
   double scale_ = 1;
   QPointF offset_;  // widget position of the picture's corner
   bool fitted_ = true;
+  std::optional<QRectF> part_;  // looked at
   QPointF pressed_;
   bool dragged_ = false;
   int moved_ = -1;  // index of the mark that is dragged

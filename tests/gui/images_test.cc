@@ -86,6 +86,34 @@ TEST_F(ImagesTest, TheImagesOfATagComeInTurnTheWorstResidualFirst) {
   QDir(Path("results/survey")).removeRecursively();
 }
 
+// A part that is looked at is as large as its view has room for, and stays in its middle when the view changes.
+TEST_F(ImagesTest, ATagIsNearInASmallViewAndStaysSo) {
+  PictureView view;
+  QImage picture(1280, 800, QImage::Format_RGB32);
+  picture.fill(Qt::black);
+  view.SetPicture(picture, "");
+  view.resize(700, 700);
+  view.show();
+  const QRectF tag(900, 300, 80, 60);
+  view.LookAt(tag);
+  const auto seen = [&] { return QRectF(view.WidgetAt(tag.topLeft()), view.WidgetAt(tag.bottomRight())); };
+  for (const auto& [size, side] :
+       {std::pair(QSize(700, 700), 280), {{700, 400}, 240}, {{500, 250}, 200}, {{160, 120}, 96}, {{900, 800}, 320}}) {
+    view.resize(size);
+    ASSERT_TRUE(WaitFor([&] { return view.size() == size; }));
+    EXPECT_NEAR(seen().width(), side, 1e-6) << size.width();
+    EXPECT_LT((seen().center() - QPointF(0.5 * size.width(), 0.5 * size.height())).manhattanLength(), 1e-6);
+  }
+  // What was moved by hand stays where it is, and nothing is enlarged beyond use.
+  QTest::keyClick(&view, Qt::Key_Minus);
+  const double scale = view.scale();
+  view.resize(700, 700);
+  ASSERT_TRUE(WaitFor([&] { return view.width() == 700; }));
+  EXPECT_EQ(view.scale(), scale);
+  view.LookAt(QRectF(10, 10, 4, 4));
+  EXPECT_EQ(view.scale(), 6);
+}
+
 TEST_F(ImagesTest, MarksAreSeenAtOnceMovedAndRemoved) {
   auto* point = Child<QComboBox>(images_, "images.point");
   point->setCurrentText("corner");

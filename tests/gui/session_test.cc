@@ -15,6 +15,7 @@
 #include <QTableView>
 #include <QTableWidget>
 #include <QTemporaryDir>
+#include <algorithm>
 #include <sstream>
 
 #include "app/desktop/images_desk.h"
@@ -145,14 +146,24 @@ void SessionTest::FromTheFirstRunToTheLastQuit() {
   ASSERT_TRUE(window_->images()->ShowObject(station));
   PictureView* picture = window_->images()->left();
   QString detection;
-  ASSERT_TRUE(WaitFor([&] {
+  const auto on_the_tag = [&] {
     for (const PictureMark& mark : picture->marks()) {
-      if (mark.layer == "detections") detection = mark.object;
+      const auto in_sight = [&](const QPointF& corner) {
+        return QRectF(picture->rect()).contains(picture->WidgetAt(corner));
+      };
+      const bool seen = std::all_of(mark.points.begin(), mark.points.end(), in_sight);
+      if (mark.layer == "detections" && seen && picture->scale() > 1.5) detection = mark.object;
     }
-    return !detection.isEmpty() && picture->scale() > 1.2;  // on the tag, in a pane as large as there is room
-  })) << station.toStdString()
-      << ": detection '" << detection.toStdString() << "', scale " << picture->scale();
-  Screenshot(window_.get(), "session_images");
+    return !detection.isEmpty();
+  };
+  // However small the panes are, and when they have been placed anew.
+  for (const QSize& size : {QSize(1024, 700), QSize(1280, 800)}) {
+    detection.clear();
+    window_->resize(size);
+    ASSERT_TRUE(WaitFor([&] { return window_->size() == size && !window_->images()->right()->image().isNull(); }));
+    ASSERT_TRUE(WaitFor(on_the_tag)) << station.toStdString() << ": scale " << picture->scale();
+    Screenshot(window_.get(), QString("session_images_%1").arg(size.width()));
+  }
   const QString panorama = Child<QComboBox>(window_.get(), "images.reference")->currentText();
   Click(window_.get(), "images.match");
   EXPECT_TRUE(WaitFor([&] { return !window_->images()->right()->marks().empty(); }, kLong)) << panorama.toStdString();
