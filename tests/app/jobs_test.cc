@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "app/pipeline/single_job.h"
 #include "tests/datasets/project_folder.h"
 
 namespace trigpoint {
@@ -144,6 +145,56 @@ TEST_F(JobsTest, LockedProjectEndsAllAtOnce) {
 TEST_F(JobsTest, CancelledIsNoFailure) {
   cancel_.Cancel();
   EXPECT_THROW(Run(), Cancelled);
+}
+
+// "second/run1: first/run1" of what each job needs, and of what else it comes after.
+std::vector<std::string> NeedsIn(const Project& project, const std::vector<Job>& jobs, bool after) {
+  std::vector<std::string> lines;
+  const std::vector<JobNeeds> all = NeedsOf(project, jobs);
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    std::string line = jobs[i].Title().append(":");
+    for (const size_t k : after ? all[i].after : all[i].needs) line.append(" ").append(jobs[k].Title());
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+TEST_F(JobsTest, AJobNeedsTheResultsThatItReads) {
+  const std::vector<std::string> needs = {"first/run1:", "first/run2:", "second/run1: first/run1",
+                                          "second/run2: first/run2", "all: second/run1 second/run2"};
+  EXPECT_EQ(NeedsIn(project_, jobs_, false), needs);
+  EXPECT_EQ(NeedsIn(project_, jobs_, true), needs);
+}
+
+TEST_F(JobsTest, AJobNeedsTheResultsOfItsVariant) {
+  jobs_ = {{&first_, {"run1", "", {}}},
+           {&second_, {"run1", "", {}}},
+           {&second_, {"run1", "x", {}}},
+           {&all_, {"", "", {}}},
+           {&all_, {"", "x", {}}}};
+  EXPECT_THAT(NeedsIn(project_, jobs_, false),
+              ElementsAre("first/run1:", "second/run1: first/run1", "second/run1@x: first/run1", "all: second/run1",
+                          "all@x: second/run1@x"));
+  // One that sets none of the options reads the first set's.
+  second_.read_as = [](const Project&, const std::string& reader, const StageTarget& target) {
+    EXPECT_EQ(reader, "all");
+    StageTarget read = target;
+    read.variant.clear();
+    return read;
+  };
+  EXPECT_THAT(NeedsIn(project_, jobs_, false),
+              ElementsAre("first/run1:", "second/run1: first/run1", "second/run1@x: first/run1", "all: second/run1",
+                          "all@x: second/run1"));
+}
+
+TEST_F(JobsTest, WhatReadsAllThatIsThereComesAfterAllOfIt) {
+  const StageInfo stitch = ToyStage("stitch", {}, true, false), gates = ToyStage("gates", {"all"}, false, false);
+  jobs_ = {
+      {&stitch, {"S1", "", {}}}, {&first_, {"run1", "", {}}}, {&second_, {"run2", "", {}}}, {&gates, {"", "", {}}}};
+  EXPECT_THAT(NeedsIn(project_, jobs_, false), ElementsAre("stitch/S1:", "first/run1:", "second/run2:", "gates:"));
+  EXPECT_THAT(NeedsIn(project_, jobs_, true),
+              ElementsAre("stitch/S1:", "first/run1: stitch/S1", "second/run2: stitch/S1",
+                          "gates: stitch/S1 first/run1 second/run2"));
 }
 
 TEST(PlanJobs, UnknownNamesComeWithTheNearest) {
