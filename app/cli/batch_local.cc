@@ -54,10 +54,7 @@ class LocalBatch {
     jobs_ = std::max(1, plan_.settings.jobs > 0 ? plan_.settings.jobs : cores_);
     limit_ = plan_.settings.memory.empty() ? AvailableMemoryBytes() * 8 / 10
                                            : ParseMemory("--memory", plan_.settings.memory);
-    for (size_t i = 0; i < plan_.tasks.size(); ++i) {
-      records_.push_back(ReadTaskRecord(folder_, i));
-      if (!records_[i].Done()) SetRecord(i, records_[i], "");
-    }
+    records_ = BeginTaskRecords(plan_, folder_);
     fs::create_directories(folder_ / "logs");
     fs::remove(folder_ / kCancelFile);
   }

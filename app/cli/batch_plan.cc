@@ -304,6 +304,20 @@ TaskRecord ReadTaskRecord(const fs::path& folder, size_t task) {
   }
 }
 
+std::vector<TaskRecord> BeginTaskRecords(const BatchPlan& plan, const fs::path& folder) {
+  std::vector<TaskRecord> records;
+  for (size_t i = 0; i < plan.tasks.size(); ++i) {
+    TaskRecord record = ReadTaskRecord(folder, i);
+    const std::vector<size_t>& after = plan.tasks[i].after;
+    if (!record.Done() || std::any_of(after.begin(), after.end(), [&](size_t k) { return !records[k].Done(); })) {
+      record.end.clear();
+      WriteTaskRecord(record, folder, i);
+    }
+    records.push_back(std::move(record));
+  }
+  return records;
+}
+
 void WriteTaskRecord(const TaskRecord& record, const fs::path& folder, size_t task) {
   json attempts = json::array();
   for (const TaskAttempt& attempt : record.attempts) attempts.push_back(JsonOf(attempt));

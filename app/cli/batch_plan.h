@@ -84,6 +84,8 @@ BatchPlan ReadBatchPlan(const std::filesystem::path& folder);
 void WriteBatchPlan(const BatchPlan& plan, const std::filesystem::path& folder);
 
 TaskRecord ReadTaskRecord(const std::filesystem::path& folder, size_t task);
+// Of a batch that goes on: what is not done begins anew, and so does what came after it, for it read what was there.
+std::vector<TaskRecord> BeginTaskRecords(const BatchPlan& plan, const std::filesystem::path& folder);
 void WriteTaskRecord(const TaskRecord& record, const std::filesystem::path& folder, size_t task);
 
 // What became of the tasks that `task` needs; one without an end counts as failed.

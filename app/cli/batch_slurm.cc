@@ -250,15 +250,9 @@ void RequireNothingQueued(const BatchPlan& plan, const fs::path& folder) {
 }
 
 size_t SubmitToSlurm(const fs::path& folder, BatchPlan plan) {
-  std::vector<TaskRecord> records;
+  const std::vector<TaskRecord> records = BeginTaskRecords(plan, folder);
   std::set<fs::path> projects;
-  for (size_t i = 0; i < plan.tasks.size(); ++i) {
-    records.push_back(ReadTaskRecord(folder, i));
-    projects.insert(plan.tasks[i].dir);
-    if (records.back().Done()) continue;
-    records.back().end.clear();
-    WriteTaskRecord(records.back(), folder, i);
-  }
+  for (const BatchTask& task : plan.tasks) projects.insert(task.dir);
   // What killed processes left in the results goes while nobody writes there.
   for (const fs::path& dir : projects) Project::Open(dir).Lock();
   fs::create_directories(folder / "logs");

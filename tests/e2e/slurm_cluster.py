@@ -117,18 +117,22 @@ class Cluster:
             except OSError:
                 continue
             ours = f"SLURM_CONF={self.dir}/slurm.conf".encode() in environment
+            # A step leaves its daemon's session and has no parent; it writes to its node's log.
             if ours and (f"SLURMD_NODENAME={node}".encode() in environment or
-                         (command.startswith(b"slurmstepd") and self.parent(pid) == self.daemons[node].pid)):
+                         (command.startswith(b"slurmstepd") and f"{self.dir}/{node}.log" in self.files_of(pid))):
                 found.append(int(pid))
         return found
 
     @staticmethod
-    def parent(pid):
+    def files_of(pid):
+        """What a process has open."""
+        files = set()
         try:
-            with open(f"/proc/{pid}/stat", encoding="utf-8") as file:
-                return int(file.read().rpartition(")")[2].split()[1])
+            for number in os.listdir(f"/proc/{pid}/fd"):
+                files.add(os.readlink(f"/proc/{pid}/fd/{number}"))
         except OSError:
-            return 0
+            pass
+        return files
 
     def lose_node(self, node):
         """As if its power were cut."""
