@@ -21,6 +21,9 @@ struct InspectArguments {
 int Inspect(const Session& session, const InspectArguments& a) {
   const Project project = OpenProject(session, a.dir);
   RunInspector inspector(project, a.run, a.variant);
+  if (const std::string older = OlderLocalization(project, a.run, a.variant); !older.empty()) {
+    session.MakeTerminal().Log(LogLevel::kWarning, older + "; shown is what its tables hold");
+  }
   if (a.point >= 0) {
     const std::vector<std::string> images = inspector.ImagesOf(a.point);
     Ending ending(fmt::format("Point {} of {} is observed in {} images", a.point, a.run, images.size()));

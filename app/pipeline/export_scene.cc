@@ -8,6 +8,7 @@
 
 #include "app/pipeline/export.h"
 #include "app/pipeline/feature_store.h"
+#include "app/pipeline/inspect.h"
 #include "app/pipeline/stages.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/project/files.h"
@@ -176,11 +177,9 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
   scene.run = project.run(run).name;
   const fs::path dir = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
   if (!fs::exists(dir / kSolutionFile)) {
-    const bool old = fs::exists(dir / "panoramas.csv");
-    throw InputError("run " + run +
-                     (old ? ": its localization is of an older version, without " + std::string(kSolutionFile)
-                          : ": not localized yet") +
-                     (variant.empty() ? "" : " in variant " + variant) + "; run trigpoint localize first");
+    if (const std::string older = OlderLocalization(project, run, variant); !older.empty()) throw InputError(older);
+    throw InputError("run " + run + ": not localized yet" + (variant.empty() ? "" : " in variant " + variant) +
+                     "; run trigpoint localize first");
   }
   scene.solution = ReadSolution(dir / kSolutionFile);
   SolutionModel model = ModelOf(scene.solution);

@@ -1,14 +1,18 @@
 #include "app/pipeline/inspect.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <limits>
 #include <map>
 #include <set>
 
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
+#include "datasets/project/files.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
 #include "eval/results.h"
@@ -25,6 +29,14 @@ constexpr double kInlierPx = 3;
 constexpr double kRatio = 0.8, kMaxDistance = 0.8;
 
 }  // namespace
+
+std::string OlderLocalization(const Project& project, const std::string& run, const std::string& variant) {
+  const fs::path dir = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  if (fs::exists(dir / kSolutionFile) || !fs::exists(dir / "panoramas.csv")) return "";
+  return fmt::format("run {}: {} was made by an earlier version and has no {}; run `trigpoint localize {} --run {}{}`",
+                     run, RelativeTo(project.dir(), dir), kSolutionFile, ShellWord(project.dir().string()),
+                     ShellWord(run), variant.empty() ? "" : " --variant " + ShellWord(variant));
+}
 
 struct RunInspector::Parts {
   const Project project;

@@ -46,6 +46,9 @@ struct InspectedMatch {
   bool inlier = false;  // within 3 px and before both
 };
 
+// Of a localization that a version without solution.db made: what is missing and what to run. Empty for any other.
+std::string OlderLocalization(const Project& project, const std::string& run, const std::string& variant);
+
 // The results of one run, read once; the model is read when it is first asked for. Not thread safe.
 class RunInspector {
  public:

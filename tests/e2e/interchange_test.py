@@ -518,6 +518,40 @@ class Scenes(unittest.TestCase):
             self.assertLess(np.abs(places[np.lexsort(places.T)] - expected[np.lexsort(expected.T)]).max(), 1e-3)
         self.assertEqual(db.execute("SELECT count(*) FROM two_view_geometries").fetchone()[0], len(pairs))
 
+    def test_a_result_of_an_earlier_version_is_named_with_what_to_run(self):
+        site = os.path.join(self.temporary, "earlier site")
+        shutil.copytree(self.site, site)
+        result = f"{site}/results/localize/run2"
+
+        def state():
+            status = json.loads(trigpoint("status", site, "--json").stdout)
+            return next(s["state"] for s in status["stages"] if (s["stage"], s["name"]) == ("localize", "run2"))
+
+        self.assertEqual(state(), "done")
+        # As version 13 of the stage left it: its identity counts the version.
+        with open(f"{result}/manifest.json", encoding="utf-8") as text:
+            manifest = json.load(text)
+        del manifest["files"]["solution.db"], manifest["sha256"]
+        manifest["version"], manifest["identity"] = 13, "0" * 64
+        write(f"{result}/manifest.json", json.dumps(manifest))
+        os.remove(f"{result}/solution.db")
+        missing = "run run2: results/localize/run2 was made by an earlier version and has no solution.db"
+        command = f"trigpoint localize '{site}' --run run2"
+        for fmt in ("colmap", "ply", "g2o"):
+            refused = trigpoint("export", site, "--to", fmt, "--out", os.path.join(self.temporary, "none"), expect=1)
+            self.assertIn(f"{missing}; run `{command}`", refused.stderr)
+            self.assertEqual(refused.stderr.count("\n"), 1, refused.stderr)
+        image = next(iter(self.images.values()))[0]
+        shown = trigpoint("inspect", site, "--run", "run2", "--image", image)
+        self.assertEqual(shown.stdout.count(missing), 1, shown)
+        self.assertIn("Points", shown.stdout)  # of its tables
+        self.assertEqual(state(), "out of date")
+        # Where nothing was localized yet that is said instead.
+        shutil.rmtree(result)
+        refused = trigpoint("export", site, "--to", "ply", "--out", os.path.join(self.temporary, "none"), expect=1)
+        self.assertIn("not localized yet", refused.stderr)
+        self.assertEqual(state(), "missing")
+
     @unittest.skipUnless(shutil.which("colmap"), "colmap is not installed")
     def test_colmap_reads_model_and_database(self):
         for path in (self.model, os.path.join(self.model, "text")):
