@@ -467,6 +467,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
 
   Vector6d noise_factor = Vector6d::Ones();
   noise_factor.head<3>().setConstant(start.odometry_noise);
+  noise_factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise));
   // Never upwards: images that are wrong would have odometry, a measurement with stated noise, lose.
   const Vector6d most_noise = noise_factor;
   p.factors = OdometryFactors(input, options, noise_factor);

@@ -80,34 +80,14 @@ std::vector<ImagePair> PairsByAppearance(const LocalizeInput& input, const Struc
   return out;
 }
 
-// Rotations along a triangle of pairs add up to none. Pairs of what only looks alike (windows, facades) seldom do: an
-// edge goes if most of its triangles do not close.
+// Pairs of what only looks alike (windows, facades) seldom close a triangle: an edge goes if most of its do not.
 void RejectOpenTriangles(std::vector<ViewEdge>* edges) {
-  constexpr double kClosed = 3 * kDegToRad;
-  std::map<std::pair<int, int>, const ViewEdge*> of_pair;
-  std::map<int, std::set<int>> neighbours;
-  for (const ViewEdge& e : *edges) {
-    of_pair[{e.pair.a, e.pair.b}] = &e;
-    neighbours[e.pair.a].insert(e.pair.b);
-    neighbours[e.pair.b].insert(e.pair.a);
+  const std::vector<Triangles> of_edges = CountTriangles(*edges);
+  std::vector<ViewEdge> kept;
+  for (size_t i = 0; i < edges->size(); ++i) {
+    if (2 * of_edges[i].closed >= of_edges[i].all) kept.push_back(std::move((*edges)[i]));
   }
-  const auto rotation = [&](int a, int b) {  // b from a
-    const auto forth = of_pair.find({a, b});
-    return forth != of_pair.end() ? forth->second->geometry.b_from_a.rotation
-                                  : of_pair.at({b, a})->geometry.b_from_a.rotation.conjugate();
-  };
-  std::set<std::pair<int, int>> open;
-  for (const ViewEdge& e : *edges) {
-    int closed = 0, all = 0;
-    for (int c : neighbours[e.pair.a]) {
-      if (neighbours[e.pair.b].count(c) == 0) continue;
-      const Eigen::Quaterniond loop = rotation(c, e.pair.a) * rotation(e.pair.b, c) * rotation(e.pair.a, e.pair.b);
-      closed += loop.angularDistance(Eigen::Quaterniond::Identity()) < kClosed ? 1 : 0;
-      ++all;
-    }
-    if (2 * closed < all) open.insert({e.pair.a, e.pair.b});
-  }
-  std::erase_if(*edges, [&](const ViewEdge& e) { return open.count({e.pair.a, e.pair.b}) > 0; });
+  *edges = std::move(kept);
 }
 
 // The tracks of all edges, the longest of each image.

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "calib/base/median.h"
@@ -351,15 +352,19 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
   return errors;
 }
 
+// Squared errors that tell of a variance, at least, and the median of such with 5 dof.
+constexpr size_t kLeastErrors = 8;
+constexpr double kMedianChi2 = 4.35;
+
 // How much smaller the variance of odometry is than stated, by the pairs of images that agree with it: the median of
 // their squared errors against that of a chi-square. Never larger: pairs may be wrong together.
 double OdometryVarianceFactor(const std::vector<double>& errors, double gate_chi2) {
-  constexpr double kMedianChi2 = 4.35, kLeast = 0.01;  // 5 dof
+  constexpr double kLeast = 0.01;
   std::vector<double> agreeing;
   for (double e : errors) {
     if (e < gate_chi2) agreeing.push_back(e);
   }
-  if (agreeing.size() < 8) return 1;
+  if (agreeing.size() < kLeastErrors) return 1;
   return std::clamp(Median(std::move(agreeing)) / kMedianChi2, kLeast, 1.0);
 }
 
@@ -392,6 +397,53 @@ void RejectContradictions(const LocalizeInput& input, const std::vector<PoseFact
   graph->edges = std::move(kept);
   graph->odom_from_body.clear();
   for (const Rigid3d& pose : p.poses) graph->odom_from_body.push_back(pose.Inverse());
+}
+
+bool AreNeighbours(const LocalizeInput& input, const ImagePair& pair) {
+  const int apart = input.images[static_cast<size_t>(pair.b)].pose - input.images[static_cast<size_t>(pair.a)].pose;
+  return std::abs(apart) == 1;
+}
+
+// The factor on the variance of odometry's stated noise with which its errors against edges are as large as expected,
+// in the median. 1 for few edges.
+double MatchingVariance(const LocalizeInput& input, const std::vector<PoseFactor>& odometry,
+                        const std::vector<ViewEdge>& edges, const ViewGraphOptions& options, int threads,
+                        const CancelToken& cancel) {
+  constexpr int kIterations = 5;  // the edges' own noise has a part in the errors: not linear
+  double variance = 1;
+  for (int k = 0; k < kIterations; ++k) {
+    const Prediction prediction(input, odometry, variance, options, threads, cancel);
+    std::vector<double> errors;
+    for (const ViewEdge& e : edges) errors.push_back(prediction.SquaredMahalanobis(e.pair, EdgeFactor(input, e)));
+    variance *= Median(std::move(errors)) / kMedianChi2;
+  }
+  return variance;
+}
+
+// By how much the variance of odometry is larger than stated, by what neighbouring images see of each other without it.
+// Images may be wrong together: those count whose triangles close, and the median decides, as few steps do not make an
+// odometry bad. Nothing where it is not larger beyond chance, or too few speak.
+std::optional<double> VarianceByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
+                                       const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
+                                       int threads, uint64_t seed, const CancelToken& cancel) {
+  const auto neighbours =
+      std::count_if(pairs.begin(), pairs.end(), [&](const ImagePair& pair) { return AreNeighbours(input, pair); });
+  if (static_cast<size_t>(neighbours) < kLeastErrors) return std::nullopt;
+  ProgressSink silent;
+  std::vector<ViewEdge> edges = VerifyPairs(input, pairs, options, threads, seed, silent, cancel);
+  const std::vector<Triangles> triangles = CountTriangles(edges);
+  std::vector<ViewEdge> confirmed;
+  for (size_t i = 0; i < edges.size(); ++i) {
+    const Triangles& t = triangles[i];
+    if (AreNeighbours(input, edges[i].pair) && t.closed > 0 && 2 * t.closed >= t.all)
+      confirmed.push_back(std::move(edges[i]));
+  }
+  if (confirmed.size() < kLeastErrors) return std::nullopt;
+  const double variance = MatchingVariance(input, odometry, confirmed, options, threads, cancel);
+  // The median of n chi-squares with 5 dof is known to 0.84 / sqrt(n) of it, 1 sigma.
+  const double chance = 2 * 0.84 / std::sqrt(static_cast<double>(confirmed.size()));
+  if (variance < 1 + chance) return std::nullopt;
+  return variance;
 }
 
 // Calls body(i, image a, image b) for every pair, in parallel, with their features at hand.
@@ -479,8 +531,7 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
   // Neighbours first: they tell how good odometry is, and that what the others may be.
   std::vector<ImagePair> neighbours;
   for (const ImagePair& pair : pairs) {
-    const int apart = input.images[static_cast<size_t>(pair.b)].pose - input.images[static_cast<size_t>(pair.a)].pose;
-    if (std::abs(apart) == 1) neighbours.push_back(pair);
+    if (AreNeighbours(input, pair)) neighbours.push_back(pair);
   }
   const auto verify = [&](const std::vector<ImagePair>& some, const Prediction& prediction) {
     std::vector<ViewEdge> tried(some.size());
@@ -497,6 +548,16 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
     for (const ViewEdge& e : verify(neighbours, stated))
       errors.push_back(stated.SquaredMahalanobis(e.pair, EdgeFactor(input, e)));
     graph.odometry_variance = OdometryVarianceFactor(errors, options.gate_chi2);
+    const std::optional<double> by_images = VarianceByImages(input, pairs, odometry, options, threads, seed, cancel);
+    if (by_images) {
+      graph.odometry_variance = *by_images;
+      char text[200];
+      std::snprintf(text, sizeof text,
+                    "odometry is about %.1f times as noisy as stated, by pairs of neighbouring images that agree with "
+                    "other images; it is weighted accordingly",
+                    std::sqrt(graph.odometry_variance));
+      progress.Log(LogLevel::kWarning, text);
+    }
   }
   const Prediction prediction(input, odometry, graph.odometry_variance, options, threads, cancel);
   graph.edges = verify(pairs, prediction);
@@ -536,6 +597,34 @@ std::vector<ViewEdge> VerifyPairs(const LocalizeInput& input, const std::vector<
   });
   std::erase_if(edges, [](const ViewEdge& e) { return !e.geometry.verified; });
   return edges;
+}
+
+std::vector<Triangles> CountTriangles(const std::vector<ViewEdge>& edges) {
+  constexpr double kClosed = 3 * kDegToRad;
+  std::map<std::pair<int, int>, const ViewEdge*> of_pair;
+  std::map<int, std::set<int>> neighbours;
+  for (const ViewEdge& e : edges) {
+    of_pair[{e.pair.a, e.pair.b}] = &e;
+    neighbours[e.pair.a].insert(e.pair.b);
+    neighbours[e.pair.b].insert(e.pair.a);
+  }
+  const auto rotation = [&](int a, int b) {  // b from a
+    const auto forth = of_pair.find({a, b});
+    return forth != of_pair.end() ? forth->second->geometry.b_from_a.rotation
+                                  : of_pair.at({b, a})->geometry.b_from_a.rotation.conjugate();
+  };
+  std::vector<Triangles> out;
+  for (const ViewEdge& e : edges) {
+    Triangles t;
+    for (int c : neighbours[e.pair.a]) {
+      if (neighbours[e.pair.b].count(c) == 0) continue;
+      const Eigen::Quaterniond loop = rotation(c, e.pair.a) * rotation(e.pair.b, c) * rotation(e.pair.a, e.pair.b);
+      t.closed += loop.angularDistance(Eigen::Quaterniond::Identity()) < kClosed ? 1 : 0;
+      ++t.all;
+    }
+    out.push_back(t);
+  }
+  return out;
 }
 
 TrackSet JoinTracks(const LocalizeInput& input, const ViewGraph& graph, const TrackSet& tracks,

@@ -69,7 +69,8 @@ struct ViewGraph {
   int tried = 0;
   int verified = 0;                     // by two-view geometry
   std::vector<ImagePair> rejected;      // verified, but contradicted by odometry or by the other pairs
-  double odometry_variance = 1;         // factor on the variance of odometry's stated noise, by neighbouring images
+  double odometry_variance = 1;         // factor on the variance of odometry's stated noise, by neighbouring images;
+                                        // above 1 only where images agree among themselves, and not with it
   std::vector<Rigid3d> odom_from_body;  // odometry bent to the pairs: where a bundle adjustment starts
 };
 
@@ -83,6 +84,12 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
 std::vector<ViewEdge> VerifyPairs(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                   const ViewGraphOptions& options, int threads, uint64_t seed, ProgressSink& progress,
                                   const CancelToken& cancel);
+
+// Of an edge: triangles it is part of, and those along which the rotations add up to none.
+struct Triangles {
+  int closed = 0, all = 0;
+};
+std::vector<Triangles> CountTriangles(const std::vector<ViewEdge>& edges);
 
 // Tracks joined by the matches of the graph's edges; those of two images are kept where their parallax suffices.
 TrackSet JoinTracks(const LocalizeInput& input, const ViewGraph& graph, const TrackSet& tracks,
