@@ -1,4 +1,4 @@
-// What people read for the methods that errors.csv calls g1, g2 and single.
+// What people read for the methods and references that errors.csv calls g1, g2, single, self, control and survey.
 #pragma once
 
 #include <string>
@@ -9,6 +9,18 @@ namespace trigpoint {
 inline std::string MethodName(const std::string& method) {
   if (method == "g1") return "view (G1)";
   return method == "g2" || method == "single" ? "panorama (G2)" : method;
+}
+
+// "panorama (G2), variant paper".
+inline std::string MethodName(const std::string& method, const std::string& variant) {
+  return MethodName(method) + (variant.empty() ? "" : ", variant " + variant);
+}
+
+// What answers are compared with.
+inline std::string ReferenceName(const std::string& reference) {
+  if (reference == "self") return "the run's own tags";
+  if (reference == "control") return "surveyed control";
+  return reference == "survey" ? "the tag map" : reference;
 }
 
 }  // namespace trigpoint

@@ -48,7 +48,8 @@ std::optional<FrameDifference> FindFrameDifference(const std::vector<PosePair>& 
 }
 
 std::string RelativeName(const RelativeOptions& options) {
-  const char* unit = options.unit == DeltaUnit::kFrames ? "frames" : options.unit == DeltaUnit::kMetres ? "m" : "s";
+  const char* frames = options.delta == 1 ? "frame" : "frames";
+  const char* unit = options.unit == DeltaUnit::kFrames ? frames : options.unit == DeltaUnit::kMetres ? "m" : "s";
   return fmt::format("{:g} {}{}", options.delta, unit, options.all_pairs ? " all" : "");
 }
 

@@ -798,7 +798,7 @@ class Registrar {
     }
     if (answered.empty()) {
       out.status = out.view_matches > 0 ? AnswerStatus::kRejected : AnswerStatus::kUnmatched;
-      out.reason = out.view_matches > 0 ? "no view by itself has an answer" : "no view matches";
+      out.reason = out.view_matches > 0 ? "no view (G1) could be located by itself" : "no view matches";
       return out;
     }
     // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every

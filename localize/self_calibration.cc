@@ -231,7 +231,9 @@ Eigen::MatrixXd CovarianceOfLenses(ceres::Problem* problem, Blocks* b) {
     if (is_free(point.data())) points.push_back(point.data());
   }
   const MarginalCovariance marginal = Marginalise(problem, kept, points, {});
-  if (marginal.covariance.size() == 0) throw NumericError("the images leave their lens open");
+  if (marginal.covariance.size() == 0)
+    throw NumericError(
+        "the lens cannot be estimated: the images do not determine it; calibrate the camera (trigpoint calibrate)");
   return marginal.covariance;
 }
 
@@ -252,7 +254,8 @@ std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Rec
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(ownership);
   AddObservations(input, r, &loss, &problem, &b);
-  if (problem.NumResidualBlocks() == 0) throw NumericError("no observations to calibrate with");
+  if (problem.NumResidualBlocks() == 0)
+    throw NumericError("the lens cannot be estimated: expected points seen in several images, found none");
   AddMotion(r, &problem, &b);
   AddLenses(input, &problem, &b);
   ceres::Solver::Options solve;

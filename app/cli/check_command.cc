@@ -44,7 +44,7 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
     ++shown;
     ending.Problem(Capitalised(LightName(f.light)), f.text);
   }
-  if (wrong > shown) ending.Problem("And", fmt::format("{} more findings: the page", wrong - shown));
+  if (wrong > shown) ending.Problem("And", Counted(wrong - shown, "more finding", "more findings") + ": see the page");
   ending.Look("Page", out / "index.html");
   return ending;
 }

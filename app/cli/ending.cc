@@ -119,10 +119,6 @@ std::string Listed(const std::vector<std::string>& names, size_t most) {
   return names.size() > most ? text + fmt::format(" and {} more", names.size() - most) : text;
 }
 
-std::string Counted(int64_t count, const std::string& one, const std::string& many) {
-  return fmt::format("{} {}", count, count == 1 ? one : many);
-}
-
 std::string Capitalised(std::string text) {
   if (!text.empty()) text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
   return text;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/counted.h"
+
 namespace trigpoint {
 
 constexpr size_t kEndingLines = 12;
@@ -43,8 +45,6 @@ class Ending {
 std::string ShownPath(const std::filesystem::path& path);
 // "run1, run2, run3 and 9 more".
 std::string Listed(const std::vector<std::string>& names, size_t most = 6);
-// "1 run", "4 panoramas", "2 batches".
-std::string Counted(int64_t count, const std::string& one, const std::string& many);
 // "localize": "Localize".
 std::string Capitalised(std::string text);
 // "12 s", "2 min 5 s", "1 h 3 min".

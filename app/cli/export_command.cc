@@ -14,7 +14,12 @@ int Export(Session& session, const std::string& dir, const ExportRequest& reques
   nlohmann::json files = nlohmann::json::array();
   Ending ending("Exported " + request.to + " in " + session.Taken() + ": " +
                 Counted(static_cast<int64_t>(report.files.size()), "file", "files"));
-  for (const std::string& line : report.lines) ending.Fact("Contents", line);
+  constexpr size_t kOneEach = 5;
+  if (report.lines.size() > kOneEach) {
+    ending.Fact("Contents", Listed(report.lines, report.lines.size()));
+  } else {
+    for (const std::string& line : report.lines) ending.Fact("Contents", line);
+  }
   for (const auto& file : report.files) {
     files.push_back(file.string());
     ending.Row("Wrote     " + ShownPath(file));

@@ -6,6 +6,8 @@
 
 #include "app/cli/interchange_commands.h"
 #include "app/pipeline/command_line.h"
+#include "datasets/colmap/database.h"
+#include "datasets/colmap/model.h"
 #include "datasets/import/bag_run.h"
 #include "datasets/import/dataset_run.h"
 #include "datasets/import/panorama_provider.h"
@@ -62,7 +64,7 @@ Ending ListEnding(const std::vector<PanoramaRecord>& records, const SearchArea& 
   });
   std::map<std::string, int> years;
   for (const PanoramaRecord& r : records) ++years[r.date.empty() ? "undated" : r.date.substr(0, 4)];
-  std::string text = fmt::format("{} panoramas:", records.size());
+  std::string text = Counted(records.size(), "panorama") + ":";
   for (const auto& [year, count] : years) text += fmt::format(" {} of {},", count, year);
   text.pop_back();
   std::vector<std::vector<std::string>> rows;
@@ -96,15 +98,14 @@ nlohmann::json ListJson(const std::vector<PanoramaRecord>& records) {
   return list;
 }
 
-// Says what a service has, and takes nothing.
-int List(Session& session, const Arguments& a, const Service& service) {
-  const auto provider = OpenService(service, a);
-  const PanoramaImportOptions options = PanoramaOptions(a, true);
+// What a service or a folder has; nothing is imported.
+int ListPanoramas(Session& session, const Arguments& a, const std::string& as, PanoramaProvider* provider) {
+  const PanoramaImportOptions options = PanoramaOptions(a, ServiceNamed(as) != nullptr);
   Terminal terminal = session.MakeTerminal();
   const std::vector<PanoramaRecord> records = ChoosePanoramas(*provider, options, *session.cancel);
   for (const std::string& warning : provider->Warnings()) terminal.Log(LogLevel::kWarning, warning);
   session.End(ListEnding(records, options.area));
-  session.PrintJson({{"command", "import"}, {"ok", true}, {"as", service.name}, {"panoramas", ListJson(records)}});
+  session.PrintJson({{"command", "import"}, {"ok", true}, {"as", as}, {"panoramas", ListJson(records)}});
   return 0;
 }
 
@@ -131,7 +132,7 @@ std::vector<std::vector<std::string>> TopicRows(const BagContents& contents, con
   return rows;
 }
 
-// Says what is in a bag, and takes nothing.
+// What is in a bag; nothing is imported.
 int ListTopics(Session& session, const Arguments& a) {
   const BagContents contents = ListBag(a.from, *session.cancel);
   const BagChoice choice = ChooseTopics(contents, a.bag.topics);
@@ -144,8 +145,9 @@ int ListTopics(Session& session, const Arguments& a) {
     const BagTopic& topic = contents.topics[i];
     topics.push_back({{"topic", topic.name}, {"type", topic.type}, {"messages", topic.messages}, {"use", rows[i][4]}});
   }
-  session.End(Ending(fmt::format("{}, {:.1f} s, {} topics:", contents.format,
-                                 1e-9 * static_cast<double>(contents.end_ns - contents.begin_ns), rows.size()))
+  session.End(Ending(fmt::format("{}, {:.1f} s, {}:", contents.format,
+                                 1e-9 * static_cast<double>(contents.end_ns - contents.begin_ns),
+                                 Counted(rows.size(), "topic")))
                   .Rows(TableText({"topic", "type", "messages", "rate", "becomes"}, rows))
                   .Next("the same with --name RUN in place of --list imports them; nothing was written"));
   session.PrintJson({{"command", "import"}, {"ok", true}, {"as", "bag"}, {"topics", topics}});
@@ -198,18 +200,55 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
   return ImportOpenSfmGcp(a.dir, a.from, images);
 }
 
+// What would be imported; nothing is.
+int List(Session& session, const Arguments& a, const std::string& as, const Service* service) {
+  if (as == "bag") return ListTopics(session, a);
+  if (service != nullptr) return ListPanoramas(session, a, as, OpenService(*service, a).get());
+  if (as == "panoramas") return ListPanoramas(session, a, as, OpenPanoramaFolder(a.from).get());
+  std::string contents;
+  bool needs_name = true;
+  if (as == "colmap") {
+    const SparseModel model = ReadColmapModel(a.from);
+    contents = fmt::format("COLMAP model: {}, {}, {}", Counted(model.cameras.size(), "camera"),
+                           Counted(model.images.size(), "image"), Counted(model.points.size(), "point"));
+  } else if (as == "colmap-database") {
+    contents = "COLMAP database: " + Counted(ColmapDatabase::OpenRead(a.from).Images().size(), "image");
+  } else if (as == "tag-layout") {
+    contents = "tag layout: " + Counted(ReadTagLayout(a.from).size(), "tag");
+    needs_name = false;
+  } else if (as == "dataset") {
+    contents = "data set of kind " + DatasetKind(a.from);
+  } else if (as == "gcp") {
+    contents = "ground control points of OpenSfM";
+    needs_name = false;
+  } else {
+    contents = as;
+    if (as == "photos") {
+      int64_t pictures = 0;
+      for (const auto& entry : fs::directory_iterator(a.from)) {
+        const std::string ending = entry.path().extension().string();
+        pictures += IsPictureName(entry.path()) || ending == ".heic" || ending == ".HEIC";
+      }
+      contents = "folder of " + Counted(pictures, "photo");
+    }
+  }
+  session.End(Ending(a.from + ": " + contents)
+                  .Next(std::string("the same ") + (needs_name ? "with --name NAME in place of" : "without") +
+                        " --list imports it; nothing was written"));
+  session.PrintJson({{"command", "import"}, {"ok", true}, {"as", as}, {"contents", contents}});
+  return 0;
+}
+
 int TakeIn(Session& session, const Arguments& a) {
   const Service* service = a.as.empty() ? ServiceNamed(a.from) : nullptr;
   const std::string as = service != nullptr ? service->name : a.as.empty() ? Guess(a.from) : a.as;
   if (service == nullptr && (!a.url.empty() || !a.token_file.empty())) {
     throw OptionError("--url and --token-file are for services; --from " + a.from + " is none");
   }
-  if (a.list && as == "bag") return ListTopics(session, a);
-  if (service == nullptr && a.list) throw OptionError("--list is for services and bags; --from " + a.from + " is none");
   if (service != nullptr && a.near.empty() && a.along.empty()) {
     throw OptionError("--from " + service->name + ": expected --near LAT,LON or --along RUN");
   }
-  if (service != nullptr && a.list) return List(session, a, *service);
+  if (a.list) return List(session, a, as, service);
   Terminal terminal = session.MakeTerminal();
   const ImportReport report = Import(a, as, terminal, *session.cancel);
   terminal.ClearProgress();
@@ -310,7 +349,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
       "--cameras", a->bag.cameras,
       "bag, dataset, video: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
   command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC or KITTI) to be the run's odometry");
-  command.add_flag("--list", a->list, "services, bags: say what is there and take nothing");
+  command.add_flag("--list", a->list, "show what is there; import nothing");
   command.add_option("--url", a->url, "services: another server of the same kind");
   command.add_option("--token-file", a->token_file,
                      "services: file (mode 0600) with the token, in place of the environment");

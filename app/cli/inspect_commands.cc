@@ -26,7 +26,7 @@ int Inspect(const Session& session, const InspectArguments& a) {
   }
   if (a.point >= 0) {
     const std::vector<std::string> images = inspector.ImagesOf(a.point);
-    Ending ending(fmt::format("Point {} of {} is observed in {} images", a.point, a.run, images.size()));
+    Ending ending(fmt::format("Point {} of {} is observed in {}", a.point, a.run, Counted(images.size(), "image")));
     for (const std::string& image : images) ending.Row(image);
     session.End(ending);
     session.PrintJson({{"command", "inspect"}, {"ok", true}, {"point", a.point}, {"images", images}});
@@ -105,9 +105,10 @@ int Mark(const Session& session, const MarkArguments& a) {
     const Eigen::Vector3d sigma = solution.covariance.diagonal().cwiseSqrt() / unit.metres;
     const Eigen::Vector3d at = solution.world_m / unit.metres;
     ending.Headline(fmt::format(
-        "{}: {:.3f} {:.3f} {:.3f} {} (site east, north, up; 1 sigma {:.3f} {:.3f} {:.3f}, cameras held), {} marks, "
+        "{}: {:.3f} {:.3f} {:.3f} {} (site east, north, up; 1 sigma {:.3f} {:.3f} {:.3f}, cameras held), {}, "
         "{:.2f} px",
-        a.point, at.x(), at.y(), at.z(), unit.name, sigma.x(), sigma.y(), sigma.z(), solution.marks, solution.rms_px));
+        a.point, at.x(), at.y(), at.z(), unit.name, sigma.x(), sigma.y(), sigma.z(), Counted(solution.marks, "mark"),
+        solution.rms_px));
     std::vector<std::vector<std::string>> rows;
     json["world_m"] = {solution.world_m.x(), solution.world_m.y(), solution.world_m.z()};
     json["rms_px"] = solution.rms_px;

@@ -84,7 +84,10 @@ int Launch(int argc, char** argv) {
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());
   }
-  if (argc > 1 && argv[1][0] != '-' && std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+  if (argc == 1) {
+    return Fail(session, "expected a command: `trigpoint demo` shows what it does, `trigpoint --help` lists all", 2);
+  }
+  if (argv[1][0] != '-' && std::find(names.begin(), names.end(), argv[1]) == names.end()) {
     return Fail(session,
                 "unknown command '" + std::string(argv[1]) + "'; nearest: '" + NearestName(argv[1], names) +
                     "', see trigpoint --help",

@@ -181,7 +181,7 @@ void AddManualCommand(CLI::App& app, Session& session, const std::string& versio
       }
       for (const auto& [file, text] : files) WriteFileAtomically(file, text);
       output.Publish();
-      s.End(Ending(fmt::format("Wrote {} files to {}", files.size(), *dir)));
+      s.End(Ending("Wrote " + Counted(files.size(), "file") + " to " + *dir));
       s.PrintJson({{"command", "manual"}, {"ok", true}, {"files", files.size()}});
       return 0;
     };

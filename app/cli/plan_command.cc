@@ -1,9 +1,12 @@
 // plan: the accuracy of a survey before the trip.
 #include <fmt/format.h>
 
+#include <sstream>
+
 #include "app/cli/calibrate_command.h"
 #include "app/cli/field_commands.h"
 #include "app/cli/stage_command.h"
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/plan_stage.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -16,6 +19,19 @@ struct Arguments {
   std::vector<std::string> suggest, settings;
   bool gates = false;
 };
+
+// The summary's lines are "label: text".
+Ending PlanEnding(const StageOutcome& outcome, const std::string& summary, const std::string& taken) {
+  Ending ending(outcome.computed ? "Plan done in " + taken : "Plan is up to date");
+  std::istringstream lines(summary);
+  for (std::string line; std::getline(lines, line);) {
+    const size_t colon = line.find(": ");
+    const std::string label = line.substr(0, colon), text = line.substr(colon + 2);
+    const bool wrong = label == "Unseen" || label == "Unchecked" || (label == "Gate" && text.ends_with("failed"));
+    wrong ? ending.Problem(label, text) : ending.Fact(label, text);
+  }
+  return ending.Look("Page", outcome.dir / "index.html");
+}
 
 int Plan(Session& session, const Arguments& a) {
   MakeBareProject(a.dir, "plan");
@@ -49,8 +65,11 @@ int Plan(Session& session, const Arguments& a) {
   terminal.ClearProgress();
   terminal.Say(std::string("plan: ") + (outcome.computed ? "computed" : "up to date"));
   const nlohmann::json& metrics = outcome.manifest.at("metrics");
+  const std::string dir = ShellWord(ShownPath(a.dir));
   const bool passed = !a.gates || metrics.value("gates", "PASS") == "PASS";
-  session.Print(stage.summary(outcome, DisplayUnitNamed(session.options.units)));
+  session.End(PlanEnding(outcome, stage.summary(outcome, DisplayUnitNamed(session.options.units)), session.Taken())
+                  .Next(a.suggest.empty() ? "trigpoint plan " + dir + " --suggest control 1"
+                                          : "trigpoint print " + dir + " --ids IDS --size MM"));
   session.PrintJson({{"command", "plan"},
                      {"ok", passed},
                      {"dir", outcome.dir.string()},

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "app/cli/field_commands.h"
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/print.h"
 #include "survey/tags/tag_family.h"
 
@@ -20,9 +21,12 @@ int EnterMeasured(const Session& session, const Arguments& a) {
   const MeasuredPrint entered = EnterMeasuredPrint(a.dir, ids, a.measured, a.nominal_mm);
   Terminal terminal = session.MakeTerminal();
   for (const std::string& warning : entered.warnings) terminal.Log(LogLevel::kWarning, warning);
-  session.Print(fmt::format("{} tags are {:.2f} % of the size asked for; their sizes are in {}\n", entered.ids.size(),
-                            100 * entered.factor, (std::filesystem::path(a.dir) / "tags.yaml").string()));
-  if (!entered.old.empty()) session.Print("The file as it was: " + entered.old.string() + "\n");
+  terminal.ClearProgress();
+  Ending ending(fmt::format("Entered the measured size of {}: {:.2f} % of the size asked for",
+                            Counted(entered.ids.size(), "tag"), 100 * entered.factor));
+  ending.Look("Sizes", std::filesystem::path(a.dir) / "tags.yaml");
+  if (!entered.old.empty()) ending.Look("Old file", entered.old);
+  session.End(ending.Next("trigpoint plan " + ShellWord(ShownPath(a.dir)) + ", or put the tags up and survey"));
   session.PrintJson({{"command", "print"},
                      {"ok", true},
                      {"tags", entered.ids},
@@ -40,24 +44,31 @@ int Print(const Session& session, Arguments a) {
   a.request.sheets.paper = PaperNamed(a.paper);
   const PrintOutcome outcome = PrintSheetsFor(a.request);
   const PrintedSheets& sheets = outcome.sheets;
-  std::string text =
-      fmt::format("Wrote {}: {} pages of {}", outcome.pdf.string(), sheets.pages, a.request.sheets.paper.name);
-  if (sheets.per_sheet > 0) text += fmt::format(", {} on a sheet", sheets.per_sheet);
-  if (sheets.tiles > 0) text += fmt::format(", {} sheets for each piece that is larger than the paper", sheets.tiles);
-  text += "\nPrint at 100 %, not fitted to the page. Then measure:\n";
-  text += fmt::format("  the bars, {:g} mm, both ways\n", sheets.bar_mm);
-  for (const std::string& check : outcome.checks) text += "  " + check + "\n";
+  std::string text = Counted(sheets.pages, "page") + " of " + a.request.sheets.paper.name;
+  if (sheets.per_sheet > 0) text += fmt::format(", at most {} on a sheet", sheets.per_sheet);
+  if (sheets.tiles > 0)
+    text += fmt::format(", {} for each piece larger than the paper", Counted(sheets.tiles, "sheet"));
+  Ending ending("Wrote " + text);
+  ending.Fact("Print", "at 100 %, not fitted to the page");
+  ending.Fact("Measure", fmt::format("the bars across and up: {:g} mm each", sheets.bar_mm));
+  for (const std::string& check : outcome.checks) ending.Fact("Measure", check);
+  ending.Look("PDF", outcome.pdf);
   if (a.request.what != "board") {
-    text += fmt::format("{} entries added to {}\n", outcome.entries_added,
-                        (std::filesystem::path(a.dir) / "tags.yaml").string());
-    if (!outcome.old.empty()) text += "The file as it was: " + outcome.old.string() + "\n";
-    text += fmt::format("Next: trigpoint print {} --measured LENGTH --nominal {:g}\n", a.dir, sheets.bar_mm);
+    ending.Fact("Added", Counted(outcome.entries_added, "entry", "entries") + " to " +
+                             ShownPath(std::filesystem::path(a.dir) / "tags.yaml"));
+    if (!outcome.old.empty()) ending.Look("Old file", outcome.old);
+    ending.Next(fmt::format("trigpoint print {} --measured LENGTH --nominal {:g}   (LENGTH: the bar as measured, mm)",
+                            ShellWord(ShownPath(a.dir)), sheets.bar_mm));
+  }
+  if (a.request.what == "board") {
+    ending.Next("trigpoint calibrate " + ShellWord(ShownPath(a.dir)) + " --images 'board/*.jpg' --target " +
+                ShellWord(a.request.target) + " --name NAME   (with 20 pictures of it)");
   }
   if (a.request.what == "scale-bar") {
-    text += fmt::format("Measured from centre to centre, add to distances.csv: {},{},DISTANCE_M,SIGMA_M,control\n",
-                        a.request.ids[0], a.request.ids[1]);
+    ending.Fact("Distance", fmt::format("centre to centre, into distances.csv: {},{},DISTANCE_M,SIGMA_M,control",
+                                        a.request.ids[0], a.request.ids[1]));
   }
-  session.Print(text);
+  session.End(ending);
   session.PrintJson({{"command", "print"},
                      {"ok", true},
                      {"file", outcome.pdf.string()},

@@ -68,7 +68,7 @@ class VerdictFacts {
     if (verdict_.relative) Errors("Relative", *verdict_.relative);
     if (verdict_.absolute) Errors("Absolute", *verdict_.absolute);
     PerRun();
-    Pair("G1", verdict_.g1_relative, verdict_.g1_absolute, "each view by itself");
+    Pair("View (G1)", verdict_.g1_relative, verdict_.g1_absolute, "each view by itself");
     Pair("Paper", verdict_.paper_relative, verdict_.paper_absolute, "variant paper: the method as published");
     Sigmas();
   }
@@ -92,8 +92,8 @@ class VerdictFacts {
   }
 
   void Errors(const std::string& label, const VerdictErrors& e) {
-    std::string text =
-        fmt::format("median {}, worst {}   ({}, {}", Length(e.median_m), Length(e.worst_m), e.answers, e.Against());
+    std::string text = fmt::format("median {}, worst {}   ({} against {}", Length(e.median_m), Length(e.worst_m),
+                                   Counted(e.answers, "answer"), e.Against());
     if (e.shares_evidence && e.reference != "self") text += ", which shares data with the answers";
     if (e.common_shift_m && e.kind == "absolute")
       text += "; " + Length(e.common_shift_m) + " of it common to all: " + Cause();

@@ -1,7 +1,6 @@
 // publish: releases/<name>. verify: is a release as it was published? rerun: computed again. compare: projects,
 // releases or variants against each other.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
@@ -12,9 +11,23 @@
 #include "app/pipeline/rerun.h"
 #include "datasets/project/hash.h"
 #include "eval/epoch.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 namespace {
+
+// "against surveyed control: median 0.34 m and 0.30 m; b better in 2 of 3 pairs, not significant".
+std::string BriefOf(const ComparedGroup& g, const std::string& b, const DisplayUnit& unit) {
+  constexpr double kSignificant = 0.05;
+  const auto length = [&](const std::optional<double>& metres) {
+    return metres ? fmt::format("{:.3f} {}", *metres / unit.metres, unit.name) : std::string("-");
+  };
+  std::string text =
+      "against " + ReferenceName(g.reference) + ": median " + length(g.a.median) + " and " + length(g.b.median) + "; ";
+  if (g.paired.pairs == 0) return text + "no answer in common";
+  return text + fmt::format("{} better in {} of {}, {}", b, g.paired.b_better, Counted(g.paired.pairs, "pair"),
+                            g.paired.wilcoxon_p < kSignificant ? "significant" : "not significant");
+}
 
 int Compare(const Session& session, const std::vector<std::string>& sides, double significance) {
   if (sides.size() < 2) throw OptionError("compare needs at least two projects, releases or variants");
@@ -37,9 +50,8 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
     text += FormatComparison(groups, a.label, b.label, unit.name, unit.metres) + "\n";
     nlohmann::json pair = ComparisonJson(groups, a.label, b.label);
     others.push_back(b.label);
-    for (const ComparedGroup& g : groups) {
-      ending.Fact(b.label, g.answer + ", " + g.kind + ", " + g.reference + ": " +
-                               Describe(g.paired, a.label, b.label, unit.name, unit.metres));
+    for (const ComparedGroup& g : groups) {  // views (G1) are in the details
+      if (g.answer != "view") ending.Fact(Capitalised(g.kind), BriefOf(g, b.label, unit));
     }
     if (groups.empty()) ending.Fact(b.label, "has no group of errors in common with " + a.label);
     const std::vector<std::string> changes = ChangesBetween(a, b);
@@ -64,8 +76,8 @@ int Compare(const Session& session, const std::vector<std::string>& sides, doubl
     session.PrintDetails(text + "\n");
     pairs.push_back(std::move(pair));
   }
-  ending.Headline("Compared " + a.label + " with " + Listed(others) + " in " + session.Taken());
-  session.End(ending);
+  ending.Headline("Compared " + a.label + " with " + Listed(others) + ": 3D errors, panorama (G2)");
+  session.End(ending.Next("the same with --verbose: every comparison with its interval, every change"));
   session.PrintJson({{"command", "compare"}, {"ok", true}, {"comparisons", pairs}});
   return 0;
 }
@@ -117,10 +129,11 @@ void AddPublishCommand(CLI::App& app, Session& session) {
                 .Fact("Inputs", fmt::format("{}, of which {} by hash alone{}", release.inputs, release.inputs_by_hash,
                                             release.inputs_by_hash > 0 ? " (--copy-inputs copies them)" : ""))
                 .Fact("SHA-256", release.sha256 + " of release.json")
+                .Fact("Signed", arguments->options.sign ? "yes" : "no (--sign signs it)")
                 .Look("Release", release.dir)
-                .Next("trigpoint evaluate " + dir + " --reference " + name));
-      s.Print("Certificate: " + (release.dir / "certificate.pdf").string() +
-              (arguments->options.sign ? "\nSigned\n" : "\n"));
+                .Look("Certificate", release.dir / "certificate.pdf")
+                .Next("trigpoint verify " + ShellWord(ShownPath(release.dir)) + ", or trigpoint evaluate " + dir +
+                      " --reference " + name));
       s.PrintJson({{"command", "publish"},
                    {"ok", true},
                    {"dir", release.dir.string()},
@@ -140,37 +153,39 @@ namespace {
 
 std::string SignatureText(const Signature& signature) {
   switch (signature.state) {
-    case Signature::State::kNone: return "The release is not signed";
-    case Signature::State::kBroken: return "The signature does not hold: " + signature.reason;
+    case Signature::State::kNone: return "none: the release is not signed";
+    case Signature::State::kBroken: return "does not hold: " + signature.reason;
     case Signature::State::kHolds: break;
   }
-  return "The signature holds: " + signature.key + (signature.signer.empty() ? "" : ", " + signature.signer) +
-         (signature.is_trusted ? "" : "; whose key that is was not tested, give --signers");
+  return "holds: " + signature.key + (signature.signer.empty() ? "" : ", " + signature.signer) +
+         (signature.is_trusted ? "" : "; the owner of the key is not tested without --signers");
 }
 
 int Verify(const Session& session, const std::string& dir, const std::string& signers) {
-  constexpr size_t kMostShown = 20;
   const ReleaseRecord record = ReadReleaseRecord(dir);
   const ReleaseDifferences differences = CompareRelease(dir, record, session.options.threads, *session.cancel);
-  std::string text = fmt::format("Release {} of {}, published {}: {} files\n", CleanPath(record.json.value("name", "")),
-                                 CleanPath(record.json.value("project", "")),
-                                 CleanPath(record.json.value("published", "")), record.files.size());
+  Ending ending("");
   const auto show = [&](const char* what, const std::vector<std::string>& files) {
-    for (size_t i = 0; i < std::min(files.size(), kMostShown); ++i) text += fmt::format("{:<9}{}\n", what, files[i]);
-    if (files.size() > kMostShown) text += fmt::format("{:<9}{} more\n", what, files.size() - kMostShown);
+    for (const std::string& file : files) ending.Problem(what, file);
   };
-  if (record.damaged) text += "changed  release.json: its content does not have the hash that it states\n";
-  show("changed", differences.changed);
-  show("missing", differences.missing);
-  show("added", differences.added);
+  if (record.damaged) ending.Problem("Changed", "release.json: its content does not have the hash that it states");
+  show("Changed", differences.changed);
+  show("Missing", differences.missing);
+  show("Added", differences.added);
   const bool as_published = !record.damaged && !differences.Any();
   const Signature signature = CheckSignature(dir, signers, *session.cancel);
   const bool missed = signature.state == Signature::State::kNone && !signers.empty();
   const bool ok = as_published && !missed && signature.state != Signature::State::kBroken;
-  text += as_published ? "All files are as they were published\n" : "The release is not as it was published\n";
-  text += "SHA-256 of release.json: " + Sha256OfFile(std::filesystem::path(dir) / kReleaseRecord) + "\n";
-  text += SignatureText(signature) + (missed ? ", and one of --signers was expected" : "") + "\n";
-  session.Print(text);
+  ending.Headline(fmt::format("Release {} of {}, published {}: {}", CleanPath(record.json.value("name", "")),
+                              CleanPath(record.json.value("project", "")),
+                              CleanPath(record.json.value("published", "")),
+                              as_published ? "all " + Counted(record.files.size(), "file") + " as they were published"
+                                           : "not as it was published"));
+  ending.Fact("Signature", SignatureText(signature) + (missed ? "; expected one of --signers" : ""));
+  ending.Fact("SHA-256", Sha256OfFile(std::filesystem::path(dir) / kReleaseRecord) + " of release.json");
+  ending.Next(ok ? "trigpoint rerun " + ShellWord(ShownPath(dir)) + "   (computes it again and compares)"
+                 : "use another copy of the release: this one cannot be relied on");
+  session.End(ending);
   static const char* const kStates[] = {"none", "holds", "broken"};
   session.PrintJson({{"command", "verify"},
                      {"ok", ok},
@@ -214,17 +229,17 @@ void AddVerifyCommand(CLI::App& app, Session& session) {
 namespace {
 
 int RerunRelease(const Session& session, const RerunOptions& options) {
-  constexpr size_t kMostShown = 20;
   Terminal terminal = session.MakeTerminal();
   const RerunResult result = Rerun(options, session.options.threads, terminal, *session.cancel);
   terminal.ClearProgress();
-  std::string text = fmt::format("Computed again: {}\n", fmt::join(result.results, ", "));
-  if (!result.taken.empty()) text += fmt::format("Taken over as they are: {}\n", fmt::join(result.taken, ", "));
-  if (!result.dir.empty()) text += "Project: " + result.dir.string() + "\n";
-  text += fmt::format("The same bytes: {} of {} files\n", result.same_files, result.same_files + result.other.size());
+  Ending ending(fmt::format("Rerun done in {}: {} of {} have the same bytes", session.Taken(), result.same_files,
+                            Counted(result.same_files + result.other.size(), "file")));
+  ending.Fact("Computed", Listed(result.results));
+  if (!result.taken.empty()) ending.Fact("Taken", Listed(result.taken) + " (not computed again)");
+  if (!result.dir.empty()) ending.Look("Project", result.dir);
   nlohmann::json differences = nlohmann::json::array();
   for (const RerunDifference& d : result.other) {
-    if (differences.size() < kMostShown) text += fmt::format("differs  {} {}: {}\n", d.result, d.file, d.text);
+    ending.Problem("Differs", d.result + " " + d.file + ": " + d.text);
     differences.push_back({{"result", d.result},
                            {"file", d.file},
                            {"text", d.text},
@@ -232,12 +247,14 @@ int RerunRelease(const Session& session, const RerunOptions& options) {
                            {"largest", d.largest},
                            {"columns", d.columns}});
   }
-  if (result.other.size() > kMostShown) text += fmt::format("differs  {} more\n", result.other.size() - kMostShown);
-  for (const std::string& note : result.notes) text += note + "\n";
-  if (!result.other.empty() && result.within_tolerance) {
-    text += fmt::format("Every difference is a number's, and at most {}\n", options.tolerance);
+  for (const std::string& note : result.notes) ending.Problem("Note", note);
+  if (!result.other.empty()) {
+    ending.Fact("Verdict", result.within_tolerance
+                               ? fmt::format("only numbers differ, by at most {}", options.tolerance)
+                               : fmt::format("not the same: texts differ, or numbers by more than {} (--tolerance)",
+                                             options.tolerance));
   }
-  session.Print(text);
+  session.End(ending);
   session.PrintJson({{"command", "rerun"},
                      {"ok", result.within_tolerance},
                      {"same_bytes", result.other.empty()},

@@ -5,6 +5,7 @@
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/reviewed.h"
 #include "datasets/project/files.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 namespace {
@@ -37,9 +38,11 @@ int List(const Session& session, const ReviewArguments& arguments) {
                        {"in_force", entry.in_force}});
   }
   Ending ending(rows.empty()
-                    ? "No decisions yet."
+                    ? "No decisions yet"
                     : Counted(static_cast<int64_t>(rows.size()), "decision", "decisions") + ", the newest first");
   for (auto row = rows.rbegin(); row != rows.rend(); ++row) ending.Row(*row);
+  ending.Next("trigpoint review " + ShellWord(arguments.dir) +
+              (rows.empty() ? " exclude OBJECT --reason TEXT" : " solve   (computes what rests on them)"));
   session.End(ending);
   session.PrintJson({{"command", "review"},
                      {"ok", true},
@@ -58,8 +61,9 @@ int Solve(Session& session, const ReviewArguments& arguments) {
   std::vector<std::vector<std::string>> rows;
   nlohmann::json changes = nlohmann::json::array();
   for (const ReviewedError& row : ChangedErrors(before, ErrorsOf(project, arguments.variant))) {
-    rows.push_back({row.reference, row.method, row.run, row.station, LengthText(row.before_m, unit),
-                    LengthText(row.after_m, unit), row.status_before, row.status_after});
+    rows.push_back({ReferenceName(row.reference), MethodName(row.method), row.run, row.station,
+                    LengthText(row.before_m, unit), LengthText(row.after_m, unit), row.status_before,
+                    row.status_after});
     changes.push_back({{"reference", row.reference},
                        {"method", row.method},
                        {"run", row.run},

@@ -39,8 +39,8 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
   }
   if (references > 0 && localized == 0) {
     problems.push_back(fmt::format(
-        "localize: none of {} references is localized; column reason of results/localize/*/panoramas.csv has the cause",
-        references));
+        "localize: none of {} is localized; column reason of results/localize/*/panoramas.csv has the cause",
+        Counted(references, "panorama or photo", "panoramas and photos")));
   }
   return problems;
 }
@@ -125,8 +125,9 @@ std::string Headline(const Session& session, const std::string& command, const P
   std::string text = Capitalised(command);
   const int64_t there = ends[JobEnd::kComputed] + ends[JobEnd::kUpToDate];
   if (ends[JobEnd::kFailed] > 0) {
-    text += fmt::format(" failed after {}: {} of {} results failed, {} skipped", session.Taken(), ends[JobEnd::kFailed],
-                        there + ends[JobEnd::kFailed] + ends[JobEnd::kSkipped], ends[JobEnd::kSkipped]);
+    text +=
+        fmt::format(" failed after {}: {} of {} failed, {} skipped", session.Taken(), ends[JobEnd::kFailed],
+                    Counted(there + ends[JobEnd::kFailed] + ends[JobEnd::kSkipped], "result"), ends[JobEnd::kSkipped]);
     return text;
   }
   if (there == 0) return text + ": nothing to do";

@@ -124,8 +124,9 @@ std::vector<fs::path> WritePlots(const std::vector<Compared>& all, const Traject
 Ending TrajectoryEnding(const std::vector<Compared>& all, const TrajectoryReportOptions& options,
                         const DisplayUnit& unit) {
   const auto length = [&](double metres) { return fmt::format("{:.4f} {}", metres / unit.metres, unit.name); };
-  Ending ending(fmt::format("{}, alignment {}", Counted(static_cast<int64_t>(all.size()), "trajectory", "trajectories"),
-                            ToString(options.alignment)));
+  Ending ending(Counted(all.size(), "trajectory", "trajectories") +
+                (options.alignment == TrajectoryAlignment::kNone ? ", compared as they are"
+                                                                 : ", aligned by " + ToString(options.alignment)));
   for (const Compared& compared : all) {
     const TrajectoryReport& r = compared.report;
     std::string text = fmt::format("ATE {} rmse, {} median, {} worst", length(r.ate_m.rmse), length(r.ate_m.median),
@@ -141,7 +142,7 @@ Ending TrajectoryEnding(const std::vector<Compared>& all, const TrajectoryReport
     if (options.alignment == TrajectoryAlignment::kSim3)
       text += fmt::format("; scale {:.6f}", r.reference_from_estimate.scale);
     if (r.applied_offset_s != 0) text += fmt::format("; clock moved by {:+.4f} s", r.applied_offset_s);
-    ending.Fact(fs::path(r.name).filename().string(), fmt::format("{} ({} pairs)", text, r.pairs));
+    ending.Fact(fs::path(r.name).filename().string(), fmt::format("{} ({})", text, Counted(r.pairs, "pair")));
     if (r.ate_h_m) {
       ending.Fact("", fmt::format("horizontal {} rmse, vertical {}; the track states 1 sigma {} and {} per axis, part "
                                   "of every error here",

@@ -8,6 +8,7 @@
 #include "app/pipeline/export.h"
 #include "app/pipeline/print.h"
 #include "app/pipeline/publish.h"
+#include "calib/base/counted.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
 #include "survey/tags/tag_family.h"
@@ -104,9 +105,9 @@ struct PublishForm {
     PublishOptions publish = options;
     if (!sign.empty()) publish.sign = sign;
     const Release release = Publish(Project::Open(dir), publish, cancel);
-    return fmt::format("{}\n{} files, a map of {} tags\nSHA-256 of release.json: {}\nInputs: {}, of which {} by hash",
-                       release.dir.string(), release.files, release.tags, release.sha256, release.inputs,
-                       release.inputs_by_hash);
+    return fmt::format("{}\n{}, a map of {}\nSHA-256 of release.json: {}\nInputs: {}, of which {} by hash",
+                       release.dir.string(), Counted(release.files, "file"), Counted(release.tags, "tag"),
+                       release.sha256, release.inputs, release.inputs_by_hash);
   }
 };
 
@@ -143,8 +144,9 @@ struct PrintForm {
     const std::vector<int> numbers = ids.empty() ? std::vector<int>() : ParseIds(ids);
     if (measured_mm > 0) {
       const MeasuredPrint entered = EnterMeasuredPrint(dir, numbers, {measured_mm}, nominal_mm);
-      return fmt::format("{} tags are {:.2f} % of the size asked for; their sizes stand in {}\n{}", entered.ids.size(),
-                         100 * entered.factor, (dir / "tags.yaml").string(), fmt::join(entered.warnings, "\n"));
+      return fmt::format("{}: {:.2f} % of the size asked for; the sizes are in {}\n{}",
+                         Counted(entered.ids.size(), "tag"), 100 * entered.factor, (dir / "tags.yaml").string(),
+                         fmt::join(entered.warnings, "\n"));
     }
     PrintRequest request;
     request.dir = dir, request.what = what, request.family = family, request.ids = numbers;
@@ -154,10 +156,10 @@ struct PrintForm {
     request.sheets.margin_mm = margin_mm, request.sheets.per_sheet = per_sheet;
     const PrintOutcome outcome = PrintSheetsFor(request);
     return fmt::format(
-        "{}: {} pages\nPrint at 100 %, not fitted to the page. Then measure:\nthe bars, {:g} mm, both "
-        "ways\n{}\n{} entries added to tags.yaml",
-        outcome.pdf.string(), outcome.sheets.pages, outcome.sheets.bar_mm, fmt::join(outcome.checks, "\n"),
-        outcome.entries_added);
+        "{}: {}\nPrint at 100 %, not fitted to the page. Then measure:\nthe bars, {:g} mm, both "
+        "ways\n{}\n{} added to tags.yaml",
+        outcome.pdf.string(), Counted(outcome.sheets.pages, "page"), outcome.sheets.bar_mm,
+        fmt::join(outcome.checks, "\n"), Counted(outcome.entries_added, "entry", "entries"));
   }
 };
 

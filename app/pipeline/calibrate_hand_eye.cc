@@ -6,6 +6,7 @@
 
 #include "app/pipeline/calibrate_files.h"
 #include "app/pipeline/stages.h"
+#include "calib/base/counted.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "survey/tags/tag_files.h"
@@ -59,8 +60,7 @@ std::vector<HandEyeSight> Sights(const Project& project, const Run& run, const B
   }
   for (const std::string& warning : warnings) progress.Log(LogLevel::kWarning, warning);
   if (without_odometry > 0) {
-    progress.Log(LogLevel::kWarning,
-                 fmt::format("{} pictures with tags have no odometry at their time", without_odometry));
+    progress.Log(LogLevel::kWarning, Counted(without_odometry, "picture") + " with tags: no odometry at that time");
   }
   return sights;
 }

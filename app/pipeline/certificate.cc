@@ -10,6 +10,7 @@
 #include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/method_name.h"
 #include "eval/report/document.h"
 #include "eval/results.h"
 
@@ -123,7 +124,7 @@ class Page {
     };
     const std::set<std::string> crs = stated("crs"), heights = stated("heights"), epochs = stated("epochs");
     const bool local = crs.count("local x, y, z") > 0, geodetic = !heights.empty();
-    std::string frame = "a frame of its own, not on the Earth";
+    std::string frame = "a frame of its own, not georeferenced";
     if (const json origin = f_.record.value("origin", json()); origin.is_array() && origin.size() == 3) {
       frame =
           fmt::format("east, north, up about latitude {:.8f} deg, longitude {:.8f} deg, ellipsoidal height {:.3f} m",
@@ -267,8 +268,8 @@ class Page {
         const json number = over.value(key, json());
         return TableCell{number.is_number() ? fmt::format("{:.3f}", number.get<double>()) : "too few"};
       };
-      table.rows.push_back({{group.value("method", "")},
-                            {group.value("reference", "")},
+      table.rows.push_back({{MethodName(group.value("method", ""))},
+                            {ReferenceName(group.value("reference", ""))},
                             {group.value("kind", "")},
                             {fmt::format("{} of {}", group.value("answers", 0), group.value("attempts", 0))},
                             cell("median_m"),

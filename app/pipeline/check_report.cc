@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "app/pipeline/check.h"
+#include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -148,8 +149,9 @@ Document PageOf(const CheckOutcome& outcome) {
   few.facts.push_back({"Before leaving", LightName(outcome.light),
                        outcome.light == Light::kGreen ? "nothing to do" : "see what to do next",
                        ToneOf(outcome.light)});
-  few.facts.push_back({"Pictures", std::to_string(outcome.pictures),
-                       outcome.waiting > 0 ? fmt::format("{} wait", outcome.waiting) : "all looked at"});
+  few.facts.push_back(
+      {"Pictures", std::to_string(outcome.pictures),
+       outcome.waiting > 0 ? fmt::format("{} still to be looked at", outcome.waiting) : "all looked at"});
   few.facts.push_back({"Tags seen", std::to_string(outcome.planned_seen),
                        facts.planned.empty() ? "none is planned" : fmt::format("of {}", facts.planned.size())});
   if (facts.prediction) {
@@ -184,11 +186,11 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
   size_t runs = 0;
   for (const FieldRun& run : outcome.facts.runs) runs += run.pictures.empty() ? 0 : 1;
   const std::string tags = outcome.facts.planned.empty()
-                               ? fmt::format("{} tags", outcome.planned_seen)
+                               ? Counted(outcome.planned_seen, "tag")
                                : fmt::format("{} of {} tags", outcome.planned_seen, outcome.facts.planned.size());
-  return fmt::format("{}: {} pictures of {} run{}, {} seen{}", LightName(outcome.light), outcome.pictures, runs,
-                     runs == 1 ? "" : "s", tags,
-                     outcome.waiting > 0 ? fmt::format(", {} pictures wait", outcome.waiting) : "");
+  return fmt::format("{}: {} of {}, {} seen{}", LightName(outcome.light), Counted(outcome.pictures, "picture"),
+                     Counted(runs, "run"), tags,
+                     outcome.waiting > 0 ? fmt::format("; still to be looked at: {}", outcome.waiting) : "");
 }
 
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {

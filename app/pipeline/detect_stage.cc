@@ -8,6 +8,7 @@
 #include "app/pipeline/detection_json.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
+#include "calib/base/counted.h"
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
@@ -258,8 +259,8 @@ StageInfo DetectStage() {
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& metrics = outcome.manifest.at("metrics");
-    return fmt::format("{} detections of {} tags: {}\n", metrics.value("detections", 0), metrics.value("tags", 0),
-                       (outcome.dir / "detections.csv").string());
+    return fmt::format("{} of {}: {}\n", Counted(metrics.value("detections", 0), "detection"),
+                       Counted(metrics.value("tags", 0), "tag"), (outcome.dir / "detections.csv").string());
   };
   return info;
 }

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "app/pipeline/stages.h"
+#include "calib/base/counted.h"
 #include "datasets/export/crs.h"
 #include "datasets/export/gpano.h"
 #include "datasets/export/layer_files.h"
@@ -128,7 +129,8 @@ void ExportTrajectories(const Project& project, const ExportRequest& request, co
       report->files.push_back(out / (path.name + "_times.txt"));
       WriteFileAtomically(report->files.back(), times);
     }
-    report->lines.push_back(fmt::format("{}/{}: {} poses, frame {}", run, path.name, path.poses.size(), path.frame));
+    report->lines.push_back(
+        fmt::format("{}/{}: {}, frame {}", run, path.name, Counted(path.poses.size(), "pose"), path.frame));
   }
 }
 
@@ -158,7 +160,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     ++written;
   }
   if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced");
-  report->lines.push_back(fmt::format("{}: {} panoramas", run, written));
+  report->lines.push_back(run + ": " + Counted(written, "panorama"));
 }
 
 void ExportMap(const Project& project, const ExportRequest& request, ExportReport* report) {
@@ -188,7 +190,7 @@ void ExportMap(const Project& project, const ExportRequest& request, ExportRepor
     report->files.push_back(request.out);
   }
   for (const Layer& layer : layers) {
-    report->lines.push_back(fmt::format("{}: {} features", layer.name, layer.features.size()));
+    report->lines.push_back(layer.name + ": " + Counted(layer.features.size(), "feature"));
   }
   report->lines.push_back(fmt::format("EPSG:{} ({}), heights {}", crs.epsg(), crs.name(), heights.name()));
 }
@@ -249,7 +251,7 @@ void ExportLayout(const Project& project, const ExportRequest& request, ExportRe
   if (tags.empty()) throw InputError(dir.string() + ": no tag to export");
   request.to == "wpilib" ? WriteWpilibLayout(request.out, tags) : WriteFmap(request.out, tags);
   report->files.push_back(request.out);
-  report->lines.push_back(fmt::format("{} tags, in the frame of the survey's map", tags.size()));
+  report->lines.push_back(Counted(tags.size(), "tag") + ", in the frame of the survey's map");
 }
 
 void ExportCameras(const Project& project, const std::string& run, const fs::path& out, ExportReport* report) {
@@ -257,7 +259,7 @@ void ExportCameras(const Project& project, const std::string& run, const fs::pat
   std::error_code ignored;
   fs::create_directories(out, ignored);
   WriteCamchain(report->files.back(), project.run(run).cameras, {"cameras of run " + run + ", written by trigpoint"});
-  report->lines.push_back(fmt::format("{}: {} cameras", run, project.run(run).cameras.size()));
+  report->lines.push_back(run + ": " + Counted(project.run(run).cameras.size(), "camera"));
 }
 
 // Everything but maps: `request.out` is the folder of the one run, or of folders by run.

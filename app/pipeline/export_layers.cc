@@ -323,9 +323,8 @@ void AddEllipses(Sources* s) {
 
 std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings) {
   if (!project.has_frame()) {
-    throw InputError(
-        project.dir().string() +
-        ": nothing ties it to the Earth; add origin.json, or panoramas, control points or GPS with positions");
+    throw InputError(project.dir().string() +
+                     ": is not georeferenced; add origin.json, or panoramas, control points or GPS with positions");
   }
   Sources s{.project = project, .request = request, .credits = ReadCredits(project.dir())};
   s.tags = TagLayer();

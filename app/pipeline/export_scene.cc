@@ -10,6 +10,7 @@
 #include "app/pipeline/feature_store.h"
 #include "app/pipeline/inspect.h"
 #include "app/pipeline/stages.h"
+#include "calib/base/counted.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/project/files.h"
 #include "datasets/solution/solution_covariance.h"
@@ -187,7 +188,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
   scene.feature_of = std::move(model.feature_of);
   const bool on_earth = scene.solution.georeference.has_value();
   if (frame == "world" && !on_earth) {
-    throw InputError("run " + run + ": is not on the Earth (see its log.txt); ask for --frame odom");
+    throw InputError("run " + run + ": is not georeferenced (its log.txt has the reason); give --frame odom");
   }
   if (frame != "odom" && on_earth) {
     const Sim3d& world_from_odom = scene.world_from_odom.emplace(scene.solution.georeference->world_from_odom);
@@ -261,8 +262,9 @@ void ExportScene(const Project& project, const ExportRequest& request, const std
     WriteG2oBundle(out / "bundle.g2o", MakeBundle(scene), comments);
     report->files.insert(report->files.end(), {out / "pose_graph.g2o", out / "bundle.g2o"});
   }
-  report->lines.push_back(fmt::format("{}: {} images, {} points, frame {}", run, scene.model.images.size(),
-                                      scene.model.points.size(), scene.world_from_odom ? "world (ENU)" : "odom"));
+  report->lines.push_back(fmt::format("{}: {}, {}, frame {}", run, Counted(scene.model.images.size(), "image"),
+                                      Counted(scene.model.points.size(), "point"),
+                                      scene.world_from_odom ? "world (ENU)" : "odom"));
 }
 
 }  // namespace trigpoint

@@ -332,7 +332,7 @@ StageInfo GatesStage() {
     for (const GateLimit& limit : SetLimits(limits)) stages.insert(MeasuredBy(limit.section, limit.name));
     const std::vector<JudgedResult> results = ResultsFor(project, target, stages);
     StageRequest request;
-    request.version = 1;
+    request.version = 2;
     request.values["limits"] = JsonFromOptions(limits);
     request.values["variant"] = target.variant;
     for (const JudgedResult& result : results) {

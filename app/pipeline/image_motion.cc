@@ -103,8 +103,8 @@ void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found
                     "{:.4f} +- {:.4f}",
                     camera.name, p[0], s.sigma_focal_px, camera.guessed_focal_px, p[2], p[3], s.sigma_centre_px, p[4],
                     s.sigma_k1, p[5], s.sigma_k2));
-    progress.Log(LogLevel::kWarning,
-                 fmt::format("run {} is not calibrated; its images say (1 sigma) {}", run.name, comments.back()));
+    progress.Log(LogLevel::kWarning, fmt::format("run {} is not calibrated; estimated from its images (1 sigma): {}",
+                                                 run.name, comments.back()));
   }
   WriteCamchain(file, run.cameras, comments);
 }

@@ -244,14 +244,19 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
     } else if (state.needed) {
       StageRequest request = MakeRequest(project, *job.stage, job.target);
       uint64_t its_seed = seed;
-      if (!job.target.variant.empty() && !project.variants().contains(job.target.variant) &&
-          state.manifest.is_object()) {
+      const std::string& variant = job.target.variant;
+      const bool by_hand = !variant.empty() && !project.variants().contains(variant);
+      if (by_hand && state.manifest.is_object()) {
         request.options = state.manifest.value("options", request.options);
         its_seed = state.manifest.value("seed", seed);
       }
       state.state = StateOf(project, request, its_seed);
       const auto failure = ReadFailure(project, job.stage->name, name);
       if (state.state == StageState::kFailed && failure) state.reason = failure->value("error", "");
+      if (by_hand && state.state == StageState::kMissing) {  // `run` would not make it
+        state.needed = false;
+        state.reason = "trigpoint.yaml has no variant '" + variant + "'";
+      }
       if (state.state == StageState::kDone) {
         for (const JobState& earlier : states) {
           // A variant that was never made is no reason: this one was made without it.

@@ -228,7 +228,7 @@ StageInfo LocalizeStage() {
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& m = outcome.manifest.at("metrics");
-    return fmt::format("{} of {} references localized, {} rejected, {} unmatched; {} images; {}\n",
+    return fmt::format("{} of {} panoramas and photos localized, {} rejected, {} unmatched; {} images; {}\n",
                        m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
                        m.at("unmatched").get<int>(), m.at("images").get<int>(),
                        m.at("on_earth").get<bool>()

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "app/pipeline/survey_input.h"
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/site_sketch.h"
@@ -193,7 +194,7 @@ PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, S
 PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
                        const NetworkOptions& noise) {
   PlanLayout plan;
-  plan.source = fmt::format("the survey of {} runs", input.runs.size());
+  plan.source = "the survey of " + Counted(input.runs.size(), "run");
   plan.learned = true;
   plan.noise = noise;
   NetworkLayout& network = plan.network;

@@ -495,30 +495,33 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
   const auto length = [&](const nlohmann::json& metres) {
     return metres.is_number() ? fmt::format("{:.4f} {}", metres.get<double>() / unit.metres, unit.name) : "unknown";
   };
-  std::string text = fmt::format("Predicted from {}. Datum: {}\n", s.at("source").get<std::string>(),
-                                 s.at("datum").get<std::string>());
-  text += fmt::format("Tags: {} seen, RMS of the 3D sigma {}; weakest: {} with {}\n", s.at("tags").get<int>(),
-                      length(s.at("rms_tag_sigma_m")), s.at("weakest_tag").dump(), length(s.at("weakest_tag_sigma_m")));
+  std::string text =
+      fmt::format("Layout: {}; datum: {}\n", s.at("source").get<std::string>(), s.at("datum").get<std::string>());
+  text +=
+      fmt::format("Tags: {} seen, RMS of the predicted 3D sigma {}; weakest: {} with {}\n", s.at("tags").get<int>(),
+                  length(s.at("rms_tag_sigma_m")), s.at("weakest_tag").is_null() ? "none" : s.at("weakest_tag").dump(),
+                  length(s.at("weakest_tag_sigma_m")));
   const auto names = [](const nlohmann::json& list) {
     std::string all;
     for (const nlohmann::json& name : list)
       all += (all.empty() ? "" : ", ") + (name.is_string() ? name.get<std::string>() : name.dump());
     return all;
   };
-  if (!s.at("tags_not_seen").empty()) text += "Tags that no picture sees: " + names(s.at("tags_not_seen")) + "\n";
-  text += fmt::format("Cameras: 3D sigma median {}, 95 % {}\n", length(s.at("camera_sigma_median_m")),
+  if (!s.at("tags_not_seen").empty())
+    text += "Unseen: tags in no planned picture: " + names(s.at("tags_not_seen")) + "\n";
+  text += fmt::format("Cameras: predicted 3D sigma, median {}, 95 % {}\n", length(s.at("camera_sigma_median_m")),
                       length(s.at("camera_sigma_p95_m")));
   if (!s.at("uncontrolled_points").empty()) {
-    text += "Known points whose errors would not show: " + names(s.at("uncontrolled_points")) + "\n";
+    text += "Unchecked: known points whose errors would not show: " + names(s.at("uncontrolled_points")) + "\n";
   }
   const nlohmann::json& suggestions = s.at("suggestions");
   const nlohmann::json& shown = suggestions.empty() ? s.at("gains") : suggestions;
   constexpr size_t kShown = 3;
   for (size_t k = 0; k < std::min(kShown, shown.size()); ++k) {
-    text += fmt::format("{} {}: {}: RMS {}\n", suggestions.empty() ? "Gain" : "Suggestion", k + 1,
+    text += fmt::format("{} {}: {}: RMS {}\n", suggestions.empty() ? "Gain" : "Suggest", k + 1,
                         shown[k].at("what").get<std::string>(), length(shown[k].at("rms_after_m")));
   }
-  if (!suggestions.empty()) text += "  " + s.at("suggestion_note").get<std::string>() + "\n";
+  if (!suggestions.empty()) text += "Note: " + s.at("suggestion_note").get<std::string>() + "\n";
   for (const nlohmann::json& gate : s.at("gates")) {
     text += fmt::format("Gate: {}: {}\n", gate.at("gate").get<std::string>(),
                         gate.at("passed").get<bool>() ? "passed" : "failed");

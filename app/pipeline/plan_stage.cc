@@ -285,8 +285,7 @@ StageInfo PlanStage() {
     return request;
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit& unit) {
-    return PlanSummary(nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json")), unit) +
-           "Page: " + (outcome.dir / "index.html").string() + "\n";
+    return PlanSummary(nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json")), unit);
   };
   return info;
 }

@@ -9,6 +9,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
 #include "app/pipeline/versions.h"
+#include "calib/base/counted.h"
 #include "eval/report/report.h"
 
 namespace trigpoint {
@@ -132,7 +133,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 7;
+    request.version = 8;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;
@@ -165,9 +166,9 @@ StageInfo ReportStage() {
   };
   info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
     const nlohmann::json& m = outcome.manifest.at("metrics");
-    std::string text = fmt::format("Report: {} ({:.1f} MB)\n", (outcome.dir / "index.html").string(),
-                                   m.at("html_bytes").get<double>() / 1e6);
-    if (fs::exists(outcome.dir / "report.pdf")) text += "        " + (outcome.dir / "report.pdf").string() + "\n";
+    std::string text = fmt::format("one page of {:.1f} MB, {}, {} of matches\n", m.at("html_bytes").get<double>() / 1e6,
+                                   Counted(m.at("figures").get<int>(), "figure"),
+                                   Counted(m.at("match_pictures").get<int>(), "picture"));
     if (m.at("renderer").get<std::string>().empty())
       text += "The scene was not rendered; the report gives the reason.\n";
     return text;

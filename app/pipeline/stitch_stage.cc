@@ -128,7 +128,7 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
   std::string text = fmt::format(
       "{} of {} photos placed; {}focal length {:.2f} px +- {:.2f} (1 sigma{})\n", m.at("placed").get<int>(),
       m.at("photos").get<int>(), m.value("fisheye", false) ? "fisheye, " : "", number("focal_px"),
-      number("focal_sigma_px"), m.at("focal_from_exif").get<bool>() ? ", begun from EXIF" : ", no help from EXIF");
+      number("focal_sigma_px"), m.at("focal_from_exif").get<bool>() ? ", first value from EXIF" : ", without EXIF");
   text += fmt::format("residuals {:.2f} px rms with one centre for all photos, {:.2f} px with each photo's own\n",
                       number("rms_one_centre_px"), number("rms_px"));
   text += fmt::format(

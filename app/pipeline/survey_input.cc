@@ -11,6 +11,7 @@
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
@@ -215,8 +216,8 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
     if (c.tag_id < 0) {
       p.marks = MarksOf(project, c.point, known, *job, &job->warnings);
       if (p.marks.size() < 2) {
-        job->warnings.push_back(fmt::format("point {} is marked in {} picture(s) of the survey runs; it takes two",
-                                            c.point, p.marks.size()));
+        job->warnings.push_back(fmt::format("point {} is marked in {} of the survey runs; expected two or more",
+                                            c.point, Counted(p.marks.size(), "picture")));
         continue;
       }
     }

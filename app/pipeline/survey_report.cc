@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "calib/base/counted.h"
+
 namespace trigpoint {
 namespace {
 
@@ -213,8 +215,9 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                     real ? ": another datum or height system than the map's" : ": none to be seen"));
   }
   for (const RunAgreement& r : result.runs) {
-    std::string line = fmt::format("{}{}: {} pictures, {} detections of tags, {} rejected, corners {:.2f} px rms",
-                                   r.stills ? "Photo set " : "Run ", r.name, r.frames, r.sights, r.rejected, r.rms_px);
+    std::string line =
+        fmt::format("{}{}: {}, {} of tags, {} rejected, corners {:.2f} px rms", r.stills ? "Photo set " : "Run ",
+                    r.name, Counted(r.frames, "picture"), Counted(r.sights, "detection"), r.rejected, r.rms_px);
     if (r.stills && r.scale_sigma > 0) {
       line += fmt::format("; rig: size {:.3f} +- {:.3f} of the stitched size (1 sigma)", r.scale, r.scale_sigma);
     } else if (!r.stills && r.scale_sigma > 0) {
@@ -223,14 +226,14 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
     }
     if (r.stills && !r.jumps_ns.empty()) {
       line +=
-          fmt::format("; {} photo(s) contradict the stitched rig: their steps get almost no weight", r.jumps_ns.size());
+          fmt::format("; {} contradicting the stitched rig get almost no weight", Counted(r.jumps_ns.size(), "photo"));
     } else if (!r.jumps_ns.empty()) {
       constexpr size_t kMostNamed = 5;
       std::string when;
       for (size_t i = 0; i < std::min(kMostNamed, r.jumps_ns.size()); ++i)
         when += fmt::format("{}{:.1f}", i > 0 ? ", " : "", 1e-9 * static_cast<double>(r.jumps_ns[i]));
-      line += fmt::format("; odometry jumped in {} step(s), at {}{} s: these get almost no weight", r.jumps_ns.size(),
-                          when, r.jumps_ns.size() > kMostNamed ? " ..." : "");
+      line += fmt::format("; odometry jumped in {}, at {}{} s: almost no weight there",
+                          Counted(r.jumps_ns.size(), "step"), when, r.jumps_ns.size() > kMostNamed ? " ..." : "");
     }
     if (r.corner_shift_sigma_px > 0) {
       line += fmt::format("; corners drawn {:.3f} +- {:.3f} px towards the tag's centre", r.corner_shift_px,
@@ -446,7 +449,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
 
 std::string FormatSurvey(const SurveyResult& result, const SurveyFindings& findings, const DisplayUnit& unit) {
   Report out(unit);
-  out.Line(fmt::format("{} tags; datum: {} ({})", result.tags.size(), result.datum,
+  out.Line(fmt::format("{}; datum: {} ({})", Counted(result.tags.size(), "tag"), result.datum,
                        findings.frame == "enu"     ? "site ENU"
                        : findings.frame == "local" ? "the local frame of the surveyed points, not georeferenced"
                                                    : "a frame of its own, not georeferenced"));

@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/grid.h"
 
@@ -61,9 +62,10 @@ struct Systematic {
 void JudgeViews(const CalibrationInput& input, const Calibration& calibration, int c, const CalibrationGates& gates,
                 Judge& judge) {
   const CalibratedCamera& camera = calibration.cameras[static_cast<size_t>(c)];
-  judge.Above(-camera.views_used, -gates.warn_views, -gates.refuse_views, camera.name, "pictures",
-              fmt::format("{} pictures could be used, {} are wanted", camera.views_used, gates.warn_views),
-              "take more: 20 to 40 sharp pictures, each from another place");
+  judge.Above(
+      -camera.views_used, -gates.warn_views, -gates.refuse_views, camera.name, "pictures",
+      fmt::format("{} could be used; expected at least {}", Counted(camera.views_used, "picture"), gates.warn_views),
+      "take more: 20 to 40 sharp pictures, each from another place");
   std::vector<std::string> outliers;
   for (size_t v = 0; v < input.views.size(); ++v) {
     if (input.views[v].camera != c) continue;

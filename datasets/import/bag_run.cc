@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "datasets/calibration/camera_files.h"
@@ -294,7 +295,7 @@ class BagImport {
     WriteTum(run_.dir() / "odometry.tum", poses_,
              {fmt::format("{}: {} in {}", source, body_.empty() ? "a body" : body_, odom_)});
     files_.push_back("odometry.tum");
-    report_.lines.push_back(fmt::format("odometry: {} poses of {} in {}, from {}", poses_.size(),
+    report_.lines.push_back(fmt::format("odometry: {} of {} in {}, from {}", Counted(poses_.size(), "pose"),
                                         body_.empty() ? "an unnamed body" : body_, odom_, source));
     if (body_.empty()) {
       report_.warnings.push_back("the poses of " + source + " name no body; they are taken as those of base_link");

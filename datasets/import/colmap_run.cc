@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
 #include "datasets/colmap/database.h"
@@ -208,16 +209,16 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
                   scale.metres, scale.source, scale.sigma));
   report.files.insert(report.files.end(), {dir / "camchain.yaml", dir / "odometry.tum", dir / "run.yaml"});
   const fs::path kept = site / "models" / options.run;
-  std::error_code ignored;
-  if (!fs::exists(kept, ignored)) {
+  if (std::error_code ignored; !fs::exists(kept, ignored)) {
     for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) made.Making(kept / name);
     WriteColmapModel(model, kept);
     report.files.push_back(kept);
   }
   made.Keep();
-  report.lines.push_back(fmt::format(
-      "run {}: {} images, {} cameras, {} points; {:.6g} m per unit (from {}, +- {:.1f} %, 1 sigma)", options.run,
-      model.images.size(), cameras.size(), model.points.size(), scale.metres, scale.source, 100 * scale.sigma));
+  report.lines.push_back("run " + options.run + ": " + Counted(model.images.size(), "image") + ", " +
+                         Counted(cameras.size(), "camera") + ", " + Counted(model.points.size(), "point") +
+                         fmt::format("; {:.6g} m per unit (from {}, +- {:.1f} %, 1 sigma)", scale.metres, scale.source,
+                                     100 * scale.sigma));
   return report;
 }
 
@@ -256,7 +257,8 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
   WriteCamchain(made.Making(dir / "camchain.yaml"), cameras, {"cameras of the COLMAP database " + file.string()});
   made.Keep();
   report.files.push_back(dir / "camchain.yaml");
-  report.lines.push_back(fmt::format("run {}: {} images, {} cameras", options.run, images.size(), cameras.size()));
+  report.lines.push_back(
+      fmt::format("run {}: {}, {}", options.run, Counted(images.size(), "image"), Counted(cameras.size(), "camera")));
   report.warnings.push_back(
       "a database has no poses: tags can be detected, but localize needs odometry.tum, or import the model");
   return report;

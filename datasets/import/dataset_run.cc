@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/import/run_folder.h"
@@ -239,7 +240,7 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
   }
   report->lines.push_back(dataset.poses.empty()
                               ? "no odometry: name a file of poses by --odometry"
-                              : fmt::format("odometry: {} poses from {}", dataset.poses.size(), source));
+                              : "odometry: " + Counted(dataset.poses.size(), "pose") + " from " + source);
   if (!dataset.poses.empty()) WriteTum(dir / "odometry.tum", dataset.poses, {"from " + source});
 }
 
@@ -291,7 +292,8 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
     for (RunImage& image : images) image.camera.clear();
   }
   WriteImageList(run.dir(), images, "from " + folder.string());
-  report.lines.push_back(fmt::format("{}: {} images of {} cameras", kind, images.size(), dataset.cameras.size()));
+  report.lines.push_back(
+      fmt::format("{}: {} of {}", kind, Counted(images.size(), "image"), Counted(dataset.cameras.size(), "camera")));
   WriteDatasetOdometry(dataset, options.odometry, run.dir(), &report);
   if (fs::exists(dataset.truth))
     report.lines.push_back("ground truth, for `trigpoint trajectory`: " + dataset.truth.string());

@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/import/made_files.h"
 #include "datasets/import/phone_files.h"
@@ -141,8 +142,8 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
                      (report.warnings.empty() ? "" : "; the first problem: " + report.warnings.front()));
   }
   made.Keep();
-  report.lines.push_back(
-      fmt::format("photo set {}: {} photos, {} of them converted from HEIC", set, report.files.size(), converted));
+  report.lines.push_back(fmt::format("photo set {}: {}, {} of them converted from HEIC", set,
+                                     Counted(report.files.size(), "photo"), converted));
   return report;
 }
 

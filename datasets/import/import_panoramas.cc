@@ -5,6 +5,7 @@
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/import/made_files.h"
 #include "datasets/import/panorama_provider.h"
@@ -142,7 +143,7 @@ class PanoramaImport {
     if (arrived() == 0) {
       throw InputError(provider_.Name() + ": no panorama could be imported; the first problem: " + skipped_.front());
     }
-    report_.lines.push_back(fmt::format("{} of {} panoramas{}", arrived(), records,
+    report_.lines.push_back(fmt::format("{} of {}{}", arrived(), Counted(records, "panorama"),
                                         there_ > 0 ? fmt::format(", {} of them were there already", there_) : ""));
     return report_;
   }
@@ -193,7 +194,7 @@ ImportReport ImportPanoramas(const fs::path& site, PanoramaProvider& provider, c
   } catch (const NetworkError& e) {
     import.KeepWhatCame();
     if (import.arrived() == 0) throw;
-    throw NetworkError(fmt::format("{} ({} of {} panoramas are there; run the same command again for the others)",
+    throw NetworkError(fmt::format("{} ({} of {} panoramas arrived; run the same command again for the others)",
                                    e.what(), import.arrived(), records.size()));
   } catch (const Error&) {
     import.KeepWhatCame();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/import/made_files.h"
 #include "datasets/import/phone_files.h"
@@ -75,14 +76,13 @@ ImportReport ImportOpenSfmGcp(const fs::path& site, const fs::path& file, const 
       report.warnings.push_back(fmt::format("point {}: {}; its mark is left out", mark.point, e.what()));
     }
   }
-  if (without > 0)
-    report.warnings.push_back(fmt::format("{} marks of points without a position are left out", without));
+  if (without > 0) report.warnings.push_back(Counted(without, "mark") + " of points without a position; left out");
   MadeFiles made;
   csv.Save(made.Making(control));
   marks.Save(made.Making(observations));
   made.Keep();
   report.files = {control, observations};
-  report.lines.push_back(fmt::format("{} control points, {} marks in images", known.points.size(), marked));
+  report.lines.push_back(Counted(known.points.size(), "control point") + ", " + Counted(marked, "mark") + " in images");
   return report;
 }
 

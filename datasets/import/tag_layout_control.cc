@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/tag_layout.h"
@@ -40,7 +41,8 @@ ImportReport ImportTagLayout(const std::filesystem::path& site, const std::files
   WriteFileAtomically(sizes, yaml);
   ImportReport report;
   report.files = {control, sizes};
-  report.lines.push_back(fmt::format("{} tags of {}, their corners as control", tags.size(), tags.front().family));
+  report.lines.push_back(
+      fmt::format("{} of {}, their corners as control", Counted(tags.size(), "tag"), tags.front().family));
   return report;
 }
 

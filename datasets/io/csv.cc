@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "calib/base/counted.h"
 #include "datasets/io/csv_dialect.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
@@ -254,7 +255,7 @@ void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::func
   }
   if (first && skipped == rows_.size()) throw *first;
   if (skipped > kNamed) {
-    warnings->push_back(header_->file.string() + ": " + std::to_string(skipped - kNamed) + " more row(s) are skipped");
+    warnings->push_back(header_->file.string() + ": skipped " + Counted(skipped - kNamed, "more row"));
   }
 }
 

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <initializer_list>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/byte_cursor.h"
 
@@ -192,8 +193,8 @@ class Telemetry {
   }
   GpsTrack Finish(const std::filesystem::path& video) {
     if (skipped_ > 0)
-      track_.warnings.push_back(video.string() + ": " + std::to_string(skipped_) +
-                                " GPS fix(es) of the video without 3D or with a DOP above 5 are skipped");
+      track_.warnings.push_back(video.string() + ": skipped " + Counted(skipped_, "GPS fix", "GPS fixes") +
+                                " of the video without 3D or with a DOP above 5");
     return std::move(track_);
   }
 

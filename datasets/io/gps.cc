@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/gps_order.h"
@@ -30,8 +31,8 @@ void PutFixesInOrder(const std::filesystem::path& file, GpsTrack* track) {
   const auto same = [](const GpsFix& a, const GpsFix& b) { return a.stamp_ns == b.stamp_ns; };
   const auto doubled = std::unique(fixes.begin(), fixes.end(), same);
   if (doubled != fixes.end()) {
-    track->warnings.push_back(file.string() + ": " + std::to_string(fixes.end() - doubled) +
-                              " fix(es) with a timestamp seen before were dropped, the first of each was kept");
+    track->warnings.push_back(file.string() + ": dropped " + Counted(fixes.end() - doubled, "fix", "fixes") +
+                              " with a timestamp seen before; the first of each is kept");
     fixes.erase(doubled, fixes.end());
   }
 }

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <memory>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/gps_order.h"
@@ -106,12 +107,12 @@ GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock) {
   }
   if (!parser.saw_gpx) throw InputError(file.string() + ": expected a GPX file, found other XML");
   const auto warn = [&](int count, const std::string& what) {
-    if (count > 0) track.warnings.push_back(file.string() + ": " + std::to_string(count) + " track point(s) " + what);
+    if (count > 0) track.warnings.push_back(file.string() + ": " + Counted(count, "track point") + " " + what);
   };
-  warn(parser.no_time, "without a time are skipped");
+  warn(parser.no_time, "without a time skipped");
   warn(parser.bad,
-       "with an unreadable position or time are skipped, the first on line " + std::to_string(parser.first_bad_line));
-  warn(parser.no_geoid, "state no geoid height; their heights above the sea are kept with a sigma of 50 m");
+       "with an unreadable position or time skipped, the first on line " + std::to_string(parser.first_bad_line));
+  warn(parser.no_geoid, "without geoid height; heights above the sea are kept with a sigma of 50 m");
   track.fixes = std::move(parser.fixes);
   for (GpsFix& fix : track.fixes) fix.stamp_ns -= clock.time_zero_utc_ns.value_or(0);
   PutFixesInOrder(file, &track);

@@ -2,6 +2,7 @@
 #include <map>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/readable.h"
@@ -121,7 +122,7 @@ void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::pat
     }
   }
   if (skipped > kNamed) {
-    run->warnings.push_back(file.string() + ": " + std::to_string(skipped - kNamed) + " more image(s) are skipped");
+    run->warnings.push_back(file.string() + ": skipped " + Counted(skipped - kNamed, "more image"));
   }
   if (run->images.empty() && skipped > 0) throw InputError(first_problem + "; none of the listed images is usable");
   DropAmbiguous(file, lines, run);
@@ -256,9 +257,8 @@ void ReadImageList(const std::filesystem::path& site_dir, Run* run) {
   const auto doubled = std::unique(images.begin(), images.end(),
                                    [&](const ImageEntry& a, const ImageEntry& b) { return key(a) == key(b); });
   if (doubled != images.end()) {
-    run->warnings.push_back(run->dir.string() + ": " + std::to_string(images.end() - doubled) +
-                            " image(s) with a timestamp seen before in the same camera were dropped, the first of " +
-                            "each was kept");
+    run->warnings.push_back(run->dir.string() + ": dropped " + Counted(images.end() - doubled, "image") +
+                            " with a timestamp seen before in the same camera; the first of each is kept");
     images.erase(doubled, images.end());
   }
 }

@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/gps_order.h"
@@ -168,14 +169,13 @@ GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock) {
     }
   }
   if (sentences == 0) throw InputError(file.string() + ": no NMEA sentence ('$GPGGA,...') in it");
-  const auto warn = [&](int count, const std::string& what) {
-    if (count > 0) track.warnings.push_back(file.string() + ": " + std::to_string(count) + " " + what);
+  const auto warn = [&](int count, const std::string& one, const std::string& what, const std::string& many = "") {
+    if (count > 0) track.warnings.push_back(file.string() + ": " + Counted(count, one, many) + " " + what);
   };
-  warn(bad_checksum,
-       "sentence(s) with a wrong checksum are skipped, the first on line " + std::to_string(first_bad_line));
-  warn(malformed, "GGA sentence(s) without a readable time and position are skipped");
-  warn(no_fix, "GGA sentence(s) have no fix");
-  warn(no_geoid, "fix(es) state no geoid separation; their heights above the sea are kept with a sigma of 50 m");
+  warn(bad_checksum, "sentence", "with a wrong checksum skipped, the first on line " + std::to_string(first_bad_line));
+  warn(malformed, "GGA sentence", "without a readable time and position skipped");
+  warn(no_fix, "GGA sentence", "without a fix");
+  warn(no_geoid, "fix", "without geoid separation; heights above the sea get a sigma of 50 m", "fixes");
   if (!first_day_ns && !clock.date.empty()) first_day_ns = ParseUtcToNs(clock.date.substr(0, 10));
   if (!first_day_ns && clock.time_zero_utc_ns) {
     first_day_ns = *clock.time_zero_utc_ns - ((*clock.time_zero_utc_ns % kDayNs) + kDayNs) % kDayNs;

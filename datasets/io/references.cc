@@ -79,7 +79,7 @@ std::filesystem::path MaskOfRow(const CsvRow& row, const std::filesystem::path& 
 void WarnIfNoPosition(const Reference& reference, std::vector<std::string>* warnings) {
   if (!reference.geotag.has_position) {
     warnings->push_back(reference.name + ": no geotag, neither in a table nor in its EXIF; it can be localized, but " +
-                        "does not tie the site to the Earth");
+                        "does not georeference the site");
   }
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
@@ -147,8 +148,8 @@ void PutInOrder(const std::filesystem::path& file, Trajectory* trajectory) {
   const auto same = [](const TimedPose& a, const TimedPose& b) { return a.stamp_ns == b.stamp_ns; };
   const auto doubled = std::unique(poses.begin(), poses.end(), same);
   if (doubled != poses.end()) {
-    trajectory->warnings.push_back(file.string() + ": " + std::to_string(poses.end() - doubled) +
-                                   " pose(s) with a timestamp seen before were dropped, the first of each was kept");
+    trajectory->warnings.push_back(file.string() + ": dropped " + Counted(poses.end() - doubled, "pose") +
+                                   " with a timestamp seen before; the first of each is kept");
     poses.erase(doubled, poses.end());
   }
 }
@@ -182,8 +183,7 @@ class BadRows {
     }
     trajectory->warnings.insert(trajectory->warnings.end(), named_.begin(), named_.end());
     if (count_ > kNamed) {
-      trajectory->warnings.push_back(file_.string() + ": " + std::to_string(count_ - kNamed) +
-                                     " more bad row(s) are skipped");
+      trajectory->warnings.push_back(file_.string() + ": " + "skipped " + Counted(count_ - kNamed, "more bad row"));
     }
   }
 
@@ -236,8 +236,8 @@ Trajectory ReadTrajectory(const std::filesystem::path& file) {
     const std::vector<std::string_view> fields = Fields(line.text);
     // EuRoC rows go on with velocity and biases; a TUM row has eight fields and no more.
     if (fields.size() < 8 || (!has_comma(line) && fields.size() > 8)) {
-      bad.Add(line.number, "expected 8 numbers 'timestamp tx ty tz qx qy qz qw', found " +
-                               std::to_string(fields.size()) + " field(s)");
+      bad.Add(line.number,
+              "expected 8 numbers 'timestamp tx ty tz qx qy qz qw', found " + Counted(fields.size(), "field"));
       continue;
     }
     try {

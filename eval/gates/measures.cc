@@ -8,6 +8,7 @@
 #include "eval/distributions.h"
 #include "eval/estimates.h"
 #include "eval/gates/intervals.h"
+#include "eval/method_name.h"
 
 namespace trigpoint {
 namespace {
@@ -203,7 +204,8 @@ std::vector<GateMeasure> EvaluationMeasures(const json& summary, const std::stri
     const bool shares = FlagAt(group, "shares_evidence");
     if (!own(group) || !attempted(group) || (independent && shares)) continue;
     GateMeasure base;
-    base.subject = TextAt(group, "method") + " " + TextAt(group, "kind") + " against " + TextAt(group, "reference");
+    base.subject = MethodName(TextAt(group, "method")) + ", " + TextAt(group, "kind") + ", against " +
+                   ReferenceName(TextAt(group, "reference"));
     if (shares) base.note = "agreement: the reference shares evidence with the runs";
     AddPercentile(group, "max_median_m", "median_m", "median_interval_m", its_confidence, base, &measures);
     AddPercentile(group, "max_p90_m", "p90_m", "p90_interval_m", its_confidence, base, &measures);

@@ -7,6 +7,7 @@
 #include "datasets/io/text.h"
 #include "eval/distributions.h"
 #include "eval/interval_text.h"
+#include "eval/method_name.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/report/verdict.h"
@@ -52,12 +53,12 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
                {"answers", true},
                {"attempts", true},
                {"median" + u, true},
-               {"interval" + u},
+               {"interval" + u, false, "too few answers"},
                {"mean" + u, true},
                {"P90" + u, true},
                {"largest" + u, true},
-               {"median of attempts" + u, true},
-               {"ANEES / dof", true},
+               {"median of attempts" + u, true, "more than half of the attempts have no answer"},
+               {"ANEES / dof", true, "these answers have no covariance"},
                {"evidence"}},
               {}};
   for (const nlohmann::json& g : groups) {
@@ -70,8 +71,8 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
     }
     const std::optional<SigmaTest> sigmas = SigmasOf(g);
     const bool shared = FlagAt(g, "shares_evidence");
-    table.rows.push_back({{c.RunName(TextAt(g, "method"), TextAt(g, "variant"))},
-                          {TextAt(g, "reference") + ", " + TextAt(g, "kind")},
+    table.rows.push_back({{MethodName(TextAt(g, "method"), TextAt(g, "variant"))},
+                          {ReferenceName(TextAt(g, "reference")) + ", " + TextAt(g, "kind")},
                           {fmt::format("{:.0f}", At(g, {"answers"}).value_or(0)), At(g, {"answers"})},
                           {fmt::format("{:.0f}", At(g, {"attempts"}).value_or(0)), At(g, {"attempts"})},
                           number("over_answers", "median_m"),
@@ -99,14 +100,15 @@ std::string StationOf(const ChapterContext& c, const nlohmann::json& group, doub
   return "";
 }
 
-void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
+// `kinds`: of which there is a chart already; another one's file has its reference in its name.
+void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::set<std::string>* kinds,
+               std::vector<Block>* blocks) {
   // A chart for each thing that answers are held against.
   std::vector<std::pair<std::string, std::string>> against;  // reference, kind
   for (const nlohmann::json& g : groups) {
     const std::pair<std::string, std::string> its(TextAt(g, "reference"), TextAt(g, "kind"));
     if (std::find(against.begin(), against.end(), its) == against.end()) against.push_back(its);
   }
-  std::set<std::string> kinds;
   for (const auto& [reference, kind] : against) {
     std::vector<Series> series;
     double confidence = 0.95;
@@ -117,7 +119,7 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
           curve->empty())
         continue;
       shared = shared || FlagAt(g, "shares_evidence");
-      Series s{c.RunName(TextAt(g, "method"), TextAt(g, "variant")), {}};
+      Series s{MethodName(TextAt(g, "method"), TextAt(g, "variant")), {}};
       const size_t step = curve->size() / kCurvePoints + 1;
       for (size_t i = 0; i < curve->size(); i += step) {
         const nlohmann::json& p = (*curve)[i];
@@ -131,14 +133,13 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
     if (series.empty()) continue;
     for (const VariantData& v : c.data.variants) confidence = At(v.summary, {"confidence"}).value_or(confidence);
     blocks->push_back(Figure{
-        "cumulative_" + kind + (kinds.insert(kind).second ? "" : "_" + Slug(reference)),
+        "cumulative_" + kind + (kinds->insert(kind).second ? "" : "_" + Slug(reference)),
         fmt::format(
             "Cumulative histogram of {} 3D differences from {}{}: the share of attempts with at most this difference "
             "({}, logarithmic). A curve ends where the answers end: the rest are abstentions. Band: pointwise {:.0f} % "
             "confidence of {}, resampled by station and run.",
-            kind, reference == "self" ? "tags seen by the same cameras" : "the reference " + reference,
-            shared ? ", which shares evidence with the answers" : "", c.unit.name, 100 * confidence,
-            series.front().name),
+            kind, ReferenceName(reference), shared ? ", which share data with the answers" : "", c.unit.name,
+            100 * confidence, series.front().name),
         CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts")});
   }
 }
@@ -185,8 +186,16 @@ void AddStationChart(const ChapterContext& c, const nlohmann::json& group, std::
   }
   blocks->push_back(Figure{
       "by_station_" + Slug(GroupName(group)),
-      "3D difference by station and run (" + c.unit.name + ", logarithmic), " + GroupName(group) + "; " + which + ".",
+      "3D difference by station and run (" + c.unit.name + ", logarithmic), " + GroupTitle(group) + "; " + which + ".",
       DotChart(stations, series, "3D difference (" + c.unit.name + ")")});
+}
+
+void AddCharts(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::set<std::string>* kinds,
+               std::vector<Block>* blocks) {
+  AddCurves(c, groups, kinds, blocks);
+  for (const nlohmann::json& group : groups) {
+    if (TextAt(group, "method") != "g1" && TextAt(group, "variant").empty()) AddStationChart(c, group, blocks);
+  }
 }
 
 // A row a run, a column a station, blank where nothing was reported: the paper's form.
@@ -204,7 +213,7 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
   }
   if (seen.empty()) return;
   Table table{"matrix_" + Slug(GroupName(group)),
-              "3D differences, " + GroupName(group) + ", in " + c.unit.name +
+              "3D differences, " + GroupTitle(group) + ", in " + c.unit.name +
                   "; a row a station, a column a run; -: nothing was reported or there is no reference; of several "
                   "answers at a station the worst, with their number in brackets.",
               {{"station"}},
@@ -227,8 +236,8 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
     table.rows.push_back(std::move(line));
   }
   // On paper the tables of this program's own answers.
-  blocks->push_back(
-      FoldBegin{"Table: " + GroupName(group), TextAt(group, "method") == "single" && TextAt(group, "variant").empty()});
+  blocks->push_back(FoldBegin{"Table: " + GroupTitle(group),
+                              TextAt(group, "method") == "single" && TextAt(group, "variant").empty()});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }
@@ -269,12 +278,12 @@ void AddEvidence(const std::vector<nlohmann::json>& groups, std::vector<Block>* 
       return row[1].text == estimate && row[2].text == reference;
     });
     if (same == table.rows.end()) {
-      table.rows.push_back({{GroupName(g)}, {estimate}, {reference}});
+      table.rows.push_back({{GroupTitle(g)}, {estimate}, {reference}});
     } else {
-      (*same)[0].text += "; " + GroupName(g);
+      (*same)[0].text += "; " + GroupTitle(g);
     }
   }
-  blocks->push_back(FoldBegin{"Data behind both sides of each number"});
+  blocks->push_back(FoldBegin{"Data behind both sides of each number", false});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }
@@ -335,7 +344,8 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
       for (const auto& row : f.rows) {
         const auto x = ParseDouble(row[coverage]), y = ParseDouble(row[p90]);
         if (row[method] == "g1" || !x || !y || !std::isfinite(*y)) continue;
-        const std::string name = row[method] + " against " + row[reference] + ", " + row[kind];
+        const std::string name =
+            MethodName(row[method]) + " against " + ReferenceName(row[reference]) + ", " + row[kind];
         std::vector<Series>& series = of_variant[row[variant].empty() ? v.variant : row[variant]];
         if (series.empty() || series.back().name != name) series.push_back({name, {}});
         series.back().points.push_back({*x, *y / c.unit.metres, {}, {}});
@@ -351,6 +361,7 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
       }
       s.points = std::move(thinned);
     }
+    blocks->push_back(FoldBegin{"Coverage and risk" + (variant.empty() ? "" : " of variant " + variant), false});
     blocks->push_back(
         Figure{"coverage_risk" + (variant.empty() ? "" : "_" + Slug(variant)),
                "Coverage and risk" + (variant.empty() ? "" : " of variant " + variant) +
@@ -358,7 +369,37 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
                    ") of the share of answers with the best supported depth. A rule that refuses the rest pays where "
                    "the curve falls towards the left.",
                LineChart(series, "share of answers kept", "P90 of 3D error (" + c.unit.name + ")", false)});
+    blocks->push_back(FoldEnd{});
   }
+}
+
+// A table of the evaluation that has no form of its own here.
+void AddFurtherTable(const FurtherTable& f, const std::string& variant, std::vector<Block>* blocks) {
+  const std::string name = f.name + (variant.empty() ? "" : "@" + variant);
+  const size_t shown_rows = std::min(kFurtherRows, f.rows.size());
+  Table table{Slug(name),
+              f.comment + (shown_rows < f.rows.size() + f.left_out
+                               ? fmt::format(" The first {} rows; {} more are in the evaluation's own file.",
+                                             shown_rows, f.rows.size() + f.left_out - shown_rows)
+                               : ""),
+              {},
+              {}};
+  for (const std::string& column : f.columns) table.columns.push_back({column});
+  const auto shown = [](const std::string& text) {  // the file has all digits
+    constexpr size_t kLong = 6;
+    const auto number = text.size() > kLong && text.find('.') != std::string::npos ? ParseDouble(text) : std::nullopt;
+    return number ? fmt::format("{:.4f}", *number) : text;
+  };
+  for (size_t r = 0; r < shown_rows; ++r) {
+    std::vector<TableCell>& cells = table.rows.emplace_back();
+    for (size_t k = 0; k < f.rows[r].size(); ++k) {
+      const std::string& text = f.rows[r][k];
+      cells.push_back({f.columns[k] == "method" ? MethodName(text) : shown(text)});
+    }
+  }
+  blocks->push_back(FoldBegin{"Table: " + name, false});
+  blocks->push_back(table);
+  blocks->push_back(FoldEnd{});
 }
 
 }  // namespace
@@ -372,9 +413,21 @@ void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   AddSummary(c, blocks);
   AddGroupTable(c, groups, blocks);
-  AddCurves(c, groups, blocks);
-  for (const nlohmann::json& group : groups) {
-    if (TextAt(group, "method") != "g1" && TextAt(group, "variant").empty()) AddStationChart(c, group, blocks);
+  // On paper agreement gives way to accuracy where there is both.
+  std::vector<nlohmann::json> first, others;
+  const bool measured = std::any_of(groups.begin(), groups.end(), [](const nlohmann::json& g) {
+    return TextAt(g, "kind") == "absolute" && !FlagAt(g, "shares_evidence");
+  });
+  for (const nlohmann::json& g : groups) {
+    const bool agreement = TextAt(g, "kind") == "absolute" && FlagAt(g, "shares_evidence");
+    (measured && agreement ? others : first).push_back(g);
+  }
+  std::set<std::string> kinds;  // that have a chart
+  AddCharts(c, first, &kinds, blocks);
+  if (!others.empty()) {
+    blocks->push_back(FoldBegin{"Charts of comparisons with shared evidence", false});
+    AddCharts(c, others, &kinds, blocks);
+    blocks->push_back(FoldEnd{});
   }
   for (const nlohmann::json& group : groups) AddMatrix(c, group, blocks);
   AddEvidence(groups, blocks);
@@ -385,7 +438,7 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) {
       if (e.Answered() && e.nees && e.dof > 0) {
-        of_group[e.method + " against " + e.reference + ", " + e.kind +
+        of_group[MethodName(e.method) + " against " + ReferenceName(e.reference) + ", " + e.kind +
                  (e.variant.empty() ? "" : ", variant " + e.variant)]
             .push_back(&e);
       }
@@ -405,36 +458,18 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
     // A pair of charts a variant.
     std::set<std::string> variants;
     for (const auto& [name, records] : of_group) variants.insert(records.front()->variant);
-    for (const std::string& variant : variants) AddTrust(variant, of_group, blocks);
+    for (const std::string& variant : variants) {
+      if (!variant.empty()) blocks->push_back(FoldBegin{"Consistency of variant " + variant, false});
+      AddTrust(variant, of_group, blocks);
+      if (!variant.empty()) blocks->push_back(FoldEnd{});
+    }
   }
   AddCoverageRisk(c, blocks);
   if (!further) return;
   blocks->push_back(Heading{3, "Further tables of the evaluation", "further"});
   for (const VariantData& v : c.data.variants) {
     for (const FurtherTable& f : v.further) {
-      const std::string name = f.name + (v.variant.empty() ? "" : "@" + v.variant);
-      const size_t shown_rows = std::min(kFurtherRows, f.rows.size());
-      Table table{Slug(name),
-                  f.comment + (shown_rows < f.rows.size() + f.left_out
-                                   ? fmt::format(" The first {} rows; {} more are in the evaluation's own file.",
-                                                 shown_rows, f.rows.size() + f.left_out - shown_rows)
-                                   : ""),
-                  {},
-                  {}};
-      for (const std::string& column : f.columns) table.columns.push_back({column});
-      const auto shown = [](const std::string& text) {  // the file has all digits
-        constexpr size_t kLong = 6;
-        const auto number =
-            text.size() > kLong && text.find('.') != std::string::npos ? ParseDouble(text) : std::nullopt;
-        return number ? fmt::format("{:.4f}", *number) : text;
-      };
-      for (size_t r = 0; r < shown_rows; ++r) {
-        std::vector<TableCell>& cells = table.rows.emplace_back();
-        for (const std::string& text : f.rows[r]) cells.push_back({shown(text)});
-      }
-      blocks->push_back(FoldBegin{"Table: " + name, false});
-      blocks->push_back(table);
-      blocks->push_back(FoldEnd{});
+      AddFurtherTable(f, v.variant, blocks);
     }
   }
 }

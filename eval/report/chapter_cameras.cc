@@ -86,16 +86,30 @@ void AddCameras(const ChapterContext& c, std::vector<Block>* blocks) {
       "survey, too."});
   blocks->push_back(ScoreTable(c));
   size_t charts = 0;
-  for (const TrajectoryScore& score : c.data.trajectories) {
+  const auto add = [&](const TrajectoryScore& score) {
     const bool any = std::any_of(score.images.begin(), score.images.end(),
                                  [](const ErrorAlong& e) { return e.error_m.has_value(); });
-    if (!any || charts == kMostCharts) continue;
+    if (!any || charts == kMostCharts) return;
     blocks->push_back(Figure{fmt::format("camera_errors_{}", ++charts),
                              TextAt(score.summary, "system") + " on " + TextAt(score.summary, "run") +
                                  ": estimate minus reference along the run. Band: two sigmas of that difference, the "
                                  "reference's and, where stated, the estimate's together.",
                              ErrorRunChart(score.images, c.unit.name, c.unit.metres)});
+  };
+  const auto is_variant = [](const TrajectoryScore& score) {
+    return TextAt(score.summary, "system").find('@') != std::string::npos;
+  };
+  bool variants = false;
+  for (const TrajectoryScore& score : c.data.trajectories) {
+    if (!is_variant(score)) add(score);
+    variants = variants || is_variant(score);
   }
+  if (!variants) return;
+  blocks->push_back(FoldBegin{"Errors along the runs of variants", false});
+  for (const TrajectoryScore& score : c.data.trajectories) {
+    if (is_variant(score)) add(score);
+  }
+  blocks->push_back(FoldEnd{});
 }
 
 }  // namespace trigpoint

@@ -3,15 +3,18 @@
 #include <algorithm>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "datasets/io/credits.h"
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
 #include "eval/report/chapters.h"
+#include "eval/report/charts.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr size_t kFilesShown = 6;  // of one folder and kind; more are shown as one line
+constexpr size_t kBars = 24;       // of the chart of times; with more results a bar stands for a stage
 
 void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"results",
@@ -91,7 +94,7 @@ void AddInputs(const ChapterContext& c, std::vector<Block>* blocks) {
                           {std::to_string(names.size()), static_cast<double>(names.size())},
                           {Sha256(list)}});
   }
-  blocks->push_back(FoldBegin{fmt::format("Inputs ({} files)", files.size())});
+  blocks->push_back(FoldBegin{"Inputs (" + Counted(files.size(), "file") + ")"});
   blocks->push_back(table);
   blocks->push_back(FoldEnd{});
 }
@@ -151,6 +154,28 @@ void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
   blocks->push_back(FoldEnd{});
 }
 
+void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
+  std::vector<std::pair<std::string, double>> rows;
+  std::map<std::string, std::pair<double, int>> of_stage;
+  for (const ResultRecord& s : c.input.stages) {
+    const auto seconds = At(s.manifest, {"wall_seconds"});
+    if (!seconds) continue;
+    rows.emplace_back(s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name), *seconds);
+    of_stage[s.stage].first += *seconds;
+    ++of_stage[s.stage].second;
+  }
+  if (rows.empty()) return;
+  std::string which = "each result";
+  if (rows.size() > kBars) {
+    rows.clear();
+    for (const auto& [stage, sum] : of_stage)
+      rows.emplace_back(fmt::format("{} ({})", stage, Counted(sum.second, "result")), sum.first);
+    which = "each stage, all its results together";
+  }
+  blocks->push_back(Figure{"timing", "Wall time of " + which + " (s), with the threads of the table.",
+                           BarChart(rows, "wall time (s)", 1)});
+}
+
 }  // namespace
 
 void AddProvenance(const ChapterContext& c, std::vector<Block>* blocks) {
@@ -165,6 +190,7 @@ void AddProvenance(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   AddCredits(c, blocks);
   AddStates(c, blocks);
+  AddTiming(c, blocks);
   if (!c.data.reviews.empty()) {
     Table table{"reviews",
                 "Decisions of the review, from review.jsonl.",

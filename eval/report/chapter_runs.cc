@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/counted.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/statistics.h"
@@ -11,7 +12,6 @@ namespace trigpoint {
 namespace {
 
 constexpr size_t kChartRuns = 7;  // outlines in one histogram
-constexpr size_t kBars = 24;
 
 std::string Count(const std::optional<double>& value) { return value ? fmt::format("{:.0f}", *value) : ""; }
 
@@ -23,8 +23,8 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
               {{"run"},
                {"images", true},
                {"answers", true},
-               {"rejected", true},
-               {"not matched", true},
+               {"refused", true},
+               {"no match", true},
                {"georeferenced"},
                {"odometry scale"},
                {"points", true},
@@ -158,29 +158,6 @@ void AddTagResiduals(const ChapterContext& c, std::vector<Block>* blocks) {
                            DotChart(names, series, "corner residual (px)", "tag")});
 }
 
-void AddTiming(const ChapterContext& c, std::vector<Block>* blocks) {
-  std::vector<std::pair<std::string, double>> rows;
-  std::map<std::string, std::pair<double, int>> of_stage;
-  for (const ResultRecord& s : c.input.stages) {
-    const auto seconds = At(s.manifest, {"wall_seconds"});
-    if (!seconds) continue;
-    rows.emplace_back(s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name), *seconds);
-    of_stage[s.stage].first += *seconds;
-    ++of_stage[s.stage].second;
-  }
-  if (rows.empty()) return;
-  std::string which = "each result";
-  if (rows.size() > kBars) {
-    rows.clear();
-    for (const auto& [stage, sum] : of_stage)
-      rows.emplace_back(fmt::format("{} ({} results)", stage, sum.second), sum.first);
-    which = "each stage, all its results together";
-  }
-  blocks->push_back(Figure{"timing",
-                           "Wall time of " + which + " (s), on the machine and threads named under Provenance.",
-                           BarChart(rows, "wall time (s)", 1)});
-}
-
 void AddTags(const ChapterContext& c, std::vector<Block>* blocks) {
   if (c.data.tags.empty()) return;
   const std::string u = " (" + c.unit.name + ")";
@@ -228,7 +205,6 @@ void AddRuns(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   AddTagResiduals(c, blocks);
   AddTags(c, blocks);
-  AddTiming(c, blocks);
 }
 
 }  // namespace trigpoint

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <set>
 
+#include "calib/base/counted.h"
+#include "eval/method_name.h"
 #include "eval/report/chapters.h"
 
 namespace trigpoint {
@@ -27,7 +29,8 @@ std::string SigmaText(const ChapterContext& c, const ErrorRecord& e) {
 
 // "localized", "rejected: why".
 TableCell AnswerCell(const std::string& status, const std::string& reason) {
-  return {reason.empty() ? status : status + ": " + reason, {}, status == "localized" ? Tone::kPlain : Tone::kWarning};
+  const std::string word = status == "rejected" ? "refused" : status == "unmatched" ? "no match" : status;
+  return {reason.empty() ? word : word + ": " + reason, {}, status == "localized" ? Tone::kPlain : Tone::kWarning};
 }
 
 // The first variant before others, our own answers before G1.
@@ -42,7 +45,7 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
       "station_errors",
-      "Differences of the answers from their references. self: tags seen by the same cameras, in the run's "
+      "Differences of the answers from their references. Against the run's own tags: as its cameras see them, in the run's "
       "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
       "its "
       "error budget. NEES: squared error in its own sigmas, 3 on average where these are right.",
@@ -52,8 +55,8 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
        {"3D" + u, true},
        {"horizontal" + u, true},
        {"vertical" + u, true},
-       {"sigma e n u" + u},
-       {"NEES", true},
+       {"sigma e n u" + u, false, "the answer has no covariance, as each view (G1)"},
+       {"NEES", true, "the answer has no covariance, as each view (G1)"},
        {"largest part"}},
       {}};
   // A station may have a panorama and photo sets.
@@ -65,8 +68,8 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
     if (!e->Answered()) continue;
     const bool beyond = e->nees && e->dof > 0 && *e->nees > 5.5 * e->dof;
     table.rows.push_back({{c.RunName(e->run, e->variant)},
-                          {e->method},
-                          {e->reference},
+                          {MethodName(e->method)},
+                          {ReferenceName(e->reference)},
                           c.LengthCell(e->error_3d_m),
                           c.LengthCell(e->error_h_m),
                           c.LengthCell(e->error_v_m),
@@ -90,7 +93,7 @@ void AddReasons(const ChapterContext& c, const StationPart& part, std::vector<Bl
     const bool no_reference = e->status == kNoReference;
     std::vector<std::string>& names =
         no_reference ? not_compared[e->reason] : abstained[AnswerCell(e->status, e->reason).text];
-    const std::string name = c.RunName(e->run, e->variant) + " " + e->method;
+    const std::string name = c.RunName(e->run, e->variant) + " " + MethodName(e->method);
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   }
   const auto say = [&](const std::string& what, const std::map<std::string, std::vector<std::string>>& of_reason,
@@ -120,8 +123,8 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
        {"inliers", true},
        {"first matches", true},
        {"views", true},
-       {"sigma" + u, true},
-       {"geotag off" + u, true},
+       {"sigma" + u, true, "no answer in the site's frame"},
+       {"geotag off" + u, true, "no answer, or no geotag"},
        {"geotag"},
        {"answer"}},
       {}};
@@ -235,8 +238,8 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
           s.in_tag_frame ? "right, out, up in the tag's levelled frame" : "east, north, up", c.LengthUnit(s.sigma_m))});
     }
     if (many)
-      blocks->push_back(FoldBegin{
-          fmt::format("Numbers of {}: {} answers, {} comparisons", station, part.answers.size(), part.errors.size())});
+      blocks->push_back(FoldBegin{fmt::format("Numbers of {}: {}, {}", station, Counted(part.answers.size(), "answer"),
+                                              Counted(part.errors.size(), "comparison"))});
     if (Table errors = ErrorsOf(c, part); !errors.rows.empty()) blocks->push_back(std::move(errors));
     AddReasons(c, part, blocks);
     if (!part.answers.empty()) blocks->push_back(AnswersOf(c, part));

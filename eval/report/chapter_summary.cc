@@ -5,6 +5,7 @@
 #include <map>
 #include <tuple>
 
+#include "eval/method_name.h"
 #include "eval/report/chapters.h"
 #include "eval/report/verdict.h"
 
@@ -25,6 +26,14 @@ TableCell ChapterContext::LengthCell(const std::optional<double>& metres, int de
 std::string GroupName(const nlohmann::json& group) {
   const std::string variant = TextAt(group, "variant");
   return TextAt(group, "method") + " against " + TextAt(group, "reference") + ", " + TextAt(group, "kind") +
+         (FlagAt(group, "shares_evidence") && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
+         (variant.empty() ? "" : ", variant " + variant);
+}
+
+std::string GroupTitle(const nlohmann::json& group) {
+  const std::string variant = TextAt(group, "variant");
+  return MethodName(TextAt(group, "method")) + " against " + ReferenceName(TextAt(group, "reference")) + ", " +
+         TextAt(group, "kind") +
          (FlagAt(group, "shares_evidence") && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
          (variant.empty() ? "" : ", variant " + variant);
 }
@@ -101,7 +110,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   if (attempts && answers) {
     facts.facts.push_back({"Answered", fmt::format("{:.0f} of {:.0f}", *answers, *attempts),
                            (*attempts > 0 ? Percent(*answers / *attempts) + " " : "") +
-                               "of what could be checked: a run and a station whose place is known",
+                               "of the pairs of a run and a station whose place is known",
                            *answers > 0 ? Tone::kPlain : Tone::kBad});
   }
   facts.facts.push_back(
@@ -109,7 +118,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
   facts.facts.push_back({"90 % are within", c.LengthUnit(p90, 2), IntervalText(c, g, "p90_interval_m", confidence)});
   if (const std::optional<SigmaTest> test = SigmasOf(g)) {
     facts.facts.push_back(
-        {"Stated uncertainty", test->Consistent() ? "right" : test->Words(),
+        {"Stated sigmas", test->Words(),
          fmt::format("mean squared error in units of its own covariance (ANEES) {:.2f}; 1 is right, {:.0f} % bounds "
                      "{:.2f} to {:.2f}",
                      test->anees, 100 * confidence, test->low, test->high),
@@ -123,7 +132,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
                : "agreement, not accuracy: both sides use the same data, so that common errors cancel",
       TextAt(g, "reference") == "self" ? "tag, as seen by the same run's cameras, and the measured offset"
                                        : "reference and the measured offset",
-      GroupName(g));
+      GroupTitle(g));
   if (worst) text += " The largest is " + c.LengthUnit(worst, 2) + ".";
   blocks->push_back(Paragraph{text});
   if (worst && median && *worst > 20 * *median && *worst > 1) {
@@ -136,18 +145,19 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
 // What else was held against the headline's reference: G1, other variants.
 void AddRivals(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
   const std::string u = " (" + c.unit.name + ")";
-  Table table{"side_by_side",
-              "The same comparison for every method and variant. G1: each view of a panorama by itself; \"paper\": the "
-              "published method.",
-              {{"method"}, {"answered"}, {"median 3D" + u, true}, {"90 % are within" + u, true}, {"largest" + u, true}},
-              {}};
+  Table table{
+      "side_by_side",
+      "The same comparison for every method and variant. Panorama (G2): one pose for the whole panorama, the final "
+      "answer; view (G1): one pose for each view of it by itself; variant paper: the published method.",
+      {{"method"}, {"answered"}, {"median 3D" + u, true}, {"90 % are within" + u, true}, {"largest" + u, true}},
+      {}};
   for (const nlohmann::json& g : Groups(c.data)) {
     if (TextAt(g, "reference") != TextAt(headline.group, "reference") ||
         TextAt(g, "kind") != TextAt(headline.group, "kind"))
       continue;
     const auto cell = [&](const char* key) { return c.LengthCell(At(g, {"error_3d", "over_answers", key}), 2); };
     table.rows.push_back(
-        {{c.RunName(TextAt(g, "method"), TextAt(g, "variant"))},
+        {{MethodName(TextAt(g, "method"), TextAt(g, "variant"))},
          {fmt::format("{:.0f} of {:.0f}", At(g, {"answers"}).value_or(0), At(g, {"attempts"}).value_or(0)),
           At(g, {"answers"})},
          cell("median_m"),
@@ -280,7 +290,7 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
          {"method"},
          {"against"},
          {"3D (" + c.unit.name + ")", true},
-         {"NEES / dof", true}},
+         {"NEES / dof", true, "the answer has no covariance"}},
         {}};
     for (size_t i = 0; i < std::min<size_t>(8, worst.size()); ++i) {
       const ErrorRecord& e = *worst[i];
@@ -291,8 +301,8 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
       table.rows.push_back({station,
                             {std::filesystem::path(e.panorama).filename().string()},
                             {c.RunName(e.run, e.variant)},
-                            {e.method},
-                            {e.reference + ", " + e.kind},
+                            {MethodName(e.method)},
+                            {ReferenceName(e.reference) + ", " + e.kind},
                             c.LengthCell(e.error_3d_m),
                             nees});
     }

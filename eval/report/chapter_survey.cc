@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/counted.h"
 #include "eval/report/chapters.h"
 #include "eval/report/survey_plan.h"
 
@@ -98,7 +99,7 @@ class SurveyChapter {
     }
     const auto fact = [&](const char* label, const std::optional<double>& value, const char* differences) {
       return Fact{label, c_.LengthUnit(value, 4),
-                  fmt::format("{} check point{}; differences alone {}", n, n == 1 ? "" : "s",
+                  fmt::format("{}; differences alone {}", Counted(n, "check point"),
                               c_.LengthUnit(At(check, {differences}), 4))};
     };
     blocks_.push_back(Facts{{fact("RMSE_H", h, "differences_rmse_h_m"), fact("RMSE_V", v, "differences_rmse_v_m"),

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/report/verdict.h"
@@ -16,10 +17,6 @@ constexpr size_t kTiles = 8;    // runs with a tile of their own
 constexpr size_t kAcross = 14;  // stations side by side; with more they stand below each other
 constexpr size_t kMatrixRows = 30;
 constexpr size_t kThings = 3;  // that went worst
-
-std::string Counted(size_t count, const std::string& one, const std::string& many) {
-  return fmt::format("{} {}", count, count == 1 ? one : many);
-}
 
 class VerdictChapter {
  public:
@@ -34,10 +31,10 @@ class VerdictChapter {
     blocks_.push_back(Columns::kBegin);
     Numbers();
     Runs();
-    Matrix();
     Worst();
     blocks_.push_back(Columns::kNext);
     if (plan) blocks_.push_back(std::move(*plan));
+    Matrix();
     blocks_.push_back(Columns::kEnd);
   }
 
@@ -55,17 +52,16 @@ class VerdictChapter {
                     photos ? Tone::kPlain : Tone::kWarning});
       return;
     }
-    std::string text = Counted(verdict_.runs.size(), "run", "runs");
-    if (verdict_.Images() > 0) text += fmt::format(" ({} images)", verdict_.Images());
+    std::string text = Counted(verdict_.runs.size(), "run");
+    if (verdict_.Images() > 0) text += " (" + Counted(verdict_.Images(), "image") + ")";
     text += " localized against " + Counted(site().references.size(), "panorama or photo", "panoramas and photos");
     const size_t tags = std::set<std::string>(c_.data.stations.begin(), c_.data.stations.end()).size();
-    text +=
-        verdict_.Best() != nullptr
-            ? fmt::format(". The answers are compared with AprilTags at {}{}.", Counted(tags, "station", "stations"),
-                          site().control_points.empty()
-                              ? ""
-                              : " and " + Counted(site().control_points.size(), "surveyed point", "surveyed points"))
-            : ". There is no reference to compare the answers with, so their accuracy is not measured here.";
+    text += verdict_.Best() != nullptr
+                ? fmt::format(". The answers are compared with AprilTags at {}{}.", Counted(tags, "station"),
+                              site().control_points.empty()
+                                  ? ""
+                                  : " and " + Counted(site().control_points.size(), "surveyed point"))
+                : ". There is no reference to compare the answers with, so their accuracy is not measured here.";
     blocks_.push_back(Paragraph{text});
   }
 
@@ -95,10 +91,10 @@ class VerdictChapter {
   }
 
   Fact ErrorFact(const std::string& label, const VerdictErrors& e, const std::string& meaning) const {
-    return {label, c_.LengthUnit(e.median_m, 2),
-            fmt::format("median of {}; worst {}. {}", Counted(static_cast<size_t>(e.answers), "answer", "answers"),
-                        c_.LengthUnit(e.worst_m, 2), meaning),
-            Tone::kPlain, "accuracy"};
+    return {
+        label, c_.LengthUnit(e.median_m, 2),
+        fmt::format("median of {}; worst {}. {}", Counted(e.answers, "answer"), c_.LengthUnit(e.worst_m, 2), meaning),
+        Tone::kPlain, "accuracy"};
   }
 
   void Numbers() {
@@ -147,7 +143,7 @@ class VerdictChapter {
     if (verdict_.runs_agree_m) {
       facts->facts.push_back({"Agreement of runs", c_.LengthUnit(verdict_.runs_agree_m, 2),
                               fmt::format("median distance between the places that two runs give a panorama, {}",
-                                          Counted(static_cast<size_t>(verdict_.agreeing_pairs), "pair", "pairs"))});
+                                          Counted(verdict_.agreeing_pairs, "pair"))});
     }
     if (!verdict_.runs.empty()) {
       facts->facts.push_back({"Outlying geotags", std::to_string(verdict_.geotags.size()),

@@ -39,8 +39,10 @@ Headline FindHeadline(const ReportData& data);
 // The groups of all evaluations, our own answers before G1, the first variant before others, absolute and independent
 // before relative and shared.
 std::vector<nlohmann::json> Groups(const ReportData& data);
-// "single against control, absolute [variant paper]".
+// For files and addresses: "single against control, absolute [variant paper]".
 std::string GroupName(const nlohmann::json& group);
+// For people: "panorama (G2) against surveyed control, absolute [, variant paper]".
+std::string GroupTitle(const nlohmann::json& group);
 // Names an answer.
 std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama);
 // Answers in the order in which their pictures are wanted.

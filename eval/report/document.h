@@ -45,6 +45,7 @@ struct TableCell {
 struct TableColumn {
   std::string name;  // with its unit
   bool number = false;
+  std::string missing;  // why a cell is empty
 };
 struct Table {
   std::string name;  // of the CSV file beside the report; empty: none
@@ -52,6 +53,9 @@ struct Table {
   std::vector<TableColumn> columns;
   std::vector<std::vector<TableCell>> rows;
 };
+
+// The caption, and for columns with empty cells why they are: "... "-": NEES: no covariance."
+std::string CaptionOf(const Table& table);
 
 // JPEG or PNG as it is stored.
 struct Picture {

@@ -147,13 +147,15 @@ class HtmlWriter {
       if (table.columns[k].number) numbers += fmt::format("{}c{}", numbers.empty() ? "" : " ", k + 1);
     }
     html_ += "<div class=\"table\"><table class=\"" + numbers + "\">";
-    if (!table.caption.empty()) html_ += "<caption>" + Escape(table.caption) + "</caption>";
+    if (const std::string caption = CaptionOf(table); !caption.empty()) {
+      html_ += "<caption>" + Escape(caption) + "</caption>";
+    }
     html_ += "<thead><tr>";
     for (const TableColumn& c : table.columns) html_ += "<th scope=col><button>" + Escape(c.name) + "</button>";
     html_ += "</thead><tbody>\n";
     for (const std::vector<TableCell>& row : table.rows) {
       html_ += "<tr>";
-      for (const TableCell& cell : row) Cell(cell);
+      for (size_t k = 0; k < row.size(); ++k) Cell(row[k], k < table.columns.size() ? table.columns[k].missing : "");
       html_ += '\n';
     }
     html_ += "</tbody></table></div>\n";
@@ -182,14 +184,14 @@ class HtmlWriter {
   static std::string Linked(const std::string& text, const std::string& anchor) {
     return anchor.empty() ? Escape(text) : "<a href=\"#" + Escape(anchor) + "\">" + Escape(text) + "</a>";
   }
-  void Cell(const TableCell& cell) const {
+  void Cell(const TableCell& cell, const std::string& missing) const {
     constexpr size_t kLong = 40;  // letters that are not to be squeezed into a narrow column
     html_ += "<td" + Classes(cell.text.size() > kLong ? "long" : "", cell.tone);
     // A number sorts as what it says; anything else brings its value along.
     if (cell.sort && cell.text.find_first_not_of("0123456789.-") != std::string::npos) {
       html_ += fmt::format(" data-v=\"{:.6g}\"", *cell.sort);
     }
-    html_ += cell.text.empty() ? " title=\"no value\">-" : ">";
+    html_ += !cell.text.empty() ? ">" : " title=\"" + Escape(missing.empty() ? "no value" : missing) + "\">-";
     if (!cell.anchor.empty()) {
       html_ += "<a href=\"#" + Escape(cell.anchor) + "\">" + Escape(cell.text) + "</a>";
     } else if (!cell.link.empty()) {

@@ -83,7 +83,7 @@ void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUn
         row.push_back({v ? fmt::format("{:.0f}", *v) : "", v});
       }
       for (const char* key : {"median_m", "p90_m", "max_m"}) row.push_back(length(key));
-      row.push_back({GroupName(g)});
+      row.push_back({GroupTitle(g)});
       row.push_back({FlagAt(g, "shares_evidence") ? "shared: agreement" : "independent"});
       if (const auto median = At(g, {"error_3d", "over_answers", "median_m"}))
         medians.emplace_back(name, *median / unit.metres);

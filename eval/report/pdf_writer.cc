@@ -169,9 +169,9 @@ class Pages {
   }
 
   void operator()(const Table& table) {
-    if (!table.caption.empty()) {
+    if (const std::string caption = CaptionOf(table); !caption.empty()) {
       Need(80);
-      Words(table.caption, 8, false, kSoft, 3);
+      Words(caption, 8, false, kSoft, 3);
     }
     if (table.columns.empty()) return;
     // As wide as their widest cell where there is room; else lines are broken between words, then letters get smaller,
@@ -257,9 +257,13 @@ class Pages {
     shrink_ = 1;
   }
 
-  // A heading and the least of a figure that follows it; nothing for other blocks.
+  // A heading and the least of a figure or table that follows it; nothing for other blocks.
   double LeastBelow(const Block& next) const {
     constexpr double kHeading = 60;
+    if (const auto* table = std::get_if<Table>(&next)) {
+      constexpr double kSomeRows = 80;
+      return kHeading + painter_->Height(table->caption, 8, false, Room()) + kSomeRows;
+    }
     const auto* figure = std::get_if<Figure>(&next);
     if (figure == nullptr) return 0;
     if (!figure->thumbnail) return kHeading + SizeOf(*figure, kLeastShrink).second + CaptionRoom(*figure);
@@ -293,14 +297,21 @@ class Pages {
     y_ += h + text + 14;
   }
 
-  // A fold that isn't for paper: where its tables are. `i`: its beginning; on return its end.
+  // Folds that aren't for paper and follow each other: what they hold is named. `i`: the first one's beginning; on
+  // return the last one's end.
   void LeaveOut(const std::vector<Block>& blocks, size_t* i) {
-    std::string text = std::get<FoldBegin>(blocks[*i]).title + ": in index.html";
-    for (++*i; *i < blocks.size() && !std::holds_alternative<FoldEnd>(blocks[*i]); ++*i) {
-      const auto* table = std::get_if<Table>(&blocks[*i]);
-      if (table != nullptr && !table->name.empty()) text += " and tables/" + table->name + ".csv";
+    const auto left_out = [&](size_t k) {
+      const auto* fold = k < blocks.size() ? std::get_if<FoldBegin>(&blocks[k]) : nullptr;
+      return fold != nullptr && !fold->on_paper ? fold : nullptr;
+    };
+    std::string text;
+    while (const FoldBegin* fold = left_out(*i)) {
+      text += (text.empty() ? "" : "; ") + fold->title;
+      while (*i < blocks.size() && !std::holds_alternative<FoldEnd>(blocks[*i])) ++*i;
+      ++*i;
     }
-    Words(text + ".", kTextPt, false, kSoft, 5);
+    --*i;
+    Words("In index.html (tables also in tables/, as CSV): " + text + ".", 8, false, kSoft, 6);
   }
 
   static constexpr const char* kInk = "#1d2329";
@@ -489,10 +500,10 @@ class Pages {
       const Tagged tag(cairo_.get(), "TR");
       double x = kMargin + 2;
       for (size_t k : part) {
-        if (k < row.size() && !row[k].text.empty()) {
+        if (k < row.size()) {
           const Tagged cell(cairo_.get(), "TD");
           const Tone tone = row[k].tone;
-          painter_->Draw(row[k].text, x, y_ + 0.1 * size, size, false,
+          painter_->Draw(row[k].text.empty() ? "-" : row[k].text, x, y_ + 0.1 * size, size, false,
                          tone == Tone::kBad       ? kBad
                          : tone == Tone::kWarning ? kWarn
                          : tone == Tone::kGood    ? kGoodInk

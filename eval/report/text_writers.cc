@@ -1,6 +1,8 @@
 // Markdown and CSV.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "datasets/io/csv.h"
 #include "eval/report/document.h"
 
@@ -32,7 +34,7 @@ class MarkdownWriter {
     text_ += "\n";
   }
   void operator()(const Table& table) const {
-    if (!table.caption.empty()) text_ += Plain(table.caption) + "\n\n";
+    if (const std::string caption = CaptionOf(table); !caption.empty()) text_ += Plain(caption) + "\n\n";
     std::string rule;
     for (const TableColumn& c : table.columns) {
       text_ += "| " + Plain(c.name) + " ";
@@ -40,7 +42,7 @@ class MarkdownWriter {
     }
     text_ += "|\n" + rule + "|\n";
     for (const auto& row : table.rows) {
-      for (const TableCell& cell : row) text_ += "| " + Plain(cell.text) + " ";
+      for (const TableCell& cell : row) text_ += "| " + (cell.text.empty() ? "-" : Plain(cell.text)) + " ";
       text_ += "|\n";
     }
     text_ += "\n";
@@ -57,6 +59,17 @@ class MarkdownWriter {
 };
 
 }  // namespace
+
+std::string CaptionOf(const Table& table) {
+  std::string text = table.caption;
+  for (size_t k = 0; k < table.columns.size(); ++k) {
+    const TableColumn& column = table.columns[k];
+    const bool any = std::any_of(table.rows.begin(), table.rows.end(),
+                                 [&](const auto& row) { return k < row.size() && row[k].text.empty(); });
+    if (any && !column.missing.empty()) text += " - under " + column.name + ": " + column.missing + ".";
+  }
+  return text;
+}
 
 std::string MarkdownOf(const Document& document) {
   std::string text = "# " + Plain(document.title) + "\n\n" + Plain(document.subtitle) + "\n\n";

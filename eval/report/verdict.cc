@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "eval/method_name.h"
 #include "eval/statistics.h"
 
 namespace trigpoint {
@@ -137,18 +138,7 @@ std::optional<SigmaTest> SigmasOf(const nlohmann::json& group) {
 
 std::optional<SigmaTest> VerdictErrors::Sigmas() const { return SigmasOf(group); }
 
-std::string VerdictErrors::Name() const {
-  return method + " against " + reference + ", " + kind +
-         (shares_evidence && reference != "self" ? ", shared evidence" : "") +
-         (variant.empty() ? "" : ", variant " + variant);
-}
-
-std::string VerdictErrors::Against() const {
-  if (reference == "self") return "tags in the same run's images";
-  if (reference == "control") return "surveyed control";
-  if (reference == "survey") return "the tag map";
-  return reference;
-}
+std::string VerdictErrors::Against() const { return ReferenceName(reference); }
 
 int ProjectVerdict::Images() const {
   int sum = 0;

@@ -38,8 +38,6 @@ struct VerdictErrors {
     return e.variant == variant && e.method == method && e.reference == reference && e.kind == kind &&
            e.shares_evidence == shares_evidence;
   }
-  // "single against control, absolute": as the tables call it.
-  std::string Name() const;
   // "tags seen by the same run's cameras", "surveyed control", "the tag map".
   std::string Against() const;
 };

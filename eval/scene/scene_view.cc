@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
 #include "eval/method_name.h"
@@ -47,8 +48,8 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
     pick->run = model.runs[static_cast<size_t>(p.run)];
     pick->name = std::to_string(p.id);
     pick->position = p.position;
-    pick->text = fmt::format("point {} of {} at {}, seen by {} images, 1 sigma {} (largest axis, cameras held)", p.id,
-                             pick->run, say.Place(p.position), p.track_length, say.Length(p.sigma_m));
+    pick->text = fmt::format("point {} of {} at {}, seen by {}, 1 sigma {} (largest axis, cameras held)", p.id,
+                             pick->run, say.Place(p.position), Counted(p.track_length, "image"), say.Length(p.sigma_m));
   } else if (layer == "cameras") {
     const SceneCamera& c = model.cameras[i];
     pick->run = c.run, pick->name = c.image;

@@ -228,7 +228,7 @@ void FindMissingTags(const FieldFacts& facts, std::vector<SiteFinding>* findings
                                  : fmt::format("tag {}", tag.tag_id);
     if (tag.pictures == 0) {
       findings->push_back(
-          {Light::kRed, "tags", what + " is planned and in no picture; look whether it hangs, and photograph it"});
+          {Light::kRed, "tags", what + " is planned and in no picture; check that it is up, then photograph it"});
     } else if (planned == facts.planned.end() && !facts.planned.empty()) {
       if (tag.pictures < kRealId) continue;
       findings->push_back({Light::kAmber, "tags",

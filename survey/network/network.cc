@@ -199,7 +199,8 @@ class Network {
     result_.gauge = "the first camera's body: position and attitude, held";
     if (!layout_.points.empty()) {
       result_.warnings.push_back(
-          "fewer than three known points that are off one line: accuracy is relative to the first camera");
+          "expected three known points that are not on one line, found fewer: accuracy is relative to the first "
+          "camera");
     }
     Vector6d sigma;
     sigma << Eigen::Vector3d::Constant(kHeldRad), Eigen::Vector3d::Constant(kHeldM);

@@ -725,11 +725,11 @@ class Stitcher {
     DescribeParallax(&out_);
     const double wide_rad = out_.parallax.p95_px / s.lenses.front().focal_px;
     if (wide_rad > kWideParallax) {
-      out_.warnings.push_back(
-          fmt::format("the photos were hardly taken from one place: seen from one centre one point in twenty is off by "
-                      "{:.0f} px ({:.1f} deg) or more, and near things will be seen twice. Frames of a camera that "
-                      "moves along are a run (runs/NAME/images), not a panorama",
-                      out_.parallax.p95_px, wide_rad * kRadToDeg));
+      out_.warnings.push_back(fmt::format(
+          "the photos were hardly taken from one place: with one centre for all, 5 % of the points are off by "
+          "{:.0f} px ({:.1f} deg) or more, and near things will be seen twice. Frames of a camera that "
+          "moves along are a run (runs/NAME/images), not a panorama",
+          out_.parallax.p95_px, wide_rad * kRadToDeg));
     }
     DescribeClosure(&out_);
     for (int i = 0; i < Count(); ++i) {

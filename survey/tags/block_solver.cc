@@ -458,7 +458,7 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
     progress.Advance(1);
     if (!accepted && !summary.converged) {
       if (!factorised) {
-        throw NumericError("the survey's equations are singular: something is not tied to the datum");
+        throw NumericError("the survey's equations are singular: something shares no data with the rest");
       }
       break;
     }
@@ -469,14 +469,14 @@ BlockSolver::Summary BlockSolver::Solve(int max_iterations, int threads, Progres
 void BlockSolver::Linearise(int threads, const CancelToken& cancel, bool open) {
   Build(threads, cancel, 0);
   if (!cholesky_->Factorize(normal_, 0)) {
-    if (!open) throw NumericError("the survey's equations are singular: something is not tied to the datum");
+    if (!open) throw NumericError("the survey's equations are singular: something shares no data with the rest");
     // Something that the data leave open, such as the way a few tags can turn together: it gets a sigma that says so.
     for (int s = 0; s < slots_; ++s) {
       auto diagonal = normal_[first_pair_[static_cast<size_t>(s)]].diagonal();
       diagonal += 1e-9 * diagonal.cwiseMax(1.0);
     }
     if (!cholesky_->Factorize(normal_, 0)) {
-      throw NumericError("the survey's equations are singular: something is not tied to the datum");
+      throw NumericError("the survey's equations are singular: something shares no data with the rest");
     }
   }
   inverse_ = cholesky_->SelectedInverse();

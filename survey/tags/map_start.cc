@@ -406,7 +406,7 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
   if (input.fixed) {
     const auto tag = start->world_from_tag.find(input.fixed->tag_id);
     if (tag == start->world_from_tag.end()) {
-      throw InputError("tag " + std::to_string(input.fixed->tag_id) + " is to be held but no usable picture shows it");
+      throw InputError("tag " + std::to_string(input.fixed->tag_id) + ": in no usable picture, but the datum holds it");
     }
     world_from_map = input.fixed->world_from_tag * tag->second.Inverse();
   } else {

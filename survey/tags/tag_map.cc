@@ -9,6 +9,7 @@
 #include <iterator>
 #include <limits>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
@@ -99,7 +100,7 @@ SurveyResult MapSolver::Run() {
   heed(CheckPoints(input_, start_, datum_points_));
   if (!input_.fixed && !start_.in_world) {
     if (!datum_points_.empty()) {
-      const std::string problem = "fewer than three known points that are off one line";
+      const std::string problem = "expected three known points that are not on one line, found fewer";
       if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
         throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
       }
@@ -225,8 +226,7 @@ void MapSolver::LoadState() {
   int lost = 0;
   for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
   if (lost > 0) {
-    result_.warnings.push_back(std::to_string(lost) +
-                               " picture(s) cannot be placed by odometry or tags and are left out");
+    result_.warnings.push_back(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
   }
   PlaceSplit();
   GateStart();
@@ -355,7 +355,9 @@ void MapSolver::FindLinked() {
   }
   const auto most =
       std::max_element(sights.begin(), sights.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  if (most == sights.end()) throw InputError("no picture of a tag is left to make a map from");
+  if (most == sights.end())
+    throw InputError(
+        "no tag map: expected a usable picture of a tag, found none; the warnings list why each is left out");
   for (size_t f = 0; f < start_.frames.size(); ++f) {
     if (parts.Root(static_cast<int>(f)) != most->first) unlinked_frames_.insert(static_cast<int>(f));
   }
@@ -601,7 +603,9 @@ void MapSolver::AddGauge() {
   }
   if (input_.fixed) {
     if (tag_unknown_.count(input_.fixed->tag_id) == 0) {
-      throw InputError(fmt::format("tag {} is to be held but is not tied to the map", input_.fixed->tag_id));
+      throw InputError(fmt::format(
+          "tag {}: expected in the map, because the datum holds it; no picture shows it together with other tags",
+          input_.fixed->tag_id));
     }
     const int tag = tag_unknown_.at(input_.fixed->tag_id);
     solver_.unknowns[static_cast<size_t>(tag)].constant = true;

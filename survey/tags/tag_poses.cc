@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "survey/tags/planar_pose.h"
@@ -85,7 +86,7 @@ class OneTag {
     out->runs = static_cast<int>(runs.size());
     out->rejected = static_cast<int>(sightings_.size() - fit.used.size());
     out->status = out->images < options_.min_images ? "weak" : "ok";
-    if (out->status == "weak") out->reason = "seen in " + std::to_string(out->images) + " picture(s)";
+    if (out->status == "weak") out->reason = "seen in " + Counted(out->images, "picture");
     CheckTwin(hypotheses, fit, out);
     CheckSecondPlace(views, fit, runs, out);
   }
@@ -267,8 +268,8 @@ class OneTag {
       if (twin.cost - fit.cost < kAmbiguousChi2 * std::max(1.0, fit.variance_factor)) {
         out->status = "ambiguous";
         std::ostringstream text;
-        text << "an orientation " << std::lround(angle * kRadToDeg) << " deg away explains the " << fit.used.size()
-             << " picture(s) as well; take pictures from other sides";
+        text << "an orientation " << std::lround(angle * kRadToDeg) << " deg away explains the "
+             << Counted(fit.used.size(), "picture") << " as well; take pictures from other sides";
         out->reason = text.str();
       }
       return;
@@ -303,8 +304,8 @@ class OneTag {
     if (shared && (a - b).norm() < size_m_) return;
     std::ostringstream text;
     text.precision(2);
-    text << std::fixed << "seen at (" << a.x() << ", " << a.y() << ", " << a.z() << ") in " << fit.used.size()
-         << " picture(s) and at (" << b.x() << ", " << b.y() << ", " << b.z() << ") in "
+    text << std::fixed << "seen at (" << a.x() << ", " << a.y() << ", " << a.z() << ") in "
+         << Counted(fit.used.size(), "picture") << " and at (" << b.x() << ", " << b.y() << ", " << b.z() << ") in "
          << others.front().inliers.size() << ", " << (a - b).norm() << " m apart";
     out->status = shared ? "duplicate" : "moved";
     out->reason = text.str();
@@ -362,7 +363,7 @@ std::vector<TagEstimate> EstimateTagPoses(const std::vector<TagView>& views, con
     }
     if (solver.empty()) {
       tag.status = "unsolved";
-      tag.reason = "all " + std::to_string(small) + " picture(s) are too small or outside the camera model";
+      tag.reason = Counted(small, "picture") + ", each too small or outside the camera model";
     } else {
       solver.Estimate(views, &tag);
     }

@@ -140,7 +140,7 @@ TEST(NmeaTrack, CrossesMidnightWithItsDate) {
   EXPECT_EQ(track.fixes[1].sigma_v_m, 0.9);
   EXPECT_EQ(track.fixes[2].sigma_h_m, 0.02);
   EXPECT_EQ(track.fixes[2].sigma_v_m, kUnknownGeoidSigma);
-  EXPECT_THAT(Joined(track.warnings), HasSubstr("1 fix(es) state no geoid separation"));
+  EXPECT_THAT(Joined(track.warnings), HasSubstr("1 fix without geoid separation"));
 }
 
 TEST(NmeaTrack, CountsWhatItSkips) {
@@ -156,9 +156,9 @@ TEST(NmeaTrack, CountsWhatItSkips) {
   ASSERT_EQ(track.fixes.size(), 2u);
   EXPECT_EQ(track.fixes[0].stamp_ns, (1'778'716'800 + 36'000) * kSecond);
   const std::string warnings = Joined(track.warnings);
-  EXPECT_THAT(warnings, HasSubstr("1 sentence(s) with a wrong checksum are skipped, the first on line 3"));
-  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) have no fix"));
-  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence(s) without a readable time"));
+  EXPECT_THAT(warnings, HasSubstr("1 sentence with a wrong checksum skipped, the first on line 3"));
+  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence without a fix"));
+  EXPECT_THAT(warnings, HasSubstr("1 GGA sentence without a readable time"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadNmea(file, {}); }),
               HasSubstr("give 'date: YYYY-MM-DD' (UTC) in run.yaml"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadNmea(dir.Write("n.nmea", "hello\n"), {}); }),
@@ -195,7 +195,7 @@ TEST(GpxTrack, ReadsTimedPoints) {
   EXPECT_NEAR(track.fixes[0].position.height_m, 237.9, 1e-9);
   EXPECT_EQ(track.fixes[1].sigma_v_m, kUnknownGeoidSigma);
   const std::string warnings = Joined(track.warnings);
-  EXPECT_THAT(warnings, HasSubstr("1 track point(s) without a time"));
+  EXPECT_THAT(warnings, HasSubstr("1 track point without a time"));
   EXPECT_THAT(warnings, HasSubstr("the first on line 6"));
   EXPECT_THAT(Joined(ReadGpx(dir.Write("cut.gpx", text), clock).warnings), HasSubstr("not valid XML"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadGpx(dir.Write("x.gpx", "<kml/>"), clock); }),
@@ -365,7 +365,7 @@ TEST(GoPro, NewerCamerasStateFixAndDopOfEach) {
       GoProVideo(Klv("TYPE", 'c', 1, "lllllllSS") + Klv("SCAL", 'l', 4, scales), gps9, "GPS9", '?', 32, 2);
   const GpsTrack track = ReadGoProGps(dir.Write("a.mp4", video));
   ASSERT_EQ(track.fixes.size(), 2u);
-  EXPECT_THAT(Joined(track.warnings), HasSubstr("2 GPS fix(es) of the video"));
+  EXPECT_THAT(Joined(track.warnings), HasSubstr("2 GPS fixes of the video"));
   // Every cut ends in a track or in a message.
   for (size_t size = 0; size < video.size(); size += 7) {
     try {

@@ -93,7 +93,7 @@ TEST_F(SiteTest, SkipsBadImagesAndCountsThem) {
   EXPECT_THAT(warnings, HasSubstr("images.txt:8: expected a time"));
   EXPECT_THAT(warnings, HasSubstr("images.txt:9: expected 'timestamp file [camera]'"));
   EXPECT_THAT(warnings, HasSubstr("timestamps are out of order"));
-  EXPECT_THAT(warnings, HasSubstr("1 image(s) with a timestamp seen before"));
+  EXPECT_THAT(warnings, HasSubstr("1 image with a timestamp seen before"));
 }
 
 TEST_F(SiteTest, TakesNamesAsTheyAre) {

@@ -55,7 +55,7 @@ TEST(Tum, KeepsWhatIsUsableAndNamesTheRest) {
   EXPECT_THAT(warnings, HasSubstr("odometry.tum:7: expected 8 numbers"));
   EXPECT_THAT(warnings, HasSubstr("odometry.tum:9: expected a time"));
   EXPECT_THAT(warnings, HasSubstr("out of order"));
-  EXPECT_THAT(warnings, HasSubstr("1 pose(s) with a timestamp seen before"));
+  EXPECT_THAT(warnings, HasSubstr("1 pose with a timestamp seen before"));
 }
 
 TEST(Tum, RefusesWhatHoldsNothing) {

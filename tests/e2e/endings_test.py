@@ -36,6 +36,13 @@ COMMANDS = {
     "trajectory": [["SITE/truth/runs/run2_cameras.tum", "SITE/results/localize/run2/cameras.tum"],
                    ["SITE/truth/runs/run2_cameras.tum"] + ["SITE/results/localize/run2/cameras_odom.tum"] * 15],
     "batch": [["LIST", "--out", "NEW/batch"]],
+    "verify": [["SITE/releases/first"]],
+    "plan": [["SITE"]],
+    "import": [["NEW/in", "--from", "SITE/panoramas", "--list"]],
+    "doctor": [["SITE"]],
+    # These change what the others read.
+    "print": [["SITE", "--ids", "200-240", "--size", "100"], ["SITE", "--measured", "99.7", "--nominal", "100"],
+              ["SITE", "--what", "board", "--target", "checkerboard:9x6:0.025"]],
 }
 # COLMAP takes too long.
 COMMANDS_THAT_FAIL = {"crosscheck": [["SITE", "--run", "none"]]}

@@ -136,7 +136,7 @@ class Release(unittest.TestCase):
         self.assertEqual(found["missing"], ["site/tags.yaml"])
         self.assertEqual(found["added"], ["map/extra.csv", "map/link.csv"])
         out = trigpoint("verify", self.release, expect=1).stdout
-        self.assertIn("missing  site/tags.yaml", out)
+        self.assertIn("Missing   site/tags.yaml", out)
         # Nothing is held against a map that was changed.
         self.assertIn("missing", self.one_line("compare", self.release, self.site))
 

@@ -407,7 +407,7 @@ class Services(unittest.TestCase):
         self.server.pictures = {"/store/proc/1.jpg": self.panorama, "/store/blurred/2.jpg": self.panorama, "/store/proc/5.jpg": self.panorama}
         self.server.page_size = 2
         done = self.run_import(service="kartaview")
-        self.assertIn("1 panoramas have no usable id, position or file", done.stderr)
+        self.assertIn("1 panorama without a usable id, position or file", done.stderr)
         rows = self.table()
         self.assertEqual([row["file"] for row in rows], [f"panoramas/kartaview-{n}.jpg" for n in (1, 2, 5)])
         self.assertEqual([rows[0][c] for c in ["heading_deg", "captured_at", "sigma_h_m", "licence"]], ["33.5000", "2021-06-07T12:34:56", "5.000", "CC-BY-SA-4.0"])

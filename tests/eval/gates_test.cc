@@ -54,8 +54,9 @@ TEST(Gates, DecideByTheBoundNotThePoint) {
   // The bound must come down from 0.4 to 0.2 for 0.1: half of log 4, so four times the stations.
   const GateResult r = JudgeEvaluation(WithIntervals(0.1, {0.025, 0.4}), "evaluate.max_median_m", 0.2).at(0);
   EXPECT_EQ(r.more_stations, 27);
-  EXPECT_THAT(r.message,
-              HasSubstr("undecided: evaluate.max_median_m <= 0.2 m (single absolute against survey): 0.1 m"));
+  EXPECT_THAT(
+      r.message,
+      HasSubstr("undecided: evaluate.max_median_m <= 0.2 m (panorama (G2), absolute, against the tag map): 0.1 m"));
   EXPECT_THAT(r.message, HasSubstr("95 % interval 0.025 to 0.4 m, n = 9 answers"));
   EXPECT_THAT(r.message, HasSubstr("about 27 more stations"));
 }

@@ -118,7 +118,7 @@ PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const 
   HttpAnswer answer = client.Get(url, kMostPictureBytes, cancel);
   if (answer.status >= 400 && answer.status < 500 && answer.status != 429) {
     throw InputError(
-        fmt::format("{}: the picture of panorama {} cannot be had (status {})", source, id, answer.status));
+        fmt::format("{}: the picture of panorama {} cannot be loaded (status {})", source, id, answer.status));
   }
   if (answer.status != 200 && answer.status != 206) FailWith(source, url, answer.status);
   const ScratchFile file(answer.body);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 
 namespace trigpoint {
@@ -14,7 +15,7 @@ std::vector<PanoramaRecord> ListingService::Find(const SearchArea& area, const C
   Search(area, cancel);
   if (unusable_ > 0) {
     warnings_.push_back(
-        fmt::format("{}: {} panoramas have no usable id, position or file, and are left out", name_, unusable_));
+        fmt::format("{}: {} without a usable id, position or file; left out", name_, Counted(unusable_, "panorama")));
   }
   std::vector<PanoramaRecord> records;
   for (auto& [id, record] : found_) records.push_back(std::move(record));
