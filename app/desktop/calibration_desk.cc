@@ -172,8 +172,8 @@ void CalibrationDesk::ShowCamera() {
   }
   const CalibrationCamera& camera = view_->cameras[index];
   text_->setText(
-      tr("%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (it says how well the model fits, not how "
-         "accurate it is)")
+      tr("%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (how well the model fits, not how accurate "
+         "it is)")
           .arg(QString::fromStdString(camera.model))
           .arg(camera.width)
           .arg(camera.height)

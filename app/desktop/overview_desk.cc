@@ -308,7 +308,10 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
       item->setBackground(colours.background);
       item->setForeground(colours.text);
     } else {
-      item->setText(Text(e.status));
+      item->setText(e.status == "no_reference" ? tr("no reference")
+                    : e.status == "unmatched"  ? tr("no match")
+                    : e.status == "rejected"   ? tr("refused")
+                                               : Text(e.status));
     }
     matrix_->setItem(row, at, item);
   }
@@ -370,9 +373,8 @@ void OverviewDesk::ShowNext() {
       anchor = "do:create";
       break;
     case NextStep::Kind::kRun:
-      text = next.failed > 0
-                 ? tr("%1 results failed. %2").arg(next.failed).arg(Text(next.reason))
-                 : tr("%1 results are missing or out of date, %2 first.").arg(next.results).arg(Text(next.title));
+      text = next.failed > 0 ? tr("Failed results: %1. %2").arg(next.failed).arg(Text(next.reason))
+                             : tr("Missing or out of date: %1, %2 first.").arg(next.results).arg(Text(next.title));
       button = next.failed > 0 ? tr("&Run again what failed") : tr("&Run what is out of date");
       anchor = "do:run";
       break;

@@ -130,7 +130,7 @@
         <translation>Noch keine Kalibrierung: trigpoint calibrate ORDNER --images MUSTER --target T</translation>
     </message>
     <message>
-        <source>%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (it says how well the model fits, not how accurate it is)</source>
+        <source>%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (how well the model fits, not how accurate it is)</source>
         <translation>%1, %2 x %3 px, %4 von %5 Bildern verwendet, RMS der Residuen %6 px (das sagt, wie gut das Modell passt, nicht, wie genau es ist)</translation>
     </message>
     <message>
@@ -1250,11 +1250,23 @@
         <translation>Zum Projekt &amp;machen (trigpoint.yaml schreiben)</translation>
     </message>
     <message>
-        <source>%1 results failed. %2</source>
+        <source>Failed results: %1. %2</source>
         <translation>%1 Ergebnisse sind fehlgeschlagen. %2</translation>
     </message>
     <message>
-        <source>%1 results are missing or out of date, %2 first.</source>
+        <source>no reference</source>
+        <translation>keine Referenz</translation>
+    </message>
+    <message>
+        <source>no match</source>
+        <translation>kein Treffer</translation>
+    </message>
+    <message>
+        <source>refused</source>
+        <translation>abgelehnt</translation>
+    </message>
+    <message>
+        <source>Missing or out of date: %1, %2 first.</source>
         <translation>%1 Ergebnisse fehlen oder sind veraltet, zuerst %2.</translation>
     </message>
     <message>
