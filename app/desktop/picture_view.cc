@@ -45,12 +45,6 @@ void PictureView::SetMarks(std::vector<PictureMark> marks) {
   update();
 }
 
-void PictureView::SetLayerVisible(const QString& layer, bool visible) {
-  hidden_.erase(std::remove(hidden_.begin(), hidden_.end(), layer), hidden_.end());
-  if (!visible) hidden_.push_back(layer);
-  update();
-}
-
 void PictureView::SetHighlight(const QString& object) {
   highlight_ = object;
   update();
@@ -129,7 +123,6 @@ void PictureView::paintEvent(QPaintEvent*) {
   }
   painter.setRenderHint(QPainter::Antialiasing);
   for (const PictureMark& mark : marks_) {
-    if (std::find(hidden_.begin(), hidden_.end(), mark.layer) != hidden_.end()) continue;
     const bool strong = !mark.object.isEmpty() && mark.object == highlight_;
     if (mark.colour.alpha() == 0 && !strong) continue;  // it can be clicked, the picture shows it
     painter.setPen(QPen(mark.colour.alpha() == 0 ? QColor(213, 94, 0) : mark.colour, strong ? 4 : 1.5));
@@ -264,7 +257,6 @@ QString PictureView::ObjectAt(const QPointF& pixel) const {
   double least = kPickDistance / scale_;
   for (const PictureMark& mark : marks_) {
     if (mark.object.isEmpty() || mark.points.isEmpty()) continue;
-    if (std::find(hidden_.begin(), hidden_.end(), mark.layer) != hidden_.end()) continue;
     if (mark.kind == PictureMark::Kind::kOutline && mark.points.containsPoint(pixel, Qt::OddEvenFill)) {
       return mark.object;
     }

@@ -33,7 +33,6 @@ class PictureView : public QWidget {
 
   void SetPicture(const QImage& image, const QString& title);
   void SetMarks(std::vector<PictureMark> marks);
-  void SetLayerVisible(const QString& layer, bool visible);
   void SetHighlight(const QString& object);
   const QImage& image() const { return image_; }
   const std::vector<PictureMark>& marks() const { return marks_; }
@@ -78,7 +77,6 @@ class PictureView : public QWidget {
   QImage image_;
   QString title_;
   std::vector<PictureMark> marks_;
-  std::vector<QString> hidden_;
   QString highlight_;
   double scale_ = 1;
   QPointF offset_;  // widget position of the picture's corner

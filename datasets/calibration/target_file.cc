@@ -91,12 +91,6 @@ Target ParseTarget(const std::string& text) {
   return target;
 }
 
-std::string Metres(double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
-  return buffer;
-}
-
 }  // namespace
 
 Target ReadTargetFile(const fs::path& file) {
@@ -148,35 +142,6 @@ Target ReadTargetFile(const fs::path& file) {
   }
   ThrowIfWrong(target, file.string());
   return target;
-}
-
-void WriteTargetFile(const fs::path& file, const Target& target) {
-  const std::string cols = std::to_string(target.cols) + "\n", rows = std::to_string(target.rows) + "\n";
-  std::string text = "# " + target.Text() + "; metres\ntarget_type: ";
-  switch (target.kind) {
-    case TargetKind::kCheckerboard:
-      text += "checkerboard\ntargetCols: " + cols + "targetRows: " + rows +
-              "rowSpacingMeters: " + Metres(target.spacing_y_m) + "\ncolSpacingMeters: " + Metres(target.spacing_x_m) +
-              "\n";
-      break;
-    case TargetKind::kAprilGrid:
-      text += "aprilgrid\ntagCols: " + cols + "tagRows: " + rows + "tagSize: " + Metres(target.spacing_x_m) +
-              "\ntagSpacing: " + Metres(target.tag_spacing) + "\n";
-      if (target.first_id != 0) text += "firstId: " + std::to_string(target.first_id) + "\n";
-      break;
-    case TargetKind::kAsymmetricCircles:
-    case TargetKind::kCircles:
-      text += "circlegrid\ntargetCols: " + cols + "targetRows: " + rows +
-              "spacingMeters: " + Metres(target.spacing_x_m) +
-              "\nasymmetricGrid: " + (target.kind == TargetKind::kAsymmetricCircles ? "true" : "false") + "\n";
-      break;
-    case TargetKind::kCharuco:
-      text += "charuco\nsquareCols: " + cols + "squareRows: " + rows + "squareSize: " + Metres(target.spacing_x_m) +
-              "\nmarkerSize: " + Metres(target.marker_size_m) + "\ndictionary: " + target.dictionary + "\n";
-      if (target.first_id != 0) text += "firstId: " + std::to_string(target.first_id) + "\n";
-      break;
-  }
-  WriteFileAtomically(file, text);
 }
 
 fs::path TargetFileOf(const std::string& text, const fs::path& base) {

@@ -13,7 +13,6 @@ namespace trigpoint {
 // spacingMeters, asymmetricGrid); and, in the same manner, charuco (squareCols, squareRows, squareSize, markerSize,
 // dictionary, firstId). Metres. Throws InputError with file, line and key.
 Target ReadTargetFile(const std::filesystem::path& file);
-void WriteTargetFile(const std::filesystem::path& file, const Target& target);
 
 // The name of a file (relative to the working directory, else to `base`), or the target in one line:
 //   checkerboard:9x6:0.025             inner corners, square (m); :0.025x0.03 where they aren't square
