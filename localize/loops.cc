@@ -145,8 +145,6 @@ int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, doub
   std::vector<ImageObservation> rows;
   int merged = 0;
   for (const Loop& loop : loops) {
-    const FrameImage& image = input.images[static_cast<size_t>(loop.image)];
-    const Camera& camera = input.cameras[static_cast<size_t>(image.camera)].camera;
     for (const ViewObservation& v : loop.inliers) {
       int earlier = v.point;
       while (into[static_cast<size_t>(earlier)] != earlier) earlier = into[static_cast<size_t>(earlier)];
@@ -157,16 +155,9 @@ int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, doub
         if (later == earlier) continue;
         into[static_cast<size_t>(later)] = earlier;
       } else {
-        const Eigen::Vector2d pixel = v.pixel.cast<double>();
-        ImageObservation row;
-        row.o.point = earlier;
-        row.o.pose = image.pose;
-        row.o.view = image.camera;
-        row.o.ray = camera.Unproject(pixel)->cast<float>();
-        row.o.w = camera.BearingSqrtInfo(pixel, sigma_px).cast<float>();
-        row.image = loop.image;
-        row.feature = v.feature;
-        rows.push_back(row);
+        const auto o = ObservationOf(input, {earlier, loop.image, v.feature, v.pixel}, sigma_px);
+        if (!o) continue;
+        rows.push_back({*o, loop.image, v.feature});
       }
       ++merged;
     }

@@ -234,18 +234,23 @@ void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
   }
 }
 
-// Tracks that earlier poses could not explain get another chance; the other points stay.
-void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
+// Points that are not valid anew from their active observations, and all where their observations want them.
+void TriangulateInvalid(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
   BundleProblem& p = r->problem;
   const std::vector<Eigen::Vector3d> before = p.points;
-  for (BearingObservation& o : p.observations) {
-    if (!r->point_valid[static_cast<size_t>(o.point)]) o.active = true;
-  }
   Triangulate(chi2, r, threads, cancel);
   for (size_t j = 0; j < p.points.size(); ++j) {
     if (r->point_valid[j]) p.points[j] = before[j];
   }
   OptimizePoints(p, 5, threads, cancel);
+}
+
+// Tracks that earlier poses could not explain get another chance, with all of their observations.
+void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
+  for (BearingObservation& o : r->problem.observations) {
+    if (!r->point_valid[static_cast<size_t>(o.point)]) o.active = true;
+  }
+  TriangulateInvalid(chi2, r, threads, cancel);
 }
 
 // The first poses are many sigmas of an observation off: with its own kernel what is right would look wrong, and a
@@ -421,6 +426,22 @@ bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vec
   return 2 * front > rays.size();
 }
 
+std::optional<BearingObservation> ObservationOf(const LocalizeInput& input, const TrackObservation& t,
+                                                double sigma_px) {
+  const FrameImage& image = input.images[static_cast<size_t>(t.image)];
+  const Camera& camera = input.cameras[static_cast<size_t>(image.camera)].camera;
+  const Eigen::Vector2d pixel = t.pixel.cast<double>();
+  const std::optional<Eigen::Vector3d> ray = camera.Unproject(pixel);
+  if (!ray || !camera.Project(*ray)) return {};
+  BearingObservation o;
+  o.point = t.track;
+  o.pose = image.pose;
+  o.view = image.camera;
+  o.ray = ray->cast<float>();
+  o.w = camera.BearingSqrtInfo(pixel, sigma_px).cast<float>();
+  return o;
+}
+
 namespace {
 
 // The problem that is to be solved: poses where they start, the first held, points nowhere yet.
@@ -435,18 +456,9 @@ Reconstruction Unsolved(const LocalizeInput& input, const ReconstructStart& star
   p.points.assign(static_cast<size_t>(tracks), Eigen::Vector3d::Zero());
   p.observations.reserve(track_observations.size());
   for (const TrackObservation& t : track_observations) {
-    const FrameImage& image = input.images[static_cast<size_t>(t.image)];
-    const Camera& camera = input.cameras[static_cast<size_t>(image.camera)].camera;
-    const Eigen::Vector2d pixel = t.pixel.cast<double>();
-    const std::optional<Eigen::Vector3d> ray = camera.Unproject(pixel);
-    if (!ray || !camera.Project(*ray)) continue;
-    BearingObservation o;
-    o.point = t.track;
-    o.pose = image.pose;
-    o.view = image.camera;
-    o.ray = ray->cast<float>();
-    o.w = camera.BearingSqrtInfo(pixel, options.sigma_px).cast<float>();
-    p.observations.push_back(o);
+    const std::optional<BearingObservation> o = ObservationOf(input, t, options.sigma_px);
+    if (!o) continue;
+    p.observations.push_back(*o);
     r.image_of.push_back(t.image);
     r.feature_of.push_back(t.feature);
   }
@@ -559,13 +571,7 @@ void AddObservations(const std::vector<ImageObservation>& added, Reconstruction*
 }
 
 void Settle(const ReconstructOptions& options, double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
-  BundleProblem& p = r->problem;
-  const std::vector<Eigen::Vector3d> before = p.points;
-  Triangulate(chi2, r, threads, cancel);
-  for (size_t j = 0; j < p.points.size(); ++j) {
-    if (r->point_valid[j]) p.points[j] = before[j];
-  }
-  OptimizePoints(p, 5, threads, cancel);
+  TriangulateInvalid(chi2, r, threads, cancel);
   Gate(options, chi2, r);
 }
 

@@ -1,6 +1,7 @@
 // Points and camera poses from tracks and odometry (METHOD.md section 2), and how well they are known.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calib/base/option.h"
@@ -77,6 +78,9 @@ struct ReconstructStart {
 Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& start, int tracks,
                            std::vector<TrackObservation> track_observations, const ReconstructOptions& options,
                            bool paper, int threads, ProgressSink& progress, const CancelToken& cancel);
+
+// A track's observation as the bundle adjustment takes it. Nothing where the camera has no ray for it.
+std::optional<BearingObservation> ObservationOf(const LocalizeInput& input, const TrackObservation& t, double sigma_px);
 
 // Observations that are new, put in their places: all stay sorted by point.
 struct ImageObservation {

@@ -12,7 +12,6 @@ namespace {
 constexpr double kContrast = 0.02;     // of shrunk pictures
 constexpr double kMostDistance = 0.8;  // of unit descriptors
 constexpr double kInlier_px = 1.5;     // of the shrunk picture
-constexpr size_t kLeastMatches = 12;
 
 }  // namespace
 
@@ -41,7 +40,7 @@ QuickFeatures FindQuickFeatures(const cv::Mat& grey, const Camera& camera, const
 
 int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
   const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, kMostDistance);
-  if (matches.size() < kLeastMatches) return 0;
+  if (static_cast<int>(matches.size()) < kLeastMatches) return 0;
   std::vector<Eigen::Vector3d> rays_a, rays_b;
   for (const auto& [i, j] : matches) {
     rays_a.push_back(a.rays[static_cast<size_t>(i)]);

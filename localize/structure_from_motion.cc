@@ -153,19 +153,11 @@ void Adjust(const LocalizeInput& input, const TrackSet& tracks, bool poses_too, 
   }
   for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
   for (const TrackObservation& t : tracks.observations) {
-    const FrameImage& image = ImageAt(input, t.image);
-    const auto ray = input.cameras[static_cast<size_t>(image.camera)].camera.Unproject(t.pixel.cast<double>());
-    const int pose = of_pose[static_cast<size_t>(image.pose)];
-    if (pose < 0 || !ray) continue;
-    BearingObservation o;
-    o.point = t.track;
-    o.pose = pose;
-    o.view = image.camera;
-    o.ray = ray->cast<float>();
-    o.w = input.cameras[static_cast<size_t>(image.camera)]
-              .camera.BearingSqrtInfo(t.pixel.cast<double>(), options.sigma_px)
-              .cast<float>();
-    p.observations.push_back(o);
+    const int pose = of_pose[static_cast<size_t>(ImageAt(input, t.image).pose)];
+    const std::optional<BearingObservation> o = ObservationOf(input, t, options.sigma_px);
+    if (pose < 0 || !o) continue;
+    p.observations.push_back(*o);
+    p.observations.back().pose = pose;
   }
   p.points.assign(static_cast<size_t>(tracks.tracks), Eigen::Vector3d::Zero());
   r.point_valid.assign(p.points.size(), false);

@@ -141,7 +141,7 @@ TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, in
                 a, b, MatchMutual(a.descriptors, b.descriptors, options.ratio, options.max_distance), prior, two);
             if (all.matches.size() > out.matches.size()) out = all;
           }
-          if (out.matches.size() < 12) out.b_from_a = prior;
+          if (static_cast<int>(out.matches.size()) < kLeastMatches) out.b_from_a = prior;
         }
         progress.Advance(1);
       });

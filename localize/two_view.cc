@@ -166,6 +166,31 @@ bool RotationExplains(const std::vector<Eigen::Vector3d>& a, const std::vector<E
   return 10 * close > 8 * inliers.size();
 }
 
+RansacOptions FivePointRansac(const WideBaselineOptions& options) {
+  RansacOptions ransac;
+  ransac.max_iterations = options.ransac_iterations;
+  ransac.confidence = 0.999;
+  ransac.threshold = options.inlier_rad;
+  ransac.seed = options.seed;
+  return ransac;
+}
+
+// What the matches say of a pose: whether it is verified, and how well it is known then.
+WideBaselineResult Verified(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
+                            const Rigid3d& pose, const WideBaselineOptions& options) {
+  WideBaselineResult result;
+  result.b_from_a = pose;
+  result.inliers = EpipolarInliers(a, b, pose, options.inlier_rad);
+  const int inliers = static_cast<int>(result.inliers.size());
+  result.log10_false_alarms =
+      Log10FalseAlarms(static_cast<int>(a.size()), inliers, 2 * options.inlier_rad / options.span_rad);
+  result.verified = inliers >= kLeastMatches && result.log10_false_alarms < std::log10(options.max_false_alarms);
+  if (!result.verified) return result;
+  result.rotation_only = RotationExplains(a, b, result.inliers, 2 * options.inlier_rad);
+  result.information = EdgeInformation(a, b, pose, result.inliers, 0.5 * options.inlier_rad);
+  return result;
+}
+
 }  // namespace
 
 std::vector<int> EpipolarInliers(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
@@ -178,9 +203,8 @@ std::vector<int> EpipolarInliers(const std::vector<Eigen::Vector3d>& a, const st
 
 WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
                                       const Rigid3d& prior, const WideBaselineOptions& options) {
-  WideBaselineResult result;
   const int n = static_cast<int>(a.size());
-  if (n < 12) return result;
+  if (n < kLeastMatches) return {};
   Rigid3d first = prior;
   first.translation = prior.translation.norm() > 1e-9 ? prior.translation.normalized() : Eigen::Vector3d::UnitX();
   const Matrix5d information = options.prior_covariance.ldlt().solve(Matrix5d::Identity());
@@ -193,30 +217,18 @@ WideBaselineResult VerifyWideBaseline(const std::vector<Eigen::Vector3d>& a, con
   if (known) guesses.push_back(Refine(a, b, first, information, first, sigma, widest, 20));
   // Where most matches agree with odometry there is nothing else to look for.
   if (!known || 2 * EpipolarInliers(a, b, guesses[0], options.inlier_rad).size() < a.size()) {
-    RansacOptions ransac;
-    ransac.max_iterations = options.ransac_iterations;
-    ransac.confidence = 0.999;
-    ransac.threshold = options.inlier_rad;
-    ransac.seed = options.seed;
     const auto best = Ransac<Rigid3d, 5>(
-        n, ransac, [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
+        n, FivePointRansac(options), [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
         [&](const Rigid3d& pose, int i) {
           return std::abs(EpipolarError(pose, a[static_cast<size_t>(i)], b[static_cast<size_t>(i)]));
         },
         guesses);
-    if (!best.found) return result;
+    if (!best.found) return {};
     guesses.push_back(Refine(a, b, first, information, best.model, sigma, 4, 20));
   }
   const auto cost = [&](const Rigid3d& pose) { return Cost(a, b, pose, first, information, options.inlier_rad); };
-  result.b_from_a = guesses.size() == 2 && cost(guesses[1]) >= cost(guesses[0]) ? guesses[0] : guesses.back();
-  result.inliers = EpipolarInliers(a, b, result.b_from_a, options.inlier_rad);
-  const int inliers = static_cast<int>(result.inliers.size());
-  result.log10_false_alarms = Log10FalseAlarms(n, inliers, 2 * options.inlier_rad / options.span_rad);
-  result.verified = inliers >= 12 && result.log10_false_alarms < std::log10(options.max_false_alarms);
-  if (!result.verified) return result;
-  result.rotation_only = RotationExplains(a, b, result.inliers, 2 * options.inlier_rad);
-  result.information = EdgeInformation(a, b, result.b_from_a, result.inliers, 0.5 * options.inlier_rad);
-  return result;
+  const bool first_wins = guesses.size() == 2 && cost(guesses[1]) >= cost(guesses[0]);
+  return Verified(a, b, first_wins ? guesses[0] : guesses.back(), options);
 }
 
 RelativePoseEstimate EstimateRelativePose(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
@@ -224,18 +236,12 @@ RelativePoseEstimate EstimateRelativePose(const std::vector<Eigen::Vector3d>& a,
   constexpr double kNearly = 1.15;  // of the least cost
   constexpr double kOtherRotation = 2 * EIGEN_PI / 180, kOtherDirection = 20 * EIGEN_PI / 180;
   RelativePoseEstimate estimate;
-  WideBaselineResult& best = estimate.best;
   const int n = static_cast<int>(a.size());
-  if (n < 12) return estimate;
+  if (n < kLeastMatches) return estimate;
   const double sigma = 0.5 * options.inlier_rad;
   const Matrix5d free = 1e-6 * Matrix5d::Identity();
-  RansacOptions ransac;
-  ransac.max_iterations = options.ransac_iterations;
-  ransac.confidence = 0.999;
-  ransac.threshold = options.inlier_rad;
-  ransac.seed = options.seed;
   const auto found = Ransac<Rigid3d, 5>(
-      n, ransac, [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
+      n, FivePointRansac(options), [&](const std::vector<int>& sample) { return FivePointPoses(a, b, sample); },
       [&](const Rigid3d& pose, int i) {
         const auto k = static_cast<size_t>(i);
         return MeetInFront(pose, a[k], b[k]) ? std::abs(EpipolarError(pose, a[k], b[k])) : 1.0;
@@ -258,14 +264,7 @@ RelativePoseEstimate EstimateRelativePose(const std::vector<Eigen::Vector3d>& a,
     estimate.rotation_ambiguous |= AngleBetween(pose.rotation, other.rotation) > kOtherRotation;
     estimate.direction_ambiguous |= AngleBetween(pose.translation, other.translation) > kOtherDirection;
   }
-  best.b_from_a = pose;
-  best.inliers = EpipolarInliers(a, b, pose, options.inlier_rad);
-  const int inliers = static_cast<int>(best.inliers.size());
-  best.log10_false_alarms = Log10FalseAlarms(n, inliers, 2 * options.inlier_rad / options.span_rad);
-  best.verified = inliers >= 12 && best.log10_false_alarms < std::log10(options.max_false_alarms);
-  if (!best.verified) return estimate;
-  best.rotation_only = RotationExplains(a, b, best.inliers, 2 * options.inlier_rad);
-  best.information = EdgeInformation(a, b, pose, best.inliers, 0.5 * options.inlier_rad);
+  estimate.best = Verified(a, b, pose, options);
   return estimate;
 }
 

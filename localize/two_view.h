@@ -9,6 +9,10 @@
 
 namespace trigpoint {
 
+// Of a pair that counts as verified: five determine a relative pose, the others show whether it holds and how much they
+// scatter about it.
+constexpr int kLeastMatches = 12;
+
 struct TwoViewOptions {
   double inlier_rad = 0.004;         // largest angle of a ray from its epipolar plane
   double sigma_rotation_rad = 0.02;  // how far the prior's rotation may be off, 1 sigma

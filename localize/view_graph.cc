@@ -21,9 +21,6 @@
 namespace trigpoint {
 namespace {
 
-// Matches of a pair, at least.
-constexpr int kLeastMatches = 12;
-
 // Images that odometry places nearest are considered, so that cost stays linear in the length of a run.
 constexpr int kConsidered = 300;
 
