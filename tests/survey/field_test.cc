@@ -6,6 +6,7 @@
 
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
+#include "tests/survey/yard.h"
 
 namespace trigpoint {
 namespace {
@@ -16,45 +17,14 @@ using testing::HasSubstr;
 NetworkLayout Yard() {
   NetworkLayout layout;
   layout.sizes.size_m = 0.3;
-  constexpr int kTags = 9, kFrames = 60;
+  constexpr int kTags = 9;
   constexpr double kRadius = 6;
   for (int k = 0; k < kTags; ++k) {
     const double a = 2 * M_PI * k / kTags;
-    const Eigen::Vector3d out(std::cos(a), std::sin(a), 0);
-    Eigen::Matrix3d columns;  // the printed side faces the yard's middle
-    columns.col(2) = out;
-    columns.col(1) = -Eigen::Vector3d::UnitZ();
-    columns.col(0) = columns.col(1).cross(columns.col(2));
-    layout.world_from_tag[k] = {Eigen::Quaterniond(columns), (kRadius + 4) * out + Eigen::Vector3d(0, 0, 0.1 * k)};
-    if (k % 3 != 1) continue;
-    SurveyPoint point;
-    point.name = std::to_string(k);
-    point.tag_id = k;
-    point.world_m = layout.world_from_tag[k].translation;
-    point.sigma_h_m = 0.01;
-    point.sigma_v_m = 0.015;
-    layout.points.push_back(point);
+    AddTagOnWall(k, a, (kRadius + 4) * Eigen::Vector3d(std::cos(a), std::sin(a), 0) + Eigen::Vector3d(0, 0, 0.1 * k),
+                 &layout);
   }
-  PlannedPass pass;
-  pass.name = "lap";
-  BodyCamera camera;
-  camera.name = "cam0";
-  camera.camera = Camera::FromFieldOfView(1280, 800, 90 * kDegToRad);
-  Eigen::Matrix3d rows;  // looks to the right of the way
-  rows.row(0) = Eigen::Vector3d(-1, 0, 0);
-  rows.row(1) = Eigen::Vector3d(0, 0, -1);
-  rows.row(2) = Eigen::Vector3d(0, -1, 0);
-  camera.cam_from_body = Rigid3d(Eigen::Quaterniond(rows), Eigen::Vector3d(0.1, 0, 0));
-  camera.has_extrinsics = true;
-  pass.cameras.push_back(camera);
-  for (int k = 0; k < kFrames; ++k) {
-    const double a = 2.4 * M_PI * k / (kFrames - 1);
-    const Eigen::AngleAxisd yaw(a + M_PI / 2, Eigen::Vector3d::UnitZ());
-    pass.world_from_body.push_back(
-        {int64_t{500'000'000} * k,
-         Rigid3d(Eigen::Quaterniond(yaw), kRadius * Eigen::Vector3d(std::cos(a), std::sin(a), 0))});
-  }
-  layout.passes.push_back(pass);
+  layout.passes.push_back(Lap(60, 2.4 * M_PI, kRadius));
   return layout;
 }
 
