@@ -50,12 +50,11 @@ class KartaView final : public ListingService {
     record.id = TextIn(photo, "id");
     const auto latitude = NumberIn(photo, "lat"), longitude = NumberIn(photo, "lng");
     const auto position = latitude && longitude ? PointOf({{"coordinates", {*longitude, *latitude}}}) : std::nullopt;
-    record.heading_deg = NumberIn(photo, "heading");
-    if (record.heading_deg && *record.heading_deg < 0) record.heading_deg.reset();
+    record.heading_deg = HeadingOf(NumberIn(photo, "heading"));
     record.date = TextIn(photo, "shotDate");
     std::replace(record.date.begin(), record.date.end(), ' ', 'T');
-    record.licence = "CC-BY-SA-4.0";  // of all pictures there, by the terms of use
-    record.width_px = static_cast<int>(std::clamp(NumberIn(photo, "width").value_or(0), 0.0, 1e6));
+    record.licence = kByTerms;
+    record.width_px = WidthOf(NumberIn(photo, "width"));
     // The processed picture has faces and plates blurred.
     std::string url = TextIn(photo, "fileurlProc");
     if (url.empty()) {

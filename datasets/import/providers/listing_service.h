@@ -21,6 +21,15 @@ class ListingService : public PanoramaProvider {
   std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) final;
 
  protected:
+  static constexpr const char* kByTerms = "CC-BY-SA-4.0";  // of all pictures, by the terms of use of some services
+  // Cameras without a compass state a negative heading.
+  static std::optional<double> HeadingOf(std::optional<double> stated) {
+    return stated && *stated >= 0 ? stated : std::nullopt;
+  }
+  // Of a stated width, px; 0: not known.
+  static int WidthOf(std::optional<double> stated) {
+    return stated && *stated > 0 && *stated < 1e6 ? static_cast<int>(*stated) : 0;
+  }
   // `credit` stands in the attributions, behind the owner.
   ListingService(std::string name, std::string credit, const ServiceOptions& options)
       : client_(name, options.url, options.http), name_(std::move(name)), credit_(std::move(credit)) {}

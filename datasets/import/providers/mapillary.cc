@@ -80,15 +80,14 @@ class Mapillary final : public ListingService {
     const json* computed = ObjectIn(image, "computed_geometry");
     const json* stated = ObjectIn(image, "geometry");
     auto position = computed != nullptr ? PointOf(*computed) : std::nullopt;
-    record.heading_deg = NumberIn(image, position ? "computed_compass_angle" : "compass_angle");
-    if (!record.heading_deg) record.heading_deg = NumberIn(image, "compass_angle");
+    auto heading = NumberIn(image, position ? "computed_compass_angle" : "compass_angle");
+    if (!heading) heading = NumberIn(image, "compass_angle");
+    record.heading_deg = HeadingOf(heading);
     if (!position && stated != nullptr) position = PointOf(*stated);
-    // Cameras without a compass state a negative one.
-    if (record.heading_deg && *record.heading_deg < 0) record.heading_deg.reset();
     record.date = DateOf(NumberIn(image, "captured_at"));
     if (const json* creator = ObjectIn(image, "creator")) record.owner = TextIn(*creator, "username");
-    record.licence = "CC-BY-SA-4.0";  // of all pictures there, by the terms of use
-    record.width_px = static_cast<int>(std::clamp(NumberIn(image, "width").value_or(0), 0.0, 1e6));
+    record.licence = kByTerms;
+    record.width_px = WidthOf(NumberIn(image, "width"));
     Keep(std::move(record), position, true);
   }
 };

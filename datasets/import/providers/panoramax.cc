@@ -95,8 +95,7 @@ class Panoramax final : public ListingService {
     record.licence = TextIn(*properties, "license");
     const auto size = interior->find("sensor_array_dimensions");
     if (size != interior->end() && size->is_array() && !size->empty() && (*size)[0].is_number()) {
-      const double width = (*size)[0].get<double>();
-      if (width > 0 && width < 1e6) record.width_px = static_cast<int>(width);
+      record.width_px = WidthOf((*size)[0].get<double>());
     }
     const std::string id = record.id;
     if (Keep(std::move(record), position, !files.full.empty() || !files.small.empty())) files_[id] = files;
