@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "calib/base/error.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "eval/statistics.h"
 #include "eval/trajectory.h"
@@ -83,14 +84,8 @@ void SortByTime(const std::string& file, PoseSequence* sequence) {
 PoseSequence ReadPoseSequence(const std::filesystem::path& file) {
   const std::string text = ReadTextFile(file);
   PoseSequence sequence;
-  int number = 0;
   size_t columns = 0;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
-    ++number;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [line, number] : DataLines(text)) {
     const std::string where = FileLine(file, number);
     const bool csv = line.find(',') != std::string_view::npos;
     const std::vector<std::string_view> fields = Fields(line);

@@ -11,6 +11,7 @@
 #include "app/cli/terminal.h"
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/outputs.h"
@@ -157,11 +158,9 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
   const std::string text = ReadTextFile(list);
   const fs::path base = fs::absolute(list).parent_path();
   int number = 0;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
+  for (const std::string_view line : Lines(text)) {
     const std::string where = FileLine(list, ++number);
-    std::vector<std::string> words = Words(text.substr(at, end - at), where);
-    at = end + 1;
+    std::vector<std::string> words = Words(std::string(line), where);
     if (words.empty()) continue;
     if (words.front().starts_with("-"))
       throw InputError(where + ": expected a project's folder, found " + words.front());

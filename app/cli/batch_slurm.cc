@@ -15,6 +15,7 @@
 #include "app/pipeline/command_line.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/child_process.h"
 #include "datasets/project/files.h"
@@ -48,16 +49,6 @@ std::string Slurm(const std::vector<std::string>& words, const std::string& inpu
   if (!input.empty()) fs::remove(file, ignored);
   if (status != 0) throw IoError(words.front() + " failed: " + std::string(Trim(text)));
   return text;
-}
-
-std::vector<std::string> Lines(const std::string& text) {
-  std::vector<std::string> lines;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    lines.push_back(text.substr(at, end - at));
-    at = end + 1;
-  }
-  return lines;
 }
 
 // Tasks that one array job runs: those of a project's stage that wait for the same.
@@ -108,7 +99,8 @@ class Submission {
 
   // What an array may hold, at most.
   size_t LargestArray() const {
-    for (const std::string& line : Lines(Slurm({"scontrol", "show", "config"}, "", folder_))) {
+    const std::string config = Slurm({"scontrol", "show", "config"}, "", folder_);
+    for (const std::string_view line : Lines(config)) {
       const auto fields = SplitFields(line);
       if (fields.size() >= 3 && fields[0] == "MaxArraySize")
         return static_cast<size_t>(ParseInt(fields[2]).value_or(1));
@@ -140,8 +132,8 @@ class Submission {
     std::vector<std::string> words = {"sinfo", "-h", "-N", "-o", "%m"};
     if (!plan_.settings.partition.empty()) words.insert(words.end(), {"-p", plan_.settings.partition});
     int64_t most = 0;
-    for (const std::string& line : Lines(Slurm(words, "", folder_)))
-      most = std::max(most, ParseInt(Trim(line)).value_or(0));
+    const std::string memory = Slurm(words, "", folder_);
+    for (const std::string_view line : Lines(memory)) most = std::max(most, ParseInt(Trim(line)).value_or(0));
     return most;
   }
 
@@ -227,7 +219,8 @@ std::vector<std::pair<std::string, std::string>> Queue(const BatchPlan& plan) {
   std::vector<std::pair<std::string, std::string>> queue;
   if (plan.submitted.empty()) return queue;
   const std::set<std::string> ours(plan.submitted.begin(), plan.submitted.end() - 1);
-  for (const std::string& line : Lines(Slurm({"squeue", "-h", "-r", "--me", "-o", "%i %T"}, "", {}))) {
+  const std::string states = Slurm({"squeue", "-h", "-r", "--me", "-o", "%i %T"}, "", {});
+  for (const std::string_view line : Lines(states)) {
     const auto fields = SplitFields(line);
     if (fields.size() < 2) continue;
     const std::string id(fields[0]);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "datasets/io/lines.h"
+
 namespace trigpoint {
 namespace {
 
@@ -50,10 +52,8 @@ Ending& Ending::Row(const std::string& text) {
 }
 
 Ending& Ending::Rows(const std::string& text) {
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    if (end > at) Row(text.substr(at, end - at));
-    at = end + 1;
+  for (const std::string_view line : Lines(text)) {
+    if (!line.empty()) Row(std::string(line));
   }
   return *this;
 }

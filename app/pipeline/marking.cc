@@ -9,6 +9,7 @@
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/csv_dialect.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/results.h"
@@ -99,15 +100,10 @@ std::string MarkLine(const std::vector<std::string>& columns, const PointMark& m
 
 // Marks are added as lines with commas and decimal points.
 void RequireCommas(const fs::path& file, const std::string& text) {
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
-    if (line.empty() || line.starts_with('#')) continue;
-    if (DelimiterOf(line) == ',') return;
-    throw InputError(file.string() + ": its cells are separated by '" + DelimiterOf(line) +
-                     "'; marks are added to a table with commas and decimal points alone: save it so first");
-  }
+  const std::vector<DataLine> lines = DataLines(text);
+  if (lines.empty() || DelimiterOf(lines.front().text) == ',') return;
+  throw InputError(file.string() + ": its cells are separated by '" + DelimiterOf(lines.front().text) +
+                   "'; marks are added to a table with commas and decimal points alone: save it so first");
 }
 
 // Takes the marks of a point in an image out of control_observations.csv and adds one. Where one was taken out, the

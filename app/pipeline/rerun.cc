@@ -11,6 +11,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/release_files.h"
 #include "app/pipeline/versions.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
@@ -252,16 +253,6 @@ std::vector<std::string_view> Words(std::string_view line, bool csv) {
     begin = end + 1;
   }
   return words;
-}
-
-std::vector<std::string_view> Lines(std::string_view text) {
-  std::vector<std::string_view> lines;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    lines.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return lines;
 }
 
 }  // namespace

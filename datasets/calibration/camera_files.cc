@@ -1,7 +1,5 @@
 #include "datasets/calibration/camera_files.h"
 
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -11,7 +9,9 @@
 #include "calib/base/error.h"
 #include "datasets/colmap/camera_models.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
+#include "datasets/io/yaml.h"
 
 namespace trigpoint {
 namespace {
@@ -87,14 +87,7 @@ class LooseMap {
 };
 
 CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, int height) {
-  // OpenCV's first line is no YAML directive.
-  if (text.starts_with("%YAML")) text.replace(0, std::min(text.find('\n'), text.size()), "");
-  YAML::Node node;
-  try {
-    node = YAML::Load(text);
-  } catch (const YAML::Exception& e) {
-    throw InputError(FileLine(file, e.mark.line + 1) + ": not valid YAML: " + e.msg);
-  }
+  const YAML::Node node = ParseYaml(file, std::move(text));
   if (!node.IsMap()) throw InputError(file.string() + ": expected a camera calibration, found no map");
   CameraFile result;
   for (const auto& entry : node) {
@@ -226,13 +219,7 @@ CameraFile ReadColmapCameras(const fs::path& file, const std::string& text) {
                                            "THIN_PRISM_FISHEYE"};
   CameraFile result;
   result.format = "COLMAP";
-  int number = 0;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(begin, end - begin));
-    begin = end + 1;
-    ++number;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [line, number] : DataLines(text)) {
     const std::string where = FileLine(file, number);
     const std::vector<std::string_view> fields = ColmapFields(line);
     if (fields.empty()) throw InputError(where + ": expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, as COLMAP writes it");
@@ -258,13 +245,8 @@ CameraFile ReadColmapCameras(const fs::path& file, const std::string& text) {
 }
 
 bool LooksLikeColmap(const std::string& text) {
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(begin, end - begin));
-    begin = end + 1;
-    if (!line.empty() && line.front() != '#') return !ColmapFields(line).empty();
-  }
-  return false;
+  const std::vector<DataLine> lines = DataLines(text);
+  return !lines.empty() && !ColmapFields(lines.front().text).empty();
 }
 
 // K as nine numbers, and the coefficients.

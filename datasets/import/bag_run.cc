@@ -226,7 +226,7 @@ class BagImport {
                                                stream.topic.name, stream.width, stream.height, camera->width(),
                                                camera->height()));
       }
-      cameras.push_back({stream.name, *camera, ForwardCamFromBody(), false, 0, {}});
+      cameras.push_back({stream.name, *camera, LevelForwardCamera(), false, 0, {}});
     }
     return cameras;
   }

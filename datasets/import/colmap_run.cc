@@ -152,7 +152,7 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
   }
   std::vector<BodyCamera> cameras;
   std::map<uint32_t, std::string> name_of;
-  const Rigid3d cam_from_body = ForwardCamFromBody();
+  const Rigid3d cam_from_body = LevelForwardCamera();
   for (const auto& [id, camera] : model.cameras) {
     BodyCamera c;
     c.name = fmt::format("cam{}", cameras.size());
@@ -238,7 +238,7 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
     BodyCamera c;
     c.name = fmt::format("cam{}", cameras.size());
     c.camera = camera;
-    c.cam_from_body = ForwardCamFromBody();
+    c.cam_from_body = LevelForwardCamera();
     c.has_extrinsics = true;
     name_of[id] = c.name;
     cameras.push_back(std::move(c));

@@ -15,6 +15,7 @@
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gopro_gps.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/io/yaml.h"
@@ -45,12 +46,7 @@ fs::path EurocRoot(const fs::path& folder) { return fs::exists(folder / "mav0") 
 std::vector<std::pair<int64_t, std::string>> ReadImageTimes(const fs::path& file) {
   std::vector<std::pair<int64_t, std::string>> images;
   const std::string text = ReadTextFile(file);
-  int number = 1;
-  for (size_t at = 0; at < text.size(); ++number) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [line, number] : DataLines(text)) {
     const size_t gap = line.find_first_of(", \t");
     const std::string name(gap == std::string_view::npos ? "" : Trim(line.substr(gap + 1)));
     const fs::path normal = fs::path(name).lexically_normal();
@@ -69,15 +65,7 @@ std::vector<std::pair<int64_t, std::string>> ReadImageTimes(const fs::path& file
 
 // sensor.yaml: OpenCV's kind of YAML, with T_BS = body_from_camera.
 BodyCamera EurocCamera(const fs::path& file, const std::string& name) {
-  std::string text = ReadTextFile(file);
-  if (text.starts_with("%YAML")) text.replace(0, std::min(text.find('\n'), text.size()), "");
-  YAML::Node node;
-  try {
-    node = YAML::Load(text);
-  } catch (const YAML::Exception& e) {
-    throw InputError(FileLine(file, e.mark.line + 1) + ": not valid YAML: " + e.msg);
-  }
-  const YamlMap map = YamlMap::AnyKeys(file, node);
+  const YamlMap map = YamlMap::AnyKeys(file, ParseYaml(file, ReadTextFile(file)));
   const std::vector<double> f = map.Numbers("intrinsics", 4), size = map.Numbers("resolution", 2),
                             t = map.MapOfAnyKeys("T_BS").Numbers("data", 16);
   std::string model = map.Text("distortion_model");
@@ -107,7 +95,7 @@ Dataset ReadEuroc(const fs::path& folder) {
 }
 
 BodyCamera ForwardCamera(const std::string& name, Camera camera) {
-  return {name, std::move(camera), ForwardCamFromBody(), true, 0, {}};
+  return {name, std::move(camera), LevelForwardCamera(), true, 0, {}};
 }
 
 Dataset ReadTumRgbd(const fs::path& folder) {
@@ -134,10 +122,8 @@ Dataset ReadTumRgbd(const fs::path& folder) {
 std::map<std::string, std::vector<double>> ReadProjections(const fs::path& file) {
   std::map<std::string, std::vector<double>> projections;
   const std::string text = ReadTextFile(file);
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::vector<std::string_view> fields = SplitFields(Trim(std::string_view(text).substr(at, end - at)));
-    at = end + 1;
+  for (const std::string_view line : Lines(text)) {
+    const std::vector<std::string_view> fields = SplitFields(Trim(line));
     if (fields.size() != 13) continue;
     std::vector<double>& values = projections[std::string(fields[0].substr(0, fields[0].find(':')))];
     for (size_t i = 1; i < 13; ++i) values.push_back(ParseDouble(fields[i]).value_or(0));
@@ -204,7 +190,7 @@ Dataset ReadRecord3d(const fs::path& folder) {
       camera.images.emplace_back(stamp, fmt::format("{}.jpg", i));
       const Rigid3d world_from_arkit(Eigen::Quaterniond(p[3], p[0], p[1], p[2]), {p[4], p[5], p[6]});
       if (!world_from_arkit.IsFinite()) continue;
-      dataset.poses.push_back({stamp, up * world_from_arkit * arkit_from_cam * ForwardCamFromBody()});
+      dataset.poses.push_back({stamp, up * world_from_arkit * arkit_from_cam * LevelForwardCamera()});
     }
   } catch (const InputError& e) {
     throw InputError(file.string() + ": " + e.what());
@@ -233,7 +219,7 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
     report->warnings.insert(report->warnings.end(), trajectory.warnings.begin(), trajectory.warnings.end());
     // The body of a camera without another one looks along x.
     if (dataset.camera_poses) {
-      for (TimedPose& pose : dataset.poses) pose.target_from_body = pose.target_from_body * ForwardCamFromBody();
+      for (TimedPose& pose : dataset.poses) pose.target_from_body = pose.target_from_body * LevelForwardCamera();
     }
   } else if (dataset.levelled) {
     WriteFileAtomically(dir / "run.yaml", "odometry: {levelled: true}\n");

@@ -54,10 +54,4 @@ void WriteImageList(const std::filesystem::path& dir, std::vector<RunImage> imag
   WriteFileAtomically(dir / "images.txt", text);
 }
 
-Rigid3d ForwardCamFromBody() {
-  Eigen::Matrix3d r;
-  r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
-  return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
-}
-
 }  // namespace trigpoint

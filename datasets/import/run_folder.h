@@ -39,7 +39,4 @@ struct RunImage {
 // DIR/images.txt, in the order of time and camera.
 void WriteImageList(const std::filesystem::path& dir, std::vector<RunImage> images, const std::string& comment);
 
-// A camera that looks along the body's x axis, from the body's origin.
-Rigid3d ForwardCamFromBody();
-
 }  // namespace trigpoint

@@ -5,6 +5,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
@@ -101,13 +102,9 @@ void ReadTable(const std::filesystem::path& site_dir, const std::filesystem::pat
   const std::string text = ReadTextFile(file);
   std::string first_problem;
   std::vector<int> lines;  // of each image
-  int skipped = 0, number = 1;
+  int skipped = 0;
   constexpr int kNamed = 5;
-  for (size_t at = 0; at < text.size(); ++number) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
-    if (line.empty() || line.starts_with('#')) continue;
+  for (const auto& [line, number] : DataLines(text)) {
     const std::string where = FileLine(file, number);
     try {
       run->images.push_back(ParseLine(site_dir, *run, line, where));

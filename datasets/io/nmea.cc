@@ -8,6 +8,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -102,11 +103,10 @@ GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock) {
     day = told;
   };
 
-  int number = 1;
-  for (size_t at = 0; at < text.size(); ++number) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
+  int number = 0;
+  for (const std::string_view whole : Lines(text)) {
+    ++number;
+    const std::string_view line = Trim(whole);
     if (line.find('$') == std::string_view::npos) continue;
     ++sentences;
     const auto fields = Sentence(line);

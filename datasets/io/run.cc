@@ -10,6 +10,7 @@
 #include "datasets/io/exif_positions.h"
 #include "datasets/io/gopro_gps.h"
 #include "datasets/io/gps.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
@@ -228,12 +229,7 @@ int64_t ToNs(double seconds) { return std::llround(seconds * 1e9); }
 // The line of a trajectory's file with this stamp.
 int LineOfStamp(const std::filesystem::path& file, int64_t stamp_ns) {
   const std::string text = ReadTextFile(file);
-  int number = 1;
-  for (size_t at = 0; at < text.size(); ++number) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(std::string_view(text).substr(at, end - at));
-    at = end + 1;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [line, number] : DataLines(text)) {
     try {
       if (ParseSecondsToNs(line.substr(0, line.find_first_of(" \t,"))) == stamp_ns) return number;
     } catch (const InputError&) {  // a header, or a row that was named before

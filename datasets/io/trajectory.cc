@@ -6,6 +6,7 @@
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
@@ -16,28 +17,6 @@ constexpr int64_t kNsPerSecond = 1'000'000'000;
 
 // Columns of a pose in a row of numbers: TUM puts the quaternion's w last, EuRoC first.
 enum class Order { kTum, kEuroc };
-
-struct Line {
-  std::string_view text;
-  int number;
-};
-
-// The lines of a text that are neither empty nor comments.
-std::vector<Line> DataLines(std::string_view text, std::vector<std::string_view>* comments = nullptr) {
-  std::vector<Line> lines;
-  int number = 1;
-  for (size_t at = 0; at < text.size(); ++number) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = Trim(text.substr(at, end - at));
-    if (line.starts_with('#')) {
-      if (comments != nullptr) comments->push_back(line.substr(1));
-    } else if (!line.empty()) {
-      lines.push_back({line, number});
-    }
-    at = end + 1;
-  }
-  return lines;
-}
 
 std::vector<std::string_view> Fields(std::string_view line) {
   if (line.find(',') == std::string_view::npos) return SplitFields(line);
@@ -107,10 +86,10 @@ std::optional<double> TravelAgreement(const std::vector<std::vector<std::string_
 
 // The order of rows with commas and no header: EuRoC's rows go on with velocity and biases; of eight fields, the
 // motion decides where it can.
-Order OrderOfRows(const std::filesystem::path& file, const std::vector<Line>& lines) {
+Order OrderOfRows(const std::filesystem::path& file, const std::vector<DataLine>& lines) {
   constexpr size_t kPose = 8;
   std::vector<std::vector<std::string_view>> rows;
-  for (const Line& line : lines) {
+  for (const DataLine& line : lines) {
     std::vector<std::string_view> fields = Fields(line.text);
     if (fields.size() > kPose) return Order::kEuroc;
     if (fields.size() == kPose) rows.push_back(std::move(fields));
@@ -213,16 +192,16 @@ std::optional<Rigid3d> Trajectory::At(int64_t stamp_ns, int64_t max_gap_ns) cons
 Trajectory ReadTrajectory(const std::filesystem::path& file) {
   const std::string text = ReadTextFile(file);
   std::vector<std::string_view> comments;
-  std::vector<Line> lines = DataLines(text, &comments);
+  std::vector<DataLine> lines = DataLines(text, &comments);
   std::optional<Order> order;
   for (std::string_view comment : comments) order = order ? order : OrderOfHeader(comment);
   if (!lines.empty() && OrderOfHeader(lines.front().text)) {  // a header row without '#'
     order = OrderOfHeader(lines.front().text);
     lines.erase(lines.begin());
   }
-  const auto has_comma = [](const Line& line) { return line.text.find(',') != std::string_view::npos; };
+  const auto has_comma = [](const DataLine& line) { return line.text.find(',') != std::string_view::npos; };
   if (const auto decimal =
-          std::find_if(lines.begin(), lines.end(), [](const Line& line) { return HasDecimalCommas(line.text); });
+          std::find_if(lines.begin(), lines.end(), [](const DataLine& line) { return HasDecimalCommas(line.text); });
       decimal != lines.end()) {
     throw InputError(FileLine(file, decimal->number) + ": found numbers with a decimal comma; expected a dot");
   }
@@ -232,7 +211,7 @@ Trajectory ReadTrajectory(const std::filesystem::path& file) {
   Trajectory trajectory;
   trajectory.poses.reserve(lines.size());
   BadRows bad(file);
-  for (const Line& line : lines) {
+  for (const DataLine& line : lines) {
     const std::vector<std::string_view> fields = Fields(line.text);
     // EuRoC rows go on with velocity and biases; a TUM row has eight fields and no more.
     if (fields.size() < 8 || (!has_comma(line) && fields.size() > 8)) {
@@ -254,7 +233,7 @@ Trajectory ReadTrajectory(const std::filesystem::path& file) {
 
 Trajectory ReadKittiTrajectory(const std::filesystem::path& file, const std::filesystem::path& times) {
   const std::string text = ReadTextFile(file), times_text = ReadTextFile(times);
-  const std::vector<Line> rows = DataLines(text), stamps = DataLines(times_text);
+  const std::vector<DataLine> rows = DataLines(text), stamps = DataLines(times_text);
   if (rows.size() != stamps.size()) {
     throw InputError(file.string() + ": " + std::to_string(rows.size()) + " poses, but " + times.string() + " has " +
                      std::to_string(stamps.size()) + " times; expected one time for each pose");

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
@@ -23,18 +24,21 @@ int LineOf(const YAML::Node& node) { return node.Mark().line + 1; }
 }  // namespace
 
 YAML::Node LoadYaml(const std::filesystem::path& file) {
-  const std::string text = ReadTextFile(file);
-  int line = 1;
-  for (size_t at = 0; at < text.size(); ++line) {
-    const size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view content = std::string_view(text).substr(at, end - at);
+  std::string text = ReadTextFile(file);
+  int line = 0;
+  for (const std::string_view content : Lines(text)) {
+    ++line;
     const std::string_view indent = content.substr(0, std::min(content.find_first_not_of(" \t"), content.size()));
     if (indent.find('\t') != std::string_view::npos && !Trim(content).empty()) {
       throw InputError(FileLine(file, line) +
                        ": the line is indented with a tab, which YAML does not allow; use spaces");
     }
-    at = end + 1;
   }
+  return ParseYaml(file, std::move(text));
+}
+
+YAML::Node ParseYaml(const std::filesystem::path& file, std::string text) {
+  if (text.starts_with("%YAML")) text.replace(0, std::min(text.find('\n'), text.size()), "");
   try {
     return YAML::Load(text);
   } catch (const YAML::Exception& e) {

@@ -14,6 +14,8 @@ namespace trigpoint {
 // Parses a file. Throws InputError "file:line: ..." for bad syntax and for a tab in a line's indentation.
 // An empty file is an empty map.
 YAML::Node LoadYaml(const std::filesystem::path& file);
+// Parses a file's text, tabs or not. OpenCV's first line "%YAML:1.0", which is no YAML, may stand there.
+YAML::Node ParseYaml(const std::filesystem::path& file, std::string text);
 
 // A map of a YAML file. Every accessor throws InputError "file:line: key 'x': expected ..., found ...".
 class YamlMap {

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "datasets/io/csv.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/project.h"
@@ -204,17 +205,16 @@ Review Review::Read(const fs::path& file, std::vector<std::string>* warnings) {
   Review review;
   if (!fs::exists(file)) return review;
   const std::string text = ReadTextFile(file);
-  int number = 0;
-  for (size_t begin = 0, line = 1; begin < text.size(); ++line) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    const std::string row(Trim(std::string_view(text).substr(begin, end - begin)));
-    begin = end + 1;
+  int number = 0, line = 0;
+  for (const std::string_view whole : Lines(text)) {
+    ++line;
+    const std::string row(Trim(whole));
     if (row.empty()) continue;
     ReviewEntry entry;
     entry.number = ++number;  // an unreadable line keeps its number
     if (const std::string problem = ParseEntry(row, entry); !problem.empty()) {
       if (warnings != nullptr) {
-        warnings->push_back(FileLine(file, static_cast<int>(line)) + ": " + problem + "; the line is left out");
+        warnings->push_back(FileLine(file, line) + ": " + problem + "; the line is left out");
       }
       continue;
     }
@@ -308,11 +308,7 @@ ReviewEntry AppendReview(const Project& project, const ReviewRequest& request) {
   const Review now = Review::Read(path, nullptr);
   const std::string text = ReadTextFile(path);
   entry.number = 1;
-  for (size_t begin = 0; begin < text.size();) {  // as Review::Read counts
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    if (!Trim(std::string_view(text).substr(begin, end - begin)).empty()) ++entry.number;
-    begin = end + 1;
-  }
+  for (const std::string_view line : Lines(text)) entry.number += Trim(line).empty() ? 0 : 1;  // as Review::Read counts
   if (request.action == "undo") {
     const ReviewEntry& undone = EntryToUndo(project, now, request.object);
     entry.object = undone.object;
