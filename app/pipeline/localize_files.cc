@@ -420,6 +420,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
                             const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
                             const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
   LocalizeJob job = MakeRunJob(run, run_features);
+  job.warnings.clear();  // of the run: `reconstruct` warns
   LocalizeInput& input = job.input;
   input.has_frame = has_frame;
   input.frame = frame;
