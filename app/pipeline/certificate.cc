@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/compared.h"
 #include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -22,12 +23,6 @@ using nlohmann::json;
 namespace {
 
 constexpr const char* kNotStated = "not stated";
-
-json ReadObject(const fs::path& file) {
-  if (!fs::exists(file)) return json::object();
-  json value = json::parse(ReadTextFile(file), nullptr, false);
-  return value.is_object() ? value : json::object();
-}
 
 // Distinct texts that are not empty, in order, by commas.
 std::string Joined(const std::set<std::string>& texts, const char* none = kNotStated) {
@@ -459,9 +454,9 @@ void WriteCertificate(const Project& project, const json& record, const ReleaseS
   Subject facts{project,
                 record,
                 statement,
-                ReadObject(release / "map" / "summary.json"),
-                ReadObject(release / "evaluate" / "summary.json"),
-                ReadObject(release / "gates" / "gates.json"),
+                ReadJsonOrNothing(release / "map" / "summary.json"),
+                ReadJsonOrNothing(release / "evaluate" / "summary.json"),
+                ReadJsonOrNothing(release / "gates" / "gates.json"),
                 {}};
   if (fs::exists(release / "map" / "tags.csv"))
     facts.tags = ReadTagResults(release / "map" / "tags.csv", release / "map" / "tags_cov.csv");

@@ -13,13 +13,13 @@ namespace trigpoint {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-namespace {
-
 json ReadJsonOrNothing(const fs::path& file) {
   if (!fs::exists(file)) return json::object();
   json value = json::parse(ReadTextFile(file), nullptr, false);
   return value.is_object() ? value : json::object();
 }
+
+namespace {
 
 void ReadRows(const fs::path& errors_csv, const std::string& variant, Compared* compared) {
   if (!fs::exists(errors_csv)) {

@@ -41,6 +41,18 @@ void PutImage(const Run& run, const ImageEntry& entry, const fs::path& file) {
   }
 }
 
+// The model that a mapper has left in `dir`, or why there is none.
+void TakeModel(const fs::path& dir, ColmapSolution* solution) {
+  try {
+    solution->model = ReadColmapModel(dir);
+    solution->models = 1;
+    solution->status = "done";
+  } catch (const InputError& e) {
+    solution->status = "failed";
+    solution->reason = e.what();
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> CrosscheckOptions::Check() const {
@@ -197,14 +209,7 @@ ColmapSolution ColmapRun::Features() {
              "--BundleAdjustment.refine_extra_params", "0"})) {
     return solution;
   }
-  try {
-    solution.model = ReadColmapModel(dir / "adjusted");
-    solution.models = 1;
-    solution.status = "done";
-  } catch (const InputError& e) {
-    solution.status = "failed";
-    solution.reason = e.what();
-  }
+  TakeModel(dir / "adjusted", &solution);
   return solution;
 }
 
@@ -399,14 +404,7 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
       solution.reason = "as pinhole images, not as rigs: " + rigged.reason;
     }
   }
-  try {
-    solution.model = ReadColmapModel(last);
-    solution.models = 1;
-    solution.status = "done";
-  } catch (const InputError& e) {
-    solution.status = "failed";
-    solution.reason = e.what();
-  }
+  TakeModel(last, &solution);
   return solution;
 }
 
