@@ -447,9 +447,9 @@ std::vector<MapView> MapsOf(const EvaluatedRun& run, const std::vector<Reference
                 .up_in_map = Eigen::Vector3d::UnitZ(),
                 .cameras = &run.result.cameras,
                 .map = &reference,
-                .shares_evidence = Intersect({run.run}, reference.runs) || Intersect(run.evidence, reference.evidence),
                 .rests_on = reference.evidence};
     for (const std::string& name : reference.runs) map.rests_on.push_back("tags:" + name);
+    map.shares_evidence = Intersect({run.run}, reference.runs) || Intersect(run.evidence, map.rests_on);
     maps.push_back(std::move(map));
   }
   return maps;
@@ -507,6 +507,9 @@ ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& 
                .status = attempt.answer.status,
                .reason = attempt.answer.reason,
                .shares_evidence = map.shares_evidence};
+  if (map.map != nullptr && map.map->own_evidence.count(row.tag_id) > 0) {
+    row.shares_evidence = Intersect(run.evidence, {map.map->own_evidence.at(row.tag_id)});
+  }
   const auto stitch = run.stitch_sigma.find(attempt.panorama);
   *known = Score(attempt.answer, station, map, options.passed_radius_m,
                  stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);

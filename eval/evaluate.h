@@ -64,7 +64,8 @@ struct EvaluatedRun {
   LocalizeResult result;
   // odom_from_tag, estimated from `result.cameras_odom` and the run's detections; empty: no relative errors.
   std::vector<TagResult> self_tags;
-  // What the global fit rests on, one name each ("geotag:S57", "gps:run1"); decides what is shared with a map.
+  // What the global fit rests on, one name each ("geotag:S57", "gps:run1", "control:57", "tags:run3"); decides what is
+  // shared with a map.
   std::vector<std::string> evidence;
   AnswerCovariances covariances;          // empty: answers' own sigmas, as if independent of each other and of the tags
   std::vector<StructurePoint> structure;  // of the run's sparse model, odom frame; may be empty
@@ -73,10 +74,12 @@ struct EvaluatedRun {
 
 // A tag map in site ENU that results are held against.
 struct ReferenceMap {
-  std::string name;                     // as errors.csv shows it: "survey", a variant or a release
-  std::vector<TagResult> tags;          // world_from_tag
-  std::vector<std::string> runs;        // the runs whose images went into it
-  std::vector<std::string> evidence;    // control points, geotags behind it, one name each ("control:57")
+  std::string name;                   // as errors.csv shows it: "survey", a variant or a release
+  std::vector<TagResult> tags;        // world_from_tag
+  std::vector<std::string> runs;      // the runs whose images went into it
+  std::vector<std::string> evidence;  // control points, geotags behind it, one name each ("control:57")
+  // Of points that were surveyed each by itself, the tag's own evidence: only what shares that shares an error's cause.
+  std::map<int, std::string> own_evidence;
   TagCovariances cross;                 // between different tags, where they are given
   std::map<int, std::string> unusable;  // tag -> why it is no reference
 };

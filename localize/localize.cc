@@ -146,10 +146,7 @@ void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<Referenc
   }
 }
 
-struct EarthInput {
-  std::vector<GeoObservation> observations;
-  std::vector<int> poses;       // pose index of each
-  std::vector<int> references;  // -1: GPS
+struct EarthInput : GeoStart {
   bool gps = false;
 };
 
@@ -201,6 +198,42 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
   return e;
 }
 
+// The bundle with what was measured in the world, and what follows from it.
+void UseWorld(const LocalizeInput& input, const GeoStart& start, const std::vector<GpsPlace>& gps,
+              const WorldEvidence& evidence, const GeoRegistrationOptions& options, const BundleOptions& bundle,
+              ProgressSink& progress, const CancelToken& cancel, Localization* result, Eigen::MatrixXd* with_fit,
+              std::unique_ptr<BundleCovariance>* covariance) {
+  BundleProblem& p = result->reconstruction.problem;
+  WorldFit& fit = result->world;
+  fit = FitWorld(input, start, gps, evidence, options, bundle, &p, &result->reconstruction.summary, progress, cancel);
+  *covariance = std::make_unique<BundleCovariance>(p, bundle.threads, cancel);
+  result->on_earth = fit.solved;
+  result->earth_reason = fit.reason;
+  if (!fit.solved) return;
+  result->geo = GeoRegistrationOf(fit, start, options, p, **covariance, with_fit, &result->odometry_scale_sigma);
+  result->odometry_scale = p.scale;
+  std::vector<std::string> sources;
+  if (fit.geotags) sources.emplace_back("geotags");
+  if (fit.gps) sources.emplace_back("gps");
+  if (!fit.map_tags.empty()) sources.emplace_back("tags");
+  if (!fit.control_tags.empty()) sources.emplace_back("control");
+  result->earth_source.clear();
+  for (size_t i = 0; i < sources.size(); ++i) {
+    result->earth_source += (i == 0 ? "" : i + 1 == sources.size() ? " and " : ", ") + sources[i];
+  }
+  for (const std::string& warning : fit.warnings) progress.Log(LogLevel::kWarning, warning);
+}
+
+void NoteGeotags(const GeoStart& earth, Localization* result) {
+  for (size_t k = 0; k < earth.references.size(); ++k) {
+    if (earth.references[k] < 0) continue;
+    ReferenceAnswer& answer = result->references[static_cast<size_t>(earth.references[k])];
+    answer.geotag_used = true;
+    answer.geotag_outlier = result->geo.outlier[k];
+    answer.geotag_difference = result->geo.residuals[k];
+  }
+}
+
 }  // namespace
 
 LocalizeOptions LocalizeOptions::ForMode(const std::string& mode) {
@@ -223,7 +256,7 @@ std::vector<std::string> LocalizeOptions::Check() const {
 
 Localization Localize(const LocalizeInput& input, Reconstruction run, const std::vector<GpsPlace>& gps,
                       const LocalizeOptions& options, int threads, uint64_t seed, ProgressSink& progress,
-                      const CancelToken& cancel, const RefineReferences& refine) {
+                      const CancelToken& cancel, const RefineReferences& refine, const WorldEvidence& world_evidence) {
   const bool paper = options.mode == "paper";
   Localization result;
   result.reconstruction = std::move(run);
@@ -297,7 +330,6 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   steps.End("joint solution");
 
   // The Earth, and the odometry's scale with it. One more round with the scale applied makes the run's frame metric.
-  result.odometry_scale = 1;
   result.odometry_scale_sigma = input.scale_sigma;
   EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
   const std::optional<std::string> other_headings = OtherHeadings(earth.observations);
@@ -346,11 +378,18 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
       result.odometry_scale_sigma = std::sqrt(result.geo.covariance(6, 6));
     }
   }
+  Eigen::MatrixXd with_fit;
+  if (world_evidence.Any() && input.has_frame) {
+    local.reset();
+    earth.registration = result.geo;
+    bundle.max_iterations = 20;
+    UseWorld(input, earth, gps, world_evidence, options.geo, bundle, progress, cancel, &result, &with_fit, &local);
+  } else if (result.on_earth) {
+    with_fit = CovarianceWithFit(p, earth.poses, result.geo, *local);
+  }
 
   // Answers.
   const auto odom_from = [&](int pose) { return p.poses[static_cast<size_t>(pose)].Inverse(); };
-  Eigen::MatrixXd with_fit;
-  if (result.on_earth) with_fit = CovarianceWithFit(p, earth.poses, result.geo, *local);
   std::vector<Matrix6d>& covariances = result.pose_covariances;
   std::vector<Matrix6d> unused;
   std::move(*local).PoseBlocks({}, &covariances, &unused);
@@ -370,13 +409,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     if (result.on_earth) answer.world = world(pose);
   }
   if (result.on_earth) {
-    for (size_t k = 0; k < earth.references.size(); ++k) {
-      if (earth.references[k] < 0) continue;
-      ReferenceAnswer& answer = result.references[static_cast<size_t>(earth.references[k])];
-      answer.geotag_used = true;
-      answer.geotag_outlier = result.geo.outlier[k];
-      answer.geotag_difference = result.geo.residuals[k];
-    }
+    NoteGeotags(earth, &result);
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), threads, cancel,
                 [&](int64_t i) { bodies[static_cast<size_t>(i)] = world(static_cast<int>(i)); });

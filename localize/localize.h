@@ -11,6 +11,7 @@
 #include "localize/registration.h"
 #include "localize/retrieval.h"
 #include "localize/step_times.h"
+#include "localize/world_fit.h"
 
 namespace trigpoint {
 
@@ -54,7 +55,8 @@ struct Localization {
   std::vector<ReferenceAnswer> references;
   bool on_earth = false;
   std::string earth_reason;   // why not
-  std::string earth_source;   // "geotags", "gps", "geotags and gps"
+  std::string earth_source;   // "geotags", "gps", "geotags and gps", "geotags, tags and control"
+  WorldFit world;             // of what was measured in the world, where that is used
   GeoRegistration geo;        // of the final run's frame
   double odometry_scale = 1;  // applied in the run's frame: true / measured length
   double odometry_scale_sigma = 0;
@@ -66,15 +68,6 @@ struct Localization {
   StepSeconds seconds;
 };
 
-// GPS as places of the antenna, already interpolated to body poses by the caller.
-struct GpsPlace {
-  int pose = 0;  // nearest body pose
-  Eigen::Vector3d arm_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d position;  // world, m
-  double sigma_h_m = 3, sigma_v_m = 5;
-  int64_t stamp_ns = 0;
-};
-
 // Called when all but the stitched sets have taken part in the solution: it may replace the rigs of these and their
 // registrations. The reconstruction has the other references' observations (image_of < 0) too.
 using RefineReferences =
@@ -82,8 +75,10 @@ using RefineReferences =
                        std::vector<ReferenceViews>* references, std::vector<Registration>* registrations)>;
 
 // `run`: the run by itself (reconstruct_run.h), which is extended.
+// `world`: with it the run is georeferenced by its bundle adjustment, and its shape follows.
 Localization Localize(const LocalizeInput& input, Reconstruction run, const std::vector<GpsPlace>& gps,
                       const LocalizeOptions& options, int threads, uint64_t seed, ProgressSink& progress,
-                      const CancelToken& cancel, const RefineReferences& refine = nullptr);
+                      const CancelToken& cancel, const RefineReferences& refine = nullptr,
+                      const WorldEvidence& world = {});
 
 }  // namespace trigpoint

@@ -140,7 +140,8 @@ TagResult ToTagResult(const TagEstimate& tag) {
   return result;
 }
 
-// What the global fit of a result rests on, one name each. `source`: "geotags", "gps" or "geotags and gps".
+// What the global fit of a result rests on of the run's own references and GPS, one name each. `source`: as
+// SolutionGeoreference::source.
 std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result, const std::string& source) {
   std::vector<std::string> evidence;
   if (source.find("gps") != std::string::npos) evidence.push_back("gps:" + run.name);
@@ -245,6 +246,10 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
   std::string source = manifest.value("metrics", nlohmann::json::object()).value("earth_source", "");
   if (solution) source = solution->georeference ? solution->georeference->source : "";
   evaluated.evidence = EvidenceOf(run, evaluated.result, source);
+  if (solution && solution->georeference) {
+    const std::vector<std::string>& used = solution->georeference->evidence;
+    evaluated.evidence.insert(evaluated.evidence.end(), used.begin(), used.end());
+  }
   if (HasColmapModel(dir / "sparse")) evaluated.structure = StructureOf(ReadColmapModel(dir / "sparse"));
   for (const PanoramaResult& row : evaluated.result.panoramas) {
     const fs::path rig = project.ResultDir("stitch", fs::path(row.panorama).filename().string()) / "rig.csv";
@@ -422,7 +427,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 7;
+    request.version = 8;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

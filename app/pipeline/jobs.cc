@@ -16,13 +16,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-bool NeedsStage(const StageInfo& stage, const std::string& other) {
-  return std::find(stage.needs.begin(), stage.needs.end(), other) != stage.needs.end();
-}
-
 // Does `job` read the result of `earlier`?
 bool Needs(const Project& project, const Job& job, const Job& earlier) {
-  if (!NeedsStage(*job.stage, earlier.stage->name)) return false;
+  if (!NeedsStage(project, *job.stage, job.target, earlier.stage->name)) return false;
   if (job.stage->per_run && earlier.stage->per_run && job.target.run != earlier.target.run) return false;
   if (!earlier.stage->variants || !job.stage->variants) return true;
   StageTarget target = job.target;
@@ -42,11 +38,17 @@ void WarnOfEarlierResults(const Project& project, const Job& job, const std::vec
   }
 }
 
-std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
+std::set<std::string> WithNeeds(const Project& project, const JobQuery& query) {
+  const std::vector<std::string>& stages = query.stages;
   std::set<std::string> all;
   const std::function<void(const std::string&)> add = [&](const std::string& name) {
     if (!all.insert(name).second) return;
-    for (const std::string& need : StageNamed(name).needs) add(need);
+    const StageInfo& stage = StageNamed(name);
+    for (const std::string& need : stage.needs) add(need);
+    for (const std::string& variant : query.variants) {
+      if (!stage.also_needs) break;
+      for (const std::string& need : stage.also_needs(project, {"", variant, query.overrides})) add(need);
+    }
   };
   if (stages.empty()) {
     for (const StageInfo& stage : Stages()) {
@@ -57,13 +59,26 @@ std::set<std::string> WithNeeds(const std::vector<std::string>& stages) {
   return all;
 }
 
+// A variant that is in no trigpoint.yaml was made by options of the command line: who only reads its results keeps
+// them.
+void KeepGiven(const Project& project, Job* job) {
+  const std::string& variant = job->target.variant;
+  if (variant.empty() || project.variants().contains(variant)) return;
+  const auto manifest = ReadManifest(project, job->stage->name, ResultName(*job->stage, job->target));
+  if (!manifest || !manifest->contains("given")) return;
+  nlohmann::json given = manifest->at("given");
+  given.merge_patch(job->target.overrides);
+  job->target.overrides = std::move(given);
+}
+
 // The results of a stage that a target of the query comes down to: those that the stages behind it read.
 std::vector<StageTarget> WantedTargets(const Project& project, const StageInfo& stage, const StageTarget& target,
                                        const JobQuery& query, const std::set<std::string>& wanted) {
   std::vector<StageTarget> targets;
   const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
   for (const StageInfo& reader : Stages()) {
-    if (asked || !stage.read_as || wanted.count(reader.name) == 0 || !NeedsStage(reader, stage.name)) continue;
+    if (asked || !stage.read_as || wanted.count(reader.name) == 0 || !NeedsStage(project, reader, target, stage.name))
+      continue;
     targets.push_back(TargetRead(project, stage, reader.name, target));
   }
   if (targets.empty()) targets.push_back(target);
@@ -105,13 +120,13 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     if (std::find(there.begin(), there.end(), run) == there.end()) project.run(run);  // throws, naming the nearest one
   }
   if (runs.empty()) runs = there;
-  const std::set<std::string> wanted = WithNeeds(query.stages);
+  const std::set<std::string> wanted = WithNeeds(project, query);
   // What is for all runs (the survey) and only needed on the way wants all of them, whichever run was asked for.
   const auto for_all_runs = [&](const StageInfo& stage) {
     return std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& other) {
       const bool asked = std::find(query.stages.begin(), query.stages.end(), other.name) != query.stages.end();
       return !other.per_run && !asked && !query.stages.empty() && wanted.count(other.name) > 0 &&
-             NeedsStage(other, stage.name);
+             NeedsStage(project, other, {"", query.variants.front(), query.overrides}, stage.name);
     });
   };
   std::vector<Job> jobs;
@@ -129,7 +144,9 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
           const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {
             return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant;
           });
-          if (!known) jobs.push_back({&stage, target});
+          if (known) continue;
+          jobs.push_back({&stage, target});
+          if (!asked) KeepGiven(project, &jobs.back());
         }
       }
     }

@@ -9,6 +9,7 @@
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
+#include "app/pipeline/world_evidence.h"
 #include "datasets/io/time_check.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
@@ -20,6 +21,7 @@ namespace {
 
 struct LocalizeStageOptions : LocalizeOptions {
   std::string rig = "auto";  // of a stitched photo set
+  UseOptionsOfWorld world;
 
   LocalizeStageOptions() = default;
   explicit LocalizeStageOptions(const LocalizeOptions& options) : LocalizeOptions(options) {}
@@ -32,6 +34,12 @@ struct LocalizeStageOptions : LocalizeOptions {
     visit(self.rig, {"rig", "", 0, 0,
                      "of a stitched photo set: fixed as stitched; scaled; prior: its photos move as far as stitching "
                      "leaves open; free; auto: by hold-out error"});
+    visit(self.world.use, {"use", "", 0, 0,
+                           "what georeferences the run besides geotags, in its bundle adjustment: control (points on "
+                           "tags), tags (of the survey), gps (every fix), with commas between; empty: none"});
+    visit(self.world.reference,
+          {"reference", "", 0, 0,
+           "use the tags of this map: survey, survey@V or a release of this project; empty: the survey's, with use"});
   }
   std::vector<std::string> Check() const {
     std::vector<std::string> problems = LocalizeOptions::Check();
@@ -39,6 +47,7 @@ struct LocalizeStageOptions : LocalizeOptions {
     if (kRigs.count(rig) == 0) {
       problems.push_back("option rig is '" + rig + "', expected auto, fixed, scaled, prior or free");
     }
+    for (const std::string& problem : world.Check(mode)) problems.push_back(problem);
     return problems;
   }
 };
@@ -70,6 +79,12 @@ nlohmann::json Metrics(const LocalizeJob& job, const SolutionCounts& counts, con
   m["odometry_scale_sigma"] = result.odometry_scale_sigma;
   m["retrieval_words"] = result.retrieval.words;
   m["retrieval_memory_mib"] = result.retrieval.memory_mib;
+  if (result.world.frame >= 0) {
+    m["world"] = {{"map_tags", result.world.map_tags},
+                  {"control_tags", result.world.control_tags},
+                  {"left_out", result.world.left_out},
+                  {"gps", result.world.gps}};
+  }
   for (const auto& [name, seconds] : result.seconds) m["seconds"][name] = seconds;
   return m;
 }
@@ -136,6 +151,26 @@ std::string LengthText(const nlohmann::json& metrics) {
   return fmt::format("odometry scale {:.4f} +- {:.4f} (1 sigma)", metrics.at("odometry_scale").get<double>(), sigma);
 }
 
+void NoteRigs(const std::vector<SetRefinement>& sets, nlohmann::json* metrics) {
+  for (const SetRefinement& set : sets) {
+    (*metrics)["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},
+                                    {"scale", set.rig.scale},
+                                    {"scale_sigma", set.rig.scale_sigma},
+                                    {"rms_px", set.rig.rms_px},
+                                    {"hold_out_px_fixed_scaled_prior_free", set.hold_out}};
+  }
+}
+
+std::string LocalizeSummary(const StageOutcome& outcome, const DisplayUnit&) {
+  const nlohmann::json& m = outcome.manifest.at("metrics");
+  return fmt::format("{} of {} panoramas and photos localized, {} rejected, {} unmatched; {} images; {}\n",
+                     m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
+                     m.at("unmatched").get<int>(), m.at("images").get<int>(),
+                     m.at("on_earth").get<bool>()
+                         ? "georeferenced from " + m.at("earth_source").get<std::string>() + ", " + LengthText(m)
+                         : "not georeferenced: " + m.at("earth_reason").get<std::string>());
+}
+
 }  // namespace
 
 StageInfo LocalizeStage() {
@@ -146,12 +181,15 @@ StageInfo LocalizeStage() {
   info.needs = {"features", "reconstruct", "references"};
   info.reviewed = {"image", "panorama"};
   info.metric = "localized";
-  info.flags = {"mode"};
+  info.flags = {"mode", "use", "reference"};
+  info.also_needs = [](const Project& project, const StageTarget& target) {
+    return StagesForWorld(ResolveOptions<LocalizeStageOptions>(project, "localize", target).world);
+  };
   UseOptions<LocalizeStageOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 15;
+    request.version = 16;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -170,6 +208,7 @@ StageInfo LocalizeStage() {
     std::map<std::string, std::filesystem::path> rigs;
     if (options.mode != "paper") rigs = StitchedRigs(project);
     for (const auto& [set, dir] : rigs) request.inputs.push_back(dir / "manifest.json");
+    AddWorldInputs(project, target, options.world, &request);
     request.body = [=, name = target.run](StageContext& context) {
       Site site = context.project.site();
       Run r = context.project.run(name);
@@ -183,6 +222,9 @@ StageInfo LocalizeStage() {
                                         references, views, rigs);
       job.input.has_odometry = has_odometry;
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
+      LocalizeOptions how = options;
+      if (options.world.Parts().count("gps") > 0) how.geo.use_gps = "always";
+      const WorldSources world(context.project, target, options.world, job);
       std::vector<SetRefinement> sets;
       const auto refine = [&](const Reconstruction& reconstruction, const Retrieval& retrieval,
                               std::vector<ReferenceViews>* placed, std::vector<Registration>* answers) {
@@ -195,22 +237,22 @@ StageInfo LocalizeStage() {
         counts = alone.counts;
         Reconstruction reconstruction = ReconstructionOf(job.input, std::move(alone));
         if (length != 1) ScaleReconstruction(length, &reconstruction);
-        return Localize(job.input, std::move(reconstruction), job.gps, options, context.threads, context.seed,
-                        context.progress, context.cancel, refine);
+        const WorldEvidence evidence =
+            world.EvidenceFor(reconstruction, context.threads, context.progress, context.cancel);
+        return Localize(job.input, std::move(reconstruction), job.gps, how, context.threads, context.seed,
+                        context.progress, context.cancel, refine, evidence);
       });
       WarnOfEarth(result, context.progress);
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, counts, result));
       NoteClocks(r, job, result, &context);
-      for (const SetRefinement& set : sets) {
-        context.metrics["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},
-                                             {"scale", set.rig.scale},
-                                             {"scale_sigma", set.rig.scale_sigma},
-                                             {"rms_px", set.rig.rms_px},
-                                             {"hold_out_px_fixed_scaled_prior_free", set.hold_out}};
-      }
+      NoteRigs(sets, &context.metrics);
       Solution solution = SolutionOf(job.input, r.name, options.mode, counts, &result);
+      if (solution.georeference && result.world.frame >= 0) {
+        solution.georeference->evidence = world.EvidenceOf(result.world);
+        context.metrics["world"]["evidence"] = solution.georeference->evidence;
+      }
       WriteWithTables(site, job, &solution, context.out);
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
@@ -226,15 +268,7 @@ StageInfo LocalizeStage() {
     }
     return "";
   };
-  info.summary = [](const StageOutcome& outcome, const DisplayUnit&) {
-    const nlohmann::json& m = outcome.manifest.at("metrics");
-    return fmt::format("{} of {} panoramas and photos localized, {} rejected, {} unmatched; {} images; {}\n",
-                       m.at("localized").get<int>(), m.at("references").get<int>(), m.at("rejected").get<int>(),
-                       m.at("unmatched").get<int>(), m.at("images").get<int>(),
-                       m.at("on_earth").get<bool>()
-                           ? "georeferenced from " + m.at("earth_source").get<std::string>() + ", " + LengthText(m)
-                           : "not georeferenced: " + m.at("earth_reason").get<std::string>());
-  };
+  info.summary = LocalizeSummary;
   return info;
 }
 

@@ -80,6 +80,7 @@ ReferenceMap ControlMap(const Project& project) {
     tag.role = point.control ? "control" : "check";
     tag.status = "ok";
     map.evidence.push_back((point.control ? "control:" : "check:") + std::to_string(point.tag_id));
+    map.own_evidence[point.tag_id] = map.evidence.back();
     map.tags.push_back(std::move(tag));
   }
   return map;

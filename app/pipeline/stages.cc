@@ -20,7 +20,7 @@ using nlohmann::json;
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
   static const std::vector<StageInfo> kStages = {
-      FeaturesStage(),  ReconstructStage(), ReferencesStage(), LocalizeStage(),   DetectStage(), SurveyStage(),
+      FeaturesStage(),  ReconstructStage(), ReferencesStage(), DetectStage(),     SurveyStage(), LocalizeStage(),
       ReferenceStage(), EvaluateStage(),    GatesStage(),      CrosscheckStage(), ReportStage()};
   return kStages;
 }
@@ -100,6 +100,14 @@ std::vector<fs::path> ReferenceInputs(const Project& project) {
     }
   }
   return inputs;
+}
+
+bool NeedsStage(const Project& project, const StageInfo& stage, const StageTarget& target, const std::string& other) {
+  std::vector<std::string> needs = stage.needs;
+  if (stage.also_needs) {
+    for (std::string& name : stage.also_needs(project, target)) needs.push_back(std::move(name));
+  }
+  return std::find(needs.begin(), needs.end(), other) != needs.end();
 }
 
 StageTarget TargetRead(const Project& project, const StageInfo& stage, const std::string& reader,

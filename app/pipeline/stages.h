@@ -46,6 +46,8 @@ struct StageInfo {
   bool per_run = true;             // one result per run, else one for all
   bool variants = false;           // can have a set of results per variant
   std::vector<std::string> needs;  // stages whose results it reads
+  // Further ones that a target's options ask for. Optional.
+  std::function<std::vector<std::string>(const Project&, const StageTarget&)> also_needs;
   // Kinds of objects of the review (datasets/project/review.h) whose state its results rest on: "image", "detection",
   // "tag", "station", "panorama", "control". The body leaves out what project.review() excludes.
   std::vector<std::string> reviewed;
@@ -64,6 +66,9 @@ struct StageInfo {
   // Why there is nothing to do for a target ("no stations.csv"), empty if there is. Optional.
   std::function<std::string(const Project&, const StageTarget&)> not_needed;
 };
+
+// Does a stage read results of another one for this target?
+bool NeedsStage(const Project& project, const StageInfo& stage, const StageTarget& target, const std::string& other);
 
 // The target whose result of `stage` the stage `reader` reads for `target`.
 StageTarget TargetRead(const Project& project, const StageInfo& stage, const std::string& reader,

@@ -93,6 +93,14 @@ class BlockMatrix {
   std::vector<std::pair<int, int>> blocks_;
 };
 
+// Blocks of the reduced system that a map's columns belong to.
+std::vector<int> SlotsOf(const MapFactor& map, const Layout& layout) {
+  std::vector<int> slots;
+  for (int rig : map.rigs) slots.push_back(layout.slot[static_cast<size_t>(rig)]);
+  slots.push_back(layout.slot[static_cast<size_t>(map.frame)]);
+  return slots;
+}
+
 BlockMatrix MakePattern(const BundleProblem& p, const Layout& layout) {
   BlockMatrix pattern(layout.blocks);
   for (int b = 0; b < layout.blocks; ++b) pattern.Add(b, b);
@@ -115,6 +123,14 @@ BlockMatrix MakePattern(const BundleProblem& p, const Layout& layout) {
     if (f.b < 0) continue;
     const int a = layout.slot[static_cast<size_t>(f.a)], b = layout.slot[static_cast<size_t>(f.b)];
     if (a >= 0 && b >= 0 && a != b) pattern.Add(std::max(a, b), std::min(a, b));
+  }
+  if (p.map) {
+    const std::vector<int> of_map = SlotsOf(*p.map, layout);
+    for (int a : of_map) {
+      for (int b : of_map) {
+        if (b >= 0 && a > b) pattern.Add(a, b);
+      }
+    }
   }
   return pattern;
 }
@@ -161,6 +177,7 @@ class Reducer {
       });
     }
     AddFactors(matrix, &sum);
+    if (p_.map) AddMap(*p_.map, matrix, &sum);
     return sum;
   }
 
@@ -217,6 +234,7 @@ class Reducer {
       double weight = 1;
       sum += 0.5 * Rho(f.loss.get(), t.r.squaredNorm(), &weight);
     }
+    if (p.map) sum += 0.5 * EvaluateMap(p, *p.map).r.squaredNorm();
     if (!p.scale_constant) sum += 0.5 * std::pow((p.scale - p.scale_prior) / p.scale_sigma, 2);
     return sum;
   }
@@ -334,6 +352,25 @@ class Reducer {
     }
   }
 
+  void AddMap(const MapFactor& map, BlockCholesky* matrix, Reduced* sum) const {
+    const MapTerms t = EvaluateMap(p_, map);
+    const Eigen::MatrixXd h = t.j.transpose() * t.j;
+    const Eigen::VectorXd g = t.j.transpose() * t.r;
+    const std::vector<int> slots = SlotsOf(map, layout_);
+    sum->cost += 0.5 * t.r.squaredNorm();
+    const Matrix6d one = Matrix6d::Identity();
+    for (size_t a = 0; a < slots.size(); ++a) {
+      if (slots[a] < 0) continue;
+      const auto row = 6 * static_cast<Eigen::Index>(a);
+      sum->gradient.segment<6>(6 * slots[a]) += g.segment<6>(row);
+      for (size_t b = 0; b < slots.size(); ++b) {
+        if (slots[b] < 0 || slots[b] > slots[a]) continue;
+        const int k = slots[a] == slots[b] ? slots[a] : pattern_.Find(slots[a], slots[b]);
+        matrix->Add<6>(k, h.block<6, 6>(row, 6 * static_cast<Eigen::Index>(b)), one);
+      }
+    }
+  }
+
   const BundleProblem& p_;
   int threads_;
   const CancelToken& cancel_;
@@ -377,6 +414,7 @@ class ReducedSolver {
 
   // Blocks of the inverse: of the poses' matrix, and what the border adds to them.
   BlockCholesky::Inverse SelectedInverse() && { return std::move(cholesky_).SelectedInverse(threads_); }
+  double ScaleVariance() const { return with_scale_ ? 1 / pivot_ : 0; }
   Matrix6d BorderBlock(int a, int b) const {
     if (!with_scale_) return Matrix6d::Zero();
     return border_.segment<6>(6 * a) * border_.segment<6>(6 * b).transpose() / pivot_;
@@ -544,6 +582,8 @@ BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, co
 }
 
 BundleCovariance::~BundleCovariance() = default;
+
+double BundleCovariance::ScaleVariance() const { return impl_->solver.ScaleVariance(); }
 
 Eigen::MatrixXd BundleCovariance::Joint(const std::vector<int>& poses) const {
   const auto slot = [&](size_t i) { return impl_->layout.slot[static_cast<size_t>(poses[i])]; };

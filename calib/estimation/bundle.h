@@ -16,6 +16,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "calib/base/progress.h"
@@ -41,13 +42,18 @@ struct PoseFactor {
     kBetween,
     // rig_from_world of a against `measured`. e = [Log(R R_z^T), t - t_z].
     kPrior,
-    // world_from_rig of a against `measured` (world_from_rig), e = [Log(R^T R_z^T), c - c_z], c the centre.
+    // world_from_rig of a against `measured` (world_from_rig), e = [Log(R^T R_z^T), c - c_z], c the centre. With a
+    // pose b, that one is world_from_odom and the other poses are rig_from_odom: frame b lies in the world as it says.
     kGeotag,
     // view_a * pose_a * (view_b * pose_b)^-1 (camera a from camera b) against `measured`, whose translation has unit
     // length: e = [Log(R_p R_z^T), t_p / |t_p| - t_z]. What the geometry of two images shows: all but the length.
     kTwoView,
-    // A point of the rig (lever arm `arm`, rig frame) in the world against measured.translation; rows 3..5 only.
-    kPosition
+    // A point of the rig (lever arm `arm`, rig frame) in the world against measured.translation; rows 3..5 only. b as
+    // for kGeotag.
+    kPosition,
+    // The point `arm` of rig b (a tag's corner) seen in view_a of a: e = [u, 0], u the unit ray to it in the view.
+    // sqrt_info holds the W of a bearing observation in its first two rows, measured.translation the observed ray.
+    kRigPoint
   };
   Kind kind = Kind::kPrior;
   int a = 0;
@@ -61,6 +67,15 @@ struct PoseFactor {
   double weight = 1.0;                              // rho' at the last evaluation (output)
 };
 
+// Where several rigs lie in the world, as measured together (a surveyed map of tags): their errors are correlated.
+// Residuals are those of kGeotag, one after the other, whitened jointly.
+struct MapFactor {
+  std::vector<int> rigs;          // poses, rig_from_odom
+  int frame = -1;                 // the pose that is world_from_odom
+  std::vector<Rigid3d> measured;  // world_from_rig of each
+  Eigen::MatrixXd sqrt_info;      // 6 n x 6 n
+};
+
 struct BundleProblem {
   std::vector<Rigid3d> poses;                    // rig_from_world
   std::vector<bool> pose_constant;               // same size; empty: none
@@ -69,6 +84,7 @@ struct BundleProblem {
   bool points_constant = false;                  // poses alone move
   std::vector<BearingObservation> observations;  // sorted by point
   std::vector<PoseFactor> factors;
+  std::optional<MapFactor> map;
   std::shared_ptr<const ceres::LossFunction> loss;  // of bearing observations
   double scale = 1.0;                               // odometry scale: true length = scale * measured length
   bool scale_constant = true;
@@ -107,6 +123,8 @@ class BundleCovariance {
   Eigen::MatrixXd Joint(const std::vector<int>& poses) const;
   // The covariance of all poses (6 rows each, zero for constant ones) times `b`, which has as many rows.
   Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const;
+  // Of the odometry scale; 0 where that is held.
+  double ScaleVariance() const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
   // (next[p] >= 0), computed by selected inversion in the place of the factor: the last that this object tells.
   void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) &&;

@@ -47,4 +47,11 @@ struct FactorTerms {
 };
 void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* out);
 
+// Of a map, whitened: by the left tangents of its rigs' poses, 6 columns each, and last of its frame's.
+struct MapTerms {
+  Eigen::VectorXd r;
+  Eigen::MatrixXd j;
+};
+MapTerms EvaluateMap(const BundleProblem& p, const MapFactor& map);
+
 }  // namespace trigpoint

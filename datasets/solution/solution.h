@@ -49,8 +49,11 @@ struct SolutionReference {
 
 // Where the run's frame lies in the site's ENU.
 struct SolutionGeoreference {
-  std::string source;  // "geotags", "gps", "geotags and gps"
-  Geodetic origin;     // of the ENU
+  std::string source;  // "geotags", "gps", "geotags and gps", "geotags, tags and control"
+  // What it rests on beyond the run's own references and GPS, one name each ("control:57", "tags:run3"): what is no
+  // longer independent of the run. Empty unless tags, control or GPS were asked for.
+  std::vector<std::string> evidence;
+  Geodetic origin;  // of the ENU
   Sim3d world_from_odom;
   // Tangent [rotation (rad, left), translation (m), scale].
   Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
@@ -66,8 +69,8 @@ struct Solution {
   std::vector<SolutionImage> images;
   std::vector<int64_t> pose_stamps;  // of the body poses, which are the first of problem.poses
 
-  // Poses, views (the cameras' first), points, observations sorted by point, odometry. Its scale is held; scale_sigma
-  // is how well the odometry's length is known.
+  // Poses, views (the cameras' first), points, observations sorted by point, odometry. Its scale is held, unless what
+  // lies in the world takes part; scale_sigma is how well the odometry's length is known.
   BundleProblem problem;
   std::vector<Matrix6d> covariances;  // of problem.poses, at the scale held; empty: not computed
   std::vector<int> image_of;          // of each observation: image; -1 - i: reference i

@@ -51,9 +51,18 @@ void CheckSolution(const Solution& s) {
   for (size_t i = 0; i < p.factors.size(); ++i) {
     CheckIndex("factor", i, "pose", p.factors[i].a, p.poses.size());
     if (p.factors[i].b != -1) CheckIndex("factor", i, "pose", p.factors[i].b, p.poses.size());
-    if (p.factors[i].kind != PoseFactor::Kind::kTwoView) continue;
+    const PoseFactor::Kind kind = p.factors[i].kind;
+    if (kind != PoseFactor::Kind::kTwoView && kind != PoseFactor::Kind::kRigPoint) continue;
     CheckIndex("factor", i, "view", p.factors[i].view_a, p.views.size());
+    if (kind == PoseFactor::Kind::kRigPoint) {
+      CheckIndex("factor", i, "pose", p.factors[i].b, p.poses.size());
+      continue;
+    }
     CheckIndex("factor", i, "view", p.factors[i].view_b, p.views.size());
+  }
+  if (p.map) {
+    CheckIndex("map", 0, "pose", p.map->frame, p.poses.size());
+    for (size_t i = 0; i < p.map->rigs.size(); ++i) CheckIndex("map", i, "pose", p.map->rigs[i], p.poses.size());
   }
   for (size_t i = 0; i < s.references.size(); ++i) {
     if (s.references[i].pose != -1) CheckIndex("reference", i, "pose", s.references[i].pose, p.poses.size());

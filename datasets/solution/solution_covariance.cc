@@ -7,6 +7,7 @@ namespace trigpoint {
 namespace {
 
 BundleProblem WithFreeScale(BundleProblem problem, bool free_scale) {
+  if (!problem.scale_constant) return problem;  // what lies in the world shows the length
   problem.scale_constant = !free_scale;
   problem.scale_prior = problem.scale;
   return problem;

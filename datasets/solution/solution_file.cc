@@ -182,11 +182,10 @@ Table ObservationTable(Solution& s) {
 
 Table FactorTable(Solution& s) {
   std::vector<PoseFactor>& f = s.problem.factors;
-  static const std::map<PoseFactor::Kind, std::string> kKinds = {{PoseFactor::Kind::kBetween, "between"},
-                                                                 {PoseFactor::Kind::kPrior, "prior"},
-                                                                 {PoseFactor::Kind::kGeotag, "geotag"},
-                                                                 {PoseFactor::Kind::kTwoView, "two_view"},
-                                                                 {PoseFactor::Kind::kPosition, "position"}};
+  static const std::map<PoseFactor::Kind, std::string> kKinds = {
+      {PoseFactor::Kind::kBetween, "between"},   {PoseFactor::Kind::kPrior, "prior"},
+      {PoseFactor::Kind::kGeotag, "geotag"},     {PoseFactor::Kind::kTwoView, "two_view"},
+      {PoseFactor::Kind::kPosition, "position"}, {PoseFactor::Kind::kRigPoint, "rig_point"}};
   Table t{"factors", f.size(), [&](size_t n) { f.resize(n); }, {}};
   t.AddMade(
       "kind", [&](size_t i) { return kKinds.at(f[i].kind); },
@@ -279,14 +278,66 @@ Table GeoreferenceCrossTable(Solution& s) {
   return t;
 }
 
-std::vector<Table> Tables(Solution& s) {
-  return {RunTable(s),          CameraTable(s),
-          ImageTable(s),        StampTable(s),
-          PoseTable(s),         ViewTable(s),
-          CovarianceTable(s),   PointTable(s),
-          ObservationTable(s),  FactorTable(s),
-          CountTable(s),        ReferenceTable(s),
-          GeoreferenceTable(s), GeoreferenceCrossTable(s)};
+Table EvidenceTable(Solution& s) {
+  Table t{"evidence",
+          s.georeference ? s.georeference->evidence.size() : 0,
+          [&](size_t n) {
+            if (s.georeference) s.georeference->evidence.resize(n);
+          },
+          {}};
+  t.Add(
+      "name", [&](size_t i) -> auto& { return s.georeference->evidence[i]; });
+  return t;
+}
+
+// A row for each rig of the map, with its six rows of the root of the information.
+Table MapTable(Solution& s) {
+  std::optional<MapFactor>& map = s.problem.map;
+  const auto resize = [&](size_t n) {
+    if (n == 0) return;
+    map.emplace();
+    map->rigs.resize(n), map->measured.resize(n);
+    map->sqrt_info.setZero(6 * static_cast<Eigen::Index>(n), 6 * static_cast<Eigen::Index>(n));
+  };
+  Table t{"map", map ? map->rigs.size() : 0, resize, {}};
+  t.Add(
+      "pose", [&](size_t i) -> auto& { return map->rigs[i]; });
+  t.AddMade(
+      "frame", [&](size_t) { return map->frame; }, [&](size_t, int v) { return map->frame = v, true; });
+  t.AddRigid(
+      "world_from_rig_", [&](size_t i) -> auto& { return map->measured[i]; });
+  t.AddMade(
+      "sqrt_info",
+      [&](size_t i) {
+        const Eigen::MatrixXd rows = map->sqrt_info.middleRows<6>(6 * static_cast<Eigen::Index>(i));
+        return std::vector<double>(rows.data(), rows.data() + rows.size());
+      },
+      [&](size_t i, const std::vector<double>& v) {
+        auto rows = map->sqrt_info.middleRows<6>(6 * static_cast<Eigen::Index>(i));
+        if (static_cast<Eigen::Index>(v.size()) != rows.size()) return false;
+        rows = Eigen::Map<const Eigen::MatrixXd>(v.data(), 6, rows.cols());
+        return true;
+      });
+  return t;
+}
+
+int VersionOf(const Solution& s) {
+  return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? kSolutionVersion : 1;
+}
+
+std::vector<Table> Tables(Solution& s, int version) {
+  std::vector<Table> tables = {RunTable(s),          CameraTable(s),
+                               ImageTable(s),        StampTable(s),
+                               PoseTable(s),         ViewTable(s),
+                               CovarianceTable(s),   PointTable(s),
+                               ObservationTable(s),  FactorTable(s),
+                               CountTable(s),        ReferenceTable(s),
+                               GeoreferenceTable(s), GeoreferenceCrossTable(s)};
+  if (version > 1) {
+    tables.push_back(EvidenceTable(s));
+    tables.push_back(MapTable(s));
+  }
+  return tables;
 }
 
 std::string ColumnNames(const Table& table) {
@@ -371,10 +422,10 @@ void ReadTable(const Database& db, const Table& table, HashChain* hash) {
   }
 }
 
-Solution ReadTables(const Database& db) {
+Solution ReadTables(const Database& db, int version) {
   Solution solution;
   HashChain hash;
-  for (const Table& table : Tables(solution)) ReadTable(db, table, &hash);
+  for (const Table& table : Tables(solution, version)) ReadTable(db, table, &hash);
   if (hash.Hex() != db.Text("SELECT sha256 FROM checksum")) throw InputError("its checksum is another one");
   CheckSolution(solution);
   return solution;
@@ -392,10 +443,11 @@ void WriteSolution(const Solution& solution, const fs::path& file) {
     db.Run(
         fmt::format("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA application_id = {}; "
                     "PRAGMA user_version = {}; BEGIN",
-                    kApplicationId, kSolutionVersion));
+                    kApplicationId, VersionOf(solution)));
     HashChain hash;
     // The description serves reading, too; writing changes nothing.
-    for (const Table& table : Tables(const_cast<Solution&>(solution))) WriteTable(db, table, &hash);
+    for (const Table& table : Tables(const_cast<Solution&>(solution), VersionOf(solution)))
+      WriteTable(db, table, &hash);
     db.Run("CREATE TABLE checksum (sha256); INSERT INTO checksum VALUES ('" + hash.Hex() + "'); COMMIT");
   } catch (const SqliteFailure& e) {
     throw IoError(file.string() + ": cannot be written: " + e.what);
@@ -417,7 +469,7 @@ Solution ReadSolution(const fs::path& file) {
                      ", or");
     }
     try {
-      return ReadTables(db);
+      return ReadTables(db, static_cast<int>(version));
     } catch (const InputError& e) {
       throw unusable(std::string("is damaged: ") + e.what());
     }

@@ -88,7 +88,9 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
     PoseFactor f;
     f.kind = GetParam();
     f.a = 0;
-    f.b = f.kind == PoseFactor::Kind::kBetween || f.kind == PoseFactor::Kind::kTwoView ? 1 : -1;
+    // In the odom frame or, for a place in the world, with the pose that is world_from_odom.
+    const bool place = f.kind == PoseFactor::Kind::kGeotag || f.kind == PoseFactor::Kind::kPosition;
+    f.b = f.kind == PoseFactor::Kind::kPrior || (place && trial % 2 == 0) ? -1 : 1;
     p.views = {RandomPose(&random, 1.0, 0.3), RandomPose(&random, 1.0, 0.3)};
     f.view_a = 1;
     f.scaled = f.kind == PoseFactor::Kind::kBetween;
@@ -101,10 +103,14 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
         f.measured = off * p.views[1] * p.poses[0] * (p.views[0] * p.poses[1]).Inverse();
         f.measured.translation.normalize();
         break;
-      default: f.measured = off * p.poses[0].Inverse();
+      default: f.measured = off * (f.b < 0 ? Rigid3d() : p.poses[1]) * p.poses[0].Inverse();
     }
     f.arm = Eigen::Vector3d(0.3, -0.2, 1.0);
     f.sqrt_info = RandomInfo(&random);
+    if (f.kind == PoseFactor::Kind::kRigPoint) {
+      const Eigen::Vector3d seen = p.views[1] * (p.poses[0] * (p.poses[1].Inverse() * f.arm));
+      f.measured.translation = (seen.normalized() + 0.3 * off.translation.normalized()).normalized();
+    }
     FactorTerms t;
     EvaluateFactor(p, f, &t);
     const double size = t.ja.norm() + t.jb.norm() + t.js.norm() + t.r.norm();
@@ -134,7 +140,58 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
 INSTANTIATE_TEST_SUITE_P(Kinds, FactorDerivatives,
                          testing::Values(PoseFactor::Kind::kBetween, PoseFactor::Kind::kPrior,
                                          PoseFactor::Kind::kGeotag, PoseFactor::Kind::kPosition,
-                                         PoseFactor::Kind::kTwoView));
+                                         PoseFactor::Kind::kTwoView, PoseFactor::Kind::kRigPoint));
+
+TEST(BundleTerms, APointOfARigIsSeenAsAnyPoint) {
+  Random random(3);
+  BundleProblem p;
+  p.poses = {RandomPose(&random, 1.0, 3.0), RandomPose(&random, 1.0, 3.0)};
+  p.views = {RandomPose(&random, 1.0, 0.2)};
+  BearingObservation o;
+  o.ray = Eigen::Vector3f(0.25, -0.5, 1).normalized();
+  o.w << 800, 16, -200, 0, 750, 375;
+  const Eigen::Vector3d y =
+      (p.views[0] * p.poses[0]).Inverse() * (5 * o.ray.cast<double>() + Eigen::Vector3d(0.1, 0, 0));
+  PoseFactor f;
+  f.kind = PoseFactor::Kind::kRigPoint;
+  f.b = 1;
+  f.arm = p.poses[1] * y;
+  f.measured.translation = o.ray.cast<double>();
+  f.sqrt_info.setZero();
+  f.sqrt_info.topLeftCorner<2, 3>() = o.w.cast<double>();
+  ObservationTerms seen;
+  FactorTerms t;
+  ASSERT_TRUE(Evaluate<true>(p, o, y, &seen));
+  EvaluateFactor(p, f, &t);
+  EXPECT_LT((t.r.head<2>() - seen.r).norm(), 1e-9 * seen.r.norm());
+  EXPECT_LT((t.ja.topRows<2>() - seen.jp).norm(), 1e-9 * seen.jp.norm());
+  // The mirrored ray has no residual of its own: it must never look right.
+  p.views[0] = Rigid3d(p.views[0].rotation, p.views[0].translation - 10 * f.measured.translation);
+  EvaluateFactor(p, f, &t);
+  EXPECT_GT(t.r.norm(), 1e4);
+}
+
+TEST(BundleTerms, MapDerivatives) {
+  Random random(4);
+  BundleProblem p;
+  for (int i = 0; i < 4; ++i) p.poses.push_back(RandomPose(&random, 1.0, 3.0));
+  MapFactor map;
+  map.rigs = {2, 0, 1};
+  map.frame = 3;
+  for (int rig : map.rigs) {
+    map.measured.push_back(RandomPose(&random, 0.3, 0.5) * p.poses[3] * p.poses[static_cast<size_t>(rig)].Inverse());
+  }
+  map.sqrt_info = Eigen::MatrixXd::NullaryExpr(18, 18, [&] { return random.Normal(); });
+  const MapTerms t = EvaluateMap(p, map);
+  for (int column = 0; column < 24; ++column) {
+    const size_t pose = column < 18 ? static_cast<size_t>(map.rigs[static_cast<size_t>(column / 6)]) : 3;
+    BundleProblem plus = p, minus = p;
+    plus.poses[pose] = p.poses[pose].Plus(kStep * Vector6d::Unit(column % 6));
+    minus.poses[pose] = p.poses[pose].Plus(-kStep * Vector6d::Unit(column % 6));
+    const Eigen::VectorXd d = (EvaluateMap(plus, map).r - EvaluateMap(minus, map).r) / (2 * kStep);
+    EXPECT_LT((d - t.j.col(column)).norm(), kTolerance * t.j.norm()) << column;
+  }
+}
 
 }  // namespace
 }  // namespace trigpoint

@@ -154,12 +154,35 @@ TEST(SolutionFile, RefusesWhatIsNoSolution) {
   EXPECT_NE(Refusal(dir / "other.db").find("expected a solution of Trigpoint"), std::string::npos);
 }
 
+TEST(SolutionFile, WhatWasMeasuredInTheWorldComesBack) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  ASSERT_TRUE(s.georeference);
+  s.georeference->evidence = {"control:57", "tags:run3"};
+  MapFactor& map = s.problem.map.emplace();
+  map.rigs = {1, 0};
+  map.frame = 2;
+  map.measured = {Rigid3d(), Rigid3d(Eigen::Quaterniond::Identity(), {1, 2, 3})};
+  map.sqrt_info =
+      Eigen::MatrixXd::NullaryExpr(12, 12, [](Eigen::Index r, Eigen::Index c) { return 0.1 * r - c / 3.0; });
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  EXPECT_EQ(back.georeference->evidence, s.georeference->evidence);
+  ASSERT_TRUE(back.problem.map);
+  EXPECT_EQ(back.problem.map->rigs, map.rigs);
+  EXPECT_EQ(back.problem.map->frame, 2);
+  ExpectSamePose(back.problem.map->measured[1], map.measured[1]);
+  EXPECT_EQ(back.problem.map->sqrt_info, map.sqrt_info);
+  map.rigs[0] = 1000;
+  EXPECT_THROW(WriteSolution(s, dir / "wrong.db"), InputError);
+}
+
 TEST(SolutionFile, RefusesANewerFormat) {
   const TempDir dir;
   WriteSolution(MakeSolution(), dir / "solution.db");
-  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 2"), "");
+  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 3"), "");
   const std::string message = Refusal(dir / "solution.db");
-  EXPECT_NE(message.find("format version 2, this program reads up to 1"), std::string::npos) << message;
+  EXPECT_NE(message.find("format version 3, this program reads up to 2"), std::string::npos) << message;
 }
 
 TEST(SolutionFile, RefusesAChangedNumber) {

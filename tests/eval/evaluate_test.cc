@@ -259,6 +259,27 @@ TEST(Evaluate, AbsoluteErrorsUseTheMapAndTheWorldPosition) {
   EXPECT_NEAR(*e.rows[0].error_3d_m, 0, 1e-9);  // relative: the common error cancels
 }
 
+TEST(Evaluate, PointsThatHeldTheRunAreKeptFromThoseThatDidNot) {
+  Scene scene;
+  scene.Answer(0, {0.1, 0, 0});
+  scene.Answer(1, {0.1, 0, 0});
+  scene.run.evidence = {"control:" + std::to_string(scene.stations[0].tag_id)};
+  ReferenceMap control{.name = "control", .tags = scene.world_tags};
+  for (size_t i = 0; i < 2; ++i) {
+    const int id = scene.stations[i].tag_id;
+    control.own_evidence[id] = (i == 0 ? "control:" : "check:") + std::to_string(id);
+    control.evidence.push_back(control.own_evidence[id]);
+  }
+  const Evaluation e = scene.Evaluate({control});
+  int seen = 0;
+  for (const ErrorRow& row : e.rows) {
+    if (row.kind != "absolute" || !row.error_3d_m) continue;
+    EXPECT_EQ(row.shares_evidence, row.station == scene.stations[0].name) << row.station;
+    ++seen;
+  }
+  EXPECT_EQ(seen, 2);
+}
+
 TEST(Evaluate, AMapTheRunWentIntoIsKeptApart) {
   Scene scene;
   scene.Answer(0, {0.1, 0, 0});
@@ -275,6 +296,11 @@ TEST(Evaluate, AMapTheRunWentIntoIsKeptApart) {
   }
   EXPECT_EQ(independent, 1);
   EXPECT_EQ(shared, 1);
+
+  // Run1 was held by a map of run9: against that map its errors are agreement.
+  scene.run.evidence = {"tags:run9"};
+  const Evaluation held = scene.Evaluate({{.name = "survey", .tags = scene.world_tags, .runs = {"run9"}}});
+  EXPECT_TRUE(held.groups[1].group.shares_evidence);
 
   scene.run.evidence = {"geotag:S1"};
   const Evaluation by_geotag = scene.Evaluate(

@@ -1,0 +1,59 @@
+// What `localize --use` takes from the world: the surveyed map, control points, GPS (docs/method.md section 5).
+#pragma once
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "app/pipeline/localize_files.h"
+#include "app/pipeline/stages.h"
+#include "eval/evaluate.h"
+#include "survey/tags/tag_files.h"
+#include "survey/tags/tag_poses.h"
+
+namespace trigpoint {
+
+// Options of localize.
+struct UseOptionsOfWorld {
+  std::string use;        // control, tags, gps, with commas between; empty: none of them
+  std::string reference;  // whose tags: empty: the survey's
+  // The parts of `use`, with tags where a reference is named.
+  std::set<std::string> Parts() const;
+  std::vector<std::string> Check(const std::string& mode) const;
+};
+
+// Stages and files that a result of localize reads because of it.
+std::vector<std::string> StagesForWorld(const UseOptionsOfWorld& options);
+void AddWorldInputs(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
+                    StageRequest* request);
+
+// What was measured around one run, as read from the project; its tags begin where the run's own images show them.
+class WorldSources {
+ public:
+  // Throws InputError for what is asked for and not there.
+  WorldSources(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
+               const LocalizeJob& job);
+  // The evidence for a reconstruction of the run: where its images show the tags. Throws InputError where they show
+  // none.
+  WorldEvidence EvidenceFor(const Reconstruction& reconstruction, int threads, ProgressSink& progress,
+                            const CancelToken& cancel) const;
+  // What a fit rests on, one name each, as EvaluatedRun::evidence.
+  std::vector<std::string> EvidenceOf(const WorldFit& fit) const;
+
+ private:
+  void ReadMap(const Project& project, const std::string& name);
+  void ReadControl(const Project& project);
+  void ReadImages(const Project& project, const StageTarget& target);
+  std::vector<TagView> ViewsOf(const Reconstruction& reconstruction) const;
+
+  std::string run_;
+  const LocalizeJob& job_;
+  std::set<std::string> parts_;
+  ReferenceMap map_;
+  std::map<int, std::vector<TagControl>> control_;
+  std::vector<ImageDetections> detections_;
+  TagSizes sizes_;
+  std::vector<std::string> warnings_;
+};
+
+}  // namespace trigpoint
