@@ -84,6 +84,36 @@ Eigen::MatrixXd FitJacobian(const std::vector<CrossPair>& pairs, CrossAlignment 
   return a;
 }
 
+double Chi2(const Eigen::Vector3d& difference, const CrossPanorama& panorama, double their_sigma) {
+  Eigen::Matrix3d covariance = their_sigma * their_sigma * Eigen::Matrix3d::Identity();
+  if (panorama.covariance) covariance += *panorama.covariance;
+  return difference.dot(covariance.ldlt().solve(difference));
+}
+
+// 1 sigma per axis of their panoramas: with it the median of the squared normalised differences is that of a
+// chi-square. Ours is in these already, and must not be counted twice; single wrong answers do not move a median.
+double TheirSigma(const std::vector<CrossPanorama>& panoramas, const std::vector<PanoramaJudgement>& judged,
+                  double least) {
+  constexpr double kMedianChi2 = 2.366;  // of 3 degrees of freedom
+  constexpr size_t kFewest = 3;
+  constexpr int kHalvings = 40;
+  const auto median = [&](double sigma) {
+    std::vector<double> chi2;
+    for (size_t i = 0; i < judged.size(); ++i) {
+      if (judged[i].difference_m) chi2.push_back(Chi2(*judged[i].difference_m, panoramas[i], sigma));
+    }
+    return chi2.size() < kFewest ? 0 : Quantile(chi2, 0.5);
+  };
+  if (median(least) <= kMedianChi2) return least;
+  double low = least, high = least;
+  while (median(high) > kMedianChi2) high *= 2;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double middle = 0.5 * (low + high);
+    (median(middle) > kMedianChi2 ? low : high) = middle;
+  }
+  return high;
+}
+
 }  // namespace
 
 std::string_view CrossAlignmentName(CrossAlignment alignment) {
@@ -137,41 +167,39 @@ std::string_view CrossVerdictName(CrossVerdict verdict) {
     case CrossVerdict::kOnlyOurs: return "found by us alone";
     case CrossVerdict::kNeither: return "found by neither";
     case CrossVerdict::kWeak: return "too weak to judge";
+    case CrossVerdict::kChanged: return "changed since it was computed";
   }
   return "";
 }
 
 std::vector<PanoramaJudgement> JudgePanoramas(const std::vector<CrossPanorama>& panoramas,
                                               const Sim3d& ours_from_theirs, double camera_sigma_m) {
-  constexpr double kLeastSigma_m = 0.01, kMedianOfLength = 1.538, kChi2Of3At999 = 16.27;
+  constexpr double kLeastSigma_m = 0.01, kChi2Of3At999 = 16.27;
   constexpr int kFewPoints = 60;
   std::vector<PanoramaJudgement> judged;
-  std::vector<double> lengths;
   for (const CrossPanorama& p : panoramas) {
     PanoramaJudgement j;
     j.name = p.name;
     j.views = p.views, j.points = p.points;
     if (p.theirs) j.theirs = ours_from_theirs * *p.theirs;
     if (p.theirs && p.ours) j.difference_m = *j.theirs - *p.ours;
-    if (j.difference_m) lengths.push_back(j.difference_m->norm());
     judged.push_back(j);
   }
-  double sigma = std::max(kLeastSigma_m, camera_sigma_m);
-  if (lengths.size() >= 3) sigma = std::max(sigma, Quantile(lengths, 0.5) / kMedianOfLength);
+  const double sigma = TheirSigma(panoramas, judged, std::max(kLeastSigma_m, camera_sigma_m));
   for (size_t i = 0; i < panoramas.size(); ++i) {
     PanoramaJudgement& j = judged[i];
     const bool weak = j.views < 2 && j.points < kFewPoints;
     if (j.difference_m) {
-      Eigen::Matrix3d covariance = sigma * sigma * Eigen::Matrix3d::Identity();
-      if (panoramas[i].covariance) covariance += *panoramas[i].covariance;
-      j.chi2 = j.difference_m->dot(covariance.ldlt().solve(*j.difference_m));
-      j.verdict = *j.chi2 <= kChi2Of3At999 ? CrossVerdict::kAgrees
-                  : weak                   ? CrossVerdict::kWeak
-                                           : CrossVerdict::kContradicts;
+      j.chi2 = Chi2(*j.difference_m, panoramas[i], sigma);
+      j.verdict = *j.chi2 > kChi2Of3At999 ? (weak ? CrossVerdict::kWeak : CrossVerdict::kContradicts)
+                  : panoramas[i].changed  ? CrossVerdict::kChanged
+                                          : CrossVerdict::kAgrees;
     } else if (j.theirs) {
       j.verdict = weak ? CrossVerdict::kWeak : CrossVerdict::kOnlyTheirs;
     } else {
-      j.verdict = panoramas[i].ours ? CrossVerdict::kOnlyOurs : CrossVerdict::kNeither;
+      j.verdict = panoramas[i].changed ? CrossVerdict::kChanged
+                  : panoramas[i].ours  ? CrossVerdict::kOnlyOurs
+                                       : CrossVerdict::kNeither;
     }
   }
   return judged;

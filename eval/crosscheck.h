@@ -68,6 +68,7 @@ struct CrossPanorama {
   std::optional<Eigen::Matrix3d> covariance;  // of it, m^2
   std::optional<Eigen::Vector3d> theirs;      // their frame; unset: they did not find it
   int views = 0, points = 0;                  // of it, that they registered and saw
+  bool changed = false;                       // our answer is not what was computed: its table was edited
 };
 
 // What a cross-check tells of one panorama.
@@ -77,7 +78,8 @@ enum class CrossVerdict {
   kOnlyTheirs,   // we refuse where they have an answer
   kOnlyOurs,     // nothing said against or for our answer
   kNeither,
-  kWeak  // theirs rests on one view and few points, and does not agree with ours: not judged
+  kWeak,    // theirs rests on one view and few points, and does not agree with ours: not judged
+  kChanged  // our answer was changed after it was computed, by too little for them to contradict it
 };
 std::string_view CrossVerdictName(CrossVerdict verdict);
 
@@ -90,8 +92,9 @@ struct PanoramaJudgement {
   std::optional<double> chi2;                   // of it, 3 degrees of freedom; beyond 16.27 (99.9 %) it contradicts
 };
 
-// 1 sigma per axis of their panoramas is taken from the median difference of those that both have (three or more), so
-// that single wrong answers do not widen it, and is at least `camera_sigma_m`, that of their cameras.
+// 1 sigma per axis of their panoramas is taken from the median of the normalised differences of those that both have
+// (three or more), so that single wrong answers do not widen it, and is at least `camera_sigma_m`, that of their
+// cameras.
 std::vector<PanoramaJudgement> JudgePanoramas(const std::vector<CrossPanorama>& panoramas,
                                               const Sim3d& ours_from_theirs, double camera_sigma_m);
 

@@ -26,9 +26,13 @@ std::optional<double> Metres(const PanoramaJudgement& j) {
 
 std::vector<CrossPanorama> PanoramasOf(const SparseModel& model,
                                        const std::map<std::string, std::pair<std::string, size_t>>& views,
-                                       const std::vector<PanoramaResult>& answers) {
+                                       const std::vector<PanoramaResult>& answers,
+                                       const std::set<std::string>& changed) {
   std::map<std::string, CrossPanorama> panoramas;
-  for (const auto& [image, view] : views) panoramas[view.first].name = view.first;
+  for (const auto& [image, view] : views) {
+    panoramas[view.first].name = view.first;
+    panoramas[view.first].changed = changed.count(view.first) > 0;
+  }
   std::map<std::string, Eigen::Vector3d> sums;
   for (const ModelImage& image : model.images) {
     const auto view = views.find(image.name);
@@ -51,6 +55,25 @@ std::vector<CrossPanorama> PanoramasOf(const SparseModel& model,
   std::vector<CrossPanorama> all;
   for (auto& [name, panorama] : panoramas) all.push_back(std::move(panorama));
   return all;
+}
+
+std::set<std::string> ChangedAnswers(const std::vector<PanoramaResult>& table,
+                                     const std::vector<PanoramaResult>& computed) {
+  constexpr double kRounding_m = 1e-5;  // tables have six decimals
+  const auto moved = [](const std::optional<Rigid3d>& a, const std::optional<Rigid3d>& b) {
+    if (a.has_value() != b.has_value()) return true;
+    return a && !((a->translation - b->translation).norm() < kRounding_m);
+  };
+  std::set<std::string> changed;
+  for (const PanoramaResult& now : table) {
+    for (const PanoramaResult& was : computed) {
+      if (was.panorama != now.panorama) continue;
+      const bool same = was.status == now.status && !moved(now.odom_from_pano, was.odom_from_pano) &&
+                        !moved(now.world_from_pano, was.world_from_pano);
+      if (!same) changed.insert(now.panorama);
+    }
+  }
+  return changed;
 }
 
 void WritePanoramaVerdicts(const std::vector<PanoramaJudgement>& judged, const std::vector<PanoramaResult>& answers,
@@ -117,6 +140,10 @@ std::vector<std::string> PanoramaWarnings(const std::vector<PanoramaJudgement>& 
           "panorama {}: COLMAP's answer is {:.3f} m from ours, beyond both errors (chi-square {:.0f}, 16.3 is 99.9 %): "
           "one of the two is wrong; {}",
           j.name, j.difference_m->norm(), *j.chi2, found));
+    } else if (j.verdict == CrossVerdict::kChanged) {
+      warnings.push_back("panorama " + j.name +
+                         ": its answer in panoramas.csv is not the one that was computed (solution.db): the table was "
+                         "changed since; compute it again by `trigpoint run`");
     } else if (j.verdict == CrossVerdict::kOnlyTheirs) {
       warnings.push_back(
           fmt::format("panorama {}: COLMAP found it at {:.2f}, {:.2f}, {:.2f} m (odom), we have not ({}): perhaps a "

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,10 +15,15 @@
 namespace trigpoint {
 
 // Every panorama of `views` (image name -> panorama, index of its view), with our answer and theirs: the mean of its
-// views' centres, weighted by the points that each sees.
+// views' centres, weighted by the points that each sees. `changed`: answers that are not what was computed.
 std::vector<CrossPanorama> PanoramasOf(const SparseModel& model,
                                        const std::map<std::string, std::pair<std::string, size_t>>& views,
-                                       const std::vector<PanoramaResult>& answers);
+                                       const std::vector<PanoramaResult>& answers,
+                                       const std::set<std::string>& changed);
+
+// Panoramas whose answer in a table is not that of the solution it was written from.
+std::set<std::string> ChangedAnswers(const std::vector<PanoramaResult>& table,
+                                     const std::vector<PanoramaResult>& computed);
 
 // panoramas.csv: a row for each, frame odom.
 void WritePanoramaVerdicts(const std::vector<PanoramaJudgement>& judged, const std::vector<PanoramaResult>& answers,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
@@ -25,6 +26,7 @@ namespace fs = std::filesystem;
 constexpr CrossAlignment kAlignments[] = {CrossAlignment::kNone, CrossAlignment::kSE3, CrossAlignment::kSim3};
 // The joint covariance of so many cameras is a matrix of a few megabytes.
 constexpr size_t kMostCameras = 250;
+constexpr double kMedianOfLength = 1.538;  // of a vector whose three components have sigma 1
 
 // Our cameras of the run, with the joint covariance of their positions.
 struct Ours {
@@ -151,7 +153,8 @@ void Compare(const Ours& ours, Other* other) {
       other->panorama_comparisons.push_back(ComparePlaces(other->panoramas, c.ours_from_theirs, alignment));
       other->point_comparisons.push_back(ComparePlaces(other->points, c.ours_from_theirs, alignment));
       if (alignment == CrossAlignment::kSim3) {
-        other->judged = JudgePanoramas(other->all_panoramas, c.ours_from_theirs, c.statistics.rmse_m / std::sqrt(3));
+        other->judged =
+            JudgePanoramas(other->all_panoramas, c.ours_from_theirs, c.statistics.median_m / kMedianOfLength);
       }
       other->comparisons.push_back(std::move(c));
     } catch (const NumericError& e) {
@@ -372,7 +375,10 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
   ours.scene = ReadRunScene(project, run, variant, "odom");
   for (const ModelImage& image : ours.scene.model.images)
     ours.odom_from_cam[image.name] = image.cam_from_world.Inverse();
-  ours.answers = ReadLocalizeResult(ResultOf(project, "localize", {run, variant, nlohmann::json::object()})).panoramas;
+  // What is delivered is checked: the table, against the solution that it was written from, too.
+  const fs::path localized = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  ours.answers = ReadLocalizeResult(localized, nullptr).panoramas;
+  const std::set<std::string> changed = ChangedAnswers(ours.answers, ReadLocalizeResult(localized).panoramas);
   context.progress.Begin("our covariance", 0);
   try {
     AddCovariance(context.threads, context.cancel, &ours);
@@ -420,7 +426,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
         const ColmapSolution c = colmap.Panoramas(b, &view_names);
         Other& other = add(c);
         if (c.status == "done") {
-          SetPanoramas(PanoramasOf(c.model, view_names, ours.answers), &other);
+          SetPanoramas(PanoramasOf(c.model, view_names, ours.answers, changed), &other);
         }
       }
     }
@@ -477,11 +483,12 @@ StageInfo CrosscheckStage() {
     StageTarget plain = target;
     plain.variant.clear();
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", plain));
     request.inputs.push_back(ManifestOf(project, "localize", target));
+    request.inputs.push_back(ResultOf(project, "localize", target) / "panoramas.csv");  // as it is now
     if (fs::exists(project.dir() / "models")) request.inputs.push_back(project.dir() / "models");
     if (fs::exists(project.dir() / "estimates")) request.inputs.push_back(project.dir() / "estimates");
     const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;

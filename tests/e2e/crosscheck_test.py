@@ -166,6 +166,32 @@ class Crosscheck(unittest.TestCase):
         _, found = self.verdicts()
         self.assertEqual({r["verdict"] for r in found.values()}, {"agrees"})
 
+    def test_a_planted_answer_is_found(self):
+        """Each panorama in turn is moved in the table of results, by four of its sigmas and by metres."""
+        table = f"{self.site}/results/localize/front/panoramas.csv"
+        with open(table, encoding="utf-8") as text:
+            right = text.read()
+        lines = right.splitlines()
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+        self.write_panoramas(rows)
+        header = next(line for line in lines if not line.startswith("#"))
+        try:
+            for planted in rows:
+                for shift in (4 * float(planted["odom_sigma_x_m"]), 3.0):
+                    with open(table, "w", encoding="utf-8", newline="") as out:
+                        out.write("".join(line + "\n" for line in lines if line.startswith("#")) + header + "\n")
+                        writer = csv.DictWriter(out, header.split(","), lineterminator="\n")
+                        for row in rows:
+                            moved = {**row, "odom_x": float(row["odom_x"]) + shift} if row is planted else row
+                            writer.writerow(moved)
+                    said, found = self.verdicts()
+                    name = planted["panorama"]
+                    self.assertIn(found[name]["verdict"], ("contradicts", "changed since it was computed"))
+                    self.assertIn(f"panorama {name}", said)
+        finally:
+            with open(table, "w", encoding="utf-8") as out:
+                out.write(right)
+
     def test_a_failure_is_said_and_the_rest_goes_on(self):
         shutil.copytree(f"{self.temporary}/model/text", f"{self.site}/models/mine")
         try:

@@ -87,5 +87,59 @@ TEST(Crosscheck, PlacesAreJudgedByTheirOwnCovariance) {
   EXPECT_NEAR(c.statistics.max_m, 0.3, 1e-12);
 }
 
+// Nine panoramas: 1 cm (ours) and 3 cm (theirs) of noise an axis.
+std::vector<CrossPanorama> Nine(Random& random) {
+  std::vector<CrossPanorama> panoramas;
+  for (int i = 0; i < 9; ++i) {
+    CrossPanorama p;
+    p.name = std::to_string(i);
+    const Eigen::Vector3d truth(5.0 * i, std::sin(i), 1);
+    p.ours = truth + 0.01 * Normal(random);
+    p.theirs = truth + 0.03 * Normal(random);
+    p.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+    p.views = 4, p.points = 200;
+    panoramas.push_back(p);
+  }
+  return panoramas;
+}
+
+TEST(Crosscheck, AWrongAnswerIsFoundTenTimesOfTen) {
+  Random random(9);
+  int found = 0, others = 0;
+  for (int trial = 0; trial < 10; ++trial) {
+    std::vector<CrossPanorama> panoramas = Nine(random);
+    const auto wrong = static_cast<size_t>(trial % 9);
+    // Eight sigmas of the difference, every fifth time far more.
+    *panoramas[wrong].ours += (trial % 5 == 0 ? 3 : 0.25) * Normal(random).normalized();
+    for (const PanoramaJudgement& j : JudgePanoramas(panoramas, Sim3d(), 0.01)) {
+      (j.name == panoramas[wrong].name ? found : others) += j.verdict == CrossVerdict::kContradicts ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(found, 10);
+  EXPECT_LE(others, 1);
+}
+
+TEST(Crosscheck, RightAnswersAgree) {
+  Random random(10);
+  int contradicted = 0;
+  for (int trial = 0; trial < 50; ++trial) {
+    for (const PanoramaJudgement& j : JudgePanoramas(Nine(random), Sim3d(), 0.01)) {
+      contradicted += j.verdict == CrossVerdict::kContradicts ? 1 : 0;
+    }
+  }
+  EXPECT_LE(contradicted, 14);  // of 450; 0.1 % if their noise were known, here it is a median's of nine
+}
+
+TEST(Crosscheck, AnEditedAnswerNeverAgrees) {
+  Random random(11);
+  std::vector<CrossPanorama> panoramas = Nine(random);
+  panoramas[4].changed = true;
+  EXPECT_EQ(JudgePanoramas(panoramas, Sim3d(), 0.01)[4].verdict, CrossVerdict::kChanged);
+  *panoramas[4].ours += Eigen::Vector3d(1, 0, 0);
+  EXPECT_EQ(JudgePanoramas(panoramas, Sim3d(), 0.01)[4].verdict, CrossVerdict::kContradicts);
+  panoramas[4].theirs.reset();
+  EXPECT_EQ(JudgePanoramas(panoramas, Sim3d(), 0.01)[4].verdict, CrossVerdict::kChanged);
+}
+
 }  // namespace
 }  // namespace trigpoint
