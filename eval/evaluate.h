@@ -70,6 +70,8 @@ struct EvaluatedRun {
   AnswerCovariances covariances;          // empty: answers' own sigmas, as if independent of each other and of the tags
   std::vector<StructurePoint> structure;  // of the run's sparse model, odom frame; may be empty
   std::map<std::string, double> stitch_sigma;  // panorama -> 1 sigma per axis of its stitched centre, m
+  // Panorama -> 1 sigma of its rotation in world, root mean square of the axes.
+  std::map<std::string, double> sigma_rot_rad;
 };
 
 // A tag map in site ENU that results are held against.
@@ -105,7 +107,8 @@ struct ErrorRow {
   std::optional<double> error_3d_m;
   std::optional<double> error_h_m, error_v_m;  // unset when the vertical of the odom frame is not known
   std::optional<Eigen::Vector3d> error_enu_m;  // estimate - reference; unset when north is not known
-  std::optional<double> error_rot_deg;         // unset: a tag says nothing about a panorama's heading
+  std::optional<double> error_rot_deg;         // set where tags that the panorama shows give its rotation
+  std::optional<double> sigma_rot_deg;         // of the difference, root mean square of the axes; unset: not known
   // Of the difference, ENU; unset unless both sides have theirs. Relative: what the cameras have in common taken out.
   std::optional<Eigen::Matrix3d> covariance_m2;
   std::optional<double> nees;  // e' C^-1 e

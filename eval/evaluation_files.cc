@@ -122,8 +122,9 @@ const std::vector<std::string>& ErrorColumns() {
 // Beyond what every version has had.
 const std::vector<std::string>& FurtherColumns() {
   static const std::vector<std::string> columns{
-      "nees_h",   "nees_v",       "sigma_tag_map_m", "sigma_offset_m", "sigma_stitch_m", "sigma_localization_m",
-      "dominant", "parallax_deg", "structure_m",     "depth_sigma_m",  "trusted",        "shares_evidence"};
+      "nees_h",       "nees_v",       "sigma_tag_map_m", "sigma_offset_m", "sigma_stitch_m", "sigma_localization_m",
+      "dominant",     "parallax_deg", "structure_m",     "depth_sigma_m",  "trusted",        "shares_evidence",
+      "sigma_rot_deg"};
   return columns;
 }
 
@@ -158,6 +159,7 @@ void WriteErrors(const Evaluation& evaluation, const std::filesystem::path& file
         : csv.Empty(3);
     row.trusted ? csv.Text(*row.trusted ? "yes" : "no") : csv.Empty();
     csv.Text(row.shares_evidence ? "yes" : "no");
+    number(row.sigma_rot_deg);
     csv.EndRow();
   }
   csv.Save(file);

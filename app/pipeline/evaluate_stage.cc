@@ -15,6 +15,7 @@
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "eval/evaluation_files.h"
 #include "eval/gates/limits.h"
@@ -260,6 +261,11 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
     by_camera = AddOwnTags(options, run, target, its, context, &evaluated);
   }
   if (solution) {
+    for (const SolutionReference& r : solution->references) {
+      if (!solution->georeference || solution->covariances.empty() || r.pose < 0) continue;
+      const Matrix6d c = WorldCovariance(*solution, r.pose);
+      evaluated.sigma_rot_rad.emplace(r.row, std::sqrt(c.topLeftCorner<3, 3>().trace() / 3));
+    }
     evaluated.covariances =
         CovariancesOfAnswers(*solution, evaluated.self_tags, by_camera, stations, context.threads, context.cancel);
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "app/pipeline/rotation_errors.h"
 #include "app/pipeline/stages.h"
 #include "calib/estimation/random.h"
 #include "datasets/io/csv.h"
@@ -258,6 +259,36 @@ TEST(EvaluateCommand, ShowsVariantsSideBySideInTheUnitAskedFor) {
   EXPECT_THAT(feet.err, HasSubstr("up to date"));
   EXPECT_THAT(feet.out, HasSubstr("variant paper [ft]"));
   EXPECT_THAT(feet.out, Not(HasSubstr("[m]")));
+}
+
+TEST(EvaluateCommand, RotationsAreHeldAgainstTheTagsThatAPanoramaShows) {
+  const Site site;
+  site.Map("results/survey", 0);
+  // One degree about the vertical; the site's answers have no rotation.
+  site.Write("results/survey/stations.csv",
+             "# trigpoint stations 1; frame=enu\npanorama,status,qx,qy,qz,qw,sigma_rot_deg\n"
+             "pano2,agrees,0,0,0.008726535,0.999961923,0.3\npano3,unseen,,,,,\n");
+  const Project project = Project::Open(site.dir());
+  EvaluatedRun run;
+  run.run = "run1";
+  run.sigma_rot_rad["pano2"] = 0.4 * EIGEN_PI / 180;
+  for (const char* name : {"pano2", "pano3"}) {
+    PanoramaResult answer;
+    answer.panorama = name;
+    answer.world_from_pano = Rigid3d();
+    run.result.panoramas.push_back(answer);
+  }
+  Evaluation evaluation;
+  for (const char* name : {"pano2", "pano3"}) {
+    ErrorRow row{.run = "run1", .method = "single", .panorama = name, .reference = "survey", .kind = "absolute"};
+    row.error_3d_m = 0.1;
+    evaluation.rows.push_back(row);
+  }
+  FillRotationErrors(project, {run}, &evaluation);
+  ASSERT_TRUE(evaluation.rows[0].error_rot_deg && evaluation.rows[0].sigma_rot_deg);
+  EXPECT_NEAR(*evaluation.rows[0].error_rot_deg, 1, 1e-4);
+  EXPECT_NEAR(*evaluation.rows[0].sigma_rot_deg, 0.5, 1e-9);
+  EXPECT_FALSE(evaluation.rows[1].error_rot_deg);
 }
 
 TEST(EvaluateCommand, SaysWhatEachNumberRestsOnAndWhetherItIsConsistent) {

@@ -91,7 +91,7 @@ TEST_F(EvaluationFiles, WritesErrorsTablesAndSummary) {
                                 "error_h_m,error_v_m,de_m,dn_m,du_m,error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,"
                                 "dof,"));
   EXPECT_THAT(errors,
-              HasSubstr("r2,,single,B,\"pano, 1\",1,self,relative,rejected,too far,,,,,,,,,,,,,,,,,,,,,,,,yes\n"));
+              HasSubstr("r2,,single,B,\"pano, 1\",1,self,relative,rejected,too far,,,,,,,,,,,,,,,,,,,,,,,,yes,\n"));
   EXPECT_TRUE(fs::exists(dir_ / "table_single_self_relative.csv"));
   EXPECT_THAT(Read(dir_ / "tables.md"), HasSubstr("3 answers of 4 attempts"));
 
