@@ -316,7 +316,7 @@ TEST_F(ReportTest, VariantsSideBySideKeepTheirNames) {
                   "run1,,single,S1,p1.jpg,1,control,absolute,localized,,0.1,0.1,0,0.1,0,0,,0.1,0.1,0.1,1,3\n"
                   "run1,paper,g2,S1,p1.jpg,1,control,absolute,localized,,9.5,9.5,0,9.5,0,0,,0.1,0.1,0.1,9000,3\n");
   EXPECT_THAT(Report(), HasSubstr("run1@paper"));
-  EXPECT_THAT(site_.Read("out/tables/worst_cells.csv"), HasSubstr("S1,p1.jpg,run1@paper,g2"));
+  EXPECT_THAT(site_.Read("out/tables/worst_cells.csv"), HasSubstr("S1,p1.jpg,run1@paper,panorama (G2)"));
 }
 
 TEST_F(ReportTest, HostileNamesStayText) {
