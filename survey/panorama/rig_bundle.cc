@@ -10,7 +10,6 @@
 #include <numbers>
 
 #include "calib/base/error.h"
-#include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/marginal_covariance.h"
@@ -197,7 +196,7 @@ void AddLenses(const RigState& state, const RigBundleOptions& options, ceres::Pr
   }
 }
 
-ceres::Solver::Summary Minimise(const RigBundleOptions& options, int threads, ceres::Problem* problem, Blocks* b) {
+ceres::Solver::Summary Minimise(const RigBundleOptions& options, ceres::Problem* problem, Blocks* b) {
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::DENSE_SCHUR;
   auto* ordering = new ceres::ParameterBlockOrdering;
@@ -207,7 +206,7 @@ ceres::Solver::Summary Minimise(const RigBundleOptions& options, int threads, ce
   solve.linear_solver_ordering.reset(ordering);
   solve.max_num_iterations = options.max_iterations;
   solve.function_tolerance = 1e-8;
-  solve.num_threads = ResolveThreads(threads);
+  solve.num_threads = 1;  // several add up in an order of their own, and the result is not the same every time
   solve.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(solve, problem, &summary);
@@ -336,7 +335,7 @@ bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, 
 }
 
 RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOptions& options, bool with_covariance,
-                         int threads, const CancelToken& cancel, RigState* state) {
+                         const CancelToken& cancel, RigState* state) {
   cancel.ThrowIfCancelled();
   const bool huber = options.huber_px > 0;
   const double knee = (huber ? options.huber_px : options.tukey_px) / options.sigma_px;
@@ -349,7 +348,7 @@ RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOpti
   AddPoints(*state, options, &problem, &blocks);
   AddPhotos(*state, options, &problem, &blocks);
   AddLenses(*state, options, &problem, &blocks);
-  const ceres::Solver::Summary summary = Minimise(options, threads, &problem, &blocks);
+  const ceres::Solver::Summary summary = Minimise(options, &problem, &blocks);
   cancel.ThrowIfCancelled();
 
   RigBundleResult result;

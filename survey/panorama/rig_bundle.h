@@ -91,7 +91,7 @@ struct RigBundleResult {
 };
 
 RigBundleResult SolveRig(const std::vector<PairView>& views, const RigBundleOptions& options, bool with_covariance,
-                         int threads, const CancelToken& cancel, RigState* state);
+                         const CancelToken& cancel, RigState* state);
 
 // Pixel of a point in a photo; false behind it.
 bool ProjectRigPoint(const std::vector<PairView>& views, const RigState& state, const RigPoint& point, int photo,

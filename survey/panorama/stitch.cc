@@ -575,7 +575,7 @@ class Stitcher {
     progress_.Begin("rotations", 0);
     b.max_iterations = 20;
     const std::vector<LensPrior> priors = HoldRing();
-    RigBundleResult central = SolveRig(out_.views, b, false, threads_, cancel_, &s);
+    RigBundleResult central = SolveRig(out_.views, b, false, cancel_, &s);
     s.lens_priors = priors;
     out_.parallax.rms_central_px = central.rms_px;
     DropOutliers(o_.guided_share * 1600);
@@ -593,7 +593,7 @@ class Stitcher {
       if (s.photos.empty()) break;
       if (round == 0) StartOnCircle(b.up);
       b.parallax = parallax_;
-      SolveRig(out_.views, b, false, threads_, cancel_, &s);
+      SolveRig(out_.views, b, false, cancel_, &s);
       DropOutliers(round == 0 ? 10.0 : (round == 3 ? 1 : 2) * b.tukey_px);  // what may still come back stays
       if (round > 0) DropLonelyPoints(b.tukey_px / kTukey);
       MeasureParallax();
@@ -719,7 +719,7 @@ class Stitcher {
     b.tukey_px = kTukey * b.sigma_px;
     b.parallax = parallax_;
     b.max_iterations = 20;
-    out_.bundle = SolveRig(out_.views, b, true, threads_, cancel_, &s);
+    out_.bundle = SolveRig(out_.views, b, true, cancel_, &s);
     out_.parallax.rms_rig_px = out_.bundle.rms_px;
     CentreRig(&out_);
     DescribeParallax(&out_);
@@ -818,7 +818,7 @@ class Stitcher {
     for (double knee : knees) {
       b.huber_px = knee;
       b.distortion = o_.distortion && ring_closed_;
-      cost = SolveRig(out_.views, b, false, threads_, cancel_, &s).cost;
+      cost = SolveRig(out_.views, b, false, cancel_, &s).cost;
       s.points = BuildRigPoints(out_.views, s, pairs);
     }
     s.lens_priors = priors;

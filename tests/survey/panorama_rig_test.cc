@@ -127,14 +127,14 @@ TEST(RigBundle, RecoversTurnsFocalLengthAndTheShapeOfTheRig) {
   o.sigma_px = 0.4;
   o.radius_m = 0.12;
   o.up = -Eigen::Vector3d::UnitY();
-  SolveRig(rig.views, o, false, 2, cancel, &rig.state);
-  const double central = SolveRig(rig.views, o, false, 2, cancel, &rig.state).rms_px;
+  SolveRig(rig.views, o, false, cancel, &rig.state);
+  const double central = SolveRig(rig.views, o, false, cancel, &rig.state).rms_px;
   o.centres = true;
   for (RigPhoto& p : rig.state.photos) {
     const Eigen::Vector3d look = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
     p.centre = 0.12 * Eigen::Vector3d(look.x(), 0, look.z()).normalized();
   }
-  rig.bundle = SolveRig(rig.views, o, true, 2, cancel, &rig.state);
+  rig.bundle = SolveRig(rig.views, o, true, cancel, &rig.state);
   CentreRig(&rig);
   EXPECT_LT(rig.bundle.rms_px, 0.45);
   EXPECT_GT(central, 2);  // one centre for all does not explain the photos
@@ -185,7 +185,7 @@ TEST(RigBundle, ShapeIsAsGoodAsItsCovarianceSays) {
       if (rig.state.points[k].direction.dot(w.points[j].normalized()) < 1 - 1e-12) continue;
       rig.state.points[k++].inverse_distance = 1 / w.points[j].norm();
     }
-    rig.bundle = SolveRig(rig.views, o, true, 2, cancel, &rig.state);
+    rig.bundle = SolveRig(rig.views, o, true, cancel, &rig.state);
     CentreRig(&rig);
     // Centres in units of a decimetre, about as far as turns are off in rad.
     constexpr double kUnit = 0.1;
@@ -407,7 +407,7 @@ TEST_F(RigFilesTest, WhatIsWrittenIsRead) {
   CancelToken cancel;
   RigBundleOptions o;
   o.centres = true;
-  rig.bundle = SolveRig(rig.views, o, true, 2, cancel, &rig.state);
+  rig.bundle = SolveRig(rig.views, o, true, cancel, &rig.state);
   CentreRig(&rig);
   rig.state.photos[5].placed = false;
   rig.reason[5] = "does not belong";
