@@ -161,7 +161,8 @@ struct Solution {
   RefinedRig rig;
   std::vector<std::array<double, 6>> deltas;
   double log_scale = 0;
-  std::map<Place, Place> points;  // where each turned out to be
+  std::map<Place, size_t> point_of;  // by where each was thought to be
+  std::vector<Place> points;         // where it turned out to be
 };
 
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
@@ -174,11 +175,15 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   own.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
-  auto* order = new ceres::ParameterBlockOrdering;  // points are eliminated first
+  // Points are eliminated first. Within a group Ceres goes by addresses in memory, which must not differ from run to
+  // run: the points lie in one row, all else has groups of its own.
+  auto* order = new ceres::ParameterBlockOrdering;
+  out.points.reserve(points.size());
   std::vector<double*> free_points;
   for (const KnownPoint& p : points) {
-    const auto [entry, fresh] = out.points.try_emplace(PlaceOf(p), PlaceOf(p));
-    double* const point = entry->second.data();
+    const auto [entry, fresh] = out.point_of.try_emplace(PlaceOf(p), out.points.size());
+    if (fresh) out.points.push_back(PlaceOf(p));
+    double* const point = out.points[entry->second].data();
     problem.AddResidualBlock(new RigPixelCost(input.rig.views[static_cast<size_t>(p.view)], p.pixel, input.sigma_px),
                              &loss, pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale, point);
     order->AddElementToGroup(point, 0);
@@ -216,9 +221,10 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
     problem.SetParameterBlockConstant(&out.log_scale);
   }
   order->AddElementToGroup(pose.data(), 1);
-  order->AddElementToGroup(&out.log_scale, 1);
+  order->AddElementToGroup(&out.log_scale, 2);
+  int group = 3;
   for (auto& d : out.deltas) {
-    if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), 1);
+    if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), group++);
   }
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::DENSE_SCHUR;
@@ -279,8 +285,8 @@ double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint&
   const Eigen::Quaterniond cam_from_rig =
       ExpSO3(Eigen::Vector3d(d[0], d[1], d[2])) * view.rig_from_view.rotation.conjugate();
   const Eigen::Vector3d centre = s.rig.scale * (view.rig_from_view.translation + Eigen::Vector3d(d[3], d[4], d[5]));
-  const auto solved = s.points.find(PlaceOf(p));
-  const Eigen::Vector3d point = solved == s.points.end() ? p.point : Eigen::Vector3d(solved->second.data());
+  const auto solved = s.point_of.find(PlaceOf(p));
+  const Eigen::Vector3d point = solved == s.point_of.end() ? p.point : Eigen::Vector3d(s.points[solved->second].data());
   const auto pixel = view.camera.Project(cam_from_rig * (s.rig.rig_from_world * point - centre));
   return pixel ? (*pixel - p.pixel).norm() : 1e3;
 }

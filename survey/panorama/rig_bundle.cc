@@ -201,8 +201,10 @@ ceres::Solver::Summary Minimise(const RigBundleOptions& options, ceres::Problem*
   solve.linear_solver_type = ceres::DENSE_SCHUR;
   auto* ordering = new ceres::ParameterBlockOrdering;
   for (double* p : b->point_blocks) ordering->AddElementToGroup(p, 0);
-  for (double* c : b->camera_blocks) ordering->AddElementToGroup(c, 1);
-  if (options.centres) ordering->AddElementToGroup(&b->log_radius, 1);
+  // A group each: within one, Ceres goes by addresses in memory, which differ from run to run.
+  int group = 1;
+  for (double* c : b->camera_blocks) ordering->AddElementToGroup(c, group++);
+  if (options.centres) ordering->AddElementToGroup(&b->log_radius, group);
   solve.linear_solver_ordering.reset(ordering);
   solve.max_num_iterations = options.max_iterations;
   solve.function_tolerance = 1e-8;
