@@ -444,6 +444,13 @@ std::optional<BearingObservation> ObservationOf(const LocalizeInput& input, cons
 
 namespace {
 
+// About the axes of the body what the pairs of images say, along them no less than stated: pairs see no length.
+Vector6d FirstNoiseFactor(const ReconstructStart& start) {
+  Vector6d factor = Vector6d::Constant(start.odometry_noise);
+  factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise));
+  return factor;
+}
+
 // The problem that is to be solved: poses where they start, the first held, points nowhere yet.
 Reconstruction Unsolved(const LocalizeInput& input, const ReconstructStart& start, int tracks,
                         std::vector<TrackObservation> track_observations, const ReconstructOptions& options) {
@@ -477,9 +484,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
   BundleOptions bundle;
   bundle.threads = threads;
 
-  Vector6d noise_factor = Vector6d::Ones();
-  noise_factor.head<3>().setConstant(start.odometry_noise);
-  noise_factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise));
+  Vector6d noise_factor = FirstNoiseFactor(start);
   // Never upwards: images that are wrong would have odometry, a measurement with stated noise, lose.
   const Vector6d most_noise = noise_factor;
   p.factors = OdometryFactors(input, options, noise_factor);

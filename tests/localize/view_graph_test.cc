@@ -80,6 +80,41 @@ TEST(ViewGraph, TiesNoPhotoThatShowsAnotherPlace) {
   EXPECT_LT(test::Error(drive, Solve(drive, 10).reconstruction.problem.poses), OdometryError(drive));
 }
 
+// Odometry anew, its noise `times` the one that the options state.
+void RedrawOdometry(double times, uint64_t seed, Drive* drive) {
+  const ReconstructOptions stated;
+  Random random(seed);
+  Rigid3d odometry;
+  for (size_t k = 1; k < drive->odom_from_body.size(); ++k) {
+    Rigid3d motion = drive->odom_from_body[k - 1].Inverse() * drive->odom_from_body[k];
+    const double length = motion.translation.norm();
+    const double turn =
+        times * std::hypot(stated.odometry_rotation_deg, stated.odometry_rotation_deg_m * std::sqrt(length));
+    const double shift = times * std::hypot(stated.odometry_translation_m, stated.odometry_translation_part * length);
+    motion.translation += shift * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
+    motion.rotation =
+        motion.rotation * ExpSO3(turn * kDegToRad * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()));
+    odometry = odometry * motion;
+    drive->input.odom_from_body[k] = odometry;
+  }
+}
+
+// Odometry whose noise is four times as large as stated does not keep photos from where they belong.
+TEST(ViewGraph, SeesThatOdometryIsNoisierThanStated) {
+  Drive drive = MakeDrive(1.6, 3, 3.0);
+  RedrawOdometry(4, 5, &drive);
+  const double noise = std::sqrt(GraphOf(drive).odometry_variance);
+  EXPECT_GT(noise, 2);
+  EXPECT_LT(noise, 8);
+  EXPECT_LT(test::Error(drive, Solve(drive, 10).reconstruction.problem.poses), 0.1 * OdometryError(drive));
+}
+
+TEST(ViewGraph, BelievesOdometryThatIsAsStated) {
+  Drive drive = MakeDrive(1.6, 3, 3.0);
+  RedrawOdometry(1, 5, &drive);
+  EXPECT_LE(GraphOf(drive).odometry_variance, 1);
+}
+
 TEST(ViewGraph, ResultsDoNotDependOnThreads) {
   Drive drive = MakeDrive(1.0, 4, 3.0);
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
