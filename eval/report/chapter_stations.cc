@@ -45,7 +45,8 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
       "station_errors",
-      "Differences of the answers from their references. Against the run's own tags: as its cameras see them, in the run's "
+      "Differences of the answers from their references. Against the run's own tags: as its cameras see them, in the "
+      "run's "
       "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
       "its "
       "error budget. NEES: squared error in its own sigmas, 3 on average where these are right.",

@@ -165,6 +165,20 @@ struct Solution {
   std::vector<Place> points;         // where it turned out to be
 };
 
+// Points are eliminated first. Within a group Ceres goes by addresses in memory, which must not differ from run to run:
+// the points lie in one row, all else has groups of its own.
+ceres::ParameterBlockOrdering* EliminationOrder(const ceres::Problem& problem, double* pose, Solution* solution) {
+  auto* order = new ceres::ParameterBlockOrdering;
+  for (Place& point : solution->points) order->AddElementToGroup(point.data(), 0);
+  int group = 1;
+  order->AddElementToGroup(pose, group++);
+  order->AddElementToGroup(&solution->log_scale, group++);
+  for (auto& d : solution->deltas) {
+    if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), group++);
+  }
+  return order;
+}
+
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
                const std::vector<KnownPoint>& points, bool with_covariance) {
   Solution out;
@@ -175,9 +189,6 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   own.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(own);
   CauchyChi2Loss loss(4.0);
-  // Points are eliminated first. Within a group Ceres goes by addresses in memory, which must not differ from run to
-  // run: the points lie in one row, all else has groups of its own.
-  auto* order = new ceres::ParameterBlockOrdering;
   out.points.reserve(points.size());
   std::vector<double*> free_points;
   for (const KnownPoint& p : points) {
@@ -186,7 +197,6 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
     double* const point = out.points[entry->second].data();
     problem.AddResidualBlock(new RigPixelCost(input.rig.views[static_cast<size_t>(p.view)], p.pixel, input.sigma_px),
                              &loss, pose.data(), out.deltas[static_cast<size_t>(p.view)].data(), &out.log_scale, point);
-    order->AddElementToGroup(point, 0);
     if (!fresh) continue;
     const Eigen::LLT<Eigen::Matrix3d> llt(p.covariance);
     if (llt.info() != Eigen::Success) {
@@ -220,15 +230,9 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   } else {
     problem.SetParameterBlockConstant(&out.log_scale);
   }
-  order->AddElementToGroup(pose.data(), 1);
-  order->AddElementToGroup(&out.log_scale, 2);
-  int group = 3;
-  for (auto& d : out.deltas) {
-    if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), group++);
-  }
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::DENSE_SCHUR;
-  solve.linear_solver_ordering.reset(order);
+  solve.linear_solver_ordering.reset(EliminationOrder(problem, pose.data(), &out));
   solve.max_num_iterations = 40;
   solve.function_tolerance = 1e-8;
   solve.logging_type = ceres::SILENT;
