@@ -47,11 +47,15 @@ TEST_F(CalibrationFiles, ReadsKalibrTargets) {
 }
 
 TEST_F(CalibrationFiles, TargetsInOneLine) {
-  for (const char* text :
-       {"checkerboard:9x6:0.025", "checkerboard:9x6:0.025x0.03", "charuco:8x8:0.0254:0.01905:DICT_4X4_1000",
-        "aprilgrid:6x6:0.088:0.3", "asymmetric_circles:4x11:0.02", "circles:7x7:0.02"}) {
-    EXPECT_EQ(ReadTarget(text, dir()).Text(), text);
-  }
+  const std::pair<const char*, const char*> targets[] = {
+      {"checkerboard:9x6:0.025", "checkerboard of 9 x 6 inner corners, squares of 25 mm"},
+      {"checkerboard:9x6:0.025x0.03", "checkerboard of 9 x 6 inner corners, squares of 25 x 30 mm"},
+      {"charuco:8x8:0.0254:0.01905:DICT_4X4_1000",
+       "ChArUco board of 8 x 8 squares of 25.4 mm, DICT_4X4_1000 markers of 19.05 mm"},
+      {"aprilgrid:6x6:0.088:0.3", "AprilGrid of 6 x 6 tags of 88 mm, gaps of 26.4 mm"},
+      {"asymmetric_circles:4x11:0.02", "asymmetric grid of 4 x 11 circles, spacing 20 mm"},
+      {"circles:7x7:0.02", "grid of 7 x 7 circles, spacing 20 mm"}};
+  for (const auto& [text, words] : targets) EXPECT_EQ(ReadTarget(text, dir()).Text(), words) << text;
   EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("chequerboard:9x6:0.025", dir()); }), HasSubstr("'checkerboard'"));
   EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("checkerboard:9:0.025", dir()); }), HasSubstr("columns x rows"));
   EXPECT_THAT(MessageOf<Error>([&] { ReadTarget("checkerboard:9x6:-1", dir()); }), HasSubstr("above 0"));

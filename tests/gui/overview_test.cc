@@ -99,7 +99,7 @@ TEST_F(OverviewTest, NextIsWhatStatusAdvises) {
   auto* next = Child<QPushButton>(window_.get(), "overview.next");
   ASSERT_TRUE(WaitFor([&] { return next->isVisible(); }));
   EXPECT_THAT(Child<QLabel>(window_.get(), "overview.next_text")->text().toStdString(),
-              HasSubstr("missing or out of date"));
+              HasSubstr("Missing or out of date"));
   window_->workspace()->Close();
   EXPECT_FALSE(next->isVisible());
   EXPECT_EQ(Matrix(), nullptr);
