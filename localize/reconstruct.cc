@@ -19,8 +19,7 @@ namespace {
 // Of the mean squared stray of stretches from odometry: well beyond chance and odometry's own small faults.
 constexpr double kMostExcess = 4;
 
-// Points that wrong matches draw into a camera: nothing that a site is surveyed by is as near, and there directions
-// have no derivatives.
+// Wrong matches can pull a point into a camera, where its direction has no derivative. No real point is as near.
 constexpr double kNearest_m = 0.05;
 
 // Raw odometry residual of factor k at the current state.

@@ -292,8 +292,8 @@ class Registrar {
     return passages;
   }
 
-  // Whether two images are so close together that the second tells little. A rig's other cameras look elsewhere, and
-  // stops farther apart than the candidates of a passage would be are all needed.
+  // Whether two images show nearly the same: of one camera, close to each other in the run and in space. The other
+  // cameras of a rig look elsewhere; stops farther apart than candidates spread evenly over a passage all count.
   bool SameAs(int a, int b, int spacing) const {
     const FrameImage& of_a = input_.images[static_cast<size_t>(a)];
     const FrameImage& of_b = input_.images[static_cast<size_t>(b)];

@@ -550,8 +550,8 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
       graph.odometry_variance = *by_images;
       char text[200];
       std::snprintf(text, sizeof text,
-                    "odometry is about %.1f times as noisy as stated, by pairs of neighbouring images that agree with "
-                    "other images; it is weighted accordingly",
+                    "odometry is about %.1f times as noisy as assumed, by pairs of neighbouring images that others "
+                    "confirm; it gets less weight",
                     std::sqrt(graph.odometry_variance));
       progress.Log(LogLevel::kWarning, text);
     }
