@@ -10,7 +10,7 @@
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
-#include "localize/gps_check.h"
+#include "localize/georegistration/gps_check.h"
 
 namespace trigpoint {
 namespace {

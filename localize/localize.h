@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "localize/frames.h"
-#include "localize/georegistration.h"
-#include "localize/reconstruct.h"
-#include "localize/registration.h"
-#include "localize/retrieval.h"
-#include "localize/step_times.h"
-#include "localize/world_fit.h"
+#include "localize/georegistration/georegistration.h"
+#include "localize/georegistration/world_fit.h"
+#include "localize/reconstruct/frames.h"
+#include "localize/reconstruct/reconstruct.h"
+#include "localize/reconstruct/step_times.h"
+#include "localize/references/registration.h"
+#include "localize/references/retrieval.h"
 
 namespace trigpoint {
 

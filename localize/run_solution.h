@@ -5,7 +5,7 @@
 
 #include "datasets/solution/solution.h"
 #include "localize/localize.h"
-#include "localize/reconstruct_run.h"
+#include "localize/reconstruct/reconstruct_run.h"
 
 namespace trigpoint {
 

@@ -15,7 +15,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/outputs.h"
-#include "eval/markdown.h"
+#include "eval/text/markdown.h"
 
 namespace trigpoint {
 

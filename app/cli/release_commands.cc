@@ -4,14 +4,14 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/compared.h"
-#include "app/pipeline/publish.h"
-#include "app/pipeline/release_files.h"
-#include "app/pipeline/release_signature.h"
 #include "app/pipeline/rerun.h"
 #include "datasets/project/hash.h"
-#include "eval/epoch.h"
-#include "eval/method_name.h"
+#include "datasets/project/release_files.h"
+#include "eval/release/compared.h"
+#include "eval/release/publish.h"
+#include "eval/release/release_signature.h"
+#include "eval/statistics/epoch.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

@@ -5,7 +5,7 @@
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/reviewed.h"
 #include "datasets/project/files.h"
-#include "eval/method_name.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

@@ -8,8 +8,8 @@
 #include "datasets/io/text.h"
 #include "datasets/project/outputs.h"
 #include "eval/report/trajectory_plots.h"
-#include "eval/trajectory.h"
-#include "eval/trajectory_frames.h"
+#include "eval/trajectory/trajectory.h"
+#include "eval/trajectory/trajectory_frames.h"
 
 namespace trigpoint {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "app/desktop/stage_form.h"
-#include "app/pipeline/options_json.h"
 #include "calib/base/progress.h"
+#include "datasets/project/options_json.h"
 
 namespace trigpoint {
 

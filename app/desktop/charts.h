@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "app/desktop/snapshot.h"
-#include "eval/display_unit.h"
 #include "eval/report/drawing.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

@@ -4,7 +4,7 @@
 
 #include <QString>
 
-#include "eval/display_unit.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

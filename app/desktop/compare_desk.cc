@@ -17,10 +17,10 @@
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/scene_desk.h"
-#include "app/pipeline/compared.h"
 #include "app/pipeline/reviewed.h"
-#include "eval/compare.h"
-#include "eval/method_name.h"
+#include "eval/errors/compare.h"
+#include "eval/release/compared.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 

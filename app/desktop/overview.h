@@ -7,10 +7,10 @@
 
 #include "app/desktop/charts.h"
 #include "app/desktop/snapshot.h"
-#include "eval/display_unit.h"
 #include "eval/report/document.h"
 #include "eval/report/plan.h"
 #include "eval/report/report_data.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

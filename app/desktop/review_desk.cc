@@ -16,7 +16,7 @@
 #include "app/desktop/object_table.h"
 #include "app/desktop/run_desk.h"
 #include "app/pipeline/reviewed.h"
-#include "eval/method_name.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 

@@ -8,7 +8,7 @@
 #include "app/pipeline/stages.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/csv.h"
-#include "eval/evaluate.h"
+#include "eval/errors/evaluate.h"
 
 namespace trigpoint {
 

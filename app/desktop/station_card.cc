@@ -13,8 +13,8 @@
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/tolerance.h"
-#include "eval/method_name.h"
 #include "eval/report/verdict.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 

@@ -22,7 +22,7 @@
 #include "app/desktop/background.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/tolerance.h"
-#include "eval/method_name.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 

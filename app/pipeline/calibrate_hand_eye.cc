@@ -4,9 +4,9 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "app/pipeline/calibrate_files.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
+#include "datasets/calibration/calibrate_files.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "survey/tags/tag_files.h"

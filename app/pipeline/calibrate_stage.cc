@@ -7,8 +7,8 @@
 #include <map>
 #include <opencv2/core.hpp>
 
-#include "app/pipeline/calibrate_files.h"
 #include "app/pipeline/calibrate_hand_eye.h"
+#include "datasets/calibration/calibrate_files.h"
 #include "datasets/calibration/calibration_images.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/calibration/target_file.h"

@@ -12,8 +12,8 @@
 #include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
-#include "eval/trajectory.h"
-#include "localize/odometry_unit.h"
+#include "eval/trajectory/trajectory.h"
+#include "localize/reconstruct/odometry_unit.h"
 #include "survey/panorama/stitch.h"
 
 namespace trigpoint {

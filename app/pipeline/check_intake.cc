@@ -5,10 +5,10 @@
 #include <chrono>
 #include <cmath>
 
-#include "app/pipeline/detection_json.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/project/forked.h"
+#include "survey/tags/detection_json.h"
 #include "survey/tags/tag_finder.h"
 
 namespace trigpoint {

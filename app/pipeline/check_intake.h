@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/json_lines.h"
+#include "datasets/project/json_lines.h"
 #include "datasets/project/project.h"
 #include "survey/field/findings.h"
 

@@ -7,7 +7,7 @@
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
-#include "localize/shared_features.h"
+#include "localize/reconstruct/shared_features.h"
 
 namespace trigpoint {
 namespace {

@@ -6,7 +6,7 @@
 #include <tuple>
 #include <vector>
 
-#include "app/pipeline/json_lines.h"
+#include "datasets/project/json_lines.h"
 #include "survey/field/findings.h"
 
 namespace trigpoint {

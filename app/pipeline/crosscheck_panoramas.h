@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "datasets/colmap/model.h"
-#include "eval/crosscheck.h"
-#include "eval/results.h"
+#include "eval/errors/crosscheck.h"
+#include "eval/errors/results.h"
 
 namespace trigpoint {
 

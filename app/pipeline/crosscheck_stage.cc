@@ -11,12 +11,12 @@
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
 #include "app/pipeline/crosscheck_panoramas.h"
-#include "app/pipeline/feature_store.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
-#include "eval/crosscheck.h"
-#include "eval/results.h"
+#include "eval/errors/crosscheck.h"
+#include "eval/errors/results.h"
+#include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
 namespace {

@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "app/pipeline/detection_json.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
@@ -14,6 +13,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/project/forked.h"
+#include "survey/tags/detection_json.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "eval/display_unit.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

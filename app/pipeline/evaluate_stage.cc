@@ -8,18 +8,18 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/measured_offsets.h"
-#include "app/pipeline/reference_maps.h"
 #include "app/pipeline/reviewed.h"
-#include "app/pipeline/rotation_errors.h"
-#include "app/pipeline/score_estimates.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
+#include "eval/errors/reference_maps.h"
+#include "eval/errors/rotation_errors.h"
 #include "eval/gates/limits.h"
-#include "eval/truth.h"
+#include "eval/trajectory/score_estimates.h"
+#include "eval/truth/truth.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

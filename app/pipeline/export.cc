@@ -20,7 +20,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/outputs.h"
-#include "eval/results.h"
+#include "eval/errors/results.h"
 
 namespace trigpoint {
 namespace {

@@ -6,13 +6,13 @@
 #include <map>
 
 #include "app/pipeline/export.h"
-#include "app/pipeline/reference_maps.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
-#include "eval/evaluate.h"
-#include "eval/evaluation_files.h"
-#include "eval/results.h"
+#include "eval/errors/evaluate.h"
+#include "eval/errors/evaluation_files.h"
+#include "eval/errors/reference_maps.h"
+#include "eval/errors/results.h"
 
 namespace trigpoint {
 namespace {

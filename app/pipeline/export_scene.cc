@@ -7,7 +7,6 @@
 #include <map>
 
 #include "app/pipeline/export.h"
-#include "app/pipeline/feature_store.h"
 #include "app/pipeline/inspect.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
@@ -16,6 +15,7 @@
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
+#include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
 namespace {

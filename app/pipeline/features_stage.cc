@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "app/pipeline/feature_store.h"
 #include "app/pipeline/stage_list.h"
+#include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
 namespace {

@@ -6,8 +6,8 @@
 #include <filesystem>
 
 #include "app/pipeline/localize_files.h"
-#include "localize/reconstruct_run.h"
-#include "localize/self_calibration.h"
+#include "localize/reconstruct/reconstruct_run.h"
+#include "localize/reconstruct/self_calibration.h"
 
 namespace trigpoint {
 

@@ -8,15 +8,15 @@
 #include <set>
 
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
-#include "eval/results.h"
-#include "localize/matching.h"
+#include "eval/errors/results.h"
+#include "localize/reconstruct/feature_store.h"
+#include "localize/reconstruct/matching.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/feature_store.h"
 #include "localize/localize.h"
+#include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
 

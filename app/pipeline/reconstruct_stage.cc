@@ -7,8 +7,8 @@
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/solution/solution_file.h"
-#include "localize/odometry_check.h"
-#include "localize/odometry_unit.h"
+#include "localize/reconstruct/odometry_check.h"
+#include "localize/reconstruct/odometry_unit.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {

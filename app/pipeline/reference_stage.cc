@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/pipeline/reference_maps.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
-#include "eval/estimates.h"
+#include "eval/errors/reference_maps.h"
+#include "eval/trajectory/estimates.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

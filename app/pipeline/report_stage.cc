@@ -8,8 +8,8 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
-#include "app/pipeline/versions.h"
 #include "calib/base/counted.h"
+#include "eval/release/versions.h"
 #include "eval/report/report.h"
 
 namespace trigpoint {

@@ -9,12 +9,12 @@
 #include <cstdlib>
 
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/release_files.h"
-#include "app/pipeline/versions.h"
 #include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
+#include "datasets/project/release_files.h"
+#include "eval/release/versions.h"
 
 namespace trigpoint {
 

@@ -7,7 +7,7 @@
 
 #include "app/pipeline/jobs.h"
 #include "datasets/project/review.h"
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -28,7 +28,7 @@
 #include <vector>
 
 #include "app/pipeline/display_unit.h"
-#include "app/pipeline/options_json.h"
+#include "datasets/project/options_json.h"
 #include "datasets/project/stage.h"
 
 namespace trigpoint {

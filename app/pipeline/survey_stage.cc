@@ -12,7 +12,7 @@
 #include "app/pipeline/survey_tables.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
-#include "eval/results.h"
+#include "eval/errors/results.h"
 
 namespace trigpoint {
 namespace {

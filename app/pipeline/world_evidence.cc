@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <sstream>
 
-#include "app/pipeline/reference_maps.h"
 #include "app/pipeline/reviewed.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "eval/errors/reference_maps.h"
 
 namespace trigpoint {
 namespace {

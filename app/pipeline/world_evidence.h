@@ -7,7 +7,7 @@
 
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stages.h"
-#include "eval/evaluate.h"
+#include "eval/errors/evaluate.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
 

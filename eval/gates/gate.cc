@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "eval/gates/more_data.h"
-#include "eval/markdown.h"
+#include "eval/text/markdown.h"
 
 namespace trigpoint {
 namespace {

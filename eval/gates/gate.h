@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "eval/bootstrap.h"
 #include "eval/gates/limits.h"
+#include "eval/statistics/bootstrap.h"
 
 namespace trigpoint {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/base/error.h"
-#include "eval/distributions.h"
+#include "eval/statistics/distributions.h"
 
 namespace trigpoint {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "eval/bootstrap.h"
+#include "eval/statistics/bootstrap.h"
 
 namespace trigpoint {
 

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "eval/distributions.h"
-#include "eval/estimates.h"
 #include "eval/gates/intervals.h"
-#include "eval/method_name.h"
+#include "eval/statistics/distributions.h"
+#include "eval/text/method_name.h"
+#include "eval/trajectory/estimates.h"
 
 namespace trigpoint {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "eval/errors/results.h"
 #include "eval/gates/gate.h"
-#include "eval/results.h"
 
 namespace trigpoint {
 

@@ -5,12 +5,12 @@
 #include <set>
 
 #include "datasets/io/text.h"
-#include "eval/distributions.h"
-#include "eval/interval_text.h"
-#include "eval/method_name.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/report/verdict.h"
+#include "eval/statistics/distributions.h"
+#include "eval/text/interval_text.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

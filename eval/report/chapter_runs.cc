@@ -6,7 +6,7 @@
 #include "calib/base/counted.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {

@@ -6,8 +6,8 @@
 #include <set>
 
 #include "calib/base/counted.h"
-#include "eval/method_name.h"
 #include "eval/report/chapters.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

@@ -5,9 +5,9 @@
 #include <map>
 #include <tuple>
 
-#include "eval/method_name.h"
 #include "eval/report/chapters.h"
 #include "eval/report/verdict.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 #include "eval/report/document.h"
 #include "eval/report/report_data.h"
 

@@ -11,7 +11,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "localize/views.h"
+#include "localize/references/views.h"
 
 namespace trigpoint {
 namespace {

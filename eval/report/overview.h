@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 
 namespace trigpoint {
 

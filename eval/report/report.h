@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "calib/base/option.h"
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 #include "eval/report/report_data.h"
 
 namespace trigpoint {

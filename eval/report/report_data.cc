@@ -10,7 +10,7 @@
 #include "datasets/colmap/model.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
-#include "eval/evaluate.h"
+#include "eval/errors/evaluate.h"
 
 namespace trigpoint {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <tuple>
 
-#include "eval/method_name.h"
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

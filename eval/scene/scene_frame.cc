@@ -13,9 +13,9 @@
 
 #include <set>
 
-#include "eval/distributions.h"
 #include "eval/scene/scene_parts.h"
-#include "eval/statistics.h"
+#include "eval/statistics/distributions.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 void SceneView::Parts::BuildErrors() {

@@ -15,7 +15,7 @@
 #include <set>
 
 #include "eval/scene/scene_parts.h"
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {

@@ -13,8 +13,8 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "eval/evaluate.h"
-#include "eval/results.h"
+#include "eval/errors/evaluate.h"
+#include "eval/errors/results.h"
 #include "eval/scene/scene_points.h"
 #include "survey/tags/tag_family.h"
 

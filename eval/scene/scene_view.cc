@@ -13,8 +13,8 @@
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
-#include "eval/method_name.h"
 #include "eval/scene/scene_parts.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {

@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "eval/display_unit.h"
 #include "eval/scene/scene_model.h"
+#include "eval/text/display_unit.h"
 
 class vtkRenderer;
 

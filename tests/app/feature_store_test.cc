@@ -1,5 +1,5 @@
 // At which resolution a reference photo is matched with a run's images.
-#include "app/pipeline/feature_store.h"
+#include "localize/reconstruct/feature_store.h"
 
 #include <gtest/gtest.h>
 

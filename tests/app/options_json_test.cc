@@ -1,4 +1,4 @@
-#include "app/pipeline/options_json.h"
+#include "datasets/project/options_json.h"
 
 #include <gmock/gmock.h>
 

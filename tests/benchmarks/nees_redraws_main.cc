@@ -13,7 +13,7 @@
 
 #include "calib/base/error.h"
 #include "localize/localize.h"
-#include "localize/reconstruct_run.h"
+#include "localize/reconstruct/reconstruct_run.h"
 #include "tests/synthetic/synthetic_features.h"
 
 namespace trigpoint {

@@ -1,11 +1,11 @@
 // The covariance of answers less what the run's own tags give, against derivatives by differences of the whole way:
 // poses of cameras, tags estimated from them, the centre that a tag gives, the fit to the Earth.
-#include "eval/answer_covariance.h"
+#include "eval/errors/answer_covariance.h"
 
 #include <gtest/gtest.h>
 
 #include "datasets/solution/solution_covariance.h"
-#include "eval/stations.h"
+#include "eval/errors/stations.h"
 #include "survey/tags/planar_pose.h"
 #include "survey/tags/tag_poses.h"
 #include "tests/datasets/sample_solution.h"

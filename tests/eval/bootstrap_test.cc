@@ -1,4 +1,4 @@
-#include "eval/bootstrap.h"
+#include "eval/statistics/bootstrap.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <string>
 
 #include "calib/estimation/random.h"
-#include "eval/distributions.h"
-#include "eval/statistics.h"
+#include "eval/statistics/distributions.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {

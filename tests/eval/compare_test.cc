@@ -1,4 +1,4 @@
-#include "eval/compare.h"
+#include "eval/errors/compare.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

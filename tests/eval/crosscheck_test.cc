@@ -1,4 +1,4 @@
-#include "eval/crosscheck.h"
+#include "eval/errors/crosscheck.h"
 
 #include <gmock/gmock.h>
 

@@ -6,9 +6,9 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
-#include "eval/distributions.h"
-#include "eval/paired.h"
-#include "eval/paper_tables.h"
+#include "eval/errors/paired.h"
+#include "eval/errors/paper_tables.h"
+#include "eval/statistics/distributions.h"
 
 namespace trigpoint {
 namespace {

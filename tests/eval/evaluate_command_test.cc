@@ -4,12 +4,12 @@
 #include <cmath>
 #include <memory>
 
-#include "app/pipeline/rotation_errors.h"
 #include "app/pipeline/stages.h"
 #include "calib/estimation/random.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
+#include "eval/errors/rotation_errors.h"
 #include "tests/e2e/program.h"
 
 namespace trigpoint {

@@ -1,4 +1,4 @@
-#include "eval/evaluate.h"
+#include "eval/errors/evaluate.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

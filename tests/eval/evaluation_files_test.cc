@@ -1,4 +1,4 @@
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "calib/base/error.h"
-#include "eval/results.h"
+#include "eval/errors/results.h"
 
 namespace trigpoint {
 namespace {

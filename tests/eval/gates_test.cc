@@ -5,12 +5,12 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
-#include "eval/bootstrap.h"
-#include "eval/distributions.h"
-#include "eval/evaluation_files.h"
+#include "eval/errors/evaluation_files.h"
 #include "eval/gates/gate.h"
 #include "eval/gates/intervals.h"
 #include "eval/gates/measures.h"
+#include "eval/statistics/bootstrap.h"
+#include "eval/statistics/distributions.h"
 
 namespace trigpoint {
 namespace {

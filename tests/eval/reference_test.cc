@@ -9,10 +9,10 @@
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
-#include "eval/distributions.h"
-#include "eval/epoch.h"
-#include "eval/estimates.h"
-#include "eval/selected_inverse.h"
+#include "eval/statistics/distributions.h"
+#include "eval/statistics/epoch.h"
+#include "eval/trajectory/estimates.h"
+#include "eval/truth/selected_inverse.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -1,9 +1,9 @@
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
 
 #include <gtest/gtest.h>
 
 #include "calib/base/error.h"
-#include "eval/paper_tables.h"
+#include "eval/errors/paper_tables.h"
 
 namespace trigpoint {
 namespace {

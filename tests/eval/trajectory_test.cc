@@ -1,4 +1,4 @@
-#include "eval/trajectory.h"
+#include "eval/trajectory/trajectory.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,11 +1,11 @@
-#include "eval/truth.h"
+#include "eval/truth/truth.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "calib/base/error.h"
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {

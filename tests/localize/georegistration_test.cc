@@ -1,5 +1,5 @@
 // The run's frame on the Earth: recovers what it was made from, with an uncertainty that redraws confirm.
-#include "localize/georegistration.h"
+#include "localize/georegistration/georegistration.h"
 
 #include <gtest/gtest.h>
 

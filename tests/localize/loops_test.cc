@@ -1,5 +1,5 @@
 // A drive that comes back to where it began: the loop is found, closed, and believed only with reason.
-#include "localize/loops.h"
+#include "localize/reconstruct/loops.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Matching and two-view verification on features whose partners are known.
-#include "localize/matching.h"
+#include "localize/reconstruct/matching.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
-#include "localize/features.h"
-#include "localize/two_view.h"
+#include "localize/reconstruct/features.h"
+#include "localize/reconstruct/two_view.h"
 #include "tests/localize/test_scene.h"
 
 namespace trigpoint {

@@ -1,5 +1,5 @@
 // Wrong conventions in odometry are named by the images; right odometry is never refused.
-#include "localize/odometry_check.h"
+#include "localize/reconstruct/odometry_check.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // A drive straight ahead along a street: what its trajectory is worth when the camera is known well, and when it isn't.
-#include "localize/reconstruct.h"
+#include "localize/reconstruct/reconstruct.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Which matches near their predicted place are worth having.
-#include "localize/registration.h"
+#include "localize/references/registration.h"
 
 #include <gtest/gtest.h>
 

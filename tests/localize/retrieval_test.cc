@@ -1,5 +1,5 @@
 // Retrieval: a picture of the same spots comes first, whatever the number of threads.
-#include "localize/retrieval.h"
+#include "localize/references/retrieval.h"
 
 #include <gtest/gtest.h>
 

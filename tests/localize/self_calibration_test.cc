@@ -1,5 +1,5 @@
 // The lens of a camera that nobody calibrated, from a reconstruction that was made with a guess of it.
-#include "localize/self_calibration.h"
+#include "localize/reconstruct/self_calibration.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The motion of runs that have no odometry.
-#include "localize/structure_from_motion.h"
+#include "localize/reconstruct/structure_from_motion.h"
 
 #include <gtest/gtest.h>
 

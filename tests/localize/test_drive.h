@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "calib/geo/geodetic.h"
-#include "localize/reconstruct_run.h"
+#include "localize/reconstruct/reconstruct_run.h"
 #include "tests/localize/test_scene.h"
 
 namespace trigpoint::test {

@@ -1,11 +1,11 @@
 // Pairs of images beyond neighbours in time: they tie photos far apart, and wrong ones are rejected.
-#include "localize/view_graph.h"
+#include "localize/reconstruct/view_graph.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "localize/track_table.h"
+#include "localize/reconstruct/track_table.h"
 #include "tests/localize/test_drive.h"
 
 namespace trigpoint {

@@ -1,5 +1,5 @@
 // A run among surveyed tags, control points and GPS: where it is said to be, and how well, over redraws of all noise.
-#include "localize/world_fit.h"
+#include "localize/georegistration/world_fit.h"
 
 #include <gtest/gtest.h>
 

@@ -21,8 +21,8 @@ class CheckIncludes(unittest.TestCase):
     def test_refused(self):
         for path, line in [
             ("calib/geometry/a.h", '#include "datasets/io/site.h"'),
-            ("datasets/io/a.cc", '#include "localize/tracks.h"'),
-            ("survey/tags/a.cc", '#include "localize/tracks.h"'),
+            ("datasets/io/a.cc", '#include "localize/reconstruct/tracks.h"'),
+            ("survey/tags/a.cc", '#include "localize/reconstruct/tracks.h"'),
             ("localize/a.cc", '#include "survey/tags/detector.h"'),
             ("localize/a.cc", '#  include "eval/errors.h"'),
             ("eval/a.cc", '#include "app/pipeline/stages.h"'),
@@ -42,7 +42,7 @@ class CheckIncludes(unittest.TestCase):
         for path, line in [
             ("datasets/io/a.cc", '#include "calib/geometry/rigid3.h"'),
             ("survey/panorama/a.cc", '#include "survey/tags/detector.h"'),
-            ("eval/a.cc", '#include "localize/tracks.h"'),
+            ("eval/a.cc", '#include "localize/reconstruct/tracks.h"'),
             ("app/cli/a.cc", '#include "survey/tags/detector.h"'),
             ("eval/scene/a.cc", "#include <vtkActor.h>"),
             ("app/desktop/a.cc", "#include <QWidget>"),

@@ -1,0 +1,608 @@
+#include "localize/georegistration/georegistration.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/median.h"
+#include "calib/geometry/alignment.h"
+#include "localize/reconstruct/odometry_unit.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kApart_m = 0.5;        // places closer than this show no direction
+constexpr size_t kFew = 60;             // geotags up to which several starts are tried
+constexpr size_t kStarts = 12;          // the most plausible ones
+constexpr double kDifferent = 5;        // solutions farther apart than so many sigmas are two
+constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves which headings are wrong
+constexpr double kWrongHeading_rad = 20 * kDegToRad;
+constexpr double kMostScale = 0.15;     // logarithm: a scale farther off is a wrong unit, not drift
+constexpr double kLessCost = 5;         // another scale is looked at if the fit is better by this
+constexpr double kUnknownScale = 0.5;   // sigmas of the scale from here on: it is measured, not known
+constexpr double kMostSigmaFactor = 5;  // sigmas too small by more than this are a contradiction
+
+using Vector7d = Eigen::Matrix<double, 7, 1>;
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
+
+Sim3d Moved(const Sim3d& s, const Vector7d& d) {
+  return {s.scale + d(6), (ExpSO3(d.head<3>()) * s.rotation).normalized(), s.translation + d.segment<3>(3)};
+}
+
+// Rows of one observation: position (3), then heading, pitch, roll. Sigma 0 marks a row that is not observed.
+struct Rows {
+  Vector6d r = Vector6d::Zero();                                        // predicted - said
+  Vector6d sigma = Vector6d::Zero();                                    // of what is said
+  Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();  // d r / d global
+  Matrix6d jo = Matrix6d::Zero();                                       // d r / d odom_from_rig
+};
+
+Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
+  Rows rows;
+  const Eigen::Vector3d rotated = s.rotation * o.odom_from_rig.translation;
+  const Eigen::Matrix3d rot = s.rotation.toRotationMatrix();
+  if (o.has_position) {
+    rows.r.head<3>() = s.scale * rotated + s.translation - o.position;
+    rows.sigma.head<3>() << o.sigma_h_m, o.sigma_h_m, o.has_height ? o.sigma_v_m : 0;
+    rows.j.topLeftCorner<3, 3>() = -s.scale * Skew(rotated);
+    rows.j.block<3, 3>(0, 3).setIdentity();
+    rows.j.block<3, 1>(0, 6) = rotated;
+    rows.jo.topRightCorner<3, 3>() = s.scale * rot;
+  }
+  if (o.has_heading || o.has_tilt) {
+    const Eigen::Quaterniond world_from_rig = s.rotation * o.odom_from_rig.rotation;
+    const Attitude a = AttitudeOf(world_from_rig);
+    // Looking straight up or down there is no heading: such a view says nothing here.
+    if (std::cos(a.pitch_rad) > 0.05) {
+      const Eigen::Matrix3d ja = AttitudeJacobian(world_from_rig);
+      rows.r.tail<3>() << WrapAngle(a.heading_rad - o.attitude.heading_rad),
+          WrapAngle(a.pitch_rad - o.attitude.pitch_rad), WrapAngle(a.roll_rad - o.attitude.roll_rad);
+      rows.sigma.tail<3>() << (o.has_heading ? o.sigma_heading_rad : 0), (o.has_tilt ? o.sigma_tilt_rad : 0),
+          (o.has_tilt ? o.sigma_tilt_rad : 0);
+      rows.j.bottomLeftCorner<3, 3>() = ja;
+      rows.jo.bottomLeftCorner<3, 3>() = ja * rot;
+    }
+  }
+  return rows;
+}
+
+// Dynamic covariance scaling: evidence within the knee keeps all its weight, so that the covariance of a fit without
+// outliers is that of least squares.
+double RobustWeight(double s, double knee) { return s <= knee ? 1.0 : std::pow(2 * knee / (knee + s), 2); }
+
+// Dynamic covariance scaling's cost, whose weight is RobustWeight.
+double RobustCost(double s, double knee) { return s <= knee ? s : knee * (3 * s - knee) / (knee + s); }
+
+// A fit to geotags from one start, and what it makes of each of them.
+struct EarthSolution {
+  bool good = false;
+  Sim3d s;
+  int iterations = 0;
+  double cost = 0;
+  Matrix7d h = Matrix7d::Zero();
+  std::vector<double> w_position, w_attitude;
+  std::vector<double> position_chi2, attitude_chi2;  // against the geotag's own noise plus the place's
+  std::vector<int> position_rows;
+  std::vector<double> heading_chi2, heading_rad;  // of the heading alone
+  std::vector<Eigen::Vector3d> residuals;
+};
+
+// Robust generalised least squares over rotation, translation and scale. Rows are whitened against geotag noise plus
+// the places' own covariance; robust weights are of geotags.
+class EarthFit {
+ public:
+  EarthFit(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance, double scale_prior,
+           double scale_sigma, double tilt_sigma_rad, const GeoRegistrationOptions& options)
+      : obs_(obs),
+        odom_covariance_(odom_covariance),
+        scale_prior_(scale_prior),
+        scale_sigma_(scale_sigma),
+        tilt_sigma_rad_(tilt_sigma_rad),
+        heights_(std::any_of(obs.begin(), obs.end(),
+                             [](const GeoObservation& o) { return o.has_position && o.has_height; })),
+        options_(options) {}
+
+  // First guesses, the most plausible first.
+  std::vector<Sim3d> Guesses() const;
+  // From a start whose evidence is weighed by how well it fits there, or not at all yet.
+  EarthSolution Solve(const Sim3d& start, bool weigh_start) const;
+  // What the result holds besides the estimate.
+  void Describe(const EarthSolution& solution, GeoRegistration* result) const;
+
+ private:
+  struct System {
+    std::vector<std::pair<size_t, int>> rows;  // observation, row of its Rows
+    Eigen::MatrixXd jac;                       // rows x 7
+    Eigen::MatrixXd jo;                        // rows x 6: d row / d its own place
+    Eigen::VectorXd r, own;                    // residual; variance by the place
+    Eigen::MatrixXd weight;                    // inverse covariance of the rows
+  };
+  System Build(const Sim3d& s, const EarthSolution& weights) const;
+  void AddPrior(const Sim3d& s, Matrix7d* h, Vector7d* g) const;
+  double PriorCost(const Sim3d& s) const;
+  void Weigh(const System& system, EarthSolution* solution) const;
+  double Plausibility(const Sim3d& s) const;
+
+  const std::vector<GeoObservation>& obs_;
+  const Eigen::MatrixXd& odom_covariance_;
+  double scale_prior_, scale_sigma_, tilt_sigma_rad_;
+  bool heights_;
+  const GeoRegistrationOptions& options_;
+};
+
+void EarthFit::AddPrior(const Sim3d& s, Matrix7d* h, Vector7d* g) const {
+  if (!heights_) {
+    Eigen::Matrix<double, 1, 7> j = Eigen::Matrix<double, 1, 7>::Zero();
+    double r = 0;
+    for (const GeoObservation& o : obs_) {
+      if (!o.has_position) continue;
+      const Rows rows = Evaluate(o, s);
+      j += rows.j.row(2);
+      r += rows.r(2);
+    }
+    // Divided by their number on both sides: the mean has this sigma, however many there are.
+    if (const double places = j(5); places > 0) {
+      const double w = std::pow(1 / (places * kUnknownHeightSigma), 2);
+      *h += w * j.transpose() * j;
+      *g += w * j.transpose() * r;
+    }
+  }
+  // Tilt of the odometry frame: the world's up seen in it, x and y.
+  const Eigen::Matrix3d rot = s.rotation.toRotationMatrix();
+  const Eigen::Vector3d up = rot.transpose() * Eigen::Vector3d::UnitZ();
+  Eigen::Matrix<double, 2, 7> j = Eigen::Matrix<double, 2, 7>::Zero();
+  j.leftCols<3>() = (rot.transpose() * Skew(Eigen::Vector3d::UnitZ())).topRows<2>();
+  const double w = 1 / (tilt_sigma_rad_ * tilt_sigma_rad_);
+  *h += w * j.transpose() * j;
+  *g += w * j.transpose() * up.head<2>();
+  (*h)(6, 6) += 1 / (scale_sigma_ * scale_sigma_);
+  (*g)(6) += (s.scale - scale_prior_) / (scale_sigma_ * scale_sigma_);
+}
+
+double EarthFit::PriorCost(const Sim3d& s) const {
+  const Eigen::Vector3d up = s.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+  return up.head<2>().squaredNorm() / (tilt_sigma_rad_ * tilt_sigma_rad_) +
+         std::pow((s.scale - scale_prior_) / scale_sigma_, 2);
+}
+
+// Robust cost with independent places: for choosing among first guesses.
+double EarthFit::Plausibility(const Sim3d& s) const {
+  double cost = std::pow((s.scale - scale_prior_) / scale_sigma_, 2);
+  for (const GeoObservation& o : obs_) {
+    const Rows rows = Evaluate(o, s);
+    double sp = 0, sa = 0;
+    for (int k = 0; k < 6; ++k) {
+      if (rows.sigma(k) > 0) (k < 3 ? sp : sa) += std::pow(rows.r(k) / (rows.sigma(k) + (k < 3 ? 0.1 : 0.005)), 2);
+    }
+    cost += options_.loss_chi2 * (std::log1p(sp / options_.loss_chi2) + std::log1p(sa / options_.loss_chi2));
+  }
+  return cost;
+}
+
+std::vector<Sim3d> EarthFit::Guesses() const {
+  constexpr size_t kMostPairs = 200;
+  std::vector<std::pair<double, Sim3d>> guesses;
+  const auto add = [&](const Sim3d& s) { guesses.emplace_back(Plausibility(s), s); };
+  for (size_t a = 0; a < obs_.size(); ++a) {
+    const GeoObservation& o = obs_[a];
+    if (!o.has_position) continue;
+    // One reference with its attitude says it all.
+    if (o.has_heading) {
+      Sim3d s;
+      s.scale = scale_prior_;
+      if (o.has_tilt) {
+        s.rotation = WorldFromCamRotation(o.attitude) * o.odom_from_rig.rotation.conjugate();
+      } else {
+        const double yaw = AttitudeOf(o.odom_from_rig.rotation).heading_rad - o.attitude.heading_rad;
+        s.rotation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ());
+      }
+      s.translation = o.position - s.scale * (s.rotation * o.odom_from_rig.translation);
+      add(s);
+    }
+    // Two positions give the yaw of a nearly level frame, and its scale where nothing else does.
+    for (size_t b = 0; b < a && obs_.size() <= kMostPairs; ++b) {
+      if (!obs_[b].has_position) continue;
+      const Eigen::Vector3d od = o.odom_from_rig.translation - obs_[b].odom_from_rig.translation;
+      const Eigen::Vector3d wd = o.position - obs_[b].position;
+      if (od.head<2>().norm() < kApart_m) continue;
+      Sim3d s;
+      s.scale =
+          scale_sigma_ > kUnknownScale * scale_prior_ && wd.norm() > kApart_m ? wd.norm() / od.norm() : scale_prior_;
+      s.rotation = Eigen::AngleAxisd(std::atan2(wd.y(), wd.x()) - std::atan2(od.y(), od.x()), Eigen::Vector3d::UnitZ());
+      s.translation =
+          0.5 * (o.position + obs_[b].position) -
+          s.scale * (s.rotation * (0.5 * (o.odom_from_rig.translation + obs_[b].odom_from_rig.translation)));
+      add(s);
+    }
+  }
+  std::stable_sort(guesses.begin(), guesses.end(), [](const auto& x, const auto& y) { return x.first < y.first; });
+  std::vector<Sim3d> sorted;
+  for (const auto& [cost, s] : guesses) sorted.push_back(s);
+  return sorted;
+}
+
+EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) const {
+  System system;
+  std::vector<Rows> all;
+  for (size_t i = 0; i < obs_.size(); ++i) {
+    all.push_back(Evaluate(obs_[i], s));
+    for (int k = 0; k < 6; ++k) {
+      if (all[i].sigma(k) > 0) system.rows.emplace_back(i, k);
+    }
+  }
+  const auto m = static_cast<Eigen::Index>(system.rows.size());
+  system.jac.resize(m, 7);
+  system.jo.resize(m, 6);
+  system.r.resize(m);
+  Eigen::VectorXd variance(m);
+  for (Eigen::Index k = 0; k < m; ++k) {
+    const auto [i, row] = system.rows[static_cast<size_t>(k)];
+    system.jac.row(k) = all[i].j.row(row);
+    system.jo.row(k) = all[i].jo.row(row);
+    system.r(k) = all[i].r(row);
+    const double w = row < 3 ? weights.w_position[i] : weights.w_attitude[i];
+    variance(k) = all[i].sigma(row) * all[i].sigma(row) / std::max(w, 1e-6);
+  }
+  Eigen::MatrixXd covariance(m, m);
+  for (Eigen::Index k = 0; k < m; ++k) {
+    const auto at = 6 * static_cast<Eigen::Index>(system.rows[static_cast<size_t>(k)].first);
+    for (Eigen::Index l = 0; l <= k; ++l) {
+      const auto to = 6 * static_cast<Eigen::Index>(system.rows[static_cast<size_t>(l)].first);
+      covariance(k, l) = covariance(l, k) =
+          system.jo.row(k) * odom_covariance_.block<6, 6>(at, to) * system.jo.row(l).transpose();
+    }
+  }
+  system.own = covariance.diagonal();
+  covariance.diagonal() += variance;
+  system.weight = covariance.llt().solve(Eigen::MatrixXd::Identity(m, m));
+  return system;
+}
+
+// Weights from the residuals against each geotag's own noise plus the place's.
+void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
+  const size_t n = obs_.size();
+  for (auto* chi2 :
+       {&solution->position_chi2, &solution->attitude_chi2, &solution->heading_chi2, &solution->heading_rad}) {
+    chi2->assign(n, 0);
+  }
+  solution->position_rows.assign(n, 0);
+  std::vector<Rows> now;
+  for (const GeoObservation& o : obs_) now.push_back(Evaluate(o, solution->s));
+  for (size_t k = 0; k < system.rows.size(); ++k) {
+    const auto [i, row] = system.rows[k];
+    const double sigma = now[i].sigma(row);
+    const double e2 = now[i].r(row) * now[i].r(row) / (sigma * sigma + system.own(static_cast<Eigen::Index>(k)));
+    (row < 3 ? solution->position_chi2 : solution->attitude_chi2)[i] += e2;
+    if (row < 3) ++solution->position_rows[i];
+    if (row == 3) solution->heading_chi2[i] = e2, solution->heading_rad[i] = now[i].r(row);
+  }
+  solution->cost = PriorCost(solution->s);
+  for (size_t i = 0; i < n; ++i) {
+    solution->w_position[i] = RobustWeight(solution->position_chi2[i], options_.loss_chi2);
+    solution->w_attitude[i] = RobustWeight(solution->attitude_chi2[i], options_.loss_chi2);
+    solution->cost += RobustCost(solution->position_chi2[i], options_.loss_chi2) +
+                      RobustCost(solution->attitude_chi2[i], options_.loss_chi2);
+    solution->residuals[i] = -now[i].r.head<3>();
+  }
+}
+
+EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start) const {
+  EarthSolution solution;
+  solution.s = start;
+  solution.w_position.assign(obs_.size(), 1);
+  solution.w_attitude.assign(obs_.size(), 1);
+  solution.residuals.assign(obs_.size(), Eigen::Vector3d::Zero());
+  if (weigh_start) Weigh(Build(start, solution), &solution);
+  for (int it = 0; it < options_.iterations; ++it) {
+    solution.iterations = it + 1;
+    const System system = Build(solution.s, solution);
+    solution.h = system.jac.transpose() * system.weight * system.jac;
+    Vector7d g = system.jac.transpose() * (system.weight * system.r);
+    AddPrior(solution.s, &solution.h, &g);
+    const Vector7d step = -solution.h.ldlt().solve(g);
+    if (!step.allFinite()) return solution;
+    solution.s = Moved(solution.s, step);
+    Weigh(system, &solution);
+    if (step.norm() < 1e-9) break;
+  }
+  solution.good = true;
+  return solution;
+}
+
+void EarthFit::Describe(const EarthSolution& solution, GeoRegistration* result) const {
+  const System system = Build(solution.s, solution);
+  const Matrix7d inverse = solution.h.ldlt().solve(Matrix7d::Identity());
+  Eigen::MatrixXd jo = Eigen::MatrixXd::Zero(system.jo.rows(), 6 * static_cast<Eigen::Index>(obs_.size()));
+  for (Eigen::Index k = 0; k < jo.rows(); ++k) {
+    jo.block<1, 6>(k, 6 * static_cast<Eigen::Index>(system.rows[static_cast<size_t>(k)].first)) = system.jo.row(k);
+  }
+  result->world_from_odom = solution.s;
+  result->covariance = inverse;
+  result->sensitivity = -inverse * system.jac.transpose() * system.weight * jo;
+  result->weights = solution.w_position;
+}
+
+// How many positions and headings fit.
+int Votes(const EarthSolution& solution, const std::vector<GeoObservation>& obs, double outlier_chi2) {
+  int votes = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    votes += obs[i].has_position && solution.position_chi2[i] <= outlier_chi2 ? 1 : 0;
+    votes += obs[i].has_heading && solution.heading_chi2[i] <= outlier_chi2 ? 1 : 0;
+  }
+  return votes;
+}
+
+// Do two fits put a place so far apart that they are two?
+bool Differ(const Sim3d& a, const Sim3d& b, const std::vector<GeoObservation>& obs) {
+  std::vector<double> sigmas;
+  double most = 0;
+  for (const GeoObservation& o : obs) {
+    const Eigen::Vector3d& p = o.odom_from_rig.translation;
+    most = std::max(most, (a * p - b * p).head<2>().norm());
+    if (o.has_position) sigmas.push_back(o.sigma_h_m);
+  }
+  return most > std::max(1.0, kDifferent * Median(sigmas));
+}
+
+// Median horizontal distance from the middle.
+double ReachOf(const std::vector<Eigen::Vector3d>& positions) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : positions) mean += p / static_cast<double>(positions.size());
+  std::vector<double> reach;
+  for (const Eigen::Vector3d& p : positions) reach.push_back((p - mean).head<2>().norm());
+  return Median(reach);
+}
+
+// Do the positions alone show the run's direction, whatever the headings are?
+bool PositionsDecide(const std::vector<Eigen::Vector3d>& positions, const std::vector<double>& sigmas) {
+  return positions.size() >= kPositionsDecide && ReachOf(positions) >= std::max(2.0, 5 * Median(sigmas));
+}
+
+// Why the geotags do not decide where the run lies; empty: they do.
+std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution>& all,
+                      const std::vector<GeoObservation>& obs, const GeoRegistrationOptions& options) {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<double> sigmas;
+  int headings = 0, wrong_headings = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    if (obs[i].has_position) positions.push_back(obs[i].position), sigmas.push_back(obs[i].sigma_h_m);
+    if (!obs[i].has_heading) continue;
+    ++headings;
+    const bool wrong = best.heading_chi2[i] > options.outlier_chi2 && std::abs(best.heading_rad[i]) > kWrongHeading_rad;
+    wrong_headings += wrong ? 1 : 0;
+  }
+  if (2 * wrong_headings >= headings && wrong_headings > 0 && !PositionsDecide(positions, sigmas)) {
+    return fmt::format(
+        "the headings of {} of {} geotags contradict their positions by more than {:.0f} deg, and {} positions do not "
+        "show which are wrong; expected heading_deg in degrees, clockwise from north",
+        wrong_headings, headings, kWrongHeading_rad * kRadToDeg, positions.size());
+  }
+  const int votes = Votes(best, obs, options.outlier_chi2);
+  for (const EarthSolution& other : all) {
+    if (!other.good || Votes(other, obs, options.outlier_chi2) < votes || !Differ(best.s, other.s, obs)) continue;
+    const Eigen::Vector3d& p = obs.front().odom_from_rig.translation;
+    const double apart = (best.s * p - other.s * p).head<2>().norm();
+    return fmt::format(
+        "the geotags contradict each other: two solutions {:.0f} m apart fit equally many of {} positions; correct the "
+        "wrong ones or add another geotag",
+        apart, positions.size());
+  }
+  return "";
+}
+
+std::vector<EarthSolution> SolveFromStarts(const EarthFit& fit, const std::vector<Sim3d>& guesses,
+                                           const std::vector<GeoObservation>& obs) {
+  // A geotag far off draws the first solution away if it has full weight; so every start weighs it by its own fit.
+  std::vector<EarthSolution> solutions = {fit.Solve(guesses.front(), false)};
+  size_t starts = 0;
+  for (const Sim3d& guess : guesses) {
+    const bool known = starts > 0 && std::any_of(solutions.begin(), solutions.end(), [&](const EarthSolution& other) {
+                         return !Differ(guess, other.s, obs);
+                       });
+    if (known) continue;
+    solutions.push_back(fit.Solve(guess, true));
+    if (++starts >= (obs.size() <= kFew ? kStarts : 1)) break;
+  }
+  return solutions;
+}
+
+std::vector<EarthSolution>::const_iterator Best(const std::vector<EarthSolution>& solutions) {
+  return std::min_element(solutions.begin(), solutions.end(), [](const auto& a, const auto& b) {
+    return std::pair(!a.good, a.cost) < std::pair(!b.good, b.cost);
+  });
+}
+
+// A scale of the run under which the geotags agree with each other, though not under that of odometry.
+struct OtherScale {
+  double factor = 1, sigma = 0, stated_sigma = 0;  // true / measured length
+  // Too far off for drift, and surely so.
+  bool IsUnit() const { return std::abs(std::log(factor)) > kMostScale && IsSure(); }
+  bool IsSure() const { return std::abs(factor - 1) > 5 * std::hypot(sigma, stated_sigma); }
+  std::string Describe() const {
+    const std::string unit = IsSure() ? UnitOfLength(factor, std::max(0.02, 3 * sigma / factor)) : "";
+    return fmt::format(
+        "the geotags agree with each other if odometry is {:.4g} +- {:.2g} times as long as it states, which its "
+        "scale_sigma of {:g} does not allow{}state odometry: scale_sigma in run.yaml",
+        factor, sigma, stated_sigma,
+        unit.empty() ? "; " : ": it seems to be in " + unit + "; convert its positions to metres, or ");
+  }
+};
+
+std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::vector<EarthSolution>& free,
+                                         const std::vector<GeoObservation>& obs, double scale_prior, double scale_sigma,
+                                         const GeoRegistrationOptions& options) {
+  constexpr int kLeastPositions = 3;
+  constexpr double kSigmas = 2.5;  // beyond them the stated sigma is not believed
+  if (free.empty()) return std::nullopt;
+  const EarthSolution& other = *Best(free);
+  if (!other.good || !(other.s.scale > 0)) return std::nullopt;
+  int positions = 0, outliers = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    positions += obs[i].has_position ? 1 : 0;
+    outliers += obs[i].has_position && other.position_chi2[i] > options.outlier_chi2 ? 1 : 0;
+  }
+  if (positions < kLeastPositions || 4 * outliers > positions || other.cost > best.cost - kLessCost) {
+    return std::nullopt;
+  }
+  OtherScale scale;
+  scale.factor = other.s.scale / scale_prior;
+  scale.sigma = std::sqrt(other.h.ldlt().solve(Matrix7d::Identity())(6, 6)) / scale_prior;
+  scale.stated_sigma = scale_sigma;
+  if (std::abs(scale.factor - 1) < kSigmas * std::hypot(scale.sigma, scale_sigma)) return std::nullopt;
+  return scale;
+}
+
+std::string NoDirection(size_t geotags) {
+  if (geotags == 1) {
+    return "one localized geotag without heading does not fix the run's direction: at least two are needed";
+  }
+  return fmt::format(
+      "none of {} localized geotags or GPS fixes has a heading, and they lie within {} m of each other: they do not "
+      "fix "
+      "the run's direction",
+      geotags, kApart_m);
+}
+
+// The factor by which the stated sigmas are too small where most positions are beyond the gate; 1 where they are not.
+double SigmaFactor(const EarthSolution& best, const std::vector<GeoObservation>& obs, double outlier_chi2) {
+  constexpr double kMedianChi2[] = {0, 0.455, 1.386, 2.366};
+  std::vector<double> ratios;
+  int outliers = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    if (best.position_rows[i] == 0) continue;
+    ratios.push_back(best.position_chi2[i] / kMedianChi2[best.position_rows[i]]);
+    outliers += best.position_chi2[i] > outlier_chi2 ? 1 : 0;
+  }
+  if (2 * outliers <= static_cast<int>(ratios.size())) return 1;
+  return std::max(1.0, std::sqrt(Median(ratios)));
+}
+
+}  // namespace
+
+std::vector<std::string> GeoRegistrationOptions::Check() const {
+  std::vector<std::string> problems = CheckRanges(*this);
+  if (use_gps != "never" && use_gps != "always" && use_gps != "auto") {
+    problems.push_back("option use_gps is '" + use_gps + "', expected never, always or auto");
+  }
+  return problems;
+}
+
+GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
+                                double scale_prior, double scale_sigma, bool levelled,
+                                const GeoRegistrationOptions& options) {
+  GeoRegistration result;
+  const size_t n = obs.size();
+  result.weights.assign(n, 1);
+  result.outlier.assign(n, false);
+  result.residuals.assign(n, Eigen::Vector3d::Zero());
+  if (n == 0) {
+    result.reason = "no reference with a geotag is localized, and no GPS is used";
+    return result;
+  }
+  const double tilt_sigma = (levelled ? 0.05 : options.tilt_sigma_deg) * kDegToRad;
+  const EarthFit fit(obs, odom_covariance, scale_prior, scale_sigma, tilt_sigma, options);
+  const std::vector<Sim3d> guesses = fit.Guesses();
+  if (guesses.empty()) {
+    result.reason = NoDirection(n);
+    return result;
+  }
+  std::vector<EarthSolution> solutions = SolveFromStarts(fit, guesses, obs);
+  auto best = Best(solutions);
+  const EarthFit free_fit(obs, odom_covariance, scale_prior, scale_prior, tilt_sigma, options);
+  std::vector<EarthSolution> free;
+  if (scale_sigma < kUnknownScale && best->cost > kLessCost) free = SolveFromStarts(free_fit, free_fit.Guesses(), obs);
+  const auto other = FindOtherScale(*best, free, obs, scale_prior, scale_sigma, options);
+  if (other && other->IsUnit()) {
+    result.residuals = best->residuals;
+    result.reason = other->Describe();
+    return result;
+  }
+  if (other) {
+    solutions = free;
+    best = Best(solutions);
+  }
+  result.iterations = best->iterations;
+  if (!best->good) {
+    result.reason = "the geotags do not fix the run's frame";
+    return result;
+  }
+  result.residuals = best->residuals;
+  for (size_t i = 0; i < n; ++i) result.outlier[i] = best->position_chi2[i] > options.outlier_chi2;
+  if (!(best->s.scale > 0.1) || !(best->s.scale < 10)) {
+    result.reason = "the geotags contradict the run's size";
+    return result;
+  }
+  result.reason = Undecided(*best, solutions, obs, options);
+  if (!result.reason.empty()) return result;
+  const double factor = SigmaFactor(*best, obs, options.outlier_chi2);
+  if (factor > kMostSigmaFactor) {
+    result.reason = fmt::format(
+        "{} of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
+        "longitude and the odometry",
+        std::count(result.outlier.begin(), result.outlier.end(), true), n, factor);
+    return result;
+  }
+  if (other) result.reason = other->Describe() + "; the scale is taken from the geotags";
+  if (factor > 1) {
+    result.reason += (result.reason.empty() ? "" : "; ") +
+                     fmt::format(
+                         "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
+                         "times larger for it",
+                         factor);
+  }
+  result.solved = true;
+  (other ? free_fit : fit).Describe(*best, &result);
+  result.covariance *= factor * factor;
+  return result;
+}
+
+std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& observations) {
+  constexpr double kWrong = 20 * kDegToRad, kRight = 7 * kDegToRad;
+  std::vector<Eigen::Vector3d> places, said;
+  std::vector<double> sigmas, sigmas_rad;
+  for (const GeoObservation& o : observations) {
+    if (!o.has_position || !o.has_heading) continue;
+    places.push_back(o.odom_from_rig.translation);
+    said.push_back(o.position);
+    sigmas.push_back(o.sigma_h_m);
+    sigmas_rad.push_back(o.sigma_heading_rad);
+  }
+  if (!PositionsDecide(said, sigmas)) return std::nullopt;
+  const Sim3d fit = AlignPoints(places, said, AlignmentKind::kYawTranslation);
+  std::vector<double> off;
+  for (size_t i = 0; i < said.size(); ++i) off.push_back((fit * places[i] - said[i]).head<2>().norm());
+  // A map that does not fit the places says nothing of the headings.
+  if (Median(off) > 0.2 * ReachOf(said)) return std::nullopt;
+  struct Reading {
+    const char* what;
+    double sign, add;  // heading as meant = sign * as read + add
+    double factor = 1;
+  };
+  constexpr Reading kReadings[] = {
+      {"", 1, 0},
+      {"counter-clockwise from north", -1, 0},
+      {"counter-clockwise from east", -1, 0.5 * EIGEN_PI},
+      {"clockwise from east", 1, 0.5 * EIGEN_PI},
+      {"clockwise from south (as of what lies behind)", 1, EIGEN_PI},
+      {"clockwise from west", 1, -0.5 * EIGEN_PI},
+      {"in radians", 1, 0, kRadToDeg},
+  };
+  std::vector<double> errors;
+  for (const Reading& reading : kReadings) {
+    std::vector<double> wrong;
+    for (const GeoObservation& o : observations) {
+      if (!o.has_position || !o.has_heading) continue;
+      const double is = AttitudeOf(fit.rotation * o.odom_from_rig.rotation).heading_rad;
+      const double meant = reading.sign * reading.factor * o.attitude.heading_rad + reading.add;
+      wrong.push_back(std::abs(WrapAngle(is - meant)));
+    }
+    errors.push_back(Median(std::move(wrong)));
+  }
+  const size_t best = static_cast<size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+  if (errors[0] < std::max(kWrong, 3 * Median(sigmas_rad)) || best == 0 || errors[best] > kRight) return std::nullopt;
+  return kReadings[best].what;
+}
+
+}  // namespace trigpoint

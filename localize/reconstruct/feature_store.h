@@ -1,0 +1,86 @@
+// Features of a run's images and of the references' views: made by the features stage, read by localize.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "calib/base/progress.h"
+#include "datasets/colmap/database.h"
+#include "datasets/io/site.h"
+#include "localize/reconstruct/features.h"
+#include "localize/references/views.h"
+
+namespace trigpoint {
+
+struct FeatureStageOptions {
+  FeatureOptions images;      // of the run's images
+  FeatureOptions references;  // of views and photos
+  ViewOptions views;          // of panoramas
+
+  FeatureStageOptions() { references.max_features = 4000; }
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.images, {"images", "", 0, 0, "features of the run's images"});
+    visit(self.references, {"references", "", 0, 0, "features of panorama views and photos"});
+    visit(self.views, {"views", "", 0, 0, "rectilinear views of panoramas"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+// A reference as the features stage saw it: one rig of views. A photo set is listed photo by photo.
+struct PreparedReference {
+  int reference = 0;  // index into Site::references
+  std::string name;   // of the picture
+  ViewRig rig;
+};
+
+// What became of the pictures: how many, and a sentence for each that could not be used.
+struct ExtractionReport {
+  int pictures = 0;
+  int64_t features = 0;
+  std::vector<std::string> skipped;
+};
+
+// Writes a COLMAP database with the features of every readable image. A picture that cannot be used is skipped and
+// named; throws InputError if none can.
+ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options,
+                                    const std::filesystem::path& database, int threads, ProgressSink& progress,
+                                    const CancelToken& cancel);
+// The same for the references' views, named "<picture>#<view>".
+ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOptions& options,
+                                          const std::filesystem::path& database, int threads, ProgressSink& progress,
+                                          const CancelToken& cancel);
+
+// The pictures of the references with their rigs, in the order of the site. Panoramas need their size: headers are
+// read.
+std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOptions& options,
+                                                 std::vector<std::string>* warnings);
+
+// The camera at whose resolution a reference photo is matched: a picture several times finer than every camera of the
+// runs spends its features on detail that none of them can show, so it is reduced first. Its features are stored in
+// the pixels of the picture as it is.
+Camera MatchedCamera(const Site& site, const Camera& photo);
+// Features of a picture of `from`'s size in the pixels of the same picture resized to `to`'s.
+FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera& to);
+// The largest focal length of the runs' cameras, px; 0 without any.
+double FinestFocal(const Site& site);
+
+// Reads features by name; thread safe.
+class FeatureStore {
+ public:
+  explicit FeatureStore(const std::filesystem::path& database);
+  bool Has(const std::string& name) const { return ids_.count(name) > 0; }
+  uint32_t Id(const std::string& name) const { return ids_.at(name); }
+  FeatureSet Read(const std::string& name) const;
+
+ private:
+  ColmapDatabase database_;
+  std::map<std::string, uint32_t> ids_;
+  mutable std::mutex mutex_;
+};
+
+}  // namespace trigpoint

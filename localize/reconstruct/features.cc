@@ -1,0 +1,71 @@
+#include "localize/reconstruct/features.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <opencv2/features2d.hpp>
+#include <tuple>
+
+#include "calib/camera/pixel_convention.h"
+#include "calib/geo/geodetic.h"
+
+namespace trigpoint {
+namespace {
+
+// The order of the detector's threads must not show: a total order, strongest first.
+std::vector<int> StableOrder(const std::vector<cv::KeyPoint>& keypoints) {
+  std::vector<int> order(keypoints.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
+    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
+           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
+  });
+  return order;
+}
+
+}  // namespace
+
+FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const FeatureOptions& options) {
+  const cv::Ptr<cv::SIFT> sift =
+      cv::SIFT::create(options.max_features, 3, options.contrast_threshold, options.edge_threshold, 1.6, CV_8U);
+  std::vector<cv::KeyPoint> keypoints;
+  cv::Mat descriptors;
+  // Together: the scale space is built once.
+  sift->detectAndCompute(grey, mask, keypoints, descriptors);
+  FeatureSet features;
+  features.descriptors = cv::Mat::zeros(static_cast<int>(keypoints.size()), 128, CV_8U);
+  int row = 0;
+  for (int i : StableOrder(keypoints)) {
+    const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
+    features.points.push_back(FromOpenCvSiftPixel({k.pt.x, k.pt.y}).cast<float>());
+    features.scales.push_back(0.5F * k.size);
+    features.angles.push_back(static_cast<float>(k.angle * kDegToRad));
+    descriptors.row(i).copyTo(features.descriptors.row(row++));
+  }
+  return features;
+}
+
+cv::Mat RootSift(const cv::Mat& descriptors) {
+  static const std::array<float, 256> kRoots = [] {
+    std::array<float, 256> roots{};
+    for (size_t v = 0; v < roots.size(); ++v) roots[v] = std::sqrt(static_cast<float>(v));
+    return roots;
+  }();
+  cv::Mat out(descriptors.rows, descriptors.cols, CV_8U);
+  for (int r = 0; r < descriptors.rows; ++r) {
+    const uint8_t* in = descriptors.ptr<uint8_t>(r);
+    uint8_t* to = out.ptr<uint8_t>(r);
+    int sum = 0;
+    for (int c = 0; c < descriptors.cols; ++c) sum += in[c];
+    const float scale = sum > 0 ? 255.0F / std::sqrt(static_cast<float>(sum)) : 0.0F;
+    for (int c = 0; c < descriptors.cols; ++c) {
+      const float above = scale * kRoots[in[c]] + 0.5F;  // rounds
+      to[c] = static_cast<uint8_t>(above);
+    }
+  }
+  return out;
+}
+
+}  // namespace trigpoint

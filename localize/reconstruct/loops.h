@@ -1,0 +1,51 @@
+// A run that comes back to where it has been: what it sees there ties the passages together, and drift ends.
+#pragma once
+
+#include "localize/references/registration.h"
+
+namespace trigpoint {
+
+struct LoopOptions {
+  bool close = true;           // look for loops and close them
+  double gap_m = 30;           // path between two passages, at least
+  double radius_m = 3;         // between the cameras of both passages, as far as is known; and
+  double drift_part = 0.003;   // drift of positions beyond the stated noise, as a part of the path, 1 sigma
+  double drift_deg_m = 0.002;  // and of directions, a metre
+  double angle_deg = 40;       // between the optical axes, at most
+  double spacing_m = 1.5;      // path between the images tried
+  int candidates = 4;          // images of the earlier passage matched with each
+  double gate_chi2 = 22.5;     // of a loop's pose against what tracks and odometry predict: chi-square, 6 dof
+  int min_agreeing = 2;        // other loops nearby that must tell the same
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.close, {"close", "", 0, 1, "look for loops and close them"});
+    visit(self.gap_m, {"gap_m", "m", 1, 1e6, "path between two passages, at least"});
+    visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "between cameras of both passages"});
+    visit(self.drift_part, {"drift_part", "", 0, 1, "drift beyond the stated noise, part of the path, 1 sigma"});
+    visit(self.drift_deg_m, {"drift_deg_m", "deg/m", 0, 1, "drift of directions beyond the stated noise, 1 sigma"});
+    visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "between the optical axes, at most"});
+    visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path between the images tried"});
+    visit(self.candidates, {"candidates", "images", 1, 100, "images of the earlier passage matched with each"});
+    visit(self.gate_chi2, {"gate_chi2", "", 1, 10000, "of a loop against what odometry predicts: chi-square, 6 dof"});
+    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "other loops nearby that must tell the same"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+struct LoopSummary {
+  int tried = 0;            // images that may see an earlier passage
+  int found = 0;            // with a pose in it
+  int contradicting = 0;    // refused: odometry and tracks say otherwise, or the neighbours do
+  int closed = 0;           // images that tie the passages together
+  int merged_points = 0;    // points seen in both
+  double correction_m = 0;  // largest movement of a camera by it
+};
+
+// Finds where later images see points of earlier passages, by the rules for references, merges the points and solves
+// again. The odometry gates: a facade that looks like another is refused when the drift it implies is not believable.
+LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, const RegistrationOptions& registration,
+                       const ReconstructOptions& reconstruct, Reconstruction* reconstruction, int threads,
+                       uint64_t seed, ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

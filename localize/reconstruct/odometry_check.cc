@@ -1,0 +1,324 @@
+#include "localize/reconstruct/odometry_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <set>
+
+#include "calib/base/median.h"
+#include "calib/base/parallel.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/bearing.h"
+#include "localize/reconstruct/prepared_image.h"
+#include "localize/reconstruct/two_view.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kFeatures = 1500;  // of an image: the largest, which other images show, too
+
+const Camera& CameraOf(const LocalizeInput& input, int image) {
+  return input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(image)].camera)].camera;
+}
+
+struct View {
+  DescriptorBlock descriptors;
+  std::vector<Eigen::Vector3d> rays;
+};
+
+View ReadView(const LocalizeInput& input, int image) {
+  const FeatureSet all = input.image_features(image);
+  std::vector<size_t> order(all.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return all.scales[a] > all.scales[b]; });
+  View view;
+  cv::Mat descriptors(0, DescriptorBlock::kDim, CV_8U);
+  for (size_t i : order) {
+    const auto ray = CameraOf(input, image).Unproject(all.points[i].cast<double>());
+    if (!ray) continue;
+    descriptors.push_back(all.descriptors.row(static_cast<int>(i)));
+    view.rays.push_back(*ray);
+    if (view.rays.size() >= kFeatures) break;
+  }
+  view.descriptors = DescriptorBlock(descriptors);
+  return view;
+}
+
+// How far the matches move, rad, in the median.
+double MedianMotion(const View& a, const View& b, const Matches& matches) {
+  std::vector<double> motions;
+  for (const auto& [i, j] : matches) {
+    motions.push_back(AngleBetween(a.rays[static_cast<size_t>(i)], b.rays[static_cast<size_t>(j)]));
+  }
+  return Median(std::move(motions));
+}
+
+std::optional<MeasuredMotion> MeasurePair(const LocalizeInput& input, int image_a, int image_b, const View& a,
+                                          const View& b, const Matches& matches, const OdometryCheckOptions& options,
+                                          uint64_t seed) {
+  std::vector<Eigen::Vector3d> rays_a, rays_b;
+  for (const auto& [i, j] : matches) {
+    rays_a.push_back(a.rays[static_cast<size_t>(i)]);
+    rays_b.push_back(b.rays[static_cast<size_t>(j)]);
+  }
+  WideBaselineOptions two;
+  two.inlier_rad = options.inlier_px / CameraOf(input, image_a).MeanFocal();
+  two.seed = seed;
+  const RelativePoseEstimate estimate = EstimateRelativePose(rays_a, rays_b, two);
+  const WideBaselineResult& g = estimate.best;
+  if (!g.verified || static_cast<int>(g.inliers.size()) < options.least_matches) return std::nullopt;
+  if (estimate.rotation_ambiguous) return std::nullopt;
+  const Eigen::Matrix<double, 5, 5> covariance = g.information.ldlt().solve(Eigen::Matrix<double, 5, 5>::Identity());
+  if (!covariance.allFinite()) return std::nullopt;
+  const FrameImage &frame_a = input.images[static_cast<size_t>(image_a)],
+                   &frame_b = input.images[static_cast<size_t>(image_b)];
+  MeasuredMotion m;
+  m.a = frame_a.pose, m.b = frame_b.pose;
+  m.sensor_from_body = input.cameras[static_cast<size_t>(frame_a.camera)].cam_from_body;
+  m.b_from_a = g.b_from_a;
+  m.sigma_rotation_rad = std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
+  m.sigma_direction_rad = std::sqrt(covariance.bottomRightCorner<2, 2>().trace() / 2);
+  m.has_direction =
+      !g.rotation_only && !estimate.direction_ambiguous && m.sigma_direction_rad < options.most_sigma_deg * kDegToRad;
+  return m;
+}
+
+// The next image of the same camera; -1 after the last.
+std::vector<int> NextOfCamera(const LocalizeInput& input) {
+  std::vector<int> next(input.images.size(), -1), last(input.cameras.size(), -1);
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    int& before = last[static_cast<size_t>(input.images[i].camera)];
+    if (before >= 0) next[static_cast<size_t>(before)] = static_cast<int>(i);
+    before = static_cast<int>(i);
+  }
+  return next;
+}
+
+// The image `count` images later; -1 after the last.
+int Later(const std::vector<int>& next, int image, int count) {
+  for (int k = 0; k < count && image >= 0; ++k) image = next[static_cast<size_t>(image)];
+  return image;
+}
+
+// From an image to a later one, at least `first_apart` images on, that shows enough motion and yet the same things.
+std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std::vector<int>& next, int image,
+                                          int first_apart, const OdometryCheckOptions& options, uint64_t seed) {
+  const View a = ReadView(input, image);
+  std::optional<MeasuredMotion> found;
+  for (int apart = first_apart; apart <= options.most_apart; apart *= 2) {
+    const int other = Later(next, image, apart);
+    if (other < 0) break;
+    const View b = ReadView(input, other);
+    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+    if (static_cast<int>(matches.size()) < options.least_matches) break;
+    if (MedianMotion(a, b, matches) > options.least_deg * kDegToRad) {
+      const auto motion = MeasurePair(input, image, other, a, b, matches, options, seed + static_cast<uint64_t>(apart));
+      if (motion && (!found || motion->has_direction)) found = motion;
+      if (found && found->has_direction) break;
+    }
+  }
+  return found || first_apart == 1 ? found : MeasureFrom(input, next, image, 1, options, seed);
+}
+
+// `count` images spread over the run by their order; half a stride later for `second`.
+std::vector<int> Spread(int images, int count, bool second) {
+  std::set<int> chosen;
+  for (int k = 0; k < count; ++k) {
+    chosen.insert(static_cast<int>((k + (second ? 0.5 : 0.0)) * images / count));
+  }
+  return {chosen.begin(), chosen.end()};
+}
+
+// The images at which odometry turns most.
+std::vector<int> Turning(const LocalizeInput& input, const std::vector<int>& next, int count) {
+  std::vector<std::pair<double, int>> turns;
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    if (next[i] < 0) continue;
+    const auto pose = [&](size_t image) {
+      return input.odom_from_body[static_cast<size_t>(input.images[image].pose)].rotation;
+    };
+    turns.emplace_back(-AngleBetween(pose(i), pose(static_cast<size_t>(next[i]))), static_cast<int>(i));
+  }
+  std::sort(turns.begin(), turns.end());
+  std::vector<int> images;
+  for (const auto& [turn, image] : turns) {
+    if (static_cast<int>(images.size()) < count) images.push_back(image);
+  }
+  return images;
+}
+
+// Speeds of the body's own motion from a pose to the next: rotation rad/s, translation m/s.
+Vector6d SpeedOf(const LocalizeInput& input, int pose) {
+  const auto k = static_cast<size_t>(pose);
+  const Rigid3d step = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
+  Vector6d speed;
+  speed << LogSO3(step.rotation), step.translation;
+  return speed / std::max(1e-3, 1e-9 * static_cast<double>(input.pose_stamps[k + 1] - input.pose_stamps[k]));
+}
+
+// A step that differs from those around it, and the step that they make likely instead.
+struct OddStep {
+  int pose = 0;      // from this one to the next
+  double score = 0;  // how much it differs; 1: worth a look
+  Rigid3d likely;
+};
+
+std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
+  constexpr int kAround = 3;
+  constexpr double kOdd_m = 0.3, kOddPart = 0.5, kOdd_rad = 10 * kDegToRad;
+  const int steps = static_cast<int>(input.odom_from_body.size()) - 1;
+  std::vector<Vector6d> speeds;
+  for (int k = 0; k < steps; ++k) speeds.push_back(SpeedOf(input, k));
+  std::vector<OddStep> odd;
+  for (int k = 0; k < steps; ++k) {
+    Vector6d likely = Vector6d::Zero();
+    for (Eigen::Index c = 0; c < 6; ++c) {
+      std::vector<double> around;
+      for (int j = std::max(0, k - kAround); j <= std::min(steps - 1, k + kAround); ++j) {
+        if (j != k) around.push_back(speeds[static_cast<size_t>(j)](c));
+      }
+      likely(c) = Median(std::move(around));
+    }
+    const double seconds = 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(k) + 1] -
+                                                      input.pose_stamps[static_cast<size_t>(k)]);
+    const Vector6d difference = seconds * (speeds[static_cast<size_t>(k)] - likely);
+    likely *= seconds;
+    OddStep step;
+    step.pose = k;
+    step.likely = {ExpSO3(likely.head<3>()), likely.tail<3>()};
+    step.score = std::max(difference.tail<3>().norm() / std::max(kOdd_m, kOddPart * likely.tail<3>().norm()),
+                          difference.head<3>().norm() / kOdd_rad);
+    if (step.score > 1) odd.push_back(step);
+  }
+  std::stable_sort(odd.begin(), odd.end(), [](const OddStep& a, const OddStep& b) { return a.score > b.score; });
+  if (odd.size() > count) odd.resize(count);
+  return odd;
+}
+
+// Whether images contradict a step and agree with the likely one.
+bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddStep& step,
+            const OdometryCheckOptions& options, uint64_t seed) {
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    if (input.images[i].pose != step.pose || next[i] < 0 ||
+        input.images[static_cast<size_t>(next[i])].pose != step.pose + 1) {
+      continue;
+    }
+    const View a = ReadView(input, static_cast<int>(i)), b = ReadView(input, next[i]);
+    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+    if (static_cast<int>(matches.size()) < options.least_matches) continue;
+    auto motion = MeasurePair(input, static_cast<int>(i), next[i], a, b, matches, options, seed);
+    if (!motion) continue;
+    motion->a = 0, motion->b = 1;
+    const auto k = static_cast<size_t>(step.pose);
+    if (!Agrees({input.odom_from_body[k], input.odom_from_body[k + 1]}, *motion) &&
+        Agrees({Rigid3d(), step.likely}, *motion)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// Names the first jump of odometry; nothing where images show none.
+std::optional<std::string> FindJump(const LocalizeInput& input, const std::string& odometry,
+                                    const OdometryCheckOptions& options, int threads, uint64_t seed,
+                                    const CancelToken& cancel) {
+  const std::vector<OddStep> odd = FindOddSteps(input, static_cast<size_t>(options.pairs) / 2);
+  const std::vector<int> next = NextOfCamera(input);
+  std::vector<char> jumps(odd.size(), 0);
+  ParallelFor(static_cast<int64_t>(odd.size()), threads, cancel, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    jumps[k] = IsJump(input, next, odd[k], options, seed + static_cast<uint64_t>(odd[k].pose)) ? 1 : 0;
+  });
+  const auto first = std::find(jumps.begin(), jumps.end(), 1);
+  if (first == jumps.end()) return std::nullopt;
+  const auto pose = static_cast<size_t>(odd[static_cast<size_t>(first - jumps.begin())].pose);
+  const Rigid3d step = input.odom_from_body[pose].Inverse() * input.odom_from_body[pose + 1];
+  return fmt::format(
+      "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
+      "contradict; "
+      "expected a continuous motion without corrections by GPS or loops. Option check_conventions=false goes on as it "
+      "is",
+      odometry, 1e-9 * static_cast<double>(input.pose_stamps[pose]),
+      1e-9 * static_cast<double>(input.pose_stamps[pose + 1]), step.translation.norm(),
+      AngleBetween(step.rotation, Eigen::Quaterniond::Identity()) * kRadToDeg);
+}
+
+std::string Counts(const MotionAgreement& m) {
+  return fmt::format("the rotation in {} of {} pairs, the direction of motion in {} of {}", m.turns_agree, m.turns,
+                     m.directions_agree, m.directions);
+}
+
+std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) {
+  std::string text = fmt::format(
+      "{}: contradicts the images; expected odom_from_body, quaternions x y z w, axes forward, left, up. As read, "
+      "pairs "
+      "of images agree with {} (median difference {:.0f} and {:.0f} deg)",
+      odometry, Counts(v.as_read), v.as_read.rotation_off_rad * kRadToDeg, v.as_read.direction_off_rad * kRadToDeg);
+  constexpr size_t kNamed = 3;
+  for (size_t i = 0; i < std::min(v.better.size(), kNamed); ++i) {
+    text += (i == 0 ? "; they agree with " + Counts(v.best) + " if " : "; or if ") + v.better[i].what + ": " +
+            v.better[i].mend;
+  }
+  if (v.better.empty()) {
+    text +=
+        "; no other order, axis, sign or inverse agrees, either: check the file, its time (odometry: "
+        "time_offset_s in run.yaml) and T_cam_imu of camchain.yaml";
+  }
+  return text + ". Option check_conventions=false goes on as it is";
+}
+
+}  // namespace
+
+std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std::vector<int>& first_images,
+                                           const OdometryCheckOptions& options, int threads, uint64_t seed,
+                                           const CancelToken& cancel) {
+  const std::vector<int> next = NextOfCamera(input);
+  std::vector<std::optional<MeasuredMotion>> measured(first_images.size());
+  ParallelFor(static_cast<int64_t>(first_images.size()), threads, cancel, [&](int64_t i) {
+    const int image = first_images[static_cast<size_t>(i)];
+    // Neighbours show the direction of motion best, images farther apart the rotation.
+    const int first_apart = i % 2 == 0 ? 1 : std::min(4, options.most_apart);
+    measured[static_cast<size_t>(i)] =
+        MeasureFrom(input, next, image, first_apart, options, seed + 1009 * static_cast<uint64_t>(image));
+  });
+  std::vector<MeasuredMotion> motions;
+  for (const auto& m : measured) {
+    if (m) motions.push_back(*m);
+  }
+  return motions;
+}
+
+std::optional<std::string> FindContradiction(const LocalizeInput& input, const std::string& odometry,
+                                             const OdometryCheckOptions& options, int threads, uint64_t seed,
+                                             ProgressSink& progress, const CancelToken& cancel) {
+  const int images = static_cast<int>(input.images.size());
+  progress.Begin("odometry against images", 0);
+  std::vector<int> first = Spread(images, options.pairs, false);
+  for (int image : Turning(input, NextOfCamera(input), options.pairs / 3)) {
+    if (std::find(first.begin(), first.end(), image) == first.end()) first.push_back(image);
+  }
+  std::vector<MeasuredMotion> motions = MeasureMotions(input, first, options, threads, seed, cancel);
+  const bool all_agree = std::all_of(motions.begin(), motions.end(),
+                                     [&](const MeasuredMotion& m) { return Agrees(input.odom_from_body, m); });
+  if (!all_agree) {
+    std::vector<int> more;
+    for (int image : Spread(images, 4 * options.pairs, true)) {
+      if (std::find(first.begin(), first.end(), image) == first.end()) more.push_back(image);
+    }
+    for (const MeasuredMotion& m : MeasureMotions(input, more, options, threads, seed, cancel)) motions.push_back(m);
+  }
+  std::vector<PoseReading> readings = PoseReadings();
+  if (!input.cameras.empty()) {
+    const BodyCamera& camera = input.cameras.front();
+    readings.insert(readings.begin() + 1, PosesOfSensor("camera " + camera.name, camera.cam_from_body));
+  }
+  const ReadingVerdict verdict = JudgeReadings(input.odom_from_body, motions, readings);
+  if (verdict.kind == ReadingVerdict::Kind::kContradicted) return Contradiction(verdict, odometry);
+  progress.Log(LogLevel::kInfo, "odometry against images: pairs agree with " + Counts(verdict.as_read));
+  return FindJump(input, odometry, options, threads, seed, cancel);
+}
+
+}  // namespace trigpoint

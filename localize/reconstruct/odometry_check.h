@@ -1,0 +1,37 @@
+// Is a run's odometry what file_formats.md says? Its poses are compared with motions that the images alone show.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/base/option.h"
+#include "calib/base/progress.h"
+#include "calib/geometry/pose_readings.h"
+#include "localize/reconstruct/frames.h"
+
+namespace trigpoint {
+
+struct OdometryCheckOptions {
+  int pairs = 24;             // pairs of images compared where all agree; four times as many where some do not
+  int most_apart = 16;        // images between the two of a pair
+  double ratio = 0.75;        // ratio test: best / second-best distance
+  double inlier_px = 1.5;     // largest distance from the epipolar line
+  int least_matches = 40;     // verified matches of a pair
+  double least_deg = 2;       // median motion of the matches between the two images of a pair
+  double most_sigma_deg = 6;  // of a direction of translation that is compared
+};
+
+// Motions between pairs of images spread over the run, from their matches alone. Deterministic for any `threads`.
+std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std::vector<int>& first_images,
+                                           const OdometryCheckOptions& options, int threads, uint64_t seed,
+                                           const CancelToken& cancel);
+
+// Compares the readings of odometry with the images. Where most motions contradict it as read: a message that names the
+// reading which agrees, and what to do. Nothing where it agrees, or where too few motions can be compared. `odometry`
+// names the file in messages.
+std::optional<std::string> FindContradiction(const LocalizeInput& input, const std::string& odometry,
+                                             const OdometryCheckOptions& options, int threads, uint64_t seed,
+                                             ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

@@ -1,0 +1,81 @@
+#include "localize/reconstruct/reconstruct_run.h"
+
+#include <cmath>
+#include <utility>
+
+#include "calib/base/error.h"
+
+namespace trigpoint {
+
+ReconstructRunOptions ReconstructRunOptions::Paper() {
+  ReconstructRunOptions o;
+  o.tracks.mode = "paper";
+  o.tracks.ratio = 0.7;
+  o.tracks.max_gap = 1;
+  o.reconstruct.sigma_px = 1;
+  o.reconstruct.estimate_sigma = false;
+  o.reconstruct.estimate_odometry = false;
+  o.reconstruct.loss = "dcs";
+  o.reconstruct.loss_chi2 = 1;
+  return o;
+}
+
+namespace {
+
+// Joins the run's tracks by the pairs of its view graph.
+ReconstructStart JoinPairs(const LocalizeInput& input, const ReconstructRunOptions& options, int threads, uint64_t seed,
+                           ProgressSink& progress, const CancelToken& cancel, RunReconstruction* run) {
+  const std::vector<ImagePair> pairs = CandidatePairs(input, run->tracks, options.pairs);
+  const ViewGraph graph = BuildViewGraph(input, pairs, OdometryFactors(input, options.reconstruct, Vector6d::Ones()),
+                                         options.pairs, threads, seed, progress, cancel);
+  run->tracks = JoinTracks(input, graph, run->tracks, options.pairs, options.tracks.min_length);
+  run->pairs_tried = graph.tried;
+  run->pairs_joined = static_cast<int>(graph.edges.size());
+  run->pairs_rejected = graph.rejected;
+  progress.Log(LogLevel::kInfo, std::to_string(graph.tried) +
+                                    " pairs of images matched: " + std::to_string(graph.verified) + " verified, " +
+                                    std::to_string(graph.rejected.size()) +
+                                    " of them rejected, as odometry or other pairs contradict them");
+  return {graph.odom_from_body, std::sqrt(graph.odometry_variance)};
+}
+
+// Images' own motion holds the gauge, its length among it, and nothing else.
+ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
+  o.reconstruct.odometry_rotation_deg = 20;
+  o.reconstruct.odometry_translation_m = 0.01;
+  o.reconstruct.odometry_translation_part = 0.05;
+  o.reconstruct.estimate_odometry = false;
+  return o;
+}
+
+}  // namespace
+
+RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& given, bool paper,
+                                 int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+  const ReconstructRunOptions options = input.has_odometry ? given : WithoutOdometry(given);
+  if (input.odom_from_body.size() < 2) throw InputError("a reconstruction needs at least 2 images with odometry");
+  RunReconstruction run;
+  StepTimes steps(&run.seconds);
+  // Neighbours in time are followed along epipolar curves only where they see nearly the same.
+  const bool video = MedianStep(input) <= options.pairs.video_step_m;
+  if (paper || video || options.pairs.neighbours == 0)
+    run.tracks = BuildTracks(input, options.tracks, threads, seed, progress, cancel);
+  steps.End("tracks");
+  ReconstructStart start{input.odom_from_body};
+  if (!paper && options.pairs.neighbours > 0) {
+    start = JoinPairs(input, options, threads, seed, progress, cancel, &run);
+    steps.End("pairs");
+  }
+  run.tracked = static_cast<int64_t>(run.tracks.observations.size());
+  run.reconstruction = Reconstruct(input, start, run.tracks.tracks, std::exchange(run.tracks.observations, {}),
+                                   options.reconstruct, paper, threads, progress, cancel);
+  steps.End("reconstruct");
+  if (!paper) {
+    run.loops =
+        CloseLoops(input, options.loops, {}, options.reconstruct, &run.reconstruction, threads, seed, progress, cancel);
+    steps.End("loops");
+  }
+  return run;
+}
+
+}  // namespace trigpoint

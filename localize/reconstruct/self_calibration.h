@@ -1,0 +1,32 @@
+// Cameras that nobody calibrated: their focal length and radial distortion from the images of a run.
+#pragma once
+
+#include <vector>
+
+#include "localize/reconstruct/reconstruct.h"
+#include "localize/reconstruct/view_graph.h"
+
+namespace trigpoint {
+
+struct SelfCalibration {
+  int camera = 0;  // index into LocalizeInput::cameras
+  Camera found;    // radtan; f_x = f_y, k1, k2, no decentring
+  // 1 sigma, of the run's images and what was known before.
+  double sigma_focal_px = 0, sigma_k1 = 0, sigma_k2 = 0, sigma_centre_px = 0;
+  double shift_px = 0;  // how far the largest of nine pixels over the picture (its corners among them) moved
+};
+
+// Bundle adjustment of the reconstruction with the lenses free of those cameras whose focal length is a guess
+// (BodyCamera::focal_sigma_share > 0), over the points that most images show. Priors: the focal length by its share,
+// the principal point, and k1 and k2 of usual lenses. Empty where every camera is calibrated. Throws NumericError where
+// the images determine nothing.
+std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                           int threads);
+
+// Cameras whose focal length is hardly known (focal_sigma_share of kWildGuess and more) get the one under which most
+// matches of images near each other in time fit a two-view geometry: right to about a tenth. Nothing else changes.
+inline constexpr double kWildGuess = 0.2;
+void SearchFocalLengths(LocalizeInput* input, const ViewGraphOptions& pairs, int threads, uint64_t seed,
+                        ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint

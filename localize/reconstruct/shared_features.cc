@@ -1,0 +1,56 @@
+#include "localize/reconstruct/shared_features.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "localize/reconstruct/features.h"
+#include "localize/reconstruct/two_view.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kContrast = 0.02;     // of shrunk pictures
+constexpr double kMostDistance = 0.8;  // of unit descriptors
+constexpr double kInlier_px = 1.5;     // of the shrunk picture
+
+}  // namespace
+
+QuickFeatures FindQuickFeatures(const cv::Mat& grey, const Camera& camera, const SharedFeatureOptions& options) {
+  const double shrink = std::min(1.0, static_cast<double>(options.side_px) / std::max(grey.cols, grey.rows));
+  cv::Mat small = grey;
+  if (shrink < 1) cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
+  FeatureOptions find;
+  find.max_features = options.features;
+  find.contrast_threshold = kContrast;
+  const FeatureSet features = ExtractFeatures(small, {}, find);
+  QuickFeatures quick;
+  quick.pixel_rad = 1 / (shrink * camera.MeanFocal());
+  cv::Mat kept(0, DescriptorBlock::kDim, CV_8U);
+  for (size_t i = 0; i < features.points.size(); ++i) {
+    const Eigen::Vector2d pixel =
+        (features.points[i].cast<double>() + Eigen::Vector2d(0.5, 0.5)) / shrink - Eigen::Vector2d(0.5, 0.5);
+    const auto ray = camera.Unproject(pixel);
+    if (!ray) continue;
+    quick.rays.push_back(ray->normalized());
+    kept.push_back(features.descriptors.row(static_cast<int>(i)));
+  }
+  quick.descriptors = DescriptorBlock(kept);
+  return quick;
+}
+
+int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
+  const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, kMostDistance);
+  if (static_cast<int>(matches.size()) < kLeastMatches) return 0;
+  std::vector<Eigen::Vector3d> rays_a, rays_b;
+  for (const auto& [i, j] : matches) {
+    rays_a.push_back(a.rays[static_cast<size_t>(i)]);
+    rays_b.push_back(b.rays[static_cast<size_t>(j)]);
+  }
+  WideBaselineOptions verify;
+  verify.inlier_rad = kInlier_px * std::max(a.pixel_rad, b.pixel_rad);
+  verify.ransac_iterations = options.ransac_iterations;
+  const WideBaselineResult found = VerifyWideBaseline(rays_a, rays_b, {}, verify);
+  return found.verified ? static_cast<int>(found.inliers.size()) : 0;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,31 @@
+// How much two pictures share, quickly: for checks on site, not for estimates.
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "calib/camera/camera.h"
+#include "localize/reconstruct/matching.h"
+
+namespace trigpoint {
+
+struct SharedFeatureOptions {
+  int side_px = 640;  // longer side at which features are looked for
+  int features = 600;
+  double ratio = 0.8;  // ratio test: best / second-best distance
+  int ransac_iterations = 300;
+};
+
+// Of one picture.
+struct QuickFeatures {
+  DescriptorBlock descriptors;
+  std::vector<Eigen::Vector3d> rays;  // camera frame, unit
+  double pixel_rad = 0;               // of the shrunk picture
+};
+// `grey`: 8-bit, of the camera's size. Thread safe.
+QuickFeatures FindQuickFeatures(const cv::Mat& grey, const Camera& camera, const SharedFeatureOptions& options);
+
+// Matches that agree with one relative pose; 0 where chance could have made them. Deterministic; thread safe.
+int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);
+
+}  // namespace trigpoint

@@ -1,0 +1,1004 @@
+#include "localize/references/registration.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+
+#include "calib/base/median.h"
+#include "calib/base/parallel.h"
+#include "calib/estimation/loss.h"
+#include "calib/estimation/random.h"
+#include "calib/estimation/ransac.h"
+#include "calib/geometry/bearing.h"
+#include "localize/reconstruct/minimal_solvers.h"
+#include "localize/reconstruct/two_view.h"
+
+namespace trigpoint {
+namespace {
+
+// Photos of one hand-held set that an image is compared with, at most.
+constexpr int kViewsOfSet = 3;
+
+// Passages of the run that a reference is looked for in, at most.
+constexpr size_t kPassages = 3;
+
+// One of the photos of a hand-held set, or the set as one rig.
+bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
+
+// One matched point: where a view sees it and which point it may be.
+struct Correspondence {
+  ViewObservation observation;
+  Eigen::Vector3d ray;  // view frame
+};
+
+// A view's features, ready.
+struct PreparedView {
+  FeatureSet features;
+  DescriptorBlock descriptors;
+  std::unique_ptr<FeatureGrid> grid;
+};
+
+// An image's features, ready.
+struct PreparedImage {
+  FeatureSet features;
+  DescriptorBlock descriptors;
+};
+
+// Features of an image that carry believed points.
+struct ImagePoint {
+  int feature;
+  int point;
+};
+
+using ImagePoints = std::vector<std::vector<ImagePoint>>;
+
+ImagePoints PointsOfImages(const LocalizeInput& input, const Reconstruction& r) {
+  ImagePoints points(input.images.size());
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    const BearingObservation& o = r.problem.observations[k];
+    if (o.active && r.point_valid[static_cast<size_t>(o.point)]) {
+      points[static_cast<size_t>(r.image_of[k])].push_back({r.feature_of[k], o.point});
+    }
+  }
+  return points;
+}
+
+bool IsCentral(const ViewRig& rig) {
+  for (const View& v : rig.views) {
+    if ((v.rig_from_view.translation - rig.views[0].rig_from_view.translation).norm() > 1e-9) return false;
+  }
+  return true;
+}
+
+// Chord between the predicted and the observed ray: the angle, to third order.
+double AngularError(const Rigid3d& view_from_rig, const Rigid3d& rig_from_odom, const Eigen::Vector3d& ray,
+                    const Eigen::Vector3d& point) {
+  return ((view_from_rig * (rig_from_odom * point)).normalized() - ray).norm();
+}
+
+class Registrar {
+ public:
+  Registrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
+            const RegistrationOptions& options, bool paper, uint64_t seed, const CancelToken& cancel)
+      : input_(input),
+        r_(reconstruction),
+        retrieval_(retrieval),
+        o_(options),
+        paper_(paper),
+        seed_(seed),
+        cancel_(cancel),
+        sparse_(options.candidates * MedianStep(input) > options.passage_m),
+        image_points_(PointsOfImages(input, reconstruction)) {
+    for (const FrameImage& image : input.images) {
+      const Rigid3d cam_from_odom = input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
+                                    r_.problem.poses[static_cast<size_t>(image.pose)];
+      cam_from_odom_.push_back(cam_from_odom);
+      centres_.push_back(cam_from_odom.TargetOriginInSource());
+      const size_t n = centres_.size();
+      travelled_.push_back(n < 2 ? 0 : travelled_.back() + (centres_[n - 1] - centres_[n - 2]).norm());
+    }
+    std::array<std::vector<double>, 2> scores;
+    for (const auto& hits : retrieval.of_image) {
+      for (const Retrieval::Hit& h : hits) {
+        scores[OfSet(input.references[static_cast<size_t>(h.reference)]) ? 1 : 0].push_back(h.score);
+      }
+    }
+    for (size_t kind = 0; kind < 2; ++kind) typical_[kind] = Median(std::move(scores[kind]));
+  }
+
+  Registration Run(int reference) const {
+    Job job{
+        input_.references[static_cast<size_t>(reference)], reference, {}, {}, std::numeric_limits<double>::infinity(),
+        seed_ + static_cast<uint64_t>(reference)};
+    const int n_views = static_cast<int>(job.ref.rig.views.size());
+    Registration out;
+    out.views.resize(job.ref.rig.views.size());
+    const std::vector<Passage> passages = Passages(reference);
+    if (passages.empty()) {
+      out.reason = "no image of the run looks like it";
+      return Unmatched(out);
+    }
+    for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
+    for (size_t k = 0; k < passages.size(); ++k) {
+      if (passages[k].last && out.status == AnswerStatus::kLocalized) break;
+      job.candidates.clear();
+      job.images.clear();
+      job.passage_m = passages[k].length_m;
+      for (int image : passages[k].images) {
+        // The views that the retrieval named, and their neighbours.
+        std::set<int> chosen;
+        for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
+          if (h.reference != reference) continue;
+          for (int d = -1; d <= 1; ++d) chosen.insert((h.view + d + n_views) % n_views);
+        }
+        job.candidates.push_back({image, {chosen.begin(), chosen.end()}});
+      }
+      Registration found;
+      found.views.resize(job.ref.rig.views.size());
+      found = paper_ ? RunPaper(job, std::move(found)) : RunJoint(job, std::move(found));
+      if (k == 0) {
+        out = std::move(found);
+      } else {
+        out = Stronger(std::move(out), std::move(found));
+      }
+    }
+    return out;
+  }
+
+  // An image of the run itself against the points of an earlier passage.
+  Registration Run(const LoopQuery& query) const {
+    const BodyCamera& camera =
+        input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(query.image)].camera)];
+    ReferenceViews ref;
+    ref.rig.views.resize(1);
+    ref.rig.views[0].camera = camera.camera;
+    Job job{ref, -1, {}, {}, query.latest_m, seed_ + 100003 * static_cast<uint64_t>(query.image + 1)};
+    job.passage_m = o_.passage_m;
+    for (int image : query.candidates) job.candidates.push_back({image, {0}});
+    Registration out;
+    out.views.resize(1);
+    Prepare(input_.image_features(query.image), 0, &job);
+    return RunJoint(job, std::move(out));
+  }
+
+ private:
+  // Points that speak for another pose than the best. It must also find a good share of what it predicts: a facade that
+  // stands twice brings many points to a wrong pose, but not a good share.
+  static double RivalSupport(const Registration& best, const Registration& other) {
+    const double share = best.matched_share > 0 ? std::min(1.0, other.matched_share / best.matched_share) : 1.0;
+    return std::min(other.support, share * best.support);
+  }
+
+  // Of what two passages say, the one whose prediction finds more points; the other is its rival.
+  Registration Stronger(Registration a, Registration b) const {
+    const bool both = a.status == AnswerStatus::kLocalized && b.status == AnswerStatus::kLocalized;
+    const bool second = both ? b.support > a.support : b.status == AnswerStatus::kLocalized;
+    if (second) std::swap(a, b);
+    const double apart = (a.rig_from_odom.TargetOriginInSource() - b.rig_from_odom.TargetOriginInSource()).norm();
+    const double support = RivalSupport(a, b);
+    if (a.status == AnswerStatus::kLocalized && apart > 1 && support > o_.rival_support_share * a.support) {
+      char text[200];
+      std::snprintf(
+          text, sizeof text,
+          "ambiguous: another passage of the run puts it %.1f m away, where %.0f points are found, against %.0f", apart,
+          support, a.support);
+      a.status = AnswerStatus::kRejected;
+      a.reason = text;
+    }
+    return a;
+  }
+
+  // What is to be placed, and the images it may be seen from.
+  struct Candidate {
+    int image;
+    std::vector<int> views;  // matched with it
+  };
+  struct Job {
+    const ReferenceViews& ref;
+    int reference;  // -1: none of the input's
+    std::vector<PreparedView> views;
+    std::vector<Candidate> candidates;
+    double latest_m;  // points of images after this length of path are not used
+    uint64_t seed;
+    // Images of this passage, read once: matching, and every search about a pose and its rival, ask for the same ones.
+    mutable std::map<int, PreparedImage> images = {};
+    double passage_m = 0;  // path about the candidates whose images' points are searched for
+  };
+
+  const PreparedImage& Image(const Job& job, int image) const {
+    const auto [it, fresh] = job.images.try_emplace(image);
+    if (fresh) {
+      it->second.features = input_.image_features(image);
+      it->second.descriptors = DescriptorBlock(it->second.features.descriptors);
+    }
+    return it->second;
+  }
+
+  void Prepare(FeatureSet features, int v, Job* job) const {
+    PreparedView view;
+    view.features = std::move(features);
+    if (!paper_) view.descriptors = DescriptorBlock(view.features.descriptors);
+    const Camera& c = job->ref.rig.views[static_cast<size_t>(v)].camera;
+    view.grid = std::make_unique<FeatureGrid>(view.features.points, c.width(), c.height(), 16.0F);
+    job->views.push_back(std::move(view));
+  }
+
+  static Registration Unmatched(Registration out) {
+    out.status = AnswerStatus::kUnmatched;
+    for (ViewAnswer& v : out.views) {
+      if (v.reason.empty()) v.reason = out.reason;
+    }
+    return out;
+  }
+
+  struct Passage {
+    std::vector<int> images;
+    double length_m;
+    bool last;  // where none before it has an answer
+  };
+
+  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest passage first. Two
+  // passages always: what one shows may stand elsewhere a second time. Where stops are so sparse that a passage has few
+  // of them, the last is the whole run.
+  std::vector<Passage> Passages(int reference) const {
+    std::vector<std::pair<float, int>> scored;
+    for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
+      float best = 0;
+      for (const Retrieval::Hit& h : retrieval_.of_image[i]) {
+        if (h.reference == reference) best = std::max(best, h.score);
+      }
+      if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
+    }
+    std::sort(scored.begin(), scored.end());
+    std::vector<Passage> passages;
+    if (paper_) {
+      if (!scored.empty()) passages.push_back({Spaced(scored, 4 * o_.candidates, 0), o_.passage_m, false});
+      return passages;
+    }
+    const std::vector<int> of_whole_run = Spaced(scored, o_.candidates, o_.candidate_spacing);
+    // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at once
+    // fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by chance:
+    // a score counts by how far it stands out, or the stretch with the most images would win.
+    const double typical = typical_[OfSet(input_.references[static_cast<size_t>(reference)]) ? 1 : 0];
+    while (!scored.empty() && passages.size() < kPassages - (sparse_ ? 1 : 0)) {
+      double best_sum = -1, begin = 0;
+      for (const auto& [score, image] : scored) {
+        const double from = travelled_[static_cast<size_t>(image)];
+        double sum = 0;
+        for (const auto& [other_score, other] : scored) {
+          const double at = travelled_[static_cast<size_t>(other)];
+          const double above = std::max(0.0, -other_score - typical);
+          if (at >= from && at <= from + o_.passage_m) sum += above * above;
+        }
+        if (sum > best_sum) best_sum = sum, begin = from;
+      }
+      const auto elsewhere = std::stable_partition(scored.begin(), scored.end(), [&](const auto& s) {
+        const double at = travelled_[static_cast<size_t>(s.second)];
+        return at >= begin && at <= begin + o_.passage_m;
+      });
+      passages.push_back({Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing), o_.passage_m,
+                          passages.size() + 1 == kPassages});
+      scored.erase(scored.begin(), elsewhere);
+    }
+    if (sparse_ && !of_whole_run.empty())
+      passages.push_back({of_whole_run, std::numeric_limits<double>::infinity(), true});
+    return passages;
+  }
+
+  // Whether two images show nearly the same: of one camera, close to each other in the run and in space. The other
+  // cameras of a rig look elsewhere; stops farther apart than candidates spread evenly over a passage all count.
+  bool SameAs(int a, int b, int spacing) const {
+    const FrameImage& of_a = input_.images[static_cast<size_t>(a)];
+    const FrameImage& of_b = input_.images[static_cast<size_t>(b)];
+    return of_a.camera == of_b.camera && std::abs(of_a.pose - of_b.pose) < spacing &&
+           (centres_[static_cast<size_t>(a)] - centres_[static_cast<size_t>(b)]).norm() < o_.passage_m / o_.candidates;
+  }
+
+  std::vector<int> Spaced(const std::vector<std::pair<float, int>>& scored, int most, int spacing) const {
+    std::vector<int> kept;
+    for (const auto& [score, image] : scored) {
+      const bool near = std::any_of(kept.begin(), kept.end(), [&, i = image](int k) { return SameAs(k, i, spacing); });
+      if (!near) kept.push_back(image);
+      if (static_cast<int>(kept.size()) >= most) break;
+    }
+    return kept;
+  }
+
+  std::vector<Rigid3d> ViewFromRig(const ViewRig& rig) const {
+    std::vector<Rigid3d> out;
+    for (const View& v : rig.views) out.push_back(v.rig_from_view.Inverse());
+    return out;
+  }
+
+  double FocalOf(const ViewRig& rig) const { return rig.views.front().camera.MeanFocal(); }
+
+  // --- ours ---------------------------------------------------------------------------------------------------
+
+  Registration RunJoint(const Job& job, Registration out) const {
+    const ReferenceViews& ref = job.ref;
+    double middle = 0;
+    for (const Candidate& c : job.candidates)
+      middle += travelled_[static_cast<size_t>(c.image)] / static_cast<double>(job.candidates.size());
+    std::vector<Correspondence> all = MatchCandidates(job);
+    out.view_matches = static_cast<int>(all.size());
+    const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
+    if (static_cast<int>(all.size()) < o_.min_inliers / 2) {
+      out.reason = "only " + std::to_string(all.size()) + " matches with points of the run";
+      return Unmatched(out);
+    }
+    const double threshold = o_.ransac_px / FocalOf(ref.rig);
+    const auto best = FindPose(ref, all, view_from_rig, threshold, job.seed);
+    if (!best.found || best.inliers.size() < 8) {
+      out.reason = "no pose explains the matches (" + std::to_string(best.inliers.size()) + " of " +
+                   std::to_string(all.size()) + " agree)";
+      return Unmatched(out);
+    }
+    // A rival: the best pose of the matches that this one does not explain.
+    std::vector<Correspondence> rest;
+    {
+      std::set<int> used(best.inliers.begin(), best.inliers.end());
+      for (size_t i = 0; i < all.size(); ++i) {
+        if (used.count(static_cast<int>(i)) == 0) rest.push_back(all[i]);
+      }
+    }
+    out.agreeing = static_cast<int>(best.inliers.size());
+    const auto refined = [&](const std::vector<Correspondence>& matches, const RansacResult<Rigid3d>& found) {
+      std::vector<Correspondence> explained;
+      for (int i : found.inliers) explained.push_back(matches[static_cast<size_t>(i)]);
+      return RefinePose(ref, view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+    };
+    Grow(job, view_from_rig, refined(all, best), middle, &out);
+    const auto rival = FindPose(ref, rest, view_from_rig, threshold, job.seed + 7777);
+    if (rival.found && rival.inliers.size() >= 8) {
+      // A rival that ends up where the first pose is, is none.
+      Registration other = out;
+      Grow(job, view_from_rig, refined(rest, rival), middle, &other);
+      const double apart =
+          (out.rig_from_odom.TargetOriginInSource() - other.rig_from_odom.TargetOriginInSource()).norm();
+      if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
+        out.rival = static_cast<int>(rival.inliers.size());
+        out.rival_distance_m = apart;
+        out.rival_support = RivalSupport(out, other);
+      }
+    }
+    Decide(&out);
+    AnswerViews(ref, view_from_rig, &out);
+    return out;
+  }
+
+  std::vector<Correspondence> MatchCandidates(const Job& job) const {
+    std::vector<Correspondence> all;
+    std::set<std::tuple<int, int, int>> seen;
+    std::map<int, int> times;  // a point is matched from at most two images: more say the same again
+    for (const auto& [image, chosen] : job.candidates) {
+      cancel_.ThrowIfCancelled();
+      const DescriptorBlock& full = Image(job, image).descriptors;
+      DescriptorBlock block;
+      std::vector<ImagePoint> points;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
+        if (++times[p.point] <= 2) points.push_back(p);
+      }
+      for (const ImagePoint& p : points) block.Append(full, p.feature);
+      for (int v : chosen) {
+        const PreparedView& view = job.views[static_cast<size_t>(v)];
+        for (const auto& [i, j] : MatchMutual(block, view.descriptors, o_.ratio, o_.max_distance)) {
+          Correspondence c;
+          c.observation = {
+              v, j, points[static_cast<size_t>(i)].point, image, view.features.points[static_cast<size_t>(j)], false};
+          if (!seen.insert({v, j, c.observation.point}).second) continue;
+          const auto ray =
+              job.ref.rig.views[static_cast<size_t>(v)].camera.Unproject(c.observation.pixel.cast<double>());
+          if (!ray) continue;
+          c.ray = *ray;
+          all.push_back(c);
+        }
+      }
+    }
+    return all;
+  }
+
+  RansacResult<Rigid3d> FindPose(const ReferenceViews& ref, const std::vector<Correspondence>& all,
+                                 const std::vector<Rigid3d>& view_from_rig, double threshold, uint64_t seed) const {
+    std::vector<Eigen::Vector3d> rays, rig_rays, points;
+    std::vector<int> view_of;
+    std::vector<Rigid3d> rig_from_view;
+    for (const View& v : ref.rig.views) rig_from_view.push_back(v.rig_from_view);
+    for (const Correspondence& c : all) {
+      rays.push_back(c.ray);
+      rig_rays.push_back(rig_from_view[static_cast<size_t>(c.observation.view)].rotation * c.ray);
+      points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      view_of.push_back(c.observation.view);
+    }
+    RansacOptions ransac;
+    ransac.max_iterations = o_.ransac_iterations;
+    ransac.min_iterations = 200;
+    ransac.threshold = threshold;
+    ransac.seed = seed;
+    const bool central = IsCentral(ref.rig);
+    const Eigen::Vector3d centre = rig_from_view.front().translation;
+    return Ransac<Rigid3d, 3>(
+        static_cast<int>(all.size()), ransac,
+        [&](const std::vector<int>& sample) {
+          if (!central) return GeneralisedThreePointPoses(rays, view_of, rig_from_view, points, sample);
+          std::vector<Rigid3d> poses = ThreePointPoses(rig_rays, points, sample);
+          for (Rigid3d& p : poses) p.translation += centre;
+          return poses;
+        },
+        [&](const Rigid3d& pose, int i) {
+          const size_t k = static_cast<size_t>(i);
+          if (central) return ((pose * points[k] - centre).normalized() - rig_rays[k]).norm();  // half the turns
+          return AngularError(view_from_rig[static_cast<size_t>(view_of[k])], pose, rays[k], points[k]);
+        });
+  }
+
+  // Pose alone, points held. Observations: (view, ray, W, point).
+  Rigid3d RefinePose(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
+                     const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px,
+                     std::string_view loss, double chi2, Matrix6d* covariance) const {
+    BundleProblem p;
+    p.points_constant = true;
+    p.poses = {start};
+    p.views = view_from_rig;
+    p.loss = MakeLoss(loss, chi2);
+    for (const Correspondence& c : used) {
+      BearingObservation o;
+      o.point = static_cast<int>(p.points.size());
+      o.view = c.observation.view;
+      o.ray = c.ray.cast<float>();
+      o.w = ref.rig.views[static_cast<size_t>(o.view)]
+                .camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px)
+                .cast<float>();
+      p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      p.observations.push_back(o);
+    }
+    BundleOptions bundle;
+    bundle.threads = 1;
+    bundle.max_iterations = 20;
+    ProgressSink silent;
+    try {
+      SolveBundle(p, bundle, silent, cancel_);
+      if (covariance != nullptr) *covariance = BundleCovariance(p, 1, cancel_).Joint({0});
+    } catch (const NumericError&) {
+      if (covariance != nullptr) *covariance = Matrix6d::Identity() * 1e6;
+      return start;
+    }
+    return p.poses[0];
+  }
+
+  // From a first pose: refine, look for every point that should be seen, refine again.
+  void Grow(const Job& job, const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle,
+            Registration* out) const {
+    const ReferenceViews& ref = job.ref;
+    Rigid3d pose = start;
+    const double focal = FocalOf(ref.rig);
+    std::vector<Correspondence> found, inliers;
+    int expected = 0;
+    double radius = o_.guided_px;
+    for (int round = 0; round < 2; ++round) {
+      radius = o_.guided_px / (round + 1);
+      found = SearchPredicted(job, view_from_rig, pose, middle, radius, &expected);
+      if (found.size() < 6) break;
+      for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
+        pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", o_.outlier_chi2, nullptr);
+        if (sigma <= o_.sigma_px) break;
+      }
+    }
+    // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of
+    // the radius, less a third of what lies in the outer ring (a third of its area), is evidence.
+    std::vector<double> errors_px;
+    int inner = 0, outer = 0;
+    for (const Correspondence& c : found) {
+      const double e = focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
+                                            r_.problem.points[static_cast<size_t>(c.observation.point)]);
+      errors_px.push_back(e);
+      if (e < 0.5 * radius) {
+        ++inner;
+      } else if (e < radius) {
+        ++outer;
+      }
+    }
+    out->support = inner - outer / 3.0;
+    out->outlier_chi2 = ChanceGate(out->support, outer, radius, o_.sigma_px, o_.outlier_chi2);
+    for (size_t i = 0; i < found.size(); ++i) {
+      if (errors_px[i] < o_.sigma_px * std::sqrt(out->outlier_chi2)) inliers.push_back(found[i]);
+    }
+    // A point in the overlap of two views of one centre is one observation, not two.
+    if (IsCentral(ref.rig)) {
+      std::map<int, size_t> best;
+      for (size_t i = 0; i < inliers.size(); ++i) {
+        const auto off_axis = [&](size_t k) { return -inliers[k].ray.z(); };
+        const auto [it, fresh] = best.try_emplace(inliers[i].observation.point, i);
+        if (fresh) continue;
+        if (off_axis(i) < off_axis(it->second)) {
+          inliers[it->second].observation.repeated = true;
+          it->second = i;
+        } else {
+          inliers[i].observation.repeated = true;
+        }
+      }
+    }
+    std::vector<Correspondence> independent;
+    for (const Correspondence& c : inliers) {
+      if (!c.observation.repeated) independent.push_back(c);
+    }
+    out->inliers.clear();
+    out->rig_from_odom = pose;
+    if (independent.size() >= 6) {
+      out->rig_from_odom =
+          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", out->outlier_chi2, &out->covariance);
+    } else {
+      out->covariance = Matrix6d::Identity() * 1e6;
+    }
+    for (const Correspondence& c : inliers) out->inliers.push_back(c.observation);
+    out->matched_share = expected > 0 ? std::max(0.0, out->support) / expected : 0;
+  }
+
+  // Points that the pose predicts to be seen, found by descriptor near their predicted place.
+  std::vector<Correspondence> SearchPredicted(const Job& job, const std::vector<Rigid3d>& view_from_rig,
+                                              const Rigid3d& rig_from_odom, double middle, double radius,
+                                              int* expected) const {
+    const std::vector<PreparedView>& views = job.views;
+    const ReferenceViews& ref = job.ref;
+    const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
+    // The nearest images, spaced, in both directions of travel.
+    std::vector<std::pair<double, int>> near;
+    for (size_t i = 0; i < centres_.size(); ++i) {
+      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > job.passage_m || travelled_[i] > job.latest_m)
+        continue;
+      near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
+    }
+    std::sort(near.begin(), near.end());
+    std::vector<int> images;
+    for (const auto& [distance, image] : near) {
+      if (distance > o_.max_distance_m) break;
+      const bool close = std::any_of(images.begin(), images.end(),
+                                     [&, i = image](int k) { return SameAs(k, i, o_.candidate_spacing); });
+      if (!close) images.push_back(image);
+      if (static_cast<int>(images.size()) >= o_.guided_images) break;
+    }
+    struct Best {
+      int distance = std::numeric_limits<int>::max();
+      Correspondence c;
+    };
+    std::map<std::pair<int, int>, Best> of_point;                   // (view, point)
+    std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
+    std::set<int> predicted;
+    std::vector<int> nearby, distances;
+    const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
+    for (int image : images) {
+      cancel_.ThrowIfCancelled();
+      const FeatureSet& features = Image(job, image).features;
+      const DescriptorBlock& block = Image(job, image).descriptors;
+      const Camera& camera =
+          input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(image)].camera)].camera;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
+        const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(p.point)];
+        const Eigen::Vector3d from_pano = y - centre, from_cam = y - centres_[static_cast<size_t>(image)];
+        const double d_pano = from_pano.norm(), d_cam = from_cam.norm();
+        // SIFT stands about 40 deg of change of viewpoint and a factor of 2.5 in distance.
+        if (d_pano < 0.3 || from_pano.dot(from_cam) < 0.77 * d_pano * d_cam) continue;
+        if (d_pano > 2.5 * d_cam || d_cam > 2.5 * d_pano) continue;
+        const Eigen::Vector3d in_rig = rig_from_odom * y;
+        for (size_t v = 0; v < views.size(); ++v) {
+          const Camera& view_camera = ref.rig.views[v].camera;
+          const auto pixel = view_camera.Project(view_from_rig[v] * in_rig);
+          if (!pixel || !view_camera.Contains(*pixel)) continue;
+          const float scale = features.scales[static_cast<size_t>(p.feature)] *
+                              static_cast<float>(view_camera.MeanFocal() / camera.MeanFocal() * d_cam / d_pano);
+          nearby.clear();
+          const PreparedView& view = views[v];
+          view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j, const Eigen::Vector2f& at) {
+            const float s = view.features.scales[static_cast<size_t>(j)];
+            if (s > 2.0F * scale || scale > 2.0F * s) return;
+            if ((at.cast<double>() - *pixel).squaredNorm() > radius * radius) return;
+            nearby.push_back(j);
+          });
+          // A point counts as expected where the view has texture of its scale.
+          if (!nearby.empty()) predicted.insert(p.point);
+          block.SquaredDistances(p.feature, view.descriptors, nearby, &distances);
+          int best = most, second = std::numeric_limits<int>::max(), index = -1;
+          for (size_t k = 0; k < nearby.size(); ++k) {
+            if (distances[k] < best) {
+              second = best, best = distances[k], index = nearby[k];
+            } else if (distances[k] < second) {
+              second = distances[k];
+            }
+          }
+          if (index < 0 || best > 0.9 * 0.9 * second) continue;
+          Best& slot = of_point[{static_cast<int>(v), p.point}];
+          if (best >= slot.distance) continue;
+          const auto ray = view_camera.Unproject(view.features.points[static_cast<size_t>(index)].cast<double>());
+          if (!ray) continue;
+          slot.distance = best;
+          slot.c.ray = *ray;
+          slot.c.observation = {
+              static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
+        }
+      }
+    }
+    for (const auto& [key, best] : of_point) {
+      auto [it, fresh] = of_feature.try_emplace({key.first, best.c.observation.feature}, best.distance, key.second);
+      if (!fresh && best.distance < it->second.first) it->second = {best.distance, key.second};
+    }
+    std::vector<Correspondence> out;
+    for (const auto& [key, best] : of_point) {
+      if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
+    }
+    *expected = static_cast<int>(predicted.size());
+    return out;
+  }
+
+  double NearestCamera(const Eigen::Vector3d& centre) const {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& c : centres_) nearest = std::min(nearest, (c - centre).norm());
+    return nearest;
+  }
+
+  void Decide(Registration* out) const {
+    int independent = 0;
+    for (const ViewObservation& o : out->inliers) independent += o.repeated ? 0 : 1;
+    const Eigen::Vector3d centre = out->rig_from_odom.TargetOriginInSource();
+    out->distance_m = NearestCamera(centre);
+    const Matrix6d inverse = InverseCovariance(out->rig_from_odom, out->covariance);
+    const double sigma =
+        std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inverse.bottomRightCorner<3, 3>()).eigenvalues()(2));
+    char text[200];
+    out->status = AnswerStatus::kRejected;
+    if (independent < o_.min_inliers) {
+      std::snprintf(text, sizeof text, "%d inliers, %d needed", independent, o_.min_inliers);
+    } else if (out->support < o_.min_inliers || out->matched_share < o_.min_matched_share) {
+      std::snprintf(text, sizeof text, "only %.1f %% of the points that should be seen are found (%.1f %% needed)",
+                    100 * out->matched_share, 100 * o_.min_matched_share);
+    } else if (out->rival > o_.rival_share * out->agreeing) {
+      std::snprintf(text, sizeof text, "ambiguous: another pose, %.1f m away, explains %d matches against %d",
+                    out->rival_distance_m, out->rival, out->agreeing);
+    } else if (out->rival_support > o_.rival_support_share * out->support) {
+      std::snprintf(text, sizeof text,
+                    "ambiguous: another pose, %.1f m away, predicts %.0f points that are found, against %.0f",
+                    out->rival_distance_m, out->rival_support, out->support);
+    } else if (out->agreeing < o_.min_agreement * out->view_matches) {
+      std::snprintf(text, sizeof text, "only %d of %d matches agree on a pose (%.0f %% needed)", out->agreeing,
+                    out->view_matches, 100 * o_.min_agreement);
+    } else if (out->distance_m > o_.max_distance_m) {
+      std::snprintf(text, sizeof text, "%.1f m from the nearest camera, at most %.1f m", out->distance_m,
+                    o_.max_distance_m);
+    } else if (!(sigma <= o_.max_sigma_m)) {
+      std::snprintf(text, sizeof text, "position sigma %.2f m, at most %.2f m", sigma, o_.max_sigma_m);
+    } else {
+      out->status = AnswerStatus::kLocalized;
+      text[0] = 0;
+    }
+    out->reason = text;
+  }
+
+  // G1: each view from its own inliers.
+  void AnswerViews(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, Registration* out) const {
+    for (size_t v = 0; v < ref.rig.views.size(); ++v) {
+      std::vector<Correspondence> used;
+      for (const ViewObservation& o : out->inliers) {
+        if (o.view != static_cast<int>(v)) continue;
+        Correspondence c;
+        c.observation = o;
+        c.ray = *ref.rig.views[v].camera.Unproject(o.pixel.cast<double>());
+        used.push_back(c);
+      }
+      ViewAnswer& answer = out->views[v];
+      answer.inliers = static_cast<int>(used.size());
+      if (used.size() < 8) {
+        answer.status = used.empty() ? AnswerStatus::kUnmatched : AnswerStatus::kRejected;
+        answer.reason = std::to_string(used.size()) + " inliers, 8 needed";
+        continue;
+      }
+      const Rigid3d rig_from_odom =
+          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", out->outlier_chi2, nullptr);
+      answer.view_from_odom = view_from_rig[v] * rig_from_odom;
+      answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
+      const bool near = answer.distance_m <= o_.max_distance_m;
+      answer.status = near ? AnswerStatus::kLocalized : AnswerStatus::kRejected;
+      if (!near) answer.reason = "too far from the nearest camera";
+    }
+  }
+
+  // --- as published -------------------------------------------------------------------------------------------
+
+  Registration RunPaper(const Job& job, Registration out) const {
+    const ReferenceViews& ref = job.ref;
+    const std::vector<PreparedView>& views = job.views;
+    const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
+    std::vector<std::vector<Correspondence>> of_view(views.size());
+    struct Seen {
+      int image;
+      std::vector<Correspondence> matches;  // all that the homography explains
+    };
+    std::vector<std::vector<Seen>> seen_by(views.size());
+    for (const Candidate& candidate : job.candidates) {
+      cancel_.ThrowIfCancelled();
+      const FeatureSet features = input_.image_features(candidate.image);
+      std::map<int, int> point_of;
+      for (const ImagePoint& p : image_points_[static_cast<size_t>(candidate.image)]) point_of[p.feature] = p.point;
+      for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(candidate.image)]) {
+        if (h.reference != job.reference) continue;
+        const PreparedView& view = views[static_cast<size_t>(h.view)];
+        const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
+        std::vector<Eigen::Vector2f> pa, pb;
+        for (const auto& [i, j] : matches) {
+          pa.push_back(features.points[static_cast<size_t>(i)]);
+          pb.push_back(view.features.points[static_cast<size_t>(j)]);
+        }
+        const std::vector<int> inliers = VerifyHomography(pa, pb, o_.homography_px);
+        if (static_cast<int>(inliers.size()) < o_.homography_min_inliers) continue;
+        Seen seen{candidate.image, {}};
+        for (int k : inliers) {
+          const auto [i, j] = matches[static_cast<size_t>(k)];
+          const auto it = point_of.find(i);
+          const Eigen::Vector2f pixel = view.features.points[static_cast<size_t>(j)];
+          const auto ray = ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(pixel.cast<double>());
+          if (it == point_of.end() || !ray) continue;
+          seen.matches.push_back({{h.view, j, it->second, candidate.image, pixel, false}, *ray});
+        }
+        seen_by[static_cast<size_t>(h.view)].push_back(std::move(seen));
+      }
+    }
+    // "To select the matching images from K" (the paper does not say how many): those with the most matches.
+    std::vector<int> best_image(views.size(), -1);
+    for (size_t v = 0; v < views.size(); ++v) {
+      std::stable_sort(seen_by[v].begin(), seen_by[v].end(),
+                       [](const Seen& x, const Seen& y) { return x.matches.size() > y.matches.size(); });
+      if (!seen_by[v].empty()) best_image[v] = seen_by[v].front().image;
+      std::set<std::pair<int, int>> known;  // (feature of the view, point)
+      for (size_t k = 0; k < std::min(seen_by[v].size(), static_cast<size_t>(o_.homography_images)); ++k) {
+        for (const Correspondence& c : seen_by[v][k].matches) {
+          if (known.insert({c.observation.feature, c.observation.point}).second) of_view[v].push_back(c);
+        }
+      }
+    }
+    for (const auto& list : of_view) out.view_matches += static_cast<int>(list.size());
+    // G1: every view by itself. The start (the paper is silent): three-point RANSAC on the view's own matches.
+    std::vector<int> answered;
+    for (size_t v = 0; v < views.size(); ++v) {
+      ViewAnswer& answer = out.views[v];
+      if (of_view[v].size() < 6) {
+        answer.reason = std::to_string(of_view[v].size()) + " matches with points, 6 needed";
+        continue;
+      }
+      const double threshold = o_.ransac_px / FocalOf(ref.rig);
+      const auto start = FindPose(ref, of_view[v], view_from_rig, threshold, seed_ + 31 * v);
+      answer.status = AnswerStatus::kRejected;
+      if (!start.found || start.inliers.size() < 6) {
+        answer.reason = "no pose explains the matches";
+        continue;
+      }
+      const Rigid3d rig = RefinePose(ref, view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
+      answer.view_from_odom = view_from_rig[v] * rig;
+      for (const Correspondence& c : of_view[v]) {
+        const double e =
+            AngularError(view_from_rig[v], rig, c.ray, r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        if (e < threshold) {
+          ++answer.inliers;
+          out.inliers.push_back(c.observation);
+        }
+      }
+      // "estimated too far with respect to the current pose": the camera that matched best.
+      answer.distance_m =
+          (answer.view_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[v])]).norm();
+      if (answer.distance_m > o_.max_distance_m) {
+        answer.reason =
+            "estimated " + std::to_string(static_cast<int>(answer.distance_m)) + " m from the current camera";
+        continue;
+      }
+      answer.status = AnswerStatus::kLocalized;
+      answered.push_back(static_cast<int>(v));
+    }
+    if (answered.empty()) {
+      out.status = out.view_matches > 0 ? AnswerStatus::kRejected : AnswerStatus::kUnmatched;
+      out.reason = out.view_matches > 0 ? "no view (G1) could be located by itself" : "no view matches";
+      return out;
+    }
+    // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every
+    // view's own answer: a view that has settled on a repeated facade is a bad place to start from.
+    std::optional<Connected> best;
+    int lead = answered.front();
+    for (int v : answered) {
+      const Rigid3d start =
+          ref.rig.views[static_cast<size_t>(v)].rig_from_view * out.views[static_cast<size_t>(v)].view_from_odom;
+      Connected connected = Connect(ref, view_from_rig, of_view, answered, start);
+      if (best && connected.cost >= best->cost) continue;
+      best = std::move(connected);
+      lead = v;
+    }
+    const size_t at = static_cast<size_t>(std::find(answered.begin(), answered.end(), lead) - answered.begin());
+    out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * best->problem.poses[at];
+    try {
+      out.covariance = BundleCovariance(best->problem, 1, cancel_).Joint({static_cast<int>(at)});
+    } catch (const NumericError&) {
+      out.covariance = Matrix6d::Identity() * 1e6;
+    }
+    out.distance_m = (out.rig_from_odom.TargetOriginInSource() -
+                      centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])])
+                         .norm();
+    out.status = AnswerStatus::kLocalized;
+    if (out.distance_m > o_.max_distance_m) {
+      out.status = AnswerStatus::kRejected;
+      out.reason = "estimated " + std::to_string(static_cast<int>(out.distance_m)) + " m from the current camera";
+    }
+    return out;
+  }
+
+  struct Connected {
+    BundleProblem problem;  // a pose for each answered view, view_from_odom
+    double cost = 0;
+  };
+  Connected Connect(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
+                    const std::vector<std::vector<Correspondence>>& of_view, const std::vector<int>& answered,
+                    const Rigid3d& start) const {
+    BundleProblem p;
+    p.points_constant = true;
+    p.loss = MakeLoss("dcs", 1.0);
+    p.views = {Rigid3d()};
+    for (int v : answered) {
+      const int pose = static_cast<int>(p.poses.size());
+      p.poses.push_back(view_from_rig[static_cast<size_t>(v)] * start);
+      if (pose > 0) {
+        PoseFactor f;
+        f.kind = PoseFactor::Kind::kBetween;
+        f.a = pose - 1, f.b = pose;
+        f.measured = view_from_rig[static_cast<size_t>(answered[static_cast<size_t>(pose - 1)])] *
+                     ref.rig.views[static_cast<size_t>(v)].rig_from_view;
+        // The paper gives no information matrix; 0.1 deg and 1 cm tie the views firmly without freezing the solver.
+        f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.01);
+        p.factors.push_back(f);
+      }
+      for (const Correspondence& c : of_view[static_cast<size_t>(v)]) {
+        BearingObservation o;
+        o.point = static_cast<int>(p.points.size());
+        o.pose = pose;
+        o.ray = c.ray.cast<float>();
+        o.w = ref.rig.views[static_cast<size_t>(v)]
+                  .camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), o_.sigma_px)
+                  .cast<float>();
+        p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
+        p.observations.push_back(o);
+      }
+    }
+    BundleOptions bundle;
+    bundle.threads = 1;
+    ProgressSink silent;
+    const double cost = SolveBundle(p, bundle, silent, cancel_).final_cost;
+    return {std::move(p), cost};
+  }
+
+  const LocalizeInput& input_;
+  const Reconstruction& r_;
+  const Retrieval& retrieval_;
+  const RegistrationOptions& o_;
+  bool paper_;
+  uint64_t seed_;
+  const CancelToken& cancel_;
+  bool sparse_;  // stops are so far apart that a passage has fewer of them than candidates are asked for
+  ImagePoints image_points_;
+  std::vector<Rigid3d> cam_from_odom_;
+  std::vector<Eigen::Vector3d> centres_;
+  std::vector<double> travelled_;  // path length up to each image, m
+  std::array<double, 2> typical_;  // median score of what is listed for the images: others, hand-held sets
+};
+
+}  // namespace
+
+double ChanceGate(double support, int outer, double radius_px, double sigma_px, double most_chi2) {
+  constexpr double kLeastChi2 = 5.99;
+  if (outer == 0) return most_chi2;
+  const double chance = outer / (0.75 * std::numbers::pi * radius_px * radius_px);  // on a square pixel
+  const double peak = support / (2 * std::numbers::pi * sigma_px * sigma_px);       // of the true ones, in the middle
+  if (peak <= chance) return std::min(kLeastChi2, most_chi2);
+  return std::min(std::max(kLeastChi2, 2 * std::log(peak / chance)), most_chi2);
+}
+
+std::string_view AnswerStatusName(AnswerStatus status) {
+  switch (status) {
+    case AnswerStatus::kLocalized: return "localized";
+    case AnswerStatus::kRejected: return "rejected";
+    case AnswerStatus::kUnmatched: return "unmatched";
+  }
+  return "unmatched";
+}
+
+Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
+                        int threads, ProgressSink& progress, const CancelToken& cancel) {
+  Retrieval result;
+  result.of_image.resize(input.images.size());
+  std::vector<std::pair<int, int>> documents;
+  for (size_t r = 0; r < input.references.size(); ++r) {
+    for (size_t v = 0; v < input.references[r].rig.views.size(); ++v) documents.emplace_back(r, v);
+  }
+  if (documents.empty()) return result;
+  progress.Begin("codebook", 0);
+  // An even share of every view trains the codebook.
+  DescriptorBlock training;
+  const int share = std::max(1, options.training_descriptors / static_cast<int>(documents.size()));
+  for (size_t d = 0; d < documents.size(); ++d) {
+    cancel.ThrowIfCancelled();
+    const DescriptorBlock block(input.view_features(documents[d].first, documents[d].second).descriptors);
+    std::vector<int> order(static_cast<size_t>(block.size()));
+    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+    Random random(seed * 1000003 + d);
+    random.Shuffle(order);
+    for (int i = 0; i < std::min(share, block.size()); ++i) training.Append(block, order[static_cast<size_t>(i)]);
+  }
+  if (training.size() == 0) return result;
+  const Vocabulary vocabulary(training, options, seed, threads, cancel);
+  RetrievalIndex index(vocabulary);
+  for (const auto& [r, v] : documents) {
+    cancel.ThrowIfCancelled();
+    index.Add(DescriptorBlock(input.view_features(r, v).descriptors));
+  }
+  index.Finish();
+  const bool with_sets = !paper && std::any_of(input.references.begin(), input.references.end(), OfSet);
+  progress.Begin("retrieval", static_cast<int64_t>(input.images.size()));
+  ParallelFor(static_cast<int64_t>(input.images.size()), threads, cancel, [&](int64_t i) {
+    const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
+    const std::vector<RetrievalHit> ranked = index.Query(block, with_sets ? index.size() : options.top_k);
+    std::vector<Retrieval::Hit>& hits = result.of_image[static_cast<size_t>(i)];
+    std::vector<Retrieval::Hit> sets;
+    // A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
+    // place either: sets are named where they are among the image's best places, by their best photos, with what they
+    // exceed the first place left out by.
+    std::map<int, int> views_of;  // place -> views seen
+    float floor = 0;
+    int alone = 0;
+    for (const RetrievalHit& hit : ranked) {
+      const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
+      const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
+      if ((paper || !OfSet(reference)) && ++alone <= options.top_k) hits.push_back({r, v, hit.score});
+      if (!with_sets || static_cast<int>(views_of.size()) > options.top_k) continue;
+      const int place = reference.set < 0 ? r : -1 - reference.set;
+      const auto [views, fresh] = views_of.try_emplace(place, 0);
+      if (fresh) floor = hit.score;
+      if (OfSet(reference) && ++views->second <= kViewsOfSet) sets.push_back({r, v, hit.score});
+    }
+    for (Retrieval::Hit& hit : sets) {
+      if (hit.score > floor) hits.push_back({hit.reference, hit.view, hit.score - floor});
+    }
+    progress.Advance(1);
+  });
+  result.words = vocabulary.size();
+  result.memory_mib = static_cast<double>(index.MemoryBytes()) / 1048576.0;
+  return result;
+}
+
+std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel) {
+  const Registrar registrar(input, reconstruction, retrieval, options, paper, seed, cancel);
+  std::vector<Registration> result(input.references.size());
+  progress.Begin("references", static_cast<int64_t>(result.size()));
+  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
+    result[static_cast<size_t>(i)] = registrar.Run(static_cast<int>(i));
+    progress.Advance(1);
+  });
+  return result;
+}
+
+std::vector<Registration> RegisterImages(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                         const std::vector<LoopQuery>& queries, const RegistrationOptions& options,
+                                         int threads, uint64_t seed, ProgressSink& progress,
+                                         const CancelToken& cancel) {
+  const Retrieval none;
+  const Registrar registrar(input, reconstruction, none, options, false, seed, cancel);
+  std::vector<Registration> result(queries.size());
+  progress.Begin("loops", static_cast<int64_t>(result.size()));
+  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
+    result[static_cast<size_t>(i)] = registrar.Run(queries[static_cast<size_t>(i)]);
+    progress.Advance(1);
+  });
+  return result;
+}
+
+}  // namespace trigpoint
