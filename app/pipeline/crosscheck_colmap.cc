@@ -9,12 +9,12 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
-#include "app/pipeline/feature_store.h"
 #include "app/pipeline/stages.h"
 #include "datasets/colmap/camera_models.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
+#include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
 namespace {
@@ -278,39 +278,23 @@ std::set<std::string> ColmapRun::Candidates(const ColmapSolution& images,
   return chosen;
 }
 
-ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
-                                    std::map<std::string, std::pair<std::string, size_t>>* views) {
-  ColmapSolution solution;
-  solution.depth = "c";
-  if (images.status != "done") {
-    solution.status = "skipped";
-    solution.reason = "depth b is not there to add panoramas to";
-    return solution;
-  }
-  const fs::path dir = work_ / "c", database = dir / "database.db", pictures = work_ / "images";
-  fs::create_directories(dir / "registered");
-  fs::create_directories(dir / "adjusted");
-  fs::copy_file(work_ / "b/database.db", database);
-  solution.images = images.images;
-  solution.name_of = images.name_of;
-
+// The views of the panoramas as pictures for COLMAP, and with which images each is matched.
+ColmapRun::PanoramaViews ColmapRun::RenderViews(const ColmapSolution& images, const fs::path& pictures,
+                                                ColmapSolution* solution) {
   // Our answers, by which candidates are chosen.
   std::map<std::string, Eigen::Vector3d> answers;
   for (const SolutionReference& r : scene_.solution.references) {
     if (r.pose >= 0) answers[r.row] = OdomFromRig(scene_.solution, r.pose).translation;
   }
+  PanoramaViews out;
   std::vector<std::string> warnings;
-  std::map<size_t, std::vector<std::string>> names;  // view index -> images
-  std::map<size_t, Camera> cameras;
-  std::map<size_t, Rigid3d> rig_from_view;
-  std::string pairs;
   int number = 0;
   for (const PreparedReference& p : PrepareReferences(project_.site(), views_, &warnings)) {
     cancel_.ThrowIfCancelled();
     const Reference& reference = project_.site().references[static_cast<size_t>(p.reference)];
     if (reference.kind != ReferenceKind::kPanorama) continue;
-    if (!cameras.empty() && cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
-      solution.reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
+    if (!out.cameras.empty() && out.cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
+      solution->reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
       continue;
     }
     const auto answer = answers.find(reference.name);
@@ -324,87 +308,105 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
                        {cv::IMWRITE_JPEG_QUALITY, 98})) {
         throw IoError((pictures / name).string() + ": cannot be written; is the disk full?");
       }
-      names[v].push_back(name);
-      cameras.emplace(v, p.rig.views[v].camera);
-      rig_from_view.emplace(v, p.rig.views[v].rig_from_view);
-      (*views)[name] = {reference.name, v};
-      for (const std::string& image : candidates) pairs += name + " " + image + "\n";
+      out.names[v].push_back(name);
+      out.cameras.emplace(v, p.rig.views[v].camera);
+      out.rig_from_view.emplace(v, p.rig.views[v].rig_from_view);
+      out.panorama[name] = {reference.name, v};
+      for (const std::string& image : candidates) out.pairs += name + " " + image + "\n";
     }
     ++number;
   }
-  if (names.empty()) {
-    solution.status = "skipped";
-    solution.reason = "the project has no panorama";
+  return out;
+}
+
+bool ColmapRun::RegisterViews(const PanoramaViews& views, const fs::path& dir, const fs::path& pictures,
+                              ColmapSolution* solution) {
+  const fs::path database = dir / "database.db";
+  for (const auto& [v, list] : views.names) {
+    if (!ExtractFeatures(solution, "feature_extractor", database, pictures, list, views.cameras.at(v))) return false;
+  }
+  WriteFileAtomically(dir / "pairs.txt", views.pairs);
+  return Step(solution, "matches_importer",
+              {"matches_importer", "--database_path", database.string(), "--match_list_path",
+               (dir / "pairs.txt").string(), "--match_type", "pairs", Option("SiftMatching.use_gpu"), "0",
+               Option("SiftMatching.num_threads"), std::to_string(threads_)}) &&
+         Step(solution, "image_registrator",
+              {"image_registrator", "--database_path", database.string(), "--input_path", (work_ / "best_b").string(),
+               "--output_path", (dir / "registered").string(), "--Mapper.ba_refine_focal_length", "0",
+               "--Mapper.ba_refine_extra_params", "0", "--Mapper.extract_colors", "0"}) &&
+         Step(solution, "bundle_adjuster",
+              {"bundle_adjuster", "--input_path", (dir / "registered").string(), "--output_path",
+               (dir / "adjusted").string(), "--BundleAdjustment.refine_focal_length", "0",
+               "--BundleAdjustment.refine_principal_point", "0", "--BundleAdjustment.refine_extra_params", "0"});
+}
+
+// The model of dir/adjusted once more with the views of a panorama as a rig: one COLMAP camera a view index, found by
+// the images' folders. Only views of which COLMAP registered one may be members.
+bool ColmapRun::AdjustAsRigs(const PanoramaViews& views, const std::set<size_t>& registered, const fs::path& dir,
+                             ColmapSolution* solution) {
+  std::map<std::string, uint32_t> camera_of;
+  const ColmapDatabase read = ColmapDatabase::OpenRead(dir / "database.db");
+  for (const DatabaseImage& image : read.Images()) camera_of[image.name] = image.camera_id;
+  nlohmann::json rig;
+  const Rigid3d first_from_rig = views.rig_from_view.at(*registered.begin()).Inverse();
+  rig["ref_camera_id"] = camera_of.at(views.names.at(*registered.begin()).front());
+  for (const size_t v : registered) {
+    const Rigid3d view_from_first = (first_from_rig * views.rig_from_view.at(v)).Inverse();
+    const Eigen::Quaterniond& q = view_from_first.rotation;
+    const Eigen::Vector3d& t = view_from_first.translation;
+    rig["cameras"].push_back({{"camera_id", camera_of.at(views.names.at(v).front())},
+                              {"image_prefix", fmt::format("view{}/", v)},
+                              {"rel_qvec", {q.w(), q.x(), q.y(), q.z()}},
+                              {"rel_tvec", {t.x(), t.y(), t.z()}}});
+  }
+  WriteFileAtomically(dir / "rig.json", nlohmann::json::array({rig}).dump(1) + "\n");
+  fs::create_directories(dir / "rigged");
+  ColmapSolution rigged = *solution;
+  if (Step(
+          &rigged, "rig_bundle_adjuster",
+          {"rig_bundle_adjuster", "--input_path", (dir / "adjusted").string(), "--output_path",
+           (dir / "rigged").string(), "--rig_config_path", (dir / "rig.json").string(), "--estimate_rig_relative_poses",
+           "0", "--RigBundleAdjustment.refine_relative_poses", "0", "--BundleAdjustment.refine_focal_length", "0",
+           "--BundleAdjustment.refine_principal_point", "0", "--BundleAdjustment.refine_extra_params", "0"}) &&
+      HasColmapModel(dir / "rigged")) {
+    return true;
+  }
+  solution->reason = "as pinhole images, not as rigs: " + rigged.reason;
+  return false;
+}
+
+ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
+                                    std::map<std::string, std::pair<std::string, size_t>>* panorama) {
+  ColmapSolution solution;
+  solution.depth = "c";
+  const auto end = [&](const char* status, const std::string& reason) {
+    solution.status = status;
+    solution.reason = reason;
     return solution;
-  }
-  for (const auto& [v, list] : names) {
-    if (!ExtractFeatures(&solution, "feature_extractor", database, pictures, list, cameras.at(v))) return solution;
-  }
-  WriteFileAtomically(dir / "pairs.txt", pairs);
-  if (!Step(&solution, "matches_importer",
-            {"matches_importer", "--database_path", database.string(), "--match_list_path",
-             (dir / "pairs.txt").string(), "--match_type", "pairs", Option("SiftMatching.use_gpu"), "0",
-             Option("SiftMatching.num_threads"), std::to_string(threads_)}) ||
-      !Step(&solution, "image_registrator",
-            {"image_registrator", "--database_path", database.string(), "--input_path", (work_ / "best_b").string(),
-             "--output_path", (dir / "registered").string(), "--Mapper.ba_refine_focal_length", "0",
-             "--Mapper.ba_refine_extra_params", "0", "--Mapper.extract_colors", "0"}) ||
-      !Step(&solution, "bundle_adjuster",
-            {"bundle_adjuster", "--input_path", (dir / "registered").string(), "--output_path",
-             (dir / "adjusted").string(), "--BundleAdjustment.refine_focal_length", "0",
-             "--BundleAdjustment.refine_principal_point", "0", "--BundleAdjustment.refine_extra_params", "0"})) {
-    return solution;
-  }
-  fs::path last = dir / "adjusted";
-  // Only views of which COLMAP registered one may be members of a rig.
-  std::map<size_t, Rigid3d> rig_from_registered;
+  };
+  if (images.status != "done") return end("skipped", "depth b is not there to add panoramas to");
+  const fs::path dir = work_ / "c", pictures = work_ / "images";
+  fs::create_directories(dir / "registered");
+  fs::create_directories(dir / "adjusted");
+  fs::copy_file(work_ / "b/database.db", dir / "database.db");
+  solution.images = images.images;
+  solution.name_of = images.name_of;
+  const PanoramaViews views = RenderViews(images, pictures, &solution);
+  *panorama = views.panorama;
+  if (views.names.empty()) return end("skipped", "the project has no panorama");
+  if (!RegisterViews(views, dir, pictures, &solution)) return solution;
+  std::set<size_t> registered;  // view indices
   try {
-    for (const ModelImage& image : ReadColmapModel(last).images) {
-      const auto view = views->find(image.name);
-      if (view != views->end()) rig_from_registered.emplace(view->second.second, rig_from_view.at(view->second.second));
+    for (const ModelImage& image : ReadColmapModel(dir / "adjusted").images) {
+      const auto view = views.panorama.find(image.name);
+      if (view != views.panorama.end()) registered.insert(view->second.second);
     }
   } catch (const InputError& e) {
-    solution.status = "failed";
-    solution.reason = e.what();
-    return solution;
+    return end("failed", e.what());
   }
-  if (rig_from_registered.empty()) {
-    solution.status = "failed";
-    solution.reason = "COLMAP registered no view of a panorama";
-    return solution;
-  }
-  if (options_.rig && rig_from_registered.size() > 1) {
-    // Views of one panorama as a rig: one COLMAP camera per view index, found by the images' folders.
-    std::map<std::string, uint32_t> camera_of;
-    const ColmapDatabase read = ColmapDatabase::OpenRead(database);
-    for (const DatabaseImage& image : read.Images()) camera_of[image.name] = image.camera_id;
-    nlohmann::json rig;
-    const Rigid3d first_from_rig = rig_from_registered.begin()->second.Inverse();
-    rig["ref_camera_id"] = camera_of.at(names.at(rig_from_registered.begin()->first).front());
-    for (const auto& [v, pose] : rig_from_registered) {
-      const Rigid3d view_from_first = (first_from_rig * pose).Inverse();
-      const Eigen::Quaterniond& q = view_from_first.rotation;
-      const Eigen::Vector3d& t = view_from_first.translation;
-      rig["cameras"].push_back({{"camera_id", camera_of.at(names.at(v).front())},
-                                {"image_prefix", fmt::format("view{}/", v)},
-                                {"rel_qvec", {q.w(), q.x(), q.y(), q.z()}},
-                                {"rel_tvec", {t.x(), t.y(), t.z()}}});
-    }
-    WriteFileAtomically(dir / "rig.json", nlohmann::json::array({rig}).dump(1) + "\n");
-    fs::create_directories(dir / "rigged");
-    ColmapSolution rigged = solution;
-    if (Step(&rigged, "rig_bundle_adjuster",
-             {"rig_bundle_adjuster", "--input_path", last.string(), "--output_path", (dir / "rigged").string(),
-              "--rig_config_path", (dir / "rig.json").string(), "--estimate_rig_relative_poses", "0",
-              "--RigBundleAdjustment.refine_relative_poses", "0", "--BundleAdjustment.refine_focal_length", "0",
-              "--BundleAdjustment.refine_principal_point", "0", "--BundleAdjustment.refine_extra_params", "0"}) &&
-        HasColmapModel(dir / "rigged")) {
-      last = dir / "rigged";
-    } else {
-      solution.reason = "as pinhole images, not as rigs: " + rigged.reason;
-    }
-  }
-  TakeModel(last, &solution);
+  if (registered.empty()) return end("failed", "COLMAP registered no view of a panorama");
+  const bool rigged = options_.rig && registered.size() > 1 && AdjustAsRigs(views, registered, dir, &solution);
+  TakeModel(dir / (rigged ? "rigged" : "adjusted"), &solution);
   return solution;
 }
 

@@ -11,7 +11,7 @@
 #include "app/pipeline/export.h"
 #include "calib/base/option.h"
 #include "datasets/project/child_process.h"
-#include "localize/views.h"
+#include "localize/references/views.h"
 
 namespace trigpoint {
 
@@ -72,16 +72,30 @@ class ColmapRun {
 
   ColmapSolution Features();  // depth a
   ColmapSolution Images();    // depth b
-  // depth c, on top of `images`: every panorama, whether we localized it or not. `views`: image name -> (panorama,
+  // depth c, on top of `images`: every panorama, whether we localized it or not. `panorama`: image name -> (panorama,
   // index of its view).
-  ColmapSolution Panoramas(const ColmapSolution& images, std::map<std::string, std::pair<std::string, size_t>>* views);
+  ColmapSolution Panoramas(const ColmapSolution& images,
+                           std::map<std::string, std::pair<std::string, size_t>>* panorama);
 
  private:
+  struct PanoramaViews {
+    std::map<size_t, std::vector<std::string>> names;  // of images, by index of the view
+    std::map<size_t, Camera> cameras;
+    std::map<size_t, Rigid3d> rig_from_view;
+    std::map<std::string, std::pair<std::string, size_t>> panorama;  // of an image, with the index of the view
+    std::string pairs;                                               // COLMAP's list of what to match
+  };
   // False: it failed, and `solution` says so.
   bool Step(ColmapSolution* solution, const std::string& name, const std::vector<std::string>& arguments);
   bool ExtractFeatures(ColmapSolution* solution, const std::string& name, const std::filesystem::path& database,
                        const std::filesystem::path& images, const std::vector<std::string>& names,
                        const Camera& camera);
+  PanoramaViews RenderViews(const ColmapSolution& images, const std::filesystem::path& pictures,
+                            ColmapSolution* solution);
+  bool RegisterViews(const PanoramaViews& views, const std::filesystem::path& dir,
+                     const std::filesystem::path& pictures, ColmapSolution* solution);
+  bool AdjustAsRigs(const PanoramaViews& views, const std::set<size_t>& registered, const std::filesystem::path& dir,
+                    ColmapSolution* solution);
   std::set<std::string> Candidates(const ColmapSolution& images, const std::optional<Eigen::Vector3d>& answer) const;
   bool PickModel(ColmapSolution* solution, const std::filesystem::path& dir);
   std::string Option(const std::string& sift) const;
