@@ -8,7 +8,7 @@
 #include "datasets/project/hash.h"
 #include "datasets/project/release_files.h"
 #include "eval/release/compared.h"
-#include "eval/release/publish.h"
+#include "app/pipeline/publish.h"
 #include "eval/release/release_signature.h"
 #include "eval/statistics/epoch.h"
 #include "eval/text/method_name.h"

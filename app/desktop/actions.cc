@@ -10,7 +10,7 @@
 #include "calib/base/counted.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "eval/release/publish.h"
+#include "app/pipeline/publish.h"
 #include "survey/tags/tag_family.h"
 
 namespace trigpoint {

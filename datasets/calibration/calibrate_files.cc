@@ -34,6 +34,50 @@ Eigen::MatrixXd Correlation(const Eigen::MatrixXd& covariance) {
   return inverse.asDiagonal() * covariance * inverse.asDiagonal();
 }
 
+void WriteResiduals(const fs::path& file, const CalibrationInput& input, const Calibration& calibration) {
+  CsvWriter residuals({"camera", "image", "point", "u", "v", "du_px", "dv_px", "used"},
+                      {"trigpoint calibration residuals 1; predicted - observed"});
+  for (const PointResidual& r : calibration.residuals) {
+    const CalibrationView& view = input.views[static_cast<size_t>(r.view)];
+    residuals.Text(input.cameras[static_cast<size_t>(view.camera)].name)
+        .Text(view.image)
+        .Integer(r.point)
+        .Number(r.pixel.x(), 4)
+        .Number(r.pixel.y(), 4)
+        .Number(r.residual.x(), 4)
+        .Number(r.residual.y(), 4)
+        .Integer(r.used ? 1 : 0)
+        .EndRow();
+  }
+  residuals.Save(file);
+}
+
+void WriteViews(const fs::path& file, const CalibrationInput& input, const Calibration& calibration,
+                const std::vector<LeftOutPicture>& left_out) {
+  CsvWriter views(
+      {"camera", "image", "frame", "status", "reason", "points", "points_used", "rms_px", "tilt_deg", "distance_m"},
+      {"trigpoint calibration views 1; rms: of the distances of the points used"});
+  for (size_t v = 0; v < input.views.size(); ++v) {
+    const CalibrationView& view = input.views[v];
+    const ViewSummary& s = calibration.views[v];
+    views.Text(input.cameras[static_cast<size_t>(view.camera)].name)
+        .Text(view.image)
+        .Text(input.frames[static_cast<size_t>(view.frame)])
+        .Text(s.used ? "used" : "outlier")
+        .Text(s.reason)
+        .Integer(s.points)
+        .Integer(s.points_used)
+        .Number(s.rms_px, 4)
+        .Number(s.tilt_rad / kDegToRad, 2)
+        .Number(s.distance_m, 4)
+        .EndRow();
+  }
+  for (const LeftOutPicture& picture : left_out) {
+    views.Text(picture.camera).Text(picture.image).Empty().Text("no board").Text(picture.reason).Empty(5).EndRow();
+  }
+  views.Save(file);
+}
+
 }  // namespace
 
 json CameraJson(const CalibratedCamera& camera) {
@@ -243,45 +287,8 @@ void WriteCalibration(const fs::path& out, const CalibrationInput& input, const 
                          {"covariance", Matrix(calibration.covariance)},
                          {"correlation", Matrix(Correlation(calibration.covariance))}};
   WriteFileAtomically(out / "calibration.json", DumpJson(document, 2) + "\n");
-
-  CsvWriter residuals({"camera", "image", "point", "u", "v", "du_px", "dv_px", "used"},
-                      {"trigpoint calibration residuals 1; predicted - observed"});
-  for (const PointResidual& r : calibration.residuals) {
-    const CalibrationView& view = input.views[static_cast<size_t>(r.view)];
-    residuals.Text(input.cameras[static_cast<size_t>(view.camera)].name)
-        .Text(view.image)
-        .Integer(r.point)
-        .Number(r.pixel.x(), 4)
-        .Number(r.pixel.y(), 4)
-        .Number(r.residual.x(), 4)
-        .Number(r.residual.y(), 4)
-        .Integer(r.used ? 1 : 0)
-        .EndRow();
-  }
-  residuals.Save(out / "residuals.csv");
-
-  CsvWriter views(
-      {"camera", "image", "frame", "status", "reason", "points", "points_used", "rms_px", "tilt_deg", "distance_m"},
-      {"trigpoint calibration views 1; rms: of the distances of the points used"});
-  for (size_t v = 0; v < input.views.size(); ++v) {
-    const CalibrationView& view = input.views[v];
-    const ViewSummary& s = calibration.views[v];
-    views.Text(input.cameras[static_cast<size_t>(view.camera)].name)
-        .Text(view.image)
-        .Text(input.frames[static_cast<size_t>(view.frame)])
-        .Text(s.used ? "used" : "outlier")
-        .Text(s.reason)
-        .Integer(s.points)
-        .Integer(s.points_used)
-        .Number(s.rms_px, 4)
-        .Number(s.tilt_rad / kDegToRad, 2)
-        .Number(s.distance_m, 4)
-        .EndRow();
-  }
-  for (const LeftOutPicture& picture : left_out) {
-    views.Text(picture.camera).Text(picture.image).Empty().Text("no board").Text(picture.reason).Empty(5).EndRow();
-  }
-  views.Save(out / "views.csv");
+  WriteResiduals(out / "residuals.csv", input, calibration);
+  WriteViews(out / "views.csv", input, calibration, left_out);
 }
 
 std::string CalibrationSummary(const StageOutcome& outcome) {

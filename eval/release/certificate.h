@@ -4,10 +4,18 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string>
 
-#include "eval/release/publish.h"
+#include "datasets/project/project.h"
 
 namespace trigpoint {
+
+// What only a person knows, for the certificate; empty: not stated.
+struct ReleaseStatement {
+  std::string author;      // who is responsible for it
+  std::string instrument;  // what the control was measured with
+  std::string note;
+};
 
 // Writes certificate.html, certificate.pdf and certificate.json into the half-made release `release`, from its record
 // and its map/ and evaluate/. Accuracy is that at check points and of answers that share no evidence with what they are

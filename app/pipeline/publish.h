@@ -8,15 +8,9 @@
 
 #include "calib/base/progress.h"
 #include "datasets/project/project.h"
+#include "eval/release/certificate.h"
 
 namespace trigpoint {
-
-// What only a person knows, for the certificate; empty: not stated.
-struct ReleaseStatement {
-  std::string author;      // who is responsible for it
-  std::string instrument;  // what the control was measured with
-  std::string note;
-};
 
 struct PublishOptions {
   std::string name;

@@ -1,4 +1,4 @@
-#include "eval/release/publish.h"
+#include "app/pipeline/publish.h"
 
 #include <algorithm>
 #include <set>
