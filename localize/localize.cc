@@ -169,6 +169,7 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
       o.attitude = tag.attitude;
       o.sigma_h_m = tag.sigma_h_m, o.sigma_v_m = tag.sigma_v_m;
       o.sigma_heading_rad = tag.sigma_heading_rad, o.sigma_tilt_rad = tag.sigma_tilt_rad;
+      o.source = input.references[i].source;
       e.observations.push_back(o);
       e.poses.push_back(joint.pose_of_reference[i]);
       e.references.push_back(static_cast<int>(i));
@@ -347,8 +348,8 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     result.earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
   } else {
     const auto fit = [&](double scale_prior) {
-      GeoRegistration geo = RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,
-                                            input.scale_sigma, input.levelled, options.geo);
+      GeoRegistration geo = RegisterBySources(&earth.observations, PlacesCovariance(p, earth.poses, *local),
+                                              scale_prior, input.scale_sigma, input.levelled, options.geo);
       if (!earth.gps) HeedGps(p, gps, &geo);
       return geo;
     };

@@ -11,6 +11,7 @@
 
 #include "app/pipeline/stages.h"
 #include "datasets/colmap/camera_models.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -289,10 +290,16 @@ ColmapRun::PanoramaViews ColmapRun::RenderViews(const ColmapSolution& images, co
   PanoramaViews out;
   std::vector<std::string> warnings;
   int number = 0;
+  const std::map<std::string, PictureCredit> credits = ReadCredits(project_.dir());
   for (const PreparedReference& p : PrepareReferences(project_.site(), views_, &warnings)) {
     cancel_.ThrowIfCancelled();
     const Reference& reference = project_.site().references[static_cast<size_t>(p.reference)];
     if (reference.kind != ReferenceKind::kPanorama) continue;
+    const auto credit = credits.find(reference.name);
+    if (credit != credits.end() && !credit->second.keep_until.empty()) {
+      solution->reason = "panoramas that must not be copied are left out";
+      continue;
+    }
     if (!out.cameras.empty() && out.cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
       solution->reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
       continue;

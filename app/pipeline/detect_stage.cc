@@ -14,6 +14,7 @@
 #include "datasets/io/mask.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
+#include "survey/tags/tag_family.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -188,21 +189,22 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
 }
 
 // The same number in another family is another tag.
-void LeaveOutOtherFamilies(const Run& run, const std::string& family, StageContext& context,
+void LeaveOutOtherFamilies(const Run& run, const std::string& families, StageContext& context,
                            std::vector<ImageDetections>* images) {
+  const TagFamilies wanted(families);
   size_t all = 0, others = 0;
   std::string other;
   for (ImageDetections& image : *images) {
     all += image.detections.size();
     others += std::erase_if(image.detections, [&](const TagDetection& d) {
-      if (d.family == family) return false;
+      if (d.family == wanted.Of(d.id)) return false;
       other = d.family;
       return true;
     });
   }
   if (others == 0) return;
   const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml has {}",
-                                        run.detections.string(), others, all, other, family);
+                                        run.detections.string(), others, all, other, families);
   if (others == all) throw InputError(found + "; mend one of the two");
   context.progress.Log(LogLevel::kWarning, found + "; they are left out");
 }
@@ -212,7 +214,7 @@ DetectOptions OptionsFor(const Project& project, const StageTarget& target) {
   // tags.yaml says which family is out there, unless an option does.
   bool named = false;
   for (const OptionLayer& layer : OptionLayers(project, "detect", target)) named |= layer.values.contains("family");
-  if (!named) options.detector.family = project.site().tags.family;
+  if (!named) options.detector.family = FamiliesText(project.site().tags);
   return options;
 }
 

@@ -143,23 +143,30 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
   }
   const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
   const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
-  int written = 0;
+  int written = 0, withheld = 0;
   for (const PanoramaResult& answer : ReadLocalizeResult(dir).panoramas) {
     cancel.ThrowIfCancelled();
     const auto picture = pictures.find(answer.panorama);
     if (picture == pictures.end() || !answer.world_from_pano) continue;
+    const auto credit = credits.find(answer.panorama);
+    if (credit != credits.end() && !credit->second.keep_until.empty()) {
+      ++withheld;
+      continue;
+    }
     PanoramaPose pose;
     pose.position = project.frame().GeodeticFromEnu(answer.world_from_pano->translation);
     pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
     if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
-    if (const auto credit = credits.find(answer.panorama); credit != credits.end()) {
-      pose.copyright = credit->second.attribution;
-    }
+    if (credit != credits.end()) pose.copyright = credit->second.attribution;
     report->files.push_back(out / picture->second.filename());
     WritePanoramaWithPose(picture->second, report->files.back(), pose);
     ++written;
   }
-  if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced");
+  if (withheld > 0) {
+    report->warnings.push_back(run + ": " + Counted(withheld, "panorama") +
+                               " left out: their source forbids to copy them (keep_until in panoramas.csv)");
+  }
+  if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced and may be copied");
   report->lines.push_back(run + ": " + Counted(written, "panorama"));
 }
 

@@ -5,8 +5,10 @@
 #include <map>
 
 #include "calib/base/error.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/source_quality.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -428,6 +430,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
   std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
   AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
+  const std::map<std::string, PictureCredit> credits = ReadCredits(site.dir);
   for (PreparedReference& p : prepared) {
     if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
     const Reference& reference = site.references[static_cast<size_t>(p.reference)];
@@ -448,6 +451,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
       for (View& view : r.rig.views) view.camera = MatchedCamera(site, view.camera);
     }
     r.geotag = reference.geotag;
+    if (const auto credit = credits.find(reference.name); credit != credits.end()) {
+      if (QualityOfSource(credit->second.source) != nullptr) r.source = credit->second.source;
+    }
     if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));

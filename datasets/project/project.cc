@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "datasets/io/expired_panoramas.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
@@ -212,7 +213,10 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
   if (kinds[2] > 0) report.found.push_back(Count(kinds[2], "hand-held photo set", "hand-held photo sets"));
   if (!site.stations.empty()) report.found.push_back(Count(site.stations.size(), "station", "stations"));
   if (site.tags.size_m > 0 || !site.tags.sizes_m.empty()) {
-    report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
+    report.found.push_back(fmt::format("tags of family {}{}{}", site.tags.family,
+                                       site.tags.families.empty()
+                                           ? ""
+                                           : ", " + Count(site.tags.families.size(), "of another", "of others"),
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
   }
   if (!site.control_points.empty()) {
@@ -363,7 +367,13 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   attempt([&] {  // before the site: its errors come first and fast
     if (has_file) file = ReadProjectFile(dir);
   });
+  int expired = 0;
+  attempt([&] { expired = ForgetExpiredPanoramas(dir); });
   attempt([&] { project.site_ = ReadSite(dir); });
+  if (expired > 0) {
+    project.site_.warnings.push_back(Counted(expired, "panorama") +
+                                     " deleted: their source forbids to keep them longer; import them again");
+  }
   attempt([&] {
     if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
   });

@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -100,6 +101,10 @@ MatchPictures::MatchPictures(const Project& project, const std::string& run, con
         if (matches.size() > best.matches.size()) best = {names.first, names.second, std::move(matches)};
       }
     }
+  }
+  // Pictures that must not be copied.
+  for (const auto& [name, credit] : ReadCredits(project.dir())) {
+    if (!credit.keep_until.empty()) of_panorama_.erase(name);
   }
   fs::path detections = project.ResultDir("detect", run) / "detections.csv";
   if (!fs::exists(detections)) detections = run_.detections;

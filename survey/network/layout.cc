@@ -98,7 +98,7 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
         for (const auto& [id, tag] : layout.world_from_tag) {
           PlannedSight sight{static_cast<int>(p), static_cast<int>(f), static_cast<int>(c), id};
           sight.detection.id = id;
-          sight.detection.family = layout.sizes.family;
+          sight.detection.family = layout.sizes.FamilyOf(id);
           sight.detection.margin = 50;
           if (!SeeTag(pass.cameras[c], body, tag, layout.sizes.SizeOf(id), options, &sight)) continue;
           sight.blur_px = BlurPx(pass.cameras[c].camera, pass.cameras[c].cam_from_body, body, motion, tag.translation,

@@ -1,0 +1,17 @@
+// Pictures whose source forbids to keep them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+namespace trigpoint {
+
+// Seconds since 1970.
+int64_t NowUtc_s();
+
+// Deletes pictures of SITE/panoramas.csv whose `keep_until` is before `now_s` (UTC), and their rows there and in
+// SITE/results/replaced/; a table without another row goes as a whole. Returns how many there were. Tables that cannot
+// be read are left as they are: the site's reader names them. Throws IoError.
+int ForgetExpiredPanoramas(const std::filesystem::path& site, int64_t now_s = NowUtc_s());
+
+}  // namespace trigpoint
