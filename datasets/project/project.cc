@@ -371,7 +371,7 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   attempt([&] { expired = ForgetExpiredPanoramas(dir); });
   attempt([&] { project.site_ = ReadSite(dir); });
   if (expired > 0) {
-    project.site_.warnings.push_back(Counted(expired, "panorama") +
+    project.site_.warnings.push_back(Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
                                      " deleted: their source forbids to keep them longer; import them again");
   }
   attempt([&] {
