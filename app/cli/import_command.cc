@@ -165,7 +165,7 @@ std::string Guess(const fs::path& from) {
   if (HasColmapModel(from)) return "colmap";
   if (IsBag(from)) return "bag";
   if (!DatasetKind(from).empty()) return "dataset";
-  if (fs::is_regular_file(from) && IsVideoName(from)) return "video";
+  if (fs::is_regular_file(from) && (IsVideoName(from) || IsInsta360File(from))) return "video";
   if (ending == ".db") return "colmap-database";
   if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
   if (fs::is_regular_file(from) && (ending == ".fmap" || (ending == ".json" && IsTagLayout(from)))) return "tag-layout";
@@ -358,7 +358,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option(
       "--cameras", a->bag.cameras,
       "bag, dataset, video: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
-  command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC or KITTI) to be the run's odometry");
+  command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC, KITTI, or a log of ARCore or ARKit) to be the run's odometry");
   command.add_flag("--list", a->list, "show what is there; import nothing");
   command.add_flag("--permitted", a->permitted,
                    "google: your agreement with it permits to compute from its pictures, which its policies forbid");
