@@ -34,6 +34,7 @@
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/scene_desk.h"
+#include "app/desktop/services_dialog.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
@@ -305,7 +306,8 @@ void MainWindow::MakeMenus() {
   file->addSeparator();
   file->addAction(
       IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
-  file->addAction(IconNamed("publish"), tr("&Publish ..."), this, [this] { ShowAction(PublishAction()); });
+  file->addAction(tr("&Panoramas of services ..."), this, &MainWindow::ShowServices);
+  file->addAction(IconNamed("publish"), tr("Pu&blish ..."), this, [this] { ShowAction(PublishAction()); });
   file->addSeparator();
   file->addAction(IconNamed("report"), tr("Open the &report"), this, &MainWindow::ShowReport,
                   QKeySequence(tr("Ctrl+Shift+O")));
@@ -353,6 +355,14 @@ void MainWindow::MakeRunMenu() {
 void MainWindow::ChooseStage(const QString& stage) {
   run_->Choose(stage, "");
   ShowDesk("run");
+}
+
+void MainWindow::ShowServices() {
+  if (!workspace_->snapshot()) {
+    emit workspace_->Problem(tr("Open a project first."), "");
+    return;
+  }
+  (new ServicesDialog(workspace_, this))->show();
 }
 
 void MainWindow::ShowAction(const Action& action) {

@@ -94,6 +94,7 @@ class MainWindow : public QMainWindow {
   void MakeHelpMenu();
   void ShowTabs();                        // names where there is room, else icons
   void ShowAction(const Action& action);  // its form
+  void ShowServices();
   void ChooseStage(const QString& stage);
   void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs

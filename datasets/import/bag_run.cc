@@ -13,6 +13,7 @@
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "datasets/calibration/camera_files.h"
+#include "datasets/import/fast_png.h"
 #include "datasets/import/frame_tree.h"
 #include "datasets/import/run_folder.h"
 #include "datasets/io/camchain.h"
@@ -183,8 +184,12 @@ class BagImport {
       stream.width = picture.cols;
       stream.height = picture.rows;
       file += ".png";
-      cv::imencode(".png", picture, encoded_);
-      WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
+      if (picture.depth() == CV_8U) {
+        WriteBytes(run_.dir() / file, FastPng(picture));
+      } else {
+        cv::imencode(".png", picture, encoded_);
+        WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
+      }
     }
     images_.push_back({stamp, file, stream.name});
   }
