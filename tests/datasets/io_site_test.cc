@@ -7,6 +7,8 @@
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "datasets/io/capture_date.h"
+#include "datasets/io/expired_panoramas.h"
 #include "datasets/io/path_error.h"
 #include "datasets/io/site.h"
 #include "datasets/io/site_inputs.h"
@@ -638,10 +640,55 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
   EXPECT_THAT(with("origin.json", "{lat: 48"), HasSubstr("expected JSON"));
   EXPECT_THAT(with("origin.json", "{\"lat\": 98, \"lon\": 8}"), HasSubstr("expected a latitude"));
   std::filesystem::remove(dir_ / "origin.json");
+  Write("tags.yaml", "family: tag36h11\nfamilies: {7: tag16h5, 9: tag25h9}\nsize_m: 0.5\n");
+  EXPECT_EQ(Read().tags.FamilyOf(7), "tag16h5");
+  EXPECT_EQ(Read().tags.FamilyOf(8), "tag36h11");
+  EXPECT_THAT(with("tags.yaml", "families: {7: tag16h6}\n"), HasSubstr("nearest known: 'tag16h5'"));
+  EXPECT_THAT(with("tags.yaml", "families: {x: tag16h5}\n"), HasSubstr("expected 'ID: FAMILY'"));
   EXPECT_THAT(with("tags.yaml", "family: tag36h12\n"), HasSubstr("nearest known: 'tag36h11'"));
   EXPECT_THAT(with("tags.yaml", "size_m: big\n"), HasSubstr("tags.yaml:1: key 'size_m': expected a number"));
   EXPECT_THAT(with("tags.yaml", "sizes_m: {x: 1}\n"), HasSubstr("expected 'ID: SIZE'"));
   EXPECT_THAT(with("tags.yaml", "size: 1\n"), HasSubstr("nearest known key: 'size_m'"));
+}
+
+TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
+  const std::string header = "# mine\nfile,latitude_deg,longitude_deg,keep_until\n";
+  const std::string own = "panoramas/a.jpg,48.01,7.83,\n", later = "panoramas/b.jpg,48.01,7.83,2026-05-12T10:00:00Z\n",
+                    over = "panoramas/c.jpg,48.01,7.83,2026-05-12T09:00:00Z\n";
+  for (const char* name : {"panoramas/a.jpg", "panoramas/b.jpg", "panoramas/c.jpg"}) Write(name, "x");
+  Write("panoramas.csv", header + own + later + over);
+  Write("results/replaced/2026-panoramas.csv", header + over);
+  const int64_t half_past_nine = *ParseUtcToNs("2026-05-12T09:30:00Z") / 1'000'000'000;
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine - 3600), 0);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 1);
+  EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), header + own + later);
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/b.jpg"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/c.jpg"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2026-panoramas.csv"));
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 0);
+  // A table of others, and one that cannot be read, are left as they are.
+  Write("panoramas.csv", "keep_until\nx\n");
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 0);
+  EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), "keep_until\nx\n");
+}
+
+TEST(CaptureDate, GapsAreExplained) {
+  EXPECT_EQ(ExplainGap("2019-01", "2026-05-12"), "taken 2019-01, 7.3 years before the run, in another season");
+  EXPECT_EQ(ExplainGap("2026-05-01T10:00:00Z", "2026-05-12"), "");
+  EXPECT_EQ(ExplainGap("2026-01-05", "2026-05-12"), "taken 2026-01, in another season");
+  EXPECT_EQ(ExplainGap("2028-05", "2026-05-12"), "taken 2028-05, 2.0 years after the run");
+  for (const char* unknown : {"", "2019", "soon", "2019-99"}) EXPECT_EQ(ExplainGap(unknown, "2026-05-12"), "") << unknown;
+  // The turn of the year lies within a season.
+  EXPECT_NEAR(GapBetween("2025-12-25", "2026-01-04")->season_days, 10, 1e-6);
+  Run run;
+  EXPECT_EQ(DateOfRun(run), "");
+  run.images.resize(1);
+  run.images[0].stamp_ns = 5'000'000'000;
+  EXPECT_EQ(DateOfRun(run), "");
+  run.config.time_zero_utc_ns = *ParseUtcToNs("2026-05-12T23:59:58Z");
+  EXPECT_EQ(DateOfRun(run), "2026-05-13");
+  run.config.date = "2026-05-12";
+  EXPECT_EQ(DateOfRun(run), "2026-05-12");
 }
 
 TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
