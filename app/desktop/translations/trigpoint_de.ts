@@ -1048,10 +1048,6 @@
         <translation>Ctrl+E</translation>
     </message>
     <message>
-        <source>&amp;Publish ...</source>
-        <translation>&amp;Veröffentlichen ...</translation>
-    </message>
-    <message>
         <source>&amp;Help</source>
         <translation>&amp;Hilfe</translation>
     </message>
@@ -1122,6 +1118,14 @@
     <message>
         <source>The example was not made.</source>
         <translation>Das Beispiel wurde nicht angelegt.</translation>
+    </message>
+    <message>
+        <source>&amp;Panoramas of services ...</source>
+        <translation>&amp;Panoramen von Diensten ...</translation>
+    </message>
+    <message>
+        <source>Pu&amp;blish ...</source>
+        <translation>&amp;Veröffentlichen ...</translation>
     </message>
 </context>
 <context>
@@ -2034,6 +2038,152 @@
     <message>
         <source>inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others</source>
         <translation>in %1, wie von %2 bestimmt; Ziehen: umsehen, Mausrad: Zoom, Bild auf und Bild ab: die anderen</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ServicesDialog</name>
+    <message>
+        <source>Panoramas of services</source>
+        <translation>Panoramen von Diensten</translation>
+    </message>
+    <message>
+        <source>Equivalent command line</source>
+        <translation>Gleichwertige Befehlszeile</translation>
+    </message>
+    <message>
+        <source>Search shows what a service has along the run; nothing is loaded by it.</source>
+        <translation>Die Suche zeigt, was ein Dienst entlang der Fahrt hat; geladen wird dabei nichts.</translation>
+    </message>
+    <message>
+        <source>Pick all</source>
+        <translation>Alle wählen</translation>
+    </message>
+    <message>
+        <source>Pick none</source>
+        <translation>Keine wählen</translation>
+    </message>
+    <message>
+        <source>Search</source>
+        <translation>Suchen</translation>
+    </message>
+    <message>
+        <source>Download</source>
+        <translation>Laden</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Close</source>
+        <translation>Schließen</translation>
+    </message>
+    <message>
+        <source>2024, 2024-05 or 2024-05-12</source>
+        <translation>2024, 2024-05 oder 2024-05-12</translation>
+    </message>
+    <message>
+        <source>the public one</source>
+        <translation>der öffentliche</translation>
+    </message>
+    <message>
+        <source>My agreement with the service permits to compute from its pictures</source>
+        <translation>Meine Vereinbarung mit dem Dienst erlaubt es, mit seinen Bildern zu rechnen</translation>
+    </message>
+    <message>
+        <source>Service</source>
+        <translation>Dienst</translation>
+    </message>
+    <message>
+        <source>Along run, within</source>
+        <translation>Entlang der Fahrt, bis</translation>
+    </message>
+    <message>
+        <source>Taken since, until</source>
+        <translation>Aufgenommen ab, bis</translation>
+    </message>
+    <message>
+        <source>File with the key</source>
+        <translation>Datei mit dem Schlüssel</translation>
+    </message>
+    <message>
+        <source>Server</source>
+        <translation>Server</translation>
+    </message>
+    <message>
+        <source>Panoramas that were found</source>
+        <translation>Gefundene Panoramen</translation>
+    </message>
+    <message>
+        <source>Pick</source>
+        <translation>Wahl</translation>
+    </message>
+    <message>
+        <source>Source</source>
+        <translation>Quelle</translation>
+    </message>
+    <message>
+        <source>Panorama</source>
+        <translation>Panorama</translation>
+    </message>
+    <message>
+        <source>Taken</source>
+        <translation>Aufgenommen</translation>
+    </message>
+    <message>
+        <source>Away</source>
+        <translation>Abstand</translation>
+    </message>
+    <message>
+        <source>Heading</source>
+        <translation>Richtung</translation>
+    </message>
+    <message>
+        <source>Width</source>
+        <translation>Breite</translation>
+    </message>
+    <message>
+        <source>Licence</source>
+        <translation>Lizenz</translation>
+    </message>
+    <message>
+        <source>Owner</source>
+        <translation>Urheber</translation>
+    </message>
+    <message>
+        <source>Searching ...</source>
+        <translation>Suche läuft ...</translation>
+    </message>
+    <message>
+        <source>%1 has %2 panoramas there.</source>
+        <translation>%1 hat dort %2 Panoramen.</translation>
+    </message>
+    <message>
+        <source>Loading ...</source>
+        <translation>Lädt ...</translation>
+    </message>
+    <message>
+        <source>empty: the environment variable %1</source>
+        <translation>leer: die Umgebungsvariable %1</translation>
+    </message>
+    <message>
+        <source>none is needed</source>
+        <translation>keiner nötig</translation>
+    </message>
+    <message>
+        <source>Download %1</source>
+        <translation>%1 laden</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ServicesMap</name>
+    <message>
+        <source>Map of the run and of the panoramas that services have</source>
+        <translation>Karte der Fahrt und der Panoramen, die Dienste haben</translation>
+    </message>
+    <message>
+        <source>N up</source>
+        <translation>N oben</translation>
     </message>
 </context>
 <context>
