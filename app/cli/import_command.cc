@@ -255,8 +255,9 @@ int TakeIn(Session& session, const Arguments& a) {
   }
   if (a.list) return List(session, a, as, service);
   if (service != nullptr && !service->permission.empty() && !a.permitted) {
-    throw OptionError("--from " + service->name + ": " + service->permission +
-                      "; if your agreement with it permits this use, state so by --permitted (--list needs no permission)");
+    throw OptionError(
+        "--from " + service->name + ": " + service->permission +
+        "; if your agreement with it permits this use, state so by --permitted (--list needs no permission)");
   }
   Terminal terminal = session.MakeTerminal();
   const ImportReport report = Import(a, as, terminal, *session.cancel);
@@ -322,7 +323,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "  trigpoint import my_site --from ground_control_points.json");
   const auto a = std::make_shared<Arguments>();
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
-  command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview, google")
+  command
+      .add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview, google")
       ->required();
   command.add_option("--as", a->as, "what it is; default: recognised by its contents")
       ->check(CLI::IsMember(
@@ -345,7 +347,9 @@ void AddImportCommand(CLI::App& app, Session& session) {
       .add_option("--width", a->width,
                   "panoramas: shrink wider pictures to so many px; 0: as they are, default for folders; services: 4096")
       ->check(CLI::Range(0, 65536));
-  command.add_option("--limit", a->panoramas.limit, "panoramas: the nearest so many, of the season of --along's run first; 0: all")
+  command
+      .add_option("--limit", a->panoramas.limit,
+                  "panoramas: the nearest so many, of the season of --along's run first; 0: all")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_option("--id", a->panoramas.ids, "panoramas: these alone, by the ids of --list; once for each");
@@ -358,7 +362,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option(
       "--cameras", a->bag.cameras,
       "bag, dataset, video: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
-  command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC, KITTI, or a log of ARCore or ARKit) to be the run's odometry");
+  command.add_option("--odometry", a->odometry,
+                     "dataset, video: poses (TUM, EuRoC, KITTI, or a log of ARCore or ARKit) to be the run's odometry");
   command.add_flag("--list", a->list, "show what is there; import nothing");
   command.add_flag("--permitted", a->permitted,
                    "google: your agreement with it permits to compute from its pictures, which its policies forbid");

@@ -235,7 +235,8 @@ void ServicesDialog::Search() {
       [this, service = Asked().service->name](const Attempted<Answer>& answer) {
         const bool well = answer.error.isEmpty();
         if (well) TakeIn(service, answer.value.options.area, answer.value.records);
-        QString text = well ? tr("%1 has %2 panoramas there.").arg(Text(service)).arg(answer.value.records.size()) : answer.error;
+        QString text =
+            well ? tr("%1 has %2 panoramas there.").arg(Text(service)).arg(answer.value.records.size()) : answer.error;
         for (const std::string& warning : answer.value.warnings) text += " " + Text(warning);
         End(text);
         emit Searched(well);
@@ -319,8 +320,8 @@ void ServicesDialog::ShowState() {
   const Query query = Asked();
   const bool needs_key = !query.service->token_env.empty(), needs_permission = !query.service->permission.empty();
   key_file_->setEnabled(needs_key);
-  key_file_->setPlaceholderText(
-      needs_key ? tr("empty: the environment variable %1").arg(Text(query.service->token_env)) : tr("none is needed"));
+  key_file_->setPlaceholderText(needs_key ? tr("empty: the environment variable %1").arg(Text(query.service->token_env))
+                                          : tr("none is needed"));
   permitted_->setVisible(needs_permission);
   permitted_->setToolTip(Text(query.service->permission));
   std::string line = fmt::format("trigpoint import {} --from {} --along {} --radius {}", ShellWord(query.dir),

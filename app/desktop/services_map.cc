@@ -197,7 +197,8 @@ bool ServicesMap::event(QEvent* event) {
     return true;
   }
   const PanoramaRecord& r = found_[static_cast<size_t>(index)].record;
-  QToolTip::showText(help->globalPos(), QString::fromStdString(r.id + "\n" + r.date.substr(0, 10) + "\n" + r.attribution));
+  QToolTip::showText(help->globalPos(),
+                     QString::fromStdString(r.id + "\n" + r.date.substr(0, 10) + "\n" + r.attribution));
   return true;
 }
 

@@ -47,7 +47,7 @@ class ServicesMap : public QWidget {
  private:
   QPointF East(const Geodetic& position) const;  // east, north of the first point, m
   QPointF OnScreen(const QPointF& east_north) const;
-  double Scale() const;  // pixels a metre
+  double Scale() const;               // pixels a metre
   int At(const QPoint& place) const;  // the nearest within reach; -1: none
   void DrawLegend(QPainter* painter) const;
   QColor ColourOf(const std::string& year) const;

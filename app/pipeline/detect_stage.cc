@@ -12,9 +12,9 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
-#include "survey/tags/tag_family.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -214,7 +214,7 @@ DetectOptions OptionsFor(const Project& project, const StageTarget& target) {
   // tags.yaml says which family is out there, unless an option does.
   bool named = false;
   for (const OptionLayer& layer : OptionLayers(project, "detect", target)) named |= layer.values.contains("family");
-  if (!named) options.detector.family = FamiliesText(project.site().tags);
+  if (!named) options.detector.family = project.site().tags.family;
   return options;
 }
 

@@ -10,6 +10,7 @@
 #include "datasets/calibration/target_file.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/tables.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/tags_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -87,14 +88,14 @@ void RequireFolder(const fs::path& dir) {
 std::string FamilyOf(const PrintRequest& request) {
   if (!request.family.empty()) return request.family;
   if (!fs::exists(request.dir / "tags.yaml")) return "tag36h11";
-  const TagSizes sizes = ReadTagSizes(request.dir / "tags.yaml");
-  if (request.ids.empty()) return sizes.family;
+  const TagFamilies families(ReadTagSizes(request.dir / "tags.yaml").family);
+  if (request.ids.empty()) return families.names().front();
   for (const int id : request.ids) {
-    if (sizes.FamilyOf(id) == sizes.FamilyOf(request.ids.front())) continue;
+    if (families.Of(id) == families.Of(request.ids.front())) continue;
     throw OptionError(fmt::format("--ids: by tags.yaml, tag {} is of {} and tag {} of {}; print one family at a time",
-                                  request.ids.front(), sizes.FamilyOf(request.ids.front()), id, sizes.FamilyOf(id)));
+                                  request.ids.front(), families.Of(request.ids.front()), id, families.Of(id)));
   }
-  return sizes.FamilyOf(request.ids.front());
+  return families.Of(request.ids.front());
 }
 
 // "0-9" or "3_5_12", for the name of a file.

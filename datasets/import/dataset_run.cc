@@ -193,7 +193,8 @@ std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
     }
     const bool numbers = std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
     if (!numbers || (v.size() != 8 && v.size() != 13)) {
-      throw InputError(FileLine(file, number) + ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");
+      throw InputError(FileLine(file, number) +
+                       ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");
     }
     Rigid3d pose;
     if (v.size() == 8) {
@@ -382,10 +383,11 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
 ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const DatasetRunOptions& options) {
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
   if (IsInsta360File(video)) {
-    throw InputError(video.string() +
-                     ": Insta360's own file holds two fisheye pictures and telemetry in a form that is not published; "
-                     "export the video (MP4) and its GPX from Insta360 Studio, put both beside each other under one name, "
-                     "and import the MP4");
+    throw InputError(
+        video.string() +
+        ": Insta360's own file holds two fisheye pictures and telemetry in a form that is not published; "
+        "export the video (MP4) and its GPX from Insta360 Studio, put both beside each other under one name, "
+        "and import the MP4");
   }
   RunFolder run(site, options.run);
   ImportReport report;
@@ -409,9 +411,10 @@ ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const D
   report.lines.push_back("video " + video.filename().string() +
                          (track.empty() ? "" : ", GPS " + track.filename().string()));
   if (track.empty() && HasInsta360Telemetry(video)) {
-    report.warnings.push_back(video.filename().string() +
-                              ": the telemetry of Insta360 is in a form that is not published and is not read; export the "
-                              "GPX from Insta360 Studio and put it beside the video under its name");
+    report.warnings.push_back(
+        video.filename().string() +
+        ": the telemetry of Insta360 is in a form that is not published and is not read; export the "
+        "GPX from Insta360 Studio and put it beside the video under its name");
   }
   if (!options.odometry.empty()) WriteDatasetOdometry({}, options.odometry, run.dir(), &report);
   const fs::path dir = run.Complete();

@@ -16,12 +16,12 @@ std::string DatasetKind(const std::filesystem::path& folder);
 bool IsInsta360File(const std::filesystem::path& file);
 
 struct DatasetRunOptions {
-  std::string run;                 // name of the run to be made
-  // Poses, or empty: of the body (EuRoC, Record3D), of the first camera (TUM, KITTI); or a log of ARCore or ARKit by its
-  // name (ARCore_sensor_pose.txt, ARKit_camera_pose.txt), whose first pose is at the first image.
+  std::string run;  // name of the run to be made
+  // Poses, or empty: of the body (EuRoC, Record3D), of the first camera (TUM, KITTI); or a log of ARCore or ARKit by
+  // its name (ARCore_sensor_pose.txt, ARKit_camera_pose.txt), whose first pose is at the first image.
   std::filesystem::path odometry;
-  std::filesystem::path cameras;   // calibrations in place of the folder's, or empty
-  int every = 1;                   // of each camera every n-th image
+  std::filesystem::path cameras;  // calibrations in place of the folder's, or empty
+  int every = 1;                  // of each camera every n-th image
 };
 
 // Writes SITE/runs/<run>/: images/<camera> (links), images.txt, camchain.yaml, odometry.tum. Poses are TUM's or EuRoC's

@@ -54,9 +54,7 @@ std::array<int, kSymbols> CodeLengths(std::array<uint64_t, kSymbols> counts) {
     struct Node {
       uint64_t count;
       int index, left, right;  // -1: a symbol
-      bool operator<(const Node& other) const {
-        return std::pair(count, index) > std::pair(other.count, other.index);
-      }
+      bool operator<(const Node& other) const { return std::pair(count, index) > std::pair(other.count, other.index); }
     };
     std::vector<Node> nodes;
     std::priority_queue<Node> queue;

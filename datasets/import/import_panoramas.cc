@@ -74,8 +74,9 @@ void SortByNearness(const PanoramaImportOptions& options, double sigma_m, std::v
     const double distance_m = options.area.Distance_m((*records)[i].position);
     const auto gap = GapBetween((*records)[i].date, options.near_date);
     // Positions are known to two sigma, seasons change by the month.
-    keys.push_back(gap ? Key{std::floor(distance_m / (2 * sigma_m)), std::floor(gap->season_days / 30), std::abs(gap->years), i}
-                       : Key{options.near_date.empty() ? distance_m : std::floor(distance_m / (2 * sigma_m)), 12, 0, i});
+    keys.push_back(
+        gap ? Key{std::floor(distance_m / (2 * sigma_m)), std::floor(gap->season_days / 30), std::abs(gap->years), i}
+            : Key{options.near_date.empty() ? distance_m : std::floor(distance_m / (2 * sigma_m)), 12, 0, i});
   }
   std::sort(keys.begin(), keys.end());
   std::vector<PanoramaRecord> sorted;
@@ -179,10 +180,10 @@ class PanoramaImport {
     report_.lines.push_back(fmt::format("{} of {}{}", arrived(), Counted(records, "panorama"),
                                         there_ > 0 ? fmt::format(", {} of them were there already", there_) : ""));
     if (ends_s_ != std::numeric_limits<int64_t>::max()) {
-      report_.warnings.push_back(fmt::format(
-          "{}: its terms forbid to keep pictures and positions: they count until {}, and the "
-          "next command after it deletes them; no report, export or release holds one of the pictures",
-          provider_.Name(), UtcText(ends_s_)));
+      report_.warnings.push_back(
+          fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
+                      "next command after it deletes them; no report, export or release holds one of the pictures",
+                      provider_.Name(), UtcText(ends_s_)));
     }
     return report_;
   }

@@ -21,7 +21,8 @@ ImportReport ImportTagLayout(const std::filesystem::path& site, const std::files
   std::vector<LayoutTag> tags = ReadTagLayout(file);
   CsvWriter csv({"tag_id", "corner", "role", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m"},
                 {"from " + file.filename().string() + "; sigmas are a guess: put in how well the tags were put up"});
-  std::string yaml = "# From " + file.filename().string() + ".\nfamily: " + tags.front().family + "\n", lengths, families;
+  std::string yaml = "# From " + file.filename().string() + ".\nfamily: " + tags.front().family + "\n", lengths,
+              families;
   std::set<std::string> kinds;
   for (LayoutTag& tag : tags) {
     if (tag.size_m == 0) tag.size_m = size_m;

@@ -39,7 +39,8 @@ std::string ExplainGap(const std::string& picture, const std::string& run) {
   const bool years = std::abs(gap->years) >= 1, season = gap->season_days > kOtherSeason_days;
   if (!years && !season) return "";
   std::string text = "taken " + picture.substr(0, 7);
-  if (years) text += fmt::format(", {:.1f} years {} the run", std::abs(gap->years), gap->years < 0 ? "before" : "after");
+  if (years)
+    text += fmt::format(", {:.1f} years {} the run", std::abs(gap->years), gap->years < 0 ? "before" : "after");
   if (season) text += ", in another season";
   return text;
 }

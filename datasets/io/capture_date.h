@@ -9,7 +9,7 @@
 namespace trigpoint {
 
 struct CaptureGap {
-  double years = 0;       // of the picture after the run; negative: before
+  double years = 0;        // of the picture after the run; negative: before
   double season_days = 0;  // between their days of the year, 0 to 183
 };
 

@@ -17,10 +17,9 @@ namespace trigpoint {
 namespace {
 
 std::vector<std::string> GeoTagColumns() {
-  std::vector<std::string> columns = {
-      "station",        "heading_deg", "pitch_deg",   "roll_deg", "sigma_h_m",   "sigma_v_m", "sigma_heading_deg",
-      "sigma_tilt_deg", "source",      "captured_at", "licence",  "attribution", "mask",
-      "keep_until"};
+  std::vector<std::string> columns = {"station",   "heading_deg",       "pitch_deg",      "roll_deg",  "sigma_h_m",
+                                      "sigma_v_m", "sigma_heading_deg", "sigma_tilt_deg", "source",    "captured_at",
+                                      "licence",   "attribution",       "mask",           "keep_until"};
   columns.insert(columns.end(), PositionColumns().begin(), PositionColumns().end());
   return columns;
 }

@@ -115,11 +115,6 @@ struct TagSizes {
   std::string family = "tag36h11";
   double size_m = 0;  // edge of the black square; 0: unknown
   std::map<int, double> sizes_m;
-  std::map<int, std::string> families;  // of ids that are of another family; an id is one tag of the site
-  const std::string& FamilyOf(int id) const {
-    const auto it = families.find(id);
-    return it == families.end() ? family : it->second;
-  }
   double SizeOf(int id) const {
     const auto it = sizes_m.find(id);
     return it == sizes_m.end() ? size_m : it->second;

@@ -16,6 +16,7 @@
 #include "datasets/io/height_system.h"
 #include "datasets/io/input_crs.h"
 #include "datasets/io/table_position.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 
@@ -220,8 +221,8 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
   const YamlMap map(file, LoadYaml(file), {"family", "families", "size_m", "sizes_m"});
   TagSizes tags;
   const std::vector<std::string> known = {"tag36h11",         "tag36h10",         "tag25h9",
-                                             "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
-                                             "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
+                                          "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
+                                          "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
   const auto family = [&](const YamlMap& from, const std::string& key, const std::string& missing) {
     std::string name = from.Text(key, missing);
     if (std::find(known.begin(), known.end(), name) == known.end()) {
@@ -236,9 +237,11 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
   };
   tags.family = family(map, "family", tags.family);
   const YamlMap families = map.MapOfAnyKeys("families");
+  std::map<int, std::string> others;
   for (const std::string& key : families.Keys()) {
-    tags.families[id_of(families, key, "FAMILY', a tag's number and its family")] = family(families, key, "");
+    others[id_of(families, key, "FAMILY', a tag's number and its family")] = family(families, key, "");
   }
+  tags.family = TagFamilies(tags.family, others).Text();
   tags.size_m = map.Number("size_m", 0);
   if (map.Has("size_m") && tags.size_m <= 0) map.Fail("size_m", "expected a length above 0");
   const YamlMap sizes = map.MapOfAnyKeys("sizes_m");

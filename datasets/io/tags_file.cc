@@ -9,6 +9,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/tables.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -102,10 +103,11 @@ std::map<int, std::string> FamiliesToAdd(const TagSizes& old, const std::string&
                                          const std::map<int, double>& sizes_m, const std::filesystem::path& file) {
   std::map<int, std::string> add;
   for (const auto& [id, size] : sizes_m) {
-    if (old.FamilyOf(id) == family) continue;
-    if (old.sizes_m.contains(id) || old.families.contains(id)) {
-      throw InputError(file.string() + ": tag " + std::to_string(id) + " is listed as of " + old.FamilyOf(id) + ", not " +
-                       family + "; an id is one tag of a site: take another id");
+    const TagFamilies families(old.family);
+    if (families.Of(id) == family) continue;
+    if (old.sizes_m.contains(id) || families.others().contains(id)) {
+      throw InputError(file.string() + ": tag " + std::to_string(id) + " is listed as of " + families.Of(id) +
+                       ", not " + family + "; an id is one tag of a site: take another id");
     }
     add[id] = family;
   }
@@ -129,12 +131,13 @@ TagSizes Parsed(const std::string& text) {
   TagSizes sizes;
   try {
     const YAML::Node node = YAML::Load(text);
-    sizes.family = node["family"].as<std::string>(sizes.family);
+    std::map<int, std::string> others;
     sizes.size_m = node["size_m"].as<double>(0);
-    for (const auto& entry : node["families"]) sizes.families[entry.first.as<int>()] = entry.second.as<std::string>();
+    for (const auto& entry : node["families"]) others[entry.first.as<int>()] = entry.second.as<std::string>();
+    sizes.family = TagFamilies(node["family"].as<std::string>(sizes.family), others).Text();
     for (const auto& entry : node["sizes_m"]) sizes.sizes_m[entry.first.as<int>()] = entry.second.as<double>();
   } catch (const YAML::Exception&) {
-    return {"", 0, {}, {}};
+    return {"", 0, {}};
   }
   return sizes;
 }
@@ -148,7 +151,7 @@ TagsFileChange WithTagSizes(const std::string& old_text, const std::string& fami
                             const std::filesystem::path& file) {
   const bool there = !Trim(old_text).empty();
   const std::string text = there ? old_text : "family: " + family + "\n";
-  const TagSizes old = there ? ReadTagSizes(file) : TagSizes{family, 0, {}, {}};
+  const TagSizes old = there ? ReadTagSizes(file) : TagSizes{family, 0, {}};
   const std::map<int, std::string> families = FamiliesToAdd(old, family, sizes_m, file);
   TagsFileChange change;
   std::map<int, double> wanted = old.sizes_m, add;
@@ -170,7 +173,8 @@ TagsFileChange WithTagSizes(const std::string& old_text, const std::string& fami
   change.added = static_cast<int>(add.size());
   change.changed = static_cast<int>(set.size());
   std::vector<std::string> lines = Lines(text);
-  if (!families.empty()) AddToBlock(&lines, "families", "of tags of another family", old.families, families);
+  if (!families.empty())
+    AddToBlock(&lines, "families", "of tags of another family", TagFamilies(old.family).others(), families);
   const Block block = AddToBlock(&lines, "sizes_m", "edge of the black square", AsText(old.sizes_m), AsText(add));
   for (const auto& [id, size] : set) {
     for (size_t k = block.begin + 1; k < block.end; ++k) {
@@ -180,9 +184,10 @@ TagsFileChange WithTagSizes(const std::string& old_text, const std::string& fami
   change.text = add.empty() && set.empty() ? old_text : Joined(lines);
   // Read back: YAML has more forms than are handled here.
   const TagSizes now = Parsed(change.text);
-  bool same = now.sizes_m.size() == wanted.size() && now.family == old.family && now.size_m == old.size_m &&
-              now.families.size() == old.families.size() + families.size();
-  for (const auto& [id, size] : sizes_m) same = same && now.FamilyOf(id) == family;
+  std::map<int, std::string> others = TagFamilies(old.family).others();
+  others.insert(families.begin(), families.end());
+  bool same = now.sizes_m.size() == wanted.size() && now.size_m == old.size_m &&
+              now.family == TagFamilies(TagFamilies(old.family).names().front(), others).Text();
   for (const auto& [id, size] : wanted) same = same && now.sizes_m.contains(id) && Same(now.sizes_m.at(id), size);
   if (!same) {
     throw InputError(file.string() + ": cannot be extended as it is written; write sizes_m as lines '  ID: SIZE'");

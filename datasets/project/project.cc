@@ -213,10 +213,7 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
   if (kinds[2] > 0) report.found.push_back(Count(kinds[2], "hand-held photo set", "hand-held photo sets"));
   if (!site.stations.empty()) report.found.push_back(Count(site.stations.size(), "station", "stations"));
   if (site.tags.size_m > 0 || !site.tags.sizes_m.empty()) {
-    report.found.push_back(fmt::format("tags of family {}{}{}", site.tags.family,
-                                       site.tags.families.empty()
-                                           ? ""
-                                           : ", " + Count(site.tags.families.size(), "of another", "of others"),
+    report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
   }
   if (!site.control_points.empty()) {

@@ -564,7 +564,7 @@ namespace {
 // Residuals and marks by source. What is stated comes from `stated`, not from sigmas that were changed since.
 std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& stated, const GeoRegistration& fit) {
   constexpr int kEnough = 10;
-  constexpr double kMedianChi2 = 1.386;  // of 2 degrees of freedom
+  constexpr double kMedianChi2 = 1.386;   // of 2 degrees of freedom
   constexpr double kMedianSpread = 0.72;  // of a sigma from a median of n such, times sqrt(n)
   constexpr double kFitted = 2;           // horizontal places that rotation, translation and scale use up
   struct Found {
@@ -603,8 +603,7 @@ GeoRegistration RegisterBySources(std::vector<GeoObservation>* observations, con
   const std::vector<GeoObservation> stated = *observations;
   std::map<std::string, double> factors;
   for (int round = 1;; ++round) {
-    GeoRegistration fit =
-        RegisterToEarth(*observations, odom_covariance, scale_prior, scale_sigma, levelled, options);
+    GeoRegistration fit = RegisterToEarth(*observations, odom_covariance, scale_prior, scale_sigma, levelled, options);
     if (!fit.solved) return fit;
     fit.sources = EstimateSources(stated, fit);
     bool changed = false;

@@ -48,9 +48,9 @@ struct GeoObservation {
 struct SourceEstimate {
   std::string source;
   int positions = 0, outliers = 0;
-  double stated_sigma_m = 0;     // per horizontal axis; the median
-  double sigma_m = 0;            // as estimated; 0: there are too few
-  double relative_sigma = 0;     // 1 sigma of that estimate, a share of it
+  double stated_sigma_m = 0;  // per horizontal axis; the median
+  double sigma_m = 0;         // as estimated; 0: there are too few
+  double relative_sigma = 0;  // 1 sigma of that estimate, a share of it
 };
 
 struct GeoRegistration {

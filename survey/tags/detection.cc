@@ -1,6 +1,8 @@
 #include "survey/tags/detection.h"
 
 #include <apriltag/apriltag.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +14,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/camera/pixel_convention.h"
+#include "datasets/io/tag_families.h"
 #include "survey/tags/corner_refinement.h"
 #include "survey/tags/tag_family.h"
 #include "survey/tags/tag_finder.h"
@@ -161,7 +164,11 @@ Eigen::Vector3d TagCorner(double size_m, int k) {
 std::vector<std::string> DetectTagsOptions::Check() const {
   std::vector<std::string> problems = CheckRanges(*this);
   try {
-    TagFamilies{family};
+    const std::vector<std::string> known = TagFamilyNames();
+    for (const std::string& name : TagFamilies(family).names()) {
+      if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+      problems.push_back(fmt::format("option family is \"{}\", expected one of {}", name, fmt::join(known, ", ")));
+    }
   } catch (const OptionError& e) {
     problems.push_back(std::string("option family: ") + e.what());
   }

@@ -15,8 +15,6 @@
 #include <algorithm>
 
 #include "calib/base/error.h"
-#include "datasets/io/site.h"
-#include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
@@ -54,48 +52,6 @@ std::vector<std::string> TagFamilyNames() {
   std::vector<std::string> names;
   for (const Maker& maker : kMakers) names.emplace_back(maker.name);
   return names;
-}
-
-TagFamilies::TagFamilies(const std::string& text) {
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find(',', begin), text.size());
-    const std::string entry(Trim(std::string_view(text).substr(begin, end - begin)));
-    const std::string name = entry.substr(0, entry.find(':'));
-    FindMaker(name);
-    if (std::find(names_.begin(), names_.end(), name) != names_.end()) {
-      throw OptionError("family \"" + text + "\": " + name + " stands there twice");
-    }
-    if (names_.empty() != (name.size() == entry.size())) {
-      throw OptionError("family \"" + text +
-                        "\": expected the first family without ids and the others with theirs, as "
-                        "tag36h11,tag16h5:3:12");
-    }
-    names_.push_back(name);
-    for (size_t at = name.size(); at < entry.size();) {
-      const size_t next = std::min(entry.find(':', at + 1), entry.size());
-      const auto id = ParseInt(std::string_view(entry).substr(at + 1, next - at - 1));
-      if (!id || *id < 0 || !of_id_.emplace(static_cast<int>(*id), name).second) {
-        throw OptionError("family \"" + text + "\": expected ids of tags behind " + name + ", each once");
-      }
-      at = next;
-    }
-    begin = end + 1;
-  }
-}
-
-const std::string& TagFamilies::Of(int id) const {
-  const auto it = of_id_.find(id);
-  return it == of_id_.end() ? names_.front() : it->second;
-}
-
-std::string FamiliesText(const TagSizes& sizes) {
-  std::map<std::string, std::string> ids;
-  for (const auto& [id, family] : sizes.families) {
-    if (family != sizes.family) ids[family] += ":" + std::to_string(id);
-  }
-  std::string text = sizes.family;
-  for (const auto& [family, list] : ids) text += "," + family + list;
-  return text;
 }
 
 TagFamily::TagFamily(const std::string& name)

@@ -1,7 +1,6 @@
 // The tag families of the AprilTag library by name, and the printed pattern of each tag.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,26 +9,8 @@ struct apriltag_family;
 
 namespace trigpoint {
 
-struct TagSizes;
-
 // Names TagFamily knows: "tag36h11", "tag25h9", "tag16h5", ...
 std::vector<std::string> TagFamilyNames();
-
-// Which families a site's tags are of: "tag36h11", or "tag36h11,tag16h5:3:12", where the tags 3 and 12 are of tag16h5 and
-// all others of the first. An id is one tag.
-class TagFamilies {
- public:
-  // Throws OptionError naming what is wrong with the text.
-  explicit TagFamilies(const std::string& text);
-  const std::vector<std::string>& names() const { return names_; }
-  const std::string& Of(int id) const;
-
- private:
-  std::vector<std::string> names_;
-  std::map<int, std::string> of_id_;  // of those that are not of the first
-};
-// The text of what tags.yaml states.
-std::string FamiliesText(const TagSizes& sizes);
 
 // The printed cells of one tag, `total` x `total`, 1 white, 0 black. The square whose corners are detected spans the
 // cells [margin, margin + width).

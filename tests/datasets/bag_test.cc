@@ -308,11 +308,13 @@ TEST(FastPng, LosesNothing) {
   std::vector<uint8_t> steep(1, 0);
   for (size_t value = 1, a = 1, b = 1; value < 26; ++value, std::swap(a, b), b += a) {
     steep.insert(steep.end(), b, static_cast<uint8_t>(steep.back()));
-    for (size_t k = 0; k < b; ++k) steep[steep.size() - b + k] = static_cast<uint8_t>(steep[steep.size() - b + k - 1] + value);
+    for (size_t k = 0; k < b; ++k)
+      steep[steep.size() - b + k] = static_cast<uint8_t>(steep[steep.size() - b + k - 1] + value);
   }
   const cv::Mat row(1, static_cast<int>(steep.size()), CV_8UC1, steep.data());
   const std::string png = FastPng(row);
-  EXPECT_EQ(cv::norm(cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED), row, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED), row, cv::NORM_INF),
+            0);
 }
 
 // Without calibration and without mounts.

@@ -172,22 +172,26 @@ TEST(VideoRun, PhoneLogsAreOdometry) {
     ASSERT_EQ(run.odometry.poses.size(), 2u);
     EXPECT_EQ(run.odometry.poses[0].stamp_ns, 0);
     EXPECT_NEAR(1e-9 * static_cast<double>(run.odometry.poses[1].stamp_ns), 1, 1e-6);
-    const Rigid3d moved =
-        run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[1].target_from_body;
+    const Rigid3d moved = run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[1].target_from_body;
     EXPECT_LT((moved.translation - Eigen::Vector3d(1, 0, 0.5)).norm(), 1e-9);
   }
   const fs::path broken = dir.Write("b_ARCore_sensor_pose.txt", "1, 2, 3\n");
-  EXPECT_THAT(MessageOf<InputError>([&] { ImportVideoRun(site, dir / "walk.avi", {"b", broken, "", 1}); }),
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, dir / "walk.avi", {"b", broken, "", 1});
+              }),
               HasSubstr("b_ARCore_sensor_pose.txt:1: expected a time in ns"));
 }
 
 TEST(VideoRun, Insta360IsNotRead) {
   const TempDir dir;
   const fs::path site = dir / "site", own = dir.Write("VID_1.insv", "x");
-  EXPECT_THAT(MessageOf<InputError>([&] { ImportVideoRun(site, own, {"a", "", "", 1}); }),
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, own, {"a", "", "", 1});
+              }),
               HasSubstr("in a form that is not published"));
   const fs::path exported = dir.Write("VID_1.mp4", "xxxx8db42d694ccc418790edff439fe026bf");
-  EXPECT_THAT(Joined(ImportVideoRun(site, exported, {"b", "", "", 1}).warnings), HasSubstr("is not read; export the GPX"));
+  EXPECT_THAT(Joined(ImportVideoRun(site, exported, {"b", "", "", 1}).warnings),
+              HasSubstr("is not read; export the GPX"));
 }
 
 TEST(VideoRun, TakesTheTrackBesideIt) {

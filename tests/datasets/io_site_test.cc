@@ -641,8 +641,7 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
   EXPECT_THAT(with("origin.json", "{\"lat\": 98, \"lon\": 8}"), HasSubstr("expected a latitude"));
   std::filesystem::remove(dir_ / "origin.json");
   Write("tags.yaml", "family: tag36h11\nfamilies: {7: tag16h5, 9: tag25h9}\nsize_m: 0.5\n");
-  EXPECT_EQ(Read().tags.FamilyOf(7), "tag16h5");
-  EXPECT_EQ(Read().tags.FamilyOf(8), "tag36h11");
+  EXPECT_EQ(Read().tags.family, "tag36h11,tag16h5:7,tag25h9:9");
   EXPECT_THAT(with("tags.yaml", "families: {7: tag16h6}\n"), HasSubstr("nearest known: 'tag16h5'"));
   EXPECT_THAT(with("tags.yaml", "families: {x: tag16h5}\n"), HasSubstr("expected 'ID: FAMILY'"));
   EXPECT_THAT(with("tags.yaml", "family: tag36h12\n"), HasSubstr("nearest known: 'tag36h11'"));
@@ -677,7 +676,8 @@ TEST(CaptureDate, GapsAreExplained) {
   EXPECT_EQ(ExplainGap("2026-05-01T10:00:00Z", "2026-05-12"), "");
   EXPECT_EQ(ExplainGap("2026-01-05", "2026-05-12"), "taken 2026-01, in another season");
   EXPECT_EQ(ExplainGap("2028-05", "2026-05-12"), "taken 2028-05, 2.0 years after the run");
-  for (const char* unknown : {"", "2019", "soon", "2019-99"}) EXPECT_EQ(ExplainGap(unknown, "2026-05-12"), "") << unknown;
+  for (const char* unknown : {"", "2019", "soon", "2019-99"})
+    EXPECT_EQ(ExplainGap(unknown, "2026-05-12"), "") << unknown;
   // The turn of the year lies within a season.
   EXPECT_NEAR(GapBetween("2025-12-25", "2026-01-04")->season_days, 10, 1e-6);
   Run run;

@@ -76,8 +76,7 @@ TEST(TagLayout, FamiliesAreMixed) {
   const ImportReport report = ImportTagLayout(dir / "site", dir / "mixed.fmap", 0);
   EXPECT_THAT(Joined(report.lines), HasSubstr("2 tags of tag16h5, tag36h11"));
   const TagSizes sizes = ReadTagSizes(dir / "site/tags.yaml");
-  EXPECT_EQ(sizes.FamilyOf(3), "tag36h11");
-  EXPECT_EQ(sizes.FamilyOf(4), "tag16h5");
+  EXPECT_EQ(sizes.family, "tag36h11,tag16h5:4");
   EXPECT_EQ(sizes.SizeOf(4), 0.1);
 }
 

@@ -59,9 +59,9 @@ class ServicesTest : public ResultsWindowTest {
     ResultsWindowTest::SetUp();
   }
   ServicesDialog* Open() {
-    auto* dialog = new ServicesDialog(window_->workspace(), window_.get(), [](const Service& service, const ServiceOptions&) {
-      return std::make_unique<RowOfPanoramas>(service.name);
-    });
+    auto* dialog = new ServicesDialog(
+        window_->workspace(), window_.get(),
+        [](const Service& service, const ServiceOptions&) { return std::make_unique<RowOfPanoramas>(service.name); });
     dialog->show();
     return dialog;
   }
@@ -87,8 +87,9 @@ TEST_F(ServicesTest, WhatIsThereIsPickedOnTheMapAndLoaded) {
   EXPECT_EQ(table->item(9, 0)->checkState(), Qt::Checked);
   table->item(2, 0)->setCheckState(Qt::Checked);
   EXPECT_TRUE(dialog->found()[2].picked);
-  EXPECT_THAT(Child<QLineEdit>(dialog, "services.line")->text().toStdString(),
-              AllOf(HasSubstr("--from panoramax --along run1 --radius 30"), HasSubstr("--id p2"), HasSubstr("--id p9")));
+  EXPECT_THAT(
+      Child<QLineEdit>(dialog, "services.line")->text().toStdString(),
+      AllOf(HasSubstr("--from panoramax --along run1 --radius 30"), HasSubstr("--id p2"), HasSubstr("--id p9")));
   // Another source joins it on the map.
   auto* service = Child<QComboBox>(dialog, "services.service");
   service->setCurrentIndex(2);

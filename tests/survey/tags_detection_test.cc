@@ -4,8 +4,8 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/tag_families.h"
 #include "survey/tags/corner_refinement.h"
-#include "datasets/io/site.h"
 #include "survey/tags/detection.h"
 #include "survey/tags/tag_family.h"
 #include "tests/survey/tags_rendering.h"
@@ -171,11 +171,11 @@ TEST(Detection, SeveralFamiliesAreToldApartByTheirIds) {
   EXPECT_EQ(two.Of(12), "tag16h5");
   EXPECT_EQ(two.Of(7), "tag25h9");
   EXPECT_EQ(two.Of(8), "tag36h11");
-  TagSizes sizes;
-  sizes.families = {{12, "tag16h5"}, {3, "tag16h5"}, {4, "tag36h11"}};
-  EXPECT_EQ(FamiliesText(sizes), "tag36h11,tag16h5:3:12");
+  EXPECT_EQ(two.Text(), "tag36h11,tag16h5:3:12,tag25h9:7");
+  EXPECT_EQ(TagFamilies("tag36h11", {{12, "tag16h5"}, {3, "tag16h5"}, {4, "tag36h11"}}).Text(),
+            "tag36h11,tag16h5:3:12");
   for (const char* wrong : {"", "tag36h11,tag16h5", "tag36h11:3", "tag36h11,tag36h11:3", "tag36h11,tag16h5:x",
-                            "tag36h11,tag16h5:3:3", "tag36h11,no:3"}) {
+                            "tag36h11,tag16h5:3:3", "tag36h11,:3"}) {
     EXPECT_THROW(TagFamilies{wrong}, OptionError) << wrong;
   }
   // Three tags beside each other: the third's number belongs to the other family.
@@ -232,6 +232,8 @@ TEST(Detection, OptionsAreChecked) {
   DetectTagsOptions options;
   options.family = "tag36h12";
   options.max_hamming = 5;
+  EXPECT_EQ(options.Check().size(), 2U);
+  options.family = "tag36h11,tag16h6:3";
   EXPECT_EQ(options.Check().size(), 2U);
   ProgressSink progress;
   const CancelToken cancel;

@@ -112,8 +112,9 @@ class GoogleStreetView final : public ListingService {
       for (size_t k = i; k < std::min(places.size(), i + kPlacesPerRequest); ++k) {
         locations.push_back({{"lat", places[k].latitude_deg}, {"lng", places[k].longitude_deg}});
       }
-      const json answer = Ask("/streetview/panoIds?",
-                              json{{"locations", locations}, {"radius", static_cast<int>(kSeedSpacing_m)}}.dump(), cancel);
+      const json answer =
+          Ask("/streetview/panoIds?",
+              json{{"locations", locations}, {"radius", static_cast<int>(kSeedSpacing_m)}}.dump(), cancel);
       for (const json& id : ListIn(answer, "panoIds", client_.base() + "/streetview/panoIds")) add(id);
     }
     for (size_t asked = 0; !next.empty() && asked < kMostMetadata; ++asked) {
@@ -147,7 +148,8 @@ class GoogleStreetView final : public ListingService {
     const double dx = dy / std::max(0.01, std::cos(area.points.front().latitude_deg * kDegToRad));
     const auto reach = static_cast<int64_t>(std::ceil(area.radius_m / kSeedSpacing_m));
     for (const Geodetic& point : area.points) {
-      const std::array<int64_t, 2> middle = {std::llround(point.latitude_deg / dy), std::llround(point.longitude_deg / dx)};
+      const std::array<int64_t, 2> middle = {std::llround(point.latitude_deg / dy),
+                                             std::llround(point.longitude_deg / dx)};
       for (int64_t y = -reach; y <= reach; ++y) {
         for (int64_t x = -reach; x <= reach; ++x) {
           const std::array<int64_t, 2> cell = {middle[0] + y, middle[1] + x};
@@ -155,8 +157,9 @@ class GoogleStreetView final : public ListingService {
           if (!area.Contains(place) || !cells.insert(cell).second) continue;
           places.push_back(place);
           if (places.size() > kMostPlaces) {
-            throw InputError(fmt::format("google: a search within {:g} m of {} is too large for one; take a smaller radius",
-                                         area.radius_m, Counted(area.points.size(), "point")));
+            throw InputError(
+                fmt::format("google: a search within {:g} m of {} is too large for one; take a smaller radius",
+                            area.radius_m, Counted(area.points.size(), "point")));
           }
         }
       }
@@ -196,8 +199,8 @@ class GoogleStreetView final : public ListingService {
     const std::string what = fmt::format("google: tile {}/{}/{} of panorama {}", zoom, x, y, id);
     HttpAnswer answer;
     for (int attempt = 0; attempt < 2; ++attempt) {
-      answer = client_.Get(Address(fmt::format("/streetview/tiles/{}/{}/{}?panoId={}&", zoom, x, y, id)), kMostPictureBytes,
-                           cancel);
+      answer = client_.Get(Address(fmt::format("/streetview/tiles/{}/{}/{}?panoId={}&", zoom, x, y, id)),
+                           kMostPictureBytes, cancel);
       if (answer.status != 401 && answer.status != 403) break;
       if (attempt == 0) BeginSession(cancel);
     }
