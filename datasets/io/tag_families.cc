@@ -1,6 +1,7 @@
 #include "datasets/io/tag_families.h"
 
 #include <algorithm>
+#include <sstream>
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
@@ -47,12 +48,15 @@ TagFamilies::TagFamilies(std::string first, std::map<int, std::string> others)
 }
 
 std::string TagFamilies::Text() const {
-  std::string text = names_.front();
+  std::ostringstream text;
+  text << names_.front();
   for (size_t k = 1; k < names_.size(); ++k) {
-    text += "," + names_[k];
-    for (const auto& [id, name] : of_id_) text += name == names_[k] ? ":" + std::to_string(id) : "";
+    text << ',' << names_[k];
+    for (const auto& [id, name] : of_id_) {
+      if (name == names_[k]) text << ':' << id;
+    }
   }
-  return text;
+  return text.str();
 }
 
 }  // namespace trigpoint

@@ -1,8 +1,6 @@
 #include "survey/tags/detection.h"
 
 #include <apriltag/apriltag.h>
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -165,9 +163,12 @@ std::vector<std::string> DetectTagsOptions::Check() const {
   std::vector<std::string> problems = CheckRanges(*this);
   try {
     const std::vector<std::string> known = TagFamilyNames();
-    for (const std::string& name : TagFamilies(family).names()) {
+    const TagFamilies wanted(family);
+    for (const std::string& name : wanted.names()) {
       if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-      problems.push_back(fmt::format("option family is \"{}\", expected one of {}", name, fmt::join(known, ", ")));
+      std::string all;
+      for (const std::string& other : known) all += (all.empty() ? "" : ", ") + other;
+      problems.push_back("option family is \"" + name + "\", expected one of " + all);
     }
   } catch (const OptionError& e) {
     problems.push_back(std::string("option family: ") + e.what());

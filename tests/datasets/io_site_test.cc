@@ -13,6 +13,7 @@
 #include "datasets/io/site.h"
 #include "datasets/io/site_inputs.h"
 #include "datasets/io/tables.h"
+#include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
@@ -658,16 +659,16 @@ TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
   Write("panoramas.csv", header + own + later + over);
   Write("results/replaced/2026-panoramas.csv", header + over);
   const int64_t half_past_nine = *ParseUtcToNs("2026-05-12T09:30:00Z") / 1'000'000'000;
-  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine - 3600), 0);
-  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 1);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine - 3600), 0);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 1);
   EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), header + own + later);
   EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/b.jpg"));
   EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/c.jpg"));
   EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2026-panoramas.csv"));
-  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 0);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
   // A table of others, and one that cannot be read, are left as they are.
   Write("panoramas.csv", "keep_until\nx\n");
-  EXPECT_EQ(ForgetExpiredPanoramas(dir_, half_past_nine), 0);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
   EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), "keep_until\nx\n");
 }
 
@@ -680,7 +681,7 @@ TEST(CaptureDate, GapsAreExplained) {
     EXPECT_EQ(ExplainGap(unknown, "2026-05-12"), "") << unknown;
   // The turn of the year lies within a season.
   EXPECT_NEAR(GapBetween("2025-12-25", "2026-01-04")->season_days, 10, 1e-6);
-  Run run;
+  trigpoint::Run run;
   EXPECT_EQ(DateOfRun(run), "");
   run.images.resize(1);
   run.images[0].stamp_ns = 5'000'000'000;
