@@ -132,12 +132,14 @@ int Check(Session& session, const Arguments& a) {
 
 void AddCheckCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "check", "is it enough, while still on site: what was copied so far, and what to photograph next",
-      "Looks at every picture that was copied to DIR so far: tags, blur, exposure; maps the tags, and says what is\n"
-      "missing, what does not fit, how accurate the survey would be, and what to photograph next. Pictures that are\n"
-      "still being copied are left until they are whole. What was looked at stands in results/check/pictures.jsonl:\n"
-      "a check that was stopped goes on there. Writes results/check/: index.html, findings.csv, tags.csv, next.csv.\n"
-      "--watch goes on until Ctrl-C; the page then refreshes itself in a browser on this machine.\n"
+      app, session, "check", "while still on site: judge what was copied so far, and list what to photograph next",
+      "Looks at every picture that was copied to DIR so far (tags, blur, exposure), maps the tags, and lists what is\n"
+      "missing, what does not fit, how accurate the survey would be, and what to photograph next. Masks of run.yaml "
+      "are\n"
+      "applied. Pictures that are still being copied are left until they are whole. results/check/pictures.jsonl\n"
+      "records what was looked at, so that a check that was stopped goes on where it ended. Writes results/check/: "
+      "index.html, findings.csv, tags.csv, next.csv.\n"
+      "With --watch it goes on until Ctrl-C, and the page refreshes itself in a browser on this machine.\n"
       "Exit code 0: green, 3: amber or red.\n\n"
       "Examples:\n"
       "  trigpoint check my_site\n"

@@ -192,7 +192,7 @@ void AddProjectFacts(const Project& project, const DisplayUnit& unit, const Proj
   }
   ProgressSink silent;
   const ReportData data = ReadReportData(input, silent, CancelToken());
-  VerdictFacts(MakeVerdict(input, data), data, unit, ending).Add(options);
+  VerdictFacts(MakeVerdict(input, data, options.variant), data, unit, ending).Add(options);
 }
 
 }  // namespace trigpoint

@@ -190,6 +190,16 @@ void AddGates(const RunReport& report, Ending* ending) {
   if (all && passed > 0) ending->Fact("Gates", passed == 1 ? message : fmt::format("all {} passed", passed));
 }
 
+// The one set of results that the command made, else the default one.
+std::string VariantOf(const std::vector<JobResult>& results, const std::string& command) {
+  std::set<std::string> variants;
+  for (const JobResult& result : results) {
+    const std::string& stage = result.job.stage->name;
+    if (stage == command || (command == "run" && stage == "localize")) variants.insert(result.job.target.variant);
+  }
+  return variants.size() == 1 ? *variants.begin() : "";
+}
+
 void AddPlaces(const std::vector<JobResult>& results, const std::string& command, Ending* ending) {
   std::vector<const JobResult*> own;
   for (const JobResult& result : results) {
@@ -302,7 +312,9 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
   }
   if (whole || command == "localize" || command == "evaluate") {
     // Errors and check points of an earlier solution would be taken for this one's.
-    AddProjectFacts(project, unit, {there.count("evaluate") > 0, whole && there.count("survey") > 0}, &ending);
+    AddProjectFacts(
+        project, unit,
+        {there.count("evaluate") > 0, whole && there.count("survey") > 0, VariantOf(report.results, command)}, &ending);
   } else {
     AddBriefs(report.results, command, false, unit, &ending);
     if (there.count("survey") > 0 && command == "survey") AddCheckPoints(project, unit, &ending);

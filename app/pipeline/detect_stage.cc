@@ -16,6 +16,7 @@
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
 #include "survey/tags/tag_files.h"
+#include "survey/tags/tag_finder.h"
 
 namespace trigpoint {
 namespace {
@@ -126,7 +127,6 @@ DetectTagsResult DetectApart(const Run& run, const DetectOptions& options, Stage
   return Unpacked(forked.bytes);
 }
 
-// Tags with a corner on what a mask ignores are none of the site: on the carrier itself, on something that moves.
 int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
   const RunMasks masks(run);
   int64_t left_out = 0;
@@ -134,14 +134,8 @@ int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
     std::vector<TagDetection>& found = (*images)[i].detections;
     if (found.empty()) continue;
     const cv::Mat mask = masks.Of(run.images[i]);
-    if (mask.empty()) continue;
-    const cv::Rect whole({}, mask.size());
-    left_out += static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) {
-      return std::any_of(tag.corners.begin(), tag.corners.end(), [&](const Eigen::Vector2d& corner) {
-        const cv::Point at(cvRound(corner.x()), cvRound(corner.y()));
-        return whole.contains(at) && mask.at<uint8_t>(at) == 0;
-      });
-    }));
+    left_out +=
+        static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) { return IsMasked(tag, mask); }));
   }
   return left_out;
 }

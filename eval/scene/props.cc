@@ -12,6 +12,8 @@
 #include <vtkTextProperty.h>
 #include <vtkTexture.h>
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/grid.h"
@@ -123,6 +125,18 @@ vtkSmartPointer<vtkActor> TexturedActor(vtkPolyData* data, const cv::Mat& pictur
   vtkSmartPointer<vtkActor> actor = FlatActor(data, kWhite, 1);
   actor->SetTexture(texture);
   return actor;
+}
+
+Colour ReadableOnWhite(const Colour& colour) {
+  // sRGB (IEC 61966-2-1) to light and back.
+  const auto light = [](double c) { return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); };
+  const auto coded = [](double l) { return l <= 0.0031308 ? 12.92 * l : 1.055 * std::pow(l, 1 / 2.4) - 0.055; };
+  const double luminance = 0.2126 * light(colour[0]) + 0.7152 * light(colour[1]) + 0.0722 * light(colour[2]);
+  constexpr double kMost = 1.05 / 4.55 - 0.05;  // with room for rounding to bytes
+  const double share = std::min(1.0, kMost / std::max(1e-9, luminance));
+  Colour darker;
+  for (size_t k = 0; k < 3; ++k) darker[k] = coded(share * light(colour[k]));
+  return darker;
 }
 
 void StyleText(vtkTextProperty* text, double height_px, const Colour& colour) {

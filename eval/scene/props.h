@@ -23,6 +23,9 @@ constexpr Colour kBlue{0.0, 0.447, 0.698}, kOrange{0.902, 0.624, 0.0}, kGreen{0.
     kVermilion{0.835, 0.369, 0.0}, kSky{0.337, 0.706, 0.914}, kPurple{0.8, 0.475, 0.655}, kBlack{0.1, 0.1, 0.1},
     kYellow{0.941, 0.894, 0.259}, kWhite{1, 1, 1};
 
+// The colour, darkened where words in it would not stand out from white by 4.5 : 1 (WCAG 2.1, success criterion 1.4.3).
+Colour ReadableOnWhite(const Colour& colour);
+
 // One cell a line.
 vtkSmartPointer<vtkPolyData> Lines(const std::vector<std::vector<Eigen::Vector3d>>& lines);
 // One cell a point.

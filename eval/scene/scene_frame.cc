@@ -139,7 +139,8 @@ void SceneView::Parts::BuildLegend() {
     const auto line = vtkSmartPointer<vtkTextActor>::New();
     line->SetInput((" " + text + " ").c_str());
     line->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
-    StyleText(line->GetTextProperty(), 0.85 * style.text_px, colour);
+    StyleText(line->GetTextProperty(), 0.85 * style.text_px, ReadableOnWhite(colour));
+    line->GetTextProperty()->SetBackgroundOpacity(1);
     line->GetTextProperty()->BoldOn();
     line->GetTextProperty()->SetVerticalJustificationToTop();
     Add("legend", line);

@@ -134,6 +134,14 @@ TagFinder::TagFinder(const DetectTagsOptions& options) {
 }
 TagFinder::~TagFinder() = default;
 
+bool IsMasked(const TagDetection& tag, const cv::Mat& mask) {
+  const cv::Rect whole({}, mask.size());
+  return std::any_of(tag.corners.begin(), tag.corners.end(), [&](const Eigen::Vector2d& corner) {
+    const cv::Point at(cvRound(corner.x()), cvRound(corner.y()));
+    return whole.contains(at) && mask.at<uint8_t>(at) == 0;
+  });
+}
+
 ImageTags TagFinder::Find(const std::function<cv::Mat()>& picture, const Camera* camera, int64_t* refused) {
   ImageTags tags;
   try {
