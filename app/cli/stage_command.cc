@@ -55,9 +55,9 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
     command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
   }
   if (stage.variants) {
-    command.add_option(
-        "--variant", arguments->variant,
-        "a second set of results beside the first, results/" + stage.name + (stage.per_run ? "/<run>@V" : "@V"));
+    command.add_option("--variant", arguments->variant,
+                       "write to another set of results, beside the default one: results/" + stage.name +
+                           (stage.per_run ? "/<run>@V" : "@V"));
   }
   const std::vector<OptionDescription> options = stage.options("");
   for (const std::string& entry : stage.flags) {

@@ -341,8 +341,8 @@ class BagImport {
     }
     if (tilts.empty()) return;
     report_.lines.push_back(fmt::format(
-        "level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; run.yaml says levelled: "
-        "false until you set it",
+        "level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; run.yaml has levelled: "
+        "false until you change it",
         Median(tilts), tilts.size(), choice_.imu->name));
   }
 

@@ -367,11 +367,11 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
   const std::string name = video.filename().string(), gps = track.filename().string();
   if (start && *start > fixes.front().stamp_ns - kApart_ns && *start < fixes.back().stamp_ns + kApart_ns) {
     report->lines.push_back(
-        "time: the video began when it says that it was made; if it was made at its end, mend "
-        "time_zero_utc in run.yaml");
+        "time: the video is taken to begin at its creation time; if that is its end, correct time_zero_utc "
+        "in run.yaml");
   } else {
-    report->warnings.push_back(name + " does not say when it began: taken as the first time of " + gps +
-                               "; mend time_zero_utc in run.yaml if the two were not started together");
+    report->warnings.push_back(name + " does not state when it began: taken as the first time of " + gps +
+                               "; correct time_zero_utc in run.yaml if the two were not started together");
     start = fixes.front().stamp_ns;
   }
   return fmt::format("time_zero_utc: {:%Y-%m-%dT%H:%M:%S}.{:03}Z\n",

@@ -261,10 +261,10 @@ LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir, const Soluti
   const auto placed = [](const PanoramaResult& p) { return p.status == "localized" && p.world_from_pano; };
   const auto bare = [&](const PanoramaResult& p) { return placed(p) && !p.sigma_m; };
   if (const auto n = std::count_if(result.panoramas.begin(), result.panoramas.end(), bare); n > 0) {
-    result.warnings.push_back(fmt::format(
-        "panoramas.csv: {} of {} answers have no finite sigma_x_m, sigma_y_m, sigma_z_m: nothing can be said "
-        "of their consistency",
-        n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
+    result.warnings.push_back(
+        fmt::format("panoramas.csv: {} of {} answers have no finite sigma_x_m, sigma_y_m, sigma_z_m: their consistency "
+                    "cannot be tested",
+                    n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
   }
   return result;
 }

@@ -39,7 +39,7 @@ figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;o
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:max(40rem,85vh);overflow-y:auto}
 caption{caption-side:top;text-align:left;font-size:.9rem;color:var(--soft);padding:.45rem .55rem;overflow-wrap:anywhere}
 .columns{display:grid;grid-template-columns:minmax(0,1fr) minmax(0,1fr);gap:0 1.6rem;align-items:start}
-.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0}.columns .facts{margin:.5rem 0}
+.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0;max-height:34rem}.columns .facts{margin:.5rem 0}
 .columns h3{margin:.9rem 0 .3rem}.columns p{margin:.3rem 0}
 figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - .9rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
 figure.thumb figcaption{font-size:.8rem}

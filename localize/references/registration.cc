@@ -187,8 +187,8 @@ class Registrar {
       char text[200];
       std::snprintf(
           text, sizeof text,
-          "ambiguous: another passage of the run puts it %.1f m away, where %.0f points are found, against %.0f", apart,
-          support, a.support);
+          "ambiguous: another traversal of the run puts it %.1f m away, where %.0f points are found, against %.0f",
+          apart, support, a.support);
       a.status = AnswerStatus::kRejected;
       a.reason = text;
     }
