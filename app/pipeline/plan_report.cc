@@ -103,6 +103,20 @@ void WriteStationsTable(const PlanFindings& findings, const fs::path& file) {
   csv.Save(file);
 }
 
+void WritePanoramasTable(const PlanFindings& findings, const fs::path& file) {
+  CsvWriter csv(
+      {"pass", "station", "sigma_x_m", "sigma_y_m", "sigma_z_m", "points"},
+      {"trigpoint plan panoramas 1; frame=enu; sigma=1, as `localize` would state it from this pass by itself, "
+       "held by the panoramas' geotags; points: of the scene, shared with the pass"});
+  for (const PanoramaPrediction& panorama : findings.panoramas) {
+    csv.Text(findings.layout.network.passes[static_cast<size_t>(panorama.pass)].name).Text(panorama.name);
+    for (int k = 0; k < 3; ++k) csv.Number(panorama.Sigma()[k], 6);
+    csv.Integer(panorama.points);
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
 void WriteObservationTables(const PlanFindings& findings, const fs::path& folder) {
   CsvWriter sights(
       {"pass", "timestamp", "camera", "tag_id", "side_px", "angle_deg", "sigma_px", "redundancy", "blunder_px"},
@@ -373,6 +387,23 @@ Table TagTable(const PlanFindings& f) {
   return table;
 }
 
+Table PanoramaTable(const PlanFindings& f) {
+  Table table{"",
+              "Predicted standard deviations (1 sigma) of panoramas as `localize` would find them from one pass by "
+              "itself, site east-north-up, held by their geotags"};
+  table.columns = {{"pass"},          {"station"},       {"east (mm)", true},   {"north (mm)", true},
+                   {"up (mm)", true}, {"3D (mm)", true}, {"scene points", true}};
+  for (const PanoramaPrediction& p : f.panoramas) {
+    const Eigen::Vector3d sigma = kMm * p.Sigma();
+    std::vector<TableCell> row = {Text(f.layout.network.passes[static_cast<size_t>(p.pass)].name), Text(p.name)};
+    for (int k = 0; k < 3; ++k) row.push_back(Number(sigma[k], 1));
+    row.push_back(Number(sigma.norm(), 1));
+    row.push_back(Number(p.points, 0));
+    table.rows.push_back(row);
+  }
+  return table;
+}
+
 Table PointTable(const PlanFindings& f) {
   Table table{"",
               "Control of known points. Redundancy: the part of an error that shows in its residual. Detectable: the "
@@ -445,6 +476,10 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
   page.blocks.push_back(Figure{"map", "Tags, planned paths and ellipses of one standard deviation.", map});
   page.blocks.push_back(Heading{2, "Tags", "tags"});
   page.blocks.push_back(TagTable(f));
+  if (!f.panoramas.empty()) {
+    page.blocks.push_back(Heading{2, "Panoramas", "panoramas"});
+    page.blocks.push_back(PanoramaTable(f));
+  }
   if (!p.points.empty()) {
     page.blocks.push_back(Heading{2, "Known points", "points"});
     page.blocks.push_back(PointTable(f));
@@ -488,6 +523,7 @@ void WritePlan(const PlanFindings& findings, const fs::path& folder) {
   WriteTagsTable(findings, folder / "tags.csv");
   WriteCamerasTable(findings, folder / "cameras.csv");
   WriteStationsTable(findings, folder / "stations.csv");
+  WritePanoramasTable(findings, folder / "panoramas.csv");
   WriteObservationTables(findings, folder);
   const double before = findings.prediction.RmsSigma();
   WriteGains(findings.gains, before, folder / "gains.csv");
