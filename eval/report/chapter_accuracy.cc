@@ -314,7 +314,8 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
                            "Trust curve" + of +
                                ": of the errors, the share within the region that should hold the stated share (NEES "
                                "against chi-square). Rows are taken as independent; few answers make coarse steps.",
-                           LineChart(trust, "stated confidence", "share of errors inside", true)});
+                           LineChart(trust, "stated confidence", "share of errors inside", true, kHalfWidth), false,
+                           true});
   Series expected{"chi-square, 3 dof", {}};
   constexpr int kBins = 16;
   constexpr double kLimit = 8;
@@ -326,7 +327,7 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
                            "Normalised errors squared per degree of freedom" + of +
                                "; the last bin holds everything beyond it. Dashed: what "
                                "right sigmas would give.",
-                           HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected)});
+                           HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected, kHalfWidth), false, true});
 }
 
 // How the error of what is kept falls with the share that is: the answers with the best supported depth come first.
