@@ -89,10 +89,19 @@ class VerdictChapter {
 
   void Gates() {
     if (verdict_.gates.empty()) return;
-    std::string text = "Quality gates: " + verdict_.gates + ".";
+    std::vector<std::string> others;
     for (const auto& [verdict, message] : verdict_.gate_results) {
-      if (verdict != "passed" || verdict_.gate_results.size() == 1) text += " " + message + ".";
+      if (verdict != "passed" || verdict_.gate_results.size() == 1) others.push_back(message);
     }
+    const size_t all = verdict_.gate_results.size();
+    std::string text = verdict_.default_gates ? "Default gates (trigpoint.yaml sets none): " : "Quality gates: ";
+    text += verdict_.gates;
+    if (all > 1) text += fmt::format(", {} of {} passed", all - others.size(), all);
+    text += ".";
+    // Of the default ones those that matter most; all of a project's own.
+    const size_t shown = verdict_.default_gates ? std::min(kThings, others.size()) : others.size();
+    for (size_t i = 0; i < shown; ++i) text += " " + others[i] + ".";
+    if (shown < others.size()) text += fmt::format(" And {} more.", others.size() - shown);
     blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), "accuracy"});
   }
 

@@ -110,16 +110,20 @@ void FindAgreement(const ReportData& data, const std::string& variant, ProjectVe
   verdict->agreeing_pairs = static_cast<int>(distances.size());
 }
 
-void ReadGates(const ReportData& data, const std::string& wanted, ProjectVerdict* verdict) {
-  for (const auto& [variant, table] : data.gates) {
-    if (variant != wanted) continue;
+void ReadGates(const ReportInput& input, const ReportData& data, const std::string& wanted, ProjectVerdict* verdict) {
+  const auto read = [&](const nlohmann::json& table) {
     verdict->gates = TextAt(table, "verdict");
     const auto rows = table.find("gates");
-    if (rows == table.end() || !rows->is_array()) continue;
+    if (rows == table.end() || !rows->is_array()) return;
     for (const nlohmann::json& gate : *rows) {
       verdict->gate_results.emplace_back(TextAt(gate, "verdict"), TextAt(gate, "message"));
     }
+  };
+  for (const auto& [variant, table] : data.gates) {
+    if (variant == wanted) read(table);
   }
+  verdict->default_gates = verdict->gates.empty() && wanted.empty() && input.default_gates.is_object();
+  if (verdict->default_gates) read(input.default_gates);
 }
 
 }  // namespace
@@ -185,7 +189,7 @@ ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data, con
   ChooseErrors(data, variant, &verdict);
   FindGeotags(input, data, variant, &verdict);
   FindAgreement(data, variant, &verdict);
-  ReadGates(data, variant, &verdict);
+  ReadGates(input, data, variant, &verdict);
   return verdict;
 }
 

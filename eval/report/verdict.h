@@ -74,6 +74,7 @@ struct ProjectVerdict {
   std::optional<double> stated_sigma_m, runs_agree_m;
   int agreeing_pairs = 0;
   std::string gates;                                              // passed, failed, undecided; empty: none set
+  bool default_gates = false;                                     // the project sets none: the report's own
   std::vector<std::pair<std::string, std::string>> gate_results;  // verdict, message
 
   int Images() const;
