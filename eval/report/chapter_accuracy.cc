@@ -109,6 +109,7 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
     const std::pair<std::string, std::string> its(TextAt(g, "reference"), TextAt(g, "kind"));
     if (std::find(against.begin(), against.end(), its) == against.end()) against.push_back(its);
   }
+  const bool pair = against.size() > 1;
   for (const auto& [reference, kind] : against) {
     std::vector<Series> series;
     double confidence = 0.95;
@@ -140,7 +141,9 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
             "confidence of {}, resampled by station and run.",
             kind, ReferenceName(reference), shared ? ", which share data with the answers" : "", c.unit.name,
             100 * confidence, series.front().name),
-        CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts")});
+        CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts",
+                        pair ? kHalfWidth : Drawing().width),
+        false, pair});
   }
 }
 

@@ -151,13 +151,14 @@ std::vector<std::string> Names(const std::vector<T>& series) {
 
 }  // namespace
 
-Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis) {
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
+                        double width) {
   std::vector<double> values;
   for (const Series& s : series) {
     for (const CurvePoint& p : s.points) values.push_back(p.x);
   }
   const Axis x = LogAxis(values, x_axis);
-  Plot plot(x, {0, 1, false, y_axis, true}, 310, 42, Names(series));
+  Plot plot(x, {0, 1, false, y_axis, true}, 310, 42, Names(series), width);
   plot.Frame(true);
   for (size_t i = series.size(); i-- > 0;) {
     const std::vector<CurvePoint>& points = series[i].points;
@@ -296,7 +297,8 @@ Drawing MatrixChart(const std::vector<std::string>& rows, const std::vector<std:
   };
   constexpr double kRow = 26, kTop = 22;
   double left = 40;
-  for (const std::string& row : rows) left = std::max(left, TextWidth(row, 13) + 10);
+  constexpr double kBoldWider = 1.15;
+  for (const std::string& row : rows) left = std::max(left, kBoldWider * TextWidth(row, 13) + 14);
   Drawing drawing;
   const double width =
       std::clamp((drawing.width - left) / static_cast<double>(std::max<size_t>(1, columns.size())), 34.0, 90.0);

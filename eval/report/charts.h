@@ -23,7 +23,8 @@ struct Series {
 };
 
 // Cumulative histograms: steps, x logarithmic, y a share (0 to 1). The first series' band is drawn.
-Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis);
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
+                        double width = Drawing().width);
 
 // Lines through points, both axes linear from 0; `diagonal`: both are shares, and y = x is drawn.
 Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
