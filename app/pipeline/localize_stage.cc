@@ -191,7 +191,8 @@ void WriteWithTables(const Site& site, const LocalizeJob& job, Solution* solutio
     solution->references[i].row = site.references[static_cast<size_t>(job.references[i].reference)].name;
   }
   WriteSolution(*solution, dir / kSolutionFile);
-  WriteCovarianceTables(*solution, dir);
+  WriteCameraCovariances(*solution, dir);
+  WritePanoramaCovariances(*solution, dir);
   WriteColmapModel(ModelOf(*solution).model, dir / "sparse");
 }
 

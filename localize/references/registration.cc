@@ -63,7 +63,7 @@ ImagePoints PointsOfImages(const LocalizeInput& input, const Reconstruction& r) 
   ImagePoints points(input.images.size());
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
     const BearingObservation& o = r.problem.observations[k];
-    if (o.active && r.point_valid[static_cast<size_t>(o.point)]) {
+    if (r.image_of[k] >= 0 && o.active && r.point_valid[static_cast<size_t>(o.point)]) {
       points[static_cast<size_t>(r.image_of[k])].push_back({r.feature_of[k], o.point});
     }
   }
