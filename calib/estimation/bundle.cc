@@ -440,6 +440,15 @@ class ReducedSolver {
   Eigen::LLT<Eigen::MatrixXd> pivot_;
 };
 
+void MovePosesAndScales(const Layout& layout, const Eigen::VectorXd& step, BundleProblem* p) {
+  for (size_t i = 0; i < p->poses.size(); ++i) {
+    if (layout.slot[i] >= 0) p->poses[i] = p->poses[i].Plus(step.segment<6>(6 * layout.slot[i]));
+  }
+  for (size_t s = 0; s < p->scales.size(); ++s) {
+    if (layout.scale_slot[s] >= 0) p->scales[s].value += step(6 * layout.blocks + layout.scale_slot[s]);
+  }
+}
+
 }  // namespace
 
 double SquaredError(const BundleProblem& problem, const BearingObservation& o) {
@@ -530,12 +539,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
       std::vector<Eigen::Vector3d> other_points = reducer.MovedPoints(step, lambda);
       const std::vector<Rigid3d> old_poses = p.poses;
       const std::vector<OdometryScale> old_scales = p.scales;
-      for (size_t i = 0; i < p.poses.size(); ++i) {
-        if (layout.slot[i] >= 0) p.poses[i] = p.poses[i].Plus(step.segment<6>(6 * layout.slot[i]));
-      }
-      for (size_t s = 0; s < p.scales.size(); ++s) {
-        if (layout.scale_slot[s] >= 0) p.scales[s].value += step(6 * layout.blocks + layout.scale_slot[s]);
-      }
+      MovePosesAndScales(layout, step, &p);
       p.points.swap(other_points);
       const double cost = reducer.Cost(p);
       if (std::isfinite(cost) && cost <= summary.final_cost) {
