@@ -113,6 +113,14 @@ std::string Contents(const Project& project) {
   return parts.empty() ? "an empty project" : Listed(parts, parts.size());
 }
 
+// What a person types for a stage; other commands as they are.
+std::string Typed(const std::string& command) {
+  for (const StageInfo& stage : Stages()) {
+    if (stage.name == command) return CommandOf(stage);
+  }
+  return command;
+}
+
 std::string Headline(const Session& session, const std::string& command, const Project& project,
                      const std::vector<JobResult>& results, bool whole) {
   std::map<JobEnd, int64_t> ends;
@@ -122,7 +130,7 @@ std::string Headline(const Session& session, const std::string& command, const P
     const std::string name = ResultName(*result.job.stage, result.job.target);
     if (IsThere(result) && result.job.stage->name == command && !name.empty()) names.push_back(name);
   }
-  std::string text = Capitalised(command);
+  std::string text = Capitalised(Typed(command));
   const int64_t there = ends[JobEnd::kComputed] + ends[JobEnd::kUpToDate];
   if (ends[JobEnd::kFailed] > 0) {
     text +=
@@ -275,9 +283,8 @@ RunReport ReportOf(const std::string& command, const Project& project, const std
   report.problems = GivenForNothing(project, report.results);
   if (report.exit_code == 0 && !report.problems.empty()) report.exit_code = 1;
   if (report.exit_code == 0 && !gates_passed) report.exit_code = kGateExitCode;
-  report.json = {{"command", command},          {"project", project.dir().string()},
-                 {"ok", report.exit_code == 0}, {"exit_code", report.exit_code},
-                 {"problems", report.problems}, {"stages", stages}};
+  report.json = {{"command", Typed(command)},     {"project", project.dir().string()}, {"ok", report.exit_code == 0},
+                 {"exit_code", report.exit_code}, {"problems", report.problems},       {"stages", stages}};
   return report;
 }
 

@@ -65,21 +65,35 @@ Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, cons
          result.body_from_odom[static_cast<size_t>(image.pose)];
 }
 
-void WriteCameras(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
-  const LocalizeInput& input = job.input;
+}  // namespace
+
+void PutWorldPose(CsvWriter& csv, const PoseEstimate& e) {
+  PutPose(csv, e.world_from_x);
+  for (double s : PositionSigmas(e)) csv.Number(s, 5);
+}
+
+void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x) {
+  PutGeodetic(csv, frame, world_from_x.translation);
+  PutAttitude(csv, world_from_x.rotation);
+}
+
+void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
+  const bool in_odom = !result.body_from_odom.empty();
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     std::vector<TimedPose> odom, world;
     for (size_t i = 0; i < input.images.size(); ++i) {
       const FrameImage& image = input.images[i];
       if (image.camera != static_cast<int>(c)) continue;
-      odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
+      if (in_odom) odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
       if (result.on_earth) world.push_back({image.stamp_ns, result.cameras[i].world_from_x});
     }
     const std::string suffix = c == 0 ? "" : "_" + input.cameras[c].name;
     const std::string& name = input.cameras[c].name;
-    WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
-             {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
-              "timestamp tx ty tz qx qy qz qw"});
+    if (in_odom) {
+      WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
+               {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
+                "timestamp tx ty tz qx qy qz qw"});
+    }
     if (result.on_earth) {
       WriteTum(dir / ("cameras" + suffix + ".tum"), world,
                {"trigpoint trajectory 1; frame=enu; datum=" + result.earth_source + "; pose=world_from_" + name,
@@ -123,6 +137,8 @@ void WriteCameras(const LocalizeJob& job, const Localization& result, const std:
   }
   csv.Save(dir / "cameras.csv");
 }
+
+namespace {
 
 // One line of panoramas.csv: a panorama or photo, or a set whose photos are answered together.
 struct Line {
@@ -210,8 +226,7 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       world.world_from_x.translation = sum;
     }
     if (answered && result.on_earth) {
-      PutPose(csv, world.world_from_x);
-      for (double s : PositionSigmas(world)) csv.Number(s, 5);
+      PutWorldPose(csv, world);
     } else {
       csv.Empty(10);
     }
@@ -222,8 +237,7 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       csv.Empty(7);
     }
     if (answered && result.on_earth) {
-      PutGeodetic(csv, job.input.frame, world.world_from_x.translation);
-      PutAttitude(csv, world.world_from_x.rotation);
+      PutGeodeticPose(csv, job.input.frame, world.world_from_x);
     } else {
       csv.Empty(6);
     }
@@ -502,7 +516,7 @@ Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& res
 
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir) {
-  WriteCameras(job, result, dir);
+  WriteCameras(job.input, result, dir);
   WritePanoramas(site, job, result, dir);
   WriteMatches(site, job, result, dir);
 }
