@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <limits>
 #include <map>
 #include <set>
@@ -429,7 +430,15 @@ JoinedRuns JoinRuns(std::vector<SiteRun>* runs, const std::vector<PlacedRun>& pl
   JoinedRuns out;
   Joiner joiner(tilt_sigma_rad, &out);
   int index = 0;
-  for (const SiteRun& run : *runs) joiner.AddInput(run, index++);
+  std::vector<std::function<FeatureSet(int)>> features;
+  for (const SiteRun& run : *runs) {
+    joiner.AddInput(run, index++);
+    features.push_back(run.input.image_features);
+  }
+  out.input.image_features = [features, run_of = out.run_of_image, runs_of = out.runs](int image) {
+    const auto run = static_cast<size_t>(run_of[static_cast<size_t>(image)]);
+    return features[run](image - runs_of[run].first_image);
+  };
   Reconstruction& r = out.reconstruction;
   BundleProblem& p = r.problem;
   p.poses.resize(out.input.pose_stamps.size());
