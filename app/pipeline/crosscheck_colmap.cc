@@ -34,7 +34,9 @@ std::string Params(const ColmapCamera& camera) {
 // The picture as calibrated under a name COLMAP can use: a link where the file is that picture, else a mended copy.
 void PutImage(const Run& run, const ImageEntry& entry, const fs::path& file) {
   fs::create_directories(file.parent_path());
-  const bool plain = entry.video_frame < 0 && !run.config.mirrored && ReadPhotoMetadata(entry.path).orientation == 1;
+  const bool plain = entry.video_frame < 0 && !run.config.mirrored &&
+                     run.cameras[static_cast<size_t>(entry.camera)].part.kind == PicturePart::Kind::kAll &&
+                     ReadPhotoMetadata(entry.path).orientation == 1;
   if (plain) {
     fs::create_symlink(fs::absolute(entry.path), file);
   } else if (!cv::imwrite(file.string(), LoadGrey(run, entry), {cv::IMWRITE_JPEG_QUALITY, 98})) {

@@ -82,6 +82,7 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
   const bool wants_odom = request.frame == "odom", wants_world = request.frame == "world";
   std::vector<Path> paths;
   for (const BodyCamera& camera : project.run(run).cameras) {
+    if (camera.IsFurtherView()) continue;
     const std::string suffix = camera.name == project.run(run).cameras.front().name ? "" : "_" + camera.name;
     const fs::path world = dir / ("cameras" + suffix + ".tum"), odom = dir / ("cameras_odom" + suffix + ".tum");
     if (!wants_odom && fs::exists(world)) {
@@ -266,7 +267,9 @@ void ExportCameras(const Project& project, const std::string& run, const fs::pat
   std::error_code ignored;
   fs::create_directories(out, ignored);
   WriteCamchain(report->files.back(), project.run(run).cameras, {"cameras of run " + run + ", written by trigpoint"});
-  report->lines.push_back(run + ": " + Counted(project.run(run).cameras.size(), "camera"));
+  const auto cameras = std::count_if(project.run(run).cameras.begin(), project.run(run).cameras.end(),
+                                     [](const BodyCamera& camera) { return !camera.IsFurtherView(); });
+  report->lines.push_back(run + ": " + Counted(cameras, "camera"));
 }
 
 // Everything but maps: `request.out` is the folder of the one run, or of folders by run.

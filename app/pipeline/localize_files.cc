@@ -80,6 +80,7 @@ void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& wor
 void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
   const bool in_odom = !result.body_from_odom.empty();
   for (size_t c = 0; c < input.cameras.size(); ++c) {
+    if (input.cameras[c].IsFurtherView()) continue;  // its 360 image reports the pose
     std::vector<TimedPose> odom, world;
     for (size_t i = 0; i < input.images.size(); ++i) {
       const FrameImage& image = input.images[i];
@@ -126,8 +127,10 @@ void WriteCameras(const LocalizeInput& input, const Localization& result, const 
                 {FrameComment("cameras", result)});
   for (size_t i = 0; i < input.images.size(); ++i) {
     const PoseEstimate& e = result.cameras[i];
+    const BodyCamera& camera = input.cameras[static_cast<size_t>(input.images[i].camera)];
+    if (camera.IsFurtherView()) continue;
     csv.Stamp(input.images[i].stamp_ns).Text(input.images[i].name);
-    csv.Text(input.cameras[static_cast<size_t>(input.images[i].camera)].name);
+    csv.Text(camera.name);
     PutPose(csv, e.world_from_x);
     PutGeodetic(csv, input.frame, e.world_from_x.translation);
     for (double s : PositionSigmas(e)) csv.Number(s, 5);

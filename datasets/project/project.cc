@@ -11,6 +11,7 @@
 
 #include "datasets/io/expired_panoramas.h"
 #include "datasets/io/photo_sets.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "datasets/project/description.h"
@@ -173,10 +174,17 @@ std::string DescribeRun(const Run& run) {
   std::vector<std::string> parts;
   if (!run.images.empty()) {
     const bool video = run.images.front().video_frame >= 0;
-    parts.push_back(Count(run.images.size(), video ? "video frame" : "image", video ? "video frames" : "images"));
+    const auto pictures =
+        static_cast<size_t>(std::count_if(run.images.begin(), run.images.end(), [&](const ImageEntry& image) {
+          return PictureOf(run, image) == image.file;
+        }));
+    parts.push_back(Count(pictures, video ? "video frame" : "image", video ? "video frames" : "images"));
   }
   if (!run.detections.empty()) parts.push_back("detections.csv");
-  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size(), "camera", "cameras"));
+  const auto views = static_cast<size_t>(std::count_if(
+      run.cameras.begin(), run.cameras.end(), [](const BodyCamera& camera) { return camera.IsFurtherView(); }));
+  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size() - views, "camera", "cameras"));
+  if (views > 0) parts.push_back(fmt::format("360 images in {} views each", views + 1));
   if (!run.odometry.poses.empty()) parts.push_back(Count(run.odometry.poses.size(), "odometry pose", "odometry poses"));
   if (!run.gps.empty()) parts.push_back(Count(run.gps.size(), "GPS fix", "GPS fixes"));
   return fmt::format("run {}: {}", run.name,

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -79,7 +80,7 @@ CameraModel ModelNamed(const std::string& name) {
   throw InputError("unknown camera model '" + name + "'");
 }
 
-Table CameraTable(Solution& s) {
+Table CameraTable(Solution& s, int version) {
   Table t{"cameras", s.cameras.size(), [&](size_t n) { s.cameras.resize(n); }, {}};
   struct Parts {
     std::string model;
@@ -109,6 +110,15 @@ Table CameraTable(Solution& s) {
       "cam_from_body_", [&](size_t i) -> auto& { return s.cameras[i].cam_from_body; });
   t.Add("has_extrinsics", s.cameras, &BodyCamera::has_extrinsics);
   t.Add("time_offset_s", s.cameras, &BodyCamera::time_offset_s);
+  if (version > 2) {
+    const auto part = [&](size_t i) -> PicturePart& { return s.cameras[i].part; };
+    t.AddMade(
+        "view", [=](size_t i) { return static_cast<int>(part(i).view); },
+        [=](size_t i, int v) {
+          part(i).view = static_cast<uint8_t>(v);
+          return v >= 0 && v <= std::numeric_limits<uint8_t>::max();
+        });
+  }
   return t;
 }
 
@@ -346,12 +356,13 @@ Table SiteRunTable(Solution& s) {
 }
 
 int VersionOf(const Solution& s) {
-  if (!s.runs.empty()) return kSolutionVersion;
+  const auto is_view = [](const BodyCamera& camera) { return camera.IsFurtherView(); };
+  if (!s.runs.empty() || std::any_of(s.cameras.begin(), s.cameras.end(), is_view)) return 3;
   return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? 2 : 1;
 }
 
 std::vector<Table> Tables(Solution& s, int version) {
-  std::vector<Table> tables = {RunTable(s),          CameraTable(s),
+  std::vector<Table> tables = {RunTable(s),          CameraTable(s, version),
                                ImageTable(s),        StampTable(s),
                                PoseTable(s),         ViewTable(s),
                                CovarianceTable(s),   PointTable(s),

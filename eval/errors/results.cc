@@ -123,6 +123,7 @@ Eigen::Vector3d PositionSigma(const Matrix6d& covariance) {
 void SetPoses(const Solution& s, LocalizeResult* result) {
   for (const SolutionImage& image : s.images) {
     const Rigid3d odom_from_cam = OdomFromCam(s, image);
+    if (s.cameras[static_cast<size_t>(image.camera)].IsFurtherView()) continue;  // its 360 image reports the pose
     if (image.camera == 0) result->cameras_odom.push_back({image.stamp_ns, odom_from_cam});
     if (!s.georeference) continue;
     const Rigid3d world_from_cam =

@@ -12,7 +12,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 
 namespace trigpoint {
 namespace {
@@ -45,13 +45,7 @@ ViewOptions ViewsOf(const Project& project) {
 cv::Mat LoadImage(const Run& run, const std::string& name) {
   for (const ImageEntry& entry : run.images) {
     if (entry.file != name) continue;
-    // Videos, mirrors and turned pictures are undone in grey only.
-    const bool plain =
-        entry.video_frame < 0 && !run.config.mirrored && entry.camera < static_cast<int>(run.cameras.size());
-    cv::Mat picture = plain ? LoadPhoto(entry.path, run.cameras[static_cast<size_t>(entry.camera)].camera, false)
-                            : LoadGrey(run, entry);
-    if (picture.channels() == 1) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
-    return picture;
+    return LoadColour(run, entry);
   }
   throw InputError("run " + run.name + ": image " + name + " of its matches is not in images.txt any more");
 }

@@ -353,6 +353,26 @@ TEST(GoPro, TheTrackIsReadFromTheVideo) {
   EXPECT_TRUE(ReadGoProGps(dir.Write("e.avi", "RIFF....AVI LIST........")).fixes.empty());
 }
 
+TEST(SphericalVideo, IsKnownByWhatTheFileStates) {
+  const TempDir dir;
+  const auto video = [&](const std::string& track) {
+    return dir.Write("v.mp4",
+                     Box("ftyp", "isom") + Box("moov", Box("mvhd", std::string(100, '\0')) + Box("trak", track)));
+  };
+  const std::string head = "<rdf:SphericalVideo><GSpherical:Spherical>true</GSpherical:Spherical>";
+  EXPECT_TRUE(IsSphericalVideo(
+      video(Box("uuid", std::string(16, '\1') + head +
+                            "<GSpherical:ProjectionType>equirectangular</GSpherical:ProjectionType>"))));
+  const auto described = [&](const std::string& projection) {
+    const std::string sample = Box("avc1", std::string(78, '\0') + Box("sv3d", Box("proj", Box(projection, "1234"))));
+    return video(Box("mdia", Box("minf", Box("stbl", Box("stsd", std::string(8, '\0') + sample)))));
+  };
+  EXPECT_TRUE(IsSphericalVideo(described("equi")));
+  EXPECT_FALSE(IsSphericalVideo(described("cbmp")));
+  EXPECT_FALSE(IsSphericalVideo(video("")));
+  EXPECT_FALSE(IsSphericalVideo(dir.Write("e.avi", "RIFF....AVI LIST........")));
+}
+
 TEST(GoPro, NewerCamerasStateFixAndDopOfEach) {
   const TempDir dir;
   std::string scales;

@@ -9,7 +9,10 @@
 
 #include "datasets/io/capture_date.h"
 #include "datasets/io/expired_panoramas.h"
+#include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/path_error.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/site.h"
 #include "datasets/io/site_inputs.h"
 #include "datasets/io/tables.h"
@@ -358,6 +361,101 @@ TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
   run = ReadOne();
   EXPECT_EQ(run.cameras.at(0).camera.params()[0], 70);
   EXPECT_TRUE(run.cameras[0].has_extrinsics);
+}
+
+TEST_F(SiteTest, SeesA360CameraAsItsViews) {
+  for (int i = 1; i <= 4; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".png", 64, 32);
+  Write("runs/run1/camchain.yaml",
+        "cam0:\n  camera_model: equirectangular\n  resolution: [64, 32]\n"
+        "  T_cam_imu: [[0, -1, 0, 0], [0, 0, -1, 1.5], [1, 0, 0, 0], [0, 0, 0, 1]]\n");
+  Picture("runs/run1/mask.png", 64, 32);
+  cv::Mat mask(32, 64, CV_8U, cv::Scalar(255));
+  mask.colRange(28, 36).setTo(0);  // what is straight ahead
+  cv::imwrite((dir_ / "runs/run1/mask.png").string(), mask);
+  Write("runs/run1/run.yaml", "masks: mask.png\n");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  ASSERT_EQ(run.cameras.size(), 5u);
+  ASSERT_EQ(run.images.size(), 20u);
+  EXPECT_EQ(run.images[0].file, "images/1.png");
+  EXPECT_EQ(run.images[2].file, "images/1.png#cam0_144");
+  EXPECT_EQ(PictureOf(run, run.images[2]), "images/1.png");
+  const Eigen::Vector3d ahead = run.cameras[0].cam_from_body.Inverse() * Eigen::Vector3d(0, 0, 1);
+  EXPECT_LT((ahead - Eigen::Vector3d(1, 0, 1.5)).norm(), 1e-12);
+  for (int k = 0; k < 5; ++k) {
+    const BodyCamera& view = run.cameras[static_cast<size_t>(k)];
+    EXPECT_EQ(view.camera.model(), CameraModel::kPinhole);
+    EXPECT_EQ(view.IsFurtherView(), k > 0);
+    const Rigid3d body_from_view = view.cam_from_body.Inverse();
+    EXPECT_LT((body_from_view.translation - Eigen::Vector3d(0, 0, 1.5)).norm(), 1e-12) << "one centre";
+    // To the right is clockwise.
+    const double heading = -72 * k * kDegToRad;
+    const Eigen::Vector3d axis = body_from_view.rotation * Eigen::Vector3d::UnitZ();
+    EXPECT_LT((axis - Eigen::Vector3d(std::cos(heading), std::sin(heading), 0)).norm(), 1e-12) << k;
+    const cv::Mat picture = LoadGrey(run, run.images[static_cast<size_t>(k)]);
+    EXPECT_EQ(picture.cols, view.camera.width());
+    const int ignored = cv::countNonZero(RunMasks(run).Of(run.images[static_cast<size_t>(k)]) == 0);
+    EXPECT_EQ(ignored > 0, k == 0) << k;
+  }
+  EXPECT_EQ(LoadColour(run, run.images[1]).channels(), 3);
+  Picture("runs/run1/images/1.png", 80, 40);
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, run.images[1]); }), HasSubstr("expected a picture of 64 x 32"));
+}
+
+TEST_F(SiteTest, Knows360PicturesByWhatTheyState) {
+  std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
+  for (int i = 1; i <= 2; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".jpg", 64, 32);
+  Write("runs/run1/images.txt", "1 images/1.jpg\n2 images/2.jpg\n");
+  trigpoint::Run run = ReadOne();
+  EXPECT_EQ(run.cameras.size(), 1u);
+  EXPECT_THAT(Warnings(run), HasSubstr("write 'camera: equirectangular' into run.yaml"));
+  Write("runs/run1/run.yaml", "camera: equirectangular\n");
+  run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  EXPECT_EQ(run.cameras.size(), 5u);
+  EXPECT_EQ(run.cameras[0].focal_sigma_share, 0) << "a 360 picture is calibrated by its kind";
+  Write("runs/run1/run.yaml", "");
+  const auto image = Exiv2::ImageFactory::open((dir_ / "runs/run1/images/1.jpg").string());
+  image->readMetadata();
+  image->xmpData()["Xmp.GPano.ProjectionType"] = "equirectangular";
+  image->writeMetadata();
+  EXPECT_EQ(ReadOne().cameras.size(), 5u);
+  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera);
+  Write("runs/run1/run.yaml", "camera: equirectangular\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("camchain.yaml has camera 'cam0' of another model"));
+  Write("runs/run1/camchain.yaml", "cam0:\n  camera_model: equirectangular\n  resolution: [64, 48]\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("twice as wide as high"));
+}
+
+TEST_F(SiteTest, TakesTheCirclesOfADualFisheyeForTwoCameras) {
+  const std::string lens =
+      "  camera_model: pinhole\n  intrinsics: [15, 15, 23.5, 23.5]\n  distortion_model: equidistant\n"
+      "  distortion_coeffs: [0, 0, 0, 0]\n  resolution: [48, 48]\n"
+      "  T_cam_imu: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]\n";
+  Write("runs/run1/camchain.yaml",
+        "front:\n" + lens + "  crop: [0, 0, 48, 48]\nback:\n" + lens + "  crop: [48, 0, 48, 48]\n");
+  for (int i = 1; i <= 4; ++i) {
+    cv::Mat both(48, 96, CV_8U, cv::Scalar(50));
+    both.colRange(48, 96).setTo(200);
+    cv::imwrite((dir_ / ("runs/run1/images/" + std::to_string(i) + ".png")).string(), both);
+  }
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  ASSERT_EQ(run.images.size(), 8u);
+  EXPECT_EQ(run.images[0].file, "images/1.png");
+  EXPECT_EQ(run.images[1].file, "images/1.png#back");
+  EXPECT_EQ(run.images[1].camera, 1);
+  EXPECT_FALSE(run.cameras[1].IsFurtherView()) << "a lens has a pose of its own";
+  EXPECT_EQ(cv::mean(LoadGrey(run, run.images[0]))[0], 50);
+  EXPECT_EQ(cv::mean(LoadGrey(run, run.images[1]))[0], 200);
+  const cv::Mat mask = RunMasks(run).Of(run.images[1]);
+  EXPECT_EQ(mask.at<uint8_t>(0, 0), 0) << "outside the circle";
+  EXPECT_EQ(mask.at<uint8_t>(24, 24), 255);
+  Picture("runs/run1/images/1.png");
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, run.images[1]); }),
+              HasSubstr("expected a picture of at least 96 x 48 for the crop of camera 'back', found 64 x 48"));
+  Write("runs/run1/camchain.yaml", "front:\n" + lens + "  crop: [0, 0, 40, 48]\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("with the size of resolution, 48 x 48"));
 }
 
 TEST_F(SiteTest, ReadsPanoramasFromTheTable) {
