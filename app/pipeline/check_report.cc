@@ -174,11 +174,11 @@ Document PageOf(const CheckOutcome& outcome) {
     page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
                                     advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
   }
-  if (facts.layout && facts.prediction) {
+  if (const auto map = CheckMap(outcome)) {
     page.blocks.push_back(Figure{"map",
                                  "Tags, the way so far, and where to stand next (numbers; the line shows where "
                                  "to look).",
-                                 PlanMap(MapFindings(outcome))});
+                                 *map});
   }
   page.blocks.push_back(Heading{2, "Findings", "findings"});
   page.blocks.push_back(FindingTable(outcome));
@@ -189,6 +189,11 @@ Document PageOf(const CheckOutcome& outcome) {
 }
 
 }  // namespace
+
+std::optional<Drawing> CheckMap(const CheckOutcome& outcome) {
+  if (!outcome.facts.layout || !outcome.facts.prediction) return std::nullopt;
+  return PlanMap(MapFindings(outcome));
+}
 
 std::string CheckHeadline(const CheckOutcome& outcome) {
   size_t runs = 0;
@@ -204,8 +209,8 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
   WriteTables(outcome, folder);
   WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
-  if (outcome.facts.layout && outcome.facts.prediction) {
-    WriteFileAtomically(folder / "map.svg", SvgOf(PlanMap(MapFindings(outcome)), "What to photograph next"));
+  if (const auto map = CheckMap(outcome)) {
+    WriteFileAtomically(folder / "map.svg", SvgOf(*map, "What to photograph next"));
   }
   std::string html = HtmlOf(PageOf(outcome));
   if (refresh_s > 0) {

@@ -273,12 +273,14 @@ class Map {
       drawing_.Circle(x, y, tag.tied ? 3 : 5, colour);
     }
     drawing_.Text(x - behind * out.x(), y + behind * out.y() + 4, std::to_string(tag.tag_id), 0, 12, "#1d2329", true);
+    drawing_.spots.push_back({x, y, "tag:" + std::to_string(tag.tag_id)});
   }
   void DrawStation(const PlanStationItem& station) {
     constexpr double kHalf = 4;
     const auto [x, y] = At(findings_.layout.network.world_from_tag.at(station.tag_id).translation + station.offset_m);
     drawing_.Rectangle(x - kHalf, y - kHalf, 2 * kHalf, 2 * kHalf, kGreen);
     drawing_.Text(x + 2 * kHalf, y + kHalf, station.name, -1, 11);
+    drawing_.spots.push_back({x, y, "station:" + station.name});
   }
   void Legend() {
     const double y = drawing_.height - 30;
