@@ -12,7 +12,6 @@
 #include <vtkTextProperty.h>
 #include <vtkTexture.h>
 
-#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -87,6 +86,41 @@ vtkSmartPointer<vtkPolyData> Polygon(const std::vector<Eigen::Vector3d>& corners
   return data;
 }
 
+vtkSmartPointer<vtkPolyData> Balls(const std::vector<Ball>& balls) {
+  constexpr int kColumns = 16, kRows = 9;
+  constexpr double kLeast_m = 5e-4;  // a disc of no height would flicker
+  vtkNew<vtkPoints> points;
+  vtkNew<vtkFloatArray> normals;
+  normals->SetNumberOfComponents(3);
+  vtkNew<vtkCellArray> cells;
+  for (const Ball& ball : balls) {
+    const Eigen::Vector3d half = ball.half_axes.cwiseMax(kLeast_m);
+    const vtkIdType first = points->GetNumberOfPoints();
+    for (int r = 0; r < kRows; ++r) {
+      for (int c = 0; c < kColumns; ++c) {
+        const double polar = M_PI * r / (kRows - 1), around = 2 * M_PI * c / kColumns;
+        const Eigen::Vector3d d(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around),
+                                std::cos(polar));
+        Insert(points, ball.centre + half.cwiseProduct(d));
+        const Eigen::Vector3d out = d.cwiseQuotient(half).normalized();
+        normals->InsertNextTuple3(out.x(), out.y(), out.z());
+      }
+    }
+    for (int r = 0; r + 1 < kRows; ++r) {
+      for (int c = 0; c < kColumns; ++c) {
+        const vtkIdType here = first + r * kColumns, next = (c + 1) % kColumns;
+        const vtkIdType quad[4] = {here + c, here + kColumns + c, here + kColumns + next, here + next};
+        cells->InsertNextCell(4, quad);
+      }
+    }
+  }
+  auto data = vtkSmartPointer<vtkPolyData>::New();
+  data->SetPoints(points);
+  data->SetPolys(cells);
+  data->GetPointData()->SetNormals(normals);
+  return data;
+}
+
 vtkSmartPointer<vtkActor> FlatActor(vtkPolyData* data, const Colour& colour, double size_px) {
   vtkNew<vtkPolyDataMapper> mapper;
   mapper->SetInputData(data);
@@ -125,18 +159,6 @@ vtkSmartPointer<vtkActor> TexturedActor(vtkPolyData* data, const cv::Mat& pictur
   vtkSmartPointer<vtkActor> actor = FlatActor(data, kWhite, 1);
   actor->SetTexture(texture);
   return actor;
-}
-
-Colour ReadableOnWhite(const Colour& colour) {
-  // sRGB (IEC 61966-2-1) to light and back.
-  const auto light = [](double c) { return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); };
-  const auto coded = [](double l) { return l <= 0.0031308 ? 12.92 * l : 1.055 * std::pow(l, 1 / 2.4) - 0.055; };
-  const double luminance = 0.2126 * light(colour[0]) + 0.7152 * light(colour[1]) + 0.0722 * light(colour[2]);
-  constexpr double kMost = 1.05 / 4.55 - 0.05;  // with room for rounding to bytes
-  const double share = std::min(1.0, kMost / std::max(1e-9, luminance));
-  Colour darker;
-  for (size_t k = 0; k < 3; ++k) darker[k] = coded(share * light(colour[k]));
-  return darker;
 }
 
 void StyleText(vtkTextProperty* text, double height_px, const Colour& colour) {

@@ -23,9 +23,6 @@ constexpr Colour kBlue{0.0, 0.447, 0.698}, kOrange{0.902, 0.624, 0.0}, kGreen{0.
     kVermilion{0.835, 0.369, 0.0}, kSky{0.337, 0.706, 0.914}, kPurple{0.8, 0.475, 0.655}, kBlack{0.1, 0.1, 0.1},
     kYellow{0.941, 0.894, 0.259}, kWhite{1, 1, 1};
 
-// The colour, darkened where words in it would not stand out from white by 4.5 : 1 (WCAG 2.1, success criterion 1.4.3).
-Colour ReadableOnWhite(const Colour& colour);
-
 // One cell a line.
 vtkSmartPointer<vtkPolyData> Lines(const std::vector<std::vector<Eigen::Vector3d>>& lines);
 // One cell a point.
@@ -34,6 +31,12 @@ vtkSmartPointer<vtkPolyData> Dots(const std::vector<Eigen::Vector3d>& points);
 vtkSmartPointer<vtkPolyData> TexturedGrid(const std::vector<Eigen::Vector3d>& vertices, int columns, int rows);
 // A closed strip of triangles or quads.
 vtkSmartPointer<vtkPolyData> Polygon(const std::vector<Eigen::Vector3d>& corners);
+
+// Ellipsoids along the axes, all in one.
+struct Ball {
+  Eigen::Vector3d centre, half_axes;
+};
+vtkSmartPointer<vtkPolyData> Balls(const std::vector<Ball>& balls);
 
 // Evenly lit: pictures look as taken, colours as in the legend.
 vtkSmartPointer<vtkActor> FlatActor(vtkPolyData* data, const Colour& colour, double size_px);
