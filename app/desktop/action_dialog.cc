@@ -10,7 +10,7 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
-#include "app/desktop/work_progress.h"
+#include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 
 namespace trigpoint {
@@ -96,7 +96,7 @@ void ActionDialog::ShowCommand() {
 
 void ActionDialog::Run() {
   if (work_ || !workspace_->snapshot()) return;
-  work_ = std::make_shared<WorkProgress>();
+  work_ = std::make_shared<PolledProgress>();
   cancel_->setEnabled(true);
   status_->setText(tr("Working ..."));
   timer_->start();

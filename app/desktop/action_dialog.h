@@ -15,7 +15,7 @@ class QTimer;
 
 namespace trigpoint {
 
-class WorkProgress;
+class PolledProgress;
 
 class ActionDialog : public QDialog {
   Q_OBJECT
@@ -40,7 +40,7 @@ class ActionDialog : public QDialog {
   QPlainTextEdit* outcome_;
   QPushButton *run_, *cancel_;
   QTimer* timer_;
-  std::shared_ptr<WorkProgress> work_;  // that goes on
+  std::shared_ptr<PolledProgress> work_;  // that goes on
 };
 
 }  // namespace trigpoint

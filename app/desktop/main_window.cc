@@ -23,6 +23,7 @@
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_desk.h"
 #include "app/desktop/charts_desk.h"
+#include "app/desktop/check_desk.h"
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/decisions.h"
 #include "app/desktop/help_dialog.h"
@@ -99,6 +100,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   review_ = new ReviewDesk(workspace_, jobs_, decisions_);
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
+  check_ = new CheckDesk(workspace_);
   AddDesk(overview_, "overview", tr("Overview"));
   AddDesk(run_, "run", tr("Run"));
   AddDesk(scene_, "scene", tr("3D"));
@@ -109,6 +111,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   AddDesk(review_, "review", tr("Review"));
   AddDesk(panoramas_, "panoramas", tr("Panoramas"));
   AddDesk(calibration_, "calibration", tr("Calibration"));
+  AddDesk(check_, "check", tr("Check"));
 
   setCentralWidget(desks_);
   site_ = MakeDock("site", tr("Site"), tree_);
@@ -349,6 +352,7 @@ void MainWindow::MakeRunMenu() {
   run->addAction(IconNamed("compare"), tr("Cross-check with COL&MAP ..."), this, [this] { ChooseStage("crosscheck"); });
   run->addSeparator();
   run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ChooseStage("plan"); });
+  run->addAction(IconNamed("check"), tr("Chec&k what was recorded so far"), this, [this] { ShowDesk("check"); });
   run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowAction(PrintAction()); });
 }
 
@@ -378,7 +382,7 @@ void MainWindow::MakeViewMenu() {
   for (int i = 0; i < desks_->count(); ++i) {
     view->addAction(
         desks_->tabIcon(i), desks_->tabToolTip(i), this, [this, i] { desks_->setCurrentIndex(i); },
-        QKeySequence(tr("Ctrl+%1").arg((i + 1) % 10)));
+        QKeySequence((i < 10 ? tr("Ctrl+%1") : tr("Ctrl+Alt+%1")).arg((i + 1) % 10)));
   }
   view->addSeparator();
   view->addAction(site_->toggleViewAction());

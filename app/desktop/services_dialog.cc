@@ -17,7 +17,7 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
-#include "app/desktop/work_progress.h"
+#include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/import/run_track.h"
 #include "datasets/io/capture_date.h"
@@ -201,7 +201,7 @@ ServicesDialog::Query ServicesDialog::Asked() const {
 }
 
 void ServicesDialog::Begin(const QString& status) {
-  work_ = std::make_shared<WorkProgress>();
+  work_ = std::make_shared<PolledProgress>();
   status_->setText(status);
   timer_->start();
   ShowState();

@@ -23,7 +23,7 @@ class QTimer;
 
 namespace trigpoint {
 
-class WorkProgress;
+class PolledProgress;
 
 class ServicesDialog : public QDialog {
   Q_OBJECT
@@ -70,8 +70,8 @@ class ServicesDialog : public QDialog {
   QLabel* status_;
   QPushButton *search_, *load_, *cancel_, *all_, *none_;
   QTimer* timer_;
-  std::shared_ptr<WorkProgress> work_;  // that goes on
-  bool filling_ = false;                // the table changes by itself
+  std::shared_ptr<PolledProgress> work_;  // that goes on
+  bool filling_ = false;                  // the table changes by itself
 };
 
 }  // namespace trigpoint

@@ -1,4 +1,4 @@
-// How far work in the background is, as a line for people.
+// How far work in another thread is, for a window that looks now and then; and a way to cancel it.
 #pragma once
 
 #include <QString>
@@ -8,7 +8,7 @@
 
 namespace trigpoint {
 
-class WorkProgress final : public ProgressSink {
+class PolledProgress final : public ProgressSink {
  public:
   void Begin(std::string_view task, int64_t total) override {
     const std::lock_guard guard(mutex_);
