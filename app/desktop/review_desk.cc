@@ -163,6 +163,7 @@ void ReviewDesk::Forget() {
   before_.clear();
   solved_state_.clear();
   earlier_state_.clear();
+  opened_.clear();
   solving_ = false;
   changes_->setRowCount(0);
   summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));

@@ -24,6 +24,7 @@ namespace {
 
 constexpr double kPickRadiusPx = 5;
 constexpr int kMovingPoints = 20000;  // drawn while the view moves
+constexpr size_t kLabelsAtOnce = 80;  // more are not read, and cost as much as the scene
 
 // Says what an entry of the model is, lengths in one unit.
 class Words {
@@ -321,7 +322,7 @@ void SceneView::MakeRoomForLabels(vtkRenderer* renderer) const {
     const auto at = project(Eigen::Vector3d(label->GetPosition()));
     const double height = label->GetTextProperty()->GetFontSize();
     const double half = 0.3 * height * static_cast<double>(std::strlen(label->GetInput())) + 2;
-    bool room = at.has_value();
+    bool room = at.has_value() && taken.size() < kLabelsAtOnce;
     if (room) {
       const int* offset = label->GetDisplayOffset();
       const Eigen::Vector2d middle = at->head<2>() + Eigen::Vector2d(offset[0], offset[1]);
