@@ -4,11 +4,11 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
+#include "app/pipeline/publish.h"
 #include "app/pipeline/rerun.h"
 #include "datasets/project/hash.h"
 #include "datasets/project/release_files.h"
 #include "eval/release/compared.h"
-#include "app/pipeline/publish.h"
 #include "eval/release/release_signature.h"
 #include "eval/statistics/epoch.h"
 #include "eval/text/method_name.h"

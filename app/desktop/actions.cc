@@ -7,10 +7,10 @@
 
 #include "app/pipeline/export.h"
 #include "app/pipeline/print.h"
+#include "app/pipeline/publish.h"
 #include "calib/base/counted.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "app/pipeline/publish.h"
 #include "survey/tags/tag_family.h"
 
 namespace trigpoint {

@@ -101,35 +101,13 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
   check_ = new CheckDesk(workspace_);
-  AddDesk(overview_, "overview", tr("Overview"));
-  AddDesk(run_, "run", tr("Run"));
-  AddDesk(scene_, "scene", tr("3D"));
-  AddDesk(images_, "images", tr("Images"));
-  AddDesk(tables_, "tables", tr("Tables"));
-  AddDesk(charts_, "charts", tr("Charts"));
-  AddDesk(compare_, "compare", tr("Compare"));
-  AddDesk(review_, "review", tr("Review"));
-  AddDesk(panoramas_, "panoramas", tr("Panoramas"));
-  AddDesk(calibration_, "calibration", tr("Calibration"));
-  AddDesk(check_, "check", tr("Check"));
-
+  AddDesks();
   setCentralWidget(desks_);
   site_ = MakeDock("site", tr("Site"), tree_);
   station_ = MakeDock("station", tr("Station"), card_);
   resizeDocks({site_}, {300}, Qt::Horizontal);
   resizeDocks({site_, station_}, {330, 330}, Qt::Vertical);
-  progress_ = new QLabel;
-  progress_->setObjectName("progress");
-  progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
-  progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
-  cancel_ = new QPushButton(tr("Cancel"));
-  cancel_->setObjectName("cancel");
-  cancel_->hide();
-  statusBar()->addWidget(progress_, 1);
-  statusBar()->addWidget(problem_, 2);
-  // As high as with a problem, so that none moves what is above.
-  statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
-  statusBar()->addPermanentWidget(cancel_);
+  MakeStatusBar();
   connect(desks_, &QTabWidget::currentChanged, this, &MainWindow::ShowTabs);
   MakeMenus();
 
@@ -186,6 +164,35 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   if (unit == "ft" || unit == "us-ft") workspace_->SetUnit(unit);
   ShowRecent();
   ShowIdle();
+}
+
+void MainWindow::AddDesks() {
+  AddDesk(overview_, "overview", tr("Overview"));
+  AddDesk(run_, "run", tr("Run"));
+  AddDesk(scene_, "scene", tr("3D"));
+  AddDesk(images_, "images", tr("Images"));
+  AddDesk(tables_, "tables", tr("Tables"));
+  AddDesk(charts_, "charts", tr("Charts"));
+  AddDesk(compare_, "compare", tr("Compare"));
+  AddDesk(review_, "review", tr("Review"));
+  AddDesk(panoramas_, "panoramas", tr("Panoramas"));
+  AddDesk(calibration_, "calibration", tr("Calibration"));
+  AddDesk(check_, "check", tr("Check"));
+}
+
+void MainWindow::MakeStatusBar() {
+  progress_ = new QLabel;
+  progress_->setObjectName("progress");
+  progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
+  progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
+  cancel_ = new QPushButton(tr("Cancel"));
+  cancel_->setObjectName("cancel");
+  cancel_->hide();
+  statusBar()->addWidget(progress_, 1);
+  statusBar()->addWidget(problem_, 2);
+  // As high as with a problem, so that none moves what is above.
+  statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
+  statusBar()->addPermanentWidget(cancel_);
 }
 
 QDockWidget* MainWindow::MakeDock(const char* name, const QString& title, QWidget* widget) {

@@ -79,6 +79,8 @@ class MainWindow : public QMainWindow {
   void dropEvent(QDropEvent* event) override;
 
  private:
+  void AddDesks();
+  void MakeStatusBar();
   void MakeMenus();
   void ConnectJobs();
   void ConnectOverview();

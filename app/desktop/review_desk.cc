@@ -114,6 +114,11 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   all->addLayout(buttons);
   all->addWidget(split, 1);
 
+  Connect();
+  Refresh();
+}
+
+void ReviewDesk::Connect() {
   connect(exclude_, &QPushButton::clicked, this, [this] { Decide("exclude"); });
   connect(restore_, &QPushButton::clicked, this, [this] { Decide("restore"); });
   connect(role_, &QPushButton::clicked, this, [this] { Decide("role"); });
@@ -154,7 +159,6 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
     ShowChanges();
     emit Solved();
   });
-  Refresh();
 }
 
 ReviewDesk::~ReviewDesk() = default;

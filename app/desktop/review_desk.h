@@ -35,6 +35,7 @@ class ReviewDesk : public QWidget {
   void Solved();    // the changes are shown
 
  private:
+  void Connect();
   void Refresh();
   void Forget();  // before another project is opened
   void Decide(const char* action);

@@ -6,8 +6,8 @@
 #include <set>
 #include <sstream>
 
-#include "app/pipeline/localize_files.h"
 #include "app/pipeline/image_motion.h"
+#include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/site_files.h"
@@ -86,11 +86,10 @@ RunToAdjust ReadRun(const StageContext& context, const std::string& name, const 
   const bool has_odometry = !run.odometry.poses.empty();
   FollowReconstruction(ReconstructionManifest(project, "localize", localized).parent_path(), &run);
   RunToAdjust out;
-  out.job = MakeLocalizeJob(site, run, project.has_frame(), project.frame(),
-                            ResultOf(project, "features", plain) / "features.db",
-                            ResultOf(project, "references", plain) / "features.db",
-                            ResolveOptions<FeatureStageOptions>(project, "references", plain).views,
-                            StitchedRigs(project));
+  out.job = MakeLocalizeJob(
+      site, run, project.has_frame(), project.frame(), ResultOf(project, "features", plain) / "features.db",
+      ResultOf(project, "references", plain) / "features.db",
+      ResolveOptions<FeatureStageOptions>(project, "references", plain).views, StitchedRigs(project));
   out.job.input.has_odometry = has_odometry;
   out.run.name = name;
   out.run.solution = ReadSolution(file);
@@ -125,15 +124,10 @@ nlohmann::json MetricsOf(const SiteAdjustment& site) {
   const Solution& s = site.solution;
   const auto localized = std::count_if(s.references.begin(), s.references.end(),
                                        [](const SolutionReference& r) { return r.status == "localized"; });
-  nlohmann::json m = {{"runs", site.runs.size()},
-                      {"images", s.images.size()},
-                      {"references", s.references.size()},
-                      {"localized", localized},
-                      {"tags", site.tags.size()},
-                      {"earth_source", s.georeference->source},
-                      {"links_tried", site.links_tried},
-                      {"links_found", site.links_found},
-                      {"links_refused", site.links_refused}};
+  nlohmann::json m = {
+      {"runs", site.runs.size()},        {"images", s.images.size()},       {"references", s.references.size()},
+      {"localized", localized},          {"tags", site.tags.size()},        {"earth_source", s.georeference->source},
+      {"links_tried", site.links_tried}, {"links_found", site.links_found}, {"links_refused", site.links_refused}};
   for (const RunInSite& run : site.runs) {
     m["of_run"].push_back({{"run", run.name},
                            {"images", run.images},

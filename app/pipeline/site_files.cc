@@ -57,9 +57,31 @@ void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
     if (row.shown == nullptr || (row.shown->pose < 0 && r.pose >= 0)) row.shown = &r;
     row.runs.insert(site.runs_of_reference[i].begin(), site.runs_of_reference[i].end());
   }
-  CsvWriter csv({"panorama", "station", "status", "reason", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma_x_m",
-                 "sigma_y_m", "sigma_z_m", "latitude_deg", "longitude_deg", "height_m", "heading_deg", "pitch_deg",
-                 "roll_deg", "geotag_de_m", "geotag_dn_m", "geotag_du_m", "geotag_status", "runs"},
+  CsvWriter csv({"panorama",
+                 "station",
+                 "status",
+                 "reason",
+                 "x",
+                 "y",
+                 "z",
+                 "qx",
+                 "qy",
+                 "qz",
+                 "qw",
+                 "sigma_x_m",
+                 "sigma_y_m",
+                 "sigma_z_m",
+                 "latitude_deg",
+                 "longitude_deg",
+                 "height_m",
+                 "heading_deg",
+                 "pitch_deg",
+                 "roll_deg",
+                 "geotag_de_m",
+                 "geotag_dn_m",
+                 "geotag_du_m",
+                 "geotag_status",
+                 "runs"},
                 {Comment(site, "panoramas")});
   const LocalFrame frame(s.georeference->origin);
   for (const std::string& name : names) {
@@ -122,7 +144,8 @@ void WriteSiteTables(const SiteAdjustment& site, const fs::path& dir) {
 
 std::string SiteSummary(const nlohmann::json& m, const DisplayUnit& unit) {
   std::string text = fmt::format(
-      "{} adjusted together, {}; {} of {} panoramas and photos localized, largest sigma {:.3f} {} (1 sigma, worst axis); "
+      "{} adjusted together, {}; {} of {} panoramas and photos localized, largest sigma {:.3f} {} (1 sigma, worst "
+      "axis); "
       "datum {}\n",
       Counted(m.at("runs").get<int64_t>(), "run", "runs"), Counted(m.at("images").get<int64_t>(), "image", "images"),
       m.at("localized").get<int>(), m.at("references").get<int>(),

@@ -359,6 +359,22 @@ Project Project::OpenTolerant(const fs::path& dir, std::vector<std::string>* pro
   return OpenWith(dir, problems);
 }
 
+namespace {
+
+void KeepListedRuns(const std::vector<std::string>& runs, const std::vector<std::string>& there, Site* site,
+                    std::vector<std::string>* warnings) {
+  const std::set<std::string> listed(runs.begin(), runs.end());
+  for (const std::string& run : there) {
+    if (listed.count(run) > 0) continue;
+    warnings->push_back("run " + run + " is not listed in " + kProjectFile +
+                        " and takes no part; `trigpoint init` adds it");
+  }
+  std::erase_if(site->runs, [&](const Run& run) { return listed.count(run.name) == 0; });
+  std::erase_if(site->broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
+}
+
+}  // namespace
+
 Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* problems) {
   // Without a place for them, problems end it.
   const auto attempt = [&](const auto& step) {
@@ -403,14 +419,7 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   };
   if (file.runs) {
     for (const std::string& run : *file.runs) attempt([&] { require(run, "runs"); });
-    const std::set<std::string> listed(file.runs->begin(), file.runs->end());
-    for (const std::string& run : there) {
-      if (listed.count(run) > 0) continue;
-      project.warnings_.push_back("run " + run + " is not listed in " + kProjectFile +
-                                  " and takes no part; `trigpoint init` adds it");
-    }
-    std::erase_if(project.site_.runs, [&](const Run& run) { return listed.count(run.name) == 0; });
-    std::erase_if(project.site_.broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
+    KeepListedRuns(*file.runs, there, &project.site_, &project.warnings_);
   }
   for (const auto& [run, role] : file.roles) {
     attempt([&, &run = run] { require(run, "roles"); });

@@ -426,39 +426,32 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
     best_depth = d->z();
   };
   const auto hidden = [&](const std::string& run) { return parts_->hidden_runs.count(run) > 0; };
+  // Of one layer: the nearest of its items, where `at` has a place for them.
+  const auto offer_all = [&](const char* layer, const auto& items, const auto& at, const auto& radius_m) {
+    if (best || !Visible(layer)) return;
+    for (size_t i = 0; i < items.size(); ++i) {
+      if (const std::optional<Eigen::Vector3d> p = at(items[i])) offer(layer, i, *p, radius_m(items[i]));
+    }
+  };
+  const auto small = [](const auto&) { return 0.0; };
+  using Place = std::optional<Eigen::Vector3d>;
+  const auto where = [&](const std::string& run, const Eigen::Vector3d& p) { return hidden(run) ? Place() : Place(p); };
   // Small things first: a tag behind a veil of points is what was meant.
-  if (Visible("tags")) {
-    for (size_t i = 0; i < model.tags.size(); ++i) {
-      offer("tags", i, model.tags[i].world_from_tag.translation, 0.5 * model.tags[i].pattern_size_m);
-    }
-  }
-  if (!best && Visible("control")) {
-    for (size_t i = 0; i < model.control.size(); ++i) offer("control", i, model.control[i].position, 0);
-  }
-  if (!best && Visible("panoramas")) {
-    for (size_t i = 0; i < model.panoramas.size(); ++i) {
-      if (hidden(model.panoramas[i].run)) continue;
-      const bool sphere = !model.panoramas[i].texture.empty();
-      offer("panoramas", i, model.panoramas[i].world_from_pano.translation, sphere ? parts_->style.sphere_radius_m : 0);
-    }
-  }
-  if (!best && Visible("geotags")) {
-    for (size_t i = 0; i < model.panoramas.size(); ++i) {
-      if (model.panoramas[i].geotag && !hidden(model.panoramas[i].run))
-        offer("geotags", i, *model.panoramas[i].geotag, 0);
-    }
-  }
-  if (!best && Visible("errors")) {
-    for (size_t i = 0; i < model.errors.size(); ++i) {
-      const SceneError& e = model.errors[i];
-      if (!hidden(e.run)) offer("errors", i, e.reference_position + parts_->error_scale * e.difference, 0);
-    }
-  }
-  if (!best && Visible("cameras")) {
-    for (size_t i = 0; i < model.cameras.size(); ++i) {
-      if (!hidden(model.cameras[i].run)) offer("cameras", i, model.cameras[i].world_from_cam.translation, 0);
-    }
-  }
+  offer_all(
+      "tags", model.tags, [](const auto& t) { return Place(t.world_from_tag.translation); },
+      [](const auto& t) { return 0.5 * t.pattern_size_m; });
+  offer_all(
+      "control", model.control, [](const auto& c) { return Place(c.position); }, small);
+  offer_all(
+      "panoramas", model.panoramas, [&](const auto& p) { return where(p.run, p.world_from_pano.translation); },
+      [&](const auto& p) { return p.texture.empty() ? 0 : parts_->style.sphere_radius_m; });
+  offer_all(
+      "geotags", model.panoramas, [&](const auto& p) { return hidden(p.run) ? Place() : Place(p.geotag); }, small);
+  offer_all(
+      "errors", model.errors,
+      [&](const auto& e) { return where(e.run, e.reference_position + parts_->error_scale * e.difference); }, small);
+  offer_all(
+      "cameras", model.cameras, [&](const auto& c) { return where(c.run, c.world_from_cam.translation); }, small);
   for (size_t i = 0; !best && i < model.paths.size(); ++i) {
     const char* layer = LayerOf(model.paths[i].kind);
     if (!Visible(layer) || hidden(model.paths[i].run)) continue;
