@@ -231,7 +231,7 @@ class BagImport {
                                                stream.topic.name, stream.width, stream.height, camera->width(),
                                                camera->height()));
       }
-      cameras.push_back({stream.name, *camera, LevelForwardCamera(), false, 0, {}});
+      cameras.push_back({.name = stream.name, .camera = *camera, .cam_from_body = LevelForwardCamera()});
     }
     return cameras;
   }

@@ -96,7 +96,7 @@ Dataset ReadEuroc(const fs::path& folder) {
 }
 
 BodyCamera ForwardCamera(const std::string& name, Camera camera) {
-  return {name, std::move(camera), LevelForwardCamera(), true, 0, {}};
+  return {.name = name, .camera = std::move(camera), .cam_from_body = LevelForwardCamera(), .has_extrinsics = true};
 }
 
 Dataset ReadTumRgbd(const fs::path& folder) {
