@@ -45,7 +45,7 @@ std::map<std::string, std::string> RowOf(const PanoramaRecord& record, const Pan
           {"captured_at", record.date},
           {"licence", record.licence},
           {"attribution", record.attribution},
-          {"keep_until", keep_until_s ? UtcText(*keep_until_s) : ""}};
+          {"keep_until", keep_until_s ? UtcOfSeconds(*keep_until_s) : ""}};
 }
 
 std::string NameOf(const PanoramaProvider& provider, const PanoramaRecord& record) {
@@ -183,7 +183,7 @@ class PanoramaImport {
       report_.warnings.push_back(
           fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
                       "next command after it deletes them; no report, export or release holds one of the pictures",
-                      provider_.Name(), UtcText(ends_s_)));
+                      provider_.Name(), UtcOfSeconds(ends_s_)));
     }
     return report_;
   }

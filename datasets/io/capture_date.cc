@@ -50,10 +50,10 @@ std::string DateOfRun(const Run& run) {
   if (run.images.empty()) return "";
   constexpr int64_t kYear2000_s = 946'684'800, kNsPerS = 1'000'000'000;
   const int64_t first_s = (run.images.front().stamp_ns + run.config.time_zero_utc_ns.value_or(0)) / kNsPerS;
-  return first_s > kYear2000_s ? UtcText(first_s).substr(0, 10) : "";
+  return first_s > kYear2000_s ? UtcOfSeconds(first_s).substr(0, 10) : "";
 }
 
-std::string UtcText(int64_t seconds) {
+std::string UtcOfSeconds(int64_t seconds) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(seconds)));
 }
 

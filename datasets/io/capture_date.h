@@ -24,6 +24,6 @@ std::string ExplainGap(const std::string& picture, const std::string& run);
 std::string DateOfRun(const Run& run);
 
 // "2026-05-12T09:43:20Z" of seconds since 1970.
-std::string UtcText(int64_t seconds);
+std::string UtcOfSeconds(int64_t seconds);
 
 }  // namespace trigpoint

@@ -22,7 +22,7 @@ const char* const kFields =
 
 std::string DateOf(std::optional<double> captured_at_ms) {
   if (!captured_at_ms || *captured_at_ms < 0 || *captured_at_ms > 4e12) return "";
-  return UtcText(std::llround(*captured_at_ms) / 1000);
+  return UtcOfSeconds(std::llround(*captured_at_ms) / 1000);
 }
 
 class Mapillary final : public ListingService {
