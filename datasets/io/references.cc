@@ -102,7 +102,7 @@ std::vector<Reference> ReadPanoramaTable(const std::filesystem::path& file, cons
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     const std::string& name = row.Text("file");
     const std::filesystem::path path = ResolveInside(site_dir, site_dir, name, row.Where());
-    if (const auto end = ParseUtcToNs(row.Text("keep_until")); end && *end / 1'000'000'000 <= NowUtc_s()) {
+    if (IsOver(row.Text("keep_until"))) {
       row.Fail("its source allows to keep it until " + row.Text("keep_until") + "; import it again");
     }
     CheckPresent(path, row.Where());

@@ -764,6 +764,8 @@ TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
   EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/c.jpg"));
   EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2026-panoramas.csv"));
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
+  EXPECT_FALSE(IsOver("9999-12-31T23:59:59Z"));
+  EXPECT_FALSE(IsOver("soon"));
   // A table of others, and one that cannot be read, are left as they are.
   Write("panoramas.csv", "keep_until\nx\n");
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
