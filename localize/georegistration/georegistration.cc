@@ -562,7 +562,8 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
 namespace {
 
 // Residuals and marks by source. What is stated comes from `stated`, not from sigmas that were changed since.
-std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& stated, const GeoRegistration& fit) {
+std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& stated,
+                                            const std::vector<GeoObservation>& used, const GeoRegistration& fit) {
   constexpr int kEnough = 10;
   constexpr double kMedianChi2 = 1.386;   // of 2 degrees of freedom
   constexpr double kMedianSpread = 0.72;  // of a sigma from a median of n such, times sqrt(n)
@@ -570,11 +571,17 @@ std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& s
   struct Found {
     std::vector<double> sigmas, squares;
     int outliers = 0;
+    double information = 0;  // of the fit
   };
+  double information = 0;
   std::map<std::string, Found> found;
   for (size_t i = 0; i < stated.size(); ++i) {
-    if (stated[i].source.empty() || !stated[i].has_position) continue;
+    if (!stated[i].has_position) continue;
+    const double own = 1 / (used[i].sigma_h_m * used[i].sigma_h_m);
+    information += own;
+    if (stated[i].source.empty()) continue;
     Found& f = found[stated[i].source];
+    f.information += own;
     f.sigmas.push_back(stated[i].sigma_h_m);
     // Of each in its own sigmas: a source may state some as better than others.
     f.squares.push_back(fit.residuals[i].head<2>().squaredNorm() / (stated[i].sigma_h_m * stated[i].sigma_h_m));
@@ -585,7 +592,8 @@ std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& s
     SourceEstimate e{source, static_cast<int>(f.sigmas.size()), f.outliers, Median(f.sigmas)};
     if (e.positions >= kEnough) {
       const double n = e.positions;
-      e.sigma_m = e.stated_sigma_m * std::sqrt(Median(f.squares) / kMedianChi2 * n / (n - kFitted));
+      e.sigma_m = e.stated_sigma_m *
+                  std::sqrt(Median(f.squares) / kMedianChi2 * n / (n - kFitted * f.information / information));
       e.relative_sigma = kMedianSpread / std::sqrt(n);
     }
     estimates.push_back(std::move(e));
@@ -605,7 +613,7 @@ GeoRegistration RegisterBySources(std::vector<GeoObservation>* observations, con
   for (int round = 1;; ++round) {
     GeoRegistration fit = RegisterToEarth(*observations, odom_covariance, scale_prior, scale_sigma, levelled, options);
     if (!fit.solved) return fit;
-    fit.sources = EstimateSources(stated, fit);
+    fit.sources = EstimateSources(stated, *observations, fit);
     bool changed = false;
     for (const SourceEstimate& e : fit.sources) {
       if (e.sigma_m == 0) continue;

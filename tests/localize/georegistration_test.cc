@@ -77,7 +77,7 @@ TEST(GeoRegistration, NamesTheGeotagThatIsOff) {
 TEST(GeoRegistration, SigmasOfASourceAreEstimatedFromItsPositions) {
   constexpr double kTrue_m = 3, kStated_m = 1;
   double ratio = 0, mean_sigma = 0;
-  constexpr int kDraws = 40;
+  constexpr int kDraws = 20;
   for (uint64_t seed = 1; seed <= kDraws; ++seed) {
     Random random(seed);
     const Sim3d world_from_odom = {1, ExpSO3({0, 0, 0.7}), Eigen::Vector3d(4, -7, 0)};
