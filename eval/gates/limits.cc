@@ -29,7 +29,7 @@ GateLimits DefaultLimits() {
   limits.localize.max_nees_per_dof = 2;
   limits.evaluate.max_median_m = 0.5;
   limits.survey.max_standardised_residual = 4;
-  limits.stitch.max_closure_deg = 1;
+  limits.stitch.max_closure_deg = 3;
   limits.calibration.max_rms_px = 0.5;
   return limits;
 }

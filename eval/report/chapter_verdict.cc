@@ -98,8 +98,8 @@ class VerdictChapter {
     text += verdict_.gates;
     if (all > 1) text += fmt::format(", {} of {} passed", all - others.size(), all);
     text += ".";
-    // Of the default ones those that matter most; all of a project's own.
-    const size_t shown = verdict_.default_gates ? std::min(kThings, others.size()) : others.size();
+    // Of the default ones the first, so that the screen has room; all of a project's own.
+    const size_t shown = verdict_.default_gates ? std::min(size_t{1}, others.size()) : others.size();
     for (size_t i = 0; i < shown; ++i) text += " " + others[i] + ".";
     if (shown < others.size()) text += fmt::format(" And {} more.", others.size() - shown);
     blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), "accuracy"});
