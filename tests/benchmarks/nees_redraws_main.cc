@@ -47,10 +47,11 @@ ReconstructRunOptions RunOptionsOf(const SyntheticOptions& site, bool estimate) 
   ReconstructRunOptions options;
   ReconstructOptions& r = options.reconstruct;
   r.sigma_px = site.pixel_sigma_px;
-  r.odometry_rotation_deg = site.odometry_rotation_sigma_rad * kRadToDeg;
-  r.odometry_rotation_deg_m = site.odometry_rotation_sigma_per_m * kRadToDeg;
-  r.odometry_translation_m = site.odometry_translation_sigma_m;
-  r.odometry_translation_part = site.odometry_translation_sigma_per_m;
+  // The site's parts add up, those of the options in quadrature: all steps have one length, so one number says both.
+  const Vector6d step = OdometrySigma(site, site.step_m);
+  r.odometry_rotation_deg = step(0) * kRadToDeg;
+  r.odometry_translation_m = step(3);
+  r.odometry_rotation_deg_m = r.odometry_translation_part = 0;
   r.estimate_sigma = r.estimate_odometry = estimate;
   return options;
 }
