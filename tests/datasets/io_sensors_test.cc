@@ -75,7 +75,7 @@ TEST(Camchain, RefusesWhatItCannotMean) {
     return MessageOf<InputError>([&] { ReadCamchain(dir.Write("c.yaml", text)); });
   };
   EXPECT_THAT(message("cam0:\n  camera_model: omni\n  intrinsics: [1, 2, 3, 4, 5]\n"),
-              HasSubstr("c.yaml:2: key 'cam0.camera_model': expected pinhole, found 'omni'"));
+              HasSubstr("c.yaml:2: key 'cam0.camera_model': expected pinhole or equirectangular, found 'omni'"));
   EXPECT_THAT(message(CameraText("cam0", "  distortion_model: fov\n  distortion_coeffs: [0.9]\n")), HasSubstr("'fov'"));
   EXPECT_THAT(message(CameraText("cam0", "  distortion_model: radtan\n  distortion_coeffs: [0.9]\n")),
               HasSubstr("expected 4, 5 or 8 coefficients for radtan, found 1"));
