@@ -53,7 +53,6 @@ const std::vector<std::string>& SiteFiles() {
                                                   "ground_control_points.json",
                                                   "gcp_list.txt",
                                                   "distances.csv",
-                                                  "total_station.csv",
                                                   "panoramas.csv",
                                                   "photos.csv"};
   return kFiles;

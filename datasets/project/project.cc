@@ -191,17 +191,6 @@ std::string DescribeRun(const Run& run) {
                      parts.empty() ? "nothing that can be used" : fmt::format("{}", fmt::join(parts, ", ")));
 }
 
-void DescribeControl(const Site& site, InitReport& report) {
-  if (!site.control_points.empty()) {
-    const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
-                                       [](const ControlPoint& p) { return p.control; });
-    report.found.push_back(fmt::format("{}, {} of them for checks only",
-                                       Count(site.control_points.size(), "control point", "control points"),
-                                       site.control_points.size() - static_cast<size_t>(control)));
-  }
-  if (fs::exists(site.dir / "total_station.csv")) report.found.push_back("readings of a total station");
-}
-
 void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitReport& report) {
   for (const Run& run : site.runs) {
     report.found.push_back(DescribeRun(run));
@@ -235,7 +224,13 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
   }
-  DescribeControl(site, report);
+  if (!site.control_points.empty()) {
+    const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
+                                       [](const ControlPoint& p) { return p.control; });
+    report.found.push_back(fmt::format("{}, {} of them for checks only",
+                                       Count(site.control_points.size(), "control point", "control points"),
+                                       site.control_points.size() - static_cast<size_t>(control)));
+  }
   if (!site.aerial.empty()) report.found.push_back("aerial image " + site.aerial.filename().string());
   if (origin) {
     report.found.push_back(fmt::format("origin {:.9f}, {:.9f}, {:.3f} m ({})", origin->position.latitude_deg,
