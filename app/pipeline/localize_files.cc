@@ -5,6 +5,7 @@
 #include <map>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
@@ -389,6 +390,33 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
   }
 }
 
+int64_t MedianStep(std::vector<int64_t> stamps) {
+  std::vector<double> steps;
+  for (size_t i = 1; i < stamps.size(); ++i) steps.push_back(static_cast<double>(stamps[i] - stamps[i - 1]));
+  return steps.empty() ? 0 : std::llround(Median(steps));
+}
+
+// Of the body at each of the stamps, over two steps of odometry that is three times denser than they; else empty.
+std::vector<Vector6d> OdometryRates(const Trajectory& odometry, const std::vector<int64_t>& stamps, int64_t gap) {
+  constexpr int64_t kDenser = 3;
+  std::vector<int64_t> rows;
+  for (const TimedPose& pose : odometry.poses) rows.push_back(pose.stamp_ns);
+  const int64_t step = MedianStep(rows);
+  if (step <= 0 || kDenser * step > MedianStep(stamps)) return {};
+  std::vector<Vector6d> rates;
+  for (int64_t stamp : stamps) {
+    const auto before = odometry.At(stamp - step, gap), at = odometry.At(stamp, gap),
+               behind = odometry.At(stamp + step, gap);
+    Vector6d rate = Vector6d::Zero();
+    if (before && at && behind) {
+      rate << LogSO3(before->rotation.conjugate() * behind->rotation),
+          at->rotation.conjugate() * (behind->translation - before->translation);
+    }
+    rates.emplace_back(rate / (2e-9 * static_cast<double>(step)));
+  }
+  return rates;
+}
+
 }  // namespace
 
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
@@ -429,6 +457,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
                      std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
                      " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
   }
+  input.odometry_rates = OdometryRates(run.odometry, input.pose_stamps, gap);
   std::vector<std::string> names;
   for (const FrameImage& image : input.images) names.push_back(image.name);
   input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };

@@ -35,7 +35,10 @@ struct LocalizeInput {
   std::vector<FrameImage> images;       // ascending time
   std::vector<int64_t> pose_stamps;     // of each body pose
   std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
-  bool has_odometry = true;             // else these are the images' own motion, whose length nothing has measured
+  // How the body turned (rad/s) and moved (m/s) at each pose, in its own frame; empty where odometry is not denser than
+  // the images.
+  std::vector<Vector6d> odometry_rates;
+  bool has_odometry = true;  // else these are the images' own motion, whose length nothing has measured
   std::vector<ReferenceViews> references;
   std::function<FeatureSet(int image)> image_features;
   std::function<FeatureSet(int reference, int view)> view_features;
