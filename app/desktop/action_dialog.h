@@ -15,8 +15,6 @@ class QTimer;
 
 namespace trigpoint {
 
-class PolledProgress;
-
 class ActionDialog : public QDialog {
   Q_OBJECT
 
@@ -29,6 +27,7 @@ class ActionDialog : public QDialog {
   void Done(bool well);
 
  private:
+  struct Work;
   void Run();
   void ShowCommand();
 
@@ -40,7 +39,7 @@ class ActionDialog : public QDialog {
   QPlainTextEdit* outcome_;
   QPushButton *run_, *cancel_;
   QTimer* timer_;
-  std::shared_ptr<PolledProgress> work_;  // that goes on
+  std::shared_ptr<Work> work_;  // that goes on
 };
 
 }  // namespace trigpoint

@@ -18,7 +18,6 @@ namespace trigpoint {
 class CalibrationDesk;
 struct Action;
 class ChartsDesk;
-class CheckDesk;
 class CompareDesk;
 class Decisions;
 class ImagesDesk;
@@ -64,9 +63,7 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review() const { return review_; }
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
-  CheckDesk* check() const { return check_; }
-  // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration",
-  // "check".
+  // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -79,8 +76,6 @@ class MainWindow : public QMainWindow {
   void dropEvent(QDropEvent* event) override;
 
  private:
-  void AddDesks();
-  void MakeStatusBar();
   void MakeMenus();
   void ConnectJobs();
   void ConnectOverview();
@@ -99,7 +94,6 @@ class MainWindow : public QMainWindow {
   void MakeHelpMenu();
   void ShowTabs();                        // names where there is room, else icons
   void ShowAction(const Action& action);  // its form
-  void ShowServices();
   void ChooseStage(const QString& stage);
   void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs
@@ -123,7 +117,6 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review_;
   PanoramaDesk* panoramas_;
   CalibrationDesk* calibration_;
-  CheckDesk* check_;
   QMenu* recent_ = nullptr;
   QLabel* progress_;
   QPushButton* cancel_;

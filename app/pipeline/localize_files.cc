@@ -5,11 +5,8 @@
 #include <map>
 
 #include "calib/base/error.h"
-#include "calib/base/median.h"
-#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
-#include "datasets/io/source_quality.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -66,36 +63,21 @@ Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, cons
          result.body_from_odom[static_cast<size_t>(image.pose)];
 }
 
-}  // namespace
-
-void PutWorldPose(CsvWriter& csv, const PoseEstimate& e) {
-  PutPose(csv, e.world_from_x);
-  for (double s : PositionSigmas(e)) csv.Number(s, 5);
-}
-
-void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x) {
-  PutGeodetic(csv, frame, world_from_x.translation);
-  PutAttitude(csv, world_from_x.rotation);
-}
-
-void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
-  const bool in_odom = !result.body_from_odom.empty();
+void WriteCameras(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
+  const LocalizeInput& input = job.input;
   for (size_t c = 0; c < input.cameras.size(); ++c) {
-    if (input.cameras[c].IsFurtherView()) continue;  // its 360 image reports the pose
     std::vector<TimedPose> odom, world;
     for (size_t i = 0; i < input.images.size(); ++i) {
       const FrameImage& image = input.images[i];
       if (image.camera != static_cast<int>(c)) continue;
-      if (in_odom) odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
+      odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
       if (result.on_earth) world.push_back({image.stamp_ns, result.cameras[i].world_from_x});
     }
     const std::string suffix = c == 0 ? "" : "_" + input.cameras[c].name;
     const std::string& name = input.cameras[c].name;
-    if (in_odom) {
-      WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
-               {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
-                "timestamp tx ty tz qx qy qz qw"});
-    }
+    WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
+             {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
+              "timestamp tx ty tz qx qy qz qw"});
     if (result.on_earth) {
       WriteTum(dir / ("cameras" + suffix + ".tum"), world,
                {"trigpoint trajectory 1; frame=enu; datum=" + result.earth_source + "; pose=world_from_" + name,
@@ -128,10 +110,8 @@ void WriteCameras(const LocalizeInput& input, const Localization& result, const 
                 {FrameComment("cameras", result)});
   for (size_t i = 0; i < input.images.size(); ++i) {
     const PoseEstimate& e = result.cameras[i];
-    const BodyCamera& camera = input.cameras[static_cast<size_t>(input.images[i].camera)];
-    if (camera.IsFurtherView()) continue;
     csv.Stamp(input.images[i].stamp_ns).Text(input.images[i].name);
-    csv.Text(camera.name);
+    csv.Text(input.cameras[static_cast<size_t>(input.images[i].camera)].name);
     PutPose(csv, e.world_from_x);
     PutGeodetic(csv, input.frame, e.world_from_x.translation);
     for (double s : PositionSigmas(e)) csv.Number(s, 5);
@@ -141,8 +121,6 @@ void WriteCameras(const LocalizeInput& input, const Localization& result, const 
   }
   csv.Save(dir / "cameras.csv");
 }
-
-namespace {
 
 // One line of panoramas.csv: a panorama or photo, or a set whose photos are answered together.
 struct Line {
@@ -230,7 +208,8 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       world.world_from_x.translation = sum;
     }
     if (answered && result.on_earth) {
-      PutWorldPose(csv, world);
+      PutPose(csv, world.world_from_x);
+      for (double s : PositionSigmas(world)) csv.Number(s, 5);
     } else {
       csv.Empty(10);
     }
@@ -241,7 +220,8 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       csv.Empty(7);
     }
     if (answered && result.on_earth) {
-      PutGeodeticPose(csv, job.input.frame, world.world_from_x);
+      PutGeodetic(csv, job.input.frame, world.world_from_x.translation);
+      PutAttitude(csv, world.world_from_x.rotation);
     } else {
       csv.Empty(6);
     }
@@ -390,33 +370,6 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
   }
 }
 
-int64_t MedianStep(std::vector<int64_t> stamps) {
-  std::vector<double> steps;
-  for (size_t i = 1; i < stamps.size(); ++i) steps.push_back(static_cast<double>(stamps[i] - stamps[i - 1]));
-  return steps.empty() ? 0 : std::llround(Median(steps));
-}
-
-// Of the body at each of the stamps, over two steps of odometry that is three times denser than they; else empty.
-std::vector<Vector6d> OdometryRates(const Trajectory& odometry, const std::vector<int64_t>& stamps, int64_t gap) {
-  constexpr int64_t kDenser = 3;
-  std::vector<int64_t> rows;
-  for (const TimedPose& pose : odometry.poses) rows.push_back(pose.stamp_ns);
-  const int64_t step = MedianStep(rows);
-  if (step <= 0 || kDenser * step > MedianStep(stamps)) return {};
-  std::vector<Vector6d> rates;
-  for (int64_t stamp : stamps) {
-    const auto before = odometry.At(stamp - step, gap), at = odometry.At(stamp, gap),
-               behind = odometry.At(stamp + step, gap);
-    Vector6d rate = Vector6d::Zero();
-    if (before && at && behind) {
-      rate << LogSO3(before->rotation.conjugate() * behind->rotation),
-          at->rotation.conjugate() * (behind->translation - before->translation);
-    }
-    rates.emplace_back(rate / (2e-9 * static_cast<double>(step)));
-  }
-  return rates;
-}
-
 }  // namespace
 
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
@@ -457,7 +410,6 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
                      std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
                      " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
   }
-  input.odometry_rates = OdometryRates(run.odometry, input.pose_stamps, gap);
   std::vector<std::string> names;
   for (const FrameImage& image : input.images) names.push_back(image.name);
   input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };
@@ -476,7 +428,6 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
   std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
   AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
-  const std::map<std::string, PictureCredit> credits = ReadCredits(site.dir);
   for (PreparedReference& p : prepared) {
     if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
     const Reference& reference = site.references[static_cast<size_t>(p.reference)];
@@ -497,9 +448,6 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
       for (View& view : r.rig.views) view.camera = MatchedCamera(site, view.camera);
     }
     r.geotag = reference.geotag;
-    if (const auto credit = credits.find(reference.name); credit != credits.end()) {
-      if (QualityOfSource(credit->second.source) != nullptr) r.source = credit->second.source;
-    }
     if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
@@ -548,7 +496,7 @@ Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& res
 
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir) {
-  WriteCameras(job.input, result, dir);
+  WriteCameras(job, result, dir);
   WritePanoramas(site, job, result, dir);
   WriteMatches(site, job, result, dir);
 }

@@ -9,7 +9,6 @@ StageInfo FeaturesStage();
 StageInfo ReconstructStage();
 StageInfo ReferencesStage();
 StageInfo LocalizeStage();
-StageInfo SiteStage();
 StageInfo DetectStage();
 StageInfo SurveyStage();
 StageInfo ReferenceStage();

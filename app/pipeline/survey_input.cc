@@ -290,7 +290,7 @@ void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cam
                                   [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; });
   if (known || self_calibrate) return;
   throw InputError("run " + run +
-                   ": the lens of its pictures is not known; expected camchain.yaml (`trigpoint calibrate`), photos "
+                   ": nothing says what lens it was taken with; expected camchain.yaml (`trigpoint calibrate`), photos "
                    "whose EXIF states the focal length, or `trigpoint survey --set map.self_calibrate=true`");
 }
 

@@ -9,8 +9,7 @@
 namespace trigpoint {
 
 // Columns that are not about the place: where a picture is from and what must be written beside it.
-inline const std::vector<std::string> kCreditColumns = {"source", "captured_at", "licence", "attribution",
-                                                        "keep_until"};
+inline const std::vector<std::string> kCreditColumns = {"source", "captured_at", "licence", "attribution"};
 
 class PanoramaTable {
  public:

@@ -10,11 +10,10 @@ std::map<std::string, PictureCredit> ReadCredits(const std::filesystem::path& si
   for (const char* name : {"panoramas.csv", "photos.csv"}) {
     if (!std::filesystem::exists(site / name)) continue;
     try {
-      const CsvTable table =
-          CsvTable::Read(site / name, {"file"}, {"source", "captured_at", "licence", "attribution", "keep_until"});
+      const CsvTable table = CsvTable::Read(site / name, {"file"}, {"source", "captured_at", "licence", "attribution"});
       for (const CsvRow& row : table.rows()) {
         const PictureCredit credit{row.Text("source"), row.Text("captured_at"), row.Text("licence"),
-                                   row.Text("attribution"), row.Text("keep_until")};
+                                   row.Text("attribution")};
         if (credit.source.empty() && credit.licence.empty() && credit.attribution.empty()) continue;
         credits.emplace(row.Text("file"), credit);
       }

@@ -10,8 +10,6 @@
 
 namespace trigpoint {
 
-constexpr double kHalfWidth = 470;  // of a chart that stands beside another one (Figure::half)
-
 struct CurvePoint {
   double x = 0, y = 0;
   std::optional<double> low, high;  // of y
@@ -23,12 +21,11 @@ struct Series {
 };
 
 // Cumulative histograms: steps, x logarithmic, y a share (0 to 1). The first series' band is drawn.
-Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
-                        double width = Drawing().width);
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis);
 
 // Lines through points, both axes linear from 0; `diagonal`: both are shares, and y = x is drawn.
 Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
-                  bool diagonal, double width = Drawing().width);
+                  bool diagonal);
 
 // A column a category, a dot a value of each series in it; y logarithmic. Values that are not positive are left out.
 struct DotSeries {
@@ -45,7 +42,7 @@ struct Sample {
   std::vector<double> values;
 };
 Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
-                       const Series* expected = nullptr, double width = Drawing().width);
+                       const Series* expected = nullptr);
 
 // A cell a row and column, its number on a colour of five steps; light is small. Cells without a number show their
 // text.

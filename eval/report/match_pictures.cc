@@ -8,11 +8,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "datasets/io/views.h"
+#include "localize/references/views.h"
 
 namespace trigpoint {
 namespace {
@@ -45,7 +44,13 @@ ViewOptions ViewsOf(const Project& project) {
 cv::Mat LoadImage(const Run& run, const std::string& name) {
   for (const ImageEntry& entry : run.images) {
     if (entry.file != name) continue;
-    return LoadColour(run, entry);
+    // Videos, mirrors and turned pictures are undone in grey only.
+    const bool plain =
+        entry.video_frame < 0 && !run.config.mirrored && entry.camera < static_cast<int>(run.cameras.size());
+    cv::Mat picture = plain ? LoadPhoto(entry.path, run.cameras[static_cast<size_t>(entry.camera)].camera, false)
+                            : LoadGrey(run, entry);
+    if (picture.channels() == 1) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+    return picture;
   }
   throw InputError("run " + run.name + ": image " + name + " of its matches is not in images.txt any more");
 }
@@ -95,10 +100,6 @@ MatchPictures::MatchPictures(const Project& project, const std::string& run, con
         if (matches.size() > best.matches.size()) best = {names.first, names.second, std::move(matches)};
       }
     }
-  }
-  // Pictures that must not be copied.
-  for (const auto& [name, credit] : ReadCredits(project.dir())) {
-    if (!credit.keep_until.empty()) of_panorama_.erase(name);
   }
   fs::path detections = project.ResultDir("detect", run) / "detections.csv";
   if (!fs::exists(detections)) detections = run_.detections;

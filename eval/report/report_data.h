@@ -28,9 +28,8 @@ struct ReportInput {
   const Project* project = nullptr;
   std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
   std::vector<ResultRecord> stages;
-  std::string command;           // that makes the report again
-  bool points = true;            // also read each run's sparse model, which takes a while
-  nlohmann::json default_gates;  // as gates.json, for a project without gates of its own; else null
+  std::string command;  // that makes the report again
+  bool points = true;   // also read each run's sparse model, which takes a while
 };
 
 // A row of errors.csv; what is not given is unset.

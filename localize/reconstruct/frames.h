@@ -25,7 +25,6 @@ struct ReferenceViews {
   ReferenceKind kind = ReferenceKind::kPanorama;
   ViewRig rig;  // rig frame: x right, y down, z forward at the picture's centre
   GeoTag geotag;
-  std::string source;     // service that it is from, or empty
   int set = -1;           // photos of one hand-held set share it; -1: stands alone
   bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
 };
@@ -35,10 +34,7 @@ struct LocalizeInput {
   std::vector<FrameImage> images;       // ascending time
   std::vector<int64_t> pose_stamps;     // of each body pose
   std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
-  // How the body turned (rad/s) and moved (m/s) at each pose, in its own frame; empty where odometry is not denser than
-  // the images.
-  std::vector<Vector6d> odometry_rates;
-  bool has_odometry = true;  // else these are the images' own motion, whose length nothing has measured
+  bool has_odometry = true;             // else these are the images' own motion, whose length nothing has measured
   std::vector<ReferenceViews> references;
   std::function<FeatureSet(int image)> image_features;
   std::function<FeatureSet(int reference, int view)> view_features;

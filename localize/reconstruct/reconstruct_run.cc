@@ -48,23 +48,6 @@ ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
   return o;
 }
 
-// With the rows of rolling shutters at the images' times. The motion that puts them there comes from the reconstruction
-// itself, so it is made again.
-void ReadOutRows(const LocalizeInput& input, ReconstructStart start, const ReconstructOptions& options, int threads,
-                 ProgressSink& progress, const CancelToken& cancel, RunReconstruction* run) {
-  constexpr int kRounds = 2;
-  Reconstruction& r = run->reconstruction;
-  for (int round = 0; round < kRounds && HasReadout(input); ++round) {
-    for (size_t k = 0; k < start.odom_from_body.size(); ++k) start.odom_from_body[k] = r.problem.poses[k].Inverse();
-    r = Reconstruct(input, start, static_cast<int>(r.problem.points.size()), AtImageTimes(input, r), options, false,
-                    threads, progress, cancel);
-  }
-  try {
-    run->readout = EstimateReadout(input, r, threads, cancel);
-  } catch (const NumericError&) {  // nothing fixes the poses well enough: nothing is offered
-  }
-}
-
 }  // namespace
 
 RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& given, bool paper,
@@ -91,8 +74,6 @@ RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRu
     run.loops =
         CloseLoops(input, options.loops, {}, options.reconstruct, &run.reconstruction, threads, seed, progress, cancel);
     steps.End("loops");
-    ReadOutRows(input, start, options.reconstruct, threads, progress, cancel, &run);
-    steps.End("rolling shutter");
   }
   return run;
 }

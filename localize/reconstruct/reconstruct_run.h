@@ -3,7 +3,6 @@
 
 #include "localize/reconstruct/loops.h"
 #include "localize/reconstruct/reconstruct.h"
-#include "localize/reconstruct/rolling_shutter.h"
 #include "localize/reconstruct/step_times.h"
 #include "localize/reconstruct/structure_from_motion.h"
 #include "localize/reconstruct/tracks.h"
@@ -31,7 +30,7 @@ struct ReconstructRunOptions {
     visit(self.check_conventions, {"check_conventions", "", 0, 1,
                                    "refuse odometry that images or GPS contradict: order, signs, axes, unit, jumps"});
     visit(self.motion, {"motion", "", 0, 0, "motion of runs without odometry, from images alone"});
-    visit(self.loops, {"loops", "", 0, 0, "places that the run comes back to"});
+    visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
@@ -44,7 +43,6 @@ struct RunReconstruction {
   int pairs_joined = 0;                   // verified, and in agreement with odometry and each other
   std::vector<ImagePair> pairs_rejected;  // verified, but contradicted
   LoopSummary loops;
-  std::vector<ReadoutEstimate> readout;  // of the cameras' rolling shutters, as the images show it; not in paper mode
   StepSeconds seconds;
 };
 

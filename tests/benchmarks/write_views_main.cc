@@ -8,7 +8,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
-#include "datasets/io/views.h"
+#include "localize/references/views.h"
 
 namespace trigpoint {
 namespace {

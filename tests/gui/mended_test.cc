@@ -22,8 +22,8 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",      "tables", "charts",
-                                  "compare",  "review", "panoramas", "calibration", "check"};
+constexpr const char* kDesks[] = {"overview", "run",     "scene",  "images",    "tables",
+                                  "charts",   "compare", "review", "panoramas", "calibration"};
 
 class MendedTest : public ResultsWindowTest {};
 
