@@ -1,4 +1,4 @@
-#include "survey/tags/block_solver.h"
+#include "calib/estimation/sparse_least_squares.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ Eigen::Vector3d RandomVector(Random* random, double size) {
 struct Row {
   std::vector<Rigid3d> truth;
   std::vector<Eigen::Vector3d> points;
-  BlockSolver solver;
+  SparseLeastSquares solver;
 };
 
 void Fill(uint64_t seed, double sigma_px, Row* row) {
@@ -33,7 +33,7 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   for (int i = 0; i < 40; ++i) {
     row->points.emplace_back(random.Uniform(-3, 5), random.Uniform(-2, 2), random.Uniform(5, 9));
   }
-  BlockSolver& s = row->solver;
+  SparseLeastSquares& s = row->solver;
   for (int i = 0; i < 5; ++i) {
     Vector6d off;
     off << RandomVector(&random, 0.005), RandomVector(&random, 0.02);
@@ -42,19 +42,17 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   }
   s.views.push_back({});
   for (size_t p = 0; p < row->points.size(); ++p) {
-    TiePoint point;
-    point.position = row->points[p] + RandomVector(&random, 0.05);
-    s.points.push_back(point);
+    s.points.emplace_back(row->points[p] + RandomVector(&random, 0.05));
     for (int i = 0; i < 5; ++i) {
       const auto pixel = kCamera.Project(row->truth[i].Inverse() * row->points[p]);
       if (!pixel) continue;
       const Eigen::Vector2d seen = *pixel + sigma_px * Eigen::Vector2d(random.Normal(), random.Normal());
-      s.sights.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
+      s.observations.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
     }
   }
 }
 
-TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
+TEST(SparseLeastSquares, PointsTieCamerasAndTheirCovarianceIsReal) {
   ProgressSink progress;
   const CancelToken cancel;
   double nees = 0;
@@ -62,7 +60,7 @@ TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
   for (int seed = 1; seed <= redraws; ++seed) {
     Row row;
     Fill(static_cast<uint64_t>(seed), 0.3, &row);
-    const BlockSolver::Summary summary = row.solver.Solve(30, 2, progress, cancel);
+    const SparseLeastSquares::Summary summary = row.solver.Solve(30, 2, progress, cancel);
     EXPECT_TRUE(summary.converged);
     EXPECT_LT(summary.cost_after, summary.cost_before);
     row.solver.Linearise(2, cancel);
@@ -77,7 +75,7 @@ TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
   EXPECT_LT(nees, 219 + 10);
 }
 
-TEST(BlockSolver, DoesNotDependOnThreads) {
+TEST(SparseLeastSquares, DoesNotDependOnThreads) {
   ProgressSink progress;
   const CancelToken cancel;
   Row one, two;
@@ -90,19 +88,17 @@ TEST(BlockSolver, DoesNotDependOnThreads) {
   }
 }
 
-TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
+TEST(SparseLeastSquares, EliminatedPointsEqualPointsKept) {
   // The same problem with points as unknowns of their own.
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(6, 0.3, &row);
-  BlockSolver kept;
+  SparseLeastSquares kept;
   kept.unknowns = row.solver.unknowns;
   std::vector<int> unknown;
-  for (const TiePoint& p : row.solver.points) {
-    unknown.push_back(kept.AddNumbers({p.position.x(), p.position.y(), p.position.z()}));
-  }
-  for (const TieSight& s : row.solver.sights) {
+  for (const Eigen::Vector3d& p : row.solver.points) unknown.push_back(kept.AddNumbers({p.x(), p.y(), p.z()}));
+  for (const SparseLeastSquares::PointObservation& s : row.solver.observations) {
     kept.AddFactor(new MarkCost(s.w.cast<double>(), Rigid3d()), nullptr,
                    {s.pose, unknown[static_cast<size_t>(s.point)]});
   }
@@ -117,12 +113,12 @@ TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
   }
 }
 
-TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
+TEST(SparseLeastSquares, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(7, 0.3, &row);
-  BlockSolver& s = row.solver;
+  SparseLeastSquares& s = row.solver;
   const int scale = s.AddNumbers({1.0});
   s.AddFactor(new NumberCost(1, 0.1), nullptr, {scale});
   s.Solve(30, 2, progress, cancel);
@@ -141,10 +137,10 @@ TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
             1e-9 * columns.norm());
 }
 
-TEST(BlockSolver, WhatNothingHoldsIsSingular) {
+TEST(SparseLeastSquares, WhatNothingHoldsIsSingular) {
   ProgressSink progress;
   const CancelToken cancel;
-  BlockSolver solver;
+  SparseLeastSquares solver;
   const int a = solver.AddPose({}), b = solver.AddPose(Rigid3d(Eigen::Quaterniond::Identity(), {1, 0, 0}));
   solver.AddFactor(new DistanceCost(1.1, 0.01), nullptr, {a, b});
   EXPECT_THROW(
