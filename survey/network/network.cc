@@ -11,7 +11,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
-#include "calib/estimation/sparse_least_squares.h"
+#include "survey/tags/block_solver.h"
 #include "survey/tags/control.h"
 #include "survey/tags/map_start.h"
 #include "survey/tags/survey_costs.h"
@@ -111,10 +111,13 @@ class Network {
       const int first_view = static_cast<int>(solver_.views.size()),
                 first_point = static_cast<int>(solver_.points.size());
       for (const BodyCamera& camera : pass.cameras) solver_.views.push_back({camera.cam_from_body, nullptr});
-      solver_.points.insert(solver_.points.end(), ties_[p].points.begin(), ties_[p].points.end());
+      for (const Eigen::Vector3d& point : ties_[p].points) {
+        solver_.points.emplace_back();
+        solver_.points.back().position = point;
+      }
       for (const PlannedTie& tie : ties_[p].ties) {
         const Camera& camera = pass.cameras[static_cast<size_t>(tie.camera)].camera;
-        solver_.observations.push_back(
+        solver_.sights.push_back(
             {first_point + tie.point, frame_unknown_[static_cast<size_t>(Frame(static_cast<int>(p), tie.frame))],
              first_view + tie.camera, camera.BearingSqrtInfo(tie.pixel, options_.tie_sigma_px).cast<float>()});
       }
@@ -221,7 +224,7 @@ class Network {
   // Of row `row` of a factor whose observation has the given sigma; `unknown`: the pose that an error would move.
   Reliability ReliabilityOf(int factor, Eigen::Index row, double sigma, int unknown) const {
     Reliability r;
-    const double absorbed = solver_.Leverage(factor)(row, row);
+    const double absorbed = solver_.Absorbed(factor)(row, row);
     r.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
     r.blunder = r.redundancy > kLeastRedundancy ? kNonCentrality * sigma / std::sqrt(r.redundancy)
                                                 : std::numeric_limits<double>::infinity();
@@ -229,7 +232,7 @@ class Network {
     const int offset = solver_.Offset(unknown);
     if (offset < 0 || !std::isfinite(r.blunder)) return r;
     Eigen::MatrixXd right = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_.Leverage(factor).rows(), 1);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_.Absorbed(factor).rows(), 1);
     unit(row, 0) = r.blunder / sigma;
     solver_.AddTransposed(factor, unit, &right);
     r.effect_m = solver_.SolveNormal(right).block(offset + 3, 0, 3, 1).norm();
@@ -285,7 +288,7 @@ class Network {
         s.side_px,
         s.angle_deg,
         std::hypot(s.detection.corner_sigma_px[0], options_.extra_sigma_px)};
-    const double absorbed = solver_.Leverage(sight_factor_[i]).diagonal().maxCoeff();
+    const double absorbed = solver_.Absorbed(sight_factor_[i]).diagonal().maxCoeff();
     sight.worst.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
     sight.worst.blunder = sight.worst.redundancy > kLeastRedundancy
                               ? kNonCentrality * sight.sigma_px / std::sqrt(sight.worst.redundancy)
@@ -329,7 +332,7 @@ class Network {
   std::vector<PlannedSight> sights_;
   std::vector<PassTies> ties_;
   double one_ = 1;
-  SparseLeastSquares solver_;
+  BlockSolver solver_;
   std::vector<bool> linked_;  // passes
   std::vector<int> first_frame_, frame_unknown_;
   std::map<int, int> tag_unknown_;

@@ -1,4 +1,4 @@
-#include "calib/estimation/sparse_least_squares.h"
+#include "survey/tags/block_solver.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ Eigen::Vector3d RandomVector(Random* random, double size) {
 struct Row {
   std::vector<Rigid3d> truth;
   std::vector<Eigen::Vector3d> points;
-  SparseLeastSquares solver;
+  BlockSolver solver;
 };
 
 void Fill(uint64_t seed, double sigma_px, Row* row) {
@@ -33,7 +33,7 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   for (int i = 0; i < 40; ++i) {
     row->points.emplace_back(random.Uniform(-3, 5), random.Uniform(-2, 2), random.Uniform(5, 9));
   }
-  SparseLeastSquares& s = row->solver;
+  BlockSolver& s = row->solver;
   for (int i = 0; i < 5; ++i) {
     Vector6d off;
     off << RandomVector(&random, 0.005), RandomVector(&random, 0.02);
@@ -42,17 +42,19 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   }
   s.views.push_back({});
   for (size_t p = 0; p < row->points.size(); ++p) {
-    s.points.emplace_back(row->points[p] + RandomVector(&random, 0.05));
+    TiePoint point;
+    point.position = row->points[p] + RandomVector(&random, 0.05);
+    s.points.push_back(point);
     for (int i = 0; i < 5; ++i) {
       const auto pixel = kCamera.Project(row->truth[i].Inverse() * row->points[p]);
       if (!pixel) continue;
       const Eigen::Vector2d seen = *pixel + sigma_px * Eigen::Vector2d(random.Normal(), random.Normal());
-      s.observations.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
+      s.sights.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
     }
   }
 }
 
-TEST(SparseLeastSquares, PointsTieCamerasAndTheirCovarianceIsReal) {
+TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
   ProgressSink progress;
   const CancelToken cancel;
   double nees = 0;
@@ -60,7 +62,7 @@ TEST(SparseLeastSquares, PointsTieCamerasAndTheirCovarianceIsReal) {
   for (int seed = 1; seed <= redraws; ++seed) {
     Row row;
     Fill(static_cast<uint64_t>(seed), 0.3, &row);
-    const SparseLeastSquares::Summary summary = row.solver.Solve(30, 2, progress, cancel);
+    const BlockSolver::Summary summary = row.solver.Solve(30, 2, progress, cancel);
     EXPECT_TRUE(summary.converged);
     EXPECT_LT(summary.cost_after, summary.cost_before);
     row.solver.Linearise(2, cancel);
@@ -75,7 +77,7 @@ TEST(SparseLeastSquares, PointsTieCamerasAndTheirCovarianceIsReal) {
   EXPECT_LT(nees, 219 + 10);
 }
 
-TEST(SparseLeastSquares, DoesNotDependOnThreads) {
+TEST(BlockSolver, DoesNotDependOnThreads) {
   ProgressSink progress;
   const CancelToken cancel;
   Row one, two;
@@ -88,17 +90,19 @@ TEST(SparseLeastSquares, DoesNotDependOnThreads) {
   }
 }
 
-TEST(SparseLeastSquares, EliminatedPointsEqualPointsKept) {
+TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
   // The same problem with points as unknowns of their own.
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(6, 0.3, &row);
-  SparseLeastSquares kept;
+  BlockSolver kept;
   kept.unknowns = row.solver.unknowns;
   std::vector<int> unknown;
-  for (const Eigen::Vector3d& p : row.solver.points) unknown.push_back(kept.AddNumbers({p.x(), p.y(), p.z()}));
-  for (const SparseLeastSquares::PointObservation& s : row.solver.observations) {
+  for (const TiePoint& p : row.solver.points) {
+    unknown.push_back(kept.AddNumbers({p.position.x(), p.position.y(), p.position.z()}));
+  }
+  for (const TieSight& s : row.solver.sights) {
     kept.AddFactor(new MarkCost(s.w.cast<double>(), Rigid3d()), nullptr,
                    {s.pose, unknown[static_cast<size_t>(s.point)]});
   }
@@ -113,12 +117,12 @@ TEST(SparseLeastSquares, EliminatedPointsEqualPointsKept) {
   }
 }
 
-TEST(SparseLeastSquares, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
+TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(7, 0.3, &row);
-  SparseLeastSquares& s = row.solver;
+  BlockSolver& s = row.solver;
   const int scale = s.AddNumbers({1.0});
   s.AddFactor(new NumberCost(1, 0.1), nullptr, {scale});
   s.Solve(30, 2, progress, cancel);
@@ -137,10 +141,10 @@ TEST(SparseLeastSquares, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
             1e-9 * columns.norm());
 }
 
-TEST(SparseLeastSquares, WhatNothingHoldsIsSingular) {
+TEST(BlockSolver, WhatNothingHoldsIsSingular) {
   ProgressSink progress;
   const CancelToken cancel;
-  SparseLeastSquares solver;
+  BlockSolver solver;
   const int a = solver.AddPose({}), b = solver.AddPose(Rigid3d(Eigen::Quaterniond::Identity(), {1, 0, 0}));
   solver.AddFactor(new DistanceCost(1.1, 0.01), nullptr, {a, b});
   EXPECT_THROW(
