@@ -20,7 +20,7 @@ packages=(
   libexiv2-dev libexpat1-dev libjpeg-dev libtiff-dev
   libyaml-cpp-dev nlohmann-json3-dev libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev
   libvtk9-dev libgdal-dev libglew-dev libegl-dev libgl1-mesa-dri libpango1.0-dev fonts-dejavu-core
-  libproj-dev libheif-dev libcurl4-openssl-dev libbz2-dev liblz4-dev libzstd-dev ca-certificates poppler-utils file openssh-client gnupg
+  libproj-dev libheif-dev libcurl4-openssl-dev libbz2-dev zlib1g-dev liblz4-dev libzstd-dev ca-certificates poppler-utils file openssh-client gnupg
   qtbase5-dev libqt5opengl5-dev libvtk9-qt-dev xvfb qttools5-dev-tools
   libgtest-dev libgmock-dev
 )

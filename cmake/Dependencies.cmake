@@ -15,6 +15,7 @@ find_package(TIFF REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
 find_package(CURL 7.85 REQUIRED)
 find_package(BZip2 REQUIRED)
+find_package(ZLIB REQUIRED)
 find_package(PROJ 9 QUIET CONFIG)  # optional: coordinate systems beyond WGS 84 and UTM
 find_package(fmt REQUIRED)
 find_package(spdlog REQUIRED)

@@ -37,7 +37,7 @@ set(CPACK_DEBIAN_DEV_DESCRIPTION "libraries of trigpoint, to build against
  Headers, static libraries and what find_package(trigpoint) needs.")
 string(JOIN ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "trigpoint (= ${PROJECT_VERSION})" libeigen3-dev libceres-dev libboost-dev libopencv-dev
        libopengv-dev libapriltag-dev libgeographiclib-dev libexiv2-dev libexpat1-dev libyaml-cpp-dev nlohmann-json3-dev
-       libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev libproj-dev libheif-dev libcurl4-openssl-dev libbz2-dev liblz4-dev libzstd-dev libvtk9-dev libgdal-dev
+       libsqlite3-dev libssl-dev libfmt-dev libspdlog-dev libcli11-dev libproj-dev libheif-dev libcurl4-openssl-dev libbz2-dev zlib1g-dev liblz4-dev libzstd-dev libvtk9-dev libgdal-dev
        libglew-dev libegl-dev libpango1.0-dev)
 include(CPack)
 

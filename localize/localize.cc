@@ -158,18 +158,9 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
     for (size_t i = 0; i < result.references.size(); ++i) {
       const GeoTag& tag = input.references[i].geotag;
       if (joint.pose_of_reference[i] < 0 || (!tag.has_position && !tag.has_heading)) continue;
-      GeoObservation o;
-      o.odom_from_rig = p.poses[static_cast<size_t>(joint.pose_of_reference[i])].Inverse();
-      o.has_position = tag.has_position;
-      if (tag.has_position) o.position = input.frame.EnuFromGeodetic(tag.position);
-      if (!tag.has_height) o.position.z() = 0;  // the site's origin is the best guess
-      o.has_height = tag.has_height;
-      o.has_heading = tag.has_heading;
-      o.has_tilt = tag.has_tilt;
-      o.attitude = tag.attitude;
-      o.sigma_h_m = tag.sigma_h_m, o.sigma_v_m = tag.sigma_v_m;
-      o.sigma_heading_rad = tag.sigma_heading_rad, o.sigma_tilt_rad = tag.sigma_tilt_rad;
-      e.observations.push_back(o);
+      const Rigid3d& rig_from_odom = p.poses[static_cast<size_t>(joint.pose_of_reference[i])];
+      e.observations.push_back(GeoObservationOf(tag, input.frame, rig_from_odom.Inverse()));
+      e.observations.back().source = input.references[i].source;
       e.poses.push_back(joint.pose_of_reference[i]);
       e.references.push_back(static_cast<int>(i));
     }
@@ -211,16 +202,8 @@ void UseWorld(const LocalizeInput& input, const GeoStart& start, const std::vect
   result->earth_reason = fit.reason;
   if (!fit.solved) return;
   result->geo = GeoRegistrationOf(fit, start, options, p, **covariance, with_fit, &result->odometry_scale_sigma);
-  result->odometry_scale = p.scale;
-  std::vector<std::string> sources;
-  if (fit.geotags) sources.emplace_back("geotags");
-  if (fit.gps) sources.emplace_back("gps");
-  if (!fit.map_tags.empty()) sources.emplace_back("tags");
-  if (!fit.control_tags.empty()) sources.emplace_back("control");
-  result->earth_source.clear();
-  for (size_t i = 0; i < sources.size(); ++i) {
-    result->earth_source += (i == 0 ? "" : i + 1 == sources.size() ? " and " : ", ") + sources[i];
-  }
+  result->odometry_scale = p.scales.front().value;
+  result->earth_source = SourceOf(fit);
   for (const std::string& warning : fit.warnings) progress.Log(LogLevel::kWarning, warning);
 }
 
@@ -347,8 +330,8 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     result.earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
   } else {
     const auto fit = [&](double scale_prior) {
-      GeoRegistration geo = RegisterToEarth(earth.observations, PlacesCovariance(p, earth.poses, *local), scale_prior,
-                                            input.scale_sigma, input.levelled, options.geo);
+      GeoRegistration geo = RegisterBySources(&earth.observations, PlacesCovariance(p, earth.poses, *local),
+                                              scale_prior, input.scale_sigma, input.levelled, options.geo);
       if (!earth.gps) HeedGps(p, gps, &geo);
       return geo;
     };
@@ -361,7 +344,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
         pose.translation = -(pose.rotation * centre);
       }
       for (Eigen::Vector3d& y : p.points) y = origin + scale * (y - origin);
-      p.scale = scale;
+      p.scales.front().value = scale;
       // Lever arms do not scale: a last solution settles them.
       bundle.max_iterations = 5;
       local.reset();

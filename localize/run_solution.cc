@@ -20,7 +20,7 @@ Solution WithImages(const LocalizeInput& input, const std::string& run) {
 
 void MoveReconstruction(Reconstruction&& r, double scale_sigma, Solution* s) {
   s->problem = std::move(r.problem);
-  s->problem.scale_sigma = scale_sigma;
+  s->problem.scales.front().sigma = scale_sigma;
   s->image_of = std::move(r.image_of);
   s->feature_of = std::move(r.feature_of);
   s->depth_m = std::move(r.depth_m);

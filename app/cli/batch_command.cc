@@ -250,7 +250,7 @@ void AddBatchCommand(CLI::App& app, Session& session) {
       app, session, "batch", "run many projects, runs and variants with nobody watching, here or on a cluster",
       "LIST is a file with one project a line (options of `trigpoint run` behind it), or a pattern of folders in\n"
       "quotes. Every stage of every run is a task of its own, which waits for those it needs; one that fails does not\n"
-      "stop the others. One that is ended from outside, or lacks memory, is begun once more: here alone, on a cluster\n"
+      "stop the others. One that is killed, or runs out of memory, is started once more: here alone, on a cluster\n"
       "with twice the memory. summary.json, .csv and .md are in --out, and index.html, which links to all reports.\n\n"
       "  batch status LIST   what is done, running, failed, and what it cost; writes the summary\n"
       "  batch resume LIST   what is not done, once more; also after a kill or a full disk\n"

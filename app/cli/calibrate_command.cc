@@ -146,7 +146,7 @@ void AddCalibrateCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
       app, session, "calibrate", stage.help,
       OptionTable(stage) +
-          "The target: a Kalibr target YAML (checkerboard, aprilgrid, circlegrid; also charuco), or in one line, "
+          "The target: a Kalibr target YAML (checkerboard, aprilgrid, circlegrid; also charuco), or one line in "
           "metres:\n"
           "  checkerboard:9x6:0.025                 inner corners, square\n"
           "  charuco:8x8:0.0254:0.019:DICT_4X4_50   squares, square, marker, dictionary\n"

@@ -1,24 +1,15 @@
 // check: is it enough, while still on site?
 #include <fmt/format.h>
 
-#include <chrono>
 #include <set>
-#include <thread>
 
 #include "app/cli/field_commands.h"
-#include "app/pipeline/check.h"
+#include "app/pipeline/check_watch.h"
 
 namespace trigpoint {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-constexpr size_t kAtATime = 60;       // pictures, between two looks at the folder
-constexpr int kRefresh_s = 3;         // of the page
-constexpr double kQuietShare = 3;     // times what a judgement takes, before the next one: pictures come first
 constexpr size_t kFindingsShown = 5;  // in the ending
-
-double Seconds(Clock::time_point since) { return std::chrono::duration<double>(Clock::now() - since).count(); }
 
 struct Arguments {
   std::string dir;
@@ -64,56 +55,23 @@ void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, Termin
   *said = std::move(now);
 }
 
-// Goes on until Ctrl-C. A judgement takes a while: pictures come first.
-CheckOutcome Watch(SiteCheck& check, CheckOutcome outcome, Terminal& terminal, const CancelToken& cancel) {
-  std::set<std::string> said;
-  terminal.Say(CheckHeadline(outcome));
-  SayChanges(outcome, &said, &terminal);
-  auto judged = Clock::now();
-  double took = 0;
-  size_t looked = 0;
-  bool waited = outcome.waiting > 0;
-  try {
-    while (true) {
-      size_t now = check.Look(kAtATime, terminal, cancel);
-      if (now < kAtATime) now += check.Compare(kAtATime, terminal, cancel);
-      looked += now;
-      const bool news = looked > 0 || waited || check.OthersChanged();
-      if (news && Seconds(judged) > kQuietShare * took) {
-        const auto begun = Clock::now();
-        outcome = check.Judge(terminal, cancel);
-        took = Seconds(begun);
-        judged = Clock::now();
-        waited = outcome.waiting > 0;
-        WriteCheck(outcome, kRefresh_s, check.out());
-        terminal.ClearProgress();
-        if (looked > 0) terminal.Say(CheckHeadline(outcome));
-        SayChanges(outcome, &said, &terminal);
-        looked = 0;
-      }
-      constexpr auto kPause = std::chrono::milliseconds(500);
-      if (now == 0) std::this_thread::sleep_for(kPause);
-      cancel.ThrowIfCancelled();
-    }
-  } catch (const Cancelled&) {  // how a watch ends
-  }
-  return outcome;
-}
-
 int Check(Session& session, const Arguments& a) {
   Terminal terminal = session.MakeTerminal();
   terminal.SetTitle("check");
   SiteCheck check(a.dir, session.options.threads, session.options.seed);
-  while (check.Look(kAtATime, terminal, *session.cancel) > 0 ||
-         check.Compare(kAtATime, terminal, *session.cancel) > 0) {
-  }
-  CheckOutcome outcome = check.Judge(terminal, *session.cancel);
-  WriteCheck(outcome, a.watch ? kRefresh_s : 0, check.out());
+  CheckOutcome outcome = CheckSite(check, a.watch, terminal, *session.cancel);
   terminal.ClearProgress();
   if (a.watch) {
     terminal.Say("Page: " + (check.out() / "index.html").string() + " (refreshes itself); end with Ctrl-C");
-    outcome = Watch(check, std::move(outcome), terminal, *session.cancel);
-    WriteCheck(outcome, 0, check.out());
+    terminal.Say(CheckHeadline(outcome));
+    std::set<std::string> said;
+    SayChanges(outcome, &said, &terminal);
+    outcome =
+        WatchSite(check, std::move(outcome), terminal, *session.cancel, [&](const CheckOutcome& now, size_t looked) {
+          terminal.ClearProgress();
+          if (looked > 0) terminal.Say(CheckHeadline(now));
+          SayChanges(now, &said, &terminal);
+        });
     terminal.ClearProgress();
   }
   session.End(EndingOf(outcome, check.out()));
@@ -132,12 +90,14 @@ int Check(Session& session, const Arguments& a) {
 
 void AddCheckCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "check", "is it enough, while still on site: what was copied so far, and what to photograph next",
-      "Looks at every picture that was copied to DIR so far: tags, blur, exposure; maps the tags, and says what is\n"
-      "missing, what does not fit, how accurate the survey would be, and what to photograph next. Pictures that are\n"
-      "still being copied are left until they are whole. What was looked at stands in results/check/pictures.jsonl:\n"
-      "a check that was stopped goes on there. Writes results/check/: index.html, findings.csv, tags.csv, next.csv.\n"
-      "--watch goes on until Ctrl-C; the page then refreshes itself in a browser on this machine.\n"
+      app, session, "check", "while still on site: judge what was copied so far, and list what to photograph next",
+      "Looks at every picture that was copied to DIR so far (tags, blur, exposure), maps the tags, and lists what is\n"
+      "missing, what does not fit, how accurate the survey would be, and what to photograph next. Masks of run.yaml "
+      "are\n"
+      "applied. Pictures that are still being copied are left until they are whole. results/check/pictures.jsonl\n"
+      "records what was looked at, so that a check that was stopped goes on where it ended. Writes results/check/: "
+      "index.html, findings.csv, tags.csv, next.csv.\n"
+      "With --watch it goes on until Ctrl-C, and the page refreshes itself in a browser on this machine.\n"
       "Exit code 0: green, 3: amber or red.\n\n"
       "Examples:\n"
       "  trigpoint check my_site\n"

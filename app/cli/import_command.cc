@@ -15,6 +15,7 @@
 #include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
 #include "datasets/import/tag_layout_control.h"
+#include "datasets/io/capture_date.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
@@ -31,6 +32,7 @@ struct Arguments {
   double scale = 0, tag_size_m = 0;
   // Panoramas of services.
   std::string along, url, token_file;
+  bool permitted = false;
   PanoramaImportOptions panoramas;
   BagRunOptions bag;
   int width = -1;  // not given
@@ -45,7 +47,10 @@ PanoramaImportOptions PanoramaOptions(const Arguments& a, bool service) {
   options.width = a.width >= 0 ? a.width : service ? kServiceWidth : 0;
   if (!a.near.empty() && !a.along.empty()) throw OptionError("--near and --along: give one of them");
   if (!a.near.empty()) options.area.points = {Geodetic{a.near.at(0), a.near.at(1), 0}};
-  if (!a.along.empty()) options.area = AreaAlongRun(a.dir, a.along, options.area.radius_m);
+  if (!a.along.empty()) {
+    options.area = AreaAlongRun(a.dir, a.along, options.area.radius_m);
+    options.near_date = DateOfRun(ReadRun(fs::path(a.dir) / "runs" / a.along, a.dir));
+  }
   return options;
 }
 
@@ -160,7 +165,7 @@ std::string Guess(const fs::path& from) {
   if (HasColmapModel(from)) return "colmap";
   if (IsBag(from)) return "bag";
   if (!DatasetKind(from).empty()) return "dataset";
-  if (fs::is_regular_file(from) && IsVideoName(from)) return "video";
+  if (fs::is_regular_file(from) && (IsVideoName(from) || IsInsta360File(from))) return "video";
   if (ending == ".db") return "colmap-database";
   if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
   if (fs::is_regular_file(from) && (ending == ".fmap" || (ending == ".json" && IsTagLayout(from)))) return "tag-layout";
@@ -249,6 +254,11 @@ int TakeIn(Session& session, const Arguments& a) {
     throw OptionError("--from " + service->name + ": expected --near LAT,LON or --along RUN");
   }
   if (a.list) return List(session, a, as, service);
+  if (service != nullptr && !service->permission.empty() && !a.permitted) {
+    throw OptionError(
+        "--from " + service->name + ": " + service->permission +
+        "; if your agreement with it permits this use, state so by --permitted (--list needs no permission)");
+  }
   Terminal terminal = session.MakeTerminal();
   const ImportReport report = Import(a, as, terminal, *session.cancel);
   terminal.ClearProgress();
@@ -313,7 +323,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "  trigpoint import my_site --from ground_control_points.json");
   const auto a = std::make_shared<Arguments>();
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
-  command.add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview")
+  command
+      .add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview, google")
       ->required();
   command.add_option("--as", a->as, "what it is; default: recognised by its contents")
       ->check(CLI::IsMember(
@@ -336,9 +347,12 @@ void AddImportCommand(CLI::App& app, Session& session) {
       .add_option("--width", a->width,
                   "panoramas: shrink wider pictures to so many px; 0: as they are, default for folders; services: 4096")
       ->check(CLI::Range(0, 65536));
-  command.add_option("--limit", a->panoramas.limit, "panoramas: the nearest so many; 0: all")
+  command
+      .add_option("--limit", a->panoramas.limit,
+                  "panoramas: the nearest so many, of the season of --along's run first; 0: all")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  command.add_option("--id", a->panoramas.ids, "panoramas: these alone, by the ids of --list; once for each");
   command.add_option("--since", a->panoramas.since, "panoramas: taken on this day or later: 2024, 2024-05, 2024-05-12");
   command.add_option("--until", a->panoramas.until, "panoramas: taken on this day or earlier");
   command.add_option("--topic", a->bag.topics, "bag: take this topic and no others; once for each");
@@ -348,11 +362,14 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option(
       "--cameras", a->bag.cameras,
       "bag, dataset, video: camchain.yaml or another calibration in place of camera_info, in the order of the topics");
-  command.add_option("--odometry", a->odometry, "dataset, video: poses (TUM, EuRoC or KITTI) to be the run's odometry");
+  command.add_option("--odometry", a->odometry,
+                     "dataset, video: poses (TUM, EuRoC, KITTI, or a log of ARCore or ARKit) to be the run's odometry");
   command.add_flag("--list", a->list, "show what is there; import nothing");
+  command.add_flag("--permitted", a->permitted,
+                   "google: your agreement with it permits to compute from its pictures, which its policies forbid");
   command.add_option("--url", a->url, "services: another server of the same kind");
   command.add_option("--token-file", a->token_file,
-                     "services: file (mode 0600) with the token, in place of the environment");
+                     "services: file (mode 0600) with the token or key, in place of the environment");
   command.callback([&session, a] { session.action = [a](Session& s) { return TakeIn(s, *a); }; });
 }
 

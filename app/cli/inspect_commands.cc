@@ -135,10 +135,10 @@ int Mark(const Session& session, const MarkArguments& a) {
 }  // namespace
 
 void AddInspectCommand(CLI::App& app, Session& session) {
-  CLI::App& command =
-      AddCommand(app, session, "inspect", "what a solution has about one image: tags, points, matches with a panorama",
-                 "Examples:\n  trigpoint inspect my_site --run run1 --image images/000012.jpg\n"
-                 "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/p7.jpg --json");
+  CLI::App& command = AddCommand(
+      app, session, "inspect", "what a solution contains about one image: tags, points, matches with a panorama",
+      "Examples:\n  trigpoint inspect my_site --run run1 --image images/000012.jpg\n"
+      "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/p7.jpg --json");
   const auto a = std::make_shared<InspectArguments>();
   command.add_option("DIR", a->dir, "the project")->required();
   command.add_option("--run", a->run, "the image's run")->required();
@@ -164,7 +164,7 @@ void AddMarkCommand(CLI::App& app, Session& session) {
   command.add_option("POINT", a->point, "name of the point")->required();
   command.add_option("--image", a->image, "RUN/FILE, or the path below the project");
   command.add_option("--at", a->at, "U,V in pixels");
-  command.add_flag("--remove", a->remove, "take the mark in --image away")->needs("--image");
+  command.add_flag("--remove", a->remove, "remove the mark in --image")->needs("--image");
   command.add_option("--variant", a->variant, "with this set of results");
   command.callback([&session, a] { session.action = [a](Session& s) { return Mark(s, *a); }; });
 }

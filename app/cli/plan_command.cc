@@ -87,8 +87,8 @@ void AddPlanCommand(CLI::App& app, Session& session) {
                                  OptionTable(stage) +
                                      "Reads plan.csv or plan.geojson (tags, control, stations, paths, places for more "
                                      "tags), else the site as its\n"
-                                     "survey runs show it. The survey's own normal equations are built from what the "
-                                     "planned pictures would show.\n"
+                                     "survey runs show it. The survey's own normal equations are built from simulated "
+                                     "observations of the planned pictures.\n"
                                      "Writes results/plan/: tables, a map, index.html.\n\n"
                                      "Examples:\n"
                                      "  trigpoint plan my_site\n"

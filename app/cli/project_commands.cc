@@ -124,7 +124,7 @@ void AddStatusCommand(CLI::App& app, Session& session) {
 void AddRunOptions(CLI::App& app, RunArguments* arguments) {
   app.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
   app.add_option("--variant", arguments->variants,
-                 "only this variant (may be given several times); default: the first "
+                 "only this variant (may be given several times); default: the default "
                  "results and the variants of trigpoint.yaml")
       ->allow_extra_args(false);
   app.add_option("--set", arguments->settings, "stage.option=value, over trigpoint.yaml (may be given several times)")
@@ -151,7 +151,8 @@ void AddRunCommand(CLI::App& app, Session& session) {
       app, session, "run", "make every result that is missing or out of date",
       "Results whose inputs, options and version are unchanged are not computed again. What fails for one run does "
       "not\n"
-      "stop the others. Stop it with Ctrl-C, or pull the plug: finished stages are kept, the same command goes on.\n\n"
+      "stop the others. It may be stopped at any time, also by a power cut: finished stages are kept, the same command "
+      "goes on.\n\n"
       "Examples:\n"
       "  trigpoint run my_site\n"
       "  trigpoint run my_site --run run1 --run run3\n"

@@ -155,8 +155,9 @@ class VerdictFacts {
     if (best == nullptr) return;
     const std::optional<SigmaTest> test = best->Sigmas();
     if (!test) return;
-    ending_.Fact("Sigmas", fmt::format("{} (ANEES {:.2f}, consistent from {:.2f} to {:.2f})", test->Words(),
-                                       test->anees, test->low, test->high));
+    ending_.Fact("Sigmas",
+                 fmt::format("{} (ANEES, squared errors over their variances, {:.2f}; right sigmas: {:.2f} to {:.2f})",
+                             test->Words(), test->anees, test->low, test->high));
   }
 
   const ProjectVerdict& verdict_;
@@ -192,7 +193,7 @@ void AddProjectFacts(const Project& project, const DisplayUnit& unit, const Proj
   }
   ProgressSink silent;
   const ReportData data = ReadReportData(input, silent, CancelToken());
-  VerdictFacts(MakeVerdict(input, data), data, unit, ending).Add(options);
+  VerdictFacts(MakeVerdict(input, data, options.variant), data, unit, ending).Add(options);
 }
 
 }  // namespace trigpoint

@@ -10,6 +10,7 @@ namespace trigpoint {
 struct ProjectFactsOptions {
   bool errors = true;        // against references, and gates; false: those that are there belong to earlier results
   bool check_points = true;  // the tag map at surveyed points
+  std::string variant;       // the set of results; empty: the default ones
 };
 
 // Facts: answers, errors against references, per run, stated sigmas, check points. Problems: gates that are not passed,

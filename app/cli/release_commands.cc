@@ -91,9 +91,10 @@ void AddPublishCommand(CLI::App& app, Session& session) {
   };
   CLI::App& command = AddCommand(
       app, session, "publish", "freeze map, tables and all they were computed from under a name",
-      "A release is never overwritten and never changes: `evaluate --reference NAME` holds results against its\n"
-      "map, so that next month's run does not move last month's truth; `compare` shows what changed since. It has\n"
-      "tables, settings, review and calibrations of the project, options and versions of every result; pictures and\n"
+      "A release is never overwritten and never changes: `evaluate --reference NAME` compares results with\n"
+      "its map, so that next month's run does not change last month's reference; `compare` shows what changed since.\n"
+      "It has tables, settings, review and calibrations of the project, options and versions of every result; pictures "
+      "and\n"
       "videos as hashes, or copied with --copy-inputs. What is out of date is not published.\n\n"
       "Examples:\n"
       "  trigpoint publish my_site --name 2026-05\n"
@@ -207,13 +208,13 @@ int Verify(const Session& session, const std::string& dir, const std::string& si
 }  // namespace
 
 void AddVerifyCommand(CLI::App& app, Session& session) {
-  CLI::App& command =
-      AddCommand(app, session, "verify", "is a release as it was published? what was changed, added, removed",
-                 "Reads a release's folder, wherever it came from, and names every file that was changed, is missing\n"
-                 "or was added. Exit code 0 if none, else 1.\n\n"
-                 "Examples:\n"
-                 "  trigpoint verify my_site/releases/2026-05\n"
-                 "  trigpoint verify my_site/releases/2026-05 --signers colleague.pub");
+  CLI::App& command = AddCommand(
+      app, session, "verify", "check that a release is as it was published; list what was changed, added, removed",
+      "Reads a release's folder, wherever it came from, and names every file that was changed, is missing\n"
+      "or was added. Exit code 0 if none, else 1.\n\n"
+      "Examples:\n"
+      "  trigpoint verify my_site/releases/2026-05\n"
+      "  trigpoint verify my_site/releases/2026-05 --signers colleague.pub");
   struct Arguments {
     std::string dir, signers;
   };

@@ -113,6 +113,14 @@ std::string Contents(const Project& project) {
   return parts.empty() ? "an empty project" : Listed(parts, parts.size());
 }
 
+// What a person types for a stage; other commands as they are.
+std::string Typed(const std::string& command) {
+  for (const StageInfo& stage : Stages()) {
+    if (stage.name == command) return CommandOf(stage);
+  }
+  return command;
+}
+
 std::string Headline(const Session& session, const std::string& command, const Project& project,
                      const std::vector<JobResult>& results, bool whole) {
   std::map<JobEnd, int64_t> ends;
@@ -122,7 +130,7 @@ std::string Headline(const Session& session, const std::string& command, const P
     const std::string name = ResultName(*result.job.stage, result.job.target);
     if (IsThere(result) && result.job.stage->name == command && !name.empty()) names.push_back(name);
   }
-  std::string text = Capitalised(command);
+  std::string text = Capitalised(Typed(command));
   const int64_t there = ends[JobEnd::kComputed] + ends[JobEnd::kUpToDate];
   if (ends[JobEnd::kFailed] > 0) {
     text +=
@@ -188,6 +196,16 @@ void AddGates(const RunReport& report, Ending* ending) {
     if (result.job.target.variant.empty()) ending->Look("Gates", result.outcome.dir / "gates.json");
   }
   if (all && passed > 0) ending->Fact("Gates", passed == 1 ? message : fmt::format("all {} passed", passed));
+}
+
+// The one set of results that the command made, else the default one.
+std::string VariantOf(const std::vector<JobResult>& results, const std::string& command) {
+  std::set<std::string> variants;
+  for (const JobResult& result : results) {
+    const std::string& stage = result.job.stage->name;
+    if (stage == command || (command == "run" && stage == "localize")) variants.insert(result.job.target.variant);
+  }
+  return variants.size() == 1 ? *variants.begin() : "";
 }
 
 void AddPlaces(const std::vector<JobResult>& results, const std::string& command, Ending* ending) {
@@ -265,9 +283,8 @@ RunReport ReportOf(const std::string& command, const Project& project, const std
   report.problems = GivenForNothing(project, report.results);
   if (report.exit_code == 0 && !report.problems.empty()) report.exit_code = 1;
   if (report.exit_code == 0 && !gates_passed) report.exit_code = kGateExitCode;
-  report.json = {{"command", command},          {"project", project.dir().string()},
-                 {"ok", report.exit_code == 0}, {"exit_code", report.exit_code},
-                 {"problems", report.problems}, {"stages", stages}};
+  report.json = {{"command", Typed(command)},     {"project", project.dir().string()}, {"ok", report.exit_code == 0},
+                 {"exit_code", report.exit_code}, {"problems", report.problems},       {"stages", stages}};
   return report;
 }
 
@@ -302,7 +319,9 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
   }
   if (whole || command == "localize" || command == "evaluate") {
     // Errors and check points of an earlier solution would be taken for this one's.
-    AddProjectFacts(project, unit, {there.count("evaluate") > 0, whole && there.count("survey") > 0}, &ending);
+    AddProjectFacts(
+        project, unit,
+        {there.count("evaluate") > 0, whole && there.count("survey") > 0, VariantOf(report.results, command)}, &ending);
   } else {
     AddBriefs(report.results, command, false, unit, &ending);
     if (there.count("survey") > 0 && command == "survey") AddCheckPoints(project, unit, &ending);

@@ -2,6 +2,7 @@
 #include "app/cli/stage_command.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -29,9 +30,11 @@ std::string OptionTable(const StageInfo& stage) {
 namespace {
 
 std::string Examples(const StageInfo& stage) {
-  std::string text = "Examples:\n  trigpoint " + stage.name + " my_site\n";
-  if (stage.per_run) text += "  trigpoint " + stage.name + " my_site --run run1\n";
-  if (stage.variants) text += "  trigpoint " + stage.name + " my_site --variant trial\n";
+  const std::string command = "  trigpoint " + CommandOf(stage);
+  std::string text = "Examples:\n" + command + " my_site\n";
+  if (stage.per_run) text += command + " my_site --run run1\n";
+  if (stage.name == "site") text += command + " my_site --run run1 --run run2\n";
+  if (stage.variants) text += command + " my_site --variant trial\n";
   return text;
 }
 
@@ -48,18 +51,19 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
     std::map<std::string, Flag> flags;  // by option
   };
   using Flag = Arguments::Flag;
-  CLI::App& command = AddCommand(app, session, stage.name, stage.help, OptionTable(stage) + Examples(stage));
+  CLI::App& command = AddCommand(app, session, CommandOf(stage), stage.help, OptionTable(stage) + Examples(stage));
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("DIR", arguments->dir, "the project")->required();
-  if (stage.per_run) {
+  const std::vector<OptionDescription> options = stage.options("");
+  const bool joins_runs = std::any_of(options.begin(), options.end(), [](const auto& o) { return o.name == "runs"; });
+  if (stage.per_run || joins_runs) {
     command.add_option("--run", arguments->runs, "only this run (may be given several times)")->allow_extra_args(false);
   }
   if (stage.variants) {
-    command.add_option(
-        "--variant", arguments->variant,
-        "a second set of results beside the first, results/" + stage.name + (stage.per_run ? "/<run>@V" : "@V"));
+    command.add_option("--variant", arguments->variant,
+                       "write to another set of results, beside the default one: results/" + stage.name +
+                           (stage.per_run ? "/<run>@V" : "@V"));
   }
-  const std::vector<OptionDescription> options = stage.options("");
   for (const std::string& entry : stage.flags) {
     const std::string flag = entry.substr(0, entry.find('='));
     const std::string name = entry.substr(entry.find('=') + 1);  // the whole of it without '='
@@ -78,10 +82,13 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
   }
   command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
       ->allow_extra_args(false);
-  command.callback([&session, &stage, arguments] {
-    session.action = [&stage, arguments](Session& s) {
+  command.callback([&session, &stage, arguments, joins_runs] {
+    session.action = [&stage, arguments, joins_runs](Session& s) {
       JobQuery query;
       std::vector<std::string> settings = arguments->settings;
+      if (joins_runs && !arguments->runs.empty()) {
+        settings.push_back("runs=" + DumpJson(fmt::format("{}", fmt::join(arguments->runs, ","))));
+      }
       for (const auto& [name, flag] : arguments->flags) {
         if (flag.value.empty()) continue;
         settings.push_back(name + "=" + (flag.is_text ? DumpJson(flag.value) : flag.value));  // quoted: text
@@ -102,7 +109,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       const Project project = OpenProject(s, arguments->dir);
       const std::vector<Job> jobs = PlanJobs(project, query);
       if (std::none_of(jobs.begin(), jobs.end(), [&](const Job& job) { return job.stage == &stage; })) {
-        throw InputError(arguments->dir + ": there is no run, so there is nothing for `" + stage.name +
+        throw InputError(arguments->dir + ": there is no run, so there is nothing for `" + CommandOf(stage) +
                          "` to do; expected runs/<run>/ with images.txt and its images (docs/file_formats.md)");
       }
       return RunAndReport(s, stage.name, project, jobs);

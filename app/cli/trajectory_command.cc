@@ -89,10 +89,9 @@ Compared Compare(const std::string& file, const PoseSequence& reference, const T
   return compared;
 }
 
-// `plot` from above, and <plot>_errors along the way, both as aligned as the numbers are.
+// `plot` from above, <plot>_axes and <plot>_errors along the way, all as aligned as the numbers are.
 std::vector<fs::path> WritePlots(const std::vector<Compared>& all, const TrajectoryReportOptions& options,
                                  const TrajectoryArguments& arguments, const DisplayUnit& unit) {
-  std::vector<Eigen::Vector2d> reference;
   std::vector<PlottedTrajectory> estimates;
   for (const Compared& compared : all) {
     std::vector<PosePair> pairs = compared.pairs;
@@ -101,22 +100,24 @@ std::vector<fs::path> WritePlots(const std::vector<Compared>& all, const Traject
     PlottedTrajectory& plotted = estimates.emplace_back();
     plotted.name = fs::path(compared.report.name).filename().string();
     double along = 0;
-    std::vector<Eigen::Vector2d> places;
     for (size_t i = 0; i < pairs.size(); ++i) {
       if (i > 0) along += (pairs[i].reference.translation - pairs[i - 1].reference.translation).norm();
-      places.emplace_back(pairs[i].reference.translation.head<2>() / unit.metres);
-      plotted.places.emplace_back(pairs[i].estimate.translation.head<2>() / unit.metres);
+      plotted.reference_places.emplace_back(pairs[i].reference.translation / unit.metres);
+      plotted.places.emplace_back(pairs[i].estimate.translation / unit.metres);
       plotted.along.push_back(along / unit.metres);
       plotted.errors.push_back(errors.translation_m[i] / unit.metres);
     }
-    if (places.size() > reference.size()) reference = places;
   }
   const fs::path plan = fs::absolute(arguments.plot).lexically_normal();
-  const fs::path along = plan.stem().string() + "_errors" + plan.extension().string();
+  const auto beside = [&](const char* what) {
+    return fs::path(plan.stem().string() + "_" + what + plan.extension().string());
+  };
   OutputFiles output(plan.parent_path(), arguments.force);
-  WriteDrawing(TrajectoryPlan(reference, estimates, unit.name), "Trajectories from above",
-               output.staging() / plan.filename());
-  WriteDrawing(TrajectoryErrorChart(estimates, unit.name), "Absolute errors along the way", output.staging() / along);
+  WriteDrawing(TrajectoryPlan(estimates, unit.name), "Trajectories from above", output.staging() / plan.filename());
+  WriteDrawing(TrajectoryAxesChart(estimates, unit.name), "x, y and z along the way",
+               output.staging() / beside("axes"));
+  WriteDrawing(TrajectoryErrorChart(estimates, unit.name), "Absolute errors along the way",
+               output.staging() / beside("errors"));
   return output.Publish();
 }
 
@@ -274,9 +275,10 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
       ->expected(3);
   command.add_option("--time-zero", a->time_zero, "UTC of the estimates' time 0, for NMEA and GPX");
   command.add_option("--out", a->out, "write the JSON summary to this file too; only a summary is ever replaced");
-  command.add_option("--plot", a->plot,
-                     "draw the trajectories from above into this file (.svg or .png), and their errors along the way "
-                     "into the one beside it whose name ends in _errors");
+  command.add_option(
+      "--plot", a->plot,
+      "draw the trajectories from above into this file (.svg or .png); beside it, x, y and z along the way "
+      "(name with _axes) and the errors (_errors)");
   command.add_flag("--force", a->force, "replace files that were changed since they were written");
   command.callback([&session, a] { session.action = [a](Session& s) { return Score(s, *a); }; });
 }

@@ -8,9 +8,9 @@
 #include <QScrollArea>
 #include <QTimer>
 #include <QVBoxLayout>
-#include <mutex>
 
 #include "app/desktop/background.h"
+#include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 
 namespace trigpoint {
@@ -20,29 +20,6 @@ namespace {
 constexpr int kLook_ms = 100;  // between two looks at how far it is
 
 }  // namespace
-
-struct ActionDialog::Work final : public ProgressSink {
-  void Begin(std::string_view task, int64_t total) override {
-    const std::lock_guard guard(mutex);
-    task_ = QString::fromUtf8(task.data(), static_cast<int>(task.size()));
-    total_ = total, done_ = 0;
-  }
-  void Advance(int64_t steps) override {
-    const std::lock_guard guard(mutex);
-    done_ += steps;
-  }
-  QString Text() {
-    const std::lock_guard guard(mutex);
-    return total_ > 0 ? QString("%1: %2 / %3").arg(task_).arg(done_).arg(total_) : task_;
-  }
-
-  CancelToken cancel;
-
- private:
-  std::mutex mutex;
-  QString task_;
-  int64_t total_ = 0, done_ = 0;
-};
 
 ActionDialog::ActionDialog(Workspace* workspace, Action action, QWidget* parent)
     : QDialog(parent), workspace_(workspace), action_(std::move(action)) {
@@ -119,7 +96,7 @@ void ActionDialog::ShowCommand() {
 
 void ActionDialog::Run() {
   if (work_ || !workspace_->snapshot()) return;
-  work_ = std::make_shared<Work>();
+  work_ = std::make_shared<PolledProgress>();
   cancel_->setEnabled(true);
   status_->setText(tr("Working ..."));
   timer_->start();

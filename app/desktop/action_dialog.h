@@ -15,6 +15,8 @@ class QTimer;
 
 namespace trigpoint {
 
+class PolledProgress;
+
 class ActionDialog : public QDialog {
   Q_OBJECT
 
@@ -27,7 +29,6 @@ class ActionDialog : public QDialog {
   void Done(bool well);
 
  private:
-  struct Work;
   void Run();
   void ShowCommand();
 
@@ -39,7 +40,7 @@ class ActionDialog : public QDialog {
   QPlainTextEdit* outcome_;
   QPushButton *run_, *cancel_;
   QTimer* timer_;
-  std::shared_ptr<Work> work_;  // that goes on
+  std::shared_ptr<PolledProgress> work_;  // that goes on
 };
 
 }  // namespace trigpoint

@@ -102,6 +102,7 @@ void Decisions::Append(const ReviewRequest& wanted, bool again) {
           emit workspace_->Problem(written.error, tr("Nothing was written to review.jsonl."));
           return;
         }
+        again_ = again;
         if (written.value.entry.action == "undo") {
           undone_.push_back(written.value.undone);
         } else if (again) {

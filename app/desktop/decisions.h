@@ -28,6 +28,8 @@ class Decisions : public QObject {
   // What they would do, in words; empty: nothing.
   QString UndoText() const;
   QString RedoText() const;
+  // Whether the last decision was one that is made again.
+  bool again() const { return again_; }
   // Whose decisions they are; empty: the user of this process.
   void SetUser(const QString& user) { user_ = user; }
 
@@ -49,6 +51,7 @@ class Decisions : public QObject {
   QString user_;
   std::vector<ReviewEntry> undone_;  // the last one is made again first
   bool busy_ = false;
+  bool again_ = false;
 };
 
 }  // namespace trigpoint

@@ -49,6 +49,7 @@ HelpDialog::HelpDialog(const QMenuBar* menus, QWidget* parent) : QDialog(parent)
       {tr("Drag, arrow keys"), tr("pictures: move; scene: turn, in the plan move")},
       {"0, 1", tr("pictures: fit; pixel by pixel")},
       {tr("Home, F"), tr("scene: all; the selection")},
+      {tr("Shift with T, N, E, S, W"), tr("scene: look from above, north, east, south, west, as by the cube")},
       {tr("Page Up, Page Down, Escape"), tr("inside a panorama: the run's others; leave")},
       {"Ctrl+C", tr("scene: copy the coordinates under the mouse; tables: copy the rows")},
       {tr("Ctrl+N"), tr("images: the next image of the selected tag")},

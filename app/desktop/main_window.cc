@@ -23,6 +23,7 @@
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_desk.h"
 #include "app/desktop/charts_desk.h"
+#include "app/desktop/check_desk.h"
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/decisions.h"
 #include "app/desktop/help_dialog.h"
@@ -34,6 +35,7 @@
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/scene_desk.h"
+#include "app/desktop/services_dialog.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
@@ -98,34 +100,14 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   review_ = new ReviewDesk(workspace_, jobs_, decisions_);
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
-  AddDesk(overview_, "overview", tr("Overview"));
-  AddDesk(run_, "run", tr("Run"));
-  AddDesk(scene_, "scene", tr("3D"));
-  AddDesk(images_, "images", tr("Images"));
-  AddDesk(tables_, "tables", tr("Tables"));
-  AddDesk(charts_, "charts", tr("Charts"));
-  AddDesk(compare_, "compare", tr("Compare"));
-  AddDesk(review_, "review", tr("Review"));
-  AddDesk(panoramas_, "panoramas", tr("Panoramas"));
-  AddDesk(calibration_, "calibration", tr("Calibration"));
-
+  check_ = new CheckDesk(workspace_);
+  AddDesks();
   setCentralWidget(desks_);
   site_ = MakeDock("site", tr("Site"), tree_);
   station_ = MakeDock("station", tr("Station"), card_);
   resizeDocks({site_}, {300}, Qt::Horizontal);
   resizeDocks({site_, station_}, {330, 330}, Qt::Vertical);
-  progress_ = new QLabel;
-  progress_->setObjectName("progress");
-  progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
-  progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
-  cancel_ = new QPushButton(tr("Cancel"));
-  cancel_->setObjectName("cancel");
-  cancel_->hide();
-  statusBar()->addWidget(progress_, 1);
-  statusBar()->addWidget(problem_, 2);
-  // As high as with a problem, so that none moves what is above.
-  statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
-  statusBar()->addPermanentWidget(cancel_);
+  MakeStatusBar();
   connect(desks_, &QTabWidget::currentChanged, this, &MainWindow::ShowTabs);
   MakeMenus();
 
@@ -182,6 +164,35 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   if (unit == "ft" || unit == "us-ft") workspace_->SetUnit(unit);
   ShowRecent();
   ShowIdle();
+}
+
+void MainWindow::AddDesks() {
+  AddDesk(overview_, "overview", tr("Overview"));
+  AddDesk(run_, "run", tr("Run"));
+  AddDesk(scene_, "scene", tr("3D"));
+  AddDesk(images_, "images", tr("Images"));
+  AddDesk(tables_, "tables", tr("Tables"));
+  AddDesk(charts_, "charts", tr("Charts"));
+  AddDesk(compare_, "compare", tr("Compare"));
+  AddDesk(review_, "review", tr("Review"));
+  AddDesk(panoramas_, "panoramas", tr("Panoramas"));
+  AddDesk(calibration_, "calibration", tr("Calibration"));
+  AddDesk(check_, "check", tr("Check"));
+}
+
+void MainWindow::MakeStatusBar() {
+  progress_ = new QLabel;
+  progress_->setObjectName("progress");
+  progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
+  progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
+  cancel_ = new QPushButton(tr("Cancel"));
+  cancel_->setObjectName("cancel");
+  cancel_->hide();
+  statusBar()->addWidget(progress_, 1);
+  statusBar()->addWidget(problem_, 2);
+  // As high as with a problem, so that none moves what is above.
+  statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);
+  statusBar()->addPermanentWidget(cancel_);
 }
 
 QDockWidget* MainWindow::MakeDock(const char* name, const QString& title, QWidget* widget) {
@@ -305,7 +316,8 @@ void MainWindow::MakeMenus() {
   file->addSeparator();
   file->addAction(
       IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
-  file->addAction(IconNamed("publish"), tr("&Publish ..."), this, [this] { ShowAction(PublishAction()); });
+  file->addAction(tr("&Panoramas of services ..."), this, &MainWindow::ShowServices);
+  file->addAction(IconNamed("publish"), tr("Pu&blish ..."), this, [this] { ShowAction(PublishAction()); });
   file->addSeparator();
   file->addAction(IconNamed("report"), tr("Open the &report"), this, &MainWindow::ShowReport,
                   QKeySequence(tr("Ctrl+Shift+O")));
@@ -347,12 +359,21 @@ void MainWindow::MakeRunMenu() {
   run->addAction(IconNamed("compare"), tr("Cross-check with COL&MAP ..."), this, [this] { ChooseStage("crosscheck"); });
   run->addSeparator();
   run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ChooseStage("plan"); });
+  run->addAction(IconNamed("check"), tr("Chec&k what was recorded so far"), this, [this] { ShowDesk("check"); });
   run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowAction(PrintAction()); });
 }
 
 void MainWindow::ChooseStage(const QString& stage) {
   run_->Choose(stage, "");
   ShowDesk("run");
+}
+
+void MainWindow::ShowServices() {
+  if (!workspace_->snapshot()) {
+    emit workspace_->Problem(tr("Open a project first."), "");
+    return;
+  }
+  (new ServicesDialog(workspace_, this))->show();
 }
 
 void MainWindow::ShowAction(const Action& action) {
@@ -368,7 +389,7 @@ void MainWindow::MakeViewMenu() {
   for (int i = 0; i < desks_->count(); ++i) {
     view->addAction(
         desks_->tabIcon(i), desks_->tabToolTip(i), this, [this, i] { desks_->setCurrentIndex(i); },
-        QKeySequence(tr("Ctrl+%1").arg((i + 1) % 10)));
+        QKeySequence((i < 10 ? tr("Ctrl+%1") : tr("Ctrl+Alt+%1")).arg((i + 1) % 10)));
   }
   view->addSeparator();
   view->addAction(site_->toggleViewAction());

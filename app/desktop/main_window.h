@@ -18,6 +18,7 @@ namespace trigpoint {
 class CalibrationDesk;
 struct Action;
 class ChartsDesk;
+class CheckDesk;
 class CompareDesk;
 class Decisions;
 class ImagesDesk;
@@ -63,7 +64,9 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review() const { return review_; }
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
-  // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration".
+  CheckDesk* check() const { return check_; }
+  // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration",
+  // "check".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -76,6 +79,8 @@ class MainWindow : public QMainWindow {
   void dropEvent(QDropEvent* event) override;
 
  private:
+  void AddDesks();
+  void MakeStatusBar();
   void MakeMenus();
   void ConnectJobs();
   void ConnectOverview();
@@ -94,6 +99,7 @@ class MainWindow : public QMainWindow {
   void MakeHelpMenu();
   void ShowTabs();                        // names where there is room, else icons
   void ShowAction(const Action& action);  // its form
+  void ShowServices();
   void ChooseStage(const QString& stage);
   void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs
@@ -117,6 +123,7 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review_;
   PanoramaDesk* panoramas_;
   CalibrationDesk* calibration_;
+  CheckDesk* check_;
   QMenu* recent_ = nullptr;
   QLabel* progress_;
   QPushButton* cancel_;

@@ -25,11 +25,7 @@ QImage LoadRunPicture(const Project& project, const std::string& run_name, const
   const Run& run = project.run(run_name);
   for (const ImageEntry& entry : run.images) {
     if (entry.file != file) continue;
-    const auto camera = static_cast<size_t>(entry.camera);
-    if (entry.video_frame >= 0 || camera >= run.cameras.size()) return ToQImage(LoadGrey(run, entry));
-    cv::Mat picture = LoadPhoto(entry.path, run.cameras[camera].camera, false);
-    if (run.config.mirrored) cv::flip(picture.clone(), picture, 1);
-    return ToQImage(picture);
+    return ToQImage(LoadColour(run, entry));
   }
   throw InputError("run " + run_name + " has no image '" + file + "'");
 }

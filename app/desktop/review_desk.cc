@@ -1,5 +1,6 @@
 #include "app/desktop/review_desk.h"
 
+#include <QCheckBox>
 #include <QComboBox>
 #include <QFormLayout>
 #include <QHBoxLayout>
@@ -83,7 +84,10 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
                        {tr("entry"), tr("time (UTC)"), tr("user"), tr("action"), tr("object"), tr("reason")});
   changes_ = MakeTable("review.changes", tr("What changed"),
                        {tr("reference"), tr("answer"), tr("run"), tr("station"), tr("before"), tr("after"),
-                        tr("status before"), tr("status after")});
+                        QString::fromUtf8("\xcf\x83"), tr("status before"), tr("status after")});
+  changes_->horizontalHeaderItem(6)->setToolTip(tr("1 sigma of the error in space, the larger of the two"));
+  small_changes_ = new QCheckBox(tr("changes within 1 sigma, too"));
+  small_changes_->setObjectName("review.small");
   summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
   summary_->setObjectName("review.summary");
   summary_->setWordWrap(true);
@@ -102,6 +106,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   auto* rows = new QVBoxLayout(lower);
   rows->setContentsMargins(0, 0, 0, 0);
   rows->addWidget(summary_);
+  rows->addWidget(small_changes_);
   rows->addWidget(changes_, 1);
   split->addWidget(lower);
   auto* all = new QVBoxLayout(this);
@@ -109,6 +114,11 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   all->addLayout(buttons);
   all->addWidget(split, 1);
 
+  Connect();
+  Refresh();
+}
+
+void ReviewDesk::Connect() {
   connect(exclude_, &QPushButton::clicked, this, [this] { Decide("exclude"); });
   connect(restore_, &QPushButton::clicked, this, [this] { Decide("restore"); });
   connect(role_, &QPushButton::clicked, this, [this] { Decide("role"); });
@@ -119,6 +129,8 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
     const auto& entries = workspace_->snapshot()->project->review().entries();
     const bool taken = !entries.empty() && entries.back().reason == reason_->text().trimmed().toStdString();
     if (taken) reason_->clear();
+    const bool back = !entries.empty() && (entries.back().action == "undo" || decisions_->again());
+    if (back && !solved_state_.empty() && StateInForce() == earlier_state_) Solve();  // the results are kept
     emit Reviewed();
   });
   connect(decisions_, &Decisions::Changed, this, [this] {
@@ -126,6 +138,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
     redo_->setEnabled(!decisions_->RedoText().isEmpty());
   });
   connect(solve_, &QPushButton::clicked, this, &ReviewDesk::Solve);
+  connect(small_changes_, &QCheckBox::toggled, this, &ReviewDesk::ShowChanges);
   for (QTableWidget* table : {entries_, changes_}) LinkTable(table, workspace_);
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
     if (!object.isEmpty()) object_->setText(object);
@@ -146,13 +159,15 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
     ShowChanges();
     emit Solved();
   });
-  Refresh();
 }
 
 ReviewDesk::~ReviewDesk() = default;
 
 void ReviewDesk::Forget() {
   before_.clear();
+  solved_state_.clear();
+  earlier_state_.clear();
+  opened_.clear();
   solving_ = false;
   changes_->setRowCount(0);
   summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));
@@ -170,6 +185,11 @@ void ReviewDesk::Solve() {
   solving_variant_ = variant_->currentData().toString().toStdString();
   before_ = ErrorsOf(*workspace_->snapshot()->project, solving_variant_);
   solving_ = true;
+  const std::string state = StateInForce();
+  if (state != solved_state_) {
+    earlier_state_ = solved_state_.empty() ? opened_state_ : solved_state_;
+    solved_state_ = state;
+  }
   const double seconds =
       ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), ReviewQuery(solving_variant_)).seconds;
   summary_->setText(tr("Solving ...") +
@@ -186,6 +206,7 @@ void ReviewDesk::Refresh() {
   const QString before = variant_->currentData().toString();
   variant_->clear();
   if (!snapshot) return;
+  if (opened_ != snapshot->dir) opened_ = snapshot->dir, opened_state_ = StateInForce();
   for (const std::string& name : snapshot->variants) {
     variant_->addItem(name.empty() ? tr("first results") : QString::fromStdString(name), QString::fromStdString(name));
   }
@@ -210,15 +231,25 @@ void ReviewDesk::ShowChanges() {
   };
   const auto changed =
       ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_), kLeastChange_m);
+  size_t small = 0;
   for (const ReviewedError& row : changed) {
+    small += row.WithinSigma() ? 1 : 0;
+    if (row.WithinSigma() && !small_changes_->isChecked()) continue;
     AddRow(changes_,
            {QString::fromStdString(row.reference), QString::fromStdString(MethodName(row.method)),
             QString::fromStdString(row.run), QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
-            QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
+            text(row.sigma_m), QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
            QString::fromStdString("station:" + row.station), false);
   }
-  summary_->setText(changed.empty() ? tr("Nothing changed at stations and check points.")
-                                    : tr("%1 3D errors changed").arg(changed.size()));
+  summary_->setText(changed.empty()
+                        ? tr("Nothing changed at stations and check points.")
+                        : tr("3D errors that changed by more than their 1 sigma, or in status: %1; by less: %2.")
+                              .arg(changed.size() - small)
+                              .arg(small));
+}
+
+std::string ReviewDesk::StateInForce() const {
+  return workspace_->snapshot() ? workspace_->snapshot()->project->review().InForce(ReviewKinds(), "").dump() : "";
 }
 
 }  // namespace trigpoint

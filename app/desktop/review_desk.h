@@ -2,11 +2,13 @@
 #pragma once
 
 #include <QWidget>
+#include <filesystem>
 #include <vector>
 
 #include "app/desktop/job_controller.h"
 #include "app/desktop/workspace.h"
 
+class QCheckBox;
 class QComboBox;
 class QLabel;
 class QLineEdit;
@@ -33,21 +35,27 @@ class ReviewDesk : public QWidget {
   void Solved();    // the changes are shown
 
  private:
+  void Connect();
   void Refresh();
   void Forget();  // before another project is opened
   void Decide(const char* action);
   void ShowChanges();
+  std::string StateInForce() const;
 
   Workspace* workspace_;
   JobController* jobs_;
   Decisions* decisions_;
   QLineEdit *object_, *reason_, *user_;
   QComboBox* variant_;
+  QCheckBox* small_changes_;
   QPushButton *exclude_, *restore_, *role_, *undo_, *redo_, *solve_;
   QTableWidget *entries_, *changes_;
   QLabel* summary_;
   std::vector<ErrorRow> before_;
   std::string solving_variant_;
+  // What was in force when the results were made, and before that: taken back, the earlier results are still there.
+  std::string solved_state_, earlier_state_, opened_state_;
+  std::filesystem::path opened_;
   bool solving_ = false;
 };
 

@@ -20,7 +20,9 @@
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
+#include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
+#include "datasets/export/crs.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
@@ -31,13 +33,15 @@ constexpr double kKeyTurn_deg = 5;
 constexpr double kKeyZoom = 1.2;
 constexpr double kNarrowest_deg = 5, kWidest_deg = 110;  // of the view from inside a panorama
 
-// Easting and northing where the project's CRS is a UTM zone; else empty.
-QString UtmText(const Geodetic& place, const std::string& crs) {
-  if (crs.size() != 10 || (!crs.starts_with("EPSG:326") && !crs.starts_with("EPSG:327"))) return "";
-  const int zone = std::atoi(crs.c_str() + 8);
-  if (zone < 1 || zone > 60 || std::abs(place.latitude_deg) > 84) return "";
-  const Utm utm = UtmFromGeodetic(place, zone);
-  return QString::fromStdString(fmt::format("{} {:.3f} {:.3f}", crs, utm.easting_m, utm.northing_m));
+// In the project's CRS where that has metres or feet; else empty.
+QString CrsText(const Geodetic& place, const Crs* crs) {
+  if (crs == nullptr || crs->geographic()) return "";
+  try {
+    const Eigen::Vector2d at = crs->FromGeodetic(place);
+    return QString::fromStdString(fmt::format("EPSG:{} {:.3f} {:.3f}", crs->epsg(), at.x(), at.y()));
+  } catch (const Error&) {  // it has no place there
+    return "";
+  }
 }
 
 }  // namespace
@@ -69,6 +73,7 @@ bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
       ZoomAt(ratio * wheel->position(), std::pow(1.0015, wheel->angleDelta().y()));
       return true;
     }
+    case QEvent::Resize: PlaceOverlays(); break;
     case QEvent::KeyPress: return PressKey(static_cast<QKeyEvent*>(event));
     case QEvent::KeyRelease: return true;  // VTK has keys of its own: r shrinks, 3 turns everything magenta
     default: break;
@@ -93,6 +98,7 @@ bool SceneDesk::PressKey(QKeyEvent* event) {
     vtk_->renderer->ResetCameraClippingRange();
     Render();
   };
+  if ((event->modifiers() & Qt::ShiftModifier) != 0 && LookFromKey(event->key())) return true;
   switch (event->key()) {
     case Qt::Key_Tab:
     case Qt::Key_Backtab: return false;
@@ -116,6 +122,17 @@ bool SceneDesk::PressKey(QKeyEvent* event) {
     default: break;
   }
   return true;
+}
+
+bool SceneDesk::LookFromKey(int key) {
+  const std::map<int, Eigen::Vector3d> sides = {{Qt::Key_T, {0, 0, 1}},
+                                                {Qt::Key_N, {0, 1, 0}},
+                                                {Qt::Key_S, {0, -1, 0}},
+                                                {Qt::Key_E, {1, 0, 0}},
+                                                {Qt::Key_W, {-1, 0, 0}}};
+  const auto side = sides.find(key);
+  if (side != sides.end()) LookFrom(side->second);
+  return side != sides.end();
 }
 
 QString SceneDesk::mode() const { return mode_->currentData().toString(); }
@@ -165,8 +182,8 @@ void SceneDesk::Hover(const QPointF& at) {
   if (model->on_earth && snapshot && snapshot->project->has_frame()) {
     const Geodetic place = snapshot->project->frame().GeodeticFromEnu(p);
     text += QString("   WGS 84 %1, %2").arg(place.latitude_deg, 0, 'f', 7).arg(place.longitude_deg, 0, 'f', 7);
-    const QString utm = UtmText(place, snapshot->project->crs());
-    if (!utm.isEmpty()) text += "   " + utm;
+    const QString in_crs = CrsText(place, ProjectCrs());
+    if (!in_crs.isEmpty()) text += "   " + in_crs;
   }
   place_->setText(text);
 }
@@ -265,12 +282,6 @@ void SceneDesk::SetOpacity(int percent) {
   opacities_[item->data(Qt::UserRole).toString().toStdString()] = percent;
   DrawAsSet();
   Render();
-}
-
-void SceneDesk::DrawAsSet() {
-  if (!vtk_->view) return;
-  for (const auto& [layer, percent] : opacities_) vtk_->view->SetOpacity(layer, 0.01 * percent);
-  vtk_->view->SetPointSize(size_->value());
 }
 
 }  // namespace trigpoint

@@ -17,7 +17,10 @@
 #include <QListWidget>
 #include <QPushButton>
 #include <QSlider>
+#include <QSpinBox>
 #include <QSplitter>
+#include <QTabWidget>
+#include <QToolButton>
 #include <QVBoxLayout>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -28,6 +31,7 @@
 #include "app/desktop/measurement.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
 #include "datasets/io/image.h"
@@ -41,6 +45,7 @@ constexpr int kMostPoints = 1000000;
 constexpr int kMostCameras = 2000;
 constexpr size_t kMostTextures = 40;  // panoramas drawn with their pictures; with more they are plain
 constexpr int kMostNames = 8;         // images listed of a point
+constexpr int kMostLabels = 500;      // of stations, and of tags
 constexpr int kSkyWidth = 4096;       // px, of the panorama one stands in
 
 std::string ObjectOf(const ScenePick& pick) {
@@ -49,20 +54,32 @@ std::string ObjectOf(const ScenePick& pick) {
     return "panorama:" + pick.name;
   }
   if (pick.layer == "tags") return "tag:" + pick.name;
+  if (pick.layer == "control") return "control:" + pick.name;
   if (pick.layer == "points") return "point:" + pick.run + "/" + pick.name;
   return "";
 }
 
 // The names of the layers, for lupdate, which finds no string that is put together elsewhere.
 [[maybe_unused]] constexpr const char* kLayerNames[] = {
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "aerial"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "odometry"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "optimised"), QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "truth"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "estimates"), QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "points"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "cameras"),   QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "panoramas"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "geotags"),   QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "tags"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "errors"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "ellipsoids"),
-    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "labels"),    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "axes"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "aerial"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "odometry"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "optimised"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "truth"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "estimates"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "points"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "cameras"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "panoramas"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "geotags"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "tags"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "errors"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "ellipsoids"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "labels"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "axes"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "legend"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "gps"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "control"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "tag ellipsoids"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "camera ellipsoids"),
 };
 
 }  // namespace
@@ -90,6 +107,8 @@ void SceneDesk::MakeControls() {
   colour_->addItem(tr("points by height"), static_cast<int>(PointColour::kHeight));
   colour_->addItem(tr("points by track length"), static_cast<int>(PointColour::kTrackLength));
   colour_->addItem(tr("points by uncertainty"), static_cast<int>(PointColour::kUncertainty));
+  colour_->addItem(tr("points by residual"), static_cast<int>(PointColour::kResidual));
+  colour_->addItem(tr("points as in the pictures"), static_cast<int>(PointColour::kPicture));
   variant_ = new QComboBox;
   variant_->setObjectName("scene.variant");
   variant_->setAccessibleName(tr("Variant"));
@@ -124,21 +143,10 @@ void SceneDesk::MakeControls() {
   place_->setToolTip(tr("On the ground under the mouse; Ctrl+C in the view copies it"));
   place_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
   measurements_ = new MeasurementList(workspace_);
-  opacity_ = new QSlider(Qt::Horizontal);
-  opacity_->setObjectName("scene.opacity");
-  opacity_->setAccessibleName(tr("Opacity of the chosen layer"));
-  opacity_->setToolTip(opacity_->accessibleName());
-  opacity_->setRange(5, 100);
-  opacity_->setValue(100);
-  opacity_->setEnabled(false);
-  size_ = new QSlider(Qt::Horizontal);
-  size_->setObjectName("scene.size");
-  size_->setAccessibleName(tr("Size of the points"));
-  size_->setToolTip(size_->accessibleName());
-  size_->setRange(1, 10);
-  size_->setValue(2);
   picture_ = new PictureView;
   picture_->setAccessibleName(tr("Image of what is picked"));
+  MakeLook();
+  MakeInside();
 }
 
 void SceneDesk::MakeView() {
@@ -174,6 +182,14 @@ void SceneDesk::MakeView() {
   });
   vtk_->detail = detail;
   vtk_->widget->installEventFilter(this);
+  cube_ = new ViewCube(vtk_->widget);
+  overlay_ = new PlanOverlay(vtk_->widget);
+  connect(cube_, &ViewCube::Chosen, this, &SceneDesk::LookFrom);
+  vtkNew<vtkCallbackCommand> drawn;  // before each picture
+  drawn->SetClientData(this);
+  drawn->SetCallback(
+      [](vtkObject*, unsigned long, void* desk, void*) { static_cast<SceneDesk*>(desk)->ShowOverlays(); });
+  vtk_->renderer->AddObserver(vtkCommand::StartEvent, drawn);
   SetMode("orbit");
 }
 
@@ -181,15 +197,12 @@ void SceneDesk::Arrange() {
   auto* panel = new QWidget;
   auto* column = new QVBoxLayout(panel);
   column->setContentsMargins(0, 0, 0, 0);
-  column->addWidget(layers_, 2);
-  auto* look = new QFormLayout;
-  look->addRow(tr("opacity"), opacity_);
-  look->addRow(tr("points"), size_);
-  column->addLayout(look);
+  column->addWidget(ArrangeLook(), 3);
   column->addWidget(text_);
   column->addWidget(picture_, 2);
   auto* top = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{mode_, colour_, variant_, measure_, step_, screenshot_}) {
+  for (QWidget* w : std::initializer_list<QWidget*>{mode_, variant_, measure_, edl_, step_, previous_, next_,
+                                                    inside_run_, screenshot_}) {
     top->addWidget(w);
   }
   auto* bottom = new QHBoxLayout;
@@ -214,9 +227,11 @@ void SceneDesk::Arrange() {
   auto* all = new QVBoxLayout(this);
   all->addWidget(split);
   if (kind_ == Kind::kCompact) {
+    top->addWidget(colour_);
     panel->hide();
     all->setContentsMargins(0, 0, 0, 0);
-    for (QWidget* w : std::initializer_list<QWidget*>{variant_, measure_, step_, screenshot_, run_, time_, follow_}) {
+    for (QWidget* w :
+         std::initializer_list<QWidget*>{variant_, measure_, edl_, step_, screenshot_, run_, time_, follow_}) {
       w->hide();
     }
   }
@@ -224,11 +239,6 @@ void SceneDesk::Arrange() {
 
 void SceneDesk::ConnectControls() {
   connect(mode_, QOverload<int>::of(&QComboBox::activated), this, [this] { SetMode(mode_->currentData().toString()); });
-  connect(colour_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] {
-    if (!vtk_->view) return;
-    vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
-    Render();
-  });
   connect(variant_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &SceneDesk::Load);
   connect(layers_, &QListWidget::itemChanged, this, [this](QListWidgetItem* item) {
     if (!vtk_->view) return;
@@ -299,10 +309,27 @@ void SceneDesk::ConnectLook() {
   vtk_->widget->setMouseTracking(true);
   connect(layers_, &QListWidget::currentRowChanged, this, &SceneDesk::ShowOpacity);
   connect(opacity_, &QSlider::valueChanged, this, &SceneDesk::SetOpacity);
-  connect(size_, &QSlider::valueChanged, this, [this] {
+  const auto draw = [this] {
     DrawAsSet();
     Render();
+  };
+  connect(size_, &QSlider::valueChanged, this, draw);
+  connect(colour_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, draw);
+  connect(colour_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &SceneDesk::FetchRgb);
+  connect(percentiles_, &QCheckBox::toggled, this, draw);
+  connect(least_images_, QOverload<int>::of(&QSpinBox::valueChanged), this, draw);
+  connect(most_sigma_, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, draw);
+  connect(most_residual_, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, draw);
+  connect(runs_, &QListWidget::itemChanged, this, draw);
+  connect(edl_, &QCheckBox::toggled, this, [this](bool on) {
+    vtk_->ShadeByDepth(on && !inside());
+    Render();
   });
+  connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowFilterUnit);
+  connect(previous_, &QToolButton::clicked, this, [this] { StepBy(-1); });
+  connect(next_, &QToolButton::clicked, this, [this] { StepBy(1); });
+  connect(inside_run_, QOverload<int>::of(&QComboBox::activated), this,
+          [this] { StepInto(static_cast<size_t>(inside_run_->currentData().toInt())); });
   connect(measurements_, &MeasurementList::SaveRequested, this, &SceneDesk::SaveMeasurements);
   connect(measurements_, &MeasurementList::ClearRequested, this, [this] {
     measurements_->Clear();
@@ -318,7 +345,9 @@ SceneDesk::~SceneDesk() {
   vtk_->HideSky();
   if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
   vtk_->view.reset();
+  vtk_->ShadeByDepth(false);
   vtk_->sky->RemoveAllObservers();
+  vtk_->renderer->RemoveAllObservers();
   vtk_->window->GetInteractor()->RemoveObservers(vtkCommand::InteractionEvent);
 }
 
@@ -399,12 +428,12 @@ void SceneDesk::Load() {
           vtk_->scene = loaded.value;
           SceneStyle style;
           style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
+          style.max_labels = kMostLabels;  // those that have room are drawn
           // Two that stand side by side are drawn at one scale.
           if (twin_ != nullptr && twin_->vtk_->view) style.error_scale = twin_->vtk_->view->ErrorScale();
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
           ShowBackground();
-          vtk_->view->ColourPointsBy(static_cast<PointColour>(colour_->currentData().toInt()));
           if (!vtk_->looked) {
             vtk_->view->LookOblique(vtk_->renderer);
             vtk_->looked = !vtk_->scene->model.Empty();
@@ -417,6 +446,7 @@ void SceneDesk::Load() {
           for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
           if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
           if (!notes.isEmpty()) Say(notes.join("\n"));
+          FetchRgb();
           emit Loaded();
         });
   }
@@ -431,6 +461,7 @@ void SceneDesk::ClearScene() {
   if (inside()) UseStyle(mode());
   vtk_->HideSky();
   step_->setText(tr("Step &inside"));
+  ListInside();
   if (vtk_->view) vtk_->view->RemoveFrom(vtk_->renderer);
   vtk_->view.reset();
   vtk_->scene.reset();
@@ -460,9 +491,9 @@ void SceneDesk::Forget() {
 
 void SceneDesk::ShowLayers() {
   const QSignalBlocker block(layers_);
-  QStringList off;
+  std::map<QString, bool> shown;
   for (int i = 0; i < layers_->count(); ++i) {
-    if (layers_->item(i)->checkState() != Qt::Checked) off << layers_->item(i)->data(Qt::UserRole).toString();
+    shown[layers_->item(i)->data(Qt::UserRole).toString()] = layers_->item(i)->checkState() == Qt::Checked;
   }
   layers_->clear();
   for (const std::string& layer : SceneView::Layers()) {
@@ -476,9 +507,14 @@ void SceneDesk::ShowLayers() {
       item->setIcon(swatch);
     }
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
-    item->setCheckState(off.contains(name) ? Qt::Unchecked : Qt::Checked);
-    vtk_->view->SetVisible(layer, !off.contains(name));
+    const auto before = shown.find(name);
+    const bool on = before == shown.end() ? vtk_->view->Visible(layer) : before->second;
+    item->setCheckState(on ? Qt::Checked : Qt::Unchecked);
+    vtk_->view->SetVisible(layer, on);
   }
+  ShowRuns();
+  PlaceOverlays();
+  cube_->SetOnEarth(vtk_->scene->model.on_earth);
   DrawAsSet();
   const QString run = run_->currentText();
   const QSignalBlocker block_run(run_);
@@ -628,7 +664,10 @@ QPointF SceneDesk::PlaceOf(const QString& object) const {
 }
 
 QImage SceneDesk::Screenshot(int width, int height) {
+  // What lies over the view is not in its picture: the scene's own scale and north are.
+  picturing_ = true;
   const cv::Mat picture = vtk_->Picture(width, height);
+  picturing_ = false;
   Render();
   return QImage(picture.data, picture.cols, picture.rows, static_cast<int>(picture.step), QImage::Format_RGB888).copy();
 }
@@ -663,6 +702,8 @@ void SceneDesk::StepInto(size_t panorama) {
         vtk_->widget->makeCurrent();
         vtk_->ShowSky(shown, picture.value);
         vtk_->inside = panorama;
+        vtk_->ShadeByDepth(false);
+        ListInside();
         vtk_->Clear(vtk_->highlights);
         // Over the picture only what is seen in it.
         for (const std::string& layer : SceneView::Layers()) {
@@ -681,7 +722,9 @@ void SceneDesk::StepInto(size_t panorama) {
 void SceneDesk::StepOutside() {
   vtk_->widget->makeCurrent();
   vtk_->HideSky();
+  vtk_->ShadeByDepth(edl_->isChecked());
   step_->setText(tr("Step &inside"));
+  ListInside();
   if (!vtk_->view) return;
   for (int i = 0; i < layers_->count(); ++i) {
     vtk_->view->SetVisible(layers_->item(i)->data(Qt::UserRole).toString().toStdString(),
@@ -730,6 +773,7 @@ void SceneDesk::SetMode(const QString& mode) {
   mode_->setCurrentIndex(mode_->findData(mode));
   if (inside()) StepOutside();
   UseStyle(mode);
+  PlaceOverlays();
   ShowAll();
 }
 

@@ -2,6 +2,7 @@
 // along a run; measuring; stepping inside a panorama; screenshots.
 #pragma once
 
+#include <Eigen/Core>
 #include <QImage>
 #include <QWidget>
 #include <map>
@@ -18,12 +19,20 @@ class QLabel;
 class QListWidget;
 class QPushButton;
 class QSlider;
+class QSpinBox;
+class QDoubleSpinBox;
+class QTabWidget;
+class QToolButton;
 
 namespace trigpoint {
 
 class MeasurementList;
 class PictureView;
+class Crs;
+class PlanOverlay;
+class ViewCube;
 struct MeasuredPlace;
+struct PlanFrame;
 struct ScenePick;
 
 class SceneDesk : public QWidget {
@@ -62,6 +71,12 @@ class SceneDesk : public QWidget {
   // What the wheel does at a pixel of the view (device pixels from its top left): it stays where it is.
   void ZoomAt(const QPointF& at, double factor);
   MeasurementList* measurements() const { return measurements_; }
+  ViewCube* cube() const { return cube_; }
+  PlanOverlay* plan_overlay() const { return overlay_; }
+  // From a side of the scene, as a click on the cube does; `from`: towards the viewer.
+  void LookFrom(const Eigen::Vector3d& from);
+  size_t PointsShown() const;
+  bool shades_by_depth() const;  // eye-dome lighting is on, as far as the view rests
 
  signals:
   void Loaded();                          // a scene is on the screen
@@ -77,6 +92,9 @@ class SceneDesk : public QWidget {
   struct Vtk;
   void MakeControls();
   void MakeView();
+  void MakeLook();  // layers, runs, points: how it is drawn
+  QTabWidget* ArrangeLook();
+  void MakeInside();  // what is there inside a panorama
   void Arrange();
   void ConnectControls();
   void ConnectWorkspace();
@@ -92,6 +110,7 @@ class SceneDesk : public QWidget {
   void ConnectLook();
   void UseStyle(const QString& mode);
   bool PressKey(QKeyEvent* event);
+  bool LookFromKey(int key);
   void Hover(const QPointF& at);  // says where the mouse is
   void ShowAll();
   void StepInto(size_t panorama);  // index into the model
@@ -100,7 +119,16 @@ class SceneDesk : public QWidget {
   void SaveMeasurements();
   void ShowOpacity();
   void SetOpacity(int percent);  // of the chosen layer
-  void DrawAsSet();              // opacities and size, in a scene that is new
+  void DrawAsSet();              // opacities, points and runs, in a scene that is new
+  void ShowRuns();
+  void ShowFilterUnit();
+  void FetchRgb();       // of the pictures, for points in their colours
+  void ShowOverlays();   // as the camera stands
+  void PlaceOverlays();  // and shows those that belong to the mode
+  bool IsChecked(const QString& layer) const;
+  PlanFrame PlanOf() const;
+  const Crs* ProjectCrs() const;  // null: none, or not known here
+  void ListInside();              // runs that have the panorama one stands in
   void Render();
   void Say(const QString& text);
   void ShowBackground();
@@ -112,6 +140,15 @@ class SceneDesk : public QWidget {
   QCheckBox *follow_, *measure_;
   QPushButton *step_, *screenshot_;
   QSlider *time_, *opacity_, *size_;
+  QListWidget* runs_;
+  QCheckBox *percentiles_, *edl_;
+  QSpinBox* least_images_;
+  QDoubleSpinBox *most_sigma_, *most_residual_;
+  QLabel* points_shown_;
+  QComboBox* inside_run_;
+  QToolButton *previous_, *next_;
+  ViewCube* cube_ = nullptr;
+  PlanOverlay* overlay_ = nullptr;
   QLabel *text_, *camera_, *place_;
   MeasurementList* measurements_;
   std::unique_ptr<MeasuredPlace> measured_from_;
@@ -123,7 +160,10 @@ class SceneDesk : public QWidget {
   std::optional<SceneSource> source_;  // nothing: the opened project's, with the chosen variant
   QString only_run_, look_at_;
   std::shared_ptr<const Snapshot> shown_from_;
-  bool stale_ = false;  // to be loaded when it is seen
+  mutable std::shared_ptr<const Crs> crs_;  // of `crs_of_`
+  mutable std::string crs_of_;
+  bool picturing_ = false;  // what is rendered is a picture to be saved
+  bool stale_ = false;      // to be loaded when it is seen
   int generation_ = 0;
 };
 

@@ -1,10 +1,12 @@
 #include "app/desktop/scene_vtk.h"
 
 #include <vtkCamera.h>
+#include <vtkEDLShading.h>
 #include <vtkFollower.h>
 #include <vtkImageData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
+#include <vtkRenderStepsPass.h>
 #include <vtkTextProperty.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkWindowToImageFilter.h>
@@ -43,6 +45,7 @@ std::vector<ScenePick> SceneDesk::Vtk::Find(const std::string& object) const {
     gather("panoramas", m.panoramas, matches);
     gather("errors", m.errors, matches);
   }
+  if (kind == "control") gather("control", m.control, [&](const SceneControl& c) { return c.name == name; });
   if (kind == "point") {
     gather("points", m.points, [&](const ScenePoint& p) {
       return name == m.runs[static_cast<size_t>(p.run)] + "/" + std::to_string(p.id);
@@ -117,6 +120,26 @@ void SceneDesk::Vtk::AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d&
 
 void SceneDesk::Vtk::DrawMoving(bool moving) {
   if (view) view->DrawMoving(moving);
+  if (shades) UseShading(!moving);
+}
+
+void SceneDesk::Vtk::ShadeByDepth(bool on) {
+  shades = on;
+  UseShading(on);
+}
+
+void SceneDesk::Vtk::UseShading(bool on) {
+  if (on == (renderer->GetPass() != nullptr)) return;
+  if (!on) {
+    widget->makeCurrent();
+    renderer->GetPass()->ReleaseGraphicsResources(window);
+    renderer->SetPass(nullptr);
+    return;
+  }
+  vtkNew<vtkRenderStepsPass> steps;
+  vtkNew<vtkEDLShading> shading;
+  shading->SetDelegatePass(steps);
+  renderer->SetPass(shading);
 }
 
 void SceneDesk::Vtk::LookNear(const Eigen::Vector3d& at) {

@@ -30,7 +30,8 @@ struct SceneDesk::Vtk {
   vtkNew<vtkRenderer> renderer;
   vtkNew<vtkRenderer> sky;  // behind the scene: the panorama one stands in
   std::shared_ptr<const LoadedScene> scene;
-  std::unique_ptr<SceneView> view;  // of scene->model
+  std::unique_ptr<SceneView> view;            // of scene->model
+  std::shared_ptr<const LoadedScene> rgb_of;  // whose points got their colours from the pictures
   std::vector<vtkSmartPointer<vtkProp>> highlights;
   std::vector<vtkSmartPointer<vtkProp>> measure;
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // about which a drag turns
@@ -38,6 +39,7 @@ struct SceneDesk::Vtk {
   size_t inside = 0;                                // index of the panorama one stands in
   vtkSmartPointer<vtkActor> sphere;
   vtkSmartPointer<vtkCommand> detail;
+  bool shades = false;  // by depth, while the view rests
   QStringList highlighted;
   std::vector<int> cameras;  // indices into the model, of the run that is scrubbed, by time
   bool looked = false;       // the user's view is kept over reloads
@@ -53,6 +55,9 @@ struct SceneDesk::Vtk {
   void Move(const Eigen::Vector3d& by);  // the camera
   void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
   void DrawMoving(bool moving);
+  // Eye-dome lighting: what stands before something is outlined, so that bare points look solid.
+  void ShadeByDepth(bool on);
+  void UseShading(bool on);
   // The same direction of view, a few metres away.
   void LookNear(const Eigen::Vector3d& at);
   // The camera of an image.

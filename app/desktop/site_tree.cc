@@ -1,7 +1,10 @@
 #include "app/desktop/site_tree.h"
 
+#include <QApplication>
 #include <QHeaderView>
 #include <QMenu>
+
+#include "app/desktop/contrast.h"
 
 namespace trigpoint {
 
@@ -14,11 +17,12 @@ constexpr int kMostUnfolded = 12;   // entries of a group that is open from the 
 }  // namespace
 
 QColor ColourOfState(const std::string& state) {
-  if (state == "done") return QColor(0, 158, 115);
-  if (state == "failed") return QColor(213, 94, 0);
-  if (state == "out of date") return QColor(230, 159, 0);
-  if (state == "running") return QColor(0, 114, 178);
-  return QColor(128, 128, 128);
+  const QColor colour = state == "done"          ? QColor(0, 158, 115)
+                        : state == "failed"      ? QColor(213, 94, 0)
+                        : state == "out of date" ? QColor(230, 159, 0)
+                        : state == "running"     ? QColor(0, 114, 178)
+                                                 : QColor(128, 128, 128);
+  return ReadableOn(QApplication::palette().color(QPalette::Base), colour);
 }
 
 SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent), workspace_(workspace) {

@@ -175,7 +175,7 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   const DetectTagsOptions options = DetectorOptions(*project_, {});
   if (!log_) {
     log_ = std::make_unique<PictureLog>(
-        out_ / "pictures.jsonl", nlohmann::json{{"schema", 1}, {"blur", 3}, {"detector", JsonFromOptions(options)}});
+        out_ / "pictures.jsonl", nlohmann::json{{"schema", 2}, {"blur", 3}, {"detector", JsonFromOptions(options)}});
     pairs_ = std::make_unique<PairLog>(out_ / "pairs.jsonl");
     set_lines_ = std::make_unique<JsonLines>(
         out_ / "sets.jsonl", nlohmann::json{{"schema", 1}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});
@@ -224,9 +224,12 @@ FieldRun SiteCheck::PicturesOf(const Run& run) const {
   for (const ImageEntry& image : run.images) {
     const auto [it, fresh] = stamps.try_emplace(image.path);
     if (fresh) it->second = StampOf(image.path);
-    const FieldPicture* seen = log_->Find(run.name, image.file, it->second);
+    FileStamp stamp = it->second;
+    stamp.mask = MaskStamp(run, image);
+    const FieldPicture* seen = log_->Find(run.name, image.file, stamp);
     if (seen == nullptr) continue;
     field.pictures.push_back(*seen);
+    field.pictures.back().version = fmt::format("{} {} {}", stamp.size, stamp.changed_ns, stamp.mask);
     field.pictures.back().camera = image.camera;
     field.pictures.back().stamp_ns = image.stamp_ns;
   }

@@ -68,6 +68,8 @@ class SiteCheck {
 
 // findings.csv, tags.csv, next.csv, summary.json, map.svg, index.html; `refresh_s`: the page reloads itself, 0: never.
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const std::filesystem::path& folder);
+// Tags, the way so far, and where to stand next; nothing: no map can be made of it yet.
+std::optional<Drawing> CheckMap(const CheckOutcome& outcome);
 // "amber: 382 pictures of 2 runs, 8 of 9 tags seen".
 std::string CheckHeadline(const CheckOutcome& outcome);
 

@@ -1,5 +1,6 @@
 #include "app/pipeline/check_intake.h"
 
+#include <fmt/format.h>
 #include <sys/stat.h>
 
 #include <chrono>
@@ -7,6 +8,7 @@
 
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
 #include "survey/tags/tag_finder.h"
@@ -45,6 +47,7 @@ json LineOf(const PendingPicture& pending, const std::string& problem, const std
           {"image", pending.image->file},
           {"size", pending.stamp.size},
           {"changed_ns", pending.stamp.changed_ns},
+          {"mask", pending.stamp.mask},
           {"problem", problem},
           {"quality", quality ? JsonOfQuality(*quality) : json()},
           {"tags", found}};
@@ -60,18 +63,22 @@ void LookAtRun(const std::vector<PendingPicture>& pending, const DetectTagsOptio
     const auto index = static_cast<size_t>(entry(i).camera);
     return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
   };
+  const RunMasks masks(run);
   TagFinder finder(options);
   progress.Begin("looking at pictures of " + run.name, static_cast<int64_t>(pending.size()));
   ParallelFor(static_cast<int64_t>(pending.size()), threads, cancel, [&](int64_t i) {
     std::optional<PictureQuality> quality;
     int64_t refused = 0;
-    const ImageTags tags = finder.Find(
+    cv::Mat mask;
+    ImageTags tags = finder.Find(
         [&] {
           cv::Mat grey = LoadGrey(run, entry(i));
-          quality = MeasurePicture(grey);
+          mask = masks.Of(entry(i));
+          quality = MeasurePicture(grey, mask);
           return grey;
         },
         camera(i), &refused);
+    std::erase_if(tags.detections, [&](const TagDetection& tag) { return IsMasked(tag, mask); });
     appender.Add(LineOf(pending[static_cast<size_t>(i)], tags.problem, quality, tags.detections));
     progress.Advance(1);
   });
@@ -96,6 +103,25 @@ FileStamp StampOf(const fs::path& file) {
   return {its.st_size, its.st_mtim.tv_sec * 1'000'000'000LL + its.st_mtim.tv_nsec};
 }
 
+std::string MaskStamp(const Run& run, const ImageEntry& image) {
+  const auto index = static_cast<size_t>(image.camera);
+  if (index >= run.cameras.size()) return "";
+  const CameraMask& masks = run.cameras[index].mask;
+  std::string text;
+  for (const Eigen::Vector4d& box : masks.boxes_px) {
+    text += fmt::format("box {} {} {} {};", box(0), box(1), box(2), box(3));
+  }
+  const auto add = [&](const fs::path& file) {
+    const FileStamp stamp = StampOf(file);
+    text += fmt::format("{} {} {};", file.filename().string(), stamp.size, stamp.changed_ns);
+  };
+  for (const fs::path& picture : masks.pictures) add(picture);
+  for (const fs::path& folder : masks.folders) {
+    if (const fs::path file = MaskInFolder(folder, image.file); !file.empty()) add(file);
+  }
+  return text;
+}
+
 PictureLog::PictureLog(const fs::path& file, const json& identity) : lines_(file, identity) { Read(); }
 
 void PictureLog::Read() {
@@ -106,7 +132,7 @@ void PictureLog::Read() {
     if (!j.at("quality").is_null()) picture.quality = QualityOf(j.at("quality"));
     for (const json& tag : j.at("tags")) picture.tags.push_back(DetectionOf(tag));
     const std::pair<std::string, std::string> key = {j.at("run"), picture.image};
-    pictures_[key] = {FileStamp{j.at("size"), j.at("changed_ns")}, std::move(picture)};
+    pictures_[key] = {FileStamp{j.at("size"), j.at("changed_ns"), j.at("mask")}, std::move(picture)};
   });
 }
 
@@ -135,7 +161,8 @@ std::vector<PendingPicture> FolderWatch::Pending(const Site& site, const Picture
         it->second.first = StampOf(image.path);
         it->second.second = IsStable(image.path, it->second.first);
       }
-      const auto& [stamp, stable] = it->second;
+      auto [stamp, stable] = it->second;
+      stamp.mask = MaskStamp(run, image);
       if (log.Find(run.name, image.file, stamp) != nullptr) continue;
       if (stable) {
         pending.push_back({&run, &image, stamp});

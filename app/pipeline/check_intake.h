@@ -13,13 +13,16 @@
 
 namespace trigpoint {
 
-// What a file was like when it was looked at; another size or time makes it a new one.
+// What a file was like when it was looked at; another size or time makes it a new one, and so does another mask.
 struct FileStamp {
   int64_t size = -1, changed_ns = 0;
+  std::string mask;  // of a picture: boxes, and files with their size and time; empty: none
   bool operator==(const FileStamp&) const = default;
 };
 // Size -1: there is no such file.
 FileStamp StampOf(const std::filesystem::path& file);
+// FileStamp::mask of a picture of a run.
+std::string MaskStamp(const Run& run, const ImageEntry& image);
 
 // results/check/pictures.jsonl: a line for each picture.
 class PictureLog {

@@ -7,13 +7,14 @@
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "localize/reconstruct/shared_features.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kKeyframe_m = 0.5, kKeyframe_deg = 10, kKeyframe_s = 0.4;  // from one keyframe to the next
-// Of an earlier passage: as `reconstruct` looks for loops, with room for odometry's drift.
+// Of an earlier traversal: as `reconstruct` looks for loops, with room for odometry's drift.
 constexpr double kLoop_m = 30, kNear_m = 3, kDrift = 0.03, kAxis_deg = 40, kSpacing_m = 3;
 
 struct Keyframe {
@@ -50,7 +51,9 @@ std::vector<Keyframe> KeyframesOf(const FieldRun& run, int camera) {
   return keyframes;
 }
 
-// The nearest keyframe of an earlier passage that looks the same way.
+std::string VersionsOf(const FieldPicture& a, const FieldPicture& b) { return a.version + ", " + b.version; }
+
+// The nearest keyframe of an earlier traversal that looks the same way.
 const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
   const Keyframe& now = keyframes[k];
   const Keyframe* nearest = nullptr;
@@ -72,15 +75,17 @@ const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
 
 }  // namespace
 
-PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 1}, {"features", 1}}) { Read(); }
+PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 2}, {"features", 1}}) { Read(); }
 
 void PairLog::Read() {
-  lines_.Read([&](const nlohmann::json& j) { shared_[{j.at("run"), j.at("a"), j.at("b")}] = j.at("shared"); });
+  lines_.Read([&](const nlohmann::json& j) {
+    shared_[{j.at("run"), j.at("a"), j.at("b")}] = {j.at("versions"), j.at("shared")};
+  });
 }
 
-const int* PairLog::Find(const std::string& run, const std::string& a, const std::string& b) const {
-  const auto it = shared_.find({run, a, b});
-  return it == shared_.end() ? nullptr : &it->second;
+const int* PairLog::Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const {
+  const auto it = shared_.find({run, a.image, b.image});
+  return it == shared_.end() || it->second.first != VersionsOf(a, b) ? nullptr : &it->second.second;
 }
 
 std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
@@ -89,7 +94,7 @@ std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
     const std::vector<Keyframe> keyframes = KeyframesOf(run, static_cast<int>(c));
     double tried = -1e9;
     const auto add = [&](const Keyframe& a, const Keyframe& b, bool loop) {
-      const int* shared = log.Find(run.run->name, a.picture->image, b.picture->image);
+      const int* shared = log.Find(run.run->name, *a.picture, *b.picture);
       pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? *shared : -1, loop, b.way_m});
     };
     for (size_t k = 1; k < keyframes.size(); ++k) {
@@ -112,6 +117,8 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
   if (pairs.empty()) return 0;
   std::map<std::string, const ImageEntry*> entries;
   for (const ImageEntry& image : run.run->images) entries[image.file] = &image;
+  std::map<std::string, const FieldPicture*> seen;
+  for (const FieldPicture& picture : run.pictures) seen[picture.image] = &picture;
   std::map<std::string, QuickFeatures> features;
   for (const FieldPair& pair : pairs) {
     features.try_emplace(pair.from);
@@ -120,13 +127,14 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
   std::vector<std::pair<const std::string, QuickFeatures>*> pictures;
   for (auto& its : features) pictures.push_back(&its);
   const SharedFeatureOptions options;
+  const RunMasks masks(*run.run);
   progress.Begin("features of " + run.run->name, static_cast<int64_t>(pictures.size()));
   ParallelFor(static_cast<int64_t>(pictures.size()), threads, cancel, [&](int64_t i) {
     auto& [file, found] = *pictures[static_cast<size_t>(i)];
     const ImageEntry& entry = *entries.at(file);
     try {
       const Camera& camera = run.run->cameras[static_cast<size_t>(entry.camera)].camera;
-      found = FindQuickFeatures(LoadGrey(*run.run, entry), camera, options);
+      found = FindQuickFeatures(LoadGrey(*run.run, entry), masks.Of(entry), camera, options);
     } catch (const InputError&) {  // it was readable a moment ago: without features it shares nothing
     }
     progress.Advance(1);
@@ -135,7 +143,11 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
   ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
     const FieldPair& pair = pairs[static_cast<size_t>(i)];
     const int shared = CountShared(features.at(pair.from), features.at(pair.to), options);
-    appender.Add({{"run", run.run->name}, {"a", pair.from}, {"b", pair.to}, {"shared", shared}});
+    appender.Add({{"run", run.run->name},
+                  {"a", pair.from},
+                  {"b", pair.to},
+                  {"versions", VersionsOf(*seen.at(pair.from), *seen.at(pair.to))},
+                  {"shared", shared}});
   });
   log->Read();
   return pairs.size();

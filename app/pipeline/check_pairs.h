@@ -1,4 +1,4 @@
-// What pictures of a run share with the one before, and with those of an earlier passage.
+// What pictures of a run share with the one before, and with those of an earlier traversal.
 #pragma once
 
 #include <map>
@@ -16,15 +16,15 @@ class PairLog {
  public:
   explicit PairLog(const std::filesystem::path& file);
   void Read();
-  const int* Find(const std::string& run, const std::string& a, const std::string& b) const;
+  const int* Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const;
   const std::filesystem::path& file() const { return lines_.file(); }
 
  private:
   JsonLines lines_;
-  std::map<std::tuple<std::string, std::string, std::string>, int> shared_;
+  std::map<std::tuple<std::string, std::string, std::string>, std::pair<std::string, int>> shared_;  // versions, count
 };
 
-// Pairs of keyframes of a run: each with the one before, and with the nearest of an earlier passage, by odometry.
+// Pairs of keyframes of a run: each with the one before, and with the nearest of an earlier traversal, by odometry.
 // `shared` is that of the log, -1 where it is not there yet.
 std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log);
 

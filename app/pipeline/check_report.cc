@@ -110,7 +110,7 @@ TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text
 TableCell Number(double value, int decimals) { return {fmt::format("{:.{}f}", value, decimals), value}; }
 
 Table FindingTable(const CheckOutcome& outcome) {
-  Table table{"", ""};
+  Table table{"", "Red: the site is not complete. Amber: look at it before leaving. Green: as it should be"};
   table.columns = {{"light"}, {"topic"}, {"finding"}};
   for (const SiteFinding& f : outcome.findings) {
     table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text)});
@@ -122,18 +122,26 @@ Table TagTable(const CheckOutcome& outcome) {
   Table table{"",
               "Directions: of the pictures, from the tag's normal, to the right as one faces it. Sigmas: predicted, "
               "1 sigma"};
-  table.columns = {{"tag", true},          {"status"},           {"pictures", true},  {"runs", true},
-                   {"largest, px", true},  {"nearest, m", true}, {"from, deg", true}, {"to, deg", true},
-                   {"3D sigma, mm", true}, {"there for"}};
+  constexpr const char* kUnplaced = "the tag has no place in the map yet";
+  table.columns = {{"tag", true},
+                   {"status"},
+                   {"pictures", true},
+                   {"runs", true},
+                   {"largest (px)", true},
+                   {"nearest (m)", true, kUnplaced},
+                   {"from (deg)", true, kUnplaced},
+                   {"to (deg)", true, kUnplaced},
+                   {"3D sigma (mm)", true, kUnplaced},
+                   {"planned as", false, "tags.yaml lists it"}};
   for (const TagCoverage& tag : CoverTags(outcome.facts)) {
     const auto planned = outcome.facts.planned.find(tag.tag_id);
     const bool bad = tag.status != "ok" && !tag.status.empty();
     std::vector<TableCell> row = {Number(tag.tag_id, 0), Text(tag.status, bad ? Tone::kBad : Tone::kPlain),
                                   Number(tag.pictures, 0), Number(tag.runs, 0), Number(tag.largest_px, 0)};
-    row.push_back(tag.nearest_m ? Number(*tag.nearest_m, 1) : Text("-"));
-    row.push_back(tag.nearest_m ? Number(tag.left_deg, 0) : Text("-"));
-    row.push_back(tag.nearest_m ? Number(tag.right_deg, 0) : Text("-"));
-    row.push_back(tag.sigma_m ? Number(kMm * tag.sigma_m->norm(), 1) : Text("-"));
+    row.push_back(tag.nearest_m ? Number(*tag.nearest_m, 1) : Text(""));
+    row.push_back(tag.nearest_m ? Number(tag.left_deg, 0) : Text(""));
+    row.push_back(tag.nearest_m ? Number(tag.right_deg, 0) : Text(""));
+    row.push_back(tag.sigma_m ? Number(kMm * tag.sigma_m->norm(), 1) : Text(""));
     row.push_back(Text(planned != outcome.facts.planned.end() ? planned->second.what : "not planned"));
     table.rows.push_back(row);
   }
@@ -166,11 +174,11 @@ Document PageOf(const CheckOutcome& outcome) {
     page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
                                     advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
   }
-  if (facts.layout && facts.prediction) {
+  if (const auto map = CheckMap(outcome)) {
     page.blocks.push_back(Figure{"map",
                                  "Tags, the way so far, and where to stand next (numbers; the line shows where "
                                  "to look).",
-                                 PlanMap(MapFindings(outcome))});
+                                 *map});
   }
   page.blocks.push_back(Heading{2, "Findings", "findings"});
   page.blocks.push_back(FindingTable(outcome));
@@ -181,6 +189,11 @@ Document PageOf(const CheckOutcome& outcome) {
 }
 
 }  // namespace
+
+std::optional<Drawing> CheckMap(const CheckOutcome& outcome) {
+  if (!outcome.facts.layout || !outcome.facts.prediction) return std::nullopt;
+  return PlanMap(MapFindings(outcome));
+}
 
 std::string CheckHeadline(const CheckOutcome& outcome) {
   size_t runs = 0;
@@ -196,8 +209,8 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
   WriteTables(outcome, folder);
   WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
-  if (outcome.facts.layout && outcome.facts.prediction) {
-    WriteFileAtomically(folder / "map.svg", SvgOf(PlanMap(MapFindings(outcome)), "What to photograph next"));
+  if (const auto map = CheckMap(outcome)) {
+    WriteFileAtomically(folder / "map.svg", SvgOf(*map, "What to photograph next"));
   }
   std::string html = HtmlOf(PageOf(outcome));
   if (refresh_s > 0) {

@@ -55,7 +55,7 @@ std::string ShellWord(const std::string& word) {
 std::string CommandLine(const std::string& dir, const JobQuery& query, int threads, uint64_t seed) {
   const bool single = query.stages.size() == 1;
   const StageInfo* stage = single ? &StageNamed(query.stages.front()) : nullptr;
-  std::string line = "trigpoint " + (single ? query.stages.front() : "run") + " " + ShellWord(dir);
+  std::string line = "trigpoint " + (single ? CommandOf(*stage) : "run") + " " + ShellWord(dir);
   const char* flag = NameFlag(single ? query.stages.front() : "");
   for (const std::string& run : query.runs) line += flag + ShellWord(run);
   if (!single || stage->variants) {

@@ -11,6 +11,7 @@
 
 #include "app/pipeline/stages.h"
 #include "datasets/colmap/camera_models.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -33,7 +34,9 @@ std::string Params(const ColmapCamera& camera) {
 // The picture as calibrated under a name COLMAP can use: a link where the file is that picture, else a mended copy.
 void PutImage(const Run& run, const ImageEntry& entry, const fs::path& file) {
   fs::create_directories(file.parent_path());
-  const bool plain = entry.video_frame < 0 && !run.config.mirrored && ReadPhotoMetadata(entry.path).orientation == 1;
+  const bool plain = entry.video_frame < 0 && !run.config.mirrored &&
+                     run.cameras[static_cast<size_t>(entry.camera)].part.kind == PicturePart::Kind::kAll &&
+                     ReadPhotoMetadata(entry.path).orientation == 1;
   if (plain) {
     fs::create_symlink(fs::absolute(entry.path), file);
   } else if (!cv::imwrite(file.string(), LoadGrey(run, entry), {cv::IMWRITE_JPEG_QUALITY, 98})) {
@@ -289,10 +292,16 @@ ColmapRun::PanoramaViews ColmapRun::RenderViews(const ColmapSolution& images, co
   PanoramaViews out;
   std::vector<std::string> warnings;
   int number = 0;
+  const std::map<std::string, PictureCredit> credits = ReadCredits(project_.dir());
   for (const PreparedReference& p : PrepareReferences(project_.site(), views_, &warnings)) {
     cancel_.ThrowIfCancelled();
     const Reference& reference = project_.site().references[static_cast<size_t>(p.reference)];
     if (reference.kind != ReferenceKind::kPanorama) continue;
+    const auto credit = credits.find(reference.name);
+    if (credit != credits.end() && !credit->second.keep_until.empty()) {
+      solution->reason = "panoramas that must not be copied are left out";
+      continue;
+    }
     if (!out.cameras.empty() && out.cameras.begin()->second.width() != p.rig.views.front().camera.width()) {
       solution->reason = "panoramas of another size than the first are left out";  // one COLMAP camera per view index
       continue;

@@ -10,8 +10,8 @@
 
 #include "app/pipeline/export.h"
 #include "calib/base/option.h"
+#include "datasets/io/views.h"
 #include "datasets/project/child_process.h"
-#include "localize/references/views.h"
 
 namespace trigpoint {
 

@@ -1,9 +1,11 @@
 // detect: the tags in every image of a run.
 #include <fmt/format.h>
 
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
+#include <tuple>
 
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
@@ -12,9 +14,12 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/picture_parts.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
 #include "survey/tags/tag_files.h"
+#include "survey/tags/tag_finder.h"
 
 namespace trigpoint {
 namespace {
@@ -125,7 +130,6 @@ DetectTagsResult DetectApart(const Run& run, const DetectOptions& options, Stage
   return Unpacked(forked.bytes);
 }
 
-// Tags with a corner on what a mask ignores are none of the site: on the carrier itself, on something that moves.
 int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
   const RunMasks masks(run);
   int64_t left_out = 0;
@@ -133,16 +137,46 @@ int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
     std::vector<TagDetection>& found = (*images)[i].detections;
     if (found.empty()) continue;
     const cv::Mat mask = masks.Of(run.images[i]);
-    if (mask.empty()) continue;
-    const cv::Rect whole({}, mask.size());
-    left_out += static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) {
-      return std::any_of(tag.corners.begin(), tag.corners.end(), [&](const Eigen::Vector2d& corner) {
-        const cv::Point at(cvRound(corner.x()), cvRound(corner.y()));
-        return whole.contains(at) && mask.at<uint8_t>(at) == 0;
-      });
-    }));
+    left_out +=
+        static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) { return IsMasked(tag, mask); }));
   }
   return left_out;
+}
+
+// The views of a 360 picture overlap: a tag that two of them see was seen once. The view that looks at it most directly
+// keeps it.
+int64_t LeaveOutRepeated(const Run& run, std::vector<ImageTags>* images) {
+  struct Sight {
+    size_t image = 0;
+    double off_axis = 0;
+  };
+  const auto camera_of = [&](size_t i) -> const BodyCamera* {
+    const auto camera = static_cast<size_t>(run.images[i].camera);
+    return camera < run.cameras.size() ? &run.cameras[camera] : nullptr;
+  };
+  const auto of_view = [&](size_t i) { return camera_of(i) && camera_of(i)->part.kind == PicturePart::Kind::kView; };
+  const auto off_axis = [&](size_t i, const TagDetection& tag) {
+    const Eigen::Vector2d centre = 0.25 * (tag.corners[0] + tag.corners[1] + tag.corners[2] + tag.corners[3]);
+    const Camera& camera = camera_of(i)->camera;
+    return (centre - 0.5 * Eigen::Vector2d(camera.width() - 1, camera.height() - 1)).norm();
+  };
+  std::map<std::tuple<int64_t, std::string, int>, Sight> best;
+  for (size_t i = 0; i < images->size(); ++i) {
+    if (!of_view(i)) continue;
+    for (const TagDetection& tag : (*images)[i].detections) {
+      const Sight sight{i, off_axis(i, tag)};
+      const auto [it, fresh] = best.try_emplace({run.images[i].stamp_ns, PictureOf(run, run.images[i]), tag.id}, sight);
+      if (!fresh && sight.off_axis < it->second.off_axis) it->second = sight;
+    }
+  }
+  size_t left_out = 0;
+  for (size_t i = 0; i < images->size(); ++i) {
+    if (!of_view(i)) continue;
+    left_out += std::erase_if((*images)[i].detections, [&](const TagDetection& tag) {
+      return best.at({run.images[i].stamp_ns, PictureOf(run, run.images[i]), tag.id}).image != i;
+    });
+  }
+  return static_cast<int64_t>(left_out);
 }
 
 std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions& options, StageContext& context) {
@@ -152,6 +186,7 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
   }
   DetectTagsResult result = DetectApart(run, options, context);
   context.metrics["masked"] = LeaveOutMasked(run, &result.images);
+  context.metrics["repeated"] = LeaveOutRepeated(run, &result.images);
   std::vector<ImageDetections> images;
   int named = 0;
   for (int64_t i = 0; i < count; ++i) {
@@ -188,21 +223,22 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
 }
 
 // The same number in another family is another tag.
-void LeaveOutOtherFamilies(const Run& run, const std::string& family, StageContext& context,
+void LeaveOutOtherFamilies(const Run& run, const std::string& families, StageContext& context,
                            std::vector<ImageDetections>* images) {
+  const TagFamilies wanted(families);
   size_t all = 0, others = 0;
   std::string other;
   for (ImageDetections& image : *images) {
     all += image.detections.size();
     others += std::erase_if(image.detections, [&](const TagDetection& d) {
-      if (d.family == family) return false;
+      if (d.family == wanted.Of(d.id)) return false;
       other = d.family;
       return true;
     });
   }
   if (others == 0) return;
   const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml has {}",
-                                        run.detections.string(), others, all, other, family);
+                                        run.detections.string(), others, all, other, families);
   if (others == all) throw InputError(found + "; mend one of the two");
   context.progress.Log(LogLevel::kWarning, found + "; they are left out");
 }

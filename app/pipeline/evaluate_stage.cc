@@ -154,6 +154,9 @@ std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result
   return evidence;
 }
 
+// Name of what several runs were adjusted to, as a variant beside the runs alone.
+std::string SiteVariant(const std::string& variant) { return variant.empty() ? "site" : "site@" + variant; }
+
 // The variants whose results stand side by side: the one asked for; for the first set, all that there are.
 std::vector<std::string> EvaluatedVariants(const Project& project, const std::string& variant) {
   if (!variant.empty()) return {variant};
@@ -228,6 +231,14 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   return solution == nullptr ? TagDerivatives() : DerivativesOf(*solution, own, tags);
 }
 
+void SetRotationSigmas(const Solution& solution, EvaluatedRun* evaluated) {
+  for (const SolutionReference& r : solution.references) {
+    if (!solution.georeference || solution.covariances.empty() || r.pose < 0) continue;
+    const Matrix6d c = WorldCovariance(solution, r.pose);
+    evaluated->sigma_rot_rad.emplace(r.row, std::sqrt(c.topLeftCorner<3, 3>().trace() / 3));
+  }
+}
+
 // A run's localize result with everything the evaluation wants to know of it. Throws InputError for a broken one.
 EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& run, const StageTarget& target,
                               const nlohmann::json& manifest, const std::vector<Station>& stations,
@@ -261,11 +272,7 @@ EvaluatedRun ReadEvaluatedRun(const EvaluateStageOptions& options, const Run& ru
     by_camera = AddOwnTags(options, run, target, its, context, &evaluated);
   }
   if (solution) {
-    for (const SolutionReference& r : solution->references) {
-      if (!solution->georeference || solution->covariances.empty() || r.pose < 0) continue;
-      const Matrix6d c = WorldCovariance(*solution, r.pose);
-      evaluated.sigma_rot_rad.emplace(r.row, std::sqrt(c.topLeftCorner<3, 3>().trace() / 3));
-    }
+    SetRotationSigmas(*solution, &evaluated);
     evaluated.covariances =
         CovariancesOfAnswers(*solution, evaluated.self_tags, by_camera, stations, context.threads, context.cancel);
   }
@@ -302,6 +309,40 @@ std::vector<EvaluatedRun> ReadEvaluatedRuns(const EvaluateStageOptions& options,
     }
   }
   return runs;
+}
+
+// What several runs were adjusted to: its panoramas as one result, its cameras for each run.
+struct EvaluatedSite {
+  std::vector<EvaluatedRun> answers, cameras;
+};
+
+void AddEvaluatedSite(const std::string& variant, const std::vector<Station>& stations, StageContext& context,
+                      EvaluatedSite* out) {
+  EvaluatedSite& site = *out;
+  const fs::path file = ResultOf(context.project, "site", TargetOf("", variant)) / kSolutionFile;
+  if (!fs::exists(file)) return;
+  const Solution solution = ReadSolution(file);
+  EvaluatedRun all;
+  all.run = "site";
+  all.variant = SiteVariant(variant);
+  all.odometry_levelled = true;  // it lies in the world
+  all.evidence = solution.georeference->evidence;
+  for (size_t i = 0; i < solution.runs.size(); ++i) {
+    const Solution part = PartOfRun(solution, i);
+    EvaluatedRun& cameras = site.cameras.emplace_back();
+    cameras.run = part.run;
+    cameras.variant = all.variant;
+    cameras.result = ReadLocalizeResult(file.parent_path(), &part);
+    // A station is passed by the site where a run passes it.
+    all.result.cameras.insert(all.result.cameras.end(), cameras.result.cameras.begin(), cameras.result.cameras.end());
+    if (i == 0) all.result.panoramas = cameras.result.panoramas;
+    for (const std::string& item :
+         EvidenceOf(context.project.run(part.run), cameras.result, solution.georeference->source))
+      all.evidence.push_back(item);
+  }
+  SetRotationSigmas(solution, &all);
+  all.covariances = CovariancesOfAnswers(solution, {}, {}, stations, context.threads, context.cancel);
+  site.answers.push_back(std::move(all));
 }
 
 // Scores against true poses: truth.json, and a paragraph for people.
@@ -366,8 +407,15 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   EvaluationExtras extras;
   UseMeasuredOffsets(context.project, options.offsets, variant, &input.stations, &extras.notes);
   input.runs = ReadEvaluatedRuns(options, variant, input.stations, context, &extras.notes);
+  EvaluatedSite site;
+  for (const std::string& each : EvaluatedVariants(context.project, variant)) {
+    AddEvaluatedSite(each, input.stations, context, &site);
+  }
+  std::vector<EvaluatedRun> with_cameras = input.runs;
+  with_cameras.insert(with_cameras.end(), site.cameras.begin(), site.cameras.end());
   const std::vector<EstimateReport> estimates =
-      ScoreEstimates(context.project, options.estimates, input.runs, context.progress);
+      ScoreEstimates(context.project, options.estimates, with_cameras, context.progress);
+  input.runs.insert(input.runs.end(), site.answers.begin(), site.answers.end());
   if (input.runs.empty() && estimates.empty()) {
     throw InputError("no run is localized; expected at least one result of `trigpoint localize`");
   }
@@ -378,7 +426,7 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   FillRotationErrors(context.project, input.runs, &evaluation);
   for (const std::string& warning : evaluation.warnings) context.progress.Log(LogLevel::kWarning, warning);
   extras.comparisons = CompareWithin(evaluation);
-  if (!options.truth.empty()) ScoreTruth(options, input.runs, context, &extras.notes);
+  if (!options.truth.empty()) ScoreTruth(options, with_cameras, context, &extras.notes);
   if (!estimates.empty()) {
     WriteEstimates(estimates, context.out / "estimates.csv");
     const nlohmann::json json = {
@@ -419,7 +467,7 @@ StageInfo EvaluateStage() {
   info.help = "compare localized panoramas with tags and control points: tables of errors";
   info.per_run = false;
   info.variants = true;
-  info.needs = {"localize", "detect", "survey", "reference"};
+  info.needs = {"localize", "site", "detect", "survey", "reference"};
   info.reviewed = {"image", "detection", "tag", "station", "control"};
   info.metric = "median_m";
   info.flags = {"reference",
@@ -448,6 +496,10 @@ StageInfo EvaluateStage() {
       request.inputs.push_back(ManifestOf(project, "detect", TargetOf(run->name, target.variant)));
       request.values["runs"].push_back(run->name);
       request.values["levelled"].push_back(run->config.odometry_levelled);
+    }
+    for (const std::string& variant : EvaluatedVariants(project, target.variant)) {
+      const fs::path site = ManifestOf(project, "site", TargetOf("", variant));
+      if (fs::exists(site)) request.inputs.push_back(site);
     }
     if (options.reference.empty() || options.reference.starts_with("survey")) {
       request.inputs.push_back(ReferenceMapFolder(project, options.reference.empty() ? "survey" : options.reference) /

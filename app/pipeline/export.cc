@@ -82,6 +82,7 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
   const bool wants_odom = request.frame == "odom", wants_world = request.frame == "world";
   std::vector<Path> paths;
   for (const BodyCamera& camera : project.run(run).cameras) {
+    if (camera.IsFurtherView()) continue;
     const std::string suffix = camera.name == project.run(run).cameras.front().name ? "" : "_" + camera.name;
     const fs::path world = dir / ("cameras" + suffix + ".tum"), odom = dir / ("cameras_odom" + suffix + ".tum");
     if (!wants_odom && fs::exists(world)) {
@@ -143,23 +144,30 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
   }
   const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
   const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
-  int written = 0;
+  int written = 0, withheld = 0;
   for (const PanoramaResult& answer : ReadLocalizeResult(dir).panoramas) {
     cancel.ThrowIfCancelled();
     const auto picture = pictures.find(answer.panorama);
     if (picture == pictures.end() || !answer.world_from_pano) continue;
+    const auto credit = credits.find(answer.panorama);
+    if (credit != credits.end() && !credit->second.keep_until.empty()) {
+      ++withheld;
+      continue;
+    }
     PanoramaPose pose;
     pose.position = project.frame().GeodeticFromEnu(answer.world_from_pano->translation);
     pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
     if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
-    if (const auto credit = credits.find(answer.panorama); credit != credits.end()) {
-      pose.copyright = credit->second.attribution;
-    }
+    if (credit != credits.end()) pose.copyright = credit->second.attribution;
     report->files.push_back(out / picture->second.filename());
     WritePanoramaWithPose(picture->second, report->files.back(), pose);
     ++written;
   }
-  if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced");
+  if (withheld > 0) {
+    report->warnings.push_back(run + ": " + Counted(withheld, "panorama") +
+                               " left out: their source forbids to copy them (keep_until in panoramas.csv)");
+  }
+  if (written == 0) throw InputError("run " + run + ": no panorama is georeferenced and may be copied");
   report->lines.push_back(run + ": " + Counted(written, "panorama"));
 }
 
@@ -259,7 +267,9 @@ void ExportCameras(const Project& project, const std::string& run, const fs::pat
   std::error_code ignored;
   fs::create_directories(out, ignored);
   WriteCamchain(report->files.back(), project.run(run).cameras, {"cameras of run " + run + ", written by trigpoint"});
-  report->lines.push_back(run + ": " + Counted(project.run(run).cameras.size(), "camera"));
+  const auto cameras = std::count_if(project.run(run).cameras.begin(), project.run(run).cameras.end(),
+                                     [](const BodyCamera& camera) { return !camera.IsFurtherView(); });
+  report->lines.push_back(run + ": " + Counted(cameras, "camera"));
 }
 
 // Everything but maps: `request.out` is the folder of the one run, or of folders by run.

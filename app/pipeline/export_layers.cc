@@ -355,7 +355,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
                 {}};
   s.residuals = {
       "residuals",
-      "differences as vectors, in the direction said in `kind`",
+      "differences as vectors, in the direction that `kind` names",
       LayerGeometry::kLine,
       "#e377c2",
       {Text("run"), Text("kind"), Real("de_m"), Real("dn_m"), Real("du_m"), Real("horizontal_m"), Real("length_m")},

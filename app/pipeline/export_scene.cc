@@ -138,7 +138,7 @@ PoseGraph MakePoseGraph(const RunScene& scene) {
     PoseGraph::Edge edge;
     edge.a = id_of[f.a], edge.b = id_of[f.b];
     Rigid3d a_from_b = f.measured;
-    if (f.scaled) a_from_b.translation *= s.problem.scale;
+    if (f.scale >= 0) a_from_b.translation *= s.problem.scales[static_cast<size_t>(f.scale)].value;
     edge.a_from_b = cam_from_body * a_from_b * cam_from_body.Inverse();
     // From the bodies' tangents to the cameras'.
     Matrix6d j = Matrix6d::Zero();

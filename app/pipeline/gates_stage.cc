@@ -279,6 +279,18 @@ GateLimits LimitsFor(const Project& project, const StageTarget& target, std::vec
   return limits;
 }
 
+json DefaultGates(const Project& project) {
+  std::vector<std::string> ignored;
+  if (!SetLimits(LimitsFor(project, {}, &ignored)).empty()) return {};
+  const GateLimits limits = DefaultLimits();
+  std::set<std::string> stages;
+  for (const GateLimit& limit : SetLimits(limits)) stages.insert(MeasuredBy(limit.section, limit.name));
+  std::vector<JudgedResult> results = ResultsFor(project, {}, stages);
+  std::erase_if(results, [](const JudgedResult& result) { return !result.problem.empty(); });
+  const std::vector<GateResult> verdicts = JudgeResults(SetLimits(limits), results, "", limits.confidence);
+  return verdicts.empty() ? json() : GatesJson(verdicts);
+}
+
 std::vector<Job> WithGates(const Project& project, const std::vector<Job>& jobs) {
   if (std::any_of(jobs.begin(), jobs.end(), [](const Job& job) { return job.stage->name == "gates"; })) return jobs;
   std::vector<Job> gates;

@@ -14,6 +14,10 @@ namespace trigpoint {
 // `problems`, one sentence each; an unknown name with the nearest known one.
 GateLimits LimitsFor(const Project& project, const StageTarget& target, std::vector<std::string>* problems);
 
+// As gates.json: the results that there are, judged by DefaultLimits(); nothing where the project sets limits of its
+// own. For the report alone: no exit code depends on it.
+nlohmann::json DefaultGates(const Project& project);
+
 // The same jobs, with one of `gates` behind those whose results have limits (before the report).
 std::vector<Job> WithGates(const Project& project, const std::vector<Job>& jobs);
 

@@ -139,6 +139,9 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {
         if (stage.name == "detect" && !asked && !WantsTags(project, run)) continue;
+        // What was adjusted together once is kept up to date.
+        if (stage.name == "site" && !asked && !ReadManifest(project, stage.name, ResultName(stage, {run, variant, {}})))
+          continue;
         for (const StageTarget& target :
              WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {
           const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {

@@ -5,8 +5,10 @@
 #include <map>
 
 #include "calib/base/error.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/source_quality.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -63,21 +65,36 @@ Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, cons
          result.body_from_odom[static_cast<size_t>(image.pose)];
 }
 
-void WriteCameras(const LocalizeJob& job, const Localization& result, const std::filesystem::path& dir) {
-  const LocalizeInput& input = job.input;
+}  // namespace
+
+void PutWorldPose(CsvWriter& csv, const PoseEstimate& e) {
+  PutPose(csv, e.world_from_x);
+  for (double s : PositionSigmas(e)) csv.Number(s, 5);
+}
+
+void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x) {
+  PutGeodetic(csv, frame, world_from_x.translation);
+  PutAttitude(csv, world_from_x.rotation);
+}
+
+void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
+  const bool in_odom = !result.body_from_odom.empty();
   for (size_t c = 0; c < input.cameras.size(); ++c) {
+    if (input.cameras[c].IsFurtherView()) continue;  // its 360 image reports the pose
     std::vector<TimedPose> odom, world;
     for (size_t i = 0; i < input.images.size(); ++i) {
       const FrameImage& image = input.images[i];
       if (image.camera != static_cast<int>(c)) continue;
-      odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
+      if (in_odom) odom.push_back({image.stamp_ns, CamFromOdom(input, result, image).Inverse()});
       if (result.on_earth) world.push_back({image.stamp_ns, result.cameras[i].world_from_x});
     }
     const std::string suffix = c == 0 ? "" : "_" + input.cameras[c].name;
     const std::string& name = input.cameras[c].name;
-    WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
-             {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
-              "timestamp tx ty tz qx qy qz qw"});
+    if (in_odom) {
+      WriteTum(dir / ("cameras_odom" + suffix + ".tum"), odom,
+               {"trigpoint trajectory 1; frame=odom (the run's own, optimised); pose=odom_from_" + name,
+                "timestamp tx ty tz qx qy qz qw"});
+    }
     if (result.on_earth) {
       WriteTum(dir / ("cameras" + suffix + ".tum"), world,
                {"trigpoint trajectory 1; frame=enu; datum=" + result.earth_source + "; pose=world_from_" + name,
@@ -110,8 +127,10 @@ void WriteCameras(const LocalizeJob& job, const Localization& result, const std:
                 {FrameComment("cameras", result)});
   for (size_t i = 0; i < input.images.size(); ++i) {
     const PoseEstimate& e = result.cameras[i];
+    const BodyCamera& camera = input.cameras[static_cast<size_t>(input.images[i].camera)];
+    if (camera.IsFurtherView()) continue;
     csv.Stamp(input.images[i].stamp_ns).Text(input.images[i].name);
-    csv.Text(input.cameras[static_cast<size_t>(input.images[i].camera)].name);
+    csv.Text(camera.name);
     PutPose(csv, e.world_from_x);
     PutGeodetic(csv, input.frame, e.world_from_x.translation);
     for (double s : PositionSigmas(e)) csv.Number(s, 5);
@@ -121,6 +140,8 @@ void WriteCameras(const LocalizeJob& job, const Localization& result, const std:
   }
   csv.Save(dir / "cameras.csv");
 }
+
+namespace {
 
 // One line of panoramas.csv: a panorama or photo, or a set whose photos are answered together.
 struct Line {
@@ -208,8 +229,7 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       world.world_from_x.translation = sum;
     }
     if (answered && result.on_earth) {
-      PutPose(csv, world.world_from_x);
-      for (double s : PositionSigmas(world)) csv.Number(s, 5);
+      PutWorldPose(csv, world);
     } else {
       csv.Empty(10);
     }
@@ -220,8 +240,7 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
       csv.Empty(7);
     }
     if (answered && result.on_earth) {
-      PutGeodetic(csv, job.input.frame, world.world_from_x.translation);
-      PutAttitude(csv, world.world_from_x.rotation);
+      PutGeodeticPose(csv, job.input.frame, world.world_from_x);
     } else {
       csv.Empty(6);
     }
@@ -428,6 +447,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
   std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
   AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
+  const std::map<std::string, PictureCredit> credits = ReadCredits(site.dir);
   for (PreparedReference& p : prepared) {
     if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
     const Reference& reference = site.references[static_cast<size_t>(p.reference)];
@@ -448,6 +468,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
       for (View& view : r.rig.views) view.camera = MatchedCamera(site, view.camera);
     }
     r.geotag = reference.geotag;
+    if (const auto credit = credits.find(reference.name); credit != credits.end()) {
+      if (QualityOfSource(credit->second.source) != nullptr) r.source = credit->second.source;
+    }
     if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
@@ -496,7 +519,7 @@ Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& res
 
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir) {
-  WriteCameras(job, result, dir);
+  WriteCameras(job.input, result, dir);
   WritePanoramas(site, job, result, dir);
   WriteMatches(site, job, result, dir);
 }

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "datasets/io/csv.h"
 #include "localize/localize.h"
 #include "localize/reconstruct/feature_store.h"
 
@@ -41,6 +42,13 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
 
 // odom_from_cam of the run's first camera, in image time.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);
+
+// cameras.tum, cameras.csv in the world, where the run is georeferenced; cameras_odom.tum where its poses in its own
+// frame are given.
+void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir);
+// Cells of these tables: x to qw with the sigmas of the position; latitude, longitude, height, heading, pitch, roll.
+void PutWorldPose(CsvWriter& csv, const PoseEstimate& e);
+void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x);
 
 // cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, matches.csv.
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,

@@ -10,6 +10,9 @@
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
+#include "datasets/io/capture_date.h"
+#include "datasets/io/credits.h"
+#include "datasets/io/source_quality.h"
 #include "datasets/io/time_check.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
@@ -109,6 +112,54 @@ void WarnOfEarth(const Localization& result, ProgressSink& progress) {
                  "so heights are unknown (1 sigma 10 km)");
 }
 
+// P(at least k of n), each with probability p.
+double AtLeast(int k, int n, double p) {
+  double below = 0, term = std::pow(1 - p, n);
+  for (int i = 0; i < k; ++i) {
+    below += term;
+    term *= p / (1 - p) * (n - i) / (i + 1);
+  }
+  return 1 - below;
+}
+
+// What the run shows of the sources of its geotags, against what is expected of them.
+void NoteSources(const Localization& result, StageContext* context) {
+  constexpr double kPriorCount = 10;  // positions that the expected share of wrong ones counts as
+  constexpr double kUnlikely = 0.01;
+  for (const SourceEstimate& e : result.geo.sources) {
+    const double expected = QualityOfSource(e.source)->outlier_share;
+    const double share = (e.outliers + kPriorCount * expected) / (e.positions + kPriorCount);
+    std::string text = fmt::format("positions of {}: ", e.source);
+    if (e.sigma_m > 0) {
+      text += fmt::format("1 sigma {:.2f} +- {:.2f} m per axis, estimated from {} (stated: {:.2f} m)", e.sigma_m,
+                          e.relative_sigma * e.sigma_m, e.positions, e.stated_sigma_m);
+    } else {
+      text += fmt::format("{} are too few to estimate their sigma; {:.2f} m is taken as stated", e.positions,
+                          e.stated_sigma_m);
+    }
+    text += fmt::format("; {} of {} wrong, a share of {:.0f} % with the {:.0f} % that are expected", e.outliers,
+                        e.positions, 100 * share, 100 * expected);
+    const bool bad = AtLeast(e.outliers, e.positions, expected) < kUnlikely;
+    context->progress.Log(bad ? LogLevel::kWarning : LogLevel::kInfo, text);
+    context->metrics["sources"][e.source] = {{"positions", e.positions},       {"outliers", e.outliers},
+                                             {"outlier_share", share},         {"stated_sigma_m", e.stated_sigma_m},
+                                             {"estimated_sigma_m", e.sigma_m}, {"relative_sigma", e.relative_sigma}};
+  }
+}
+
+// Pictures of other years and seasons show another scene: a reason why there is no answer.
+void ExplainByDate(const Site& site, const Run& run, const LocalizeJob& job, Localization* result) {
+  const std::map<std::string, PictureCredit> credits = ReadCredits(site.dir);
+  const std::string date = DateOfRun(run);
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    Registration& g = result->references[i].registration;
+    const auto credit = credits.find(site.references[static_cast<size_t>(job.references[i].reference)].name);
+    if (g.status == AnswerStatus::kLocalized || credit == credits.end()) continue;
+    const std::string gap = ExplainGap(credit->second.captured_at, date);
+    if (!gap.empty()) g.reason += (g.reason.empty() ? "" : "; ") + gap;
+  }
+}
+
 // Offsets of other clocks against the images'.
 void NoteClocks(const Run& r, const LocalizeJob& job, const Localization& result, StageContext* context) {
   const std::pair<const char*, TimeOffset> clocks[] = {
@@ -140,7 +191,8 @@ void WriteWithTables(const Site& site, const LocalizeJob& job, Solution* solutio
     solution->references[i].row = site.references[static_cast<size_t>(job.references[i].reference)].name;
   }
   WriteSolution(*solution, dir / kSolutionFile);
-  WriteCovarianceTables(*solution, dir);
+  WriteCameraCovariances(*solution, dir);
+  WritePanoramaCovariances(*solution, dir);
   WriteColmapModel(ModelOf(*solution).model, dir / "sparse");
 }
 
@@ -189,7 +241,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 16;
+    request.version = 17;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -243,6 +295,8 @@ StageInfo LocalizeStage() {
                         context.progress, context.cancel, refine, evidence);
       });
       WarnOfEarth(result, context.progress);
+      NoteSources(result, &context);
+      ExplainByDate(site, r, job, &result);
       WriteLocalization(site, job, result, context.out);
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, counts, result));

@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kRefSide_px = 100;  // of NetworkOptions::corner_sigma_px
+constexpr double kUnknown_m = 1e4;   // 1 sigma of a height that no geotag has
 
 // Of the sketch, or nothing.
 fs::path SketchFile(const Project& project, const PlanOptions& options) {
@@ -113,7 +114,12 @@ PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const Pl
       point.sigma_h_m = item.sigma_h_m;
       point.sigma_v_m = item.sigma_v_m;
       network.points.push_back(point);
-    } else if (item.kind == "station" && tag != network.world_from_tag.end()) {
+    }
+    if (item.kind == "station") {
+      network.panoramas.push_back(
+          {item.name, {Eigen::Quaterniond::Identity(), place(item)}, item.sigma_h_m, item.sigma_v_m});
+    }
+    if (item.kind == "station" && tag != network.world_from_tag.end()) {
       plan.stations.push_back({item.name, item.tag_id, place(item) - tag->second.translation, 0.01});
     } else if (item.kind == "station") {
       plan.notes.push_back("station " + item.name + " has no tag_id of a tag beside it: no accuracy of its own");
@@ -167,6 +173,21 @@ std::vector<TimedPose> AllPoses(const Run& run, const std::vector<TimedPose>& pl
     if (const auto pose = known(stamp)) poses.push_back({stamp, *pose});
   }
   return poses.size() > 1 ? poses : placed;
+}
+
+// What `localize` will look for in the pictures.
+void AddPanoramas(const Project& project, PlanLayout* plan) {
+  for (const Reference& reference : project.site().references) {
+    if (!reference.geotag.has_position || !project.has_frame() || reference.kind == ReferenceKind::kPhotoSet) continue;
+    const GeoTag& tag = reference.geotag;
+    PlannedPanorama panorama{reference.station.empty() ? reference.name : reference.station};
+    panorama.world_from_pano = {WorldFromCamRotation(tag.attitude), project.frame().EnuFromGeodetic(tag.position)};
+    panorama.sigma_h_m = tag.sigma_h_m;
+    panorama.sigma_v_m = tag.has_height ? tag.sigma_v_m : kUnknown_m;
+    panorama.sigma_heading_rad = tag.has_heading ? tag.sigma_heading_rad : M_PI;
+    panorama.sigma_tilt_rad = tag.has_tilt ? tag.sigma_tilt_rad : M_PI;
+    plan->network.panoramas.push_back(panorama);
+  }
 }
 
 // The site as its survey runs show it: tags and odometry alone, which is enough to know where everything is.
@@ -284,7 +305,10 @@ std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, d
 
 PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context) {
   const fs::path file = SketchFile(project, options);
-  return file.empty() ? LayoutOfSurvey(project, options.network, context) : LayoutOfSketch(project, file, options);
+  PlanLayout plan =
+      file.empty() ? LayoutOfSurvey(project, options.network, context) : LayoutOfSketch(project, file, options);
+  if (file.empty()) AddPanoramas(project, &plan);
+  return plan;
 }
 
 std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& options) {

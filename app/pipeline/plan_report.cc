@@ -103,6 +103,20 @@ void WriteStationsTable(const PlanFindings& findings, const fs::path& file) {
   csv.Save(file);
 }
 
+void WritePanoramasTable(const PlanFindings& findings, const fs::path& file) {
+  CsvWriter csv(
+      {"pass", "station", "sigma_x_m", "sigma_y_m", "sigma_z_m", "points"},
+      {"trigpoint plan panoramas 1; frame=enu; sigma=1, as `localize` would state it from this pass by itself, "
+       "held by the panoramas' geotags; points: of the scene, shared with the pass"});
+  for (const PanoramaPrediction& panorama : findings.panoramas) {
+    csv.Text(findings.layout.network.passes[static_cast<size_t>(panorama.pass)].name).Text(panorama.name);
+    for (int k = 0; k < 3; ++k) csv.Number(panorama.Sigma()[k], 6);
+    csv.Integer(panorama.points);
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
 void WriteObservationTables(const PlanFindings& findings, const fs::path& folder) {
   CsvWriter sights(
       {"pass", "timestamp", "camera", "tag_id", "side_px", "angle_deg", "sigma_px", "redundancy", "blunder_px"},
@@ -168,8 +182,9 @@ class Map {
     high_ += Eigen::Vector2d(pad, pad);
     drawing_.width = 760;
     scale_ = std::min(drawing_.width / (high_.x() - low_.x()), 620 / (high_.y() - low_.y()));
-    drawing_.width = scale_ * (high_.x() - low_.x());
-    drawing_.height = scale_ * (high_.y() - low_.y()) + 46;
+    const double wider = 0.5 * (drawing_.width / scale_ - (high_.x() - low_.x()));  // the width is used in full
+    low_.x() -= wider, high_.x() += wider;
+    drawing_.height = scale_ * (high_.y() - low_.y()) + 62;
     double largest = 1e-6;
     for (const TagPrediction& tag : findings.prediction.tags) {
       if (tag.tied) largest = std::max(largest, EllipseOf(Position(tag.covariance)).a);
@@ -258,23 +273,25 @@ class Map {
       drawing_.Circle(x, y, tag.tied ? 3 : 5, colour);
     }
     drawing_.Text(x - behind * out.x(), y + behind * out.y() + 4, std::to_string(tag.tag_id), 0, 12, "#1d2329", true);
+    drawing_.spots.push_back({x, y, "tag:" + std::to_string(tag.tag_id)});
   }
   void DrawStation(const PlanStationItem& station) {
     constexpr double kHalf = 4;
     const auto [x, y] = At(findings_.layout.network.world_from_tag.at(station.tag_id).translation + station.offset_m);
     drawing_.Rectangle(x - kHalf, y - kHalf, 2 * kHalf, 2 * kHalf, kGreen);
     drawing_.Text(x + 2 * kHalf, y + kHalf, station.name, -1, 11);
+    drawing_.spots.push_back({x, y, "station:" + station.name});
   }
   void Legend() {
-    const double y = drawing_.height - 14;
+    const double y = drawing_.height - 30;
     const double metres = RoundDown(0.3 * (high_.x() - low_.x()));
     drawing_.Line({{10, y}, {10 + metres * scale_, y}}, "#1d2329", 2);
     drawing_.Text(10, y - 6, fmt::format("{:g} m", metres), -1, 11);
-    drawing_.Text(drawing_.width - 8, y + 2,
+    drawing_.Text(10, y + 22,
                   fmt::format("ellipses: 1 sigma, {:g} times enlarged; triangle: control; square: station; stroke: the "
-                              "way a tag faces; orange: not tied",
+                              "way a tag faces; orange: in no planned picture",
                               factor_),
-                  1, 11);
+                  -1, 11);
     drawing_.Text(drawing_.width - 14, 16, "N", 0, 12, "#1d2329", true);
     drawing_.Line({{drawing_.width - 14, 40}, {drawing_.width - 14, 20}}, "#1d2329", 1.5);
   }
@@ -346,20 +363,44 @@ TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text
 
 Table TagTable(const PlanFindings& f) {
   Table table{"", "Predicted standard deviations (1 sigma) of the tags' centres, site east-north-up"};
-  table.columns = {{"tag", true},     {"role"},           {"pictures", true}, {"passes", true},
-                   {"east mm", true}, {"north mm", true}, {"up mm", true},    {"3D mm", true}};
-  if (f.layout.learned) table.columns.push_back({"pictures in the survey", true});
+  constexpr const char* kUnseen = "no planned picture shows the tag";
+  table.columns = {{"tag", true},
+                   {"role"},
+                   {"pictures", true},
+                   {"passes", true},
+                   {"east (mm)", true, kUnseen},
+                   {"north (mm)", true, kUnseen},
+                   {"up (mm)", true, kUnseen},
+                   {"3D (mm)", true, kUnseen}};
+  if (f.layout.learned) table.columns.push_back({"pictures in the survey", true, "the survey has not seen it"});
   for (const TagPrediction& tag : f.prediction.tags) {
     const Eigen::Vector3d sigma = kMm * tag.Sigma();
     std::vector<TableCell> row = {Number(tag.tag_id, 0),
                                   Text(tag.tied ? tag.role : "not seen", tag.tied ? Tone::kPlain : Tone::kBad),
                                   Number(tag.images, 0), Number(tag.passes, 0)};
-    for (int k = 0; k < 3; ++k) row.push_back(tag.tied ? Number(sigma[k], 1) : Text("-"));
-    row.push_back(tag.tied ? Number(sigma.norm(), 1) : Text("-"));
+    for (int k = 0; k < 3; ++k) row.push_back(tag.tied ? Number(sigma[k], 1) : Text(""));
+    row.push_back(tag.tied ? Number(sigma.norm(), 1) : Text(""));
     if (f.layout.learned) {
       const auto seen = f.layout.images_seen.find(tag.tag_id);
-      row.push_back(seen != f.layout.images_seen.end() ? Number(seen->second, 0) : Text("-"));
+      row.push_back(seen != f.layout.images_seen.end() ? Number(seen->second, 0) : Text(""));
     }
+    table.rows.push_back(row);
+  }
+  return table;
+}
+
+Table PanoramaTable(const PlanFindings& f) {
+  Table table{"",
+              "Predicted standard deviations (1 sigma) of panoramas as `localize` would find them from one pass by "
+              "itself, site east-north-up, held by their geotags"};
+  table.columns = {{"pass"},          {"station"},       {"east (mm)", true},   {"north (mm)", true},
+                   {"up (mm)", true}, {"3D (mm)", true}, {"scene points", true}};
+  for (const PanoramaPrediction& p : f.panoramas) {
+    const Eigen::Vector3d sigma = kMm * p.Sigma();
+    std::vector<TableCell> row = {Text(f.layout.network.passes[static_cast<size_t>(p.pass)].name), Text(p.name)};
+    for (int k = 0; k < 3; ++k) row.push_back(Number(sigma[k], 1));
+    row.push_back(Number(sigma.norm(), 1));
+    row.push_back(Number(p.points, 0));
     table.rows.push_back(row);
   }
   return table;
@@ -367,26 +408,29 @@ Table TagTable(const PlanFindings& f) {
 
 Table PointTable(const PlanFindings& f) {
   Table table{"",
-              "Control of known points. Redundancy: the part of an error that shows in its residual. Smallest "
-              "detectable error: found with 80 % probability by a test at 0.1 % (Baarda); effect: how far an error "
-              "of that size moves the tag"};
+              "Control of known points. Redundancy: the part of an error that shows in its residual. Detectable: the "
+              "smallest error that a test at 0.1 % finds with 80 % probability (Baarda); effect: how far an error of "
+              "that size moves the tag"};
+  constexpr const char* kUnused = "the point is not used";
+  constexpr const char* kHidden = "the point is not used, or no error of it would show";
   table.columns = {{"point"},
                    {"tag", true},
                    {"role"},
-                   {"redundancy, horizontal", true},
-                   {"detectable mm", true},
-                   {"effect mm", true},
-                   {"redundancy, vertical", true},
-                   {"detectable mm", true},
-                   {"effect mm", true}};
+                   {"redundancy, horizontal", true, kUnused},
+                   {"detectable (mm)", true, kHidden},
+                   {"effect (mm)", true, kHidden},
+                   {"redundancy, vertical", true, kUnused},
+                   {"detectable (mm)", true, kHidden},
+                   {"effect (mm)", true, kHidden}};
   for (const PointPrediction& p : f.prediction.points) {
     const char* role = p.role == PointRole::kControl ? "control" : p.role == PointRole::kCheck ? "check" : "geotag";
     std::vector<TableCell> row = {Text(p.name), Number(p.tag_id, 0),
                                   Text(p.used ? role : std::string(role) + ", not used")};
     for (const Reliability& r : {p.horizontal, p.vertical}) {
-      row.push_back(p.used ? Number(r.redundancy, 2, r.redundancy < 0.1 ? Tone::kBad : Tone::kPlain) : Text("-"));
-      row.push_back(p.used ? Number(kMm * r.blunder, 0) : Text("-"));
-      row.push_back(p.used && std::isfinite(r.blunder) ? Number(kMm * r.effect_m, 0) : Text("-"));
+      const bool shows = p.used && std::isfinite(r.blunder);
+      row.push_back(p.used ? Number(r.redundancy, 2, r.redundancy < 0.1 ? Tone::kBad : Tone::kPlain) : Text(""));
+      row.push_back(shows ? Number(kMm * r.blunder, 0) : Text(""));
+      row.push_back(shows ? Number(kMm * r.effect_m, 0) : Text(""));
     }
     table.rows.push_back(row);
   }
@@ -395,11 +439,10 @@ Table PointTable(const PlanFindings& f) {
 
 Table GainTable(const std::vector<PlanGain>& gains, double before, const std::string& caption) {
   Table table{"", caption};
-  table.columns = {{"rank", true}, {"what"}, {"RMS of the tags, mm", true}, {"gain", true}};
+  table.columns = {{"rank", true}, {"what"}, {"RMS of the tags (mm)", true}, {"gain (%)", true}};
   for (size_t k = 0; k < gains.size(); ++k) {
     table.rows.push_back({Number(static_cast<double>(k) + 1, 0), Text(gains[k].what),
-                          Number(kMm * gains[k].rms_after_m, 2),
-                          Text(fmt::format("{:.1f} %", 100 * (1 - gains[k].rms_after_m / before)))});
+                          Number(kMm * gains[k].rms_after_m, 2), Number(100 * (1 - gains[k].rms_after_m / before), 1)});
   }
   return table;
 }
@@ -435,6 +478,10 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
   page.blocks.push_back(Figure{"map", "Tags, planned paths and ellipses of one standard deviation.", map});
   page.blocks.push_back(Heading{2, "Tags", "tags"});
   page.blocks.push_back(TagTable(f));
+  if (!f.panoramas.empty()) {
+    page.blocks.push_back(Heading{2, "Panoramas", "panoramas"});
+    page.blocks.push_back(PanoramaTable(f));
+  }
   if (!p.points.empty()) {
     page.blocks.push_back(Heading{2, "Known points", "points"});
     page.blocks.push_back(PointTable(f));
@@ -478,6 +525,7 @@ void WritePlan(const PlanFindings& findings, const fs::path& folder) {
   WriteTagsTable(findings, folder / "tags.csv");
   WriteCamerasTable(findings, folder / "cameras.csv");
   WriteStationsTable(findings, folder / "stations.csv");
+  WritePanoramasTable(findings, folder / "panoramas.csv");
   WriteObservationTables(findings, folder);
   const double before = findings.prediction.RmsSigma();
   WriteGains(findings.gains, before, folder / "gains.csv");

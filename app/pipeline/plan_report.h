@@ -26,6 +26,7 @@ struct PlanGate {
 struct PlanFindings {
   PlanLayout layout;
   NetworkPrediction prediction;
+  std::vector<PanoramaPrediction> panoramas;
   std::vector<PlanGain> gains;        // ranked, one more of each kind
   std::vector<PlanGain> suggestions;  // as asked for, one after the other
   std::string suggestion_note;        // how good they are among all choices

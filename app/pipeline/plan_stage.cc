@@ -75,6 +75,8 @@ class Planner {
     for (const std::string& warning : findings_.prediction.warnings) {
       context_.progress.Log(LogLevel::kWarning, warning);
     }
+    findings_.panoramas =
+        PredictPanoramas(layout_, findings_.layout.noise, context_.seed, context_.threads, context_.cancel);
     findings_.gains = OneMoreControl();
     for (const PlanGain& gain : OneMore(PassChoices(), "passes")) findings_.gains.push_back(gain);
     for (const PlanGain& gain : OneMore(TagChoices(), "places for tags")) findings_.gains.push_back(gain);
@@ -274,7 +276,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 1;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

@@ -10,6 +10,7 @@
 #include "datasets/calibration/target_file.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/tables.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/tags_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -86,7 +87,15 @@ void RequireFolder(const fs::path& dir) {
 
 std::string FamilyOf(const PrintRequest& request) {
   if (!request.family.empty()) return request.family;
-  return fs::exists(request.dir / "tags.yaml") ? ReadTagSizes(request.dir / "tags.yaml").family : "tag36h11";
+  if (!fs::exists(request.dir / "tags.yaml")) return "tag36h11";
+  const TagFamilies families(ReadTagSizes(request.dir / "tags.yaml").family);
+  if (request.ids.empty()) return families.names().front();
+  for (const int id : request.ids) {
+    if (families.Of(id) == families.Of(request.ids.front())) continue;
+    throw OptionError(fmt::format("--ids: by tags.yaml, tag {} is of {} and tag {} of {}; print one family at a time",
+                                  request.ids.front(), families.Of(request.ids.front()), id, families.Of(id)));
+  }
+  return families.Of(request.ids.front());
 }
 
 // "0-9" or "3_5_12", for the name of a file.
@@ -240,6 +249,7 @@ MeasuredPrint EnterMeasuredPrint(const fs::path& dir, const std::vector<int>& id
   const PrintRecord newest = *std::max_element(records.begin(), records.end(),
                                                [](const auto& a, const auto& b) { return a.printed <= b.printed; });
   std::map<int, double> sizes_m, expected_m;
+  std::string family;
   for (const int id : ids) {
     if (std::none_of(records.begin(), records.end(), [&](const auto& r) { return r.tag_id == id; })) {
       throw InputError(fmt::format("{}: tag {} was not printed here; see column tag_id", RecordFile(dir).string(), id));
@@ -249,12 +259,17 @@ MeasuredPrint EnterMeasuredPrint(const fs::path& dir, const std::vector<int>& id
     const bool meant = ids.empty() ? r.printed == newest.printed && r.file == newest.file
                                    : std::find(ids.begin(), ids.end(), r.tag_id) != ids.end();
     if (!meant) continue;
+    if (!family.empty() && r.family != family) {
+      throw OptionError(fmt::format("--ids: tag {} is of {}, others are of {}; enter one family at a time", r.tag_id,
+                                    r.family, family));
+    }
+    family = r.family;
     expected_m[r.tag_id] = r.Declared();
     r.measured_mm = r.size_mm * result.factor;
     sizes_m[r.tag_id] = r.Declared();
   }
   const std::string old = OldTags(dir);
-  const TagsFileChange change = WithTagSizes(old, newest.family, sizes_m, expected_m, dir / "tags.yaml");
+  const TagsFileChange change = WithTagSizes(old, family, sizes_m, expected_m, dir / "tags.yaml");
   result.old = SaveTagsFile(dir, old, change);
   WriteRecords(dir, records);
   for (const auto& [id, size] : sizes_m) result.ids.push_back(id);

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "app/pipeline/released_results.h"
+#include "datasets/io/credits.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/hash.h"
@@ -52,6 +53,7 @@ const std::vector<std::string>& SiteFiles() {
                                                   "ground_control_points.json",
                                                   "gcp_list.txt",
                                                   "distances.csv",
+                                                  "total_station.csv",
                                                   "panoramas.csv",
                                                   "photos.csv"};
   return kFiles;
@@ -275,6 +277,12 @@ Release Publish(const Project& project, const PublishOptions& options, const Can
   if (!fs::exists(map / "tags.csv") && !fs::exists(tables / "errors.csv")) {
     throw InputError("there is nothing to publish: neither " + (map / "tags.csv").string() + " nor " +
                      (tables / "errors.csv").string() + "; run `trigpoint run " + project.dir().string() + "` first");
+  }
+  for (const auto& [file, credit] : ReadCredits(project.dir())) {
+    if (credit.keep_until.empty()) continue;
+    throw InputError((project.dir() / "panoramas.csv").string() + ": " + file + " is from " + credit.source +
+                     ", whose terms forbid to keep it, and a release keeps its inputs; take its rows out of the table "
+                     "and run `trigpoint run` again");
   }
   const std::vector<RestedOn> published = Published(project, options.variant);
   const std::vector<RestedOn> behind = ResultsBehind(project, published);

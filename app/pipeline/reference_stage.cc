@@ -109,8 +109,14 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
   input.tags = map.tags;
   input.cross = map.cross;
   input.sizes = project.site().tags;
-  const ReferencePoses result = EstimateReferencePoses(input, options.poses, context.progress, context.cancel);
+  ReferencePoses result = EstimateReferencePoses(input, options.poses, context.progress, context.cancel);
   for (const std::string& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning);
+
+  // A 360 image reports the pose for all of its views.
+  std::erase_if(result.poses, [&](const ReferencePose& pose) {
+    return std::any_of(run.cameras.begin(), run.cameras.end(),
+                       [&](const BodyCamera& c) { return c.name == pose.camera && c.IsFurtherView(); });
+  });
 
   std::vector<std::string> evidence = map.evidence;
   for (const std::string& name : map.runs) evidence.push_back("tags:" + name);

@@ -7,7 +7,7 @@
 
 #include "app/pipeline/set_localization.h"
 #include "datasets/io/image.h"
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
 #include "calib/base/counted.h"
@@ -133,7 +134,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 8;
+    request.version = 9;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;
@@ -151,6 +152,7 @@ StageInfo ReportStage() {
     request.body = [=](StageContext& context) {
       ReportInput its = input;
       its.project = &context.project;
+      its.default_gates = DefaultGates(context.project);
       const ReportSummary summary =
           WriteReport(its, options, DisplayUnitNamed(options.units), context.out, context.progress, context.cancel);
       for (const std::string& note : summary.notes) context.progress.Log(LogLevel::kInfo, note);

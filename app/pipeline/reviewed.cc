@@ -1,5 +1,6 @@
 #include "app/pipeline/reviewed.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
@@ -18,6 +19,10 @@ void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<
   }
 }
 
+bool ReviewedError::WithinSigma() const {
+  return status_before == status_after && before_m && after_m && sigma_m && std::abs(*before_m - *after_m) <= *sigma_m;
+}
+
 std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, const std::vector<ErrorRow>& after,
                                          double least_m) {
   std::map<std::tuple<std::string, std::string, std::string, std::string, std::string>, ReviewedError> rows;
@@ -27,13 +32,19 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
     r.panorama = row.panorama;
     return r;
   };
+  const auto widen = [](const ErrorRow& row, ReviewedError* r) {
+    if (!row.covariance_m2) return;
+    r->sigma_m = std::max(r->sigma_m.value_or(0), std::sqrt(row.covariance_m2->trace()));
+  };
   for (const ErrorRow& row : before) {
     ReviewedError& r = at(row);
     r.status_before = row.status, r.before_m = row.error_3d_m;
+    widen(row, &r);
   }
   for (const ErrorRow& row : after) {
     ReviewedError& r = at(row);
     r.status_after = row.status, r.after_m = row.error_3d_m;
+    widen(row, &r);
   }
   std::vector<ReviewedError> changed;
   for (const auto& [key, r] : rows) {

@@ -20,6 +20,9 @@ struct ReviewedError {
   std::string run, station, panorama, method, reference;
   std::string status_before, status_after;  // empty: no such row
   std::optional<double> before_m, after_m;  // 3D error
+  std::optional<double> sigma_m;            // of it, 1 sigma in space; the larger of the two
+  // A change that the errors' own uncertainty hides; false where no sigma is known or the status changed.
+  bool WithinSigma() const;
 };
 
 // What re-solving changed at stations and check points: rows that differ by more than `least_m` or in status.

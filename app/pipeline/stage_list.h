@@ -9,6 +9,7 @@ StageInfo FeaturesStage();
 StageInfo ReconstructStage();
 StageInfo ReferencesStage();
 StageInfo LocalizeStage();
+StageInfo SiteStage();
 StageInfo DetectStage();
 StageInfo SurveyStage();
 StageInfo ReferenceStage();

@@ -20,8 +20,8 @@ using nlohmann::json;
 // Each is defined in the file of its name; here they stand in the order in which they need each other.
 const std::vector<StageInfo>& Stages() {
   static const std::vector<StageInfo> kStages = {
-      FeaturesStage(),  ReconstructStage(), ReferencesStage(), DetectStage(),     SurveyStage(), LocalizeStage(),
-      ReferenceStage(), EvaluateStage(),    GatesStage(),      CrosscheckStage(), ReportStage()};
+      FeaturesStage(), ReconstructStage(), ReferencesStage(), DetectStage(), SurveyStage(),     LocalizeStage(),
+      SiteStage(),     ReferenceStage(),   EvaluateStage(),   GatesStage(),  CrosscheckStage(), ReportStage()};
   return kStages;
 }
 

@@ -42,6 +42,7 @@ struct StageTarget {
 
 struct StageInfo {
   std::string name;
+  std::string command;             // what a person types, where that is not the name
   std::string help;                // one line, begins in lower case
   bool per_run = true;             // one result per run, else one for all
   bool variants = false;           // can have a set of results per variant
@@ -66,6 +67,10 @@ struct StageInfo {
   // Why there is nothing to do for a target ("no stations.csv"), empty if there is. Optional.
   std::function<std::string(const Project&, const StageTarget&)> not_needed;
 };
+
+inline const std::string& CommandOf(const StageInfo& stage) {
+  return stage.command.empty() ? stage.name : stage.command;
+}
 
 // Does a stage read results of another one for this target?
 bool NeedsStage(const Project& project, const StageInfo& stage, const StageTarget& target, const std::string& other);

@@ -194,6 +194,63 @@ void UseNewestEpochs(const Project& project, std::vector<ControlPoint>* points, 
   }
 }
 
+// Control by the names that total_station.csv has for it.
+std::vector<NetworkPoint> NetworkControl(const Project& project) {
+  std::vector<NetworkPoint> control;
+  for (const ControlPoint& c : AtNewestEpoch(project.site().control_points)) {
+    const std::optional<Eigen::Vector3d> world = WorldOf(project, c);
+    if (!world || !c.control) continue;
+    std::string name = c.tag_id < 0 ? c.point : fmt::format("tag:{}", c.tag_id);
+    if (c.tag_id >= 0 && c.corner >= 0) name += fmt::format("/{}", c.corner);
+    control.push_back({name, *world, c.sigma_h_m, c.sigma_v_m});
+  }
+  return control;
+}
+
+// Readings of a total station, with the network that they make of the control points; where that has tags, the map
+// begins.
+void AddStations(const Project& project, const CancelToken& cancel, SurveyJob* job) {
+  const fs::path file = project.dir() / "total_station.csv";
+  if (!fs::exists(file)) return;
+  SurveyStations stations;
+  stations.sightings = ReadTotalStation(file, &job->warnings);
+  if (stations.sightings.empty()) return;
+  stations.known = NetworkControl(project);
+  stations.network = AdjustNetwork(stations.sightings, stations.known, cancel);
+  const StationNetwork& network = stations.network;
+  job->warnings.insert(job->warnings.end(), network.warnings.begin(), network.warnings.end());
+  if (!network.unplaced.empty()) {
+    job->warnings.push_back(
+        fmt::format("total_station.csv: {} cannot be placed from the control points and take no part",
+                    fmt::join(network.unplaced, ", ")));
+  }
+  for (size_t k = 0; k < network.points.size(); ++k) {
+    const NetworkPoint& point = network.points[k];
+    const auto tag = TagOfTarget(point.name);
+    const bool known = std::any_of(stations.known.begin(), stations.known.end(),
+                                   [&](const NetworkPoint& p) { return p.name == point.name; });
+    if (!tag || known) continue;
+    const auto at = 3 * static_cast<Eigen::Index>(k);
+    const Eigen::Vector3d variance = network.covariance.diagonal().segment<3>(at);
+    SurveyPoint p;
+    p.name = point.name;
+    p.start_only = true;
+    p.tag_id = tag->first, p.corner = tag->second;
+    p.world_m = point.position;
+    p.sigma_h_m = std::sqrt(0.5 * (variance.x() + variance.y()));
+    p.sigma_v_m = std::sqrt(variance.z());
+    job->input.points.push_back(p);
+  }
+  job->input.stations = std::move(stations);
+}
+
+// Whether a control point is one that a total station reads or stands on.
+bool IsInNetwork(const SurveyJob& job, const std::string& point) {
+  if (!job.input.stations) return false;
+  const std::vector<NetworkPoint>& points = job.input.stations->network.points;
+  return std::any_of(points.begin(), points.end(), [&](const NetworkPoint& p) { return p.name == point; });
+}
+
 void AddControl(const Project& project, bool used, SurveyJob* job) {
   std::vector<SurveyPoint> points;
   bool roles = false;
@@ -215,6 +272,7 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
     p.sigma_v_m = c.sigma_v_m;
     if (c.tag_id < 0) {
       p.marks = MarksOf(project, c.point, known, *job, &job->warnings);
+      if (p.marks.size() < 2 && IsInNetwork(*job, c.point)) continue;
       if (p.marks.size() < 2) {
         job->warnings.push_back(fmt::format("point {} is marked in {} of the survey runs; expected two or more",
                                             c.point, Counted(p.marks.size(), "picture")));
@@ -290,7 +348,7 @@ void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cam
                                   [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; });
   if (known || self_calibrate) return;
   throw InputError("run " + run +
-                   ": nothing says what lens it was taken with; expected camchain.yaml (`trigpoint calibrate`), photos "
+                   ": the lens of its pictures is not known; expected camchain.yaml (`trigpoint calibrate`), photos "
                    "whose EXIF states the focal length, or `trigpoint survey --set map.self_calibrate=true`");
 }
 
@@ -400,11 +458,12 @@ void AddDistances(const Project& project, SurveyJob* job) {
   }
 }
 
-void SetDatum(const Project& project, const SurveyStageOptions& options, SurveyJob* job) {
+void SetDatum(const Project& project, const SurveyStageOptions& options, const CancelToken& cancel, SurveyJob* job) {
   SurveyInput& input = job->input;
   const std::string& datum = options.datum;
   input.use_geotags = datum == "auto" || datum == "geotags";
   input.use_control = datum == "auto" || datum == "control";
+  if (input.use_control) AddStations(project, cancel, job);
   AddControl(project, input.use_control, job);
   AddGeotags(project, job);
   bool known = false, fixes = false, levelled = false;
@@ -547,7 +606,7 @@ SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const
   if (options.photo_sets) AddPhotoSets(project, DetectorOptions(project, target), context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);
-  SetDatum(project, options, &job);
+  SetDatum(project, options, context.cancel, &job);
   if (options.map.check_conventions) RequireOneSite(project, &job);
   return job;
 }

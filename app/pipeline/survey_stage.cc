@@ -28,8 +28,9 @@ fs::path AgainstFile(const Project& project, const SurveyStageOptions& options) 
 std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& target,
                                    const SurveyStageOptions& options) {
   std::vector<fs::path> inputs;
-  for (const char* table : {"tags.yaml", "control_points.csv", "control_observations.csv", "ground_control_points.json",
-                            "gcp_list.txt", "distances.csv", "stations.csv", "panoramas.csv", "photos.csv"}) {
+  for (const char* table :
+       {"tags.yaml", "control_points.csv", "control_observations.csv", "ground_control_points.json", "gcp_list.txt",
+        "distances.csv", "total_station.csv", "stations.csv", "panoramas.csv", "photos.csv"}) {
     if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
   if (!options.against.empty()) inputs.push_back(AgainstFile(project, options));

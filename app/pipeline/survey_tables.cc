@@ -127,6 +127,25 @@ void WriteDistances(const SurveyResult& result, const SurveyFindings& findings, 
   csv.Save(file);
 }
 
+void WriteStationResiduals(const SurveyStations& stations, const SurveyResult& result, const SurveyFindings& findings,
+                           const fs::path& file) {
+  CsvWriter csv(
+      {"setup", "target", "reading", "status", "observed", "stated_sigma", "residual", "unit", "standardised", "line"},
+      {Comment("station_residuals", result, findings,
+               "residual: map minus read; standardised: over its own sigma; line: of total_station.csv")});
+  for (const NetworkResidual& r : result.station_residuals) {
+    const StationSighting& s = stations.sightings[r.sighting];
+    const bool length = r.reading == StationReading::kDistance;
+    const double unit = length ? 1 : kRadToDeg;
+    const auto [observed, sigma] = ReadingOf(s, r.reading);
+    csv.Text(s.setup).Text(s.target).Text(StationReadingName(r.reading)).Text(r.excluded ? "taken out" : "used");
+    csv.Number(observed * unit, 6).Number(sigma * unit, 6).Number(r.residual * unit, 6).Text(length ? "m" : "deg");
+    csv.Number(r.standardised, 3).Integer(s.line);
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
 void WriteSessions(const SurveyJob& job, const SurveyResult& result, const SurveyFindings& findings,
                    const fs::path& file) {
   CsvWriter csv({"run", "kind", "session", "images", "observations", "rejected", "rms_px", "corner_factor", "scale",
@@ -219,6 +238,7 @@ void WriteSurveyTables(const Project& project, const SurveyJob& job, const Surve
   WriteResiduals(job, result, findings, out / "residuals.csv");
   WriteDistances(result, findings, out / "distances.csv");
   WriteSessions(job, result, findings, out / "sessions.csv");
+  if (job.input.stations) WriteStationResiduals(*job.input.stations, result, findings, out / "station_residuals.csv");
   if (!findings.control.epoch_differences.empty()) WriteControlEpochs(result, findings, out / "control_epochs.csv");
   if (findings.epochs) WriteChanges(result, findings, out / "changes.csv");
   if (findings.frame != "enu") return;

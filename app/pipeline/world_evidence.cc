@@ -106,9 +106,14 @@ void AddWorldInputs(const Project& project, const StageTarget& target, const Use
 }
 
 WorldSources::WorldSources(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
-                           const LocalizeJob& job)
-    : run_(target.run), job_(job), parts_(options.Parts()), sizes_(project.site().tags) {
-  if (parts_.empty()) return;
+                           const LocalizeJob& job, bool all_tags)
+    : run_(target.run), job_(job), parts_(options.Parts()), all_tags_(all_tags), sizes_(project.site().tags) {
+  if (parts_.empty()) {
+    StageTarget plain = target;
+    plain.variant.clear();
+    if (all_tags_ && fs::exists(ResultOf(project, "detect", plain) / "detections.csv")) ReadImages(project, target);
+    return;
+  }
   if (!job.input.has_frame) {
     throw InputError("--use " + options.use +
                      ": the project has no origin; give geotags, GPS, control points or origin.json");
@@ -119,7 +124,7 @@ WorldSources::WorldSources(const Project& project, const StageTarget& target, co
   }
   if (parts_.count("tags") > 0) ReadMap(project, MapName(options, target));
   if (parts_.count("control") > 0) ReadControl(project);
-  if (parts_.count("tags") > 0 || parts_.count("control") > 0) ReadImages(project, target);
+  if (all_tags_ || parts_.count("tags") > 0 || parts_.count("control") > 0) ReadImages(project, target);
 }
 
 void WorldSources::ReadMap(const Project& project, const std::string& name) {
@@ -171,7 +176,7 @@ void WorldSources::ReadImages(const Project& project, const StageTarget& target)
   LeaveOutExcluded(project.review(), run_, detections_);
 }
 
-std::vector<TagView> WorldSources::ViewsOf(const Reconstruction& reconstruction) const {
+std::vector<TagView> WorldSources::ViewsOf(const std::vector<Rigid3d>& body_from_odom) const {
   std::map<std::pair<int64_t, std::string>, size_t> index;
   const LocalizeInput& input = job_.input;
   for (size_t i = 0; i < input.images.size(); ++i) {
@@ -183,8 +188,7 @@ std::vector<TagView> WorldSources::ViewsOf(const Reconstruction& reconstruction)
     const FrameImage& image = input.images[i];
     const BodyCamera& camera = input.cameras[static_cast<size_t>(image.camera)];
     views[i].camera = &camera.camera;
-    views[i].world_from_cam =
-        (camera.cam_from_body * reconstruction.problem.poses[static_cast<size_t>(image.pose)]).Inverse();
+    views[i].world_from_cam = (camera.cam_from_body * body_from_odom[static_cast<size_t>(image.pose)]).Inverse();
     views[i].run = run_;
   }
   for (const ImageDetections& image : detections_) {
@@ -194,23 +198,17 @@ std::vector<TagView> WorldSources::ViewsOf(const Reconstruction& reconstruction)
   return views;
 }
 
-WorldEvidence WorldSources::EvidenceFor(const Reconstruction& reconstruction, int threads, ProgressSink& progress,
-                                        const CancelToken& cancel) const {
-  WorldEvidence evidence;
-  evidence.gps = parts_.count("gps") > 0;
-  if (parts_.count("tags") == 0 && parts_.count("control") == 0) return evidence;
-  for (const std::string& warning : warnings_) progress.Log(LogLevel::kWarning, warning);
-  const std::vector<TagView> views = ViewsOf(reconstruction);
+std::vector<WorldTag> WorldSources::TagsOf(const std::vector<Rigid3d>& body_from_odom, int threads,
+                                           ProgressSink& progress, const CancelToken& cancel) const {
+  std::vector<WorldTag> tags;
+  const std::vector<TagView> views = ViewsOf(body_from_odom);
   const TagPosesOptions options;
-  std::vector<const TagResult*> in_map;
   for (const TagEstimate& tag : EstimateTagPoses(views, sizes_, options, threads, progress, cancel)) {
     if (!tag.HasPose() || tag.status != "ok") continue;
-    const auto surveyed = std::find_if(map_.tags.begin(), map_.tags.end(), [&](const TagResult& t) {
-      return t.tag_id == tag.tag_id && t.map_from_tag && t.covariance && t.covariance->allFinite();
-    });
+    const TagResult* const surveyed = InMap(tag.tag_id);
     const auto control = control_.find(tag.tag_id);
-    if (surveyed == map_.tags.end() && control == control_.end()) continue;
-    WorldTag& out = evidence.tags.emplace_back();
+    if (surveyed == nullptr && control == control_.end() && !all_tags_) continue;
+    WorldTag& out = tags.emplace_back();
     out.id = tag.tag_id;
     for (int k = 0; k < 4; ++k) out.corners[static_cast<size_t>(k)] = TagCorner(tag.size_m, k);
     for (int index : tag.views) {
@@ -221,21 +219,44 @@ WorldEvidence WorldSources::EvidenceFor(const Reconstruction& reconstruction, in
       out.sightings.push_back({index, sight.rays, sight.whitening});
     }
     const int pose = job_.input.images[static_cast<size_t>(out.sightings.front().image)].pose;
-    out.body_from_tag = reconstruction.problem.poses[static_cast<size_t>(pose)] * *tag.world_from_tag;
-    if (surveyed != map_.tags.end()) {
-      out.world_from_tag = surveyed->map_from_tag;
-      in_map.push_back(&*surveyed);
-    }
+    out.body_from_tag = body_from_odom[static_cast<size_t>(pose)] * *tag.world_from_tag;
+    if (surveyed != nullptr) out.world_from_tag = surveyed->map_from_tag;
     if (control != control_.end()) out.control = control->second;
   }
+  return tags;
+}
+
+const TagResult* WorldSources::InMap(int tag_id) const {
+  for (const TagResult& t : map_.tags) {
+    if (t.tag_id == tag_id && t.map_from_tag && t.covariance && t.covariance->allFinite()) return &t;
+  }
+  return nullptr;
+}
+
+Eigen::MatrixXd WorldSources::MapCovariance(const std::vector<WorldTag>& tags, ProgressSink& progress) const {
+  std::vector<const TagResult*> in_map;
+  for (const WorldTag& tag : tags) {
+    if (tag.world_from_tag) in_map.push_back(InMap(tag.id));
+  }
   bool bound = false;
-  evidence.map_covariance = CovarianceOfTags(in_map, map_.cross, &bound);
+  Eigen::MatrixXd c = CovarianceOfTags(in_map, map_.cross, &bound);
   if (bound) {
     progress.Log(LogLevel::kWarning,
                  "the map '" + map_.name +
                      "' has no covariances between its tags: an upper bound is used, so that sigmas are too large; for "
                      "better ones set cross_covariances: true for the survey");
   }
+  return c;
+}
+
+WorldEvidence WorldSources::EvidenceFor(const Reconstruction& reconstruction, int threads, ProgressSink& progress,
+                                        const CancelToken& cancel) const {
+  WorldEvidence evidence;
+  evidence.gps = parts_.count("gps") > 0;
+  if (parts_.count("tags") == 0 && parts_.count("control") == 0) return evidence;
+  for (const std::string& warning : warnings_) progress.Log(LogLevel::kWarning, warning);
+  evidence.tags = TagsOf(reconstruction.problem.poses, threads, progress, cancel);
+  evidence.map_covariance = MapCovariance(evidence.tags, progress);
   if (evidence.tags.empty()) {
     throw InputError("--use: run " + run_ + " shows no tag " +
                      (map_.name.empty() ? "with control" : "of the map '" + map_.name + "'") +

@@ -33,7 +33,9 @@ struct Layout {
   std::vector<int> first;                  // first[point] .. first[point + 1]
   std::vector<int> slot;                   // pose -> block of the reduced system, -1 constant
   int blocks = 0;                          // free poses
-  int dimension = 0;                       // 6 * blocks + (scale free)
+  std::vector<int> scale_slot;             // scale -> among the free ones, -1 constant
+  int scales = 0;                          // free ones
+  int dimension = 0;                       // 6 * blocks + scales
   std::vector<std::pair<int, int>> chunk;  // points [begin, end)
 
   explicit Layout(const BundleProblem& p) {
@@ -44,7 +46,8 @@ struct Layout {
     for (size_t i = 0; i < p.poses.size(); ++i) {
       if (p.pose_constant.empty() || !p.pose_constant[i]) slot[i] = blocks++;
     }
-    dimension = 6 * blocks + (p.scale_constant ? 0 : 1);
+    for (const OdometryScale& s : p.scales) scale_slot.push_back(s.constant ? -1 : scales++);
+    dimension = 6 * blocks + scales;
     // Chunks of about equal numbers of observations.
     const int n = static_cast<int>(p.points.size());
     int begin = 0;
@@ -97,7 +100,7 @@ class BlockMatrix {
 std::vector<int> SlotsOf(const MapFactor& map, const Layout& layout) {
   std::vector<int> slots;
   for (int rig : map.rigs) slots.push_back(layout.slot[static_cast<size_t>(rig)]);
-  slots.push_back(layout.slot[static_cast<size_t>(map.frame)]);
+  if (map.frame >= 0) slots.push_back(layout.slot[static_cast<size_t>(map.frame)]);
   return slots;
 }
 
@@ -135,11 +138,11 @@ BlockMatrix MakePattern(const BundleProblem& p, const Layout& layout) {
   return pattern;
 }
 
-// The normal equations reduced to poses and scale, but for the poses' matrix.
+// The normal equations reduced to poses and scales, but for the poses' matrix.
 struct Reduced {
-  Eigen::VectorXd gradient;      // J^T r reduced
-  Eigen::VectorXd scale_column;  // of free poses, when the scale is free
-  double scale_diagonal = 0;
+  Eigen::VectorXd gradient;        // J^T r reduced
+  Eigen::MatrixXd scale_columns;   // free poses by free scales
+  Eigen::VectorXd scale_diagonal;  // of the free scales, which share no factor
   double cost = 0;
 };
 
@@ -235,7 +238,9 @@ class Reducer {
       sum += 0.5 * Rho(f.loss.get(), t.r.squaredNorm(), &weight);
     }
     if (p.map) sum += 0.5 * EvaluateMap(p, *p.map).r.squaredNorm();
-    if (!p.scale_constant) sum += 0.5 * std::pow((p.scale - p.scale_prior) / p.scale_sigma, 2);
+    for (const OdometryScale& s : p.scales) {
+      if (!s.constant) sum += 0.5 * std::pow((s.value - s.prior) / s.sigma, 2);
+    }
     return sum;
   }
 
@@ -318,7 +323,9 @@ class Reducer {
   }
 
   void AddFactors(BlockCholesky* matrix, Reduced* sum) const {
-    sum->scale_column = Eigen::VectorXd::Zero(6 * layout_.blocks);
+    const int first_scale = 6 * layout_.blocks;
+    sum->scale_columns = Eigen::MatrixXd::Zero(first_scale, layout_.scales);
+    sum->scale_diagonal = Eigen::VectorXd::Zero(layout_.scales);
     for (const PoseFactor& f : p_.factors) {
       FactorTerms t;
       EvaluateFactor(p_, f, &t);
@@ -336,19 +343,21 @@ class Reducer {
         if (a > b) matrix->Add<6>(pattern_.Find(a, b), weight * t.ja.transpose(), t.jb.transpose());
         if (a >= 0 && a < b) matrix->Add<6>(pattern_.Find(b, a), weight * t.jb.transpose(), t.ja.transpose());
       }
-      if (!p_.scale_constant && f.scaled) {
-        const int s = 6 * layout_.blocks;
-        if (a >= 0) sum->scale_column.segment<6>(6 * a) += weight * t.ja.transpose() * t.js;
-        if (b >= 0) sum->scale_column.segment<6>(6 * b) += weight * t.jb.transpose() * t.js;
-        sum->scale_diagonal += weight * t.js.squaredNorm();
-        sum->gradient(s) += weight * t.js.dot(t.r);
-      }
+      const int s = f.scale < 0 ? -1 : layout_.scale_slot[static_cast<size_t>(f.scale)];
+      if (s < 0) continue;
+      if (a >= 0) sum->scale_columns.block<6, 1>(6 * a, s) += weight * t.ja.transpose() * t.js;
+      if (b >= 0) sum->scale_columns.block<6, 1>(6 * b, s) += weight * t.jb.transpose() * t.js;
+      sum->scale_diagonal(s) += weight * t.js.squaredNorm();
+      sum->gradient(first_scale + s) += weight * t.js.dot(t.r);
     }
-    if (!p_.scale_constant) {
-      const double e = (p_.scale - p_.scale_prior) / p_.scale_sigma;
+    for (size_t k = 0; k < p_.scales.size(); ++k) {
+      const int s = layout_.scale_slot[k];
+      if (s < 0) continue;
+      const OdometryScale& scale = p_.scales[k];
+      const double e = (scale.value - scale.prior) / scale.sigma;
       sum->cost += 0.5 * e * e;
-      sum->scale_diagonal += 1 / (p_.scale_sigma * p_.scale_sigma);
-      sum->gradient(6 * layout_.blocks) += e / p_.scale_sigma;
+      sum->scale_diagonal(s) += 1 / (scale.sigma * scale.sigma);
+      sum->gradient(first_scale + s) += e / scale.sigma;
     }
   }
 
@@ -379,13 +388,13 @@ class Reducer {
   std::vector<Term> terms_;  // of a batch
 };
 
-// The reduced system, factored: blocks of poses, bordered by the scale when that is free.
+// The reduced system, factored: blocks of poses, bordered by the free scales.
 class ReducedSolver {
  public:
   ReducedSolver(const BlockMatrix& pattern, const Layout& layout, int threads)
       : threads_(threads),
         poses_(6 * layout.blocks),
-        with_scale_(layout.dimension > poses_),
+        scales_(layout.scales),
         cholesky_(layout.blocks, pattern.blocks()) {}
 
   // What the poses' matrix is built into.
@@ -393,41 +402,52 @@ class ReducedSolver {
   // With relative damping of the diagonal. False if the system is not positive definite.
   bool Factorize(const Reduced& r, double lambda) {
     if (!cholesky_.Factorize(lambda, threads_)) return false;
-    if (!with_scale_) return true;
-    border_ = r.scale_column;
-    cholesky_.Solve(border_);
-    pivot_ = r.scale_diagonal * (1 + lambda) - border_.dot(r.scale_column);
-    return pivot_ > 0;
+    if (scales_ == 0) return true;
+    border_ = r.scale_columns;
+    for (Eigen::Index s = 0; s < scales_; ++s) cholesky_.Solve(border_.col(s));
+    Eigen::MatrixXd pivot = -border_.transpose() * r.scale_columns;
+    pivot.diagonal() += r.scale_diagonal * (1 + lambda);
+    pivot_.compute(pivot);
+    return pivot_.info() == Eigen::Success;
   }
 
   Eigen::VectorXd Solve(const Eigen::VectorXd& right_hand_side) const {
     Eigen::VectorXd x = right_hand_side;
     cholesky_.Solve(x.head(poses_));
-    if (with_scale_) {
-      // border_ = A^-1 b, so b^T A^-1 y = border_^T y for the right hand side y of the poses.
-      const double scale = (x(poses_) - border_.dot(right_hand_side.head(poses_))) / pivot_;
-      x.head(poses_) -= border_ * scale;
-      x(poses_) = scale;
+    if (scales_ > 0) {
+      // border_ = A^-1 B, so B^T A^-1 y = border_^T y for the right hand side y of the poses.
+      const Eigen::VectorXd scales = pivot_.solve(x.tail(scales_) - border_.transpose() * right_hand_side.head(poses_));
+      x.head(poses_) -= border_ * scales;
+      x.tail(scales_) = scales;
     }
     return x;
   }
 
   // Blocks of the inverse: of the poses' matrix, and what the border adds to them.
   BlockCholesky::Inverse SelectedInverse() && { return std::move(cholesky_).SelectedInverse(threads_); }
-  double ScaleVariance() const { return with_scale_ ? 1 / pivot_ : 0; }
+  double ScaleVariance(Eigen::Index slot) const { return pivot_.solve(Eigen::VectorXd::Unit(scales_, slot))(slot); }
   Matrix6d BorderBlock(int a, int b) const {
-    if (!with_scale_) return Matrix6d::Zero();
-    return border_.segment<6>(6 * a) * border_.segment<6>(6 * b).transpose() / pivot_;
+    if (scales_ == 0) return Matrix6d::Zero();
+    return border_.middleRows<6>(6 * a) * pivot_.solve(border_.middleRows<6>(6 * b).transpose());
   }
 
  private:
   int threads_;
   Eigen::Index poses_;
-  bool with_scale_;
+  Eigen::Index scales_;
   BlockCholesky cholesky_;
-  Eigen::VectorXd border_;
-  double pivot_ = 0;
+  Eigen::MatrixXd border_;
+  Eigen::LLT<Eigen::MatrixXd> pivot_;
 };
+
+void MovePosesAndScales(const Layout& layout, const Eigen::VectorXd& step, BundleProblem* p) {
+  for (size_t i = 0; i < p->poses.size(); ++i) {
+    if (layout.slot[i] >= 0) p->poses[i] = p->poses[i].Plus(step.segment<6>(6 * layout.slot[i]));
+  }
+  for (size_t s = 0; s < p->scales.size(); ++s) {
+    if (layout.scale_slot[s] >= 0) p->scales[s].value += step(6 * layout.blocks + layout.scale_slot[s]);
+  }
+}
 
 }  // namespace
 
@@ -518,11 +538,8 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
       }
       std::vector<Eigen::Vector3d> other_points = reducer.MovedPoints(step, lambda);
       const std::vector<Rigid3d> old_poses = p.poses;
-      const double old_scale = p.scale;
-      for (size_t i = 0; i < p.poses.size(); ++i) {
-        if (layout.slot[i] >= 0) p.poses[i] = p.poses[i].Plus(step.segment<6>(6 * layout.slot[i]));
-      }
-      if (!p.scale_constant) p.scale += step(6 * layout.blocks);
+      const std::vector<OdometryScale> old_scales = p.scales;
+      MovePosesAndScales(layout, step, &p);
       p.points.swap(other_points);
       const double cost = reducer.Cost(p);
       if (std::isfinite(cost) && cost <= summary.final_cost) {
@@ -533,7 +550,7 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
       } else {
         p.poses = old_poses;
         p.points.swap(other_points);
-        p.scale = old_scale;
+        p.scales = old_scales;
         lambda = std::max(lambda, 1e-8) * 8;
       }
     }
@@ -583,7 +600,10 @@ BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, co
 
 BundleCovariance::~BundleCovariance() = default;
 
-double BundleCovariance::ScaleVariance() const { return impl_->solver.ScaleVariance(); }
+double BundleCovariance::ScaleVariance(int scale) const {
+  const int slot = impl_->layout.scale_slot[static_cast<size_t>(scale)];
+  return slot < 0 ? 0 : impl_->solver.ScaleVariance(slot);
+}
 
 Eigen::MatrixXd BundleCovariance::Joint(const std::vector<int>& poses) const {
   const auto slot = [&](size_t i) { return impl_->layout.slot[static_cast<size_t>(poses[i])]; };

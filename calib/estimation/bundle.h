@@ -1,4 +1,4 @@
-// Sparse bundle adjustment over rigs, points and one odometry scale, with exact covariances.
+// Sparse bundle adjustment over rigs, points and the scales of odometries, with exact covariances.
 //
 // Minimises  sum rho(|W_ij u_ij|^2)  +  sum rho(|L_k e_k|^2)
 // where u_ij is the unit ray of point j in view i (predicted), W_ij the whitened tangent plane of the observed ray
@@ -37,8 +37,8 @@ struct BearingObservation {
 // Residual of pose factors, tangent [rotation (rad), translation (m)], whitened by sqrt_info (6 x 6).
 struct PoseFactor {
   enum class Kind {
-    // pose_a * pose_b^-1 (a_from_b) against `measured` (a_from_b), whose translation is multiplied by the scale
-    // parameter if `scaled`. e = [Log(R_p R_z^T), t_p - s t_z].
+    // pose_a * pose_b^-1 (a_from_b) against `measured` (a_from_b), whose translation is multiplied by a scale if it
+    // names one. e = [Log(R_p R_z^T), t_p - s t_z].
     kBetween,
     // rig_from_world of a against `measured`. e = [Log(R R_z^T), t - t_z].
     kPrior,
@@ -58,7 +58,7 @@ struct PoseFactor {
   Kind kind = Kind::kPrior;
   int a = 0;
   int b = -1;
-  bool scaled = false;
+  int scale = -1;  // of kBetween: index into BundleProblem::scales; -1: metric
   Rigid3d measured;
   Eigen::Vector3d arm = Eigen::Vector3d::Zero();
   int view_a = 0, view_b = 0;  // of kTwoView: indices into BundleProblem::views
@@ -71,9 +71,16 @@ struct PoseFactor {
 // Residuals are those of kGeotag, one after the other, whitened jointly.
 struct MapFactor {
   std::vector<int> rigs;          // poses, rig_from_odom
-  int frame = -1;                 // the pose that is world_from_odom
+  int frame = -1;                 // the pose that is world_from_odom; -1: the problem's frame is the world
   std::vector<Rigid3d> measured;  // world_from_rig of each
   Eigen::MatrixXd sqrt_info;      // 6 n x 6 n
+};
+
+// Length of a run: true length = value * what its odometry has measured.
+struct OdometryScale {
+  double value = 1;
+  bool constant = true;
+  double prior = 1, sigma = 0.01;  // used when it is free
 };
 
 struct BundleProblem {
@@ -85,10 +92,8 @@ struct BundleProblem {
   std::vector<BearingObservation> observations;  // sorted by point
   std::vector<PoseFactor> factors;
   std::optional<MapFactor> map;
-  std::shared_ptr<const ceres::LossFunction> loss;  // of bearing observations
-  double scale = 1.0;                               // odometry scale: true length = scale * measured length
-  bool scale_constant = true;
-  double scale_prior = 1.0, scale_sigma = 0.01;  // used when the scale is free
+  std::shared_ptr<const ceres::LossFunction> loss;                    // of bearing observations
+  std::vector<OdometryScale> scales = std::vector<OdometryScale>(1);  // one a run
 };
 
 struct BundleOptions {
@@ -123,8 +128,8 @@ class BundleCovariance {
   Eigen::MatrixXd Joint(const std::vector<int>& poses) const;
   // The covariance of all poses (6 rows each, zero for constant ones) times `b`, which has as many rows.
   Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const;
-  // Of the odometry scale; 0 where that is held.
-  double ScaleVariance() const;
+  // Of an odometry's scale; 0 where that is held.
+  double ScaleVariance(int scale = 0) const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`
   // (next[p] >= 0), computed by selected inversion in the place of the factor: the last that this object tells.
   void PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal, std::vector<Matrix6d>* with_next) &&;

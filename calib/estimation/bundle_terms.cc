@@ -83,7 +83,7 @@ void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* ou
       const Eigen::Quaterniond q = a.rotation * b.rotation.conjugate();
       const Eigen::Matrix3d rp = q.toRotationMatrix();
       const Eigen::Vector3d rtb = rp * b.translation;
-      const double s = f.scaled ? p.scale : 1.0;
+      const double s = f.scale < 0 ? 1.0 : p.scales[static_cast<size_t>(f.scale)].value;
       e.head<3>() = LogSO3(q * f.measured.rotation.conjugate());
       e.tail<3>() = a.translation - rtb - s * f.measured.translation;
       const Eigen::Matrix3d jl = LeftJacobianInverseSO3(e.head<3>());
@@ -93,7 +93,7 @@ void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* ou
       out->jb.topLeftCorner<3, 3>() = -jl * rp;
       out->jb.bottomLeftCorner<3, 3>() = -Skew(rtb) * rp;
       out->jb.bottomRightCorner<3, 3>() = -rp;
-      if (f.scaled) out->js.tail<3>() = -f.measured.translation;
+      if (f.scale >= 0) out->js.tail<3>() = -f.measured.translation;
       break;
     }
     case PoseFactor::Kind::kTwoView: EvaluateTwoView(p, f, &e, &out->ja, &out->jb); break;
@@ -131,14 +131,15 @@ void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* ou
 
 MapTerms EvaluateMap(const BundleProblem& p, const MapFactor& map) {
   const auto n = static_cast<Eigen::Index>(map.rigs.size());
-  MapTerms t{Eigen::VectorXd::Zero(6 * n), Eigen::MatrixXd::Zero(6 * n, 6 * n + 6)};
+  const bool framed = map.frame >= 0;
+  const Rigid3d frame = framed ? p.poses[static_cast<size_t>(map.frame)] : Rigid3d();
+  MapTerms t{Eigen::VectorXd::Zero(6 * n), Eigen::MatrixXd::Zero(6 * n, 6 * n + (framed ? 6 : 0))};
   for (Eigen::Index i = 0; i < n; ++i) {
     const Rigid3d& rig = p.poses[static_cast<size_t>(map.rigs[static_cast<size_t>(i)])];
     Matrix6d by_rig, by_frame;
-    t.r.segment<6>(6 * i) = EvaluatePlace(rig, p.poses[static_cast<size_t>(map.frame)],
-                                          map.measured[static_cast<size_t>(i)], &by_rig, &by_frame);
+    t.r.segment<6>(6 * i) = EvaluatePlace(rig, frame, map.measured[static_cast<size_t>(i)], &by_rig, &by_frame);
     t.j.block<6, 6>(6 * i, 6 * i) = by_rig;
-    t.j.block<6, 6>(6 * i, 6 * n) = by_frame;
+    if (framed) t.j.block<6, 6>(6 * i, 6 * n) = by_frame;
   }
   t.r = (map.sqrt_info * t.r).eval();
   t.j = (map.sqrt_info * t.j).eval();

@@ -39,7 +39,7 @@ inline bool Evaluate(const BundleProblem& p, const BearingObservation& o, const 
   return true;
 }
 
-// Of a pose factor, whitened: by both poses' left tangents and the scale.
+// Of a pose factor, whitened: by both poses' left tangents and its scale.
 struct FactorTerms {
   Vector6d r = Vector6d::Zero();
   Matrix6d ja = Matrix6d::Zero(), jb = Matrix6d::Zero();
@@ -47,7 +47,8 @@ struct FactorTerms {
 };
 void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* out);
 
-// Of a map, whitened: by the left tangents of its rigs' poses, 6 columns each, and last of its frame's.
+// Of a map, whitened: by the left tangents of its rigs' poses, 6 columns each, and last of its frame's, where that is a
+// pose.
 struct MapTerms {
   Eigen::VectorXd r;
   Eigen::MatrixXd j;

@@ -13,6 +13,7 @@
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "datasets/calibration/camera_files.h"
+#include "datasets/import/fast_png.h"
 #include "datasets/import/frame_tree.h"
 #include "datasets/import/run_folder.h"
 #include "datasets/io/camchain.h"
@@ -183,8 +184,12 @@ class BagImport {
       stream.width = picture.cols;
       stream.height = picture.rows;
       file += ".png";
-      cv::imencode(".png", picture, encoded_);
-      WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
+      if (picture.depth() == CV_8U) {
+        WriteBytes(run_.dir() / file, FastPng(picture));
+      } else {
+        cv::imencode(".png", picture, encoded_);
+        WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
+      }
     }
     images_.push_back({stamp, file, stream.name});
   }
@@ -226,7 +231,7 @@ class BagImport {
                                                stream.topic.name, stream.width, stream.height, camera->width(),
                                                camera->height()));
       }
-      cameras.push_back({stream.name, *camera, LevelForwardCamera(), false, 0, {}});
+      cameras.push_back({.name = stream.name, .camera = *camera, .cam_from_body = LevelForwardCamera()});
     }
     return cameras;
   }
@@ -336,8 +341,8 @@ class BagImport {
     }
     if (tilts.empty()) return;
     report_.lines.push_back(fmt::format(
-        "level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; run.yaml says levelled: "
-        "false until you set it",
+        "level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; run.yaml has levelled: "
+        "false until you change it",
         Median(tilts), tilts.size(), choice_.imu->name));
   }
 

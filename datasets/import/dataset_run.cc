@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -95,7 +96,7 @@ Dataset ReadEuroc(const fs::path& folder) {
 }
 
 BodyCamera ForwardCamera(const std::string& name, Camera camera) {
-  return {name, std::move(camera), LevelForwardCamera(), true, 0, {}};
+  return {.name = name, .camera = std::move(camera), .cam_from_body = LevelForwardCamera(), .has_extrinsics = true};
 }
 
 Dataset ReadTumRgbd(const fs::path& folder) {
@@ -163,6 +164,52 @@ Dataset ReadKitti(const fs::path& folder) {
   return dataset;
 }
 
+// A pose in a world whose y is up of a phone whose axes are x right, y up, z backwards (ARKit's camera, ARCore's sensor
+// frame with the phone upright), as odometry: z up, the body looking along x.
+Rigid3d BodyFromPhone(const Rigid3d& world_from_phone) {
+  const Rigid3d up(Eigen::Quaterniond(Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitX())),
+                   Eigen::Vector3d::Zero());
+  const Rigid3d phone_from_cam(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero());
+  return up * world_from_phone * phone_from_cam * LevelForwardCamera();
+}
+
+bool IsPhoneLog(const fs::path& file) {
+  const std::string name = file.filename().string();
+  return name.ends_with("ARCore_sensor_pose.txt") || name.ends_with("ARKit_camera_pose.txt");
+}
+
+// What the apps ARCore-Data-Logger (timestamp_ns, qx, qy, qz, qw, tx, ty, tz) and ARKit-Data-Logger (timestamp_ns, then
+// the rows of [R | t]) write, as their pages on GitHub describe it. The first pose is at time 0.
+std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
+  const std::string text = ReadTextFile(file);
+  std::vector<TimedPose> poses;
+  double first_ns = 0;
+  for (const auto& [line, number] : DataLines(text)) {
+    std::vector<double> v;
+    for (size_t begin = 0; begin <= line.size();) {
+      const size_t end = std::min(line.find(',', begin), line.size());
+      v.push_back(ParseDouble(Trim(line.substr(begin, end - begin))).value_or(NAN));
+      begin = end + 1;
+    }
+    const bool numbers = std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
+    if (!numbers || (v.size() != 8 && v.size() != 13)) {
+      throw InputError(FileLine(file, number) +
+                       ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");
+    }
+    Rigid3d pose;
+    if (v.size() == 8) {
+      pose = Rigid3d(Eigen::Quaterniond(v[4], v[1], v[2], v[3]).normalized(), {v[5], v[6], v[7]});
+    } else {
+      const Eigen::Matrix<double, 3, 4> m = Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(&v[1]);
+      pose = Rigid3d(Eigen::Quaterniond(Eigen::Matrix3d(m.leftCols<3>())).normalized(), m.col(3));
+    }
+    if (poses.empty()) first_ns = v[0];
+    poses.push_back({std::llround(v[0] - first_ns), BodyFromPhone(pose)});
+  }
+  if (poses.empty()) throw InputError(file.string() + ": no pose");
+  return poses;
+}
+
 // Record3D's recording, unpacked (.r3d is a zip): metadata (JSON) and rgbd/<n>.jpg, with ARKit's pose of each picture
 // (x right, y up, z backwards, in a world whose y is up) as [qx, qy, qz, qw, x, y, z] and K by columns.
 Dataset ReadRecord3d(const fs::path& folder) {
@@ -180,9 +227,6 @@ Dataset ReadRecord3d(const fs::path& folder) {
     camera.calibration = ForwardCamera(
         "cam0",
         {CameraModel::kPinhole, metadata.at("w").get<int>(), metadata.at("h").get<int>(), {k[0], k[4], k[6], k[7]}});
-    const Rigid3d up(Eigen::Quaterniond(Eigen::AngleAxisd(EIGEN_PI / 2, Eigen::Vector3d::UnitX())),
-                     Eigen::Vector3d::Zero());
-    const Rigid3d arkit_from_cam(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero());
     for (size_t i = 0; i < poses.size(); ++i) {
       const std::vector<double>& p = poses[i];
       if (p.size() != 7 || !std::isfinite(times[i])) throw InputError("expected poses of 7 numbers and finite times");
@@ -190,7 +234,7 @@ Dataset ReadRecord3d(const fs::path& folder) {
       camera.images.emplace_back(stamp, fmt::format("{}.jpg", i));
       const Rigid3d world_from_arkit(Eigen::Quaterniond(p[3], p[0], p[1], p[2]), {p[4], p[5], p[6]});
       if (!world_from_arkit.IsFinite()) continue;
-      dataset.poses.push_back({stamp, up * world_from_arkit * arkit_from_cam * LevelForwardCamera()});
+      dataset.poses.push_back({stamp, BodyFromPhone(world_from_arkit)});
     }
   } catch (const InputError& e) {
     throw InputError(file.string() + ": " + e.what());
@@ -212,7 +256,13 @@ Trajectory ReadPoses(const fs::path& file, const fs::path& times) {
 // The file's poses, else the folder's own.
 void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path& dir, ImportReport* report) {
   std::string source = "the folder";
-  if (!file.empty()) {
+  if (IsPhoneLog(file)) {
+    dataset.poses = ReadPhoneLog(file);
+    source = file.filename().string();
+    report->warnings.push_back(source +
+                               " is on the phone's own clock: its first pose is taken at the first image; if they were "
+                               "not started together, mend odometry: time_offset_s in run.yaml");
+  } else if (!file.empty()) {
     Trajectory trajectory = ReadPoses(file, dataset.times);
     dataset.poses = std::move(trajectory.poses);
     source = file.filename().string();
@@ -231,6 +281,12 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
 }
 
 }  // namespace
+
+bool IsInsta360File(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return ending == ".insv" || ending == ".insp";
+}
 
 std::string DatasetKind(const fs::path& folder) {
   const auto has = [](const fs::path& file) {
@@ -291,6 +347,16 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
 
 namespace {
 
+// The last bytes of files of Insta360's cameras, behind what their telemetry is in.
+bool HasInsta360Telemetry(const fs::path& video) {
+  constexpr std::string_view kMark = "8db42d694ccc418790edff439fe026bf";
+  std::ifstream in(video, std::ios::binary);
+  std::string end(kMark.size(), ' ');
+  in.seekg(-static_cast<std::streamoff>(kMark.size()), std::ios::end);
+  in.read(end.data(), static_cast<std::streamsize>(end.size()));
+  return in && end == kMark;
+}
+
 // The video's beginning in UTC, as run.yaml has it; "" without a track, which is on UTC.
 std::string VideoStart(const fs::path& video, const fs::path& track, ImportReport* report) {
   if (track.empty()) return "";
@@ -301,11 +367,11 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
   const std::string name = video.filename().string(), gps = track.filename().string();
   if (start && *start > fixes.front().stamp_ns - kApart_ns && *start < fixes.back().stamp_ns + kApart_ns) {
     report->lines.push_back(
-        "time: the video began when it says that it was made; if it was made at its end, mend "
-        "time_zero_utc in run.yaml");
+        "time: the video is taken to begin at its creation time; if that is its end, correct time_zero_utc "
+        "in run.yaml");
   } else {
-    report->warnings.push_back(name + " does not say when it began: taken as the first time of " + gps +
-                               "; mend time_zero_utc in run.yaml if the two were not started together");
+    report->warnings.push_back(name + " does not state when it began: taken as the first time of " + gps +
+                               "; correct time_zero_utc in run.yaml if the two were not started together");
     start = fixes.front().stamp_ns;
   }
   return fmt::format("time_zero_utc: {:%Y-%m-%dT%H:%M:%S}.{:03}Z\n",
@@ -316,6 +382,13 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
 
 ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const DatasetRunOptions& options) {
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
+  if (IsInsta360File(video)) {
+    throw InputError(
+        video.string() +
+        ": Insta360's own file holds two fisheye pictures and telemetry in a form that is not published; "
+        "export the video (MP4) and its GPX from Insta360 Studio, put both beside each other under one name, "
+        "and import the MP4");
+  }
   RunFolder run(site, options.run);
   ImportReport report;
   fs::path track;
@@ -327,6 +400,7 @@ ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const D
   if (!track.empty()) fs::copy_file(track, run.dir() / track.filename());
   WriteFileAtomically(run.dir() / "run.yaml", "# From " + video.filename().string() + ".\n" +
                                                   VideoStart(video, track, &report) +
+                                                  (IsPhoneLog(options.odometry) ? "odometry: {levelled: true}\n" : "") +
                                                   fmt::format("video: {{every: {}}}\n", options.every));
   if (!options.cameras.empty()) {
     WriteCamchain(run.dir() / "camchain.yaml", ReadCameraFile(options.cameras, 0, 0).cameras,
@@ -336,6 +410,12 @@ ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const D
   }
   report.lines.push_back("video " + video.filename().string() +
                          (track.empty() ? "" : ", GPS " + track.filename().string()));
+  if (track.empty() && HasInsta360Telemetry(video)) {
+    report.warnings.push_back(
+        video.filename().string() +
+        ": the telemetry of Insta360 is in a form that is not published and is not read; export the "
+        "GPX from Insta360 Studio and put it beside the video under its name");
+  }
   if (!options.odometry.empty()) WriteDatasetOdometry({}, options.odometry, run.dir(), &report);
   const fs::path dir = run.Complete();
   for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());

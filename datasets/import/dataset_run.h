@@ -1,4 +1,4 @@
-// A run made of a folder of a public data set: EuRoC, TUM RGB-D, KITTI odometry; or of Record3D (ARKit).
+// A run made of a folder of a public data set: EuRoC, TUM RGB-D, KITTI odometry; or of Record3D (ARKit); or of a video.
 #pragma once
 
 #include <filesystem>
@@ -12,11 +12,16 @@ namespace trigpoint {
 // image_0 or image_2), "record3d" (metadata, rgbd: the unpacked .r3d); "" for anything else.
 std::string DatasetKind(const std::filesystem::path& folder);
 
+// A file of Insta360's cameras as they write it: not published, not read.
+bool IsInsta360File(const std::filesystem::path& file);
+
 struct DatasetRunOptions {
-  std::string run;                 // name of the run to be made
-  std::filesystem::path odometry;  // poses, or empty: of the body (EuRoC, Record3D), of the first camera (TUM, KITTI)
-  std::filesystem::path cameras;   // calibrations in place of the folder's, or empty
-  int every = 1;                   // of each camera every n-th image
+  std::string run;  // name of the run to be made
+  // Poses, or empty: of the body (EuRoC, Record3D), of the first camera (TUM, KITTI); or a log of ARCore or ARKit by
+  // its name (ARCore_sensor_pose.txt, ARKit_camera_pose.txt), whose first pose is at the first image.
+  std::filesystem::path odometry;
+  std::filesystem::path cameras;  // calibrations in place of the folder's, or empty
+  int every = 1;                  // of each camera every n-th image
 };
 
 // Writes SITE/runs/<run>/: images/<camera> (links), images.txt, camchain.yaml, odometry.tum. Poses are TUM's or EuRoC's

@@ -11,6 +11,7 @@
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/panorama_table.h"
 #include "datasets/import/providers/http_client.h"
+#include "datasets/io/capture_date.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -24,8 +25,8 @@ bool IsBetween(const std::string& date, const std::string& since, const std::str
 }
 
 std::map<std::string, std::string> RowOf(const PanoramaRecord& record, const PanoramaProvider& provider,
-                                         const std::string& file) {
-  const PanoramaSigmas sigmas = provider.Sigmas();
+                                         const std::string& file, std::optional<int64_t> keep_until_s) {
+  const SourceQuality sigmas = provider.Sigmas();
   const auto number = [](double value, int decimals) { return fmt::format("{:.{}f}", value, decimals); };
   const auto optional = [&](const std::optional<double>& value) { return value ? number(*value, 4) : std::string(); };
   return {{"file", file},
@@ -43,7 +44,8 @@ std::map<std::string, std::string> RowOf(const PanoramaRecord& record, const Pan
           {"source", provider.Name()},
           {"captured_at", record.date},
           {"licence", record.licence},
-          {"attribution", record.attribution}};
+          {"attribution", record.attribution},
+          {"keep_until", keep_until_s ? UtcOfSeconds(*keep_until_s) : ""}};
 }
 
 std::string NameOf(const PanoramaProvider& provider, const PanoramaRecord& record) {
@@ -58,6 +60,28 @@ void WritePicture(const PanoramaPicture& picture, const fs::path& file) {
   std::vector<uchar> bytes;
   cv::imencode(".jpg", picture.pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
   WriteFileAtomically(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+// The nearest first, as the options count it.
+void SortByNearness(const PanoramaImportOptions& options, double sigma_m, std::vector<PanoramaRecord>* records) {
+  struct Key {
+    double distance_m, season, years;
+    size_t record;
+    auto operator<=>(const Key&) const = default;
+  };
+  std::vector<Key> keys;
+  for (size_t i = 0; i < records->size(); ++i) {
+    const double distance_m = options.area.Distance_m((*records)[i].position);
+    const auto gap = GapBetween((*records)[i].date, options.near_date);
+    // Positions are known to two sigma, seasons change by the month.
+    keys.push_back(
+        gap ? Key{std::floor(distance_m / (2 * sigma_m)), std::floor(gap->season_days / 30), std::abs(gap->years), i}
+            : Key{options.near_date.empty() ? distance_m : std::floor(distance_m / (2 * sigma_m)), 12, 0, i});
+  }
+  std::sort(keys.begin(), keys.end());
+  std::vector<PanoramaRecord> sorted;
+  for (const Key& key : keys) sorted.push_back(std::move((*records)[key.record]));
+  *records = std::move(sorted);
 }
 
 }  // namespace
@@ -89,10 +113,19 @@ std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const Pa
                                  found, options.since.empty() ? "ever" : options.since,
                                  options.until.empty() ? "now" : options.until));
   }
-  if (options.limit > 0 && records.size() > static_cast<size_t>(options.limit)) {
-    std::stable_sort(records.begin(), records.end(), [&](const PanoramaRecord& a, const PanoramaRecord& b) {
-      return options.area.Distance_m(a.position) < options.area.Distance_m(b.position);
+  for (const std::string& id : options.ids) {
+    if (std::none_of(records.begin(), records.end(), [&](const PanoramaRecord& r) { return r.id == id; })) {
+      throw InputError(provider.Name() + ": panorama " + id + " is not among the " + std::to_string(records.size()) +
+                       " that were found; see --list");
+    }
+  }
+  if (!options.ids.empty()) {
+    std::erase_if(records, [&](const PanoramaRecord& r) {
+      return std::find(options.ids.begin(), options.ids.end(), r.id) == options.ids.end();
     });
+  }
+  if (options.limit > 0 && records.size() > static_cast<size_t>(options.limit)) {
+    SortByNearness(options, provider.Sigmas().h_m, &records);
     records.resize(static_cast<size_t>(options.limit));
   }
   return records;
@@ -114,8 +147,9 @@ class PanoramaImport {
       ++there_;
       return;
     }
+    std::optional<int64_t> keep_until_s;
     try {
-      Load(record, name, cancel);
+      keep_until_s = Load(record, name, cancel);
       failures_ = 0;
     } catch (const InputError& e) {
       skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
@@ -127,7 +161,7 @@ class PanoramaImport {
       return;
     }
     report_.files.push_back(site_ / name);
-    table_.Add(RowOf(record, provider_, name));
+    table_.Add(RowOf(record, provider_, name, keep_until_s));
   }
 
   // After an error that ended a service's import.
@@ -145,21 +179,30 @@ class PanoramaImport {
     }
     report_.lines.push_back(fmt::format("{} of {}{}", arrived(), Counted(records, "panorama"),
                                         there_ > 0 ? fmt::format(", {} of them were there already", there_) : ""));
+    if (ends_s_ != std::numeric_limits<int64_t>::max()) {
+      report_.warnings.push_back(
+          fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
+                      "next command after it deletes them; no report, export or release holds one of the pictures",
+                      provider_.Name(), UtcOfSeconds(ends_s_)));
+    }
     return report_;
   }
 
  private:
-  void Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
+  // Until when the picture may be kept, where it has an end.
+  std::optional<int64_t> Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
     cancel.ThrowIfCancelled();
-    // A picture without a row is what an import that was killed had loaded.
-    if (fs::exists(site_ / name)) {
+    // A picture without a row is what an import that was killed had loaded. Of one with an end, that is not known.
+    if (!provider_.ForSessionOnly() && fs::exists(site_ / name)) {
       ++there_;
-      return;
+      return std::nullopt;
     }
     const PanoramaPicture picture = provider_.Load(record, options_.width, cancel);
     if (!service_) made_.Making(site_ / name);
     WritePicture(picture, site_ / name);
     ++loaded_;
+    if (picture.keep_until_s) ends_s_ = std::min(ends_s_, *picture.keep_until_s);
+    return picture.keep_until_s;
   }
   void SaveTable() {
     if (!table_.Changed()) return;
@@ -176,6 +219,7 @@ class PanoramaImport {
   MadeFiles made_;
   ImportReport report_;
   int loaded_ = 0, there_ = 0, failures_ = 0;
+  int64_t ends_s_ = std::numeric_limits<int64_t>::max();  // the first end of a picture
   std::vector<std::string> skipped_;
 };
 

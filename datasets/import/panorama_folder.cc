@@ -119,7 +119,7 @@ class PanoramaFolder final : public PanoramaProvider {
   std::string Name() const override { return dir_.string(); }
   std::vector<std::string> Warnings() const override { return warnings_; }
   // Street View style positions: levelled in roll but not in the vehicle's pitch.
-  PanoramaSigmas Sigmas() const override { return {0.6, 20, 1, 2.5}; }
+  SourceQuality Sigmas() const override { return {0.6, 20, 1, 2.5}; }
 
   std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken&) override {
     std::vector<PanoramaRecord> found;

@@ -11,6 +11,7 @@
 #include "calib/base/progress.h"
 #include "datasets/import/colmap_run.h"
 #include "datasets/io/site.h"
+#include "datasets/io/source_quality.h"
 
 namespace trigpoint {
 
@@ -37,15 +38,11 @@ struct SearchArea {
   bool Contains(const Geodetic& position) const { return points.empty() || Distance_m(position) <= radius_m; }
 };
 
-// How good what a source states is, 1 sigma, where it does not say it of each picture.
-struct PanoramaSigmas {
-  double h_m, v_m, heading_deg, tilt_deg;
-};
-
 // An equirectangular picture, 2:1: its file's bytes where they are to be kept as they came, else pixels (BGR).
 struct PanoramaPicture {
   std::string jpeg;
   cv::Mat pixels;
+  std::optional<int64_t> keep_until_s;  // UTC: the source forbids to keep it longer; empty: it does not
 };
 
 class PanoramaProvider {
@@ -54,7 +51,9 @@ class PanoramaProvider {
   virtual std::string Name() const = 0;
   // What begins the names of its pictures' files; empty: nothing.
   virtual std::string Prefix() const { return ""; }
-  virtual PanoramaSigmas Sigmas() const = 0;
+  virtual SourceQuality Sigmas() const = 0;
+  // Its terms forbid to keep pictures and positions: they have an end, and are gone after it.
+  virtual bool ForSessionOnly() const { return false; }
   // Those that lie in the area, in the order of their ids.
   virtual std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) = 0;
   // The picture of a record that Find gave, at most `width` px wide unless 0. Throws InputError naming what is missing
@@ -77,6 +76,10 @@ struct PanoramaImportOptions {
   int width = 0;             // px at most; 0: as the source has it
   std::string since, until;  // capture dates (2024, 2024-05, 2024-05-12), both included; empty: all
   int limit = 0;             // the nearest so many; 0: all
+  // Of those whose distances differ less than their positions are known, the ones taken in the season of this day, then
+  // the ones taken near it in time, count as nearer; empty: the day is not known.
+  std::string near_date;
+  std::vector<std::string> ids;  // these alone; empty: all
 };
 
 // Those of the provider that the options ask for. Throws InputError if there are none.

@@ -9,6 +9,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/source_quality.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -25,7 +26,8 @@ std::vector<std::string> Columns() {
 }
 
 bool IsOfAService(const std::string& name) {
-  return name.starts_with("panoramax-") || name.starts_with("mapillary-") || name.starts_with("kartaview-");
+  const std::string service = name.substr(0, name.find('-'));
+  return service.size() < name.size() && QualityOfSource(service) != nullptr;
 }
 
 }  // namespace

@@ -9,7 +9,8 @@
 namespace trigpoint {
 
 // Columns that are not about the place: where a picture is from and what must be written beside it.
-inline const std::vector<std::string> kCreditColumns = {"source", "captured_at", "licence", "attribution"};
+inline const std::vector<std::string> kCreditColumns = {"source", "captured_at", "licence", "attribution",
+                                                        "keep_until"};
 
 class PanoramaTable {
  public:

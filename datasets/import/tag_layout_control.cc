@@ -1,6 +1,9 @@
 #include "datasets/import/tag_layout_control.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <set>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -18,17 +21,17 @@ ImportReport ImportTagLayout(const std::filesystem::path& site, const std::files
   std::vector<LayoutTag> tags = ReadTagLayout(file);
   CsvWriter csv({"tag_id", "corner", "role", "x_m", "y_m", "z_m", "sigma_h_m", "sigma_v_m"},
                 {"from " + file.filename().string() + "; sigmas are a guess: put in how well the tags were put up"});
-  std::string yaml = "# From " + file.filename().string() + ".\nfamily: " + tags.front().family + "\nsizes_m:\n";
+  std::string yaml = "# From " + file.filename().string() + ".\nfamily: " + tags.front().family + "\n", lengths,
+              families;
+  std::set<std::string> kinds;
   for (LayoutTag& tag : tags) {
     if (tag.size_m == 0) tag.size_m = size_m;
     if (!(tag.size_m > 0)) {
       throw InputError(file.string() + ": the sizes of the tags are not stated; give them by --tag-size METRES");
     }
-    if (tag.family != tags.front().family) {
-      throw InputError(fmt::format("{}: tag {} is of {}, tag {} of {}; a site has one family", file.string(),
-                                   tags.front().id, tags.front().family, tag.id, tag.family));
-    }
-    yaml += fmt::format("  {}: {:.6g}\n", tag.id, tag.size_m);
+    kinds.insert(tag.family);
+    if (tag.family != tags.front().family) families += fmt::format("  {}: {}\n", tag.id, tag.family);
+    lengths += fmt::format("  {}: {:.6g}\n", tag.id, tag.size_m);
     // Bottom-left, bottom-right, top-right, top-left; y counts down.
     const double h = 0.5 * tag.size_m, corners[4][2] = {{-h, h}, {h, h}, {h, -h}, {-h, -h}};
     for (int corner = 0; corner < 4; ++corner) {
@@ -38,11 +41,12 @@ ImportReport ImportTagLayout(const std::filesystem::path& site, const std::files
     }
   }
   csv.Save(control);
-  WriteFileAtomically(sizes, yaml);
+  if (!families.empty()) yaml += "families:\n" + families;
+  WriteFileAtomically(sizes, yaml + "sizes_m:\n" + lengths);
   ImportReport report;
   report.files = {control, sizes};
   report.lines.push_back(
-      fmt::format("{} of {}, their corners as control", Counted(tags.size(), "tag"), tags.front().family));
+      fmt::format("{} of {}, their corners as control", Counted(tags.size(), "tag"), fmt::join(kinds, ", ")));
   return report;
 }
 

@@ -2,7 +2,9 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
@@ -11,9 +13,11 @@
 namespace trigpoint {
 namespace {
 
-const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distortion_model", "distortion_coeffs",
-                                        "resolution",   "rostopic",     "T_cam_imu",        "T_imu_cam",
-                                        "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu"};
+const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distortion_model",  "distortion_coeffs",
+                                        "resolution",   "rostopic",     "T_cam_imu",         "T_imu_cam",
+                                        "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu", "crop"};
+
+constexpr double kWidest360 = 65534;
 
 Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
   const YAML::Node rows = map.Node(key);
@@ -36,10 +40,37 @@ Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
   return {Eigen::Quaterniond(r), m.topRightCorner<3, 1>()};
 }
 
+// The part of the stored picture that the camera sees, if not all of it. Its size is the resolution.
+PicturePart ReadCrop(const YamlMap& map, const Camera& camera) {
+  PicturePart part;
+  if (!map.Has("crop")) return part;
+  const std::vector<double> crop = map.Numbers("crop", 4);
+  if (camera.model() == CameraModel::kEquirectangular) map.Fail("crop", "expected none of an equirectangular camera");
+  const auto is_pixel = [](double v) {
+    return v >= 0 && v <= std::numeric_limits<uint16_t>::max() && v == std::floor(v);
+  };
+  if (!is_pixel(crop[0]) || !is_pixel(crop[1]) || crop[2] != camera.width() || crop[3] != camera.height()) {
+    map.Fail("crop",
+             "expected [left, top, width, height] in pixels of the stored picture, with the size of resolution, " +
+                 std::to_string(camera.width()) + " x " + std::to_string(camera.height()));
+  }
+  part.kind = PicturePart::Kind::kCrop;
+  part.x = static_cast<uint16_t>(crop[0]);
+  part.y = static_cast<uint16_t>(crop[1]);
+  return part;
+}
+
 Camera ReadCamera(const YamlMap& map) {
   const std::string model = map.Text("camera_model", "pinhole");
+  if (model == "equirectangular") {
+    const std::vector<double> size = map.Numbers("resolution", 2);
+    if (size[0] < 2 || size[0] > kWidest360 || size[0] != 2 * size[1]) {
+      map.Fail("resolution", "expected a picture twice as wide as high, at most 65534 px wide");
+    }
+    return Camera::Equirectangular(static_cast<int>(size[0]), static_cast<int>(size[1]));
+  }
   if (model != "pinhole") {
-    map.Fail("camera_model", "expected pinhole, found '" + model + "'; " +
+    map.Fail("camera_model", "expected pinhole or equirectangular, found '" + model + "'; " +
                                  "recalibrate as pinhole with radtan or (for a fisheye) equidistant distortion");
   }
   std::vector<double> params = map.Numbers("intrinsics", 4);
@@ -113,6 +144,7 @@ std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
     BodyCamera camera;
     camera.name = name;
     camera.camera = ReadCamera(map);
+    camera.part = ReadCrop(map, camera.camera);
     if (map.Has("T_cam_imu")) {
       camera.cam_from_body = ReadTransform(map, "T_cam_imu");
       camera.has_extrinsics = true;
@@ -141,20 +173,31 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
   for (const std::string& comment : comments) text += "# " + comment + "\n";
   const BodyCamera* before = nullptr;
   for (const BodyCamera& camera : cameras) {
+    if (camera.IsFurtherView()) continue;
     const std::vector<double>& params = camera.camera.params();
+    const bool sphere = camera.part.kind == PicturePart::Kind::kView;
+    const int width = sphere ? camera.part.x : camera.camera.width();
+    const int height = sphere ? camera.part.y : camera.camera.height();
+    const std::string size = std::to_string(width) + ", " + std::to_string(height) + "]\n";
     std::string distortion;
     switch (camera.camera.model()) {
       case CameraModel::kPinhole: distortion = "none"; break;
       case CameraModel::kRadtan:
       case CameraModel::kRational: distortion = "radtan"; break;
       case CameraModel::kKannalaBrandt: distortion = "equidistant"; break;
-      case CameraModel::kEquirectangular:
-        throw OptionError(file.string() + ": an equirectangular camera has no place in a camchain");
+      case CameraModel::kEquirectangular: break;
     }
-    text += camera.name + ":\n  camera_model: pinhole\n  intrinsics: " + List(params, 0, 4) +
-            "\n  distortion_model: " + distortion + "\n  distortion_coeffs: " + List(params, 4, params.size()) +
-            "\n  resolution: [" + std::to_string(camera.camera.width()) + ", " +
-            std::to_string(camera.camera.height()) + "]\n";
+    text += camera.name + ":\n";
+    if (sphere || distortion.empty()) {
+      text += "  camera_model: equirectangular\n";
+    } else {
+      text += "  camera_model: pinhole\n  intrinsics: " + List(params, 0, 4) + "\n  distortion_model: " + distortion +
+              "\n  distortion_coeffs: " + List(params, 4, params.size()) + "\n";
+    }
+    text += "  resolution: [" + size;
+    if (camera.part.kind == PicturePart::Kind::kCrop) {
+      text += "  crop: [" + std::to_string(camera.part.x) + ", " + std::to_string(camera.part.y) + ", " + size;
+    }
     if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + Number(camera.time_offset_s) + "\n";
     if (camera.has_extrinsics) {
       text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n" + Rows(camera.cam_from_body);

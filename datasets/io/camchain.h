@@ -9,7 +9,8 @@
 namespace trigpoint {
 
 // Cameras cam0, cam1, ... in the file's order. Models: pinhole with distortion none, radtan (4, 5 or 8 coefficients in
-// OpenCV's order) or equidistant. T_cam_imu is cam_from_body; T_cn_cnm1 chains from the camera before; T_imu_cam is
+// OpenCV's order) or equidistant; equirectangular with a resolution alone. `crop` names the part of the stored picture
+// that a camera sees. T_cam_imu is cam_from_body; T_cn_cnm1 chains from the camera before; T_imu_cam is
 // the inverse of T_cam_imu. Without any extrinsics the first camera is taken to look along the body's x axis and
 // has_extrinsics is false. Throws InputError with file, line and key (omni and double sphere cameras are refused).
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
@@ -17,8 +18,8 @@ std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
 // A camera that looks along the body's x axis, upright: cam_from_body where nothing says how it is mounted.
 Rigid3d LevelForwardCamera();
 
-// Writes the same form (atomically); T_cam_imu where has_extrinsics, else T_cn_cnm1 from the camera before. Throws
-// OptionError for a panorama camera.
+// Writes the same form (atomically), the views of a 360 camera as that camera; T_cam_imu where has_extrinsics, else
+// T_cn_cnm1 from the camera before.
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments = {});
 

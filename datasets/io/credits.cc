@@ -10,10 +10,11 @@ std::map<std::string, PictureCredit> ReadCredits(const std::filesystem::path& si
   for (const char* name : {"panoramas.csv", "photos.csv"}) {
     if (!std::filesystem::exists(site / name)) continue;
     try {
-      const CsvTable table = CsvTable::Read(site / name, {"file"}, {"source", "captured_at", "licence", "attribution"});
+      const CsvTable table =
+          CsvTable::Read(site / name, {"file"}, {"source", "captured_at", "licence", "attribution", "keep_until"});
       for (const CsvRow& row : table.rows()) {
         const PictureCredit credit{row.Text("source"), row.Text("captured_at"), row.Text("licence"),
-                                   row.Text("attribution")};
+                                   row.Text("attribution"), row.Text("keep_until")};
         if (credit.source.empty() && credit.licence.empty() && credit.attribution.empty()) continue;
         credits.emplace(row.Text("file"), credit);
       }

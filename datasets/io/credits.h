@@ -12,6 +12,7 @@ struct PictureCredit {
   std::string captured_at;  // as the source states it
   std::string licence;
   std::string attribution;
+  std::string keep_until;  // UTC: it must not be kept longer, nor copied; empty: it may
 };
 
 // Of each picture in SITE/panoramas.csv and photos.csv that states any of it, by the file as written there. What cannot

@@ -282,4 +282,25 @@ std::optional<int64_t> VideoCreationUtcNs(const std::filesystem::path& video) {
   }
 }
 
+bool IsSphericalVideo(const std::filesystem::path& video) {
+  try {
+    Pieces file(video);
+    const std::vector<uint8_t> movie = MovieBox(&file);
+    bool stated = false;
+    ForEachBox(movie, [&](std::string_view type, Bytes track) {
+      if (type != "trak") return;
+      ForEachBox(track, [&](std::string_view inner, Bytes content) {
+        const std::string_view xml = Letters(content);
+        stated |= inner == "uuid" && xml.find("GSpherical:ProjectionType>equirectangular") != xml.npos;
+      });
+      const std::string_view samples = Letters(BoxAt(track, {"mdia", "minf", "stbl", "stsd"}));
+      const size_t sphere = samples.find("sv3d");
+      stated |= sphere != samples.npos && samples.find("equi", sphere) != samples.npos;
+    });
+    return stated;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
 }  // namespace trigpoint

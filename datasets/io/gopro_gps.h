@@ -17,4 +17,8 @@ GpsTrack ReadGoProGps(const std::filesystem::path& video);
 // the recording, others its end.
 std::optional<int64_t> VideoCreationUtcNs(const std::filesystem::path& video);
 
+// Whether an MP4 states that it is a 360 video in equirectangular projection: Google's spherical video metadata, as XML
+// in a box uuid (version 1) or as boxes sv3d and equi (version 2). False for what is no MP4.
+bool IsSphericalVideo(const std::filesystem::path& video);
+
 }  // namespace trigpoint

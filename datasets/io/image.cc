@@ -11,6 +11,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/video.h"
 
 namespace trigpoint {
@@ -166,16 +167,44 @@ cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool 
   return picture;
 }
 
-cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) {
-  const Camera& camera = run.cameras.at(static_cast<size_t>(entry.camera)).camera;
-  cv::Mat picture;
-  if (entry.video_frame >= 0) {
-    picture = ReadVideoFrameGrey(entry.path, entry.video_frame);
-    CheckFits(entry.path, picture.size(), camera);
-  } else {
-    picture = LoadPhoto(entry.path, camera, true);
+namespace {
+
+// All of the picture that the camera's part lies in.
+cv::Mat LoadStored(const ImageEntry& entry, const BodyCamera& camera, bool grey) {
+  const bool video = entry.video_frame >= 0;
+  const auto frame = [&] { return ReadVideoFrameGrey(entry.path, entry.video_frame); };
+  if (camera.part.kind == PicturePart::Kind::kAll) {
+    if (!video) return LoadPhoto(entry.path, camera.camera, grey);
+    cv::Mat picture = frame();
+    CheckFits(entry.path, picture.size(), camera.camera);
+    return picture;
   }
+  if (camera.part.kind == PicturePart::Kind::kView) {
+    cv::Mat picture = video ? frame() : LoadPanorama(entry.path, grey);
+    CheckFits(entry.path, picture.size(), Camera::Equirectangular(camera.part.x, camera.part.y));
+    return picture;
+  }
+  cv::Mat picture = video ? frame() : LoadPicture(entry.path, grey);
+  const int right = camera.part.x + camera.camera.width(), bottom = camera.part.y + camera.camera.height();
+  if (right <= picture.cols && bottom <= picture.rows) return picture;
+  throw InputError(entry.path.string() + ": expected a picture of at least " + Size(right, bottom) +
+                   " for the crop of camera '" + camera.name + "', found " + Size(picture.cols, picture.rows));
+}
+
+cv::Mat LoadImage(const Run& run, const ImageEntry& entry, bool grey) {
+  const BodyCamera& camera = run.cameras.at(static_cast<size_t>(entry.camera));
+  cv::Mat picture = LoadStored(entry, camera, grey);
   if (run.config.mirrored) cv::flip(picture, picture, 1);
+  return PartOf(picture, camera);
+}
+
+}  // namespace
+
+cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) { return LoadImage(run, entry, true); }
+
+cv::Mat LoadColour(const Run& run, const ImageEntry& entry) {
+  cv::Mat picture = LoadImage(run, entry, false);
+  if (picture.channels() == 1) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
   return picture;
 }
 

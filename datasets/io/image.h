@@ -9,9 +9,12 @@
 namespace trigpoint {
 
 // Grey 8-bit picture of an image of a run. Applies EXIF orientation unless only the raw orientation has the
-// calibration's size; undoes `mirrored`. Throws InputError naming the file when it is missing, empty, truncated,
-// not a picture, or of another size than the calibration (expected and found sizes named).
+// calibration's size; undoes `mirrored`; draws the camera's part of the stored picture. Throws InputError naming the
+// file when it is missing, empty, truncated, not a picture, or of another size than the calibration (expected and found
+// sizes named).
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
+// The same in colour, BGR; frames of videos are grey.
+cv::Mat LoadColour(const Run& run, const ImageEntry& entry);
 
 // The same of a photo with a known camera: 8-bit grey or BGR of the camera's size. Throws InputError.
 cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey);

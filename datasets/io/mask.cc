@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
+#include "datasets/io/picture_parts.h"
 
 namespace trigpoint {
 namespace {
@@ -64,6 +66,24 @@ cv::Mat OutsideBoxes(const std::vector<Eigen::Vector4d>& boxes, const cv::Size& 
   return mask;
 }
 
+bool IsView(const BodyCamera& camera) { return camera.part.kind == PicturePart::Kind::kView; }
+
+// Of the pictures that a camera's masks belong to: a 360 picture whole, a crop by itself.
+cv::Size MaskedSize(const BodyCamera& camera) {
+  if (IsView(camera)) return {camera.part.x, camera.part.y};
+  return {camera.camera.width(), camera.camera.height()};
+}
+
+// The circle of a fisheye whose picture was cropped to it, without its rim, which looks the same wherever one stands.
+cv::Mat InsideCircle(const BodyCamera& camera) {
+  if (camera.part.kind != PicturePart::Kind::kCrop || camera.camera.model() != CameraModel::kKannalaBrandt) return {};
+  constexpr double kRim = 0.02;  // of the radius
+  cv::Mat mask(camera.camera.height(), camera.camera.width(), CV_8U, cv::Scalar(0));
+  const cv::Point2d centre(0.5 * (mask.cols - 1), 0.5 * (mask.rows - 1));
+  cv::circle(mask, centre, static_cast<int>(0.5 * (1 - kRim) * std::min(mask.cols, mask.rows)), 255, cv::FILLED);
+  return mask;
+}
+
 }  // namespace
 
 fs::path MaskInFolder(const fs::path& folder, const std::string& image) {
@@ -76,10 +96,11 @@ fs::path MaskInFolder(const fs::path& folder, const std::string& image) {
 
 RunMasks::RunMasks(const Run& run) : run_(run) {
   for (const BodyCamera& camera : run.cameras) {
-    const cv::Size size(camera.camera.width(), camera.camera.height());
+    const cv::Size size = MaskedSize(camera);
     cv::Mat mask;
     for (const fs::path& picture : camera.mask.pictures) Intersect(LoadMask(picture, size), &mask);
     if (!camera.mask.boxes_px.empty()) Intersect(OutsideBoxes(camera.mask.boxes_px, size), &mask);
+    Intersect(InsideCircle(camera), &mask);
     of_camera_.push_back(mask);
   }
 }
@@ -88,13 +109,27 @@ cv::Mat RunMasks::Of(const ImageEntry& image) const {
   const auto index = static_cast<size_t>(image.camera);
   if (index >= of_camera_.size()) return {};  // tags are found without a calibration, too
   const BodyCamera& camera = run_.cameras[index];
-  const cv::Size size(camera.camera.width(), camera.camera.height());
+  const cv::Size size = MaskedSize(camera);
   cv::Mat mask = of_camera_[index].clone();
   for (const fs::path& folder : camera.mask.folders) {
-    if (const fs::path file = MaskInFolder(folder, image.file); !file.empty()) Intersect(LoadMask(file, size), &mask);
+    if (const fs::path file = MaskInFolder(folder, PictureOf(run_, image)); !file.empty())
+      Intersect(LoadMask(file, size), &mask);
   }
   if (image.video_frame < 0) Intersect(OpaquePart(image.path, size), &mask);
   if (run_.config.mirrored && !mask.empty()) cv::flip(mask, mask, 1);
+  return IsView(camera) && !mask.empty() ? cv::Mat(PartOf(mask, camera) == 255) : mask;
+}
+
+cv::Mat RunMasks::ForFeatures(const ImageEntry& image) const {
+  cv::Mat mask = Of(image);
+  const BodyCamera& camera = run_.cameras.at(static_cast<size_t>(image.camera));
+  if (!IsView(camera)) return mask;
+  const double centre = camera.camera.params()[2];
+  const double half = camera.camera.params()[0] * std::tan(std::numbers::pi / ViewsOf360());
+  const double last = camera.camera.width() - 1, height = camera.camera.height();
+  Intersect(OutsideBoxes({{0, 0, centre - half, height}, {centre + half, 0, last, height}},
+                         {camera.camera.width(), camera.camera.height()}),
+            &mask);
   return mask;
 }
 
@@ -121,7 +156,7 @@ std::vector<fs::path> MaskFiles(const Run& run) {
     const auto index = static_cast<size_t>(image.camera);
     if (index >= run.cameras.size()) continue;
     for (const fs::path& folder : run.cameras[index].mask.folders) {
-      if (fs::path file = MaskInFolder(folder, image.file); !file.empty()) files.push_back(std::move(file));
+      if (fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) files.push_back(std::move(file));
     }
   }
   return files;

@@ -18,6 +18,9 @@ class RunMasks {
   explicit RunMasks(const Run& run);
   // Of the image as LoadGrey gives it. Throws InputError as above.
   cv::Mat Of(const ImageEntry& image) const;
+  // The same for features: in the overlap of a 360 picture's views a feature belongs to the view that looks at it most
+  // directly, as it was seen once.
+  cv::Mat ForFeatures(const ImageEntry& image) const;
 
  private:
   const Run& run_;

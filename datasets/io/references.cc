@@ -7,6 +7,7 @@
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif_positions.h"
+#include "datasets/io/expired_panoramas.h"
 #include "datasets/io/gps_order.h"
 #include "datasets/io/table_position.h"
 #include "datasets/io/tables.h"
@@ -16,9 +17,9 @@ namespace trigpoint {
 namespace {
 
 std::vector<std::string> GeoTagColumns() {
-  std::vector<std::string> columns = {
-      "station",        "heading_deg", "pitch_deg",   "roll_deg", "sigma_h_m",   "sigma_v_m", "sigma_heading_deg",
-      "sigma_tilt_deg", "source",      "captured_at", "licence",  "attribution", "mask"};
+  std::vector<std::string> columns = {"station",   "heading_deg",       "pitch_deg",      "roll_deg",  "sigma_h_m",
+                                      "sigma_v_m", "sigma_heading_deg", "sigma_tilt_deg", "source",    "captured_at",
+                                      "licence",   "attribution",       "mask",           "keep_until"};
   columns.insert(columns.end(), PositionColumns().begin(), PositionColumns().end());
   return columns;
 }
@@ -101,6 +102,9 @@ std::vector<Reference> ReadPanoramaTable(const std::filesystem::path& file, cons
   table.ForEachUsable(warnings, [&](const CsvRow& row) {
     const std::string& name = row.Text("file");
     const std::filesystem::path path = ResolveInside(site_dir, site_dir, name, row.Where());
+    if (IsOver(row.Text("keep_until"))) {
+      row.Fail("its source allows to keep it until " + row.Text("keep_until") + "; import it again");
+    }
     CheckPresent(path, row.Where());
     Reference reference = OneFile(ReferenceKind::kPanorama, name, row.Text("station"), path);
     reference.mask = MaskOfRow(row, site_dir);

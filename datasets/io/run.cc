@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
@@ -10,8 +11,10 @@
 #include "datasets/io/exif_positions.h"
 #include "datasets/io/gopro_gps.h"
 #include "datasets/io/gps.h"
+#include "datasets/io/image.h"
 #include "datasets/io/lines.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
@@ -73,6 +76,8 @@ RunConfig ReadRunConfig(const std::filesystem::path& file) {
                          NearestName(config.role, roles) + "'");
   }
   config.camera = map.Text("camera");
+  config.equirectangular = config.camera == "equirectangular";
+  if (config.equirectangular) config.camera.clear();
   config.mirrored = map.Bool("mirrored", config.mirrored);
   if (map.Has("masks") && !map.Node("masks").IsMap()) {
     config.masks[""] = ReadMask(map, "masks");  // one for all cameras
@@ -351,10 +356,29 @@ void CompareTimes(Run* run) {
   }
 }
 
-// A camera that nobody calibrated: its focal length by EXIF, else that of usual lenses, until the images say better.
+bool IsTwiceAsWide(const cv::Size& size) { return size.height > 0 && size.width == 2 * size.height; }
+
+// The camera of 360 pictures, by run.yaml or by what the first of them states; none: they are not known as such.
+std::optional<Camera> EquirectangularCamera(const Run& run, const std::optional<GPano>& gpano, cv::Size size) {
+  const ImageEntry& first = run.images.front();
+  const bool video = first.video_frame >= 0;
+  const bool stated = video ? IsSphericalVideo(first.path) : gpano && gpano->projection == "equirectangular";
+  if (!stated && !run.config.equirectangular) return std::nullopt;
+  if (!IsTwiceAsWide(size) && !video) size = LoadPanorama(first.path, true).size();  // a part of the sphere
+  if (!IsTwiceAsWide(size) || size.width > std::numeric_limits<uint16_t>::max()) {
+    throw InputError(first.path.string() +
+                     ": expected an equirectangular picture twice as wide as high, at most 65534 px wide, found " +
+                     std::to_string(size.width) + " x " + std::to_string(size.height));
+  }
+  return Camera::Equirectangular(size.width, size.height);
+}
+
+// A camera that nobody calibrated: that of 360 pictures, which need no calibration; else its focal length is by EXIF,
+// or that of usual lenses, until the images say better.
 void GuessCamera(Run* run) {
   const ImageEntry& first = run->images.front();
   std::optional<Camera> camera;
+  std::optional<GPano> gpano;
   cv::Size size;
   try {
     if (first.video_frame >= 0) {
@@ -362,6 +386,7 @@ void GuessCamera(Run* run) {
     } else {
       const PhotoMetadata metadata = ReadPhotoMetadata(first.path);
       camera = CameraFromMetadata(metadata);
+      gpano = metadata.gpano;
       size = {metadata.width, metadata.height};
       if (metadata.SwapsSides()) std::swap(size.width, size.height);
     }
@@ -369,20 +394,25 @@ void GuessCamera(Run* run) {
     return;  // said where the picture is needed
   }
   if (size.empty()) return;
+  if (const auto sphere = EquirectangularCamera(*run, gpano, size)) {
+    run->cameras.push_back({.name = "cam0", .camera = *sphere, .cam_from_body = LevelForwardCamera()});
+    return;
+  }
+  if (IsTwiceAsWide(size)) {
+    run->warnings.push_back(run->dir.string() + ": the pictures are twice as wide as high; if they are 360 pictures " +
+                            "(equirectangular), write 'camera: equirectangular' into run.yaml");
+  }
   const bool exif = camera.has_value();
   if (!exif) {
     const double focal = kUsualFocal * std::max(size.width, size.height);
     camera = Camera(CameraModel::kPinhole, size.width, size.height,
                     {focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1)});
   }
-  run->cameras.push_back({"cam0",
-                          *camera,
-                          LevelForwardCamera(),
-                          false,
-                          0,
-                          {},
-                          exif ? kExifFocalSigma : kUnknownFocalSigma,
-                          camera->MeanFocal()});
+  run->cameras.push_back({.name = "cam0",
+                          .camera = *camera,
+                          .cam_from_body = LevelForwardCamera(),
+                          .focal_sigma_share = exif ? kExifFocalSigma : kUnknownFocalSigma,
+                          .guessed_focal_px = camera->MeanFocal()});
   run->warnings.push_back(run->dir.string() + ": no camchain.yaml; the focal length " +
                           (exif ? "begins with the EXIF of " + first.path.filename().string() + " and " : "") +
                           "is estimated with the distortion from the images: calibrate the camera for accuracy");
@@ -425,15 +455,24 @@ void ReadRunData(const std::filesystem::path& site_dir, Run* run) {
     throw InputError(run->dir.string() + ": no images; expected images.txt, a folder images/, a video, or " +
                      "detections.csv" + (run->warnings.empty() ? "" : ". The first problem: " + run->warnings.front()));
   }
-  WarnOfUnusedMasks(run);
-  if (run->cameras.empty() && !run->images.empty()) GuessCamera(run);
+  if (run->cameras.empty() && !run->images.empty()) {
+    GuessCamera(run);
+    AssignMasks(site_dir, run);
+  } else if (run->config.equirectangular && !run->cameras.empty() &&
+             run->cameras.front().camera.model() != CameraModel::kEquirectangular) {
+    throw InputError((run->dir / "run.yaml").string() +
+                     ": key 'camera': equirectangular, and camchain.yaml has camera '" + run->cameras.front().name +
+                     "' of another model; leave one of the two out");
+  }
   if (run->cameras.empty()) {
     throw InputError(run->dir.string() + ": no camera; expected camchain.yaml, 'camera: NAME' in run.yaml, or " +
                      "pictures whose EXIF states the focal length");
   }
+  WarnOfUnusedMasks(run);
   ReadOdometry(run);
   ReadGps(run);
   CompareTimes(run);
+  SplitPictures(run);
 }
 
 Run ReadRun(const std::filesystem::path& run_dir, const std::filesystem::path& site_dir) {

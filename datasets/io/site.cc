@@ -127,9 +127,18 @@ std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir) {
 
 bool IsInputPath(const std::filesystem::path& relative) {
   static const std::set<std::string> folders = {"runs", "panoramas", "photos", "models", "releases"};
-  static const std::set<std::string> files = {
-      "trigpoint.yaml", "review.jsonl",  "origin.json",        "tags.yaml",  "panoramas.csv",           "photos.csv",
-      "stations.csv",   "distances.csv", "control_points.csv", "aerial.tif", "control_observations.csv"};
+  static const std::set<std::string> files = {"trigpoint.yaml",
+                                              "review.jsonl",
+                                              "origin.json",
+                                              "tags.yaml",
+                                              "panoramas.csv",
+                                              "photos.csv",
+                                              "stations.csv",
+                                              "distances.csv",
+                                              "control_points.csv",
+                                              "aerial.tif",
+                                              "control_observations.csv",
+                                              "total_station.csv"};
   const std::filesystem::path normal = relative.lexically_normal();
   if (normal.empty()) return false;
   return folders.count(normal.begin()->string()) > 0 || files.count(normal.string()) > 0;

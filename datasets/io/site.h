@@ -22,16 +22,28 @@ struct CameraMask {
   std::vector<Eigen::Vector4d> boxes_px;        // u0, v0, u1, v1, the border included
 };
 
-// One camera of a camchain (Kalibr).
+// What a camera sees of the stored picture, which several cameras may share.
+struct PicturePart {
+  enum class Kind : uint8_t { kAll, kCrop, kView };  // all; a crop as large as its images; a view of a 360 picture
+  Kind kind = Kind::kAll;
+  uint8_t view = 0;       // kView: counted to the right; 0 looks along the picture's centre
+  uint16_t x = 0, y = 0;  // kCrop: its first pixel; kView: width and height of the 360 picture
+};
+
+// One camera of a camchain (Kalibr), or a view of its 360 pictures.
 struct BodyCamera {
   std::string name;  // cam0, ...
   Camera camera;
   Rigid3d cam_from_body;  // body: x forward, y left, z up
   bool has_extrinsics = false;
+  PicturePart part;
   double time_offset_s = 0;  // Kalibr's timeshift_cam_imu: t_imu = t_cam + shift
   CameraMask mask;
   // Nobody calibrated it: its focal length is a guess with this 1 sigma, a share of it; 0: calibrated.
   double focal_sigma_share = 0, guessed_focal_px = 0;
+
+  // Beside the first view of a 360 camera, which reports the pose for all of them.
+  bool IsFurtherView() const { return part.view > 0; }
 };
 
 struct ImageEntry {
@@ -51,9 +63,10 @@ struct GpsFix {
 
 struct RunConfig {
   std::string date;
-  std::string role = "both";  // survey, evaluation, both
-  std::string camera;         // name of a calibration of this project, or empty
-  bool mirrored = false;      // pictures are flipped left-right; undone on loading, pixels count in the mended one
+  std::string role = "both";     // survey, evaluation, both
+  std::string camera;            // name of a calibration of this project, or empty
+  bool mirrored = false;         // pictures are flipped left-right; undone on loading, pixels count in the mended one
+  bool equirectangular = false;  // `camera: equirectangular`: 360 pictures, which need no calibration
   std::map<std::string, CameraMask> masks;                    // by camera ("": all); folders stand among the pictures
   std::optional<int64_t> time_zero_utc_ns;                    // UTC of timestamp 0
   Eigen::Vector3d gps_lever_arm_m = Eigen::Vector3d::Zero();  // antenna in the body frame

@@ -10,6 +10,8 @@
 namespace trigpoint {
 namespace {
 
+constexpr double kGeotag_h_m = 1, kGeotag_v_m = 2;  // 1 sigma, unless stated
+
 const std::vector<std::string> kKinds = {"tag", "candidate", "control", "check", "station", "path"};
 
 // What holds for both forms of the file; `where` names the row or feature.
@@ -52,6 +54,7 @@ std::vector<SketchItem> ReadCsv(const std::filesystem::path& file) {
     }
     if (row.Has("heading_deg")) item.heading_rad = row.Number("heading_deg") * kDegToRad;
     item.size_m = row.Number("size_mm", 0) / 1e3;
+    if (item.kind == "station") item.sigma_h_m = kGeotag_h_m, item.sigma_v_m = kGeotag_v_m;
     item.sigma_h_m = row.Number("sigma_h_m", item.sigma_h_m);
     item.sigma_v_m = row.Number("sigma_v_m", item.sigma_v_m);
     item.tag_id = static_cast<int>(row.Integer("tag_id", -1));
@@ -97,6 +100,7 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
     item.name = text("name");
     if (properties.contains("heading_deg")) item.heading_rad = number("heading_deg", 0) * kDegToRad;
     item.size_m = number("size_mm", 0) / 1e3;
+    if (item.kind == "station") item.sigma_h_m = kGeotag_h_m, item.sigma_v_m = kGeotag_v_m;
     item.sigma_h_m = number("sigma_h_m", item.sigma_h_m);
     item.sigma_v_m = number("sigma_v_m", item.sigma_v_m);
     item.tag_id = static_cast<int>(number("tag_id", -1));

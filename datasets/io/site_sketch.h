@@ -16,10 +16,10 @@ struct SketchItem {
   std::string name;                        // tag, control, check: the tag's id; path: the pass it is a corner of
   std::optional<Eigen::Vector3d> local_m;  // east, north, up; or
   std::optional<Geodetic> geodetic;
-  std::optional<double> heading_rad;  // the way a tag's printed side faces, clockwise from north
-  double size_m = 0;                  // of a tag; 0: as in tags.yaml
-  double sigma_h_m = 0.01, sigma_v_m = 0.015;
-  int tag_id = -1;  // of a tag, control or check; of a station the tag beside it
+  std::optional<double> heading_rad;           // the way a tag's printed side faces, clockwise from north
+  double size_m = 0;                           // of a tag; 0: as in tags.yaml
+  double sigma_h_m = 0.01, sigma_v_m = 0.015;  // 1 sigma per axis: of control; of the geotag of a station's panorama
+  int tag_id = -1;                             // of a tag, control or check; of a station the tag beside it
 };
 
 // CSV: kind,name and east_m,north_m,up_m or latitude_deg,longitude_deg,height_m; optional heading_deg, size_mm,

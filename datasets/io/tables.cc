@@ -16,6 +16,7 @@
 #include "datasets/io/height_system.h"
 #include "datasets/io/input_crs.h"
 #include "datasets/io/table_position.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 
@@ -217,25 +218,38 @@ std::vector<ControlPoint> AtNewestEpoch(const std::vector<ControlPoint>& points)
 }
 
 TagSizes ReadTagSizes(const std::filesystem::path& file) {
-  const YamlMap map(file, LoadYaml(file), {"family", "size_m", "sizes_m"});
+  const YamlMap map(file, LoadYaml(file), {"family", "families", "size_m", "sizes_m"});
   TagSizes tags;
-  tags.family = map.Text("family", tags.family);
-  const std::vector<std::string> families = {"tag36h11",         "tag36h10",         "tag25h9",
-                                             "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
-                                             "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
-  if (std::find(families.begin(), families.end(), tags.family) == families.end()) {
-    map.Fail("family",
-             "unknown family '" + tags.family + "'; nearest known: '" + NearestName(tags.family, families) + "'");
+  const std::vector<std::string> known = {"tag36h11",         "tag36h10",         "tag25h9",
+                                          "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
+                                          "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
+  const auto family = [&](const YamlMap& from, const std::string& key, const std::string& missing) {
+    std::string name = from.Text(key, missing);
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      from.Fail(key, "unknown family '" + name + "'; nearest known: '" + NearestName(name, known) + "'");
+    }
+    return name;
+  };
+  const auto id_of = [](const YamlMap& from, const std::string& key, const char* what) {
+    const auto id = ParseInt(key);
+    if (!id || *id < 0) from.Fail(key, std::string("expected 'ID: ") + what);
+    return static_cast<int>(*id);
+  };
+  tags.family = family(map, "family", tags.family);
+  const YamlMap families = map.MapOfAnyKeys("families");
+  std::map<int, std::string> others;
+  for (const std::string& key : families.Keys()) {
+    others[id_of(families, key, "FAMILY', a tag's number and its family")] = family(families, key, "");
   }
+  tags.family = TagFamilies(tags.family, others).Text();
   tags.size_m = map.Number("size_m", 0);
   if (map.Has("size_m") && tags.size_m <= 0) map.Fail("size_m", "expected a length above 0");
   const YamlMap sizes = map.MapOfAnyKeys("sizes_m");
   for (const std::string& key : sizes.Keys()) {
-    const auto id = ParseInt(key);
-    if (!id || *id < 0) sizes.Fail(key, "expected 'ID: SIZE', a tag's number and its size");
+    const int id = id_of(sizes, key, "SIZE', a tag's number and its size");
     const double size = sizes.Number(key, 0);
     if (size <= 0) sizes.Fail(key, "expected a length above 0");
-    tags.sizes_m[static_cast<int>(*id)] = size;
+    tags.sizes_m[id] = size;
   }
   return tags;
 }

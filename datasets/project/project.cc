@@ -9,7 +9,9 @@
 #include <optional>
 #include <set>
 
+#include "datasets/io/expired_panoramas.h"
 #include "datasets/io/photo_sets.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "datasets/project/description.h"
@@ -172,14 +174,32 @@ std::string DescribeRun(const Run& run) {
   std::vector<std::string> parts;
   if (!run.images.empty()) {
     const bool video = run.images.front().video_frame >= 0;
-    parts.push_back(Count(run.images.size(), video ? "video frame" : "image", video ? "video frames" : "images"));
+    const auto pictures =
+        static_cast<size_t>(std::count_if(run.images.begin(), run.images.end(), [&](const ImageEntry& image) {
+          return PictureOf(run, image) == image.file;
+        }));
+    parts.push_back(Count(pictures, video ? "video frame" : "image", video ? "video frames" : "images"));
   }
   if (!run.detections.empty()) parts.push_back("detections.csv");
-  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size(), "camera", "cameras"));
+  const auto views = static_cast<size_t>(std::count_if(
+      run.cameras.begin(), run.cameras.end(), [](const BodyCamera& camera) { return camera.IsFurtherView(); }));
+  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size() - views, "camera", "cameras"));
+  if (views > 0) parts.push_back(fmt::format("360 images in {} views each", views + 1));
   if (!run.odometry.poses.empty()) parts.push_back(Count(run.odometry.poses.size(), "odometry pose", "odometry poses"));
   if (!run.gps.empty()) parts.push_back(Count(run.gps.size(), "GPS fix", "GPS fixes"));
   return fmt::format("run {}: {}", run.name,
                      parts.empty() ? "nothing that can be used" : fmt::format("{}", fmt::join(parts, ", ")));
+}
+
+void DescribeControl(const Site& site, InitReport& report) {
+  if (!site.control_points.empty()) {
+    const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
+                                       [](const ControlPoint& p) { return p.control; });
+    report.found.push_back(fmt::format("{}, {} of them for checks only",
+                                       Count(site.control_points.size(), "control point", "control points"),
+                                       site.control_points.size() - static_cast<size_t>(control)));
+  }
+  if (fs::exists(site.dir / "total_station.csv")) report.found.push_back("readings of a total station");
 }
 
 void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitReport& report) {
@@ -215,13 +235,7 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
   }
-  if (!site.control_points.empty()) {
-    const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
-                                       [](const ControlPoint& p) { return p.control; });
-    report.found.push_back(fmt::format("{}, {} of them for checks only",
-                                       Count(site.control_points.size(), "control point", "control points"),
-                                       site.control_points.size() - static_cast<size_t>(control)));
-  }
+  DescribeControl(site, report);
   if (!site.aerial.empty()) report.found.push_back("aerial image " + site.aerial.filename().string());
   if (origin) {
     report.found.push_back(fmt::format("origin {:.9f}, {:.9f}, {:.3f} m ({})", origin->position.latitude_deg,
@@ -345,6 +359,22 @@ Project Project::OpenTolerant(const fs::path& dir, std::vector<std::string>* pro
   return OpenWith(dir, problems);
 }
 
+namespace {
+
+void KeepListedRuns(const std::vector<std::string>& runs, const std::vector<std::string>& there, Site* site,
+                    std::vector<std::string>* warnings) {
+  const std::set<std::string> listed(runs.begin(), runs.end());
+  for (const std::string& run : there) {
+    if (listed.count(run) > 0) continue;
+    warnings->push_back("run " + run + " is not listed in " + kProjectFile +
+                        " and takes no part; `trigpoint init` adds it");
+  }
+  std::erase_if(site->runs, [&](const Run& run) { return listed.count(run.name) == 0; });
+  std::erase_if(site->broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
+}
+
+}  // namespace
+
 Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* problems) {
   // Without a place for them, problems end it.
   const auto attempt = [&](const auto& step) {
@@ -363,7 +393,13 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   attempt([&] {  // before the site: its errors come first and fast
     if (has_file) file = ReadProjectFile(dir);
   });
+  int expired = 0;
+  attempt([&] { expired = ForgetExpiredPanoramas(dir); });
   attempt([&] { project.site_ = ReadSite(dir); });
+  if (expired > 0) {
+    project.site_.warnings.push_back(Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
+                                     " deleted: their source forbids to keep them longer; import them again");
+  }
   attempt([&] {
     if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
   });
@@ -383,14 +419,7 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   };
   if (file.runs) {
     for (const std::string& run : *file.runs) attempt([&] { require(run, "runs"); });
-    const std::set<std::string> listed(file.runs->begin(), file.runs->end());
-    for (const std::string& run : there) {
-      if (listed.count(run) > 0) continue;
-      project.warnings_.push_back("run " + run + " is not listed in " + kProjectFile +
-                                  " and takes no part; `trigpoint init` adds it");
-    }
-    std::erase_if(project.site_.runs, [&](const Run& run) { return listed.count(run.name) == 0; });
-    std::erase_if(project.site_.broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
+    KeepListedRuns(*file.runs, there, &project.site_, &project.warnings_);
   }
   for (const auto& [run, role] : file.roles) {
     attempt([&, &run = run] { require(run, "roles"); });

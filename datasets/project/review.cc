@@ -236,7 +236,9 @@ Review Review::Read(const fs::path& file, std::vector<std::string>* warnings) {
 }
 
 bool Review::ExcludesImage(const std::string& run, const std::string& file, int64_t stamp_ns) const {
-  return !excluded_.empty() && Excludes("image:" + run + "/" + ReviewImageName(file, stamp_ns));
+  if (excluded_.empty()) return false;
+  const std::string object = "image:" + run + "/" + ReviewImageName(file, stamp_ns);
+  return Excludes(object) || Excludes(object.substr(0, object.rfind('#')));  // a part of a picture that is excluded
 }
 
 bool Review::ExcludesDetection(const std::string& run, const std::string& file, int64_t stamp_ns, int tag_id) const {

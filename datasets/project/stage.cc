@@ -1,11 +1,13 @@
 #include "datasets/project/stage.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <fstream>
 #include <map>
 #include <mutex>
@@ -32,6 +34,7 @@ constexpr int kManifestSchema = 1;
 constexpr const char* kManifest = "manifest.json";
 constexpr const char* kLog = "log.txt";
 constexpr const char* kOwnHash = "sha256";
+constexpr std::string_view kBeforePrefix = ".before-";  // the result before the last decision of the review
 
 fs::path Beside(const fs::path& dir, std::string_view prefix) {
   return dir.parent_path() / (std::string(prefix) + dir.filename().string());
@@ -39,6 +42,21 @@ fs::path Beside(const fs::path& dir, std::string_view prefix) {
 
 std::string Title(const std::string& stage, const std::string& name) {
   return name.empty() || name.front() == '@' ? stage + name : stage + "/" + name;
+}
+
+// False where the file system cannot.
+bool Exchange(const fs::path& a, const fs::path& b) {
+  return renameat2(AT_FDCWD, a.c_str(), AT_FDCWD, b.c_str(), RENAME_EXCHANGE) == 0;
+}
+
+// Whether the same computation was made with other decisions.
+bool DiffersByDecisions(const json& one, const json& other) {
+  const auto review = [](const json& m) { return m.value("values", json::object()).value("review", json()); };
+  if (review(one) == review(other) || one.value("status", "") != "done") return false;
+  for (const char* member : {"version", "options", "seed"}) {
+    if (one.value(member, json()) != other.value(member, json())) return false;
+  }
+  return true;
 }
 
 // With a hash of itself, so that damage is noticed.
@@ -339,7 +357,7 @@ class Attempt {
       }
       WriteManifest(temporary_, manifest_);
       CallTranslated([&] { KeepForeignFiles(dir_, temporary_); });
-      ReplaceFolder(temporary_, dir_);
+      PutInPlace();
     } catch (const Error&) {
       fs::remove_all(temporary_, failure);
       throw;
@@ -351,6 +369,15 @@ class Attempt {
   }
 
  private:
+  // What another decision replaces is kept: taken back, it is there at once.
+  void PutInPlace() {
+    const auto old = ReadManifestIn(dir_);
+    if (!old || !DiffersByDecisions(*old, manifest_) || !Exchange(temporary_, dir_)) {
+      return ReplaceFolder(temporary_, dir_);
+    }
+    ReplaceFolder(temporary_, Beside(dir_, kBeforePrefix));
+  }
+
   // Only the manifest and the log of a failed attempt are kept. No room for them must not hide the error itself.
   void LeaveRecord() {
     std::error_code ignored;
@@ -370,6 +397,19 @@ class Attempt {
   fs::path dir_, temporary_;
   json manifest_;
 };
+
+// The result before the last decision, in the place of the present one, if it is what is asked for. The present one is
+// kept in turn.
+std::optional<json> BringBack(const Project& project, const std::string& identity, const fs::path& dir) {
+  const fs::path before = Beside(dir, kBeforePrefix);
+  const auto manifest = ReadManifestIn(before);
+  if (!IsOf(manifest, identity) || !ChangedFiles(project, *manifest, before).empty()) return std::nullopt;
+  KeepForeignFiles(dir, before);
+  if (!Exchange(before, dir)) return std::nullopt;
+  for (const auto& [file, hash] : (*manifest)["files"].items()) project.hashes().Keep(dir / file, hash);
+  project.hashes().Save();
+  return manifest;
+}
 
 // The lock is held.
 StageOutcome RunLocked(const Project& project, const StageRequest& request, int threads, uint64_t seed,
@@ -399,6 +439,13 @@ StageOutcome RunLocked(const Project& project, const StageRequest& request, int 
     }
     progress.Log(LogLevel::kWarning, fmt::format("{} is not what was written there any more; {} is computed again",
                                                  RelativeTo(project.dir(), outcome.dir / changed.front()), title));
+  }
+  std::optional<json> before;
+  CallTranslated([&] { before = BringBack(project, identity, outcome.dir); });
+  if (before) {
+    progress.Log(LogLevel::kInfo, fmt::format("{} is there from before the last decision of the review", title));
+    outcome.manifest = *before;
+    return outcome;
   }
   json manifest = {{"schema", kManifestSchema},
                    {"stage", request.stage},

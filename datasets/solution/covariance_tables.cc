@@ -27,11 +27,18 @@ void Put(CsvWriter& csv, const std::string& name, const Matrix6d& c) {
 
 }  // namespace
 
-void WriteCovarianceTables(const Solution& s, const std::filesystem::path& dir) {
+void WriteCameraCovariances(const Solution& s, const std::filesystem::path& dir) {
   if (!s.georeference || s.covariances.empty()) return;
   CsvWriter cameras = Table("image", "cameras_cov", *s.georeference);
-  for (const SolutionImage& image : s.images) Put(cameras, image.name, ImageWorldCovariance(s, image));
+  for (const SolutionImage& image : s.images) {
+    const bool further_view = s.cameras[static_cast<size_t>(image.camera)].IsFurtherView();
+    if (!further_view) Put(cameras, image.name, ImageWorldCovariance(s, image));
+  }
   cameras.Save(dir / "cameras_cov.csv");
+}
+
+void WritePanoramaCovariances(const Solution& s, const std::filesystem::path& dir) {
+  if (!s.georeference || s.covariances.empty()) return;
   CsvWriter panoramas = Table("panorama", "panoramas_cov", *s.georeference);
   std::set<std::string> put;
   for (const SolutionReference& reference : s.references) {

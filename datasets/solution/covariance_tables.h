@@ -9,7 +9,8 @@ namespace trigpoint {
 
 // cameras_cov.csv and panoramas_cov.csv: 6 x 6 of every world_from_cam and world_from_pano of cameras.csv and
 // panoramas.csv. Photos of a set that share a row: that of the first that is localized. Nothing without a georeference
-// or covariances. Throws IoError.
-void WriteCovarianceTables(const Solution& solution, const std::filesystem::path& dir);
+// or covariances. Each throws IoError.
+void WriteCameraCovariances(const Solution& solution, const std::filesystem::path& dir);
+void WritePanoramaCovariances(const Solution& solution, const std::filesystem::path& dir);
 
 }  // namespace trigpoint

@@ -47,6 +47,17 @@ struct SolutionReference {
   Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // stated - estimated, ENU, m
 };
 
+// One of several runs that were adjusted together: which of the solution's cameras, images and body poses are its. Each
+// begins where the one before ends.
+struct SolutionRun {
+  std::string name;
+  int first_camera = 0, first_image = 0, first_pose = 0;
+  // Of its features and odometry, as below.
+  double sigma_px = 0;
+  double correlation_inflation = 1;
+  Vector6d odometry_noise_factor = Vector6d::Ones();
+};
+
 // Where the run's frame lies in the site's ENU.
 struct SolutionGeoreference {
   std::string source;  // "geotags", "gps", "geotags and gps", "geotags, tags and control"
@@ -63,6 +74,9 @@ struct SolutionGeoreference {
 
 struct Solution {
   std::string run;
+  // Of a site, whose runs were adjusted together: `odom` is the world then, the georeference is the identity without
+  // uncertainty, and covariances are those in the world. The problem has a scale for each run. Empty: one run.
+  std::vector<SolutionRun> runs;
   std::string mode = "trigpoint";  // trigpoint, paper
 
   std::vector<BodyCamera> cameras;  // without masks
@@ -89,6 +103,9 @@ struct Solution {
   std::vector<SolutionReference> references;
   std::optional<SolutionGeoreference> georeference;
 };
+
+// The part of a site's run `index`, for tables: its cameras and images, all poses with their covariances, no points.
+Solution PartOfRun(const Solution& site, size_t index);
 
 inline Rigid3d OdomFromRig(const Solution& s, int pose) { return s.problem.poses[static_cast<size_t>(pose)].Inverse(); }
 inline Rigid3d BodyFromCam(const Solution& s, const SolutionImage& image) {

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "calib/base/error.h"
 
 namespace trigpoint {
@@ -42,6 +44,19 @@ void CheckSolution(const Solution& s) {
   }
   if (s.pose_stamps.size() > p.poses.size()) CheckSize("times", s.pose_stamps.size(), "poses", p.poses.size());
   if (s.cameras.size() > p.views.size()) CheckSize("cameras", s.cameras.size(), "views", p.views.size());
+  CheckSize("scales", p.scales.size(), "runs", std::max<size_t>(1, s.runs.size()));
+  for (size_t i = 0; i < s.runs.size(); ++i) {
+    const SolutionRun& run = s.runs[i];
+    const SolutionRun before = i == 0 ? SolutionRun() : s.runs[i - 1];
+    const auto within = [](int first, int least, size_t count) {
+      return first >= least && static_cast<size_t>(first) <= count;
+    };
+    if (!within(run.first_camera, before.first_camera, s.cameras.size()) ||
+        !within(run.first_image, before.first_image, s.images.size()) ||
+        !within(run.first_pose, before.first_pose, s.pose_stamps.size())) {
+      throw InputError(fmt::format("run {} begins before another run or after the end of all of them", i));
+    }
+  }
   CheckSize("depths", s.depth_m.size(), "points", p.points.size());
   CheckSize("marks of validity", s.point_valid.size(), "points", p.points.size());
   CheckSize("image indices", s.image_of.size(), "observations", p.observations.size());
@@ -51,6 +66,7 @@ void CheckSolution(const Solution& s) {
   for (size_t i = 0; i < p.factors.size(); ++i) {
     CheckIndex("factor", i, "pose", p.factors[i].a, p.poses.size());
     if (p.factors[i].b != -1) CheckIndex("factor", i, "pose", p.factors[i].b, p.poses.size());
+    if (p.factors[i].scale != -1) CheckIndex("factor", i, "scale", p.factors[i].scale, p.scales.size());
     const PoseFactor::Kind kind = p.factors[i].kind;
     if (kind != PoseFactor::Kind::kTwoView && kind != PoseFactor::Kind::kRigPoint) continue;
     CheckIndex("factor", i, "view", p.factors[i].view_a, p.views.size());
@@ -61,7 +77,7 @@ void CheckSolution(const Solution& s) {
     CheckIndex("factor", i, "view", p.factors[i].view_b, p.views.size());
   }
   if (p.map) {
-    CheckIndex("map", 0, "pose", p.map->frame, p.poses.size());
+    if (p.map->frame != -1) CheckIndex("map", 0, "pose", p.map->frame, p.poses.size());
     for (size_t i = 0; i < p.map->rigs.size(); ++i) CheckIndex("map", i, "pose", p.map->rigs[i], p.poses.size());
   }
   for (size_t i = 0; i < s.references.size(); ++i) {

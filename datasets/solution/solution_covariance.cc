@@ -7,9 +7,11 @@ namespace trigpoint {
 namespace {
 
 BundleProblem WithFreeScale(BundleProblem problem, bool free_scale) {
-  if (!problem.scale_constant) return problem;  // what lies in the world shows the length
-  problem.scale_constant = !free_scale;
-  problem.scale_prior = problem.scale;
+  for (OdometryScale& scale : problem.scales) {
+    if (!scale.constant) continue;  // what lies in the world shows the length
+    scale.constant = !free_scale;
+    scale.prior = scale.value;
+  }
   return problem;
 }
 

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -56,10 +58,11 @@ Table RunTable(Solution& s) {
   t.AddMade(
       "loss", [&](size_t) { return LossText(p.loss); },
       [&](size_t, const std::string& text) { return SetLoss(text, &p.loss); });
-  t.AddOne("scale", p.scale);
-  t.AddOne("scale_constant", p.scale_constant);
-  t.AddOne("scale_prior", p.scale_prior);
-  t.AddOne("scale_sigma", p.scale_sigma);
+  OdometryScale& scale = p.scales.front();
+  t.AddOne("scale", scale.value);
+  t.AddOne("scale_constant", scale.constant);
+  t.AddOne("scale_prior", scale.prior);
+  t.AddOne("scale_sigma", scale.sigma);
   t.AddOne("points_constant", p.points_constant);
   t.AddOne("initial_cost", s.summary.initial_cost);
   t.AddOne("final_cost", s.summary.final_cost);
@@ -77,7 +80,7 @@ CameraModel ModelNamed(const std::string& name) {
   throw InputError("unknown camera model '" + name + "'");
 }
 
-Table CameraTable(Solution& s) {
+Table CameraTable(Solution& s, int version) {
   Table t{"cameras", s.cameras.size(), [&](size_t n) { s.cameras.resize(n); }, {}};
   struct Parts {
     std::string model;
@@ -107,6 +110,15 @@ Table CameraTable(Solution& s) {
       "cam_from_body_", [&](size_t i) -> auto& { return s.cameras[i].cam_from_body; });
   t.Add("has_extrinsics", s.cameras, &BodyCamera::has_extrinsics);
   t.Add("time_offset_s", s.cameras, &BodyCamera::time_offset_s);
+  if (version > 2) {
+    const auto part = [&](size_t i) -> PicturePart& { return s.cameras[i].part; };
+    t.AddMade(
+        "view", [=](size_t i) { return static_cast<int>(part(i).view); },
+        [=](size_t i, int v) {
+          part(i).view = static_cast<uint8_t>(v);
+          return v >= 0 && v <= std::numeric_limits<uint8_t>::max();
+        });
+  }
   return t;
 }
 
@@ -199,7 +211,9 @@ Table FactorTable(Solution& s) {
       });
   t.Add("a", f, &PoseFactor::a);
   t.Add("b", f, &PoseFactor::b);
-  t.Add("scaled", f, &PoseFactor::scaled);
+  // 0: metric; else the number of its scale, the first of them 1.
+  t.AddMade(
+      "scaled", [&](size_t i) { return f[i].scale + 1; }, [&](size_t i, int v) { return f[i].scale = v - 1, v >= 0; });
   t.AddRigid(
       "measured_", [&](size_t i) -> auto& { return f[i].measured; });
   t.Add("arm", f, &PoseFactor::arm);
@@ -321,12 +335,34 @@ Table MapTable(Solution& s) {
   return t;
 }
 
+// The runs of a site, with their scales.
+Table SiteRunTable(Solution& s) {
+  Table t{
+      "runs", s.runs.size(), [&](size_t n) { s.runs.resize(n), s.problem.scales.resize(std::max<size_t>(1, n)); }, {}};
+  std::vector<SolutionRun>& r = s.runs;
+  std::vector<OdometryScale>& scales = s.problem.scales;
+  t.Add("name", r, &SolutionRun::name);
+  t.Add("first_camera", r, &SolutionRun::first_camera);
+  t.Add("first_image", r, &SolutionRun::first_image);
+  t.Add("first_pose", r, &SolutionRun::first_pose);
+  t.Add("sigma_px", r, &SolutionRun::sigma_px);
+  t.Add("correlation_inflation", r, &SolutionRun::correlation_inflation);
+  t.Add("odometry_noise_factor", r, &SolutionRun::odometry_noise_factor);
+  t.Add("scale", scales, &OdometryScale::value);
+  t.Add("scale_constant", scales, &OdometryScale::constant);
+  t.Add("scale_prior", scales, &OdometryScale::prior);
+  t.Add("scale_sigma", scales, &OdometryScale::sigma);
+  return t;
+}
+
 int VersionOf(const Solution& s) {
-  return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? kSolutionVersion : 1;
+  const auto is_view = [](const BodyCamera& camera) { return camera.IsFurtherView(); };
+  if (!s.runs.empty() || std::any_of(s.cameras.begin(), s.cameras.end(), is_view)) return 3;
+  return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? 2 : 1;
 }
 
 std::vector<Table> Tables(Solution& s, int version) {
-  std::vector<Table> tables = {RunTable(s),          CameraTable(s),
+  std::vector<Table> tables = {RunTable(s),          CameraTable(s, version),
                                ImageTable(s),        StampTable(s),
                                PoseTable(s),         ViewTable(s),
                                CovarianceTable(s),   PointTable(s),
@@ -337,6 +373,7 @@ std::vector<Table> Tables(Solution& s, int version) {
     tables.push_back(EvidenceTable(s));
     tables.push_back(MapTable(s));
   }
+  if (version > 2) tables.push_back(SiteRunTable(s));
   return tables;
 }
 

@@ -10,8 +10,9 @@ namespace trigpoint {
 
 // Its name in a result's folder.
 constexpr const char* kSolutionFile = "solution.db";
-// The newest format: 2 holds what was measured in the world, too, and is written where there is such a thing, else 1.
-constexpr int kSolutionVersion = 2;
+// The newest format: 2 holds what was measured in the world, too, 3 several runs and which cameras are views of a 360
+// camera. The lowest that has room is written.
+constexpr int kSolutionVersion = 3;
 
 // Replaces an existing file. Throws IoError.
 void WriteSolution(const Solution& solution, const std::filesystem::path& file);

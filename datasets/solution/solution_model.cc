@@ -4,6 +4,29 @@
 
 namespace trigpoint {
 
+Solution PartOfRun(const Solution& site, size_t index) {
+  const SolutionRun& run = site.runs.at(index);
+  const SolutionRun* const next = index + 1 < site.runs.size() ? &site.runs[index + 1] : nullptr;
+  const auto part = [](const auto& all, int first, int end, auto* out) {
+    out->assign(all.begin() + first, end < 0 ? all.end() : all.begin() + end);
+  };
+  Solution s;
+  s.run = run.name;
+  s.mode = site.mode;
+  part(site.cameras, run.first_camera, next ? next->first_camera : -1, &s.cameras);
+  part(site.images, run.first_image, next ? next->first_image : -1, &s.images);
+  for (SolutionImage& image : s.images) image.camera -= run.first_camera;
+  s.problem.poses = site.problem.poses;
+  s.problem.scales = {site.problem.scales[index]};
+  s.covariances = site.covariances;
+  s.sigma_px = run.sigma_px;
+  s.correlation_inflation = run.correlation_inflation;
+  s.odometry_noise_factor = run.odometry_noise_factor;
+  s.references = site.references;
+  s.georeference = site.georeference;
+  return s;
+}
+
 SolutionModel ModelOf(const Solution& s) {
   SolutionModel out;
   SparseModel& model = out.model;

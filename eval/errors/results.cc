@@ -123,6 +123,7 @@ Eigen::Vector3d PositionSigma(const Matrix6d& covariance) {
 void SetPoses(const Solution& s, LocalizeResult* result) {
   for (const SolutionImage& image : s.images) {
     const Rigid3d odom_from_cam = OdomFromCam(s, image);
+    if (s.cameras[static_cast<size_t>(image.camera)].IsFurtherView()) continue;  // its 360 image reports the pose
     if (image.camera == 0) result->cameras_odom.push_back({image.stamp_ns, odom_from_cam});
     if (!s.georeference) continue;
     const Rigid3d world_from_cam =
@@ -261,10 +262,10 @@ LocalizeResult ReadLocalizeResult(const std::filesystem::path& dir, const Soluti
   const auto placed = [](const PanoramaResult& p) { return p.status == "localized" && p.world_from_pano; };
   const auto bare = [&](const PanoramaResult& p) { return placed(p) && !p.sigma_m; };
   if (const auto n = std::count_if(result.panoramas.begin(), result.panoramas.end(), bare); n > 0) {
-    result.warnings.push_back(fmt::format(
-        "panoramas.csv: {} of {} answers have no finite sigma_x_m, sigma_y_m, sigma_z_m: nothing can be said "
-        "of their consistency",
-        n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
+    result.warnings.push_back(
+        fmt::format("panoramas.csv: {} of {} answers have no finite sigma_x_m, sigma_y_m, sigma_z_m: their consistency "
+                    "cannot be tested",
+                    n, std::count_if(result.panoramas.begin(), result.panoramas.end(), placed)));
   }
   return result;
 }

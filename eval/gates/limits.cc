@@ -23,6 +23,17 @@ std::vector<GateLimit> Listed(const GateLimits& limits, bool all) {
 
 std::vector<GateLimit> SetLimits(const GateLimits& limits) { return Listed(limits, false); }
 
+GateLimits DefaultLimits() {
+  GateLimits limits;
+  limits.localize.min_answered = 0.5;
+  limits.localize.max_nees_per_dof = 2;
+  limits.evaluate.max_median_m = 0.5;
+  limits.survey.max_standardised_residual = 4;
+  limits.stitch.max_closure_deg = 3;
+  limits.calibration.max_rms_px = 0.5;
+  return limits;
+}
+
 std::vector<GateLimit> AllGates() { return Listed({}, true); }
 
 }  // namespace trigpoint

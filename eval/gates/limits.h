@@ -108,6 +108,11 @@ struct GateLimit {
 };
 std::vector<GateLimit> SetLimits(const GateLimits& limits);
 
+// What the report judges by where a project sets no limits: half of the panoramas found, half a metre in the median,
+// sigmas that hold within a factor of 1.4, no residual of the survey beyond 4 sigma, rings of photos that close, boards
+// to half a pixel.
+GateLimits DefaultLimits();
+
 // Every gate there is, set or not.
 std::vector<GateLimit> AllGates();
 

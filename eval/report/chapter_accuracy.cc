@@ -109,6 +109,7 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
     const std::pair<std::string, std::string> its(TextAt(g, "reference"), TextAt(g, "kind"));
     if (std::find(against.begin(), against.end(), its) == against.end()) against.push_back(its);
   }
+  const bool pair = against.size() > 1;
   for (const auto& [reference, kind] : against) {
     std::vector<Series> series;
     double confidence = 0.95;
@@ -140,7 +141,9 @@ void AddCurves(const ChapterContext& c, const std::vector<nlohmann::json>& group
             "confidence of {}, resampled by station and run.",
             kind, ReferenceName(reference), shared ? ", which share data with the answers" : "", c.unit.name,
             100 * confidence, series.front().name),
-        CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts")});
+        CumulativeChart(series, "3D difference (" + c.unit.name + ")", "share of attempts",
+                        pair ? kHalfWidth : Drawing().width),
+        false, pair});
   }
 }
 
@@ -314,7 +317,8 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
                            "Trust curve" + of +
                                ": of the errors, the share within the region that should hold the stated share (NEES "
                                "against chi-square). Rows are taken as independent; few answers make coarse steps.",
-                           LineChart(trust, "stated confidence", "share of errors inside", true)});
+                           LineChart(trust, "stated confidence", "share of errors inside", true, kHalfWidth), false,
+                           true});
   Series expected{"chi-square, 3 dof", {}};
   constexpr int kBins = 16;
   constexpr double kLimit = 8;
@@ -326,7 +330,7 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
                            "Normalised errors squared per degree of freedom" + of +
                                "; the last bin holds everything beyond it. Dashed: what "
                                "right sigmas would give.",
-                           HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected)});
+                           HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected, kHalfWidth), false, true});
 }
 
 // How the error of what is kept falls with the share that is: the answers with the best supported depth come first.

@@ -86,7 +86,8 @@ void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
                "Residuals of the runs' own points: mean reprojection error of each point over its images (px); the "
                "last bin holds "
                "everything beyond. They measure how well images and points agree, not how accurate a position is.",
-               HistogramChart(residuals, 40, limit, "mean reprojection error of a point (px)")});
+               HistogramChart(residuals, 40, limit, "mean reprojection error of a point (px)", nullptr, kHalfWidth),
+               false, true});
   }
   if (!lengths.empty()) {
     std::vector<double> everything;
@@ -94,7 +95,9 @@ void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
     const double limit = std::max(8.0, std::ceil(Quantile(everything, 0.98)));
     blocks->push_back(Figure{
         "track_lengths", "Track lengths: the number of images that see a point; the last bin holds everything beyond.",
-        HistogramChart(lengths, std::min(40, static_cast<int>(limit)), limit, "images that see a point")});
+        HistogramChart(lengths, std::min(40, static_cast<int>(limit)), limit, "images that see a point", nullptr,
+                       kHalfWidth),
+        false, true});
   }
 }
 

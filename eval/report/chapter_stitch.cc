@@ -60,7 +60,8 @@ void AddStitched(const ChapterContext& c, bool images, std::vector<Block>* block
     if (set.panorama.empty()) continue;
     if (auto picture = Shown(set.panorama)) {
       blocks->push_back(Figure{fmt::format("stitched_{}", i + 1),
-                               "Panorama of the photo set " + set.name + ", equirectangular.", std::move(*picture)});
+                               "Panorama of the photo set " + set.name + ", equirectangular.", std::move(*picture),
+                               false, c.data.stitched.size() > 1});
     }
   }
 }

@@ -197,11 +197,15 @@ TableCell GateNumber(const ChapterContext& c, const nlohmann::json& gate, const 
 }
 
 void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
-  for (const auto& [variant, all] : c.data.gates) {
+  std::vector<std::pair<std::string, nlohmann::json>> tables = c.data.gates;
+  const bool defaults = tables.empty() && c.input.default_gates.is_object();
+  if (defaults) tables.emplace_back("", c.input.default_gates);
+  for (const auto& [variant, all] : tables) {
     const std::string verdict = TextAt(all, "verdict");
-    blocks->push_back(Paragraph{"Quality gates" + (variant.empty() ? "" : " of variant " + variant) + ": " +
-                                    (verdict.empty() ? "unknown" : verdict),
-                                GateTone(verdict)});
+    const std::string which = defaults ? "Default gates (trigpoint.yaml sets none; no exit code depends on them)"
+                              : variant.empty() ? "Quality gates"
+                                                : "Quality gates of variant " + variant;
+    blocks->push_back(Paragraph{which + ": " + (verdict.empty() ? "unknown" : verdict), GateTone(verdict)});
     const auto rows = all.find("gates");
     if (rows == all.end() || !rows->is_array()) continue;
     Table table{

@@ -16,7 +16,8 @@ namespace {
 constexpr size_t kTiles = 8;    // runs with a tile of their own
 constexpr size_t kAcross = 14;  // stations side by side; with more they stand below each other
 constexpr size_t kMatrixRows = 30;
-constexpr size_t kThings = 3;  // that went worst
+constexpr double kShortMatrix = 320;  // pixels
+constexpr size_t kThings = 3;         // that went worst
 
 class VerdictChapter {
  public:
@@ -33,8 +34,13 @@ class VerdictChapter {
     Runs();
     Worst();
     blocks_.push_back(Columns::kNext);
-    if (plan) blocks_.push_back(std::move(*plan));
-    Matrix();
+    // A short matrix comes first, so that both are on the first screen.
+    std::optional<Figure> matrix = Matrix();
+    const bool first = matrix && std::get<Drawing>(matrix->content).height < kShortMatrix;
+    if (!first) std::swap(matrix, plan);
+    for (std::optional<Figure>* figure : {&matrix, &plan}) {
+      if (*figure) blocks_.push_back(std::move(**figure));
+    }
     blocks_.push_back(Columns::kEnd);
   }
 
@@ -83,10 +89,19 @@ class VerdictChapter {
 
   void Gates() {
     if (verdict_.gates.empty()) return;
-    std::string text = "Quality gates: " + verdict_.gates + ".";
+    std::vector<std::string> others;
     for (const auto& [verdict, message] : verdict_.gate_results) {
-      if (verdict != "passed" || verdict_.gate_results.size() == 1) text += " " + message + ".";
+      if (verdict != "passed" || verdict_.gate_results.size() == 1) others.push_back(message);
     }
+    const size_t all = verdict_.gate_results.size();
+    std::string text = verdict_.default_gates ? "Default gates (trigpoint.yaml sets none): " : "Quality gates: ";
+    text += verdict_.gates;
+    if (all > 1) text += fmt::format(", {} of {} passed", all - others.size(), all);
+    text += ".";
+    // Of the default ones the first, so that the screen has room; all of a project's own.
+    const size_t shown = verdict_.default_gates ? std::min(size_t{1}, others.size()) : others.size();
+    for (size_t i = 0; i < shown; ++i) text += " " + others[i] + ".";
+    if (shown < others.size()) text += fmt::format(" And {} more.", others.size() - shown);
     blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), "accuracy"});
   }
 
@@ -160,8 +175,8 @@ class VerdictChapter {
     facts->facts.push_back(
         {"Stated sigmas", test->Words(),
          fmt::format(
-             "ANEES {:.2f}, consistent in {:.2f} to {:.2f}. Sigma: standard deviation. ANEES: mean squared error "
-             "in units of its own covariance, 1 if the sigmas are right",
+             "sigma: standard deviation. ANEES (mean squared error in units of its own covariance) is {:.2f}; right "
+             "sigmas give {:.2f} to {:.2f}",
              test->anees, test->low, test->high),
          !test->Consistent() ? Tone::kWarning : Tone::kGood, "consistency"});
   }
@@ -199,9 +214,9 @@ class VerdictChapter {
   }
 
   // Stations and runs, coloured by the error.
-  void Matrix() {
+  std::optional<Figure> Matrix() const {
     const VerdictErrors* best = verdict_.Best();
-    if (best == nullptr) return;
+    if (best == nullptr) return {};
     std::map<std::pair<std::string, std::string>, MatrixCell> cells;
     std::set<std::string> runs;
     std::map<std::string, double> worst;
@@ -241,11 +256,11 @@ class VerdictChapter {
       matrix.emplace_back();
       for (const std::string& k : columns) matrix.back().push_back(cells[across ? std::pair(k, r) : std::pair(r, k)]);
     }
-    blocks_.push_back(Figure{"matrix",
-                             which + "3D error of each run at each station (" + c_.unit.name + "), " + best->kind +
-                                 ", against " + best->Against() +
-                                 "; the larger of several panoramas. no m.: no match; ref.: refused; -: no reference.",
-                             MatrixChart(rows, columns, matrix, {0.1, 0.25, 0.5, 1.0}, c_.unit.name)});
+    return Figure{"matrix",
+                  which + "3D error of each run at each station (" + c_.unit.name + "), " + best->kind + ", against " +
+                      best->Against() +
+                      "; the larger of several panoramas. no m.: no match; ref.: refused; -: no reference.",
+                  MatrixChart(rows, columns, matrix, {0.1, 0.25, 0.5, 1.0}, c_.unit.name)};
   }
 
   std::string AnchorOf(const std::string& station) const {

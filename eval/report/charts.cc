@@ -74,8 +74,10 @@ Axis LogAxis(const std::vector<double>& values, const std::string& title) {
 class Plot {
  public:
   // `bottom`: room for what stands below the frame.
-  Plot(Axis x, Axis y, double frame_height, double bottom, const std::vector<std::string>& names)
+  Plot(Axis x, Axis y, double frame_height, double bottom, const std::vector<std::string>& names,
+       double width = Drawing().width)
       : x_(std::move(x)), y_(std::move(y)) {
+    drawing_.width = width;
     right_ = drawing_.width - 24;  // half of the last tick's label stands beyond it
     Legend(names);
     bottom_ = top_ + frame_height;
@@ -149,13 +151,14 @@ std::vector<std::string> Names(const std::vector<T>& series) {
 
 }  // namespace
 
-Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis) {
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
+                        double width) {
   std::vector<double> values;
   for (const Series& s : series) {
     for (const CurvePoint& p : s.points) values.push_back(p.x);
   }
   const Axis x = LogAxis(values, x_axis);
-  Plot plot(x, {0, 1, false, y_axis, true}, 310, 42, Names(series));
+  Plot plot(x, {0, 1, false, y_axis, true}, 310, 42, Names(series), width);
   plot.Frame(true);
   for (size_t i = series.size(); i-- > 0;) {
     const std::vector<CurvePoint>& points = series[i].points;
@@ -185,14 +188,14 @@ Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_
 }
 
 Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
-                  bool diagonal) {
+                  bool diagonal, double width) {
   double right = 0, top = 0;
   for (const Series& s : series) {
     for (const CurvePoint& p : s.points) right = std::max(right, p.x), top = std::max(top, p.y);
   }
   if (diagonal) right = top = 1;
   Plot plot({0, right > 0 ? right : 1, false, x_axis, diagonal}, {0, top > 0 ? top : 1, false, y_axis, diagonal}, 300,
-            42, Names(series));
+            42, Names(series), width);
   plot.Frame(true);
   if (diagonal) plot.drawing().Line({{plot.X(0), plot.Y(0)}, {plot.X(1), plot.Y(1)}}, kInk, 1, true);
   for (size_t i = 0; i < series.size(); ++i) {
@@ -243,7 +246,7 @@ Drawing DotChart(const std::vector<std::string>& categories, const std::vector<D
 }
 
 Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
-                       const Series* expected) {
+                       const Series* expected, double width) {
   std::vector<std::vector<double>> shares;
   double top = 0;
   for (const Sample& sample : samples) {
@@ -261,7 +264,7 @@ Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limi
     names.push_back(expected->name);
     for (const CurvePoint& p : expected->points) top = std::max(top, p.y);
   }
-  Plot plot({0, limit, false, x_axis}, {0, top > 0 ? 1.05 * top : 1, false, "share", true}, 260, 42, names);
+  Plot plot({0, limit, false, x_axis}, {0, top > 0 ? 1.05 * top : 1, false, "share", true}, 260, 42, names, width);
   plot.Frame(true);
   for (size_t i = 0; i < samples.size(); ++i) {
     std::vector<std::pair<double, double>> outline = {{plot.X(0), plot.Y(0)}};
@@ -294,7 +297,8 @@ Drawing MatrixChart(const std::vector<std::string>& rows, const std::vector<std:
   };
   constexpr double kRow = 26, kTop = 22;
   double left = 40;
-  for (const std::string& row : rows) left = std::max(left, TextWidth(row, 13) + 10);
+  constexpr double kBoldWider = 1.15;
+  for (const std::string& row : rows) left = std::max(left, kBoldWider * TextWidth(row, 13) + 14);
   Drawing drawing;
   const double width =
       std::clamp((drawing.width - left) / static_cast<double>(std::max<size_t>(1, columns.size())), 34.0, 90.0);

@@ -10,6 +10,8 @@
 
 namespace trigpoint {
 
+constexpr double kHalfWidth = 470;  // of a chart that stands beside another one (Figure::half)
+
 struct CurvePoint {
   double x = 0, y = 0;
   std::optional<double> low, high;  // of y
@@ -21,11 +23,12 @@ struct Series {
 };
 
 // Cumulative histograms: steps, x logarithmic, y a share (0 to 1). The first series' band is drawn.
-Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis);
+Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
+                        double width = Drawing().width);
 
 // Lines through points, both axes linear from 0; `diagonal`: both are shares, and y = x is drawn.
 Drawing LineChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
-                  bool diagonal);
+                  bool diagonal, double width = Drawing().width);
 
 // A column a category, a dot a value of each series in it; y logarithmic. Values that are not positive are left out.
 struct DotSeries {
@@ -42,7 +45,7 @@ struct Sample {
   std::vector<double> values;
 };
 Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
-                       const Series* expected = nullptr);
+                       const Series* expected = nullptr, double width = Drawing().width);
 
 // A cell a row and column, its number on a colour of five steps; light is small. Cells without a number show their
 // text.

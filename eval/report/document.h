@@ -68,6 +68,7 @@ struct Figure {
   std::string caption;
   std::variant<Drawing, Picture> content;
   bool thumbnail = false;  // small on the screen, large when it is pressed; on paper two in a row
+  bool half = false;       // two in a row on the screen and on paper; a chart of kHalfWidth
 };
 
 // What stands between the two can be opened and closed on a screen; on paper it is open, or left to the tables beside

@@ -39,10 +39,11 @@ figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;o
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:max(40rem,85vh);overflow-y:auto}
 caption{caption-side:top;text-align:left;font-size:.9rem;color:var(--soft);padding:.45rem .55rem;overflow-wrap:anywhere}
 .columns{display:grid;grid-template-columns:minmax(0,1fr) minmax(0,1fr);gap:0 1.6rem;align-items:start}
-.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0}.columns .facts{margin:.5rem 0}
+.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0;max-height:34rem}.columns .facts{margin:.5rem 0}
 .columns h3{margin:.9rem 0 .3rem}.columns p{margin:.3rem 0}
 figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - .9rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
 figure.thumb figcaption{font-size:.8rem}
+figure.half{display:inline-block;vertical-align:top;width:calc(50% - .6rem);margin-right:.5rem}figure.half svg{min-width:0}
 figure.large{position:fixed;inset:0;z-index:9;margin:0;padding:1rem;width:auto;background:#fff;overflow:auto}
 figure.large div{border:0}figure.large img{width:100%;max-height:86vh;object-fit:contain}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}
@@ -61,7 +62,7 @@ tbody tr:hover,tbody tr:hover td:first-child{background:#f5f9fc}
 details{margin:.8rem 0;border:1px solid var(--line);border-radius:3px;padding:0 .8rem}
 summary{cursor:pointer;padding:.55rem 0;font-weight:600;overflow-wrap:anywhere}
 footer{color:var(--soft);font-size:.85rem;padding-top:2rem;padding-bottom:2.5rem}
-@media(max-width:60rem){.columns{grid-template-columns:1fr}}
+@media(max-width:60rem){.columns{grid-template-columns:1fr}figure.half{width:100%}}
 @media(max-width:40rem){body{font-size:15px}h1{font-size:1.5rem}h2{font-size:1.25rem}header,main,footer,nav div{padding-left:.9rem;padding-right:.9rem}.facts{grid-template-columns:1fr 1fr;gap:.5rem}.fact b{font-size:1.2rem}figure svg{min-width:30rem}details{padding:0 .5rem}}
 @media print{nav{display:none}.table{max-height:none;overflow:visible}th,td:first-child{position:static}figure,tr{break-inside:avoid}}
 )css";
@@ -161,7 +162,9 @@ class HtmlWriter {
     html_ += "</tbody></table></div>\n";
   }
   void operator()(const Figure& figure) const {
-    html_ += figure.thumbnail ? "<figure class=\"thumb\"><div>" : "<figure><div>";
+    html_ += figure.thumbnail ? "<figure class=\"thumb\"><div>"
+             : figure.half    ? "<figure class=\"half\"><div>"
+                              : "<figure><div>";
     if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
       html_ += SvgOf(*drawing, figure.caption);
     } else {

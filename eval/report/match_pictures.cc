@@ -8,10 +8,11 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 
 namespace trigpoint {
 namespace {
@@ -44,13 +45,7 @@ ViewOptions ViewsOf(const Project& project) {
 cv::Mat LoadImage(const Run& run, const std::string& name) {
   for (const ImageEntry& entry : run.images) {
     if (entry.file != name) continue;
-    // Videos, mirrors and turned pictures are undone in grey only.
-    const bool plain =
-        entry.video_frame < 0 && !run.config.mirrored && entry.camera < static_cast<int>(run.cameras.size());
-    cv::Mat picture = plain ? LoadPhoto(entry.path, run.cameras[static_cast<size_t>(entry.camera)].camera, false)
-                            : LoadGrey(run, entry);
-    if (picture.channels() == 1) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
-    return picture;
+    return LoadColour(run, entry);
   }
   throw InputError("run " + run.name + ": image " + name + " of its matches is not in images.txt any more");
 }
@@ -100,6 +95,10 @@ MatchPictures::MatchPictures(const Project& project, const std::string& run, con
         if (matches.size() > best.matches.size()) best = {names.first, names.second, std::move(matches)};
       }
     }
+  }
+  // Pictures that must not be copied.
+  for (const auto& [name, credit] : ReadCredits(project.dir())) {
+    if (!credit.keep_until.empty()) of_panorama_.erase(name);
   }
   fs::path detections = project.ResultDir("detect", run) / "detections.csv";
   if (!fs::exists(detections)) detections = run_.detections;

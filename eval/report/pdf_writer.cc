@@ -152,18 +152,7 @@ class Pages {
   void operator()(const Figure& figure) {
     const auto [w, h] = SizeOf(figure, shrink_);
     Need(h + CaptionRoom(figure));
-    const double x = kMargin + 0.5 * (Room() - w);
-    cairo_tag_begin(cairo_.get(), "Figure", nullptr);
-    if (const auto* drawing = std::get_if<Drawing>(&figure.content)) {
-      cairo_save(cairo_.get());
-      cairo_translate(cairo_.get(), x, y_);
-      cairo_scale(cairo_.get(), w / drawing->width, w / drawing->width);
-      Paint(cairo_.get(), *drawing);
-      cairo_restore(cairo_.get());
-    } else {
-      DrawPicture(std::get<Picture>(figure.content), x, w);
-    }
-    cairo_tag_end(cairo_.get(), "Figure");
+    DrawContent(figure, kMargin + 0.5 * (Room() - w), w);
     y_ += h + 5;
     Words(figure.caption, 8, false, kSoft, 9, "Caption");
   }
@@ -229,13 +218,13 @@ class Pages {
     std::vector<const Figure*> figures;
     for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k) {
       figures.push_back(&std::get<Figure>(blocks[k]));
-      if (figures.back()->thumbnail != figures.front()->thumbnail) {
+      if (InPairs(*figures.back()) != InPairs(*figures.front())) {
         figures.pop_back();
         break;
       }
     }
     *i += figures.size() - 1;
-    if (figures.front()->thumbnail) {
+    if (InPairs(*figures.front())) {
       for (size_t k = 0; k < figures.size(); k += 2)
         DrawPair(*figures[k], k + 1 < figures.size() ? figures[k + 1] : nullptr);
       return;
@@ -266,30 +255,30 @@ class Pages {
     }
     const auto* figure = std::get_if<Figure>(&next);
     if (figure == nullptr) return 0;
-    if (!figure->thumbnail) return kHeading + SizeOf(*figure, kLeastShrink).second + CaptionRoom(*figure);
-    return kHeading + ThumbnailHeight(*figure) + painter_->Height(figure->caption, 7.5, false, ThumbnailWidth()) + 14;
+    if (!InPairs(*figure)) return kHeading + SizeOf(*figure, kLeastShrink).second + CaptionRoom(*figure);
+    return kHeading + HalfHeight(*figure) + painter_->Height(figure->caption, 7.5, false, HalfWidth()) + 14;
   }
-  static constexpr double kThumbnailGap = 12;
-  double ThumbnailWidth() const { return 0.5 * (Room() - kThumbnailGap); }
-  double ThumbnailHeight(const Figure& figure) const {
+  static bool InPairs(const Figure& figure) { return figure.thumbnail || figure.half; }
+  static constexpr double kHalfGap = 12;
+  double HalfWidth() const { return 0.5 * (Room() - kHalfGap); }
+  double HalfHeight(const Figure& figure) const {
+    if (const auto* drawing = std::get_if<Drawing>(&figure.content))
+      return HalfWidth() * drawing->height / drawing->width;
     const Picture& picture = std::get<Picture>(figure.content);
-    return ThumbnailWidth() * picture.height / std::max(1, picture.width);
+    return HalfWidth() * picture.height / std::max(1, picture.width);
   }
 
-  // Two thumbnails side by side, or one in the left half.
+  // Two side by side, or one in the left half.
   void DrawPair(const Figure& left, const Figure* right) {
-    const double gap = kThumbnailGap, w = ThumbnailWidth();
+    const double gap = kHalfGap, w = HalfWidth();
     const auto caption = [&](const Figure& figure) { return painter_->Height(figure.caption, 7.5, false, w); };
-    double h = ThumbnailHeight(left), text = caption(left);
-    if (right != nullptr) h = std::max(h, ThumbnailHeight(*right)), text = std::max(text, caption(*right));
+    double h = HalfHeight(left), text = caption(left);
+    if (right != nullptr) h = std::max(h, HalfHeight(*right)), text = std::max(text, caption(*right));
     Need(h + text + 14);
     double x = kMargin;
     for (const Figure* figure : {&left, right}) {
       if (figure == nullptr) continue;
-      {
-        const Tagged tag(cairo_.get(), "Figure");
-        DrawPicture(std::get<Picture>(figure->content), x, w);
-      }
+      DrawContent(*figure, x, w);
       const Tagged tag(cairo_.get(), "Caption");
       painter_->Draw(figure->caption, x, y_ + h + 4, 7.5, false, kSoft, w, -1, 0);
       x += w + gap;
@@ -427,6 +416,21 @@ class Pages {
     line(f.label, 7.5, false, kSoft);
     line(f.value, 13, true, kInk);
     line(f.detail, 7.5, false, kSoft);
+  }
+
+  // At y_, `w` wide.
+  void DrawContent(const Figure& figure, double x, double w) {
+    const Tagged tag(cairo_.get(), "Figure");
+    const auto* drawing = std::get_if<Drawing>(&figure.content);
+    if (drawing == nullptr) {
+      DrawPicture(std::get<Picture>(figure.content), x, w);
+      return;
+    }
+    cairo_save(cairo_.get());
+    cairo_translate(cairo_.get(), x, y_);
+    cairo_scale(cairo_.get(), w / drawing->width, w / drawing->width);
+    Paint(cairo_.get(), *drawing);
+    cairo_restore(cairo_.get());
   }
 
   void DrawPicture(const Picture& picture, double x, double w) {

@@ -260,7 +260,7 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
   document.date = data.newest;
   document.subtitle = data.newest.empty() ? "No results yet."
                                           : "From results up to " + data.newest + " (UTC). Lengths in " + unit.name +
-                                                ", 1 sigma where a sigma is shown.";
+                                                "; sigmas are 1 sigma, one standard deviation.";
   if (options.dated) document.subtitle += " Written " + UtcTimeText() + ".";
   document.footer = "Made by Trigpoint. All numbers are also in tables/, report.json and report.md beside this file.";
   AddChapters(context, options.images, std::move(scenes), &document.blocks);

@@ -28,8 +28,9 @@ struct ReportInput {
   const Project* project = nullptr;
   std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
   std::vector<ResultRecord> stages;
-  std::string command;  // that makes the report again
-  bool points = true;   // also read each run's sparse model, which takes a while
+  std::string command;           // that makes the report again
+  bool points = true;            // also read each run's sparse model, which takes a while
+  nlohmann::json default_gates;  // as gates.json, for a project without gates of its own; else null
 };
 
 // A row of errors.csv; what is not given is unset.

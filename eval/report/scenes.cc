@@ -75,7 +75,7 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
       "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
   const std::string errors = model.errors.empty() ? "" : ErrorsCaption(view.ErrorScale(), style.confidence);
   const auto show = [&](std::initializer_list<const char*> hidden) {
-    for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, true);
+    for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, SceneView::ShownAtFirst(layer));
     for (const char* layer : hidden) view.SetVisible(layer, false);
   };
   show({"points", "cameras"});

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "eval/report/charts.h"
 #include "eval/report/paint.h"
@@ -24,6 +25,37 @@ double RoundedStep(double range) {
     if (factor * decade >= raw) return factor * decade;
   }
   return 10 * decade;
+}
+
+const char* ColourOf(size_t estimate) { return kLineColours[estimate % kLineColours.size()]; }
+
+// From blue, no error, to vermilion, the largest: colour-blind readers tell them apart.
+std::string Shade(double share) {
+  constexpr std::array<int, 3> kNone = {0x00, 0x72, 0xb2}, kMost = {0xd5, 0x5e, 0x00};
+  std::string colour = "#";
+  for (size_t k = 0; k < 3; ++k)
+    colour += fmt::format("{:02x}", static_cast<int>(std::lround(kNone[k] + share * (kMost[k] - kNone[k]))));
+  return colour;
+}
+
+const PlottedTrajectory* Longest(const std::vector<PlottedTrajectory>& estimates) {
+  const auto it = std::max_element(estimates.begin(), estimates.end(), [](const auto& a, const auto& b) {
+    return a.reference_places.size() < b.reference_places.size();
+  });
+  return it == estimates.end() ? nullptr : &*it;
+}
+
+// The names of the lines, one below the other. Returns where the drawing goes on.
+double Legend(const std::vector<PlottedTrajectory>& estimates, Drawing* drawing) {
+  double y = 16;
+  const auto entry = [&](const std::string& name, const std::string& colour, bool dashed) {
+    drawing->Line({{64, y - 4}, {92, y - 4}}, colour, 2, dashed);
+    drawing->Text(98, y, CleanText(name), -1);
+    y += 16;
+  };
+  entry("reference", "#333333", true);
+  for (size_t i = 0; i < estimates.size(); ++i) entry(estimates[i].name, ColourOf(i), i >= kLineColours.size());
+  return y;
 }
 
 // East to the right, north up, one scale for both.
@@ -61,12 +93,23 @@ class PlanFrame {
     drawing_.Text(0.5 * (kLeft + right_), drawing_.height - 6, "x, " + unit);
     drawing_.Text(14, 0.5 * (top_ + bottom_), "y, " + unit, 0, 12, "#333333", false, true);
   }
-  void Path(const std::vector<Eigen::Vector2d>& places, const std::string& colour, double width, bool dashed) {
+  void Path(const std::vector<Eigen::Vector3d>& places, const std::string& colour, double width, bool dashed) {
     std::vector<std::pair<double, double>> line;
     const size_t step = places.size() / kMostPoints + 1;
-    for (size_t i = 0; i < places.size(); i += step) line.push_back(At(places[i]));
-    if (!places.empty()) line.push_back(At(places.back()));
+    for (size_t i = 0; i < places.size(); i += step) line.push_back(At(places[i].head<2>()));
+    if (!places.empty()) line.push_back(At(places.back().head<2>()));
     drawing_.Line(line, colour, width, dashed);
+  }
+  // Of the errors that fall onto one piece the largest one gives the colour.
+  void ShadedPath(const PlottedTrajectory& e, double largest) {
+    const size_t step = e.places.size() / kMostPoints + 1;
+    for (size_t i = 0; i + 1 < e.places.size(); i += step) {
+      const size_t end = std::min(i + step, e.places.size() - 1);
+      const auto from = e.errors.begin() + static_cast<std::ptrdiff_t>(i),
+                 to = e.errors.begin() + static_cast<std::ptrdiff_t>(end) + 1;
+      drawing_.Line({At(e.places[i].head<2>()), At(e.places[end].head<2>())},
+                    Shade(*std::max_element(from, to) / largest), 3);
+    }
   }
 
  private:
@@ -78,31 +121,83 @@ class PlanFrame {
 
 }  // namespace
 
-Drawing TrajectoryPlan(const std::vector<Eigen::Vector2d>& reference, const std::vector<PlottedTrajectory>& estimates,
-                       const std::string& unit) {
+Drawing TrajectoryPlan(const std::vector<PlottedTrajectory>& estimates, const std::string& unit) {
   Drawing drawing;
   Eigen::Vector2d low = Eigen::Vector2d::Constant(1e300), high = -low;
-  const auto extend = [&](const std::vector<Eigen::Vector2d>& places) {
-    for (const Eigen::Vector2d& p : places) low = low.cwiseMin(p), high = high.cwiseMax(p);
-  };
-  extend(reference);
-  for (const PlottedTrajectory& e : estimates) extend(e.places);
+  for (const PlottedTrajectory& e : estimates) {
+    for (const auto* places : {&e.places, &e.reference_places}) {
+      for (const Eigen::Vector3d& p : *places) low = low.cwiseMin(p.head<2>()), high = high.cwiseMax(p.head<2>());
+    }
+  }
   if (low.x() > high.x()) low = high = Eigen::Vector2d::Zero();
-
-  double y = 16;
-  const auto legend = [&](const std::string& name, const std::string& colour, bool dashed) {
-    drawing.Line({{64, y - 4}, {92, y - 4}}, colour, 2, dashed);
-    drawing.Text(98, y, CleanText(name), -1);
+  double y = Legend(estimates, &drawing), largest = 0;
+  if (estimates.size() == 1) {
+    for (const double error : estimates[0].errors) largest = std::max(largest, error);
+    constexpr int kSteps = 24;
+    for (int k = 0; k < kSteps; ++k)
+      drawing.Rectangle(64 + 5 * k, y - 10, 5, 10, Shade(static_cast<double>(k) / (kSteps - 1)));
+    drawing.Text(64 + 5 * kSteps + 6, y - 1, fmt::format("absolute error, 0 to {:.3g} {}", largest, unit), -1);
     y += 16;
-  };
-  legend("reference", "#333333", true);
-  for (size_t i = 0; i < estimates.size(); ++i)
-    legend(estimates[i].name, kLineColours[i % kLineColours.size()], i >= kLineColours.size());
+  }
   PlanFrame frame(low, high, y, &drawing);
   frame.Grid(unit);
-  for (size_t i = 0; i < estimates.size(); ++i)
-    frame.Path(estimates[i].places, kLineColours[i % kLineColours.size()], 2, i >= kLineColours.size());
-  frame.Path(reference, "#333333", 1.2, true);
+  for (size_t i = 0; i < estimates.size(); ++i) {
+    if (largest > 0) {
+      frame.ShadedPath(estimates[i], largest);
+    } else {
+      frame.Path(estimates[i].places, ColourOf(i), 2, i >= kLineColours.size());
+    }
+  }
+  if (const PlottedTrajectory* longest = Longest(estimates)) {
+    frame.Path(longest->reference_places, "#333333", 1.2, true);
+  }
+  return drawing;
+}
+
+Drawing TrajectoryAxesChart(const std::vector<PlottedTrajectory>& estimates, const std::string& unit) {
+  constexpr double kLeft = 64, kRight = 24, kPanel = 150, kGap = 14;
+  Drawing drawing;
+  double along = 1e-6;
+  for (const PlottedTrajectory& e : estimates) along = std::max(along, e.along.empty() ? 0 : e.along.back());
+  const double right = drawing.width - kRight;
+  double top = Legend(estimates, &drawing);
+  for (int axis = 0; axis < 3; ++axis, top += kPanel + kGap) {
+    double low = 1e300, high = -1e300;
+    for (const PlottedTrajectory& e : estimates) {
+      for (const auto* places : {&e.places, &e.reference_places}) {
+        for (const Eigen::Vector3d& p : *places) low = std::min(low, p[axis]), high = std::max(high, p[axis]);
+      }
+    }
+    if (low > high) low = high = 0;
+    const double pad = std::max(1e-3, 0.06 * (high - low));
+    low -= pad, high += pad;
+    const auto at = [&](double way, double value) {
+      return std::pair(kLeft + (right - kLeft) * way / along, top + kPanel * (high - value) / (high - low));
+    };
+    const double step = 2 * RoundedStep(high - low);
+    for (double v = std::ceil(low / step) * step; v <= high; v += step) {
+      drawing.Line({at(0, v), at(along, v)}, "#e3e3e3");
+      drawing.Text(kLeft - 6, at(0, v).second + 4, fmt::format("{:g}", std::abs(v) < 1e-9 * step ? 0 : v), 1);
+    }
+    drawing.Line({at(0, high), at(0, low), at(along, low)}, "#333333");
+    drawing.Text(14, top + 0.5 * kPanel, std::string(1, "xyz"[axis]) + ", " + unit, 0, 12, "#333333", false, true);
+    const auto path = [&](const PlottedTrajectory& e, const std::vector<Eigen::Vector3d>& places, const char* colour,
+                          double width, bool dashed) {
+      std::vector<std::pair<double, double>> line;
+      const size_t every = places.size() / kMostPoints + 1;
+      for (size_t i = 0; i < places.size(); i += every) line.push_back(at(e.along[i], places[i][axis]));
+      drawing.Line(line, colour, width, dashed);
+    };
+    for (size_t i = 0; i < estimates.size(); ++i)
+      path(estimates[i], estimates[i].places, ColourOf(i), 2, i >= kLineColours.size());
+    if (const PlottedTrajectory* longest = Longest(estimates))
+      path(*longest, longest->reference_places, "#333333", 1.2, true);
+  }
+  const double step = RoundedStep(along);
+  for (double x = 0; x <= along; x += step)
+    drawing.Text(kLeft + (right - kLeft) * x / along, top + 2, fmt::format("{:g}", x));
+  drawing.Text(0.5 * (kLeft + right), top + 20, "distance along the reference, " + unit);
+  drawing.height = top + 28;
   return drawing;
 }
 
@@ -116,6 +211,16 @@ Drawing TrajectoryErrorChart(const std::vector<PlottedTrajectory>& estimates, co
       double worst = 0;
       for (size_t k = i; k < std::min(i + step, e.errors.size()); ++k) worst = std::max(worst, e.errors[k]);
       s.points.push_back({e.along[i], worst, {}, {}});
+    }
+  }
+  if (estimates.size() == 1 && !estimates[0].errors.empty()) {
+    std::vector<double> errors = estimates[0].errors;
+    double squares = 0;
+    for (const double error : errors) squares += error * error;
+    const double rmse = std::sqrt(squares / static_cast<double>(errors.size())), median = Median(std::move(errors));
+    for (const auto& [name, value] : {std::pair("RMSE", rmse), std::pair("median", median)}) {
+      const double end = estimates[0].along.back();
+      series.push_back({fmt::format("{} {:.3g} {}", name, value, unit), {{0, value, {}, {}}, {end, value, {}, {}}}});
     }
   }
   return LineChart(series, "distance along the reference, " + unit, "absolute error, " + unit, false);

@@ -51,18 +51,17 @@ bool Better(const VerdictErrors& a, const VerdictErrors& b) {
   return rank(a) > rank(b);
 }
 
-void ChooseErrors(const ReportData& data, ProjectVerdict* verdict) {
+void ChooseErrors(const ReportData& data, const std::string& variant, ProjectVerdict* verdict) {
   for (const VariantData& v : data.variants) {
     const auto groups = v.summary.find("groups");
     if (groups == v.summary.end() || !groups->is_array()) continue;
     for (const nlohmann::json& group : *groups) {
       if (!group.is_object()) continue;
       VerdictErrors errors = ErrorsOf(data, group, v.variant);
-      if (!errors.median_m || (!errors.variant.empty() && errors.variant != "paper")) continue;
+      const bool own = errors.variant == variant, beside = variant.empty() && errors.variant == "paper";
       const bool absolute = errors.kind == "absolute", g1 = errors.method == "g1";
-      if (!errors.variant.empty() && g1) continue;
-      std::optional<VerdictErrors>& place = !errors.variant.empty()
-                                                ? (absolute ? verdict->paper_absolute : verdict->paper_relative)
+      if (!errors.median_m || (!own && (!beside || g1))) continue;
+      std::optional<VerdictErrors>& place = !own ? (absolute ? verdict->paper_absolute : verdict->paper_relative)
                                             : g1 ? (absolute ? verdict->g1_absolute : verdict->g1_relative)
                                                  : (absolute ? verdict->absolute : verdict->relative);
       if (!place || Better(errors, *place)) place = std::move(errors);
@@ -70,10 +69,11 @@ void ChooseErrors(const ReportData& data, ProjectVerdict* verdict) {
   }
 }
 
-void FindGeotags(const ReportInput& input, const ReportData& data, ProjectVerdict* verdict) {
+void FindGeotags(const ReportInput& input, const ReportData& data, const std::string& variant,
+                 ProjectVerdict* verdict) {
   std::map<std::string, VerdictGeotag> worst;
   for (const RunData& run : data.runs) {
-    if (!run.variant.empty()) continue;
+    if (run.variant != variant) continue;
     for (const RunData::Answer& a : run.answers) {
       if (a.geotag_status != "outlier" || !a.geotag_off_m) continue;
       VerdictGeotag& g = worst[a.panorama];
@@ -92,11 +92,11 @@ void FindGeotags(const ReportInput& input, const ReportData& data, ProjectVerdic
 }
 
 // Sigmas, and how far apart runs put the same panorama.
-void FindAgreement(const ReportData& data, ProjectVerdict* verdict) {
+void FindAgreement(const ReportData& data, const std::string& variant, ProjectVerdict* verdict) {
   std::vector<double> sigmas, distances;
   std::map<std::string, std::vector<Eigen::Vector3d>> places;
   for (const RunData& run : data.runs) {
-    if (!run.variant.empty() || !FlagAt(ObjectAt(run.manifest, "metrics"), "on_earth")) continue;
+    if (run.variant != variant || !FlagAt(ObjectAt(run.manifest, "metrics"), "on_earth")) continue;
     for (const RunData::Answer& a : run.answers) {
       if (a.status != "localized") continue;
       if (a.sigma_m) sigmas.push_back(*a.sigma_m);
@@ -110,16 +110,20 @@ void FindAgreement(const ReportData& data, ProjectVerdict* verdict) {
   verdict->agreeing_pairs = static_cast<int>(distances.size());
 }
 
-void ReadGates(const ReportData& data, ProjectVerdict* verdict) {
-  for (const auto& [variant, table] : data.gates) {
-    if (!variant.empty()) continue;
+void ReadGates(const ReportInput& input, const ReportData& data, const std::string& wanted, ProjectVerdict* verdict) {
+  const auto read = [&](const nlohmann::json& table) {
     verdict->gates = TextAt(table, "verdict");
     const auto rows = table.find("gates");
-    if (rows == table.end() || !rows->is_array()) continue;
+    if (rows == table.end() || !rows->is_array()) return;
     for (const nlohmann::json& gate : *rows) {
       verdict->gate_results.emplace_back(TextAt(gate, "verdict"), TextAt(gate, "message"));
     }
+  };
+  for (const auto& [variant, table] : data.gates) {
+    if (variant == wanted) read(table);
   }
+  verdict->default_gates = verdict->gates.empty() && wanted.empty() && input.default_gates.is_object();
+  if (verdict->default_gates) read(input.default_gates);
 }
 
 }  // namespace
@@ -162,11 +166,11 @@ Tone GateTone(const std::string& verdict) {
   return verdict == "passed" ? Tone::kGood : verdict == "failed" ? Tone::kBad : Tone::kWarning;
 }
 
-ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data) {
+ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data, const std::string& variant) {
   ProjectVerdict verdict;
   verdict.panoramas = static_cast<int>(input.project->site().references.size());
   for (const RunData& run : data.runs) {
-    if (!run.variant.empty()) continue;
+    if (run.variant != variant) continue;
     VerdictRun& r = verdict.runs.emplace_back();
     r.run = run.run;
     const nlohmann::json& metrics = ObjectAt(run.manifest, "metrics");
@@ -182,10 +186,10 @@ ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data) {
       verdict.refused.push_back({run.run, a.panorama, a.station, a.status, a.reason});
     }
   }
-  ChooseErrors(data, &verdict);
-  FindGeotags(input, data, &verdict);
-  FindAgreement(data, &verdict);
-  ReadGates(data, &verdict);
+  ChooseErrors(data, variant, &verdict);
+  FindGeotags(input, data, variant, &verdict);
+  FindAgreement(data, variant, &verdict);
+  ReadGates(input, data, variant, &verdict);
   return verdict;
 }
 

@@ -63,17 +63,18 @@ struct VerdictGeotag {
 };
 
 struct ProjectVerdict {
-  std::vector<VerdictRun> runs;  // of the first set of results
+  std::vector<VerdictRun> runs;
   int panoramas = 0;
   std::vector<VerdictRefusal> refused;
-  std::optional<VerdictErrors> relative, absolute, g1_relative, g1_absolute;  // of the first set of results
-  std::optional<VerdictErrors> paper_relative, paper_absolute;                // of the variant paper, if there is one
-  std::vector<VerdictGeotag> geotags;                                         // outlying ones, the worst first
+  std::optional<VerdictErrors> relative, absolute, g1_relative, g1_absolute;
+  std::optional<VerdictErrors> paper_relative, paper_absolute;  // beside the default results: of the variant paper
+  std::vector<VerdictGeotag> geotags;                           // outlying ones, the worst first
   // What can be said without tags: the median 1 sigma that answers state (largest axis), and the median distance
   // between the places that two runs give the same panorama.
   std::optional<double> stated_sigma_m, runs_agree_m;
   int agreeing_pairs = 0;
   std::string gates;                                              // passed, failed, undecided; empty: none set
+  bool default_gates = false;                                     // the project sets none: the report's own
   std::vector<std::pair<std::string, std::string>> gate_results;  // verdict, message
 
   int Images() const;
@@ -86,6 +87,7 @@ struct ProjectVerdict {
 // The colour of passed, failed, undecided.
 Tone GateTone(const std::string& verdict);
 
-ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data);
+// Of one set of results; `variant` empty: of the default ones.
+ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data, const std::string& variant = "");
 
 }  // namespace trigpoint

@@ -12,6 +12,7 @@
 #include <vtkTextProperty.h>
 #include <vtkTexture.h>
 
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/grid.h"
@@ -82,6 +83,41 @@ vtkSmartPointer<vtkPolyData> Polygon(const std::vector<Eigen::Vector3d>& corners
   auto data = vtkSmartPointer<vtkPolyData>::New();
   data->SetPoints(points);
   data->SetPolys(cells);
+  return data;
+}
+
+vtkSmartPointer<vtkPolyData> Balls(const std::vector<Ball>& balls) {
+  constexpr int kColumns = 16, kRows = 9;
+  constexpr double kLeast_m = 5e-4;  // a disc of no height would flicker
+  vtkNew<vtkPoints> points;
+  vtkNew<vtkFloatArray> normals;
+  normals->SetNumberOfComponents(3);
+  vtkNew<vtkCellArray> cells;
+  for (const Ball& ball : balls) {
+    const Eigen::Vector3d half = ball.half_axes.cwiseMax(kLeast_m);
+    const vtkIdType first = points->GetNumberOfPoints();
+    for (int r = 0; r < kRows; ++r) {
+      for (int c = 0; c < kColumns; ++c) {
+        const double polar = M_PI * r / (kRows - 1), around = 2 * M_PI * c / kColumns;
+        const Eigen::Vector3d d(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around),
+                                std::cos(polar));
+        Insert(points, ball.centre + half.cwiseProduct(d));
+        const Eigen::Vector3d out = d.cwiseQuotient(half).normalized();
+        normals->InsertNextTuple3(out.x(), out.y(), out.z());
+      }
+    }
+    for (int r = 0; r + 1 < kRows; ++r) {
+      for (int c = 0; c < kColumns; ++c) {
+        const vtkIdType here = first + r * kColumns, next = (c + 1) % kColumns;
+        const vtkIdType quad[4] = {here + c, here + kColumns + c, here + kColumns + next, here + next};
+        cells->InsertNextCell(4, quad);
+      }
+    }
+  }
+  auto data = vtkSmartPointer<vtkPolyData>::New();
+  data->SetPoints(points);
+  data->SetPolys(cells);
+  data->GetPointData()->SetNormals(normals);
   return data;
 }
 

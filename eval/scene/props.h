@@ -32,6 +32,12 @@ vtkSmartPointer<vtkPolyData> TexturedGrid(const std::vector<Eigen::Vector3d>& ve
 // A closed strip of triangles or quads.
 vtkSmartPointer<vtkPolyData> Polygon(const std::vector<Eigen::Vector3d>& corners);
 
+// Ellipsoids along the axes, all in one.
+struct Ball {
+  Eigen::Vector3d centre, half_axes;
+};
+vtkSmartPointer<vtkPolyData> Balls(const std::vector<Ball>& balls);
+
 // Evenly lit: pictures look as taken, colours as in the legend.
 vtkSmartPointer<vtkActor> FlatActor(vtkPolyData* data, const Colour& colour, double size_px);
 // With light and shade.

@@ -4,13 +4,12 @@
 #include <vtkCoordinate.h>
 #include <vtkMatrix4x4.h>
 #include <vtkNew.h>
-#include <vtkPolyDataNormals.h>
 #include <vtkProperty.h>
 #include <vtkRenderer.h>
-#include <vtkSphereSource.h>
 #include <vtkTextActor.h>
 #include <vtkTextProperty.h>
 
+#include <algorithm>
 #include <set>
 
 #include "eval/scene/scene_parts.h"
@@ -18,47 +17,87 @@
 #include "eval/statistics/statistics.h"
 
 namespace trigpoint {
-void SceneView::Parts::BuildErrors() {
-  if (model.errors.empty()) return;
-  const double radius = std::sqrt(ChiSquareQuantile(style.confidence, 3));  // of an ellipsoid, sigmas
+
+// A round number by which errors, and ellipsoids that do not hide the site, are seen; without answers by the tag map.
+double SceneView::Parts::ChooseScale(double radius) const {
+  if (style.error_scale > 0) return style.error_scale;
   std::vector<double> lengths, radii;
+  const auto add_radius = [&](const std::optional<Eigen::Vector3d>& sigma) {
+    if (sigma && sigma->allFinite()) radii.push_back(radius * sigma->maxCoeff());
+  };
   for (const SceneError& e : model.errors) {
     lengths.push_back(e.difference.norm());
-    if (e.sigma_m && e.sigma_m->allFinite()) radii.push_back(radius * e.sigma_m->maxCoeff());
+    add_radius(e.sigma_m);
   }
-  if (style.error_scale > 0) {
-    error_scale = style.error_scale;
-  } else {
-    // Errors that are seen, in ellipsoids that do not hide the site.
-    double largest = Quantile(lengths, 0.7);
-    if (!radii.empty()) largest = std::max(largest, Quantile(radii, 0.7));
-    error_scale = std::max(1.0, RoundNumber(0.06 * extent_m / std::max(1e-4, largest)));
+  for (const SceneTag& tag : model.tags) {
+    if (model.errors.empty()) add_radius(tag.sigma_m);
   }
-  const double k = radius * error_scale;
-  std::vector<std::vector<Eigen::Vector3d>> lines;
-  std::vector<Eigen::Vector3d> tips;
+  if (lengths.empty() && radii.empty()) return 1;
+  double largest = lengths.empty() ? 0 : Quantile(lengths, 0.7);
+  if (!radii.empty()) largest = std::max(largest, Quantile(radii, 0.7));
+  return std::max(1.0, RoundNumber(0.06 * extent_m / std::max(1e-4, largest)));
+}
+
+void SceneView::Parts::BuildErrors() {
+  const double radius = std::sqrt(ChiSquareQuantile(style.confidence, 3));  // of an ellipsoid, sigmas
+  error_scale = ChooseScale(radius);
+  std::map<std::string, std::vector<std::vector<Eigen::Vector3d>>> lines;  // by run
+  std::map<std::string, std::vector<Eigen::Vector3d>> tips;
+  std::map<std::string, std::vector<Ball>> balls;
   std::set<std::string> with_ellipsoid;
   const bool many = static_cast<int>(model.errors.size()) > style.max_spheres;
   for (const SceneError& e : model.errors) {
     const Eigen::Vector3d tip = e.reference_position + error_scale * e.difference;
-    lines.push_back({e.reference_position, tip});
-    tips.push_back(tip);
+    lines[e.run].push_back({e.reference_position, tip});
+    tips[e.run].push_back(tip);
     if (!e.sigma_m || !e.sigma_m->allFinite()) continue;
     if (many && !with_ellipsoid.insert(e.panorama).second) continue;  // one for each place
-    vtkNew<vtkSphereSource> ball;
-    ball->SetThetaResolution(24);
-    ball->SetPhiResolution(16);
-    ball->Update();
-    vtkSmartPointer<vtkActor> actor = SolidActor(ball->GetOutput(), kVermilion, kVeil);
-    actor->SetPosition(tip.x(), tip.y(), tip.z());
-    const Eigen::Vector3d size = (2 * k * e.sigma_m->array()).max(1e-3);  // the source's diameter is 1
-    actor->SetScale(size.x(), size.y(), size.z());
-    Add("ellipsoids", actor);
+    balls[e.run].push_back({tip, radius * error_scale * *e.sigma_m});
   }
-  Add("errors", FlatActor(Lines(lines), kVermilion, 3));
-  vtkSmartPointer<vtkActor> ends = FlatActor(Dots(tips), kVermilion, 7);
-  ends->GetProperty()->SetRenderPointsAsSpheres(true);
-  Add("errors", ends);
+  for (const auto& [run, of_run] : lines) {
+    Add("errors", FlatActor(Lines(of_run), kVermilion, 3), run);
+    vtkSmartPointer<vtkActor> ends = FlatActor(Dots(tips[run]), kVermilion, 7);
+    ends->GetProperty()->SetRenderPointsAsSpheres(true);
+    Add("errors", ends, run);
+    if (!balls[run].empty()) Add("ellipsoids", SolidActor(Balls(balls[run]), kVermilion, kVeil), run);
+  }
+}
+
+// Triangles that face up, as on a surveyor's plan, and how far the tag map is off there.
+void SceneView::Parts::BuildControl() {
+  const double side = 0.35;
+  for (const SceneControl& point : model.control) {
+    const Eigen::Vector3d& at = point.position;
+    const std::vector<Eigen::Vector3d> corners = {at + Eigen::Vector3d(-side, -0.58 * side, 0),
+                                                  at + Eigen::Vector3d(side, -0.58 * side, 0),
+                                                  at + Eigen::Vector3d(0, 1.15 * side, 0)};
+    if (point.role == "control") {
+      Add("control", FlatActor(Polygon(corners), kPurple, 1));
+    } else {
+      Add("control", FlatActor(Lines({{corners[0], corners[1], corners[2], corners[0]}}), kPurple, 3));
+    }
+    if (point.residual_m) {
+      Add("control", FlatActor(Lines({{at, at + error_scale * *point.residual_m}}), kPurple, 3));
+    }
+  }
+}
+
+void SceneView::Parts::BuildEllipsoids() {
+  const double k = std::sqrt(ChiSquareQuantile(style.confidence, 3)) * error_scale;
+  std::vector<Ball> tags;
+  for (const SceneTag& tag : model.tags) {
+    if (tag.sigma_m && tag.sigma_m->allFinite()) tags.push_back({tag.world_from_tag.translation, k * *tag.sigma_m});
+  }
+  if (!tags.empty()) Add("tag ellipsoids", SolidActor(Balls(tags), kGreen, kVeil));
+  std::map<std::string, std::vector<Ball>> cameras;  // by run
+  const size_t every = 1 + model.cameras.size() / static_cast<size_t>(std::max(1, style.max_spheres));
+  for (size_t i = 0; i < model.cameras.size(); i += every) {
+    const SceneCamera& c = model.cameras[i];
+    if (c.sigma_m && c.sigma_m->allFinite()) cameras[c.run].push_back({c.world_from_cam.translation, k * *c.sigma_m});
+  }
+  for (const auto& [run, balls] : cameras) {
+    Add("camera ellipsoids", SolidActor(Balls(balls), kCameraBlue, kVeil), run);
+  }
 }
 
 void SceneView::Parts::BuildGround() {
@@ -139,8 +178,11 @@ void SceneView::Parts::BuildLegend() {
     const auto line = vtkSmartPointer<vtkTextActor>::New();
     line->SetInput((" " + text + " ").c_str());
     line->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
-    StyleText(line->GetTextProperty(), 0.85 * style.text_px, colour);
-    line->GetTextProperty()->BoldOn();
+    // Dark words in a frame of the colour: not every colour is read as text on white.
+    StyleText(line->GetTextProperty(), 0.85 * style.text_px, kBlack);
+    line->GetTextProperty()->FrameOn();
+    line->GetTextProperty()->SetFrameWidth(std::max(2, static_cast<int>(std::lround(0.16 * style.text_px))));
+    line->GetTextProperty()->SetFrameColor(colour[0], colour[1], colour[2]);
     line->GetTextProperty()->SetVerticalJustificationToTop();
     Add("legend", line);
     legend.emplace_back(layer, line);
@@ -155,19 +197,26 @@ void SceneView::Parts::BuildLegend() {
   add("estimates", "other systems, fitted rigidly", kPurple);
   add("geotags", "geotags of panoramas", kSky);
   add("errors", fmt::format("errors x {}", ShortNumber(error_scale)), kVermilion);
-  add("ellipsoids",
-      fmt::format("ellipsoids of errors, {:.0f} %, x {}", 100 * style.confidence, ShortNumber(error_scale)),
-      kVermilion);
+  const std::string scale = fmt::format(", {:.0f} %, x {}", 100 * style.confidence, ShortNumber(error_scale));
+  add("ellipsoids", "ellipsoids of errors" + scale, kVermilion);
+  add("gps", "GPS", kGreen);
+  const bool off =
+      std::any_of(model.control.begin(), model.control.end(), [](const auto& c) { return !!c.residual_m; });
+  add("control",
+      "control (full), check (open)" + (off ? fmt::format("; map minus stated x {}", ShortNumber(error_scale)) : ""),
+      kPurple);
+  add("tag ellipsoids", "ellipsoids of tags" + scale, kGreen);
+  add("camera ellipsoids", "ellipsoids of cameras" + scale, kCameraBlue);
   PlaceLegend();
 }
 
 void SceneView::Parts::PlaceLegend() {
-  double y = 0.985;
+  double y = 0.98;
   for (const auto& [layer, line] : legend) {
     line->SetVisibility(visible["legend"] && visible[layer]);
     if (!visible[layer]) continue;
     line->SetPosition(0.012, y);
-    y -= 0.034;
+    y -= 0.04;
   }
 }
 

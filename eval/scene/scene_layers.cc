@@ -8,6 +8,7 @@
 #include <vtkProperty2D.h>
 #include <vtkScalarBarActor.h>
 #include <vtkTextProperty.h>
+#include <vtkUnsignedCharArray.h>
 
 #include <algorithm>
 #include <cmath>
@@ -26,6 +27,7 @@ Colour ColourOf(ScenePath::Kind kind) {
     case ScenePath::Kind::kOptimised: return kBlue;
     case ScenePath::Kind::kTruth: return kBlack;
     case ScenePath::Kind::kEstimate: return kPurple;
+    case ScenePath::Kind::kGps: return kGreen;
   }
   return kBlack;
 }
@@ -64,6 +66,18 @@ vtkSmartPointer<vtkLookupTable> Viridis(double low, double high) {
   return table;
 }
 
+std::string TitleOf(PointColour colour, bool by_rank, const DisplayUnit& unit) {
+  const std::string length = by_rank ? ", %" : " (" + unit.name + ")";
+  switch (colour) {
+    case PointColour::kHeight: return "height" + length;
+    case PointColour::kTrackLength: return by_rank ? "images, %" : "images";
+    case PointColour::kUncertainty: return "sigma" + length;
+    case PointColour::kResidual: return by_rank ? "residual, %" : "residual (px)";
+    case PointColour::kPicture: break;
+  }
+  return "";
+}
+
 }  // namespace
 
 const char* LayerOf(ScenePath::Kind kind) {
@@ -72,6 +86,7 @@ const char* LayerOf(ScenePath::Kind kind) {
     case ScenePath::Kind::kOptimised: return "optimised";
     case ScenePath::Kind::kTruth: return "truth";
     case ScenePath::Kind::kEstimate: return "estimates";
+    case ScenePath::Kind::kGps: return "gps";
   }
   return "";
 }
@@ -82,15 +97,16 @@ void SceneView::Parts::BuildPaths() {
     for (const TimedPose& pose : path.poses) line.push_back(pose.target_from_body.translation);
     if (line.size() < 2) continue;
     const double width = path.kind == ScenePath::Kind::kOptimised ? 4 : 3;
-    Add(LayerOf(path.kind), FlatActor(Lines({line}), ColourOf(path.kind), width));
+    Add(LayerOf(path.kind), FlatActor(Lines({line}), ColourOf(path.kind), width), path.run);
+    if (path.kind != ScenePath::Kind::kGps) continue;
+    const vtkSmartPointer<vtkActor> fixes = FlatActor(Dots(line), kGreen, 5);  // each was measured by itself
+    Add("gps", fixes, path.run);
   }
 }
 
 void SceneView::Parts::BuildPoints() {
   if (model.points.empty()) return;
-  std::vector<Eigen::Vector3d> positions;
-  for (const ScenePoint& point : model.points) positions.push_back(point.position);
-  points = FlatActor(Dots(positions), kBlack, 2);
+  points = FlatActor(Dots({}), kBlack, 2);
   all_points = static_cast<vtkPolyDataMapper*>(points->GetMapper());
   Add("points", points);
   vtkNew<vtkScalarBarActor> bar;
@@ -114,35 +130,73 @@ void SceneView::Parts::BuildPoints() {
   }
   points_bar = bar.Get();
   Add("points", bar);
-  ColourPoints(style.points);
+  points_by = style.points;
+  ChoosePoints();
 }
 
-void SceneView::Parts::ColourPoints(PointColour colour) {
-  points_by = colour;
+void SceneView::Parts::ChoosePoints() {
   if (!points) return;
-  vtkNew<vtkFloatArray> values;
-  std::vector<double> sample;
-  for (const ScenePoint& p : model.points) {
-    const double value = colour == PointColour::kHeight        ? p.position.z() / unit.metres
-                         : colour == PointColour::kTrackLength ? p.track_length
-                                                               : p.sigma_m / unit.metres;
-    values->InsertNextValue(static_cast<float>(value));
-    if (std::isfinite(value)) sample.push_back(value);
+  shown.clear();
+  std::vector<bool> hidden;
+  for (const std::string& run : model.runs) hidden.push_back(hidden_runs.count(run) > 0);
+  std::vector<Eigen::Vector3d> positions;
+  for (size_t i = 0; i < model.points.size(); ++i) {
+    const ScenePoint& point = model.points[i];
+    if (!filter.Passes(point) || hidden[static_cast<size_t>(point.run)]) continue;
+    shown.push_back(i);
+    positions.push_back(point.position);
   }
-  double low = 0, high = 1;
-  if (!sample.empty()) low = Quantile(sample, 0.02), high = Quantile(sample, 0.95);
-  if (high <= low) high = low + 1;
-  point_colours = Viridis(low, high);
-  lowest = low, highest = high;
-  DrawColoured(all_points, values);
+  all_points->SetInputData(Dots(positions));
+  ColourPoints();
+}
+
+double SceneView::Parts::ValueOf(const ScenePoint& point) const {
+  switch (points_by) {
+    case PointColour::kHeight: return point.position.z() / unit.metres;
+    case PointColour::kTrackLength: return point.track_length;
+    case PointColour::kUncertainty: return point.sigma_m / unit.metres;
+    case PointColour::kResidual: return point.residual_px;
+    case PointColour::kPicture: break;
+  }
+  return 0;
+}
+
+void SceneView::Parts::ColourPoints() {
+  if (!points) return;
   few_points = nullptr;
   points->SetMapper(all_points);
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
+  ShowLayer("points");
+  if (points_by == PointColour::kPicture) {
+    vtkNew<vtkUnsignedCharArray> colours;
+    colours->SetNumberOfComponents(3);
+    for (const size_t i : shown) {
+      const std::array<uint8_t, 3> c = rgb.empty() ? std::array<uint8_t, 3>{160, 160, 160} : rgb[i];
+      colours->InsertNextTuple3(c[0], c[1], c[2]);
+    }
+    return DrawColoured(all_points, colours);
+  }
+  std::vector<double> values, sorted;
+  for (const size_t i : shown) {
+    values.push_back(ValueOf(model.points[i]));
+    if (std::isfinite(values.back())) sorted.push_back(values.back());
+  }
+  std::sort(sorted.begin(), sorted.end());
+  lowest = 0, highest = by_rank ? 100 : 1;
+  if (!by_rank && !sorted.empty()) lowest = Quantile(sorted, 0.02), highest = Quantile(sorted, 0.95);
+  if (highest <= lowest) highest = lowest + 1;
+  vtkNew<vtkFloatArray> scalars;
+  for (double value : values) {
+    if (by_rank && std::isfinite(value)) {
+      value = 100.0 * static_cast<double>(std::lower_bound(sorted.begin(), sorted.end(), value) - sorted.begin()) /
+              static_cast<double>(sorted.size());
+    }
+    scalars->InsertNextValue(static_cast<float>(value));
+  }
+  point_colours = Viridis(lowest, highest);
+  DrawColoured(all_points, scalars);
   bar->SetLookupTable(point_colours);
-  const std::string title = colour == PointColour::kHeight        ? "height (" + unit.name + ")"
-                            : colour == PointColour::kTrackLength ? "images"
-                                                                  : "sigma (" + unit.name + ")";
-  bar->SetTitle(title.c_str());
+  bar->SetTitle(TitleOf(points_by, by_rank, unit).c_str());
 }
 
 // Values of the points, not of the cells they are drawn as: a vertex carries its colour, where a cell's must be looked
@@ -150,6 +204,7 @@ void SceneView::Parts::ColourPoints(PointColour colour) {
 void SceneView::Parts::DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* values) const {
   mapper->GetInput()->GetPointData()->SetScalars(values);
   mapper->SetScalarModeToUsePointData();
+  mapper->SetColorMode(points_by == PointColour::kPicture ? VTK_COLOR_MODE_DIRECT_SCALARS : VTK_COLOR_MODE_MAP_SCALARS);
   mapper->SetLookupTable(point_colours);
   mapper->SetScalarRange(lowest, highest);
   mapper->ScalarVisibilityOn();
@@ -157,20 +212,21 @@ void SceneView::Parts::DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* val
 
 void SceneView::Parts::ThinPoints(int most) {
   if (!points) return;
-  if (most <= 0 || model.points.size() <= static_cast<size_t>(most)) {
+  if (most <= 0 || shown.size() <= static_cast<size_t>(most)) {
     points->SetMapper(all_points);
     return;
   }
   // A mapper of its own, so that neither is sent to the graphics card again when the view stops or starts to move.
   if (!few_points || few != most) {
     few = most;
-    const size_t step = (model.points.size() + static_cast<size_t>(most) - 1) / static_cast<size_t>(most);
+    const size_t step = (shown.size() + static_cast<size_t>(most) - 1) / static_cast<size_t>(most);
     std::vector<Eigen::Vector3d> positions;
-    vtkNew<vtkFloatArray> values;
     vtkDataArray* all = all_points->GetInput()->GetPointData()->GetScalars();
-    for (size_t i = 0; i < model.points.size(); i += step) {
-      positions.push_back(model.points[i].position);
-      values->InsertNextValue(static_cast<float>(all->GetTuple1(static_cast<vtkIdType>(i))));
+    const auto values = vtkSmartPointer<vtkDataArray>::Take(all->NewInstance());
+    values->SetNumberOfComponents(all->GetNumberOfComponents());
+    for (size_t i = 0; i < shown.size(); i += step) {
+      positions.push_back(model.points[shown[i]].position);
+      values->InsertNextTuple(static_cast<vtkIdType>(i), all);
     }
     few_points = vtkSmartPointer<vtkPolyDataMapper>::New();
     few_points->SetInputData(Dots(positions));
@@ -180,8 +236,9 @@ void SceneView::Parts::ThinPoints(int most) {
 }
 
 void SceneView::Parts::BuildCameras() {
-  std::vector<std::vector<Eigen::Vector3d>> lines;
+  std::map<std::string, std::vector<std::vector<Eigen::Vector3d>>> lines_of;
   for (const SceneCamera& camera : model.cameras) {
+    auto& lines = lines_of[camera.run];
     std::vector<Eigen::Vector3d> corners;
     for (const Eigen::Vector3d& ray : camera.corner_rays) {
       corners.push_back(camera.world_from_cam * (style.frustum_depth_m * ray));
@@ -190,11 +247,12 @@ void SceneView::Parts::BuildCameras() {
     lines.push_back({corners[0], corners[1], corners[2], corners[3], corners[0], centre, corners[1]});
     lines.push_back({corners[2], centre, corners[3]});
   }
-  if (!lines.empty()) Add("cameras", FlatActor(Lines(lines), kCameraBlue, 1));
+  for (const auto& [run, lines] : lines_of) Add("cameras", FlatActor(Lines(lines), kCameraBlue, 1), run);
 }
 
 void SceneView::Parts::BuildPanoramas() {
-  std::vector<Eigen::Vector3d> dots, geotags;
+  std::map<std::string, std::vector<Eigen::Vector3d>> dots;  // by run
+  std::vector<Eigen::Vector3d> geotags;
   std::vector<std::vector<Eigen::Vector3d>> to_geotag;
   std::set<std::string> spheres, stations, tagged;
   for (const ScenePanorama& panorama : model.panoramas) {
@@ -206,10 +264,11 @@ void SceneView::Parts::BuildPanoramas() {
     const bool picture = !panorama.texture.empty() && static_cast<int>(spheres.size()) < style.max_spheres &&
                          spheres.insert(panorama.panorama).second;
     if (!picture) {
-      dots.push_back(pose.translation);
+      dots[panorama.run].push_back(pose.translation);
     } else if (panorama.kind == ReferenceKind::kPanorama) {
       Add("panoramas",
-          TexturedActor(TexturedGrid(Sphere(pose, style.sphere_radius_m, 49, 25), 49, 25), panorama.texture, false));
+          TexturedActor(TexturedGrid(Sphere(pose, style.sphere_radius_m, 49, 25), 49, 25), panorama.texture, false),
+          panorama.run);
     } else {  // a photo stands upright before its centre, as large as it would be seen
       const double h = style.sphere_radius_m * panorama.texture.rows / std::max(1, panorama.texture.cols);
       const double w = style.sphere_radius_m;
@@ -218,14 +277,14 @@ void SceneView::Parts::BuildPanoramas() {
                                        Eigen::Vector3d(w, h, w)}) {
         corners.push_back(pose * c);
       }
-      Add("panoramas", TexturedActor(TexturedGrid(corners, 2, 2), panorama.texture, false));
+      Add("panoramas", TexturedActor(TexturedGrid(corners, 2, 2), panorama.texture, false), panorama.run);
     }
     stations.insert(panorama.station);
   }
-  if (!dots.empty()) {
-    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(dots), kBlue, 9);
+  for (const auto& [run, places] : dots) {
+    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(places), kBlue, 9);
     actor->GetProperty()->SetRenderPointsAsSpheres(true);
-    Add("panoramas", actor);
+    Add("panoramas", actor, run);
   }
   if (!geotags.empty()) {
     vtkSmartPointer<vtkActor> actor = FlatActor(Dots(geotags), kSky, 10);

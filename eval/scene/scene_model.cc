@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -13,6 +14,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
+#include "datasets/project/review.h"
 #include "eval/errors/evaluate.h"
 #include "eval/errors/results.h"
 #include "eval/scene/scene_points.h"
@@ -83,11 +85,13 @@ class Loader {
       cancel_.ThrowIfCancelled();
       model_.runs.push_back(part.run->name);
       AddPaths(part);
+      AddGps(part);
       Guard("cameras of " + part.run->name, [&] { AddCameras(part); });
       Guard("panoramas of " + part.run->name, [&] { AddPanoramas(part); });
       Guard("points of " + part.run->name, [&] { AddPoints(part); });
     }
     AddTags();
+    Guard("control points", [&] { AddControl(); });
     Guard("errors", [&] { AddErrors(); });
     Thin(model_.points, options_.max_points);
     Thin(model_.cameras, options_.max_cameras);
@@ -191,6 +195,17 @@ class Loader {
       break;
     }
     AddEstimates(run, optimised);
+  }
+
+  void AddGps(const RunPart& part) {
+    if (!part.on_earth || part.run->gps.size() < 2) return;
+    ScenePath path{ScenePath::Kind::kGps, part.run->name, "GPS", {}};
+    for (const GpsFix& fix : part.run->gps) {
+      Rigid3d place;
+      place.translation = project_.frame().EnuFromGeodetic(fix.position);
+      path.poses.push_back({fix.stamp_ns, place});
+    }
+    model_.paths.push_back(std::move(path));
   }
 
   // Anybody's trajectories, laid onto the optimised one by a rigid fit: they come in frames of their own.
@@ -300,9 +315,20 @@ class Loader {
       model_.notes.push_back("Run " + part.run->name + " has no sparse model.");
       return;
     }
-    std::vector<ScenePoint> points = ReadScenePoints(part.dir / "sparse", static_cast<int>(model_.runs.size()) - 1);
+    std::vector<std::string> names;
+    std::vector<ScenePoint> points =
+        ReadScenePoints(part.dir / "sparse", static_cast<int>(model_.runs.size()) - 1, &names);
+    std::map<std::string, const ImageEntry*> entries;
+    for (const ImageEntry& image : part.run->images) entries[image.file] = &image;
+    const auto first = static_cast<int>(model_.images.size());
+    for (const std::string& name : names) {
+      const auto entry = entries.find(name);
+      const bool there = entry != entries.end() && entry->second->video_frame < 0;
+      model_.images.push_back({there ? entry->second->path : fs::path(), part.run->config.mirrored});
+    }
     Thin(points, options_.max_points);
     for (ScenePoint& p : points) {
+      if (p.image >= 0) p.image += first;
       p.position =
           part.scene_from_odom.scale * (part.scene_from_odom.rotation * p.position) + part.scene_from_odom.translation;
       p.sigma_m *= part.scene_from_odom.scale;
@@ -342,6 +368,28 @@ class Loader {
     for (const RunPart& part : runs_) {
       if (model_.on_earth && !part.on_earth) continue;
       add(ResultOf("evaluate", "") / ("tags_" + part.run->name + ".csv"), part.run->name, part.scene_from_odom);
+    }
+  }
+
+  // As stated; the tag map's difference where a survey was made.
+  void AddControl() {
+    if (!model_.on_earth) return;
+    std::map<std::string, Eigen::Vector3d> residuals;
+    const fs::path file = ResultOf("survey", "") / "summary.json";
+    if (fs::exists(file)) {
+      const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(file));
+      for (const nlohmann::json& point : summary.value("points", nlohmann::json::array())) {
+        const auto d = point.value("map_minus_stated_m", std::vector<double>());
+        if (d.size() == 3) residuals[point.value("name", "")] = {d[0], d[1], d[2]};
+      }
+    }
+    for (const ControlPoint& point : project_.site().control_points) {
+      if (!point.local_m && !point.geodetic) continue;
+      SceneControl shown{ReviewControlName(point), point.control ? "control" : "check", point.tag_id};
+      shown.position = point.local_m ? *point.local_m : project_.frame().EnuFromGeodetic(*point.geodetic);
+      shown.sigma_m = {point.sigma_h_m, point.sigma_h_m, point.sigma_v_m};
+      if (const auto at = residuals.find(shown.name); at != residuals.end()) shown.residual_m = at->second;
+      model_.control.push_back(std::move(shown));
     }
   }
 
@@ -423,6 +471,7 @@ class Loader {
 std::pair<Eigen::Vector3d, Eigen::Vector3d> SceneModel::Bounds() const {
   Eigen::AlignedBox3d box;
   for (const ScenePath& path : paths) {
+    if (path.kind == ScenePath::Kind::kGps) continue;  // may be anywhere
     for (const TimedPose& pose : path.poses) box.extend(pose.target_from_body.translation);
   }
   for (const ScenePanorama& panorama : panoramas) box.extend(panorama.world_from_pano.translation);

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
 #include <optional>
@@ -35,12 +36,12 @@ struct SceneOptions {
 
 // A line through the scene.
 struct ScenePath {
-  enum class Kind { kOdometry, kOptimised, kTruth, kEstimate };
+  enum class Kind { kOdometry, kOptimised, kTruth, kEstimate, kGps };
   Kind kind = Kind::kOptimised;
   std::string run;
   std::string source;  // "odometry", "localize", "truth", "reference poses ...", or the other system's name
-  // Scene frame from camera (optimised, truth) or body (odometry, estimates). Odometry is laid onto the optimised
-  // pose of its first image, so that what is seen is its drift.
+  // Scene frame from camera (optimised, truth), body (odometry, estimates) or antenna (GPS: places alone). Odometry is
+  // laid onto the optimised pose of its first image, so that what is seen is its drift.
   std::vector<TimedPose> poses;
 };
 
@@ -52,6 +53,10 @@ struct ScenePoint {
   // Largest standard deviation of its position with the cameras held, from the rays that see it and their residuals;
   // NaN where it cannot be told.
   double sigma_m = 0;
+  double residual_px = 0;  // mean length of its reprojection errors; NaN: not known
+  // An image that sees it: index into SceneModel::images, and the pixel there; -1: none.
+  int image = -1;
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
 struct SceneCamera {
@@ -82,6 +87,21 @@ struct SceneTag {
   double pattern_size_m = 0;
 };
 
+// A picture that points were seen in.
+struct SceneImage {
+  std::filesystem::path file;  // empty: not there, or a frame of a video
+  bool mirrored = false;       // pixels count in the picture flipped left to right
+};
+
+// A surveyed point.
+struct SceneControl {
+  std::string name, role;  // role: control, check
+  int tag_id = -1;         // at its centre or a corner; -1: marked in images
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sigma_m = Eigen::Vector3d::Zero();  // as stated, east, north, up
+  std::optional<Eigen::Vector3d> residual_m;          // tag map minus stated; of a check point its error
+};
+
 // Difference between an answer and its reference.
 struct SceneError {
   std::string run, variant, method, station, panorama, reference;
@@ -108,7 +128,9 @@ struct SceneModel {
   std::vector<SceneCamera> cameras;
   std::vector<ScenePanorama> panoramas;
   std::vector<SceneTag> tags;
+  std::vector<SceneControl> control;
   std::vector<SceneError> errors;
+  std::vector<SceneImage> images;  // that points were seen in
   std::optional<SceneAerial> aerial;
   double ground_z = 0;             // height at which the ground is drawn, a guess from points and cameras
   std::vector<std::string> notes;  // what could not be shown, and why; one sentence each
@@ -133,6 +155,11 @@ std::optional<SceneSource> SceneSourceOf(const std::string& written);
 // Reads what there is. A result that is missing or broken is left out and named in `notes`; nothing here throws for
 // it. Throws Cancelled.
 SceneModel LoadScene(const Project& project, const SceneOptions& options = {}, const CancelToken& cancel = {});
+
+// The colour (R, G, B) of each point in the image that `image` and `pixel` name; grey where it cannot be read. Opens
+// each image once. Throws Cancelled.
+std::vector<std::array<uint8_t, 3>> PointColoursOf(const SceneModel& model, ProgressSink& progress,
+                                                   const CancelToken& cancel);
 
 // A GeoTIFF as a textured grid in site ENU at height z. Throws InputError naming the file and what is wrong with it.
 SceneAerial ReadAerial(const std::filesystem::path& file, const LocalFrame& frame, double z, int max_px);

@@ -11,6 +11,7 @@
 #include <vtkTextActor.h>
 
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,12 @@ struct SceneView::Parts {
   DisplayUnit unit;
   vtkRenderer* renderer = nullptr;  // to which it was added
   PointColour points_by = PointColour::kHeight;
+  bool by_rank = false;
+  PointFilter filter;
+  std::vector<size_t> shown;                     // points that are drawn, indices into the model
+  std::vector<std::array<uint8_t, 3>> rgb;       // of all of the model's points, or empty
+  std::map<const vtkProp*, std::string> run_of;  // of props that are of one
+  std::set<std::string> hidden_runs;
   std::vector<vtkSmartPointer<vtkProp>> scale_bar;  // of the layer "axes"
   double error_scale = 1;
   double extent_m = 10;  // longest side of the scene's box
@@ -41,7 +48,8 @@ struct SceneView::Parts {
   double lowest = 0, highest = 1;
 
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
-  void Add(const std::string& layer, vtkProp* prop);
+  void Add(const std::string& layer, vtkProp* prop, const std::string& run = "");
+  void ShowLayer(const std::string& layer);  // as `visible`, `hidden_runs` and `moving` have it
   void AddLabel(const std::string& layer, vtkBillboardTextActor3D* label);
 
   // Each fills the layers it is named after.
@@ -50,15 +58,20 @@ struct SceneView::Parts {
   void BuildCameras();
   void BuildPanoramas();
   void BuildTags();
+  double ChooseScale(double radius) const;  // `radius` of an ellipsoid in sigmas
   void BuildErrors();
-  void BuildGround();    // aerial, axes, north arrow
-  void BuildScaleBar();  // in the unit shown, in place of the one there is
+  void BuildControl();
+  void BuildEllipsoids();  // of tags and cameras, at the scale of errors
+  void BuildGround();      // aerial, axes, north arrow
+  void BuildScaleBar();    // in the unit shown, in place of the one there is
   double ScaleBarLength() const;
   void BuildLegend();
   void PlaceLegend();  // one line below the other, of the layers that are drawn
-  void ColourPoints(PointColour colour);
+  void ColourPoints();
+  void ChoosePoints();  // those that pass, of runs that are shown
   void ThinPoints(int most);
   void DrawColoured(vtkPolyDataMapper* mapper, vtkDataArray* values) const;
+  double ValueOf(const ScenePoint& point) const;  // that colours it
 };
 
 constexpr double kVeil = 0.14;  // opacity of an ellipsoid

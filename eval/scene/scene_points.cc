@@ -2,10 +2,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <unordered_map>
 
+#include "calib/base/error.h"
 #include "datasets/colmap/model.h"
+#include "datasets/io/image.h"
 
 namespace trigpoint {
 namespace {
@@ -35,14 +38,28 @@ double LargestSigma(const ModelPoint& point, const std::unordered_map<uint32_t, 
   return least > 1e-12 * most ? 1 / std::sqrt(least) : std::numeric_limits<double>::quiet_NaN();
 }
 
+// Empty: it cannot be read.
+cv::Mat LoadPictureIfAny(const std::filesystem::path& file) {
+  try {
+    return LoadPicture(file, false);
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 }  // namespace
 
-std::vector<ScenePoint> ReadScenePoints(const std::filesystem::path& sparse, int run) {
+std::vector<ScenePoint> ReadScenePoints(const std::filesystem::path& sparse, int run,
+                                        std::vector<std::string>* images) {
   const SparseModel model = ReadColmapModel(sparse);
   std::unordered_map<uint32_t, double> focal;
   for (const auto& [id, camera] : model.cameras) focal[id] = camera.MeanFocal();
   std::unordered_map<uint32_t, Viewer> viewers;
+  const size_t first = images->size();  // of this model
+  std::unordered_map<uint32_t, size_t> order;
   for (const ModelImage& image : model.images) {
+    order[image.id] = images->size() - first;
+    images->push_back(image.name);
     viewers[image.id] = {image.cam_from_world.TargetOriginInSource(), focal[image.camera_id]};
   }
   std::vector<double> residuals;
@@ -65,8 +82,41 @@ std::vector<ScenePoint> ReadScenePoints(const std::filesystem::path& sparse, int
     p.position = point.position;
     p.track_length = static_cast<int>(point.track.size());
     p.sigma_m = LargestSigma(point, viewers, sigma_px);
+    p.residual_px = point.error_px;
+    for (const auto& [image, index] : point.track) {
+      const auto at = order.find(image);
+      if (at == order.end() || index >= model.images[at->second].pixels.size()) continue;
+      p.image = static_cast<int>(first + at->second);
+      p.pixel = model.images[at->second].pixels[index].cast<float>();
+      break;
+    }
   }
   return points;
+}
+
+std::vector<std::array<uint8_t, 3>> PointColoursOf(const SceneModel& model, ProgressSink& progress,
+                                                   const CancelToken& cancel) {
+  std::vector<std::array<uint8_t, 3>> colours(model.points.size(), {160, 160, 160});
+  std::vector<std::vector<size_t>> seen(model.images.size());
+  for (size_t i = 0; i < model.points.size(); ++i) {
+    if (model.points[i].image >= 0) seen[static_cast<size_t>(model.points[i].image)].push_back(i);
+  }
+  progress.Begin("colours of the points", static_cast<int64_t>(seen.size()));
+  for (size_t k = 0; k < seen.size(); ++k) {
+    cancel.ThrowIfCancelled();
+    progress.Advance(1);
+    if (seen[k].empty() || model.images[k].file.empty()) continue;
+    const cv::Mat picture = LoadPictureIfAny(model.images[k].file);
+    for (const size_t i : seen[k]) {
+      const auto row = static_cast<int>(std::lround(model.points[i].pixel.y()));
+      auto column = static_cast<int>(std::lround(model.points[i].pixel.x()));
+      if (model.images[k].mirrored) column = picture.cols - 1 - column;
+      if (row < 0 || column < 0 || row >= picture.rows || column >= picture.cols) continue;
+      const auto& bgr = picture.at<cv::Vec3b>(row, column);
+      colours[i] = {bgr[2], bgr[1], bgr[0]};
+    }
+  }
+  return colours;
 }
 
 }  // namespace trigpoint

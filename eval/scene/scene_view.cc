@@ -6,9 +6,12 @@
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
 #include <vtkRenderer.h>
+#include <vtkTextProperty.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -21,6 +24,7 @@ namespace {
 
 constexpr double kPickRadiusPx = 5;
 constexpr int kMovingPoints = 20000;  // drawn while the view moves
+constexpr size_t kLabelsAtOnce = 80;  // more are not read, and cost as much as the scene
 
 // Says what an entry of the model is, lengths in one unit.
 class Words {
@@ -50,6 +54,7 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
     pick->position = p.position;
     pick->text = fmt::format("point {} of {} at {}, seen by {}, 1 sigma {} (largest axis, cameras held)", p.id,
                              pick->run, say.Place(p.position), Counted(p.track_length, "image"), say.Length(p.sigma_m));
+    if (std::isfinite(p.residual_px)) pick->text += fmt::format(", residual {:.2f} px", p.residual_px);
   } else if (layer == "cameras") {
     const SceneCamera& c = model.cameras[i];
     pick->run = c.run, pick->name = c.image;
@@ -75,6 +80,15 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
     pick->sigma_m = t.sigma_m;
     pick->text = fmt::format("tag {} ({} wide, {}) from {} at ", t.id, say.Length(t.size_m), t.family, t.source) +
                  say.Place(pick->position) + say.Sigma(t.sigma_m);
+  } else if (layer == "control") {
+    const SceneControl& c = model.control[i];
+    pick->name = c.name;
+    pick->position = c.position;
+    pick->sigma_m = c.sigma_m;
+    pick->text = c.role + " point " + c.name + " at " + say.Place(c.position) + say.Sigma(pick->sigma_m);
+    if (c.residual_m) {
+      pick->text += "; map minus stated " + say.Length(c.residual_m->norm()) + " = " + say.Place(*c.residual_m);
+    }
   } else if (layer == "errors" || layer == "ellipsoids") {
     const SceneError& e = model.errors[i];
     pick->run = e.run, pick->name = e.panorama;
@@ -136,7 +150,20 @@ double RoundNumber(double value) {
 
 std::string ShortNumber(double value) { return fmt::format("{:g}", value); }
 
-void SceneView::Parts::Add(const std::string& layer, vtkProp* prop) { layers[layer].emplace_back(prop); }
+void SceneView::Parts::Add(const std::string& layer, vtkProp* prop, const std::string& run) {
+  layers[layer].emplace_back(prop);
+  if (!run.empty()) run_of[prop] = run;
+}
+
+void SceneView::Parts::ShowLayer(const std::string& layer) {
+  // A single translucent thing costs three pictures of the window's size and their sum.
+  const bool drawn = visible[layer] && !(moving && layer.ends_with("ellipsoids"));
+  for (const auto& prop : layers[layer]) {
+    const auto run = run_of.find(prop);
+    const bool no_bar = prop == points_bar && points_by == PointColour::kPicture;  // it has no scale
+    prop->SetVisibility(drawn && !no_bar && (run == run_of.end() || hidden_runs.count(run->second) == 0));
+  }
+}
 
 void SceneView::Parts::AddLabel(const std::string& layer, vtkBillboardTextActor3D* label) {
   labels.emplace_back(label);
@@ -146,7 +173,7 @@ void SceneView::Parts::AddLabel(const std::string& layer, vtkBillboardTextActor3
 SceneView::SceneView(const SceneModel& model, const SceneStyle& style) : parts_(std::make_unique<Parts>(model, style)) {
   const auto [low, high] = model.Bounds();
   parts_->extent_m = std::max(2.0, (high - low).head<2>().maxCoeff());
-  for (const std::string& layer : Layers()) parts_->visible[layer] = true;
+  for (const std::string& layer : Layers()) parts_->visible[layer] = ShownAtFirst(layer);
   parts_->BuildGround();
   parts_->BuildPaths();
   parts_->BuildPoints();
@@ -154,16 +181,25 @@ SceneView::SceneView(const SceneModel& model, const SceneStyle& style) : parts_(
   parts_->BuildPanoramas();
   parts_->BuildTags();
   parts_->BuildErrors();
+  parts_->BuildControl();
+  parts_->BuildEllipsoids();
   parts_->BuildLegend();
+  for (const std::string& layer : Layers()) parts_->ShowLayer(layer);
+  parts_->PlaceLegend();
 }
 
 SceneView::~SceneView() = default;
 
 const std::vector<std::string>& SceneView::Layers() {
-  static const std::vector<std::string> kLayers = {"aerial", "odometry",   "optimised", "truth",   "estimates",
-                                                   "points", "cameras",    "panoramas", "geotags", "tags",
-                                                   "errors", "ellipsoids", "labels",    "axes",    "legend"};
+  static const std::vector<std::string> kLayers = {
+      "aerial",         "odometry",          "optimised", "truth", "estimates", "gps",    "points",
+      "cameras",        "panoramas",         "geotags",   "tags",  "control",   "errors", "ellipsoids",
+      "tag ellipsoids", "camera ellipsoids", "labels",    "axes",  "legend"};
   return kLayers;
+}
+
+bool SceneView::ShownAtFirst(const std::string& layer) {
+  return layer != "gps" && layer != "tag ellipsoids" && layer != "camera ellipsoids";
 }
 
 bool SceneView::HasContent(const std::string& layer) const {
@@ -177,9 +213,20 @@ void SceneView::SetVisible(const std::string& layer, bool visible) {
     throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
   }
   it->second = visible;
-  const bool drawn = visible && !(parts_->moving && layer == "ellipsoids");
-  for (const auto& prop : parts_->layers[layer]) prop->SetVisibility(drawn);
+  parts_->ShowLayer(layer);
   parts_->PlaceLegend();
+}
+
+void SceneView::SetRunVisible(const std::string& run, bool visible) {
+  if (visible == (parts_->hidden_runs.count(run) == 0)) return;
+  if (visible) {
+    parts_->hidden_runs.erase(run);
+  } else {
+    parts_->hidden_runs.insert(run);
+  }
+  for (const std::string& layer : Layers()) parts_->ShowLayer(layer);
+  parts_->PlaceLegend();
+  parts_->ChoosePoints();
 }
 
 void SceneView::SetOpacity(const std::string& layer, double opacity) {
@@ -189,7 +236,7 @@ void SceneView::SetOpacity(const std::string& layer, double opacity) {
   for (const auto& prop : parts_->layers[layer]) {
     // An ellipsoid is a veil already.
     if (auto* actor = vtkActor::SafeDownCast(prop)) {
-      actor->GetProperty()->SetOpacity(layer == "ellipsoids" ? kVeil * opacity : opacity);
+      actor->GetProperty()->SetOpacity(layer.ends_with("ellipsoids") ? kVeil * opacity : opacity);
     }
   }
 }
@@ -199,10 +246,19 @@ void SceneView::SetPointSize(double pixels) {
 }
 
 std::string SceneView::ColourOfLayer(const std::string& layer) {
-  static const std::map<std::string, Colour> kColours = {
-      {"odometry", kOrange},      {"optimised", kBlue},     {"truth", kBlack},
-      {"estimates", kPurple},     {"geotags", kSky},        {"errors", kVermilion},
-      {"ellipsoids", kVermilion}, {"cameras", kCameraBlue}, {"panoramas", kBlue}};
+  static const std::map<std::string, Colour> kColours = {{"odometry", kOrange},
+                                                         {"optimised", kBlue},
+                                                         {"truth", kBlack},
+                                                         {"estimates", kPurple},
+                                                         {"geotags", kSky},
+                                                         {"errors", kVermilion},
+                                                         {"ellipsoids", kVermilion},
+                                                         {"cameras", kCameraBlue},
+                                                         {"panoramas", kBlue},
+                                                         {"gps", kGreen},
+                                                         {"control", kPurple},
+                                                         {"tag ellipsoids", kGreen},
+                                                         {"camera ellipsoids", kCameraBlue}};
   const auto it = kColours.find(layer);
   if (it == kColours.end()) return "";
   const auto byte = [&](size_t k) { return static_cast<int>(std::lround(255 * it->second[k])); };
@@ -236,13 +292,53 @@ void SceneView::RemoveFrom(vtkRenderer* renderer) {
   }
 }
 
-void SceneView::ColourPointsBy(PointColour colour) { parts_->ColourPoints(colour); }
+void SceneView::ColourPointsBy(PointColour colour, bool by_rank) {
+  if (parts_->points_by == colour && parts_->by_rank == by_rank) return;
+  parts_->points_by = colour;
+  parts_->by_rank = by_rank;
+  parts_->ColourPoints();
+}
+
+void SceneView::FilterPoints(const PointFilter& filter) {
+  if (parts_->filter == filter) return;
+  parts_->filter = filter;
+  parts_->ChoosePoints();
+}
+
+size_t SceneView::PointsShown() const { return parts_->shown.size(); }
+
+void SceneView::SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb) {
+  parts_->rgb = std::move(rgb);
+  parts_->ColourPoints();
+}
+
+void SceneView::MakeRoomForLabels(vtkRenderer* renderer) const {
+  const Projector project(renderer);
+  const bool shown = Visible("labels");
+  std::vector<Eigen::AlignedBox2d> taken;
+  for (const auto& prop : parts_->layers["labels"]) {
+    auto* label = vtkBillboardTextActor3D::SafeDownCast(prop);
+    if (label == nullptr || !shown) continue;
+    const auto at = project(Eigen::Vector3d(label->GetPosition()));
+    const double height = label->GetTextProperty()->GetFontSize();
+    const double half = 0.3 * height * static_cast<double>(std::strlen(label->GetInput())) + 2;
+    bool room = at.has_value() && taken.size() < kLabelsAtOnce;
+    if (room) {
+      const int* offset = label->GetDisplayOffset();
+      const Eigen::Vector2d middle = at->head<2>() + Eigen::Vector2d(offset[0], offset[1]);
+      const Eigen::AlignedBox2d box(middle - Eigen::Vector2d(half, 0.7 * height),
+                                    middle + Eigen::Vector2d(half, 0.7 * height));
+      room = std::none_of(taken.begin(), taken.end(), [&](const auto& other) { return other.intersects(box); });
+      if (room) taken.push_back(box);
+    }
+    label->SetVisibility(room);
+  }
+}
 
 void SceneView::DrawMoving(bool moving) {
   parts_->moving = moving;
   parts_->ThinPoints(moving ? kMovingPoints : 0);
-  // A single translucent thing costs three pictures of the window's size and their sum.
-  for (const auto& prop : parts_->layers["ellipsoids"]) prop->SetVisibility(!moving && Visible("ellipsoids"));
+  for (const char* layer : {"ellipsoids", "tag ellipsoids", "camera ellipsoids"}) parts_->ShowLayer(layer);
   for (const auto& label : parts_->labels) label->SetForceOpaque(moving);
 }
 
@@ -329,41 +425,40 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
     best->position = p;
     best_depth = d->z();
   };
+  const auto hidden = [&](const std::string& run) { return parts_->hidden_runs.count(run) > 0; };
+  // Of one layer: the nearest of its items, where `at` has a place for them.
+  const auto offer_all = [&](const char* layer, const auto& items, const auto& at, const auto& radius_m) {
+    if (best || !Visible(layer)) return;
+    for (size_t i = 0; i < items.size(); ++i) {
+      if (const std::optional<Eigen::Vector3d> p = at(items[i])) offer(layer, i, *p, radius_m(items[i]));
+    }
+  };
+  const auto small = [](const auto&) { return 0.0; };
+  using Place = std::optional<Eigen::Vector3d>;
+  const auto where = [&](const std::string& run, const Eigen::Vector3d& p) { return hidden(run) ? Place() : Place(p); };
   // Small things first: a tag behind a veil of points is what was meant.
-  if (Visible("tags")) {
-    for (size_t i = 0; i < model.tags.size(); ++i) {
-      offer("tags", i, model.tags[i].world_from_tag.translation, 0.5 * model.tags[i].pattern_size_m);
-    }
-  }
-  if (!best && Visible("panoramas")) {
-    for (size_t i = 0; i < model.panoramas.size(); ++i) {
-      const bool sphere = !model.panoramas[i].texture.empty();
-      offer("panoramas", i, model.panoramas[i].world_from_pano.translation, sphere ? parts_->style.sphere_radius_m : 0);
-    }
-  }
-  if (!best && Visible("geotags")) {
-    for (size_t i = 0; i < model.panoramas.size(); ++i) {
-      if (model.panoramas[i].geotag) offer("geotags", i, *model.panoramas[i].geotag, 0);
-    }
-  }
-  if (!best && Visible("errors")) {
-    for (size_t i = 0; i < model.errors.size(); ++i) {
-      const SceneError& e = model.errors[i];
-      offer("errors", i, e.reference_position + parts_->error_scale * e.difference, 0);
-    }
-  }
-  if (!best && Visible("cameras")) {
-    for (size_t i = 0; i < model.cameras.size(); ++i) {
-      offer("cameras", i, model.cameras[i].world_from_cam.translation, 0);
-    }
-  }
+  offer_all(
+      "tags", model.tags, [](const auto& t) { return Place(t.world_from_tag.translation); },
+      [](const auto& t) { return 0.5 * t.pattern_size_m; });
+  offer_all(
+      "control", model.control, [](const auto& c) { return Place(c.position); }, small);
+  offer_all(
+      "panoramas", model.panoramas, [&](const auto& p) { return where(p.run, p.world_from_pano.translation); },
+      [&](const auto& p) { return p.texture.empty() ? 0 : parts_->style.sphere_radius_m; });
+  offer_all(
+      "geotags", model.panoramas, [&](const auto& p) { return hidden(p.run) ? Place() : Place(p.geotag); }, small);
+  offer_all(
+      "errors", model.errors,
+      [&](const auto& e) { return where(e.run, e.reference_position + parts_->error_scale * e.difference); }, small);
+  offer_all(
+      "cameras", model.cameras, [&](const auto& c) { return where(c.run, c.world_from_cam.translation); }, small);
   for (size_t i = 0; !best && i < model.paths.size(); ++i) {
     const char* layer = LayerOf(model.paths[i].kind);
-    if (!Visible(layer)) continue;
+    if (!Visible(layer) || hidden(model.paths[i].run)) continue;
     for (const TimedPose& pose : model.paths[i].poses) offer(layer, i, pose.target_from_body.translation, 0);
   }
   if (!best && Visible("points")) {
-    for (size_t i = 0; i < model.points.size(); ++i) offer("points", i, model.points[i].position, 0);
+    for (const size_t i : parts_->shown) offer("points", i, model.points[i].position, 0);
   }
   if (!best) return best;
   const Eigen::Vector3d at = best->position;  // of an error its tip, of a path its nearest pose
@@ -379,6 +474,7 @@ ScenePick SceneView::Describe(const std::string& layer, int index) const {
   if (layer == "cameras") size = m.cameras.size();
   if (layer == "panoramas" || layer == "geotags") size = m.panoramas.size();
   if (layer == "tags") size = m.tags.size();
+  if (layer == "control") size = m.control.size();
   if (layer == "errors" || layer == "ellipsoids") size = m.errors.size();
   if (index < 0 || static_cast<size_t>(index) >= size) {
     throw InputError(fmt::format("layer {} has {} entries, none with index {}", layer, size, index));
@@ -393,7 +489,7 @@ void SceneView::SetUnit(const DisplayUnit& unit) {
   parts_->unit = unit;
   if (same) return;
   parts_->BuildScaleBar();
-  parts_->ColourPoints(parts_->points_by);
+  parts_->ColourPoints();
 }
 
 }  // namespace trigpoint

@@ -9,6 +9,8 @@
 // Not thread safe; build, change and destroy it in the thread that renders. The model must outlive it.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,7 +23,20 @@ class vtkRenderer;
 
 namespace trigpoint {
 
-enum class PointColour { kHeight, kTrackLength, kUncertainty };
+// kPicture: as the pictures have it, once SetPointRgb was called; grey until then.
+enum class PointColour { kHeight, kTrackLength, kUncertainty, kResidual, kPicture };
+
+// Points that are drawn and picked; a value that isn't known passes.
+struct PointFilter {
+  int least_images = 0;
+  double most_sigma_m = std::numeric_limits<double>::infinity();
+  double most_residual_px = std::numeric_limits<double>::infinity();
+  bool operator==(const PointFilter&) const = default;
+  bool Passes(const ScenePoint& point) const {
+    return point.track_length >= least_images && !(point.sigma_m > most_sigma_m) &&
+           !(point.residual_px > most_residual_px);
+  }
+};
 
 struct SceneStyle {
   PointColour points = PointColour::kHeight;
@@ -38,7 +53,7 @@ struct SceneStyle {
 // What lies under a pixel.
 struct ScenePick {
   std::string layer;  // one of SceneView::Layers()
-  int index = -1;     // into the model's vector of that layer: paths, points, cameras, panoramas, tags, errors
+  int index = -1;     // into the model's vector of that layer: paths, points, cameras, panoramas, tags, control, errors
   std::string run;    // empty where it is of no run
   std::string name;   // image, panorama, tag id, the point's number, or the path's source
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the object, scene frame; of a path its nearest pose
@@ -53,12 +68,17 @@ class SceneView {
   SceneView(const SceneView&) = delete;
   SceneView& operator=(const SceneView&) = delete;
 
-  // "aerial", "odometry", "optimised", "truth", "estimates", "points", "cameras", "panoramas", "geotags", "tags",
-  // "errors", "ellipsoids", "labels", "axes", "legend": always all, those without content too.
+  // "aerial", "odometry", "optimised", "truth", "estimates", "gps", "points", "cameras", "panoramas", "geotags",
+  // "tags", "control", "errors", "ellipsoids", "tag ellipsoids", "camera ellipsoids", "labels", "axes", "legend":
+  // always all, those without content too.
   static const std::vector<std::string>& Layers();
+  // What the site's pictures need not show is hidden until it is asked for: gps, ellipsoids of tags and cameras.
+  static bool ShownAtFirst(const std::string& layer);
   bool HasContent(const std::string& layer) const;
   void SetVisible(const std::string& layer, bool visible);  // throws OptionError for an unknown layer
   bool Visible(const std::string& layer) const;
+  // Everything of a run, on all layers; what is of no run stays.
+  void SetRunVisible(const std::string& run, bool visible);
   // 0 to 1, of everything in a layer. Throws OptionError for an unknown layer.
   void SetOpacity(const std::string& layer, double opacity);
   void SetPointSize(double pixels);
@@ -69,7 +89,14 @@ class SceneView {
   void AddTo(vtkRenderer* renderer);
   void RemoveFrom(vtkRenderer* renderer);
 
-  void ColourPointsBy(PointColour colour);
+  // `by_rank`: evenly by percentile, so that outliers do not take the colours of the others.
+  void ColourPointsBy(PointColour colour, bool by_rank = false);
+  void FilterPoints(const PointFilter& filter);
+  size_t PointsShown() const;
+  // Red, green and blue of every point of the model.
+  void SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb);
+  // Labels that would lie on others are left out: the first ones stay. For one picture of `renderer`.
+  void MakeRoomForLabels(vtkRenderer* renderer) const;
   // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
   // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.
   void DrawMoving(bool moving);

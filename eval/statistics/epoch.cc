@@ -132,15 +132,15 @@ std::string FormatEpoch(const EpochTest& test, const std::string& a, const std::
                         double metres_per_unit) {
   const auto length = [&](double metres) { return fmt::format("{:.4f}", metres / metres_per_unit); };
   std::vector<std::vector<std::string>> lines{
-      {"tag", "east", "north", "up", "sigma e", "n", "u", "turned deg", "chi2 (3)", "of rotation", "says"}};
+      {"tag", "east", "north", "up", "sigma e", "n", "u", "turned deg", "chi2 (3)", "of rotation", "verdict"}};
   std::string names;
   for (const TagMove& t : test.tags) {
-    const std::string says = !t.chi2_position ? "no covariance" : t.moved ? "moved" : t.turned ? "turned" : "";
+    const std::string verdict = !t.chi2_position ? "no covariance" : t.moved ? "moved" : t.turned ? "turned" : "";
     lines.push_back({std::to_string(t.tag_id), length(t.moved_m.x()), length(t.moved_m.y()), length(t.moved_m.z()),
                      length(t.sigma_m.x()), length(t.sigma_m.y()), length(t.sigma_m.z()),
                      fmt::format("{:.3f}", t.turned_deg),
                      t.chi2_position ? fmt::format("{:.1f}", *t.chi2_position) : "-",
-                     t.chi2_rotation ? fmt::format("{:.1f}", *t.chi2_rotation) : "-", says});
+                     t.chi2_rotation ? fmt::format("{:.1f}", *t.chi2_rotation) : "-", verdict});
     if (t.moved || t.turned) names += fmt::format("{}{}", names.empty() ? "" : ", ", t.tag_id);
   }
   std::string text = fmt::format(

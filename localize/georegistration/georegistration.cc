@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "calib/base/median.h"
 #include "calib/geometry/alignment.h"
@@ -556,6 +557,77 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   (other ? free_fit : fit).Describe(*best, &result);
   result.covariance *= factor * factor;
   return result;
+}
+
+namespace {
+
+// Residuals and marks by source. What is stated comes from `stated`, not from sigmas that were changed since.
+std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& stated,
+                                            const std::vector<GeoObservation>& used, const GeoRegistration& fit) {
+  constexpr int kEnough = 10;
+  constexpr double kMedianChi2 = 1.386;   // of 2 degrees of freedom
+  constexpr double kMedianSpread = 0.72;  // of a sigma from a median of n such, times sqrt(n)
+  constexpr double kFitted = 2;           // horizontal places that rotation, translation and scale use up
+  struct Found {
+    std::vector<double> sigmas, squares;
+    int outliers = 0;
+    double information = 0;  // of the fit
+  };
+  double information = 0;
+  std::map<std::string, Found> found;
+  for (size_t i = 0; i < stated.size(); ++i) {
+    if (!stated[i].has_position) continue;
+    const double own = 1 / (used[i].sigma_h_m * used[i].sigma_h_m);
+    information += own;
+    if (stated[i].source.empty()) continue;
+    Found& f = found[stated[i].source];
+    f.information += own;
+    f.sigmas.push_back(stated[i].sigma_h_m);
+    // Of each in its own sigmas: a source may state some as better than others.
+    f.squares.push_back(fit.residuals[i].head<2>().squaredNorm() / (stated[i].sigma_h_m * stated[i].sigma_h_m));
+    f.outliers += fit.outlier[i] ? 1 : 0;
+  }
+  std::vector<SourceEstimate> estimates;
+  for (auto& [source, f] : found) {
+    SourceEstimate e{source, static_cast<int>(f.sigmas.size()), f.outliers, Median(f.sigmas)};
+    if (e.positions >= kEnough) {
+      const double n = e.positions;
+      e.sigma_m = e.stated_sigma_m *
+                  std::sqrt(Median(f.squares) / kMedianChi2 * n / (n - kFitted * f.information / information));
+      e.relative_sigma = kMedianSpread / std::sqrt(n);
+    }
+    estimates.push_back(std::move(e));
+  }
+  return estimates;
+}
+
+}  // namespace
+
+GeoRegistration RegisterBySources(std::vector<GeoObservation>* observations, const Eigen::MatrixXd& odom_covariance,
+                                  double scale_prior, double scale_sigma, bool levelled,
+                                  const GeoRegistrationOptions& options) {
+  constexpr int kRounds = 3;
+  constexpr double kLeastFactor = 0.1, kMostFactor = 10, kSame = 0.02;
+  const std::vector<GeoObservation> stated = *observations;
+  std::map<std::string, double> factors;
+  for (int round = 1;; ++round) {
+    GeoRegistration fit = RegisterToEarth(*observations, odom_covariance, scale_prior, scale_sigma, levelled, options);
+    if (!fit.solved) return fit;
+    fit.sources = EstimateSources(stated, *observations, fit);
+    bool changed = false;
+    for (const SourceEstimate& e : fit.sources) {
+      if (e.sigma_m == 0) continue;
+      double& factor = factors.try_emplace(e.source, 1).first->second;
+      const double now = std::clamp(e.sigma_m / e.stated_sigma_m, kLeastFactor, kMostFactor);
+      changed |= std::abs(now / factor - 1) > kSame;
+      factor = now;
+    }
+    if (!changed || round == kRounds) return fit;
+    for (size_t i = 0; i < stated.size(); ++i) {
+      const auto factor = factors.find(stated[i].source);
+      if (factor != factors.end()) (*observations)[i].sigma_h_m = factor->second * stated[i].sigma_h_m;
+    }
+  }
 }
 
 std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& observations) {

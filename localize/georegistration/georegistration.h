@@ -41,6 +41,16 @@ struct GeoObservation {
   bool has_tilt = false;
   Attitude attitude;  // said, of the rig's optical axis
   double sigma_h_m = 1, sigma_v_m = 1, sigma_heading_rad = 1, sigma_tilt_rad = 1;
+  std::string source;  // service that it is from; empty: none, and its sigmas are the user's statement
+};
+
+// What the run shows of the positions of one source.
+struct SourceEstimate {
+  std::string source;
+  int positions = 0, outliers = 0;
+  double stated_sigma_m = 0;  // per horizontal axis; the median
+  double sigma_m = 0;         // as estimated; 0: there are too few
+  double relative_sigma = 0;  // 1 sigma of that estimate, a share of it
 };
 
 struct GeoRegistration {
@@ -54,6 +64,7 @@ struct GeoRegistration {
   std::vector<double> weights;             // of each observation's position, 0 to 1
   std::vector<bool> outlier;               // position beyond the gate
   std::vector<Eigen::Vector3d> residuals;  // said - estimated, world, m
+  std::vector<SourceEstimate> sources;     // of observations that have one, by name
   int iterations = 0;
 };
 
@@ -64,6 +75,13 @@ struct GeoRegistration {
 GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& observations, const Eigen::MatrixXd& odom_covariance,
                                 double scale_prior, double scale_sigma, bool levelled,
                                 const GeoRegistrationOptions& options);
+
+// The same, where positions of sources with at least 10 of them get the sigma that their residuals show in place of the
+// stated one (in `observations`): the median of the horizontal residuals, whose chi-square has two degrees of freedom,
+// corrected for the freedom of the fit. Those that are wrong take no part in a median.
+GeoRegistration RegisterBySources(std::vector<GeoObservation>* observations, const Eigen::MatrixXd& odom_covariance,
+                                  double scale_prior, double scale_sigma, bool levelled,
+                                  const GeoRegistrationOptions& options);
 
 // Which other way the headings of geotags seem to count, in words, where the places alone show that they do not count
 // clockwise from north; nothing if they do, or if fewer than four places far enough apart say where the run lies.

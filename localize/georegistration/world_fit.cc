@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
@@ -19,12 +20,6 @@ namespace {
 constexpr double kCornerChi2 = 9.21;   // 99 %, 2 degrees of freedom
 constexpr double kMovedChi2 = 35;      // of 6: the survey's own limit for a tag that stands elsewhere
 constexpr double kControlChi2 = 11.3;  // 99 %, 3 degrees of freedom
-constexpr double kLevelled_rad = 0.05 * kDegToRad;
-
-// What shows by itself where the run lies: points in its frame and in the world, of one tag.
-struct Anchor {
-  std::vector<Eigen::Vector3d> odom, world;
-};
 
 std::vector<Anchor> AnchorsOf(const LocalizeInput& input, const WorldEvidence& evidence, const BundleProblem& p) {
   std::vector<Anchor> anchors;
@@ -47,13 +42,6 @@ std::vector<Anchor> AnchorsOf(const LocalizeInput& input, const WorldEvidence& e
   return anchors;
 }
 
-// How far off an anchor is.
-double Distance(const Anchor& anchor, const Rigid3d& world_from_odom) {
-  double sum = 0;
-  for (size_t k = 0; k < anchor.odom.size(); ++k) sum += (world_from_odom * anchor.odom[k] - anchor.world[k]).norm();
-  return sum / static_cast<double>(anchor.odom.size());
-}
-
 std::optional<Rigid3d> Align(const std::vector<const Anchor*>& anchors) {
   std::vector<Eigen::Vector3d> odom, world;
   for (const Anchor* anchor : anchors) {
@@ -66,49 +54,6 @@ std::optional<Rigid3d> Align(const std::vector<const Anchor*>& anchors) {
   } catch (const NumericError&) {
     return std::nullopt;
   }
-}
-
-// The pose that most anchors agree with, of those that two or three of them give, and the one that is known already.
-std::optional<Rigid3d> StartOf(const std::vector<Anchor>& anchors, const GeoRegistration& known, std::string* reason) {
-  constexpr double kNear_m = 1;  // an anchor this near agrees; odometry drifts until the tags hold it
-  constexpr size_t kMostTried = 40;
-  std::vector<Rigid3d> tried;
-  if (known.solved) tried.emplace_back(known.world_from_odom.rotation, known.world_from_odom.translation);
-  const auto add = [&](const std::vector<const Anchor*>& of) {
-    if (const auto pose = Align(of)) tried.push_back(*pose);
-  };
-  const size_t n = std::min(anchors.size(), kMostTried);
-  for (size_t a = 0; a < n; ++a) {
-    if (anchors[a].odom.size() >= 4) add({&anchors[a]});
-    for (size_t b = 0; b < a; ++b) add({&anchors[a], &anchors[b]});
-    if (a >= 2) add({&anchors[a], &anchors[a - 1], &anchors[0]});
-  }
-  std::optional<Rigid3d> best;
-  double least = 0;
-  for (const Rigid3d& pose : tried) {
-    double cost = 0;
-    for (const Anchor& anchor : anchors) cost += std::min(std::pow(Distance(anchor, pose) / kNear_m, 2), 1.0);
-    if (!best || cost < least) best = pose, least = cost;
-  }
-  if (!best) {
-    *reason = anchors.empty() ? known.reason : "the tags and control points that the run shows do not fix its frame";
-    return best;
-  }
-  std::vector<const Anchor*> near;
-  for (const Anchor& anchor : anchors) {
-    if (Distance(anchor, *best) < kNear_m) near.push_back(&anchor);
-  }
-  if (2 * near.size() < anchors.size()) {
-    *reason = fmt::format(
-        "the run's images and the surveyed tags contradict each other: {} of {} tags or points fit within {} m of one "
-        "position of the run; check the map, the tags' sizes and the odometry",
-        near.size(), anchors.size(), kNear_m);
-    return std::nullopt;
-  }
-  if (near.size() >= 3) {
-    if (const auto refined = Align(near)) best = refined;
-  }
-  return best;
 }
 
 Matrix6d Rows(double rx, double ry, double rz, double x, double y, double z) {
@@ -152,9 +97,12 @@ class Fitter {
   void AddGeotags(const GeoStart& start, WorldFit* fit);
   void AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit);
   BundleSummary Solve() { return SolveBundle(p_, bundle_, progress_, cancel_); }
-  void WeighCorners();
-  // Leaves the worst tag out of the map; false if all agree with it.
-  bool LeaveOutWorst(WorldFit* fit);
+  // Without robust kernels but those of geotags and GPS: what is right may be many sigmas off.
+  void SolveFromFarOff(const std::vector<PoseFactor>& links);
+  // With the corners' own noise, and without tags that contradict the map.
+  void SolveWithMap(WorldFit* fit, BundleSummary* summary);
+  // Takes the tag apart that a run's images contradict most; false if there is none.
+  bool LeaveOutMoved(const std::vector<int>& run_of_image, std::vector<TagInRun>* moved);
 
  private:
   int AddPose(const Rigid3d& pose) {
@@ -173,7 +121,11 @@ class Fitter {
     p_.factors.push_back(f);
     return p_.factors.back();
   }
+  Rigid3d Frame() const { return frame_ < 0 ? Rigid3d() : p_.poses[static_cast<size_t>(frame_)]; }
   void SetMap();
+  void WeighCorners();
+  // Leaves the worst tag out of the map; false if all agree with it.
+  bool LeaveOutWorst(WorldFit* fit);
 
   const LocalizeInput& input_;
   const WorldEvidence& evidence_;
@@ -200,13 +152,15 @@ void Fitter::AddFrame(const Rigid3d& world_from_odom, WorldFit* fit) {
   const double tilt = 1 / (input_.levelled ? kLevelled_rad : options_.tilt_sigma_deg * kDegToRad);
   level.sqrt_info = Rows(tilt, tilt, 0, 0, 0, 1 / kUnknownHeightSigma);
   p_.factors.push_back(level);
-  p_.scale_constant = false;
-  p_.scale_prior = 1;
-  p_.scale_sigma = input_.scale_sigma;
+  OdometryScale& scale = p_.scales.front();
+  scale.constant = false;
+  scale.prior = 1;
+  scale.sigma = input_.scale_sigma;
 }
 
 void Fitter::AddTags(WorldFit* fit) {
   first_corner_ = p_.factors.size();
+  fit->first_tag = static_cast<int>(p_.poses.size());
   Eigen::Index row = 0;
   for (size_t t = 0; t < evidence_.tags.size(); ++t) {
     const WorldTag& tag = evidence_.tags[t];
@@ -282,8 +236,7 @@ void Fitter::AddGeotags(const GeoStart& start, WorldFit* fit) {
       AddPlace(PoseFactor::Kind::kPosition, pose, Rigid3d(Eigen::Quaterniond::Identity(), o.position), info).loss =
           Dcs(options_.loss_chi2);
     }
-    const Rigid3d& frame = p_.poses[static_cast<size_t>(frame_)];
-    const Attitude now = AttitudeOf((frame * p_.poses[static_cast<size_t>(pose)].Inverse()).rotation);
+    const Attitude now = AttitudeOf((Frame() * p_.poses[static_cast<size_t>(pose)].Inverse()).rotation);
     if ((!o.has_heading && !o.has_tilt) || std::cos(now.pitch_rad) < 0.05) continue;
     Attitude said = o.attitude;
     if (!o.has_heading) said.heading_rad = now.heading_rad;
@@ -310,6 +263,69 @@ void Fitter::AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit) {
   }
 }
 
+void Fitter::SolveFromFarOff(const std::vector<PoseFactor>& links) {
+  const auto loss = p_.loss;
+  const auto set_corners = [&](const std::shared_ptr<const ceres::LossFunction>& of_corners) {
+    for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) p_.factors[i].loss = of_corners;
+  };
+  const size_t factors = p_.factors.size();
+  p_.factors.insert(p_.factors.end(), links.begin(), links.end());
+  p_.loss = nullptr;
+  set_corners(nullptr);
+  Solve();
+  p_.factors.resize(factors);
+  p_.loss = loss;
+  set_corners(Dcs(kCornerChi2));
+}
+
+void Fitter::SolveWithMap(WorldFit* fit, BundleSummary* summary) {
+  WeighCorners();
+  *summary = Solve();
+  while (LeaveOutWorst(fit)) *summary = Solve();
+  for (const WorldTag& tag : evidence_.tags) {
+    const bool out = std::find(fit->left_out.begin(), fit->left_out.end(), tag.id) != fit->left_out.end();
+    if (tag.world_from_tag && !out) fit->map_tags.push_back(tag.id);
+  }
+  if (2 * fit->left_out.size() > fit->left_out.size() + fit->map_tags.size()) {
+    fit->warnings.push_back(
+        fmt::format("{} of {} tags that the run shows stand elsewhere than in the map: is it this "
+                    "site's, and of this time?",
+                    fit->left_out.size(), fit->left_out.size() + fit->map_tags.size()));
+  }
+  fit->solved = true;
+}
+
+bool Fitter::LeaveOutMoved(const std::vector<int>& run_of_image, std::vector<TagInRun>* moved) {
+  double worst = kCornerChi2;
+  TagInRun which;
+  size_t begin = 0, end = 0;  // its factors
+  size_t k = first_corner_;
+  for (const WorldTag& tag : evidence_.tags) {
+    std::map<int, std::vector<double>> errors;  // of each run
+    std::map<int, std::pair<size_t, size_t>> range;
+    for (const TagSighting& s : tag.sightings) {
+      const int run = run_of_image[static_cast<size_t>(s.image)];
+      range.try_emplace(run, k, k);
+      for (int corner = 0; corner < 4; ++corner, ++k) {
+        if (p_.factors[k].sqrt_info.isZero()) continue;  // left out
+        FactorTerms t;
+        EvaluateFactor(p_, p_.factors[k], &t);
+        errors[run].push_back(t.r.squaredNorm());
+      }
+      range[run].second = k;
+    }
+    if (errors.size() < 2) continue;
+    for (auto& [run, of_run] : errors) {
+      const double median = Median(std::move(of_run));
+      if (median > worst) worst = median, which = {run, tag.id}, begin = range[run].first, end = range[run].second;
+    }
+  }
+  if (which.tag_id < 0) return false;
+  for (size_t i = begin; i < end; ++i) p_.factors[i].sqrt_info.setZero();
+  moved->push_back(which);
+  return true;
+}
+
 // Noise of the corners from their residuals, never below what is stated.
 void Fitter::WeighCorners() {
   constexpr size_t kLeast = 40;
@@ -318,7 +334,7 @@ void Fitter::WeighCorners() {
   for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) {
     FactorTerms t;
     EvaluateFactor(p_, p_.factors[i], &t);
-    errors.push_back(t.r.squaredNorm());
+    if (!p_.factors[i].sqrt_info.isZero()) errors.push_back(t.r.squaredNorm());
   }
   if (errors.size() < kLeast) return;
   const double factor = std::sqrt(Median(std::move(errors)) / kMedianChi2);
@@ -332,7 +348,7 @@ bool Fitter::LeaveOutWorst(WorldFit* fit) {
   // Residuals v of the map's tags with their cofactors (Baarda 1968): e = map - adjusted, Qvv = C - A Q A'. A fault of
   // one tag: T = (P v)' (P Qvv P)^-1 (P v), its six rows each.
   std::vector<int> poses = p_.map->rigs;
-  poses.push_back(frame_);
+  if (frame_ >= 0) poses.push_back(frame_);
   const Eigen::MatrixXd q = BundleCovariance(p_, bundle_.threads, cancel_).Joint(poses);
   const MapTerms t = EvaluateMap(p_, *p_.map);  // whitened: C is the unit matrix
   const Eigen::MatrixXd qvv = Eigen::MatrixXd::Identity(t.r.size(), t.r.size()) - t.j * q * t.j.transpose();
@@ -361,12 +377,106 @@ bool Fitter::LeaveOutWorst(WorldFit* fit) {
 
 }  // namespace
 
+GeoObservation GeoObservationOf(const GeoTag& tag, const LocalFrame& frame, const Rigid3d& odom_from_rig) {
+  GeoObservation o;
+  o.odom_from_rig = odom_from_rig;
+  o.has_position = tag.has_position;
+  if (tag.has_position) o.position = frame.EnuFromGeodetic(tag.position);
+  if (!tag.has_height) o.position.z() = 0;
+  o.has_height = tag.has_height;
+  o.has_heading = tag.has_heading;
+  o.has_tilt = tag.has_tilt;
+  o.attitude = tag.attitude;
+  o.sigma_h_m = tag.sigma_h_m, o.sigma_v_m = tag.sigma_v_m;
+  o.sigma_heading_rad = tag.sigma_heading_rad, o.sigma_tilt_rad = tag.sigma_tilt_rad;
+  return o;
+}
+
+bool IsOutlier(const GeoObservation& o, const Eigen::Vector3d& off, const GeoRegistrationOptions& options) {
+  const double v = o.has_height ? off.z() / o.sigma_v_m : 0;
+  return off.head<2>().squaredNorm() / (o.sigma_h_m * o.sigma_h_m) + v * v > options.outlier_chi2;
+}
+
+std::string SourceOf(const WorldFit& fit) {
+  std::vector<std::string> sources;
+  if (fit.geotags) sources.emplace_back("geotags");
+  if (fit.gps) sources.emplace_back("gps");
+  if (!fit.map_tags.empty()) sources.emplace_back("tags");
+  if (!fit.control_tags.empty()) sources.emplace_back("control");
+  std::string text;
+  for (size_t i = 0; i < sources.size(); ++i) {
+    text += (i == 0 ? "" : i + 1 == sources.size() ? " and " : ", ") + sources[i];
+  }
+  return text;
+}
+
+double AnchorDistance(const Anchor& anchor, const Rigid3d& world_from_odom) {
+  double sum = 0;
+  for (size_t k = 0; k < anchor.odom.size(); ++k) sum += (world_from_odom * anchor.odom[k] - anchor.world[k]).norm();
+  return sum / static_cast<double>(anchor.odom.size());
+}
+
+std::optional<Rigid3d> PoseOfAnchors(const std::vector<Anchor>& anchors, const std::optional<Rigid3d>& known,
+                                     std::string* reason) {
+  constexpr size_t kMostTried = 40;
+  std::vector<Rigid3d> tried;
+  if (known) tried.push_back(*known);
+  const auto add = [&](const std::vector<const Anchor*>& of) {
+    if (const auto pose = Align(of)) tried.push_back(*pose);
+  };
+  const size_t n = std::min(anchors.size(), kMostTried);
+  for (size_t a = 0; a < n; ++a) {
+    if (anchors[a].odom.size() >= 4) add({&anchors[a]});
+    for (size_t b = 0; b < a; ++b) add({&anchors[a], &anchors[b]});
+    if (a >= 2) add({&anchors[a], &anchors[a - 1], &anchors[0]});
+  }
+  std::optional<Rigid3d> best;
+  double least = 0;
+  for (const Rigid3d& pose : tried) {
+    double cost = 0;
+    for (const Anchor& anchor : anchors) {
+      cost += std::min(std::pow(AnchorDistance(anchor, pose) / kAnchorNear_m, 2), 1.0);
+    }
+    if (!best || cost < least) best = pose, least = cost;
+  }
+  if (!best) {
+    *reason = "the tags and control points that the run shows do not fix its frame";
+    return best;
+  }
+  std::vector<const Anchor*> near;
+  for (const Anchor& anchor : anchors) {
+    if (AnchorDistance(anchor, *best) < kAnchorNear_m) near.push_back(&anchor);
+  }
+  if (2 * near.size() < anchors.size()) {
+    *reason = fmt::format("{} of {} tags, points or panoramas fit within {} m of one position of the run", near.size(),
+                          anchors.size(), kAnchorNear_m);
+    return std::nullopt;
+  }
+  if (near.size() >= 3) {
+    if (const auto refined = Align(near)) best = refined;
+  }
+  return best;
+}
+
 WorldFit FitWorld(const LocalizeInput& input, const GeoStart& start, const std::vector<GpsPlace>& gps,
                   const WorldEvidence& evidence, const GeoRegistrationOptions& options, const BundleOptions& bundle,
                   BundleProblem* problem, BundleSummary* summary, ProgressSink& progress, const CancelToken& cancel) {
   WorldFit fit;
-  const auto world = StartOf(AnchorsOf(input, evidence, *problem), start.registration, &fit.reason);
-  if (!world) return fit;
+  const std::vector<Anchor> anchors = AnchorsOf(input, evidence, *problem);
+  std::optional<Rigid3d> known;
+  if (start.registration.solved) {
+    const Sim3d& s = start.registration.world_from_odom;
+    known = Rigid3d(s.rotation, s.translation);
+  }
+  const auto world = PoseOfAnchors(anchors, known, &fit.reason);
+  if (!world) {
+    fit.reason = anchors.empty() ? start.registration.reason
+                 : fit.reason.find(" fit within ") == std::string::npos
+                     ? fit.reason
+                     : "the run's images and the surveyed tags contradict each other: " + fit.reason +
+                           "; check the map, the tags' sizes and the odometry";
+    return fit;
+  }
   Fitter fitter(input, evidence, options, bundle, problem, progress, cancel);
   fitter.AddFrame(*world, &fit);
   fitter.AddTags(&fit);
@@ -375,20 +485,24 @@ WorldFit FitWorld(const LocalizeInput& input, const GeoStart& start, const std::
   const bool by_gps = std::any_of(start.references.begin(), start.references.end(), [](int r) { return r < 0; });
   if (evidence.gps || by_gps) fitter.AddGps(gps, &fit);
   fitter.Solve();
-  fitter.WeighCorners();
-  *summary = fitter.Solve();
-  while (fitter.LeaveOutWorst(&fit)) *summary = fitter.Solve();
-  for (const WorldTag& tag : evidence.tags) {
-    const bool out = std::find(fit.left_out.begin(), fit.left_out.end(), tag.id) != fit.left_out.end();
-    if (tag.world_from_tag && !out) fit.map_tags.push_back(tag.id);
-  }
-  if (2 * fit.left_out.size() > fit.left_out.size() + fit.map_tags.size()) {
-    fit.warnings.push_back(
-        fmt::format("{} of {} tags that the run shows stand elsewhere than in the map: is it this "
-                    "site's, and of this time?",
-                    fit.left_out.size(), fit.left_out.size() + fit.map_tags.size()));
-  }
-  fit.solved = true;
+  fitter.SolveWithMap(&fit, summary);
+  return fit;
+}
+
+WorldFit FitSite(const LocalizeInput& input, const GeoStart& start, const SiteFitInput& site,
+                 const WorldEvidence& evidence, const GeoRegistrationOptions& options, const BundleOptions& bundle,
+                 BundleProblem* problem, BundleSummary* summary, std::vector<TagInRun>* moved, ProgressSink& progress,
+                 const CancelToken& cancel) {
+  WorldFit fit;
+  Fitter fitter(input, evidence, options, bundle, problem, progress, cancel);
+  fitter.AddTags(&fit);
+  fitter.AddGeotags(start, &fit);
+  for (const std::vector<GpsPlace>& gps : site.gps) fitter.AddGps(gps, &fit);
+  fitter.SolveFromFarOff(site.links);
+  site.after_links();
+  fitter.Solve();
+  while (fitter.LeaveOutMoved(site.run_of_image, moved)) fitter.Solve();
+  fitter.SolveWithMap(&fit, summary);
   return fit;
 }
 
@@ -417,9 +531,8 @@ GeoRegistration GeoRegistrationOf(const WorldFit& fit, const GeoStart& start, co
     if (start.references[i] < 0 || !o.has_position) continue;
     const Rigid3d& rig = p.poses[static_cast<size_t>(start.poses[i])];
     const Eigen::Vector3d off = o.position - frame * rig.TargetOriginInSource();
-    const double v = o.has_height ? off.z() / o.sigma_v_m : 0;
     geo.residuals[i] = off;
-    geo.outlier[i] = off.head<2>().squaredNorm() / (o.sigma_h_m * o.sigma_h_m) + v * v > options.outlier_chi2;
+    geo.outlier[i] = IsOutlier(o, off, options);
   }
   return geo;
 }

@@ -137,7 +137,7 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
     const size_t k = static_cast<size_t>(i);
     const ImageEntry& entry = run.images[k];
     try {
-      features[k] = ExtractFeatures(LoadGrey(run, entry), masks.Of(entry), options);
+      features[k] = ExtractFeatures(LoadGrey(run, entry), masks.ForFeatures(entry), options);
     } catch (const InputError& e) {
       problems[k] = e.what();
     }

@@ -11,8 +11,8 @@
 #include "calib/base/progress.h"
 #include "datasets/colmap/database.h"
 #include "datasets/io/site.h"
+#include "datasets/io/views.h"
 #include "localize/reconstruct/features.h"
-#include "localize/references/views.h"
 
 namespace trigpoint {
 

@@ -25,6 +25,7 @@ struct ReferenceViews {
   ReferenceKind kind = ReferenceKind::kPanorama;
   ViewRig rig;  // rig frame: x right, y down, z forward at the picture's centre
   GeoTag geotag;
+  std::string source;     // service that it is from, or empty
   int set = -1;           // photos of one hand-held set share it; -1: stands alone
   bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
 };

@@ -26,7 +26,7 @@ constexpr double kNearest_m = 0.05;
 Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
   const Rigid3d predicted = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
   Rigid3d measured = f.measured;
-  measured.translation *= p.scale;
+  measured.translation *= p.scales.front().value;
   return predicted.Minus(measured);
 }
 
@@ -330,7 +330,7 @@ namespace {
 PoseFactor LengthFactor(const LocalizeInput& input) {
   PoseFactor f;
   f.kind = PoseFactor::Kind::kBetween;
-  f.scaled = true;
+  f.scale = 0;
   f.a = 0;
   double farthest = 0;
   for (size_t k = 1; k < input.odom_from_body.size(); ++k) {
@@ -355,7 +355,7 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
     f.kind = PoseFactor::Kind::kBetween;
     f.a = static_cast<int>(k);
     f.b = static_cast<int>(k + 1);
-    f.scaled = true;
+    f.scale = 0;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
     const double length = f.measured.translation.norm();
     // Over more than a metre directions wander: their variance grows with the length, not their sigma.

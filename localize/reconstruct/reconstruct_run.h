@@ -30,7 +30,7 @@ struct ReconstructRunOptions {
     visit(self.check_conventions, {"check_conventions", "", 0, 1,
                                    "refuse odometry that images or GPS contradict: order, signs, axes, unit, jumps"});
     visit(self.motion, {"motion", "", 0, 0, "motion of runs without odometry, from images alone"});
-    visit(self.loops, {"loops", "", 0, 0, "passages that the run comes back to"});
+    visit(self.loops, {"loops", "", 0, 0, "places that the run comes back to"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -15,14 +15,18 @@ constexpr double kInlier_px = 1.5;     // of the shrunk picture
 
 }  // namespace
 
-QuickFeatures FindQuickFeatures(const cv::Mat& grey, const Camera& camera, const SharedFeatureOptions& options) {
+QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const Camera& camera,
+                                const SharedFeatureOptions& options) {
   const double shrink = std::min(1.0, static_cast<double>(options.side_px) / std::max(grey.cols, grey.rows));
-  cv::Mat small = grey;
-  if (shrink < 1) cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
+  cv::Mat small = grey, counts = mask;
+  if (shrink < 1) {
+    cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
+    if (!mask.empty()) cv::resize(mask, counts, small.size(), 0, 0, cv::INTER_NEAREST);
+  }
   FeatureOptions find;
   find.max_features = options.features;
   find.contrast_threshold = kContrast;
-  const FeatureSet features = ExtractFeatures(small, {}, find);
+  const FeatureSet features = ExtractFeatures(small, counts, find);
   QuickFeatures quick;
   quick.pixel_rad = 1 / (shrink * camera.MeanFocal());
   cv::Mat kept(0, DescriptorBlock::kDim, CV_8U);

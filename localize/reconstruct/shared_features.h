@@ -22,8 +22,9 @@ struct QuickFeatures {
   std::vector<Eigen::Vector3d> rays;  // camera frame, unit
   double pixel_rad = 0;               // of the shrunk picture
 };
-// `grey`: 8-bit, of the camera's size. Thread safe.
-QuickFeatures FindQuickFeatures(const cv::Mat& grey, const Camera& camera, const SharedFeatureOptions& options);
+// `grey`: 8-bit, of the camera's size; so is `mask` (datasets/io/mask.h; empty: nothing is ignored). Thread safe.
+QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const Camera& camera,
+                                const SharedFeatureOptions& options);
 
 // Matches that agree with one relative pose; 0 where chance could have made them. Deterministic; thread safe.
 int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);

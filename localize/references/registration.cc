@@ -63,7 +63,7 @@ ImagePoints PointsOfImages(const LocalizeInput& input, const Reconstruction& r) 
   ImagePoints points(input.images.size());
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
     const BearingObservation& o = r.problem.observations[k];
-    if (o.active && r.point_valid[static_cast<size_t>(o.point)]) {
+    if (r.image_of[k] >= 0 && o.active && r.point_valid[static_cast<size_t>(o.point)]) {
       points[static_cast<size_t>(r.image_of[k])].push_back({r.feature_of[k], o.point});
     }
   }
@@ -187,8 +187,8 @@ class Registrar {
       char text[200];
       std::snprintf(
           text, sizeof text,
-          "ambiguous: another passage of the run puts it %.1f m away, where %.0f points are found, against %.0f", apart,
-          support, a.support);
+          "ambiguous: another traversal of the run puts it %.1f m away, where %.0f points are found, against %.0f",
+          apart, support, a.support);
       a.status = AnswerStatus::kRejected;
       a.reason = text;
     }

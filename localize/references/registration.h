@@ -39,7 +39,7 @@ struct RegistrationOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.candidates, {"candidates", "images", 1, 1000, "images matched with a reference"});
-    visit(self.passage_m, {"passage_m", "m", 0.1, 1e6, "images of one passage: longest path between them"});
+    visit(self.passage_m, {"passage_m", "m", 0.1, 1e6, "images of one traversal: longest path between them"});
     visit(self.candidate_spacing, {"candidate_spacing", "images", 1, 1000,
                                    "images between two candidates of one camera that are close together"});
     visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test between image and view"});

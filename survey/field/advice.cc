@@ -91,10 +91,11 @@ class Adviser {
     }
     for (const TagCoverage& tag : tags_) {
       if (tag.pictures == 0 || (!facts_.planned.empty() && !facts_.planned.contains(tag.tag_id))) continue;
-      const char* what = tag.status == "duplicate"  ? "stands at two places: take one down, then photograph the other"
-                         : tag.status == "moved"    ? "moved: fix it, then photograph it with its neighbours"
-                         : tag.status == "not tied" ? "hangs on nothing: walk from it to another tag while recording"
-                                                    : nullptr;
+      const char* what = tag.status == "duplicate" ? "stands at two places: take one down, then photograph the other"
+                         : tag.status == "moved"   ? "moved: fix it, then photograph it with its neighbours"
+                         : tag.status == "not tied"
+                             ? "shares no picture or path with others: walk from it to another tag while recording"
+                             : nullptr;
       if (what == nullptr) continue;
       Advice advice{fmt::format("Tag {} {}", tag.tag_id, what), "its place is not known"};
       if (const auto pose = Pose(tag.tag_id)) advice.at = pose->translation;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 
 namespace trigpoint {
@@ -16,10 +17,11 @@ constexpr double kBlurred_px = 1.6;    // beyond this corners of tags and featur
 constexpr double kBlurredTimes = 1.8;  // of the sharp quarter of the same camera's pictures
 constexpr double kSmearedTimes = 1.6;  // a part of the picture against the rest of it, a lens against another
 constexpr double kLeastSmear_px = 1;   // a lens is not called smeared below this
-constexpr double kTooMany = 0.1;       // share of pictures that is worth a word
+constexpr double kTooMany = 0.1;       // share of pictures that is worth a finding
 constexpr size_t kLeastPictures = 8;   // of a camera, before its lens is judged
 constexpr size_t kLatest = 12;         // pictures that show what the lens is like now
 constexpr double kDarkMean = 40, kBrightMean = 215, kMostDark = 0.5, kMostBright = 0.3;
+constexpr size_t kTagsNamed = 8;     // of one finding
 constexpr int kRealId = 3;           // pictures of an id that nobody planned, before it counts as being there
 constexpr int kLeastShared = 20;     // features of two pictures in a row, for tracks to go on
 constexpr double kSmallTag_px = 24;  // tags seen no larger than this have poor corners
@@ -57,18 +59,21 @@ std::vector<CameraPictures> ByCamera(const FieldFacts& facts) {
 void FindUnusable(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldRun& run : facts.runs) {
     std::vector<std::string> names;
+    std::string first;
     for (const FieldPicture& picture : run.pictures) {
-      if (!picture.problem.empty()) names.push_back(picture.image);
+      if (picture.problem.empty()) continue;
+      if (names.empty()) first = picture.problem;
+      names.push_back(picture.image);
     }
     if (!names.empty()) {
       findings->push_back({Light::kAmber, "files",
-                           fmt::format("{}: {} pictures cannot be read: {}; copy them again", run.run->name,
-                                       names.size(), SomeOf(names))});
+                           fmt::format("{}: {} cannot be used: {}; the first: {}; copy what is broken again",
+                                       run.run->name, Counted(names.size(), "picture"), SomeOf(names), first)});
     }
     if (run.waiting > 0) {
-      findings->push_back(
-          {Light::kGreen, "files",
-           fmt::format("{}: {} pictures are still being copied or wait to be looked at", run.run->name, run.waiting)});
+      findings->push_back({Light::kGreen, "files",
+                           fmt::format("{}: still being copied or waiting to be looked at: {}", run.run->name,
+                                       Counted(run.waiting, "picture"))});
     }
   }
   for (const auto& [run, why] : facts.site->broken_runs) {
@@ -92,8 +97,8 @@ void FindBlurred(const CameraPictures& camera, std::vector<SiteFinding>* finding
   if (static_cast<double>(names.size()) <= kTooMany * n) return;
   findings->push_back(
       {Light::kAmber, "blur",
-       fmt::format("{}: {} of {} pictures are blurred (more than {:.1f} px; its sharp ones have {:.1f} px): {}; walk "
-                   "slower, or take more light, and pass these places again",
+       fmt::format("{}: {} of {} pictures are blurred (more than {:.1f} px; the sharp ones have {:.1f} px): {}; walk "
+                   "slower, or bring more light, and pass these places again",
                    camera.name, names.size(), camera.pictures.size(), limit, sharp, SomeOf(names, 3))});
 }
 
@@ -184,12 +189,12 @@ void FindExposure(const CameraPictures& camera, std::vector<SiteFinding>* findin
                          fmt::format("{}: {} of {} pictures are too {}: {}; {}", camera.name, names.size(),
                                      camera.pictures.size(), how, SomeOf(names, 3), what)});
   };
-  tell(dark, "dark", "expose longer or take more light");
+  tell(dark, "dark", "expose longer, or bring more light");
   tell(bright, "bright", "expose shorter, with the sun behind you");
 }
 
-// What was looked at and is as it should be is said, too.
-void SayQuality(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
+// What is as it should be is stated, too.
+void StateQuality(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   if (camera.blurs.empty()) return;
   std::vector<double> means;
   for (const FieldPicture* picture : camera.pictures) means.push_back(picture->quality->mean);
@@ -221,25 +226,36 @@ void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
 }
 
 void FindMissingTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
+  std::vector<std::string> missing, unknown;
   for (const TagCoverage& tag : CoverTags(facts)) {
     const auto planned = facts.planned.find(tag.tag_id);
-    const std::string what = planned != facts.planned.end() && !planned->second.what.empty()
-                                 ? fmt::format("tag {} ({})", tag.tag_id, planned->second.what)
-                                 : fmt::format("tag {}", tag.tag_id);
+    const std::string id = std::to_string(tag.tag_id);
     if (tag.pictures == 0) {
-      findings->push_back(
-          {Light::kRed, "tags", what + " is planned and in no picture; check that it is up, then photograph it"});
+      const bool named = planned != facts.planned.end() && !planned->second.what.empty();
+      missing.push_back(named ? id + " (" + planned->second.what + ")" : id);
     } else if (planned == facts.planned.end() && !facts.planned.empty()) {
-      if (tag.pictures < kRealId) continue;
-      findings->push_back({Light::kAmber, "tags",
-                           fmt::format("{} is in {} pictures and in no plan, station, control point or entry of "
-                                       "tags.yaml; enter it, or take it down",
-                                       what, tag.pictures)});
+      if (tag.pictures >= kRealId) unknown.push_back(id);
     } else if (tag.largest_px < kSmallTag_px) {
       findings->push_back(
           {Light::kAmber, "tags",
-           fmt::format("{} is seen from afar only, {:.0f} px at most; go nearer", what, tag.largest_px)});
+           fmt::format("tag {} is seen from afar only, {:.0f} px at most; go nearer", id, tag.largest_px)});
     }
+  }
+  if (!missing.empty()) {
+    const bool one = missing.size() == 1;
+    findings->push_back({Light::kRed, "tags",
+                         fmt::format("{} {} {} planned and in no picture; check that {} up, then photograph {}",
+                                     one ? "tag" : "tags", SomeOf(missing, kTagsNamed), one ? "is" : "are",
+                                     one ? "it is" : "they are", one ? "it" : "them")});
+  }
+  if (!unknown.empty()) {
+    const bool one = unknown.size() == 1;
+    findings->push_back(
+        {Light::kAmber, "tags",
+         fmt::format("{} {} {} in pictures and in no plan, station, control point or entry of tags.yaml; enter {}, or "
+                     "take {} down",
+                     one ? "tag" : "tags", SomeOf(unknown, kTagsNamed), one ? "is" : "are", one ? "it" : "them",
+                     one ? "it" : "them")});
   }
 }
 
@@ -252,7 +268,7 @@ void FindInSets(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
     }
     if (set.placed < set.photos) {
       findings->push_back({Light::kAmber, "photo sets",
-                           fmt::format("{}: {} of {} photos overlap with no other; take more in between", name,
+                           fmt::format("{}: {} of {} photos overlap with no other; take more between them", name,
                                        set.photos - set.placed, set.photos)});
     }
     if (set.full_turn) {
@@ -292,7 +308,7 @@ std::vector<SiteFinding> FindInPictures(const FieldFacts& facts) {
       FindSmearedPart(camera, &findings);
     }
     FindExposure(camera, &findings);
-    SayQuality(camera, &findings);
+    StateQuality(camera, &findings);
   }
   for (const FieldRun& run : facts.runs) FindOverlap(run, &findings);
   FindMissingTags(facts, &findings);

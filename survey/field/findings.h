@@ -29,6 +29,7 @@ struct FieldPicture {
   std::string image;  // as in images.txt
   int camera = 0;
   int64_t stamp_ns = 0;
+  std::string version;                    // of its file and mask: another one is compared with its neighbours anew
   std::string problem;                    // why it cannot be used; empty: it can
   std::optional<PictureQuality> quality;  // none: the run brings detections in place of images
   std::vector<TagDetection> tags;
@@ -44,7 +45,7 @@ struct FieldClock {
 struct FieldPair {
   std::string from, to;  // pictures
   int shared = -1;       // features that agree with one relative pose; -1: not compared yet
-  bool loop = false;     // `from` is of an earlier passage
+  bool loop = false;     // `from` is of an earlier traversal
   double way_m = 0;      // along the run, at `to`
 };
 

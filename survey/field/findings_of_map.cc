@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/geo/geodetic.h"
 #include "survey/field/findings.h"
 #include "survey/tags/map_start.h"
@@ -11,9 +12,9 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kLoop_m = 15;         // way between two passages of a tag that makes them a loop
+constexpr double kLoop_m = 15;         // way between two traversals past a tag that makes them a loop
 constexpr double kLoopWanted_m = 40;   // shorter runs need none
-constexpr int kLoopShared = 25;        // features that pictures of two passages share
+constexpr int kLoopShared = 25;        // features that pictures of two traversals share
 constexpr int kFewPictures = 4;        // of a tag
 constexpr double kNarrow_deg = 20;     // directions from which a tag is seen
 constexpr double kPoorCorners = 4;     // residuals in sigmas of the corners
@@ -58,11 +59,11 @@ void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
     } else if (tag.status == "moved") {
       add(Light::kRed, "moved" + reason + "; fix it and photograph it again, with its neighbours");
     } else if (tag.status == "not tied" || tag.status == "unsolved") {
-      add(Light::kRed, "is seen and has no place in the map" + reason + "; take it into pictures with others");
+      add(Light::kRed, "is seen and has no place in the map" + reason + "; photograph it together with others");
     } else if (tag.status == "ambiguous") {
       add(Light::kAmber, "has two possible poses; photograph it from nearer and from the side");
     } else if (tag.pictures < kFewPictures) {
-      add(Light::kAmber, fmt::format("is in {} pictures only; photograph it again", tag.pictures));
+      add(Light::kAmber, fmt::format("is in {} only; photograph it again", Counted(tag.pictures, "picture")));
     } else if (tag.SpanDeg() < kNarrow_deg) {
       add(Light::kAmber, fmt::format("is seen from one direction only ({:.0f} deg apart); photograph it from the side",
                                      tag.SpanDeg()));
@@ -76,15 +77,15 @@ void FindInCalibration(const FieldFacts& facts, std::vector<SiteFinding>* findin
     if (std::abs(c.focal_change) > kFocalOff && sigmas > 3) {
       findings->push_back(
           {Light::kAmber, "calibration",
-           fmt::format("{}: the calibration does not fit: the tags' squares want a focal length that is "
-                       "{:+.1f} % off ({:.0f} sigma); was the zoom or the focus moved? Photograph the "
-                       "board before leaving",
+           fmt::format("{}: the calibration does not fit: by the tags' squares the focal length is {:+.1f} % off "
+                       "({:.0f} sigma); was the zoom or the focus moved? Photograph the board before leaving",
                        c.run, 100 * std::expm1(c.focal_change), sigmas)});
     } else if (c.corner_factor > kPoorCorners) {
-      findings->push_back({Light::kAmber, "calibration",
-                           fmt::format("{}: the tags' squares are reprojected to {:.2f} px, {:.0f} times what their "
-                                       "corners are good for: calibration, tag sizes or paper that is not flat",
-                                       c.run, c.rms_px, c.corner_factor)});
+      findings->push_back(
+          {Light::kAmber, "calibration",
+           fmt::format("{}: the tags' squares are reprojected to {:.2f} px, {:.0f} times the sigma "
+                       "of their corners; check the calibration, the tags' sizes and that they are flat",
+                       c.run, c.rms_px, c.corner_factor)});
     } else {
       findings->push_back({Light::kGreen, "calibration",
                            fmt::format("{}: the tags' squares are reprojected to {:.2f} px (rms)", c.run, c.rms_px)});
@@ -109,13 +110,13 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
   }
   if (static_cast<double>(covered) < kCovered * static_cast<double>(run.pictures.size())) {
     add(Light::kRed, "odometry",
-        fmt::format("odometry covers {} of {} pictures; look at both clocks, or copy it whole", covered,
+        fmt::format("odometry covers {} of {} pictures; check both clocks, or copy all of it", covered,
                     run.pictures.size()));
   }
   if (run.clock && run.clock->significant) {
     add(Light::kRed, "clock",
-        fmt::format("odometry's clock is {:+.2f} s off the pictures' ({:.2f} s, 1 sigma): say odometry: "
-                    "{{time_offset_s: {:.2f}}} in run.yaml, or record again",
+        fmt::format("odometry's clock is {:+.2f} s off the pictures' (1 sigma {:.2f} s): write odometry: "
+                    "{{time_offset_s: {:.2f}}} into run.yaml, or record again",
                     -run.clock->offset_s, run.clock->sigma_s, run.clock->offset_s));
   } else if (run.clock && run.clock->sigma_s < kClockKnown_s) {
     add(Light::kGreen, "clock",
@@ -128,23 +129,26 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
     const double scale = std::abs(found.scale - 1);
     if (scale > 3 * run.run->config.odometry_scale_sigma && scale > 3 * found.scale_sigma) {
       add(Light::kAmber, "odometry",
-          fmt::format("its metre is {:.3f} m by the tags, more than scale_sigma {:g} allows; is the tags' size right?",
-                      found.scale, run.run->config.odometry_scale_sigma));
+          fmt::format(
+              "odometry's metre is {:.3f} m by the tags, more than scale_sigma {:g} allows; check the tags' size",
+              found.scale, run.run->config.odometry_scale_sigma));
     }
     if (!found.jumps_ns.empty()) {
       add(Light::kAmber, "odometry",
-          fmt::format("odometry jumped {} times, first at {} s; pass that stretch again", found.jumps_ns.size(),
+          fmt::format("odometry jumped {}, first at {} s; pass that stretch again",
+                      found.jumps_ns.size() == 1 ? "once" : fmt::format("{} times", found.jumps_ns.size()),
                       FormatNsAsSeconds(found.jumps_ns.front(), 1)));
     }
     const double factor = found.odometry_factor.maxCoeff();
     if (factor > kPoorOdometry) {
       add(Light::kAmber, "odometry",
-          fmt::format("odometry and tags disagree, {:.0f} times as much as they should: body axes, order of the "
-                      "quaternion, clock, or slip",
-                      factor));
+          fmt::format(
+              "odometry and tags differ by {:.0f} times the sigma of odometry; check the body's axes, the order of the "
+              "quaternion, the clock, and whether wheels slipped",
+              factor));
     } else {
       add(Light::kGreen, "odometry",
-          fmt::format("odometry agrees with the tags; its metre is {:.3f} m by them ({:.3f} m, 1 sigma)", found.scale,
+          fmt::format("odometry agrees with the tags; by them its metre is {:.3f} m (1 sigma {:.3f} m)", found.scale,
                       found.scale_sigma));
     }
   }
@@ -166,7 +170,7 @@ void FindInGps(const FieldRun& run, std::vector<SiteFinding>* findings) {
     findings->push_back({Light::kGreen, "gps", fmt::format("{}: GPS is there, {} fixes", name, within)});
   } else {
     findings->push_back({Light::kAmber, "gps",
-                         name + ": none of its GPS fixes was taken while it recorded; look at time_zero_utc and "
+                         name + ": none of its GPS fixes was taken while it recorded; check time_zero_utc and "
                                 "gps: time_offset_s in run.yaml"});
   }
 }
@@ -196,17 +200,19 @@ void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFind
       });
     });
   }
-  const std::string others = shared > 0 ? fmt::format("; it shares {} tags with other runs", shared) : "";
-  const auto passages = std::count_if(run.pairs.begin(), run.pairs.end(),
-                                      [](const FieldPair& pair) { return pair.loop && pair.shared >= kLoopShared; });
-  if (returns > 0 || passages > 0) {
-    const std::string tags =
-        returns > 0 ? fmt::format("it came back to tags ({}x, last after {:.0f} m)", returns, last_return) : "";
+  const std::string others = shared > 0 ? fmt::format("; it shares {} with other runs", Counted(shared, "tag")) : "";
+  const auto again = std::count_if(run.pairs.begin(), run.pairs.end(),
+                                   [](const FieldPair& pair) { return pair.loop && pair.shared >= kLoopShared; });
+  if (returns > 0 || again > 0) {
+    const std::string tags = returns > 0
+                                 ? fmt::format("it came back to tags ({}, the last after {:.0f} m)",
+                                               returns == 1 ? "once" : fmt::format("{} times", returns), last_return)
+                                 : "";
     const std::string places =
-        passages > 0 ? fmt::format("{} pictures show places of an earlier passage", passages) : "";
+        again > 0 ? fmt::format("{} show places that were passed before", Counted(again, "picture")) : "";
     findings->push_back({Light::kGreen, "loops",
                          fmt::format("{}: {:.0f} m, loop closed: {}{}{}{}", run.run->name, length, tags,
-                                     returns > 0 && passages > 0 ? ", " : "", places, others)});
+                                     returns > 0 && again > 0 ? ", " : "", places, others)});
   } else if (length > kLoopWanted_m) {
     findings->push_back({shared >= 2 ? Light::kGreen : Light::kAmber, "loops",
                          fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}{}", run.run->name,
@@ -220,18 +226,19 @@ void FindInStations(const FieldFacts& facts, std::vector<SiteFinding>* findings)
     if (!station.reference) bare.push_back(station.station);
     const std::string name = "station " + station.station;
     if (station.pictures < kStationPictures) {
-      findings->push_back(
-          {Light::kAmber, "stations",
-           fmt::format("{}: {} pictures within {:.0f} m; pass it again", name, station.pictures, kStation_m)});
+      findings->push_back({Light::kAmber, "stations",
+                           fmt::format("{}: {} within {:.0f} m; pass it again", name,
+                                       Counted(station.pictures, "picture"), kStation_m)});
     } else if (station.sectors < kStationSectors) {
       findings->push_back(
           {Light::kAmber, "stations",
-           fmt::format("{}: pictures from one side only, {} of 12 sectors; walk on past it", name, station.sectors)});
+           fmt::format("{}: pictures from one side only ({} of 12 sectors); walk past it", name, station.sectors)});
     }
   }
   if (!bare.empty()) {
     findings->push_back({Light::kAmber, "stations",
-                         fmt::format("no panorama, photo or photo set yet of stations {}", SomeOf(bare, 8))});
+                         fmt::format("no panorama, photo or photo set yet of {} {}",
+                                     bare.size() == 1 ? "station" : "stations", SomeOf(bare, 8))});
   }
 }
 

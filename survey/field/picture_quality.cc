@@ -15,6 +15,7 @@ constexpr float kLowGradient = 4, kHighGradient = 12;  // grey values a pixel: w
 constexpr float kNoises = 4;                           // and in sigmas of the gradient where there is none
 constexpr size_t kLeastEdges = 100, kLeastCellEdges = 30;
 constexpr double kReblur_px = 1;
+constexpr int kMaskedEdge_px = 2;  // a mask's own edge, and what the blur carries over it
 // Variance of a pixel's square, and of the difference over two pixels, px^2.
 constexpr double kPixelVariance = 1.0 / 12, kDifferenceVariance = 4.0 / 12;
 constexpr double kLeastResolved_px = 0.2;  // below it the gradients no longer depend on the blur
@@ -39,7 +40,7 @@ float LeastGradient(const cv::Mat& picture) {
 }
 
 // Edges across x; those across y are the ones of the transposed picture.
-EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred) {
+EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred, const cv::Mat& mask) {
   EdgeBlurs blurs;
   const float least = LeastGradient(picture);
   for (int y = 1; y + 1 < picture.rows; ++y) {
@@ -49,6 +50,7 @@ EdgeBlurs BlursAlongRows(const cv::Mat& picture, const cv::Mat& reblurred) {
     const auto gradient = [](const float* row, int x) { return 0.5F * (row[x + 1] - row[x - 1]); };
     for (int x = 2; x + 2 < picture.cols; ++x) {
       const float g = gradient(p, x), size = std::abs(g);
+      if (!mask.empty() && mask.at<uint8_t>(y, x) == 0) continue;
       if (size < least || size < std::abs(gradient(p, x - 1)) || size <= std::abs(gradient(p, x + 1))) continue;
       // Across the edge, not along one that is nearly level.
       if (0.5F * std::abs(below[x] - above[x]) > 0.4F * size) continue;
@@ -94,20 +96,28 @@ size_t Transposed(size_t cell) { return kQualityCells * (cell % kQualityCells) +
 
 }  // namespace
 
-PictureQuality MeasurePicture(const cv::Mat& grey) {
+PictureQuality MeasurePicture(const cv::Mat& grey, const cv::Mat& mask) {
   PictureQuality quality;
-  cv::Mat small = grey;
+  cv::Mat small = grey, counts = mask;
   const double shrink = static_cast<double>(kQualitySide_px) / std::max(grey.cols, grey.rows);
   if (shrink < 1) cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
-  const auto pixels = static_cast<double>(small.total());
-  quality.mean = cv::mean(small)[0];
-  quality.dark = cv::countNonZero(small <= kDark) / pixels;
-  quality.bright = cv::countNonZero(small >= kBright) / pixels;
+  if (!mask.empty()) {
+    if (shrink < 1) cv::resize(mask, counts, small.size(), 0, 0, cv::INTER_NEAREST);
+    cv::erode(counts, counts, cv::Mat(), {-1, -1}, kMaskedEdge_px);
+  }
+  const auto share = [&](const cv::Mat& which) {
+    const cv::Mat counted = counts.empty() ? which : which & counts;
+    const auto all = static_cast<double>(counts.empty() ? small.total() : cv::countNonZero(counts));
+    return all > 0 ? cv::countNonZero(counted) / all : 0;
+  };
+  quality.mean = cv::mean(small, counts)[0];
+  quality.dark = share(small <= kDark);
+  quality.bright = share(small >= kBright);
   cv::Mat picture, reblurred;
   small.convertTo(picture, CV_32F);
   cv::GaussianBlur(picture, reblurred, {}, kReblur_px);
-  const EdgeBlurs upright = BlursAlongRows(picture, reblurred);
-  const EdgeBlurs level = BlursAlongRows(picture.t(), reblurred.t());
+  const EdgeBlurs upright = BlursAlongRows(picture, reblurred, counts);
+  const EdgeBlurs level = BlursAlongRows(picture.t(), reblurred.t(), counts.empty() ? counts : counts.t());
   for (const EdgeBlurs* edges : {&upright, &level}) {
     if (edges->all.size() >= kLeastEdges) {
       quality.blur_px = std::max(quality.blur_px.value_or(0), SampledBlur(Median(edges->all)));

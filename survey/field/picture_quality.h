@@ -23,7 +23,8 @@ struct PictureQuality {
   std::array<std::optional<double>, kQualityCells * kQualityCells> cell_blur_px;
 };
 
-// `grey`: 8-bit, one channel. Thread safe.
-PictureQuality MeasurePicture(const cv::Mat& grey);
+// `grey`: 8-bit, one channel. `mask`: of its size, 0 where the picture is left out of every number; empty: nowhere.
+// Thread safe.
+PictureQuality MeasurePicture(const cv::Mat& grey, const cv::Mat& mask = {});
 
 }  // namespace trigpoint

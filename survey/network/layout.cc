@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "datasets/io/tag_families.h"
+
 namespace trigpoint {
 namespace {
 
@@ -81,6 +83,7 @@ std::vector<std::string> NetworkOptions::Check() const {
 
 std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed) {
   std::vector<PlannedSight> sights;
+  const TagFamilies families(layout.sizes.family);
   for (size_t p = 0; p < layout.passes.size(); ++p) {
     const PlannedPass& pass = layout.passes[p];
     Random random(seed + 7919 * p);
@@ -98,7 +101,7 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
         for (const auto& [id, tag] : layout.world_from_tag) {
           PlannedSight sight{static_cast<int>(p), static_cast<int>(f), static_cast<int>(c), id};
           sight.detection.id = id;
-          sight.detection.family = layout.sizes.family;
+          sight.detection.family = families.Of(id);
           sight.detection.margin = 50;
           if (!SeeTag(pass.cameras[c], body, tag, layout.sizes.SizeOf(id), options, &sight)) continue;
           sight.blur_px = BlurPx(pass.cameras[c].camera, pass.cameras[c].cam_from_body, body, motion, tag.translation,

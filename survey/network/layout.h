@@ -35,12 +35,20 @@ struct PlannedPass {
   std::optional<std::vector<PlannedSight>> seen;
 };
 
+// A panorama or photo of known place that `localize` will look for in the pictures of a pass; 1 sigma, world axes.
+struct PlannedPanorama {
+  std::string name;  // its station
+  Rigid3d world_from_pano;
+  double sigma_h_m = 1, sigma_v_m = 2, sigma_heading_rad = 2 * kDegToRad, sigma_tilt_rad = kDegToRad;  // of its geotag
+};
+
 struct NetworkLayout {
   TagSizes sizes;
   std::map<int, Rigid3d> world_from_tag;
   std::vector<PlannedPass> passes;
   std::vector<SurveyPoint> points;  // on tags: control, check, geotags of stations; world_m is where they are
   std::vector<SurveyDistance> distances;
+  std::vector<PlannedPanorama> panoramas;
 };
 
 struct NetworkOptions {
@@ -62,6 +70,9 @@ struct NetworkOptions {
   double tie_near_m = 3;     // distances of these points
   double tie_far_m = 30;
   double tie_length = 8;  // pictures in a row that see one, mean
+  // Of these points, what a panorama shows.
+  int panorama_points = 100;         // at most
+  double panorama_sigma_deg = 0.08;  // 1 sigma of one in a panorama, per axis
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "shortest side of a tag that is used"});
@@ -81,6 +92,10 @@ struct NetworkOptions {
     visit(self.tie_near_m, {"tie_near_m", "m", 0.1, 1000.0, "distance of the nearest scene points"});
     visit(self.tie_far_m, {"tie_far_m", "m", 0.2, 10000.0, "distance of the farthest scene points"});
     visit(self.tie_length, {"tie_length", "", 2.0, 1000.0, "pictures in a row that see a scene point, mean"});
+    visit(self.panorama_points,
+          {"panorama_points", "", 10, 10000, "most scene points that a panorama shares with a pass"});
+    visit(self.panorama_sigma_deg,
+          {"panorama_sigma_deg", "deg", 0.001, 10.0, "1 sigma of a scene point in a panorama, per axis"});
   }
   std::vector<std::string> Check() const;
 };

@@ -11,6 +11,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
+#include "calib/geometry/bearing.h"
 #include "survey/tags/block_solver.h"
 #include "survey/tags/control.h"
 #include "survey/tags/map_start.h"
@@ -24,6 +25,8 @@ constexpr double kDatumShiftSigma = 10;           // m, as in the survey
 // Non-centrality of a test of one quantity at 0.1 % (two-sided) with a power of 80 %: 3.29 + 0.84.
 constexpr double kNonCentrality = 4.13;
 constexpr double kLeastRedundancy = 1e-4;
+constexpr size_t kLeastShared = 20;  // scene points, for a panorama to be answered
+constexpr double kNearest_m = 1;     // of them
 
 class Network {
  public:
@@ -40,27 +43,87 @@ class Network {
     FindLinked();
     AddUnknowns();
     AddSights();
+    AddTies();
     AddOdometry();
     AddDatum();
-    // Everything is where its observations put it: this prepares the equations and moves nothing.
-    ProgressSink silent;
-    solver_.Solve(1, threads, silent, cancel);
-    solver_.Linearise(threads, cancel, true);
+    Invert(threads, cancel);
     Collect();
     return std::move(result_);
   }
 
+  // Of the one pass of a layout without tags.
+  std::vector<PanoramaPrediction> Panoramas(int threads, const CancelToken& cancel) {
+    linked_.assign(1, true);
+    NumberFrames();
+    AddUnknowns();
+    AddTies();
+    AddOdometry();
+    std::vector<PanoramaPrediction> predictions;
+    std::vector<int> unknowns;
+    for (const PlannedPanorama& panorama : layout_.panoramas) {
+      const int shared = AddPanorama(panorama);
+      if (shared == 0) continue;
+      predictions.push_back({0, panorama.name, shared});
+      unknowns.push_back(static_cast<int>(solver_.unknowns.size()) - 1);
+    }
+    if (predictions.empty()) return predictions;
+    std::stable_sort(solver_.sights.begin(), solver_.sights.end(),
+                     [](const TieSight& a, const TieSight& b) { return a.point < b.point; });
+    Invert(threads, cancel);
+    for (size_t i = 0; i < unknowns.size(); ++i) predictions[i].covariance = solver_.PoseCovariance(unknowns[i]);
+    return predictions;
+  }
+
  private:
+  // Everything is where its observations put it: this prepares the equations and moves nothing.
+  void Invert(int threads, const CancelToken& cancel) {
+    ProgressSink silent;
+    solver_.Solve(1, threads, silent, cancel);
+    solver_.Linearise(threads, cancel, true);
+  }
+
+  // With its geotag, and the scene points it shows: those in reach, evenly along the pass. Returns how many; with too
+  // few for an answer nothing is added.
+  int AddPanorama(const PlannedPanorama& panorama) {
+    const Eigen::Vector3d& at = panorama.world_from_pano.translation;
+    std::vector<int> near;
+    for (size_t k = 0; k < solver_.points.size(); ++k) {
+      const double away = (solver_.points[k].position - at).norm();
+      if (away > kNearest_m && away < options_.tie_far_m) near.push_back(static_cast<int>(k));
+    }
+    const auto count = std::min(near.size(), static_cast<size_t>(options_.panorama_points));
+    if (count < kLeastShared) return 0;
+    const int pose = solver_.AddPose(panorama.world_from_pano);
+    const int view = static_cast<int>(solver_.views.size());
+    solver_.views.push_back({Rigid3d(), nullptr});
+    for (size_t i = 0; i < count; ++i) {
+      const int point = near[i * near.size() / count];
+      const Eigen::Vector3d ray =
+          (panorama.world_from_pano.Inverse() * solver_.points[static_cast<size_t>(point)].position).normalized();
+      solver_.sights.push_back(
+          {point, pose, view, (TangentBasis(ray) / (options_.panorama_sigma_deg * kDegToRad)).cast<float>()});
+    }
+    Vector6d sigma;
+    sigma << panorama.sigma_tilt_rad, panorama.sigma_tilt_rad, panorama.sigma_heading_rad, panorama.sigma_h_m,
+        panorama.sigma_h_m, panorama.sigma_v_m;
+    solver_.AddFactor(new PosePriorCost(panorama.world_from_pano, sigma), nullptr, {pose});
+    return static_cast<int>(count);
+  }
+
   int Frame(int pass, int frame) const { return first_frame_[static_cast<size_t>(pass)] + frame; }
   bool Tied(int tag_id) const { return tag_unknown_.contains(tag_id); }
 
-  // Odometry joins the frames of a pass, tags join passes: what is not tied to the largest part is left out.
-  void FindLinked() {
+  void NumberFrames() {
     int frames = 0;
     for (const PlannedPass& pass : layout_.passes) {
       first_frame_.push_back(frames);
       frames += static_cast<int>(pass.world_from_body.size());
     }
+  }
+
+  // Odometry joins the frames of a pass, tags join passes: what is not tied to the largest part is left out.
+  void FindLinked() {
+    NumberFrames();
     UnionFind passes(static_cast<int>(layout_.passes.size()));
     std::map<int, int> seen_by;
     for (const PlannedSight& sight : sights_) {
@@ -105,6 +168,9 @@ class Network {
                             {frame_unknown_[static_cast<size_t>(Frame(sight.pass, sight.frame))],
                              tag_unknown_.at(sight.tag_id), shift_}));
     }
+  }
+
+  void AddTies() {
     for (size_t p = 0; p < ties_.size(); ++p) {
       if (!linked_[p]) continue;
       const PlannedPass& pass = layout_.passes[p];
@@ -373,6 +439,24 @@ NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptio
   const std::vector<std::string> problems = options.Check();
   if (!problems.empty()) throw OptionError(problems.front());
   return Network(layout, options, seed).Predict(ResolveThreads(threads), cancel);
+}
+
+std::vector<PanoramaPrediction> PredictPanoramas(const NetworkLayout& layout, const NetworkOptions& options,
+                                                 uint64_t seed, int threads, const CancelToken& cancel) {
+  const std::vector<std::string> problems = options.Check();
+  if (!problems.empty()) throw OptionError(problems.front());
+  std::vector<PanoramaPrediction> all;
+  for (size_t p = 0; p < layout.passes.size() && !layout.panoramas.empty(); ++p) {
+    NetworkLayout alone;
+    alone.passes = {layout.passes[p]};
+    alone.passes.front().seen = std::vector<PlannedSight>();
+    alone.panoramas = layout.panoramas;
+    for (PanoramaPrediction& panorama : Network(alone, options, seed).Panoramas(ResolveThreads(threads), cancel)) {
+      panorama.pass = static_cast<int>(p);
+      all.push_back(std::move(panorama));
+    }
+  }
+  return all;
 }
 
 namespace {

@@ -73,6 +73,21 @@ struct NetworkPrediction {
 NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed, int threads,
                                  const CancelToken& cancel);
 
+// A panorama as `localize` would state it.
+struct PanoramaPrediction {
+  int pass = 0;
+  std::string name;
+  int points = 0;                          // scene points that it shares with the pass
+  Matrix6d covariance = Matrix6d::Zero();  // left tangent, world axes, rotation first
+  Eigen::Vector3d Sigma() const { return covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt(); }
+};
+
+// What `localize` would state of the layout's panoramas, from each pass by itself and without tags: odometry and scene
+// points, held to the world by the panoramas' geotags. Panoramas that share too few scene points with a pass are left
+// out. Throws as PredictNetwork does.
+std::vector<PanoramaPrediction> PredictPanoramas(const NetworkLayout& layout, const NetworkOptions& options,
+                                                 uint64_t seed, int threads, const CancelToken& cancel);
+
 // What more known points would gain. Each candidate is a tag whose centre gets coordinates of the given sigmas.
 struct ControlSuggestion {
   std::vector<int> tag_ids;  // best first

@@ -12,6 +12,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/camera/pixel_convention.h"
+#include "datasets/io/tag_families.h"
 #include "survey/tags/corner_refinement.h"
 #include "survey/tags/tag_family.h"
 #include "survey/tags/tag_finder.h"
@@ -19,13 +20,25 @@
 namespace trigpoint {
 namespace {
 
-// A detector of the library, for one thread at a time. The family's table of codes, which the first one fills, is read
-// by all.
+// The families that are looked for.
+struct Families {
+  explicit Families(const DetectTagsOptions& options) : wanted(options.family) {
+    for (const std::string& name : wanted.names()) all.push_back(std::make_unique<TagFamily>(name));
+  }
+  const TagFamily& Named(const apriltag_family* family) const {
+    return **std::find_if(all.begin(), all.end(), [&](const auto& f) { return f->get() == family; });
+  }
+  TagFamilies wanted;
+  std::vector<std::unique_ptr<TagFamily>> all;
+};
+
+// A detector of the library, for one thread at a time. The families' tables of codes, which the first one fills, are
+// read by all.
 class Detector {
  public:
-  Detector(const DetectTagsOptions& options, const TagFamily& family)
-      : options_(options), family_(family), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
-    apriltag_detector_add_family(detector_.get(), family_.get());
+  Detector(const DetectTagsOptions& options, const Families& families)
+      : options_(options), families_(families), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
+    for (const auto& family : families.all) apriltag_detector_add_family(detector_.get(), family->get());
     detector_->nthreads = 1;
     detector_->quad_decimate = static_cast<float>(std::max(1.0, options.quad_decimate));
     detector_->quad_sigma = static_cast<float>(options.quad_sigma);
@@ -45,8 +58,11 @@ class Detector {
     for (int i = 0; i < zarray_size(found.get()); ++i) {
       apriltag_detection_t* d = nullptr;
       zarray_get(found.get(), i, &d);
+      const TagFamily& family = families_.Named(d->family);
+      // The same number in another family is another tag, and none of the site's.
+      if (families_.wanted.Of(d->id) != family.name()) continue;
       TagDetection tag;
-      tag.family = options_.family;
+      tag.family = family.name();
       tag.id = d->id;
       tag.hamming = d->hamming;
       tag.margin = d->decision_margin;
@@ -56,13 +72,13 @@ class Detector {
       }
       for (int k = 0; k < 4; ++k) side = std::min(side, (tag.corners[(k + 1) % 4] - tag.corners[k]).norm());
       tag.corner_sigma_px.fill(options_.raw_sigma_px * std::max(1.0, options_.quad_decimate));
-      if (tag.hamming > std::min(options_.max_hamming, family_.Correctable()) || tag.margin < options_.min_margin ||
+      if (tag.hamming > std::min(options_.max_hamming, family.Correctable()) || tag.margin < options_.min_margin ||
           side < options_.min_side_px) {
         ++*refused;
         continue;
       }
       if (options_.refine) {
-        const CornerRefinement fit = RefineCorners(grey, family_.Pattern(tag.id), tag.corners, camera);
+        const CornerRefinement fit = RefineCorners(grey, family.Pattern(tag.id), tag.corners, camera);
         if (fit.ok) {
           tag.corners = fit.corners;
           tag.corner_sigma_px = fit.sigma_px;
@@ -80,7 +96,7 @@ class Detector {
 
  private:
   const DetectTagsOptions& options_;
-  const TagFamily& family_;
+  const Families& families_;
   std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector_;
 };
 
@@ -88,8 +104,8 @@ class Detector {
 
 // Detectors are handed out to threads and given back.
 struct TagFinder::Pool {
-  explicit Pool(const DetectTagsOptions& its) : options(its), family(options.family) {
-    Give(std::make_unique<Detector>(options, family));
+  explicit Pool(const DetectTagsOptions& its) : options(its), families(options) {
+    Give(std::make_unique<Detector>(options, families));
   }
   std::unique_ptr<Detector> Take() {
     {
@@ -100,14 +116,14 @@ struct TagFinder::Pool {
         return detector;
       }
     }
-    return std::make_unique<Detector>(options, family);
+    return std::make_unique<Detector>(options, families);
   }
   void Give(std::unique_ptr<Detector> detector) {
     const std::lock_guard lock(mutex);
     idle.push_back(std::move(detector));
   }
   const DetectTagsOptions options;
-  TagFamily family;
+  Families families;
   std::mutex mutex;
   std::vector<std::unique_ptr<Detector>> idle;
 };
@@ -117,6 +133,14 @@ TagFinder::TagFinder(const DetectTagsOptions& options) {
   pool_ = std::make_unique<Pool>(options);
 }
 TagFinder::~TagFinder() = default;
+
+bool IsMasked(const TagDetection& tag, const cv::Mat& mask) {
+  const cv::Rect whole({}, mask.size());
+  return std::any_of(tag.corners.begin(), tag.corners.end(), [&](const Eigen::Vector2d& corner) {
+    const cv::Point at(cvRound(corner.x()), cvRound(corner.y()));
+    return whole.contains(at) && mask.at<uint8_t>(at) == 0;
+  });
+}
 
 ImageTags TagFinder::Find(const std::function<cv::Mat()>& picture, const Camera* camera, int64_t* refused) {
   ImageTags tags;
@@ -145,11 +169,17 @@ Eigen::Vector3d TagCorner(double size_m, int k) {
 
 std::vector<std::string> DetectTagsOptions::Check() const {
   std::vector<std::string> problems = CheckRanges(*this);
-  const std::vector<std::string> names = TagFamilyNames();
-  if (std::find(names.begin(), names.end(), family) == names.end()) {
-    std::string known;
-    for (const std::string& name : names) known += (known.empty() ? "" : ", ") + name;
-    problems.push_back("option family is \"" + family + "\", expected one of " + known);
+  try {
+    const std::vector<std::string> known = TagFamilyNames();
+    const TagFamilies wanted(family);
+    for (const std::string& name : wanted.names()) {
+      if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+      std::string all;
+      for (const std::string& other : known) all += (all.empty() ? "" : ", ") + other;
+      problems.push_back("option family is \"" + name + "\", expected one of " + all);
+    }
+  } catch (const OptionError& e) {
+    problems.push_back(std::string("option family: ") + e.what());
   }
   return problems;
 }

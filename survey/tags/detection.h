@@ -34,7 +34,7 @@ struct TagDetection {
 Eigen::Vector3d TagCorner(double size_m, int k);
 
 struct DetectTagsOptions {
-  std::string family = "tag36h11";
+  std::string family = "tag36h11";  // or several, as TagFamilies reads them
   // Pictures are searched at 1 / this size: 2 is four times faster and misses small tags, 0.5 finds smaller ones.
   double quad_decimate = 1;
   double quad_sigma = 0;      // Gaussian blur before the search, px; helps noisy pictures
@@ -45,7 +45,9 @@ struct DetectTagsOptions {
   double raw_sigma_px = 0.5;  // 1 sigma per axis of the detector's own corners, where they are not refined
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.family, {"family", "", 0, 0, "tag family: tag36h11, tag25h9, tag16h5, tagStandard41h12, ..."});
+    visit(self.family, {"family", "", 0, 0,
+                        "tag family: tag36h11, tag25h9, tag16h5, tagStandard41h12, ...; several: "
+                        "tag36h11,tag16h5:3:12 (with the ids of those behind the first)"});
     visit(self.quad_decimate, {"quad_decimate", "", 0.25, 8.0,
                                "search at 1 / this size (2: faster, misses small tags; 0.5: finds smaller)"});
     visit(self.quad_sigma, {"quad_sigma", "px", 0.0, 5.0, "blur before the search"});

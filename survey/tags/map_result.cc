@@ -61,6 +61,7 @@ void MapSolver::Collect() {
   CollectResiduals();
   CompareWithPoints();
   CompareDistances();
+  CompareStations();
   ComparePlane();
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
@@ -238,7 +239,7 @@ void MapSolver::CompareWithPoints() {
   for (const SurveyPoint& p : input_.points) {
     Eigen::Vector3d place = Eigen::Vector3d::Zero();
     Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
-    if (!PlaceOf(p, &place, &map)) continue;
+    if (p.start_only || !PlaceOf(p, &place, &map)) continue;
     PointAgreement a{.name = p.name, .role = p.role, .tag_id = p.tag_id, .stated_m = p.world_m};
     a.error_m = place - p.world_m;
     a.excluded = Excluded(p);
@@ -288,6 +289,31 @@ void MapSolver::CompareWithPoints() {
   check.rmse_3d_m = std::sqrt((square_h + square_v) / check.n);
   check.stated_h_m = std::sqrt(stated_h / check.n);
   check.stated_v_m = std::sqrt(stated_v / check.n);
+}
+
+void MapSolver::CompareStations() {
+  constexpr double kLargest = 3.89;  // 99.99 %
+  if (!input_.stations) return;
+  for (const NetworkResidual& r : input_.stations->network.residuals) {
+    if (r.excluded) result_.station_residuals.push_back(r);
+  }
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    if (observations_[i].kind != Kind::kStation) continue;
+    const auto& [sighting, reading] = station_readings_[static_cast<size_t>(observations_[i].index)];
+    const StationSighting& s = input_.stations->sightings[sighting];
+    const int factor = static_cast<int>(i);
+    const double whitened = solver_.Residual(factor)[0], left = 1 - solver_.Absorbed(factor)(0, 0);
+    NetworkResidual r{sighting, reading, whitened * ReadingOf(s, reading).second, 0, false};
+    if (left > 1e-3) r.standardised = whitened / std::sqrt(left);
+    if (std::abs(r.standardised) > kLargest) {
+      result_.warnings.push_back(
+          fmt::format("total_station.csv, line {}: the {} from {} to {} contradicts the map by {:.1f} sigma; look at "
+                      "it, and whether "
+                      "the tag was moved between the survey and the run",
+                      s.line, StationReadingName(reading), s.setup, s.target, std::abs(r.standardised)));
+    }
+    result_.station_residuals.push_back(r);
+  }
 }
 
 void MapSolver::CompareDistances() {

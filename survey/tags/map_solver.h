@@ -20,8 +20,8 @@ class MapSolver {
   SurveyResult Run();
 
  private:
-  // What a factor observes; `index`: sight, frame, point, distance.
-  enum class Kind { kTag, kOdometry, kPoint, kDistance, kOther };
+  // What a factor observes; `index`: sight, frame, point, distance, reading of a total station.
+  enum class Kind { kTag, kOdometry, kPoint, kDistance, kStation, kOther };
   struct Observation {
     Kind kind = Kind::kOther;
     int index = 0;
@@ -55,6 +55,8 @@ class MapSolver {
   void AddTies();
   void AddOdometry();
   void AddPoints();
+  void AddFixes();
+  void AddStations();
   void AddGauge();
   void Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
            const std::vector<int>& unknowns);
@@ -88,6 +90,7 @@ class MapSolver {
   void JudgeShape(TagEstimate* tag) const;
   void CompareWithPoints();
   void CompareDistances();
+  void CompareStations();
   void ComparePlane();
   void CompareDatums();
   void FitMapToPoints();
@@ -127,8 +130,9 @@ class MapSolver {
   std::vector<int> frame_unknown_;         // -1: not placed
   std::map<int, int> tag_unknown_;
   std::map<std::string, int> mark_unknown_;
-  std::set<int> unlinked_frames_, unlinked_tags_;  // not tied to the largest part of the map
-  std::set<int> slipped_;                          // frames whose odometry from the one before jumped
+  std::vector<std::pair<size_t, StationReading>> station_readings_;  // of a sighting
+  std::set<int> unlinked_frames_, unlinked_tags_;                    // not tied to the largest part of the map
+  std::set<int> slipped_;                                            // frames whose odometry from the one before jumped
 };
 
 }  // namespace trigpoint

@@ -8,6 +8,10 @@
 
 namespace trigpoint {
 
+// Whether a corner of `tag` lies on what `mask` (datasets/io/mask.h) ignores: a tag on the carrier, or on something
+// that moves, is none of the site.
+bool IsMasked(const TagDetection& tag, const cv::Mat& mask);
+
 class TagFinder {
  public:
   // Throws OptionError.

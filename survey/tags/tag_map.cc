@@ -526,7 +526,7 @@ void MapSolver::AddPoints() {
   }
   for (size_t i = 0; i < datum_points_.size(); ++i) {
     const SurveyPoint& p = datum_points_[i];
-    if (Excluded(p)) continue;
+    if (Excluded(p) || p.start_only) continue;
     const Eigen::Vector3d sigma(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m);
     const int index = static_cast<int>(i);
     if (p.tag_id < 0) {
@@ -556,7 +556,12 @@ void MapSolver::AddPoints() {
     Add(Kind::kDistance, static_cast<int>(i), new DistanceCost(d.distance_m, d.sigma_m), &distance_loss_,
         {a->second, b->second});
   }
-  // Fixes of a receiver share their error for a while: each counts as one of so many.
+  AddFixes();
+  AddStations();
+}
+
+// Fixes of a receiver share their error for a while: each counts as one of so many.
+void MapSolver::AddFixes() {
   for (size_t r = 0; input_.use_gps && r < input_.runs.size(); ++r) {
     const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
     if (fixes.empty()) continue;
@@ -571,6 +576,55 @@ void MapSolver::AddPoints() {
                         widen * Eigen::Vector3d(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m)),
           &geotag_loss_, {frame_unknown_[static_cast<size_t>(f)]});
     }
+  }
+}
+
+// Set-ups, their orientations and points that are no tags of the map are unknowns; tags that are read are the map's
+// own.
+void MapSolver::AddStations() {
+  station_readings_.clear();
+  if (!input_.stations || !result_.in_world || !input_.use_control) return;
+  const SurveyStations& stations = *input_.stations;
+  std::map<std::string, int> points;
+  for (const NetworkPoint& p : stations.network.points) {
+    const auto tag = TagOfTarget(p.name);
+    if (tag && tag_unknown_.count(tag->first) > 0) continue;
+    points[p.name] = solver_.AddNumbers({p.position.x(), p.position.y(), p.position.z()});
+  }
+  for (const NetworkPoint& p : stations.known) {
+    const auto at = points.find(p.name);
+    if (at == points.end()) continue;
+    Add(Kind::kOther, 0, new KnownPointCost(p.position, {p.sigma_h_m, p.sigma_h_m, p.sigma_v_m}), nullptr,
+        {at->second});
+  }
+  std::map<std::string, std::pair<int, int>> setups;  // instrument, orientation
+  for (const StationSetup& setup : stations.network.setups) {
+    const Eigen::Vector3d& at = setup.instrument;
+    const int instrument = solver_.AddNumbers({at.x(), at.y(), at.z()});
+    setups[setup.name] = {instrument, solver_.AddNumbers({setup.orientation_rad})};
+    const auto below = points.find(setup.name);
+    if (setup.height_m && below != points.end()) {
+      Add(Kind::kOther, 0, new AboveCost(*setup.height_m), nullptr, {below->second, instrument});
+    }
+  }
+  for (const NetworkResidual& reading : stations.network.residuals) {
+    if (reading.excluded) continue;
+    const StationSighting& s = stations.sightings[reading.sighting];
+    const auto& [instrument, orientation] = setups.at(s.setup);
+    const auto [observed, sigma] = ReadingOf(s, reading.reading);
+    std::vector<int> unknowns = {instrument};
+    std::optional<Eigen::Vector3d> lever;
+    if (const auto point = points.find(s.target); point != points.end()) {
+      unknowns.push_back(point->second);
+    } else {
+      const auto tag = *TagOfTarget(s.target);
+      lever = tag.second < 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : TagCorner(SizeOf(tag.first), tag.second);
+      unknowns.push_back(tag_unknown_.at(tag.first));
+    }
+    if (reading.reading == StationReading::kDirection) unknowns.push_back(orientation);
+    Add(Kind::kStation, static_cast<int>(station_readings_.size()),
+        new StationCost(reading.reading, observed, sigma, lever, s.target_height_m), nullptr, unknowns);
+    station_readings_.emplace_back(reading.sighting, reading.reading);
   }
 }
 

@@ -16,6 +16,7 @@
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
 #include "survey/tags/tag_shape.h"
+#include "survey/tags/total_station.h"
 
 namespace trigpoint {
 
@@ -79,6 +80,15 @@ struct SurveyPoint {
   bool offset_in_tag_frame = false;                    // right, out, up in the tag's levelled frame
   Eigen::Vector3d world_m = Eigen::Vector3d::Zero();
   double sigma_h_m = 0.01, sigma_v_m = 0.01;
+  bool start_only = false;  // where a total station has it, to begin with: its readings hold the map, not this point
+};
+
+// What was read with total stations, and the network of it by itself: where set-ups and points begin, and what is left
+// out.
+struct SurveyStations {
+  std::vector<StationSighting> sightings;
+  std::vector<NetworkPoint> known;  // as surveyed
+  StationNetwork network;
 };
 
 struct SurveyDistance {
@@ -97,6 +107,7 @@ struct SurveyInput {
   TagSizes sizes;
   std::vector<SurveyPoint> points;
   std::vector<SurveyDistance> distances;
+  std::optional<SurveyStations> stations;
   bool use_control = true, use_geotags = true;  // as datum; else they are compared only
   std::optional<FixedTag> fixed;                // held exactly
   bool fixed_in_world = false;                  // its pose is the site's
@@ -238,6 +249,7 @@ struct SurveyResult {
   std::string gauge;              // in words
   std::vector<PointAgreement> points;
   std::vector<DistanceAgreement> distances;
+  std::vector<NetworkResidual> station_residuals;  // of SurveyStations::sightings, in the map
   std::vector<PlaneAgreement> plane;
   std::vector<DatumShift> shifts;
   CheckSummary check;  // of points that were not used

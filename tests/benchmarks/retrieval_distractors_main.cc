@@ -20,9 +20,9 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
+#include "datasets/io/views.h"
 #include "localize/reconstruct/features.h"
 #include "localize/references/registration.h"
-#include "localize/references/views.h"
 #include "tests/synthetic/distractors.h"
 
 namespace trigpoint {

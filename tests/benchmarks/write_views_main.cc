@@ -8,7 +8,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 
 namespace trigpoint {
 namespace {

@@ -84,7 +84,7 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
   for (int trial = 0; trial < 50; ++trial) {
     BundleProblem p;
     p.poses = {RandomPose(&random, 1.0, 3.0), RandomPose(&random, 1.0, 3.0)};
-    p.scale = 1.1;
+    p.scales.front().value = 1.1;
     PoseFactor f;
     f.kind = GetParam();
     f.a = 0;
@@ -93,7 +93,7 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
     f.b = f.kind == PoseFactor::Kind::kPrior || (place && trial % 2 == 0) ? -1 : 1;
     p.views = {RandomPose(&random, 1.0, 0.3), RandomPose(&random, 1.0, 0.3)};
     f.view_a = 1;
-    f.scaled = f.kind == PoseFactor::Kind::kBetween;
+    f.scale = f.kind == PoseFactor::Kind::kBetween ? 0 : -1;
     // Residuals up to a radian and a metre: the Jacobians hold away from the minimum, too.
     const Rigid3d off = RandomPose(&random, 0.4, 0.5);
     switch (f.kind) {
@@ -133,7 +133,7 @@ TEST_P(FactorDerivatives, AreThoseOfDifferences) {
         EXPECT_LT((d - stated).norm(), kTolerance * size) << "pose " << pose << " " << k;
       }
     }
-    const Vector6d d = difference([&](BundleProblem* moved, double step) { moved->scale += step; });
+    const Vector6d d = difference([&](BundleProblem* moved, double step) { moved->scales.front().value += step; });
     EXPECT_LT((d - t.js).norm(), kTolerance * size);
   }
 }

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/import/bag_run.h"
+#include "datasets/import/fast_png.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/bag_writer.h"
@@ -286,6 +287,34 @@ TEST(BagImages, EncodingsBecomeBgr) {
   EXPECT_THROW(picture("32FC1", {0, 0, 0, 0}, 1, 1), InputError);
   EXPECT_THROW(picture("bgr8", {0, 0, 0, 0}, 2, 1), InputError);
   EXPECT_THROW(picture("mono8", {0, 0, 0, 0}, 1, 4'000'000'000u), InputError);
+}
+
+TEST(FastPng, LosesNothing) {
+  cv::RNG random(7);
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(2, 1), cv::Size(3, 5), cv::Size(641, 33)}) {
+    for (const int type : {CV_8UC1, CV_8UC3}) {
+      for (const bool noise : {false, true}) {
+        cv::Mat picture(size, type, cv::Scalar::all(77));
+        if (noise) random.fill(picture, cv::RNG::UNIFORM, 0, 256);
+        const std::string png = FastPng(picture);
+        const cv::Mat read = cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED);
+        ASSERT_EQ(read.size(), size);
+        ASSERT_EQ(read.type(), type);
+        EXPECT_EQ(cv::norm(read, picture, cv::NORM_INF), 0) << size << type << noise;
+      }
+    }
+  }
+  // A value so rare that its code would be too long: counts that grow like Fibonacci's numbers.
+  std::vector<uint8_t> steep(1, 0);
+  for (size_t value = 1, a = 1, b = 1; value < 26; ++value, std::swap(a, b), b += a) {
+    steep.insert(steep.end(), b, static_cast<uint8_t>(steep.back()));
+    for (size_t k = 0; k < b; ++k)
+      steep[steep.size() - b + k] = static_cast<uint8_t>(steep[steep.size() - b + k - 1] + value);
+  }
+  const cv::Mat row(1, static_cast<int>(steep.size()), CV_8UC1, steep.data());
+  const std::string png = FastPng(row);
+  EXPECT_EQ(cv::norm(cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED), row, cv::NORM_INF),
+            0);
 }
 
 // Without calibration and without mounts.

@@ -150,6 +150,50 @@ TEST(DatasetRun, Record3d) {
               HasSubstr("expected Record3D's metadata"));
 }
 
+// The same walk as the loggers of ARCore and ARKit write it.
+TEST(VideoRun, PhoneLogsAreOdometry) {
+  const TempDir dir;
+  {
+    cv::VideoWriter video((dir / "walk.avi").string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, {64, 48});
+    ASSERT_TRUE(video.isOpened());
+    for (int i = 0; i < 20; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(10 * i)));
+  }
+  const fs::path arcore = dir.Write("ARCore_sensor_pose.txt",
+                                    "52345678901234, 0, 0, 0, 1, 3, 0, 0\n52346678901234, 0, 0, 0, 1, 3, 0.5, -1\n");
+  const fs::path arkit = dir.Write("ARKit_camera_pose.txt",
+                                   "52345678901234, 1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0\n"
+                                   "52346678901234, 1, 0, 0, 3, 0, 1, 0, 0.5, 0, 0, 1, -1\n");
+  const fs::path site = dir / "site";
+  for (const auto& [name, log] : {std::pair{"arcore", arcore}, std::pair{"arkit", arkit}}) {
+    const ImportReport report = ImportVideoRun(site, dir / "walk.avi", {name, log, "", 1});
+    EXPECT_THAT(Joined(report.warnings), HasSubstr("is on the phone's own clock"));
+    const trigpoint::Run run = ReadRun(site / "runs" / name, site);
+    EXPECT_TRUE(run.config.odometry_levelled);
+    ASSERT_EQ(run.odometry.poses.size(), 2u);
+    EXPECT_EQ(run.odometry.poses[0].stamp_ns, 0);
+    EXPECT_NEAR(1e-9 * static_cast<double>(run.odometry.poses[1].stamp_ns), 1, 1e-6);
+    const Rigid3d moved = run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[1].target_from_body;
+    EXPECT_LT((moved.translation - Eigen::Vector3d(1, 0, 0.5)).norm(), 1e-9);
+  }
+  const fs::path broken = dir.Write("b_ARCore_sensor_pose.txt", "1, 2, 3\n");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, dir / "walk.avi", {"b", broken, "", 1});
+              }),
+              HasSubstr("b_ARCore_sensor_pose.txt:1: expected a time in ns"));
+}
+
+TEST(VideoRun, Insta360IsNotRead) {
+  const TempDir dir;
+  const fs::path site = dir / "site", own = dir.Write("VID_1.insv", "x");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, own, {"a", "", "", 1});
+              }),
+              HasSubstr("in a form that is not published"));
+  const fs::path exported = dir.Write("VID_1.mp4", "xxxx8db42d694ccc418790edff439fe026bf");
+  EXPECT_THAT(Joined(ImportVideoRun(site, exported, {"b", "", "", 1}).warnings),
+              HasSubstr("is not read; export the GPX"));
+}
+
 TEST(VideoRun, TakesTheTrackBesideIt) {
   const TempDir dir;
   {
@@ -166,7 +210,7 @@ TEST(VideoRun, TakesTheTrackBesideIt) {
                                      "none, distortion_coeffs: [], resolution: [64, 48]}\n");
   const fs::path site = dir / "site";
   const ImportReport report = ImportVideoRun(site, dir / "drive.avi", {"drive", "", cameras, 2});
-  EXPECT_THAT(Joined(report.warnings), HasSubstr("does not say when it began: taken as the first time of drive.gpx"));
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("does not state when it began: taken as the first time of drive.gpx"));
   const trigpoint::Run run = ReadRun(site / "runs/drive", site);
   EXPECT_EQ(run.images.size(), 10u);
   ASSERT_EQ(run.gps.size(), 2u);

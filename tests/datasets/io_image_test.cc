@@ -37,7 +37,8 @@ double Difference(const cv::Mat& a, const cv::Mat& b) {
 
 trigpoint::Run RunWithCamera(int width, int height) {
   trigpoint::Run run;
-  run.cameras.push_back({"cam0", Camera::FromFieldOfView(width, height, 1.0), {}, true, 0, {}});
+  run.cameras.push_back(
+      {.name = "cam0", .camera = Camera::FromFieldOfView(width, height, 1.0), .has_extrinsics = true});
   return run;
 }
 

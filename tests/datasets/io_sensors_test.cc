@@ -75,7 +75,7 @@ TEST(Camchain, RefusesWhatItCannotMean) {
     return MessageOf<InputError>([&] { ReadCamchain(dir.Write("c.yaml", text)); });
   };
   EXPECT_THAT(message("cam0:\n  camera_model: omni\n  intrinsics: [1, 2, 3, 4, 5]\n"),
-              HasSubstr("c.yaml:2: key 'cam0.camera_model': expected pinhole, found 'omni'"));
+              HasSubstr("c.yaml:2: key 'cam0.camera_model': expected pinhole or equirectangular, found 'omni'"));
   EXPECT_THAT(message(CameraText("cam0", "  distortion_model: fov\n  distortion_coeffs: [0.9]\n")), HasSubstr("'fov'"));
   EXPECT_THAT(message(CameraText("cam0", "  distortion_model: radtan\n  distortion_coeffs: [0.9]\n")),
               HasSubstr("expected 4, 5 or 8 coefficients for radtan, found 1"));
@@ -351,6 +351,26 @@ TEST(GoPro, TheTrackIsReadFromTheVideo) {
             kUnknownGeoidSigma);
   EXPECT_TRUE(ReadGoProGps(dir.Write("d.mp4", Box("ftyp", "isom") + Box("moov", Box("trak", "")))).fixes.empty());
   EXPECT_TRUE(ReadGoProGps(dir.Write("e.avi", "RIFF....AVI LIST........")).fixes.empty());
+}
+
+TEST(SphericalVideo, IsKnownByWhatTheFileStates) {
+  const TempDir dir;
+  const auto video = [&](const std::string& track) {
+    return dir.Write("v.mp4",
+                     Box("ftyp", "isom") + Box("moov", Box("mvhd", std::string(100, '\0')) + Box("trak", track)));
+  };
+  const std::string head = "<rdf:SphericalVideo><GSpherical:Spherical>true</GSpherical:Spherical>";
+  EXPECT_TRUE(IsSphericalVideo(
+      video(Box("uuid", std::string(16, '\1') + head +
+                            "<GSpherical:ProjectionType>equirectangular</GSpherical:ProjectionType>"))));
+  const auto described = [&](const std::string& projection) {
+    const std::string sample = Box("avc1", std::string(78, '\0') + Box("sv3d", Box("proj", Box(projection, "1234"))));
+    return video(Box("mdia", Box("minf", Box("stbl", Box("stsd", std::string(8, '\0') + sample)))));
+  };
+  EXPECT_TRUE(IsSphericalVideo(described("equi")));
+  EXPECT_FALSE(IsSphericalVideo(described("cbmp")));
+  EXPECT_FALSE(IsSphericalVideo(video("")));
+  EXPECT_FALSE(IsSphericalVideo(dir.Write("e.avi", "RIFF....AVI LIST........")));
 }
 
 TEST(GoPro, NewerCamerasStateFixAndDopOfEach) {

@@ -7,10 +7,16 @@
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "datasets/io/capture_date.h"
+#include "datasets/io/expired_panoramas.h"
+#include "datasets/io/image.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/path_error.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/site.h"
 #include "datasets/io/site_inputs.h"
 #include "datasets/io/tables.h"
+#include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
@@ -357,6 +363,101 @@ TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
   EXPECT_TRUE(run.cameras[0].has_extrinsics);
 }
 
+TEST_F(SiteTest, SeesA360CameraAsItsViews) {
+  for (int i = 1; i <= 4; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".png", 64, 32);
+  Write("runs/run1/camchain.yaml",
+        "cam0:\n  camera_model: equirectangular\n  resolution: [64, 32]\n"
+        "  T_cam_imu: [[0, -1, 0, 0], [0, 0, -1, 1.5], [1, 0, 0, 0], [0, 0, 0, 1]]\n");
+  Picture("runs/run1/mask.png", 64, 32);
+  cv::Mat mask(32, 64, CV_8U, cv::Scalar(255));
+  mask.colRange(28, 36).setTo(0);  // what is straight ahead
+  cv::imwrite((dir_ / "runs/run1/mask.png").string(), mask);
+  Write("runs/run1/run.yaml", "masks: mask.png\n");
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  ASSERT_EQ(run.cameras.size(), 5u);
+  ASSERT_EQ(run.images.size(), 20u);
+  EXPECT_EQ(run.images[0].file, "images/1.png");
+  EXPECT_EQ(run.images[2].file, "images/1.png#cam0_144");
+  EXPECT_EQ(PictureOf(run, run.images[2]), "images/1.png");
+  const Eigen::Vector3d ahead = run.cameras[0].cam_from_body.Inverse() * Eigen::Vector3d(0, 0, 1);
+  EXPECT_LT((ahead - Eigen::Vector3d(1, 0, 1.5)).norm(), 1e-12);
+  for (int k = 0; k < 5; ++k) {
+    const BodyCamera& view = run.cameras[static_cast<size_t>(k)];
+    EXPECT_EQ(view.camera.model(), CameraModel::kPinhole);
+    EXPECT_EQ(view.IsFurtherView(), k > 0);
+    const Rigid3d body_from_view = view.cam_from_body.Inverse();
+    EXPECT_LT((body_from_view.translation - Eigen::Vector3d(0, 0, 1.5)).norm(), 1e-12) << "one centre";
+    // To the right is clockwise.
+    const double heading = -72 * k * kDegToRad;
+    const Eigen::Vector3d axis = body_from_view.rotation * Eigen::Vector3d::UnitZ();
+    EXPECT_LT((axis - Eigen::Vector3d(std::cos(heading), std::sin(heading), 0)).norm(), 1e-12) << k;
+    const cv::Mat picture = LoadGrey(run, run.images[static_cast<size_t>(k)]);
+    EXPECT_EQ(picture.cols, view.camera.width());
+    const int ignored = cv::countNonZero(RunMasks(run).Of(run.images[static_cast<size_t>(k)]) == 0);
+    EXPECT_EQ(ignored > 0, k == 0) << k;
+  }
+  EXPECT_EQ(LoadColour(run, run.images[1]).channels(), 3);
+  Picture("runs/run1/images/1.png", 80, 40);
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, run.images[1]); }), HasSubstr("expected a picture of 64 x 32"));
+}
+
+TEST_F(SiteTest, Knows360PicturesByWhatTheyState) {
+  std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
+  for (int i = 1; i <= 2; ++i) Picture("runs/run1/images/" + std::to_string(i) + ".jpg", 64, 32);
+  Write("runs/run1/images.txt", "1 images/1.jpg\n2 images/2.jpg\n");
+  trigpoint::Run run = ReadOne();
+  EXPECT_EQ(run.cameras.size(), 1u);
+  EXPECT_THAT(Warnings(run), HasSubstr("write 'camera: equirectangular' into run.yaml"));
+  Write("runs/run1/run.yaml", "camera: equirectangular\n");
+  run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  EXPECT_EQ(run.cameras.size(), 5u);
+  EXPECT_EQ(run.cameras[0].focal_sigma_share, 0) << "a 360 picture is calibrated by its kind";
+  Write("runs/run1/run.yaml", "");
+  const auto image = Exiv2::ImageFactory::open((dir_ / "runs/run1/images/1.jpg").string());
+  image->readMetadata();
+  image->xmpData()["Xmp.GPano.ProjectionType"] = "equirectangular";
+  image->writeMetadata();
+  EXPECT_EQ(ReadOne().cameras.size(), 5u);
+  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera);
+  Write("runs/run1/run.yaml", "camera: equirectangular\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("camchain.yaml has camera 'cam0' of another model"));
+  Write("runs/run1/camchain.yaml", "cam0:\n  camera_model: equirectangular\n  resolution: [64, 48]\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("twice as wide as high"));
+}
+
+TEST_F(SiteTest, TakesTheCirclesOfADualFisheyeForTwoCameras) {
+  const std::string lens =
+      "  camera_model: pinhole\n  intrinsics: [15, 15, 23.5, 23.5]\n  distortion_model: equidistant\n"
+      "  distortion_coeffs: [0, 0, 0, 0]\n  resolution: [48, 48]\n"
+      "  T_cam_imu: [[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]\n";
+  Write("runs/run1/camchain.yaml",
+        "front:\n" + lens + "  crop: [0, 0, 48, 48]\nback:\n" + lens + "  crop: [48, 0, 48, 48]\n");
+  for (int i = 1; i <= 4; ++i) {
+    cv::Mat both(48, 96, CV_8U, cv::Scalar(50));
+    both.colRange(48, 96).setTo(200);
+    cv::imwrite((dir_ / ("runs/run1/images/" + std::to_string(i) + ".png")).string(), both);
+  }
+  const trigpoint::Run run = ReadOne();
+  EXPECT_EQ(Warnings(run), "");
+  ASSERT_EQ(run.images.size(), 8u);
+  EXPECT_EQ(run.images[0].file, "images/1.png");
+  EXPECT_EQ(run.images[1].file, "images/1.png#back");
+  EXPECT_EQ(run.images[1].camera, 1);
+  EXPECT_FALSE(run.cameras[1].IsFurtherView()) << "a lens has a pose of its own";
+  EXPECT_EQ(cv::mean(LoadGrey(run, run.images[0]))[0], 50);
+  EXPECT_EQ(cv::mean(LoadGrey(run, run.images[1]))[0], 200);
+  const cv::Mat mask = RunMasks(run).Of(run.images[1]);
+  EXPECT_EQ(mask.at<uint8_t>(0, 0), 0) << "outside the circle";
+  EXPECT_EQ(mask.at<uint8_t>(24, 24), 255);
+  Picture("runs/run1/images/1.png");
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, run.images[1]); }),
+              HasSubstr("expected a picture of at least 96 x 48 for the crop of camera 'back', found 64 x 48"));
+  Write("runs/run1/camchain.yaml", "front:\n" + lens + "  crop: [0, 0, 40, 48]\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("with the size of resolution, 48 x 48"));
+}
+
 TEST_F(SiteTest, ReadsPanoramasFromTheTable) {
   Picture("panoramas/a.jpg", 64, 32);
   Picture("panoramas/b \xC3\xBC.jpg", 64, 32);
@@ -638,10 +739,57 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
   EXPECT_THAT(with("origin.json", "{lat: 48"), HasSubstr("expected JSON"));
   EXPECT_THAT(with("origin.json", "{\"lat\": 98, \"lon\": 8}"), HasSubstr("expected a latitude"));
   std::filesystem::remove(dir_ / "origin.json");
+  Write("tags.yaml", "family: tag36h11\nfamilies: {7: tag16h5, 9: tag25h9}\nsize_m: 0.5\n");
+  EXPECT_EQ(Read().tags.family, "tag36h11,tag16h5:7,tag25h9:9");
+  EXPECT_THAT(with("tags.yaml", "families: {7: tag16h6}\n"), HasSubstr("nearest known: 'tag16h5'"));
+  EXPECT_THAT(with("tags.yaml", "families: {x: tag16h5}\n"), HasSubstr("expected 'ID: FAMILY'"));
   EXPECT_THAT(with("tags.yaml", "family: tag36h12\n"), HasSubstr("nearest known: 'tag36h11'"));
   EXPECT_THAT(with("tags.yaml", "size_m: big\n"), HasSubstr("tags.yaml:1: key 'size_m': expected a number"));
   EXPECT_THAT(with("tags.yaml", "sizes_m: {x: 1}\n"), HasSubstr("expected 'ID: SIZE'"));
   EXPECT_THAT(with("tags.yaml", "size: 1\n"), HasSubstr("nearest known key: 'size_m'"));
+}
+
+TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
+  const std::string header = "# mine\nfile,latitude_deg,longitude_deg,keep_until\n";
+  const std::string own = "panoramas/a.jpg,48.01,7.83,\n", later = "panoramas/b.jpg,48.01,7.83,2026-05-12T10:00:00Z\n",
+                    over = "panoramas/c.jpg,48.01,7.83,2026-05-12T09:00:00Z\n";
+  for (const char* name : {"panoramas/a.jpg", "panoramas/b.jpg", "panoramas/c.jpg"}) Write(name, "x");
+  Write("panoramas.csv", header + own + later + over);
+  Write("results/replaced/2026-panoramas.csv", header + over);
+  const int64_t half_past_nine = *ParseUtcToNs("2026-05-12T09:30:00Z") / 1'000'000'000;
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine - 3600), 0);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 1);
+  EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), header + own + later);
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/b.jpg"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/c.jpg"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2026-panoramas.csv"));
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
+  EXPECT_FALSE(IsOver("9999-12-31T23:59:59Z"));
+  EXPECT_FALSE(IsOver("soon"));
+  // A table of others, and one that cannot be read, are left as they are.
+  Write("panoramas.csv", "keep_until\nx\n");
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
+  EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), "keep_until\nx\n");
+}
+
+TEST(CaptureDate, GapsAreExplained) {
+  EXPECT_EQ(ExplainGap("2019-01", "2026-05-12"), "taken 2019-01, 7.3 years before the run, in another season");
+  EXPECT_EQ(ExplainGap("2026-05-01T10:00:00Z", "2026-05-12"), "");
+  EXPECT_EQ(ExplainGap("2026-01-05", "2026-05-12"), "taken 2026-01, in another season");
+  EXPECT_EQ(ExplainGap("2028-05", "2026-05-12"), "taken 2028-05, 2.0 years after the run");
+  for (const char* unknown : {"", "2019", "soon", "2019-99"})
+    EXPECT_EQ(ExplainGap(unknown, "2026-05-12"), "") << unknown;
+  // The turn of the year lies within a season.
+  EXPECT_NEAR(GapBetween("2025-12-25", "2026-01-04")->season_days, 10, 1e-6);
+  trigpoint::Run run;
+  EXPECT_EQ(DateOfRun(run), "");
+  run.images.resize(1);
+  run.images[0].stamp_ns = 5'000'000'000;
+  EXPECT_EQ(DateOfRun(run), "");
+  run.config.time_zero_utc_ns = *ParseUtcToNs("2026-05-12T23:59:58Z");
+  EXPECT_EQ(DateOfRun(run), "2026-05-13");
+  run.config.date = "2026-05-12";
+  EXPECT_EQ(DateOfRun(run), "2026-05-12");
 }
 
 TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {

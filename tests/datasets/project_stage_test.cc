@@ -144,6 +144,31 @@ TEST_F(StageTest, EachPartOfTheIdentityCounts) {
   EXPECT_FALSE(RunStage(project_, request_, 1, 2, progress_, cancel_).computed);  // threads don't count
 }
 
+TEST_F(StageTest, TheResultBeforeADecisionIsKeptAndBroughtBack) {
+  const nlohmann::json first = Run().manifest;
+  request_.values["review"] = {{"exclude", "tag:7"}};
+  const nlohmann::json second = Run().manifest;
+  EXPECT_EQ(computed_, 2);
+  request_.values.erase("review");
+  EXPECT_EQ(State(), StageState::kOutOfDate);
+  EXPECT_EQ(Run().manifest, first);  // taken back
+  EXPECT_EQ(State(), StageState::kDone);
+  request_.values["review"] = {{"exclude", "tag:7"}};
+  EXPECT_EQ(Run().manifest, second);  // and made again
+  EXPECT_EQ(computed_, 2);
+  // One that was changed is no result.
+  folder_.Write("results/toy/.before-run1/result.txt", "changed");
+  request_.values.erase("review");
+  Run();
+  EXPECT_EQ(computed_, 3);
+  // Other options are no decision: nothing is kept for them.
+  request_.options["size"] = 2;
+  Run();
+  request_.options["size"] = 1;
+  Run();
+  EXPECT_EQ(computed_, 5);
+}
+
 TEST_F(StageTest, EarlierResultCountsByWhatItHolds) {
   StageRequest later = request_;
   later.stage = "later";

@@ -36,7 +36,7 @@ inline Solution MakeSolution() {
     PoseFactor f;
     f.kind = PoseFactor::Kind::kBetween;
     f.a = k - 1, f.b = k;
-    f.scaled = true;
+    f.scale = 0;
     f.measured = s.problem.poses[static_cast<size_t>(k) - 1] * odom_from_body;
     f.sqrt_info = Vector6d(Vector6d::Constant(50)).asDiagonal();
     f.loss = std::make_shared<HuberChi2Loss>(22.5);
@@ -58,7 +58,7 @@ inline Solution MakeSolution() {
   s.problem.pose_constant.push_back(false);
   s.problem.views.push_back(Rigid3d());
   s.problem.loss = MakeLoss("dcs", 5.99 / 3);
-  s.problem.scale = 1.01, s.problem.scale_prior = 1, s.problem.scale_sigma = 0.02;
+  s.problem.scales = {{1.01, true, 1, 0.02}};
   for (int j = 0; j < 40; ++j) {
     s.problem.points.push_back({-1 + 0.2 * j, 3 + random.Normal(), random.Normal()});
     s.depth_m.push_back(2 + 0.1 * j);

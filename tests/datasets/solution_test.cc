@@ -98,8 +98,8 @@ TEST(SolutionFile, ComesBackBitByBit) {
   };
   EXPECT_EQ(loss(back.problem.loss), loss(s.problem.loss));
   EXPECT_EQ(loss(back.problem.factors[2].loss), std::make_pair(std::string("huber"), 22.5));
-  EXPECT_EQ(back.problem.scale, 1.01);
-  EXPECT_EQ(back.problem.scale_sigma, 0.02);
+  EXPECT_EQ(back.problem.scales.front().value, 1.01);
+  EXPECT_EQ(back.problem.scales.front().sigma, 0.02);
   EXPECT_EQ(back.sigma_px, s.sigma_px);
   EXPECT_EQ(back.odometry_noise_factor, s.odometry_noise_factor);
   EXPECT_EQ(back.summary.final_cost, 1e-310);
@@ -177,12 +177,41 @@ TEST(SolutionFile, WhatWasMeasuredInTheWorldComesBack) {
   EXPECT_THROW(WriteSolution(s, dir / "wrong.db"), InputError);
 }
 
+// Of a site: each run with its scale, its cameras and images, all poses.
+TEST(SolutionFile, KeepsSeveralRuns) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  s.runs.resize(2);
+  s.runs[0].name = "a", s.runs[1].name = "b";
+  s.runs[1].first_camera = 1, s.runs[1].first_image = 7, s.runs[1].first_pose = 3;
+  s.runs[1].sigma_px = 0.7, s.runs[1].correlation_inflation = 2;
+  s.problem.scales = {{1.01, false, 1, 0.02}, {0.99, false, 1, 0.03}};
+  s.problem.factors.front().scale = 1;
+  for (size_t i = 7; i < s.images.size(); ++i) s.images[i].camera = 1;
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  ASSERT_EQ(back.runs.size(), 2u);
+  EXPECT_EQ(back.runs[1].name, "b");
+  EXPECT_EQ(back.problem.scales[1].value, 0.99);
+  EXPECT_EQ(back.problem.scales[0].sigma, 0.02);
+  EXPECT_FALSE(back.problem.scales[1].constant);
+  EXPECT_EQ(back.problem.factors.front().scale, 1);
+  const Solution part = PartOfRun(back, 1);
+  EXPECT_EQ(part.run, "b");
+  ASSERT_EQ(part.cameras.size(), 1u);
+  EXPECT_EQ(part.images.size(), s.images.size() - 7);
+  EXPECT_EQ(part.images.front().camera, 0);
+  EXPECT_EQ(part.problem.poses.size(), s.problem.poses.size());
+  s.problem.factors.front().scale = 2;
+  EXPECT_THROW(WriteSolution(s, dir / "wrong.db"), InputError);
+}
+
 TEST(SolutionFile, RefusesANewerFormat) {
   const TempDir dir;
   WriteSolution(MakeSolution(), dir / "solution.db");
-  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 3"), "");
+  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 4"), "");
   const std::string message = Refusal(dir / "solution.db");
-  EXPECT_NE(message.find("format version 3, this program reads up to 2"), std::string::npos) << message;
+  EXPECT_NE(message.find("format version 4, this program reads up to 3"), std::string::npos) << message;
 }
 
 TEST(SolutionFile, RefusesAChangedNumber) {

@@ -67,6 +67,19 @@ TEST(TagLayout, BecomesControl) {
   EXPECT_THAT(MessageOf<InputError>([&] { ImportTagLayout(site, file, 0.2); }), HasSubstr("is there already"));
 }
 
+TEST(TagLayout, FamiliesAreMixed) {
+  const TempDir dir;
+  std::vector<LayoutTag> tags(2);
+  tags[0].id = 3, tags[0].family = "tag36h11", tags[0].size_m = 0.2;
+  tags[1].id = 4, tags[1].family = "tag16h5", tags[1].size_m = 0.1;
+  WriteFmap(dir / "mixed.fmap", tags);
+  const ImportReport report = ImportTagLayout(dir / "site", dir / "mixed.fmap", 0);
+  EXPECT_THAT(Joined(report.lines), HasSubstr("2 tags of tag16h5, tag36h11"));
+  const TagSizes sizes = ReadTagSizes(dir / "site/tags.yaml");
+  EXPECT_EQ(sizes.family, "tag36h11,tag16h5:4");
+  EXPECT_EQ(sizes.SizeOf(4), 0.1);
+}
+
 TEST(TagLayout, DamageIsNamed) {
   const TempDir dir;
   const auto message = [&](const std::string& text) {

@@ -123,7 +123,7 @@ TEST_F(FieldCheck, PiecesAreTakenUpAsTheyArrive) {
   EXPECT_EQ(exit_code, 3);
   EXPECT_EQ(first.at("light"), "red");
   EXPECT_EQ(first.at("pictures"), third);
-  EXPECT_THAT(Findings(first), Contains(HasSubstr("is planned and in no picture")));
+  EXPECT_THAT(Findings(first), Contains(HasSubstr("planned and in no picture")));
   EXPECT_THAT(first.at("next").at(0).get<std::string>(), HasSubstr("Photograph tag"));
   // The next piece arrives; one picture of it is half there, another one was copied this moment.
   for (size_t i = third; i < images_.size(); ++i) {
@@ -135,7 +135,7 @@ TEST_F(FieldCheck, PiecesAreTakenUpAsTheyArrive) {
   Age(images_[third]);
   const nlohmann::json second = Check();
   EXPECT_EQ(second.at("waiting"), 1);
-  EXPECT_THAT(Findings(second), Contains(HasSubstr("1 pictures cannot be read")));
+  EXPECT_THAT(Findings(second), Contains(HasSubstr("1 picture cannot be used")));
   EXPECT_THAT(Findings(second), Not(Contains(HasSubstr("in no picture"))));
   fs::copy(base_ / "whole/runs/run1/images" / images_[third].filename(), images_[third],
            fs::copy_options::overwrite_existing);
@@ -145,7 +145,7 @@ TEST_F(FieldCheck, PiecesAreTakenUpAsTheyArrive) {
   const nlohmann::json third_time = Check();
   EXPECT_EQ(third_time.at("pictures"), images_.size());
   EXPECT_EQ(third_time.at("waiting"), 0);
-  EXPECT_THAT(Findings(third_time), Not(Contains(HasSubstr("cannot be read"))));
+  EXPECT_THAT(Findings(third_time), Not(Contains(HasSubstr("cannot be used"))));
   EXPECT_THAT(Findings(third_time, ""), Contains(HasSubstr("the ring of 12 photos is closed")));
   for (const char* file : {"index.html", "map.svg", "findings.csv", "tags.csv", "next.csv", "summary.json"}) {
     EXPECT_TRUE(fs::exists(site_ / "results/check" / file)) << file;
@@ -163,6 +163,18 @@ TEST_F(FieldCheck, AHiddenTagIsNamed) {
     return changed;
   });
   EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 2 (")));
+}
+
+TEST_F(FieldCheck, WhatAMaskIgnoresIsNoTagOfTheSite) {
+  const nlohmann::json before = Check();
+  const std::string yaml = ReadTextFile(site_ / "runs/run1/run.yaml");
+  std::ofstream(site_ / "runs/run1/run.yaml", std::ios::app) << "\nmasks: {cam0: [[0, 0, 479, 299]]}\n";
+  const nlohmann::json masked = Check();
+  EXPECT_EQ(masked.at("pictures"), before.at("pictures"));
+  EXPECT_THAT(Findings(masked), Contains(HasSubstr("tags 0 (")));
+  EXPECT_THAT(Findings(masked, ""), Not(Contains(HasSubstr("the tags' squares"))));
+  std::ofstream(site_ / "runs/run1/run.yaml", std::ios::trunc) << yaml;
+  EXPECT_EQ(Findings(Check()), Findings(before));
 }
 
 TEST_F(FieldCheck, ADoubledTagIsNamed) {
@@ -264,7 +276,7 @@ TEST_F(FieldCheck, TheWatchedPageFollowsTheFolder) {
   const Finished ended = watch.Wait();
   const auto last = nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json"));
   EXPECT_EQ(ended.exit_code, last.at("light") == "green" ? 0 : 3);
-  EXPECT_THAT(ended.err, HasSubstr("is planned and in no picture"));
+  EXPECT_THAT(ended.err, HasSubstr("planned and in no picture"));
   EXPECT_LE(std::count(ended.out.begin(), ended.out.end(), '\n'), 12);
   EXPECT_THAT(ReadTextFile(site_ / "results/check/index.html"), Not(HasSubstr("http-equiv=\"refresh\"")));
 }

@@ -7,6 +7,7 @@ The panoramas come from services_test.py's server on this machine.
 """
 import csv
 import datetime
+import json
 import os
 import struct
 import subprocess
@@ -75,6 +76,8 @@ class FromVideo(services_test.Services):
         print(f"{len(localized)} of {len(panoramas)} panoramas are localized", file=sys.stderr)
         self.assertEqual(len(panoramas), 4)
         self.assertGreaterEqual(len(localized), 3)
+        source = json.loads(services_test.content(f"{self.site}/results/localize/drive/manifest.json"))["metrics"]["sources"]["panoramax"]
+        self.assertEqual((source["positions"], source["stated_sigma_m"], source["estimated_sigma_m"]), (len(localized), 3, 0))
 
 
 if __name__ == "__main__":

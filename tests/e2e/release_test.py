@@ -3,6 +3,7 @@
 
     release_test.py PROGRAM
 """
+import csv
 import hashlib
 import json
 import os
@@ -84,6 +85,24 @@ class Release(unittest.TestCase):
         copied = json.loads(trigpoint("publish", self.site, "--name", "july", "--copy-inputs", "--json").stdout)
         self.assertEqual(copied["inputs_by_hash"], 0)
         self.assertEqual(read(f"{self.site}/releases/july/site/runs/monday/board.jpg"), "a picture")
+
+    def test_refuses_pictures_that_must_not_be_kept(self):
+        survey_site.write(f"{self.site}/panoramas/google-a.jpg", "a picture")
+        survey_site.write(f"{self.site}/panoramas.csv", "file,latitude_deg,longitude_deg,source,keep_until\npanoramas/google-a.jpg,48.01,7.83,google,2999-01-01T00:00:00Z\n")
+        self.assertIn("panoramas/google-a.jpg is from google, whose terms forbid to keep it", trigpoint("publish", self.site, "--name", "june", expect=1).stderr)
+        self.assertFalse(os.path.exists(f"{self.site}/releases/june"))
+
+    def test_a_site_of_two_families_and_sizes(self):
+        # Tag 5 is one of tag16h5; what is read as tag36h11 with its number, and as tag16h5 with another, is none.
+        self.edit(f"{self.site}/tags.yaml", lambda text: text + "families: {5: tag16h5}\nsizes_m: {5: 0.4}\n")
+        self.edit(f"{self.site}/runs/monday/detections.csv", lambda text: "\n".join(
+            line.replace("tag36h11,5,", "tag16h5,5,") + ("\n" + line + "\n" + line.replace("tag36h11,5,", "tag16h5,3,") if "tag36h11,5," in line else "") for line in text.splitlines()) + "\n")
+        done = trigpoint("run", self.site)
+        self.assertRegex(done.stdout + done.stderr, r"of \d+ detections are of family (tag36h11|tag16h5), tags.yaml has tag36h11,tag16h5:5; they are left out")
+        rows = {row["tag_id"]: row for row in csv.DictReader(line for line in read(f"{self.site}/results/survey/tags.csv").splitlines() if not line.startswith("#"))}
+        self.assertEqual({tag: row["family"] for tag, row in rows.items()}, {"0": "tag36h11", "1": "tag36h11", "2": "tag36h11", "3": "tag36h11", "4": "tag36h11", "5": "tag16h5"})
+        before = {row["tag_id"]: row for row in csv.DictReader(line for line in read(f"{self.made}/results/survey/tags.csv").splitlines() if not line.startswith("#"))}
+        self.assertEqual([rows["5"][k] for k in "xyz"], [before["5"][k] for k in "xyz"])
 
     def test_refuses_what_is_out_of_date(self):
         def refused(name):

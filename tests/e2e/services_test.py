@@ -23,11 +23,13 @@ import time
 import unittest
 import urllib.parse
 
-from PIL import Image
+from PIL import Image, ImageFilter
 
 PROGRAM = ""
 SOURCE = ""
 TOKEN = "MLY|123|a-secret-that-must-not-show"
+KEY = "AIza-a-secret-that-must-not-show"
+PATHS = {"panoramax": "/api", "mapillary": "/graph", "kartaview": "/karta", "google": "/google"}
 NEAR = (48.0125518, 7.8322567)
 
 
@@ -42,6 +44,7 @@ class Server(http.server.ThreadingHTTPServer):
         self.files_url = self.url
         self.log, self.faults, self.items, self.pictures = [], {}, [], {}
         self.page_size, self.delay_s, self.token = 1000, 0, TOKEN
+        self.key, self.sessions, self.expiry, self.cache_control, self.tiles = KEY, [], 0, "private, max-age=3600", {}
         threading.Thread(target=self.serve_forever, args=(0.01,), daemon=True).start()
 
     def paths(self, part):
@@ -69,6 +72,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
         except BrokenPipeError:
             pass  # of a client that was killed
 
+    def do_POST(self):
+        self.body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.do_GET()
+
     def answer(self):
         server = self.server
         url = urllib.parse.urlsplit(self.path)
@@ -84,6 +91,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return self.graph(url.path, query)
         if url.path == "/karta/2.0/photo/":
             return self.karta(query)
+        if url.path.startswith("/google/"):
+            return self.google(url.path[len("/google"):], query)
         if url.path in server.pictures:
             return self.picture(server.pictures[url.path], fault)
         return self.send(404, b"{}")
@@ -116,6 +125,33 @@ class Handler(http.server.BaseHTTPRequestHandler):
         page, size = int(query["page"]) - 1, min(self.server.page_size, int(query["itemsPerPage"]))
         answer = {"status": {"apiCode": 600, "httpCode": 200}, "result": {"data": inside[page * size:(page + 1) * size], "hasMoreData": (page + 1) * size < len(inside)}}
         self.send(200, json.dumps(answer).encode())
+
+    def google(self, path, query):
+        """The Map Tiles API: items are metadata by id."""
+        server = self.server
+        if query.get("key") != server.key:
+            return self.send(400, json.dumps({"error": {"code": 400, "message": f"API key not valid: {query.get('key')}", "status": "INVALID_ARGUMENT"}}).encode())
+        if path == "/createSession":
+            assert self.headers["Content-Type"] == "application/json" and json.loads(self.body)["mapType"] == "streetview"
+            server.sessions.append(f"session{len(server.sessions)}")
+            return self.send(200, json.dumps({"session": server.sessions[-1], "expiry": str(server.expiry or int(time.time()) + 86400), "tileWidth": 256, "imageFormat": "jpeg"}).encode())
+        if query.get("session") != server.sessions[-1]:
+            return self.send(403, b'{"error": {"code": 403, "status": "PERMISSION_DENIED"}}')
+        if path == "/streetview/panoIds":
+            asked = json.loads(self.body)
+            assert len(asked["locations"]) <= 100
+            return self.send(200, json.dumps({"panoIds": [self.nearest(place, asked["radius"]) for place in asked["locations"]]}).encode())
+        found = [i for i in server.items if i["panoId"] == query["panoId"]]
+        if path == "/streetview/metadata":
+            return self.send(200, json.dumps(found[0]).encode()) if found else self.send(404, b"{}")
+        zoom, x, y = map(int, re.fullmatch(r"/streetview/tiles/(\d)/(\d+)/(\d+)", path).groups())
+        return self.send(200, server.tiles[zoom][x, y], "image/jpeg", [("Cache-Control", server.cache_control)])
+
+    def nearest(self, place, radius):
+        def away(i):
+            return max(abs(i["lat"] - place["lat"]) * 111000, abs(i["lng"] - place["lng"]) * 74500)
+        listed = [i for i in self.server.items if away(i) <= radius and not i.get("hidden")]
+        return min(listed, key=away)["panoId"] if listed else ""
 
     def graph(self, path, query):
         if self.headers.get("Authorization") != "OAuth " + self.server.token:
@@ -171,7 +207,7 @@ class Services(unittest.TestCase):
             self.panorama = panorama.read()
         with open(f"{SOURCE}/datasets/parking_lot/runs/run1/images/000000.jpg", "rb") as photo:
             self.photo = photo.read()
-        self.environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy") and not k.startswith("MAPILLARY")}
+        self.environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy") and not k.startswith(("MAPILLARY", "GOOGLE"))}
 
     def tearDown(self):
         self.server.shutdown()
@@ -179,8 +215,7 @@ class Services(unittest.TestCase):
         shutil.rmtree(self.folder)
 
     def command(self, *more, service="panoramax", url=None):
-        path = {"panoramax": "/api", "mapillary": "/graph", "kartaview": "/karta"}[service]
-        return [PROGRAM, "import", self.site, "--from", service, "--url", url or self.server.url + path, *more]
+        return [PROGRAM, "import", self.site, "--from", service, "--url", url or self.server.url + PATHS[service], *more]
 
     def run_import(self, *more, expect=0, near=NEAR, service="panoramax", url=None, **environment):
         where = [] if "--along" in more else ["--near", f"{near[0]},{near[1]}"]
@@ -416,6 +451,175 @@ class Services(unittest.TestCase):
         for answer in [{"result": {}}, {"data": []}, {"result": []}]:
             self.server.faults["/karta/2.0/photo/"] = [(200, json.dumps(answer).encode(), [])]
             self.assertIn('expected a list "data"', self.run_import("--list", service="kartaview", expect=1).stderr)
+
+    def google(self, name, east_m=0.0, **more):
+        return {"panoId": name, "lat": NEAR[0], "lng": NEAR[1] + east_m / 74500, "imageWidth": 3328, "imageHeight": 1664, "tileWidth": 512, "tileHeight": 512, "heading": 94.5, "tilt": 88.5,
+                "roll": 0.25, "date": "2023-06", "copyright": "\u00a9 2023 Google", "imageryType": "outdoor", "links": [], **more}
+
+    def serve_google(self, *items):
+        """Each level is half as wide as the next; the last column is filled up with black."""
+        self.server.items = list(items)
+        self.sphere = Image.open(io.BytesIO(self.panorama)).convert("RGB")
+        for zoom in range(3, 6):
+            width = -(-3328 // 2 ** (5 - zoom))
+            level, self.server.tiles[zoom] = self.sphere.resize((width, width // 2)), {}
+            for x in range(-(-width // 512)):
+                for y in range(-(-width // 1024)):
+                    data = io.BytesIO()
+                    level.crop((512 * x, 512 * y, 512 * x + 512, 512 * y + 512)).save(data, "JPEG", quality=95)
+                    self.server.tiles[zoom][x, y] = data.getvalue()
+
+    def run_google(self, *more, **options):
+        return self.run_import("--permitted", "--width", "1664", "--radius", "60", *more, service="google", GOOGLE_MAPS_API_KEY=KEY, **options)
+
+    def assert_no_secret(self, *texts):
+        for text in texts:
+            self.assertNotIn("a-secret", text)
+        for folder, _, files in os.walk(self.site):
+            for name in files:
+                self.assertNotIn(b"a-secret", content(os.path.join(folder, name)))
+
+    def test_google_needs_a_key_and_a_permission(self):
+        self.serve_google(self.google("-A_1"))
+        self.assertIn("needs a token: set GOOGLE_MAPS_API_KEY", self.run_import("--permitted", service="google", expect=1).stderr)
+        refused = self.run_import(service="google", GOOGLE_MAPS_API_KEY=KEY, expect=2).stderr
+        self.assertIn("forbid image analysis and machine interpretation", refused)
+        self.assertEqual(self.server.log, [])
+        listed = json.loads(self.run_import("--list", "--json", service="google", GOOGLE_MAPS_API_KEY=KEY).stdout)["panoramas"]
+        self.assertEqual([(p["id"], p["captured_at"], p["attribution"]) for p in listed], [("-A_1", "2023-06", "\u00a9 2023 Google, Google Maps")])
+        self.assertFalse(os.path.exists(self.site))
+        wrong = self.run_import("--list", service="google", GOOGLE_MAPS_API_KEY="AIza-other", expect=1).stderr
+        self.assertRegex(wrong, "createSession answers with status 400; is the key valid")
+        self.assert_no_secret(refused, wrong)
+        self.assertNotIn("AIza-other", wrong)
+
+    def test_google_is_kept_for_the_session_only(self):
+        # b is the nearest of no place that is asked for: it is found as a neighbour. c is a part, d is gone.
+        self.serve_google(self.google("a", links=[{"panoId": "b"}, {"panoId": "d"}, {"panoId": 7}]), self.google("b", 30, hidden=True, heading=None, date="2019-01"),
+                          self.google("c", 55, imageHeight=1200))
+        begin = time.time()
+        done = self.run_google()
+        rows = self.table()
+        self.assertEqual([row["file"] for row in rows], ["panoramas/google-a.jpg", "panoramas/google-b.jpg"])
+        self.assertEqual([rows[0][c] for c in ["heading_deg", "pitch_deg", "roll_deg", "sigma_h_m", "captured_at"]], ["94.5000", "-1.5000", "0.2500", "2.000", "2023-06"])
+        self.assertEqual(rows[1]["heading_deg"], "")
+        self.assertIn("2 panoramas without a usable id, position or file", done.stderr)
+        self.assertIn("its terms forbid to keep pictures and positions", done.stderr)
+        picture = Image.open(f"{self.site}/panoramas/google-a.jpg")
+        self.assertEqual(picture.size, (1664, 832))
+        apart = [abs(a - b) for a, b in zip(picture.resize((104, 52)).convert("L").getdata(), self.sphere.resize((104, 52)).convert("L").getdata())]
+        self.assertLess(sum(apart) / len(apart), 3)
+        self.assertFalse(any("/tiles/5/" in path for path, _ in self.server.log))  # no level is wider than needed
+        until = time.mktime(time.strptime(rows[0]["keep_until"], "%Y-%m-%dT%H:%M:%SZ")) - time.timezone
+        self.assertAlmostEqual(until - begin, 3600, delta=60)
+        self.assert_no_secret(done.stdout, done.stderr)
+        # After its end the next command forgets it, the old tables too.
+        shutil.copy(f"{SOURCE}/datasets/parking_lot/panoramas/pano_057.jpg", f"{self.site}/panoramas/own.jpg")
+        with open(f"{self.site}/panoramas.csv", encoding="utf-8") as table:
+            text = table.read()
+        with open(f"{self.site}/panoramas.csv", "w", encoding="utf-8") as table:
+            table.write(re.sub(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", "2024-01-01T00:00:00Z", text) + "panoramas/own.jpg" + "," * (len(text.splitlines()[1].split(",")) - 1) + "\n")
+        os.makedirs(f"{self.site}/results/replaced", exist_ok=True)
+        shutil.copy(f"{self.site}/panoramas.csv", f"{self.site}/results/replaced/2024-panoramas.csv")
+        done = subprocess.run([PROGRAM, "status", self.site], capture_output=True, text=True, check=False)
+        self.assertIn("2 panoramas were deleted: their source forbids to keep them longer", done.stdout + done.stderr)
+        self.assertEqual([row["file"] for row in self.table()], ["panoramas/own.jpg"])
+        self.assertEqual(sorted(os.listdir(f"{self.site}/panoramas")), ["own.jpg"])
+        self.assertNotIn(b"google", content(f"{self.site}/results/replaced/2024-panoramas.csv"))
+
+    def test_google_ends_sessions_and_forbids_to_store(self):
+        self.serve_google(self.google("a"))
+        self.server.faults = {"/google/streetview/metadata": [(401, b"{}", [])], "/google/streetview/tiles/4/1/0": [(403, b"{}", [])]}
+        self.run_google()
+        self.assertEqual(len(self.server.sessions), 3)
+        self.assertEqual(len(self.table()), 1)
+        shutil.rmtree(self.site)
+        self.server.cache_control = "no-store"
+        self.assertIn("the service forbids to store it", self.run_google(expect=1).stderr)
+        self.server.cache_control = "private, max-age=3600"
+        self.server.tiles[4][1, 0] = self.photo
+        self.assertIn("tile 4/1/0 of panorama a: expected 512 x 512 px, found 960 x 600 px", self.run_google(expect=1).stderr)
+        self.assertFalse(os.path.exists(f"{self.site}/panoramas/google-a.jpg"))
+
+    def serve_two(self, service):
+        """Two panoramas, 1 and 2; returns the path of a listing and that of the first one's picture."""
+        at = {"type": "Point", "coordinates": [NEAR[1], NEAR[0]]}
+        self.server.items, self.server.pictures = [], {f"/files/{n}.jpg": self.panorama for n in (1, 2)}
+        if service == "panoramax":
+            self.server.items = [item(self.server, n) for n in (1, 2)]
+            return "/api/search", "/files/1.jpg"
+        if service == "mapillary":
+            self.server.items = [{"graph": self.graph(n, geometry=at)} for n in (1, 2)]
+            self.server.pictures = {f"/signed/{n}.jpg": self.panorama for n in (1, 2)}
+            return "/graph/images", "/signed/1.jpg"
+        if service == "kartaview":
+            self.server.items = [{"id": str(n), "lat": str(NEAR[0]), "lng": str(NEAR[1]), "projection": "SPHERE", "fileurlProc": f"{self.server.url}/files/{n}.jpg"} for n in (1, 2)]
+            return "/karta/2.0/photo/", "/files/1.jpg"
+        self.serve_google(self.google("1"), self.google("2", 30))
+        return "/google/streetview/panoIds", "/google/streetview/tiles/4/0/0"
+
+    def run_any(self, service, *more, **options):
+        keys = {"mapillary": {"MAPILLARY_ACCESS_TOKEN": TOKEN}, "google": {"GOOGLE_MAPS_API_KEY": KEY}}.get(service, {})
+        permitted = ["--permitted", "--width", "1664"] if service == "google" else []
+        return self.run_import("--radius", "60", *permitted, *more, service=service, **keys, **options)
+
+    def test_every_service_rides_out_what_servers_do(self):
+        for service in PATHS:
+            with self.subTest(service):
+                listing, picture = self.serve_two(service)
+                self.server.faults = {listing: [(429, b"", [("Retry-After", "0.1")]), (502, b"", [("Retry-After", "0")])], picture: [(503, b"", [("Retry-After", "0")])]}
+                if service != "google":
+                    self.server.faults[picture].append("cut")
+                self.run_any(service)
+                self.assertEqual(len(self.table()), 2)
+                self.assertEqual(self.server.faults, {listing: [], picture: []})
+                shutil.rmtree(self.site)
+
+    def test_every_service_refuses_in_one_message(self):
+        for service in PATHS:
+            with self.subTest(service):
+                listing, picture = self.serve_two(service)
+                self.server.faults[listing] = [(500, b"", [("Retry-After", "0")])] * 5
+                self.assertRegex(self.run_any(service, expect=1).stderr, r"^[^\n]*fails \(status 500\); try again later[^\n]*\n$")
+                self.assertRegex(self.run_any(service, url="http://127.0.0.1:9" + PATHS[service], expect=1).stderr, r"^[^\n]*cannot be reached[^\n]*\n$")
+                # A picture of another shape is left out, and named.
+                self.server.faults, self.server.pictures[picture] = {}, self.photo
+                if service == "google":
+                    self.server.items[0]["tileWidth"] = self.server.items[0]["tileHeight"] = 256
+                done = self.run_any(service)
+                self.assertRegex(done.stderr, "found (960 x 600|512 x 512)")
+                self.assertEqual(len(self.table()), 1)
+                shutil.rmtree(self.site)
+
+    def test_blurred_pictures_are_kept_as_they_came(self):
+        self.add(1)
+        blurred = io.BytesIO()
+        Image.open(io.BytesIO(self.panorama)).filter(ImageFilter.GaussianBlur(12)).save(blurred, "JPEG")
+        self.server.pictures["/files/0.jpg"] = blurred.getvalue()
+        self.run_import()
+        self.assertEqual(content(f"{self.site}/{self.table()[0]['file']}"), blurred.getvalue())
+
+    def test_some_by_their_ids(self):
+        self.add(3)
+        ids = [i["id"] for i in self.server.items]
+        self.run_import("--id", ids[2], "--id", ids[0])
+        self.assertEqual([row["station"] for row in self.table()], [ids[0], ids[2]])
+        self.assertIn("panorama nothing is not among the 3 that were found", self.run_import("--id", "nothing", expect=1).stderr)
+
+    def test_the_season_of_the_run_is_preferred(self):
+        run = f"{self.site}/runs/walk"
+        os.makedirs(f"{run}/images")
+        shutil.copy(f"{SOURCE}/datasets/parking_lot/runs/run1/images/000000.jpg", f"{run}/images/0.jpg")
+        shutil.copy(f"{SOURCE}/datasets/parking_lot/runs/run1/camchain.yaml", run)
+        for name, text in [("gps.csv", f"timestamp_s,latitude_deg,longitude_deg,sigma_h_m\n0,{NEAR[0]},{NEAR[1]},2\n"), ("run.yaml", "date: 2026-05-12\n")]:
+            with open(f"{run}/{name}", "w", encoding="utf-8") as file:
+                file.write(text)
+        # The nearest of January, of May eight years ago, of last June; one of last May that is farther away than positions are known.
+        for number, (east_m, date) in enumerate([(0.5, "2026-01-20"), (2, "2018-05-10"), (3, "2025-05-20"), (25, "2026-05-11")]):
+            self.server.items.append(item(self.server, number, east_m, properties={"datetime": date + "T10:00:00Z"}))
+            self.server.pictures[f"/files/{number}.jpg"] = self.panorama
+        self.run_import("--along", "walk", "--limit", "2", "--radius", "60")
+        self.assertEqual(sorted(row["captured_at"][:10] for row in self.table()), ["2018-05-10", "2025-05-20"])
 
     def test_two_thousand_are_listed_and_two_hundred_loaded_in_a_minute_of_cpu(self):
         large = io.BytesIO()

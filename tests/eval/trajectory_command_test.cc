@@ -147,7 +147,7 @@ TEST_F(TrajectoryCommand, DrawsPlotsOnRequest) {
     const Finished drawn = Trigpoint({"trajectory", truth, other, "--plot", plot});
     EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
     EXPECT_THAT(drawn.out, HasSubstr("Plot      " + plot));
-    for (const std::string& name : {std::string("plan."), std::string("plan_errors.")}) {
+    for (const std::string& name : {std::string("plan."), std::string("plan_axes."), std::string("plan_errors.")}) {
       const std::string text = ReadTextFile(dir_ / "plots" / (name + ending));
       EXPECT_THAT(text, testing::StartsWith(ending == std::string("svg") ? "<svg xmlns" : "\x89PNG"));
       if (ending == std::string("svg") && name == "plan.") {

@@ -22,8 +22,8 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* kDesks[] = {"overview", "run",     "scene",  "images",    "tables",
-                                  "charts",   "compare", "review", "panoramas", "calibration"};
+constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",      "tables", "charts",
+                                  "compare",  "review", "panoramas", "calibration", "check"};
 
 class MendedTest : public ResultsWindowTest {};
 

@@ -6,16 +6,21 @@
 #include <QCheckBox>
 #include <QClipboard>
 #include <QComboBox>
+#include <QDoubleSpinBox>
 #include <QLabel>
 #include <QListWidget>
 #include <QSignalSpy>
 #include <QSlider>
+#include <QSpinBox>
 #include <QWheelEvent>
 #include <cmath>
+#include <set>
 
 #include "app/desktop/measurement.h"
+#include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "datasets/io/text.h"
+#include "eval/scene/scene_view.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
@@ -188,6 +193,82 @@ TEST(TurnAbout, KeepsTheEyeOrThePivotInItsPlace) {
   double direction[3];
   camera->GetDirectionOfProjection(direction);
   EXPECT_NEAR(direction[2], std::sin(89 * M_PI / 180), 1e-9);  // never over the top
+}
+
+TEST_F(SceneControlsTest, TheCubeShowsTheDirectionOfViewAndSetsIt) {
+  scene_->SetMode("orbit");
+  ViewCube* cube = scene_->cube();
+  ASSERT_TRUE(WaitFor([&] { return cube->isVisible(); }));
+  const Eigen::Vector3d top = Eigen::Vector3d::UnitZ(), north = Eigen::Vector3d::UnitY();
+  EXPECT_LT(cube->MiddleOf(north).x(), 0);  // seen from the south-west
+  QTest::mouseClick(cube, Qt::LeftButton, {}, cube->MiddleOf(-north).toPoint());
+  ASSERT_TRUE(WaitFor([&] { return cube->MiddleOf(top).x() < 0; }));  // level now
+  EXPECT_LT((cube->MiddleOf(-north) - QPointF(cube->rect().center())).manhattanLength(), 3);
+  view_widget_->setFocus();
+  QTest::keyClick(view_widget_, Qt::Key_T, Qt::ShiftModifier);
+  ASSERT_TRUE(WaitFor([&] { return cube->MiddleOf(top).x() >= 0; }));
+  EXPECT_LT((cube->MiddleOf(top) - QPointF(cube->rect().center())).manhattanLength(), 4);
+  Screenshot(window_.get(), "scene_from_above");
+  scene_->SetMode("plan");
+  EXPECT_FALSE(cube->isVisible());
+}
+
+TEST_F(SceneControlsTest, ThePlanKeepsItsScaleAndGrid) {
+  scene_->SetMode("plan");
+  PlanOverlay* overlay = scene_->plan_overlay();
+  ASSERT_TRUE(WaitFor([&] { return overlay->isVisible() && overlay->frame().bar_px > 0; }));
+  const PlanFrame before = overlay->frame();
+  scene_->ZoomAt({200, 200}, 2);
+  EXPECT_NEAR(overlay->frame().bar_px, 2 * before.bar_px, 0.01 * before.bar_px);
+  // A pixel's coordinates are those under the mouse.
+  QTest::mouseMove(view_widget_, {120, 90});
+  auto* place = Child<QLabel>(window_.get(), "scene.place");
+  ASSERT_TRUE(WaitFor([&] { return place->text().contains("WGS 84"); }));
+  window_->workspace()->SetUnit("ft");
+  EXPECT_NEAR(overlay->frame().bar_px, 2 * before.bar_px * 0.3048, 0.01 * before.bar_px);
+  Screenshot(window_.get(), "scene_grid");
+}
+
+TEST_F(SceneControlsTest, PointsAreFilteredColouredAndShaded) {
+  const size_t all = scene_->PointsShown();
+  ASSERT_GT(all, 100U);
+  auto* least = Child<QSpinBox>(window_.get(), "scene.least_images");
+  least->setValue(1000);
+  EXPECT_EQ(scene_->PointsShown(), 0U);
+  least->setValue(0);
+  EXPECT_EQ(scene_->PointsShown(), all);
+  auto* sigma = Child<QDoubleSpinBox>(window_.get(), "scene.most_sigma");
+  sigma->setValue(0.001);
+  const size_t sure = scene_->PointsShown();
+  EXPECT_LT(sure, all);
+  window_->workspace()->SetUnit("ft");  // a thousandth of a foot is less
+  EXPECT_LE(scene_->PointsShown(), sure);
+  sigma->setValue(0);
+  window_->workspace()->SetUnit("m");
+  auto* colour = Child<QComboBox>(window_.get(), "scene.colour");
+  std::set<QByteArray> pictures;
+  const auto picture = [&] {
+    const QImage image = scene_->Screenshot(320, 200);
+    pictures.insert(
+        QByteArray(reinterpret_cast<const char*>(image.constBits()), static_cast<int>(image.sizeInBytes())));
+  };
+  picture();
+  Child<QCheckBox>(window_.get(), "scene.percentiles")->setChecked(true);
+  picture();
+  Child<QCheckBox>(window_.get(), "scene.percentiles")->setChecked(false);
+  for (const PointColour by : {PointColour::kTrackLength, PointColour::kResidual, PointColour::kPicture}) {
+    colour->setCurrentIndex(colour->findData(static_cast<int>(by)));
+    picture();
+  }
+  EXPECT_EQ(pictures.size(), 5U);
+  auto* edl = Child<QCheckBox>(window_.get(), "scene.edl");
+  edl->setChecked(true);
+  EXPECT_TRUE(scene_->shades_by_depth());
+  picture();
+  EXPECT_EQ(pictures.size(), 6U);
+  Screenshot(window_.get(), "scene_shaded");
+  edl->setChecked(false);
+  EXPECT_FALSE(scene_->shades_by_depth());
 }
 
 }  // namespace

@@ -73,6 +73,57 @@ TEST(GeoRegistration, NamesTheGeotagThatIsOff) {
   for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
 }
 
+// Twenty positions of one source with three times the stated error, one of them wrong, and five of the user's.
+TEST(GeoRegistration, SigmasOfASourceAreEstimatedFromItsPositions) {
+  constexpr double kTrue_m = 3, kStated_m = 1;
+  double ratio = 0, mean_sigma = 0;
+  constexpr int kDraws = 20;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    Random random(seed);
+    const Sim3d world_from_odom = {1, ExpSO3({0, 0, 0.7}), Eigen::Vector3d(4, -7, 0)};
+    std::vector<GeoObservation> observations;
+    for (int i = 0; i < 25; ++i) {
+      GeoObservation o;
+      const Eigen::Vector3d at(4.0 * i, 10 * std::sin(0.5 * i), 0);
+      o.odom_from_rig = Rigid3d(Eigen::Quaterniond::Identity(), world_from_odom.Inverse() * at);
+      const double sigma = i < 20 ? kTrue_m : 0.3;
+      o.position = at + sigma * Eigen::Vector3d(random.Normal(), random.Normal(), 0);
+      o.has_height = false;
+      o.sigma_h_m = i < 20 ? kStated_m : 0.3;
+      if (i < 20) o.source = "mapillary";
+      if (i == 7) o.position.x() += 60;
+      observations.push_back(o);
+    }
+    const Eigen::MatrixXd known = 1e-6 * Eigen::MatrixXd::Identity(150, 150);
+    const GeoRegistration geo = RegisterBySources(&observations, known, 1, 0.001, true, {});
+    ASSERT_TRUE(geo.solved) << geo.reason;
+    ASSERT_EQ(geo.sources.size(), 1u);
+    EXPECT_EQ(geo.sources[0].source, "mapillary");
+    EXPECT_EQ(geo.sources[0].positions, 20);
+    EXPECT_EQ(geo.sources[0].stated_sigma_m, kStated_m);
+    EXPECT_TRUE(geo.outlier[7]);
+    EXPECT_NEAR(observations[0].sigma_h_m, geo.sources[0].sigma_m, 0.03 * geo.sources[0].sigma_m);
+    EXPECT_EQ(observations[22].sigma_h_m, 0.3) << "the user's own statement stays";
+    mean_sigma += geo.sources[0].sigma_m / kDraws;
+    ratio += std::pow((geo.sources[0].sigma_m / kTrue_m - 1) / geo.sources[0].relative_sigma, 2) / kDraws;
+  }
+  EXPECT_NEAR(mean_sigma, kTrue_m, 0.25);
+  EXPECT_GT(ratio, 0.5);
+  EXPECT_LT(ratio, 2.0);
+}
+
+TEST(GeoRegistration, FewPositionsOfASourceAreTakenAsStated) {
+  Site site = MakeSite(1, 0);
+  for (GeoObservation& o : site.observations) o.source = "panoramax";
+  std::vector<GeoObservation> observations = site.observations;
+  const GeoRegistration geo = RegisterBySources(&observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved);
+  EXPECT_EQ(geo.sources.at(0).sigma_m, 0);
+  EXPECT_EQ(observations[0].sigma_h_m, 0.3);
+  const GeoRegistration plain = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  EXPECT_EQ(geo.covariance, plain.covariance);
+}
+
 TEST(GeoRegistration, HeadingsThatCountAnotherWayAreTold) {
   const Site right = MakeSite(5, 6.0);
   EXPECT_FALSE(OtherHeadings(right.observations));

@@ -1,5 +1,5 @@
 // Views cut from a panorama: every pixel shows the direction that its camera says, seam and poles included.
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 
 #include <gtest/gtest.h>
 

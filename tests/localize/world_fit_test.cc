@@ -61,7 +61,7 @@ void AddOdometry(Random* random, Drive* drive) {
       PoseFactor f;
       f.kind = PoseFactor::Kind::kBetween;
       f.a = i - 1, f.b = i;
-      f.scaled = true;
+      f.scale = 0;
       f.measured = step;
       f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / kTurnSigma_rad),
           Eigen::Vector3d::Constant(1 / kStepSigma_m);

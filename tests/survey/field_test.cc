@@ -119,6 +119,15 @@ TEST(Field, ATagInNoPictureIsNamedAndComesFirst) {
   EXPECT_THAT(advice[0].why, HasSubstr("in no picture"));
 }
 
+TEST(Field, TagsInNoPictureShareOneLine) {
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5 || d.id == 6; });
+  }
+  EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
+              testing::ElementsAre(HasSubstr("tags 5 (station S5), 6 (station S6) are planned and in no picture")));
+}
+
 TEST(Field, AnIdThatStandsTwiceIsNamed) {
   SurveyInput input = Recorded(Yard());
   for (ImageDetections& image : input.runs[0].images) {
@@ -171,7 +180,7 @@ TEST(Field, ExposureAndUnreadablePicturesAreNamed) {
   for (size_t k = 0; k < pictures.size() / 2; ++k) pictures[k].quality->mean = 20;
   pictures.back().problem = "truncated";
   EXPECT_THAT(Wrong(scene->facts),
-              testing::UnorderedElementsAre(HasSubstr("are too dark"), HasSubstr("1 pictures cannot be read")));
+              testing::UnorderedElementsAre(HasSubstr("are too dark"), HasSubstr("1 picture cannot be used: ")));
 }
 
 TEST(Field, AnOpenRingOfPhotosIsNamed) {
@@ -262,6 +271,23 @@ TEST(PictureQuality, MotionInOneDirectionCounts) {
   cv::blur(Squares(0.6), moved, {9, 1});
   // An edge moved over nine pixels is as steep as one that a Gaussian of 9 / sqrt(2 pi) px blurred.
   EXPECT_NEAR(*MeasurePicture(moved).blur_px, 9 / std::sqrt(2 * M_PI), 0.3);
+}
+
+TEST(PictureQuality, MaskedPartsDoNotCount) {
+  const cv::Mat picture = Squares(0.6);
+  const cv::Rect ignored(0, 0, picture.cols, 240);
+  cv::Mat other = picture.clone(), mask(picture.size(), CV_8U, cv::Scalar(255));
+  cv::GaussianBlur(other(ignored), other(ignored), {}, 3);
+  cv::line(other, {100, 20}, {860, 20}, 0, 30);
+  mask(ignored) = 0;
+  const PictureQuality whole = MeasurePicture(picture), masked = MeasurePicture(other, mask);
+  EXPECT_NEAR(*masked.blur_px, *whole.blur_px, 0.01);
+  EXPECT_GT(*MeasurePicture(other).blur_px, *whole.blur_px + 0.05);
+  EXPECT_NEAR(masked.mean, cv::mean(picture.rowRange(240, picture.rows))[0], 0.5);
+  EXPECT_EQ(masked.dark, 0);
+  EXPECT_GT(MeasurePicture(other).dark, 0.02);
+  for (size_t k = 0; k < 3; ++k) EXPECT_FALSE(masked.cell_blur_px[k]);
+  EXPECT_FALSE(MeasurePicture(picture, cv::Mat::zeros(picture.size(), CV_8U)).blur_px);
 }
 
 TEST(PictureQuality, DarkAndBrightPixelsAreCounted) {

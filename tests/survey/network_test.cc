@@ -113,6 +113,30 @@ TEST(Network, ErrorsOfSimulatedSurveysAreAsLargeAsPredicted) {
   EXPECT_NEAR(found / predicted, 1, 1.96 * std::sqrt(scatter / (kLayouts - 1.0) / kLayouts));
 }
 
+// Of panoramas' geotags what is common is known by their mean, and a panorama far from all points is not answered.
+TEST(Network, PanoramasAreHeldByTheMeanOfTheirGeotags) {
+  NetworkLayout layout = Yard(9, 3);
+  for (int k = 0; k < 9; ++k) {
+    const double a = 2 * M_PI * k / 9;
+    PlannedPanorama panorama{"P" + std::to_string(k),
+                             {Eigen::Quaterniond::Identity(), {3 * std::cos(a), 3 * std::sin(a), 0}}};
+    panorama.sigma_h_m = 0.3, panorama.sigma_v_m = 0.6;
+    layout.panoramas.push_back(panorama);
+  }
+  layout.panoramas.push_back({"far", {Eigen::Quaterniond::Identity(), {900, 0, 0}}});
+  const std::vector<PanoramaPrediction> found = PredictPanoramas(layout, Few(), 1, 1, CancelToken());
+  ASSERT_EQ(found.size(), 9U);
+  for (const PanoramaPrediction& panorama : found) {
+    const Eigen::Vector3d sigma = panorama.Sigma();
+    EXPECT_GT(sigma.x(), 0.3 / 3);
+    EXPECT_LT(sigma.x(), 0.3 / 3 * 1.3);  // and the common rotation and scale
+    EXPECT_GT(sigma.z(), 0.6 / 3);
+    EXPECT_LT(sigma.z(), 0.6 / 3 * 1.3);
+  }
+  layout.panoramas[0].sigma_h_m = 0.01;
+  EXPECT_LT(PredictPanoramas(layout, Few(), 1, 1, CancelToken())[0].Sigma().x(), 0.01);
+}
+
 TEST(Network, ABlunderInAKnownPointMovesItsTagAsPredicted) {
   const NetworkLayout layout = Yard(9, 3);
   const NetworkPrediction prediction = Predict(layout);

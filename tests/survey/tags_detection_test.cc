@@ -4,6 +4,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/tag_families.h"
 #include "survey/tags/corner_refinement.h"
 #include "survey/tags/detection.h"
 #include "survey/tags/tag_family.h"
@@ -163,6 +164,41 @@ TEST(Detection, OtherFamiliesReadBack) {
   }
 }
 
+TEST(Detection, SeveralFamiliesAreToldApartByTheirIds) {
+  EXPECT_EQ(TagFamilies("tag36h11").Of(3), "tag36h11");
+  const TagFamilies two("tag36h11, tag16h5:3:12,tag25h9:7");
+  EXPECT_EQ(two.names(), (std::vector<std::string>{"tag36h11", "tag16h5", "tag25h9"}));
+  EXPECT_EQ(two.Of(12), "tag16h5");
+  EXPECT_EQ(two.Of(7), "tag25h9");
+  EXPECT_EQ(two.Of(8), "tag36h11");
+  EXPECT_EQ(two.Text(), "tag36h11,tag16h5:3:12,tag25h9:7");
+  EXPECT_EQ(TagFamilies("tag36h11", {{12, "tag16h5"}, {3, "tag16h5"}, {4, "tag36h11"}}).Text(),
+            "tag36h11,tag16h5:3:12");
+  for (const char* wrong : {"", "tag36h11,tag16h5", "tag36h11:3", "tag36h11,tag36h11:3", "tag36h11,tag16h5:x",
+                            "tag36h11,tag16h5:3:3", "tag36h11,:3"}) {
+    EXPECT_THROW(TagFamilies{wrong}, OptionError) << wrong;
+  }
+  // Three tags beside each other: the third's number belongs to the other family.
+  const Camera camera(CameraModel::kPinhole, 220, 220, {300, 300, 109.5, 109.5});
+  std::vector<cv::Mat> row;
+  for (const auto& [name, id] : {std::pair{"tag36h11", 5}, {"tag16h5", 3}, {"tag36h11", 3}}) {
+    row.push_back(RenderTag(TagFamily(name).Pattern(id), camera, TagPose(camera, 0.5, 90, 0.3, 3), TagPicture{}));
+  }
+  cv::Mat grey;
+  cv::hconcat(row, grey);
+  DetectTagsOptions options;
+  options.family = "tag36h11,tag16h5:3";
+  ProgressSink progress;
+  const ImageTags tags = DetectTags(1, [&](int64_t) { return grey; }, nullptr, options, 1, progress, {}).images[0];
+  ASSERT_EQ(tags.detections.size(), 2U);
+  EXPECT_EQ(tags.detections[0].id, 3);
+  EXPECT_EQ(tags.detections[0].family, "tag16h5");
+  EXPECT_TRUE(tags.detections[0].refined);
+  EXPECT_GT(tags.detections[0].corners[0].x(), 220);
+  EXPECT_EQ(tags.detections[1].id, 5);
+  EXPECT_EQ(tags.detections[1].family, "tag36h11");
+}
+
 TEST(Detection, ResultsDoNotDependOnThreadsAndBadPicturesAreCounted) {
   const Camera camera(CameraModel::kPinhole, 160, 160, {300, 300, 79.5, 79.5});
   TagFamily family("tag36h11");
@@ -196,6 +232,8 @@ TEST(Detection, OptionsAreChecked) {
   DetectTagsOptions options;
   options.family = "tag36h12";
   options.max_hamming = 5;
+  EXPECT_EQ(options.Check().size(), 2U);
+  options.family = "tag36h11,tag16h6:3";
   EXPECT_EQ(options.Check().size(), 2U);
   ProgressSink progress;
   const CancelToken cancel;

@@ -53,6 +53,7 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Camera& camera = cameras[i].camera;
     const std::vector<double>& p = camera.params();
+    text += fmt::format("cam{}:\n", i);
     std::string distortion, coefficients;
     switch (camera.model()) {
       case CameraModel::kPinhole:
@@ -65,15 +66,23 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
         coefficients = fmt::format("{:.12g}, {:.12g}, {:.12g}, {:.12g}", p[4], p[5], p[6], p[7]);
         if (p.size() == 8) break;
         [[fallthrough]];
+      case CameraModel::kEquirectangular: break;
       default:
         throw InputError(fmt::format("{}: the camera model {} with {} parameters has no form in Kalibr's camchain",
                                      file.string(), CameraModelName(camera.model()), p.size()));
     }
+    if (p.empty()) {
+      text += "  camera_model: equirectangular\n";
+    } else {
+      text += fmt::format(
+          "  camera_model: pinhole\n  intrinsics: [{:.9f}, {:.9f}, {:.9f}, {:.9f}]\n  distortion_model: {}\n"
+          "  distortion_coeffs: [{}]\n",
+          p[0], p[1], p[2], p[3], distortion, coefficients);
+    }
     text += fmt::format(
-        "cam{}:\n  camera_model: pinhole\n  intrinsics: [{:.9f}, {:.9f}, {:.9f}, {:.9f}]\n  distortion_model: {}\n"
-        "  distortion_coeffs: [{}]\n  resolution: [{}, {}]\n  rostopic: /cam{}/image_raw\n"
+        "  resolution: [{}, {}]\n  rostopic: /cam{}/image_raw\n"
         "  T_cam_imu:   # body (x forward, y left, z up) to camera\n",
-        i, p[0], p[1], p[2], p[3], distortion, coefficients, camera.width(), camera.height(), i);
+        camera.width(), camera.height(), i);
     const Eigen::Matrix3d r = cameras[i].cam_from_body.rotation.toRotationMatrix();
     const Eigen::Vector3d& t = cameras[i].cam_from_body.translation;
     for (int k = 0; k < 3; ++k) {

@@ -17,7 +17,8 @@ struct PanoramaRow {
 };
 void WritePanoramasCsv(const std::filesystem::path& file, const std::vector<PanoramaRow>& rows);
 
-// camchain.yaml as Kalibr writes it. Throws InputError for camera models that Kalibr has no name for.
+// camchain.yaml as Kalibr writes it, and equirectangular cameras. Throws InputError for camera models that have no name
+// in it.
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras);
 
 // Writes text to a new file, folders included. Throws IoError.

@@ -202,6 +202,205 @@
     </message>
 </context>
 <context>
+    <name>trigpoint::CheckDesk</name>
+    <message>
+        <source>&amp;Check now</source>
+        <translation>Jetzt &amp;prüfen</translation>
+    </message>
+    <message>
+        <source>Look once at every picture that is there (trigpoint check)</source>
+        <translation>Jedes vorhandene Bild einmal ansehen (trigpoint check)</translation>
+    </message>
+    <message>
+        <source>&amp;Watch</source>
+        <translation>&amp;Beobachten</translation>
+    </message>
+    <message>
+        <source>Go on as pictures are copied here (trigpoint check --watch)</source>
+        <translation>Weitermachen, während Bilder hierher kopiert werden (trigpoint check --watch)</translation>
+    </message>
+    <message>
+        <source>S&amp;top</source>
+        <translation>&amp;Anhalten</translation>
+    </message>
+    <message>
+        <source>What was looked at is kept; a later check goes on there</source>
+        <translation>Was angesehen wurde, bleibt; eine spätere Prüfung macht dort weiter</translation>
+    </message>
+    <message>
+        <source>Open the &amp;page</source>
+        <translation>&amp;Seite öffnen</translation>
+    </message>
+    <message>
+        <source>results/check/index.html in the browser</source>
+        <translation>results/check/index.html im Browser</translation>
+    </message>
+    <message>
+        <source>What to do next</source>
+        <translation>Was als Nächstes zu tun ist</translation>
+    </message>
+    <message>
+        <source>what to do next</source>
+        <translation>als Nächstes zu tun</translation>
+    </message>
+    <message>
+        <source>why</source>
+        <translation>Grund</translation>
+    </message>
+    <message>
+        <source>Findings</source>
+        <translation>Befunde</translation>
+    </message>
+    <message>
+        <source>light</source>
+        <translation>Ampel</translation>
+    </message>
+    <message>
+        <source>topic</source>
+        <translation>Thema</translation>
+    </message>
+    <message>
+        <source>finding</source>
+        <translation>Befund</translation>
+    </message>
+    <message>
+        <source>Tags</source>
+        <translation>Marken</translation>
+    </message>
+    <message>
+        <source>tag</source>
+        <translation>Marke</translation>
+    </message>
+    <message>
+        <source>status</source>
+        <translation>Status</translation>
+    </message>
+    <message>
+        <source>pictures</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>largest (px)</source>
+        <translation>größte (px)</translation>
+    </message>
+    <message>
+        <source>nearest</source>
+        <translation>nächstes</translation>
+    </message>
+    <message>
+        <source>from (deg)</source>
+        <translation>von (Grad)</translation>
+    </message>
+    <message>
+        <source>to (deg)</source>
+        <translation>bis (Grad)</translation>
+    </message>
+    <message>
+        <source>3D sigma (mm)</source>
+        <translation>3D-Sigma (mm)</translation>
+    </message>
+    <message>
+        <source>there for</source>
+        <translation>gebraucht für</translation>
+    </message>
+    <message>
+        <source>id</source>
+        <translation>Nummer</translation>
+    </message>
+    <message>
+        <source>of the tag in the map</source>
+        <translation>der Marke in der Karte</translation>
+    </message>
+    <message>
+        <source>that show it</source>
+        <translation>die sie zeigen</translation>
+    </message>
+    <message>
+        <source>its longest side in any of them</source>
+        <translation>ihre längste Seite in einem davon</translation>
+    </message>
+    <message>
+        <source>distance of the nearest of them</source>
+        <translation>Abstand des nächsten davon</translation>
+    </message>
+    <message>
+        <source>leftmost direction of a picture from the tag&apos;s normal, as one faces the tag</source>
+        <translation>am weitesten links liegende Richtung eines Bildes, von der Normalen der Marke aus, ihr gegenüber</translation>
+    </message>
+    <message>
+        <source>rightmost direction of a picture from the tag&apos;s normal, as one faces the tag</source>
+        <translation>am weitesten rechts liegende Richtung eines Bildes, von der Normalen der Marke aus, ihr gegenüber</translation>
+    </message>
+    <message>
+        <source>predicted, 1 sigma</source>
+        <translation>vorhergesagt, 1 Sigma</translation>
+    </message>
+    <message>
+        <source>what the tag is needed for</source>
+        <translation>wofür die Marke gebraucht wird</translation>
+    </message>
+    <message>
+        <source>Map of the check</source>
+        <translation>Karte der Prüfung</translation>
+    </message>
+    <message>
+        <source>Not watched any more.</source>
+        <translation>Wird nicht mehr beobachtet.</translation>
+    </message>
+    <message>
+        <source>Done.</source>
+        <translation>Fertig.</translation>
+    </message>
+    <message>
+        <source>The folder was not checked.</source>
+        <translation>Der Ordner wurde nicht geprüft.</translation>
+    </message>
+    <message>
+        <source>Looking ...</source>
+        <translation>Wird angesehen ...</translation>
+    </message>
+    <message>
+        <source>Stopping ...</source>
+        <translation>Wird angehalten ...</translation>
+    </message>
+    <message>
+        <source>No program opens the page: %1</source>
+        <translation>Kein Programm öffnet die Seite: %1</translation>
+    </message>
+    <message>
+        <source>Is it enough, while one is still on site? Watch this folder while pictures are copied into it, or check it once.</source>
+        <translation>Reicht es, solange man noch vor Ort ist? Diesen Ordner beobachten, während Bilder hineinkopiert werden, oder einmal prüfen.</translation>
+    </message>
+    <message>
+        <source>Open the folder that the camera&apos;s pictures are copied to.</source>
+        <translation>Den Ordner öffnen, in den die Bilder der Kamera kopiert werden.</translation>
+    </message>
+    <message>
+        <source>The map of the tags and of where to stand next is drawn here.</source>
+        <translation>Hier wird die Karte der Marken und des nächsten Standorts gezeichnet.</translation>
+    </message>
+    <message>
+        <source>Nothing more would gain much.</source>
+        <translation>Mehr brächte nicht viel.</translation>
+    </message>
+    <message>
+        <source>tags, the way so far, where to stand next</source>
+        <translation>Marken, der bisherige Weg, der nächste Standort</translation>
+    </message>
+    <message>
+        <source>No map yet: too few tags were seen.</source>
+        <translation>Noch keine Karte: zu wenige Marken wurden gesehen.</translation>
+    </message>
+    <message>
+        <source>nearest (%1)</source>
+        <translation>nächstes (%1)</translation>
+    </message>
+    <message>
+        <source>not planned</source>
+        <translation>nicht geplant</translation>
+    </message>
+</context>
+<context>
     <name>trigpoint::CompareDesk</name>
     <message>
         <source>First evaluation</source>
@@ -641,6 +840,14 @@
         <source>Terms</source>
         <translation>Begriffe</translation>
     </message>
+    <message>
+        <source>Shift with T, N, E, S, W</source>
+        <translation>Umschalt mit T, N, E, S, W</translation>
+    </message>
+    <message>
+        <source>scene: look from above, north, east, south, west, as by the cube</source>
+        <translation>Szene: von oben, Norden, Osten, Süden, Westen sehen, wie mit dem Würfel</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::ImagesDesk</name>
@@ -1048,10 +1255,6 @@
         <translation>Ctrl+E</translation>
     </message>
     <message>
-        <source>&amp;Publish ...</source>
-        <translation>&amp;Veröffentlichen ...</translation>
-    </message>
-    <message>
         <source>&amp;Help</source>
         <translation>&amp;Hilfe</translation>
     </message>
@@ -1122,6 +1325,26 @@
     <message>
         <source>The example was not made.</source>
         <translation>Das Beispiel wurde nicht angelegt.</translation>
+    </message>
+    <message>
+        <source>&amp;Panoramas of services ...</source>
+        <translation>&amp;Panoramen von Diensten ...</translation>
+    </message>
+    <message>
+        <source>Pu&amp;blish ...</source>
+        <translation>&amp;Veröffentlichen ...</translation>
+    </message>
+    <message>
+        <source>Check</source>
+        <translation>Prüfung</translation>
+    </message>
+    <message>
+        <source>Chec&amp;k what was recorded so far</source>
+        <translation>Bisherige Aufnahmen &amp;prüfen</translation>
+    </message>
+    <message>
+        <source>Ctrl+Alt+%1</source>
+        <translation>Ctrl+Alt+%1</translation>
     </message>
 </context>
 <context>
@@ -1582,10 +1805,6 @@
         <translation>An Stationen und Kontrollpunkten hat sich nichts geändert.</translation>
     </message>
     <message>
-        <source>%1 3D errors changed</source>
-        <translation>%1 3D-Fehler haben sich geändert</translation>
-    </message>
-    <message>
         <source>Take the last decision back (Ctrl+Z, where no text is written)</source>
         <translation>Die letzte Entscheidung zurücknehmen (Ctrl+Z, wo kein Text geschrieben wird)</translation>
     </message>
@@ -1604,6 +1823,18 @@
     <message>
         <source>The last time it took %1.</source>
         <translation>Beim letzten Mal dauerte es %1.</translation>
+    </message>
+    <message>
+        <source>1 sigma of the error in space, the larger of the two</source>
+        <translation>1 Sigma des räumlichen Fehlers, das größere der beiden</translation>
+    </message>
+    <message>
+        <source>changes within 1 sigma, too</source>
+        <translation>auch Änderungen innerhalb von 1 Sigma</translation>
+    </message>
+    <message>
+        <source>3D errors that changed by more than their 1 sigma, or in status: %1; by less: %2.</source>
+        <translation>3D-Fehler, die sich um mehr als ihr 1 Sigma oder im Status geändert haben: %1; um weniger: %2.</translation>
     </message>
 </context>
 <context>
@@ -2035,6 +2266,264 @@
         <source>inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others</source>
         <translation>in %1, wie von %2 bestimmt; Ziehen: umsehen, Mausrad: Zoom, Bild auf und Bild ab: die anderen</translation>
     </message>
+    <message>
+        <source>gps</source>
+        <translation>GPS</translation>
+    </message>
+    <message>
+        <source>control</source>
+        <translation>Passpunkte</translation>
+    </message>
+    <message>
+        <source>tag ellipsoids</source>
+        <translation>Ellipsoide der Marken</translation>
+    </message>
+    <message>
+        <source>camera ellipsoids</source>
+        <translation>Ellipsoide der Kameras</translation>
+    </message>
+    <message>
+        <source>points by residual</source>
+        <translation>Punkte nach Residuum</translation>
+    </message>
+    <message>
+        <source>points as in the pictures</source>
+        <translation>Punkte wie in den Bildern</translation>
+    </message>
+    <message>
+        <source>Runs that are shown, on all layers</source>
+        <translation>Gezeigte Fahrten, auf allen Ebenen</translation>
+    </message>
+    <message>
+        <source>by percentile</source>
+        <translation>nach Perzentil</translation>
+    </message>
+    <message>
+        <source>Colours evenly over the points, so that outliers do not take them</source>
+        <translation>Farben gleichmäßig über die Punkte, damit Ausreißer sie nicht aufbrauchen</translation>
+    </message>
+    <message>
+        <source>depth shading</source>
+        <translation>Tiefenschattierung</translation>
+    </message>
+    <message>
+        <source>Outlines what stands before something else (eye-dome lighting), while the view rests</source>
+        <translation>Umrandet, was vor anderem steht (Eye-Dome-Lighting), solange die Ansicht ruht</translation>
+    </message>
+    <message>
+        <source>Only points that at least so many images see</source>
+        <translation>Nur Punkte, die mindestens so viele Bilder sehen</translation>
+    </message>
+    <message>
+        <source>any</source>
+        <translation>beliebig</translation>
+    </message>
+    <message>
+        <source>Only points whose 1 sigma (largest axis, cameras held) is at most this</source>
+        <translation>Nur Punkte, deren 1 Sigma (größte Achse, Kameras fest) höchstens so groß ist</translation>
+    </message>
+    <message>
+        <source>Only points whose mean reprojection error is at most so many pixels</source>
+        <translation>Nur Punkte, deren mittlerer Rückprojektionsfehler höchstens so viele Pixel beträgt</translation>
+    </message>
+    <message>
+        <source>The run&apos;s previous panorama (Page Up)</source>
+        <translation>Das vorige Panorama der Fahrt (Bild auf)</translation>
+    </message>
+    <message>
+        <source>The run&apos;s next panorama (Page Down)</source>
+        <translation>Das nächste Panorama der Fahrt (Bild ab)</translation>
+    </message>
+    <message>
+        <source>The run by which this panorama is localized</source>
+        <translation>Die Fahrt, durch die dieses Panorama verortet ist</translation>
+    </message>
+    <message>
+        <source>size</source>
+        <translation>Größe</translation>
+    </message>
+    <message>
+        <source>images, at least</source>
+        <translation>Bilder, mindestens</translation>
+    </message>
+    <message>
+        <source>, at most</source>
+        <translation>, höchstens</translation>
+    </message>
+    <message>
+        <source>residual, at most</source>
+        <translation>Residuum, höchstens</translation>
+    </message>
+    <message>
+        <source>How the scene is drawn</source>
+        <translation>Wie die Szene gezeichnet wird</translation>
+    </message>
+    <message>
+        <source>Points</source>
+        <translation>Punkte</translation>
+    </message>
+    <message>
+        <source>%1 of %2 points</source>
+        <translation>%1 von %2 Punkten</translation>
+    </message>
+    <message>
+        <source>Reading the points&apos; colours from the pictures ...</source>
+        <translation>Farben der Punkte werden aus den Bildern gelesen ...</translation>
+    </message>
+    <message>
+        <source>site, E and N in %1</source>
+        <translation>Gelände, E und N in %1</translation>
+    </message>
+    <message>
+        <source>x and y in %1</source>
+        <translation>x und y in %1</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ServicesDialog</name>
+    <message>
+        <source>Panoramas of services</source>
+        <translation>Panoramen von Diensten</translation>
+    </message>
+    <message>
+        <source>Equivalent command line</source>
+        <translation>Gleichwertige Befehlszeile</translation>
+    </message>
+    <message>
+        <source>Search shows what a service has along the run; nothing is loaded by it.</source>
+        <translation>Die Suche zeigt, was ein Dienst entlang der Fahrt hat; geladen wird dabei nichts.</translation>
+    </message>
+    <message>
+        <source>Pick all</source>
+        <translation>Alle wählen</translation>
+    </message>
+    <message>
+        <source>Pick none</source>
+        <translation>Keine wählen</translation>
+    </message>
+    <message>
+        <source>Search</source>
+        <translation>Suchen</translation>
+    </message>
+    <message>
+        <source>Download</source>
+        <translation>Laden</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Close</source>
+        <translation>Schließen</translation>
+    </message>
+    <message>
+        <source>2024, 2024-05 or 2024-05-12</source>
+        <translation>2024, 2024-05 oder 2024-05-12</translation>
+    </message>
+    <message>
+        <source>the public one</source>
+        <translation>der öffentliche</translation>
+    </message>
+    <message>
+        <source>My agreement with the service permits to compute from its pictures</source>
+        <translation>Meine Vereinbarung mit dem Dienst erlaubt es, mit seinen Bildern zu rechnen</translation>
+    </message>
+    <message>
+        <source>Service</source>
+        <translation>Dienst</translation>
+    </message>
+    <message>
+        <source>Along run, within</source>
+        <translation>Entlang der Fahrt, bis</translation>
+    </message>
+    <message>
+        <source>Taken since, until</source>
+        <translation>Aufgenommen ab, bis</translation>
+    </message>
+    <message>
+        <source>File with the key</source>
+        <translation>Datei mit dem Schlüssel</translation>
+    </message>
+    <message>
+        <source>Server</source>
+        <translation>Server</translation>
+    </message>
+    <message>
+        <source>Panoramas that were found</source>
+        <translation>Gefundene Panoramen</translation>
+    </message>
+    <message>
+        <source>Pick</source>
+        <translation>Wahl</translation>
+    </message>
+    <message>
+        <source>Source</source>
+        <translation>Quelle</translation>
+    </message>
+    <message>
+        <source>Panorama</source>
+        <translation>Panorama</translation>
+    </message>
+    <message>
+        <source>Taken</source>
+        <translation>Aufgenommen</translation>
+    </message>
+    <message>
+        <source>Away</source>
+        <translation>Abstand</translation>
+    </message>
+    <message>
+        <source>Heading</source>
+        <translation>Richtung</translation>
+    </message>
+    <message>
+        <source>Width</source>
+        <translation>Breite</translation>
+    </message>
+    <message>
+        <source>Licence</source>
+        <translation>Lizenz</translation>
+    </message>
+    <message>
+        <source>Owner</source>
+        <translation>Urheber</translation>
+    </message>
+    <message>
+        <source>Searching ...</source>
+        <translation>Suche läuft ...</translation>
+    </message>
+    <message>
+        <source>%1 has %2 panoramas there.</source>
+        <translation>%1 hat dort %2 Panoramen.</translation>
+    </message>
+    <message>
+        <source>Loading ...</source>
+        <translation>Lädt ...</translation>
+    </message>
+    <message>
+        <source>empty: the environment variable %1</source>
+        <translation>leer: die Umgebungsvariable %1</translation>
+    </message>
+    <message>
+        <source>none is needed</source>
+        <translation>keiner nötig</translation>
+    </message>
+    <message>
+        <source>Download %1</source>
+        <translation>%1 laden</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ServicesMap</name>
+    <message>
+        <source>Map of the run and of the panoramas that services have</source>
+        <translation>Karte der Fahrt und der Panoramen, die Dienste haben</translation>
+    </message>
+    <message>
+        <source>N up</source>
+        <translation>N oben</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::SiteTree</name>
@@ -2294,6 +2783,41 @@
     <message>
         <source>The table is not shown.</source>
         <translation>Die Tabelle wird nicht gezeigt.</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::ViewCube</name>
+    <message>
+        <source>Direction of view</source>
+        <translation>Blickrichtung</translation>
+    </message>
+    <message>
+        <source>Look from this side (Shift with T, N, E, S, W)</source>
+        <translation>Von dieser Seite sehen (Umschalt mit T, N, E, S, W)</translation>
+    </message>
+    <message>
+        <source>E</source>
+        <translation>O</translation>
+    </message>
+    <message>
+        <source>W</source>
+        <translation>W</translation>
+    </message>
+    <message>
+        <source>N</source>
+        <translation>N</translation>
+    </message>
+    <message>
+        <source>S</source>
+        <translation>S</translation>
+    </message>
+    <message>
+        <source>top</source>
+        <translation>oben</translation>
+    </message>
+    <message>
+        <source>below</source>
+        <translation>unten</translation>
     </message>
 </context>
 <context>

@@ -43,6 +43,14 @@ class ScratchFile {
   std::filesystem::path path_;
 };
 
+// What a reader of a scratch file throws, in words of where the file is from.
+[[noreturn]] void FailAs(const InputError& e, const ScratchFile& file, const std::string& what) {
+  std::string reason = e.what();
+  const size_t at = reason.find(file.path().string());
+  if (at != std::string::npos) reason.replace(at, file.path().string().size(), what);
+  throw InputError(reason);
+}
+
 [[noreturn]] void FailWith(const std::string& source, const std::string& url, int status) {
   const std::string at = source + ": " + WithoutQuery(url);
   if (status == 401 || status == 403) {
@@ -58,8 +66,9 @@ class ScratchFile {
 
 }  // namespace
 
-json GetJson(HttpClient& client, const std::string& source, const std::string& url, const CancelToken& cancel) {
-  const HttpAnswer answer = client.Get(url, kMostJsonBytes, cancel);
+json GetJson(HttpClient& client, const std::string& source, const std::string& url, const CancelToken& cancel,
+             const std::string& post) {
+  const HttpAnswer answer = client.Get(url, kMostJsonBytes, cancel, post);
   if (answer.status != 200) FailWith(source, url, answer.status);
   // Depth is bounded: each level of a deeper one would cost stack.
   constexpr int kDeepest = 64;
@@ -108,7 +117,7 @@ std::optional<Geodetic> PointOf(const json& geometry) {
 }
 
 bool IsPlainId(const std::string& id) {
-  return !id.empty() && id.size() <= 128 && id.front() != '-' && std::all_of(id.begin(), id.end(), [](unsigned char c) {
+  return !id.empty() && id.size() <= 128 && std::all_of(id.begin(), id.end(), [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '-' || c == '_';
   });
 }
@@ -126,10 +135,7 @@ PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const 
   try {
     picture.pixels = LoadPanorama(file.path(), false);
   } catch (const InputError& e) {
-    std::string reason = e.what();
-    const size_t at = reason.find(file.path().string());
-    if (at != std::string::npos) reason.replace(at, file.path().string().size(), source + ": panorama " + id);
-    throw InputError(reason);
+    FailAs(e, file, source + ": panorama " + id);
   }
   const PhotoMetadata metadata = ReadPhotoMetadata(file.path());
   const bool jpeg = answer.body.starts_with("\xFF\xD8");
@@ -140,6 +146,15 @@ PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const 
     cv::resize(picture.pixels, picture.pixels, {width, width / 2}, 0, 0, cv::INTER_AREA);
   }
   return picture;
+}
+
+cv::Mat DecodeDownload(const std::string& bytes, const std::string& what) {
+  const ScratchFile file(bytes);
+  try {
+    return LoadPicture(file.path(), false);
+  } catch (const InputError& e) {
+    FailAs(e, file, what);
+  }
 }
 
 std::vector<std::array<double, 4>> BoxesOf(const SearchArea& area, double most_deg) {

@@ -20,8 +20,9 @@ constexpr int kMostPages = 1000;
 
 // The JSON at `url`. Throws InputError for another status (401 and 403 as a matter of the token, 429 of the rate) and
 // for what is no object, NetworkError as the client does.
-nlohmann::json GetJson(HttpClient& client, const std::string& source, const std::string& url,
-                       const CancelToken& cancel);
+// `post`: JSON to be POSTed, or empty.
+nlohmann::json GetJson(HttpClient& client, const std::string& source, const std::string& url, const CancelToken& cancel,
+                       const std::string& post = "");
 
 // Members of the right type, or nothing; texts at most 300 bytes, as UTF-8 in one line; numbers finite.
 std::optional<double> NumberIn(const nlohmann::json& object, const char* key);
@@ -31,13 +32,16 @@ const nlohmann::json* ObjectIn(const nlohmann::json& object, const char* key);
 // GeoJSON's [longitude, latitude, ...], if it is on the Earth and not at 0, 0.
 std::optional<Geodetic> PointOf(const nlohmann::json& geometry);
 
-// An id that a file can be named by: letters, digits, - and _, at most 128.
+// An id that a file can be named by, behind a service's name: letters, digits, - and _, at most 128.
 bool IsPlainId(const std::string& id);
 
 // The picture at `url`, decoded as any input is; at most `width` px wide unless 0. A part of a sphere that states where
 // it lies is put into a black sphere.
 PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const std::string& id, const std::string& url,
                            int width, const CancelToken& cancel);
+
+// The bytes of a picture, decoded as any input is (BGR); `what` names it in the InputError of one that is none.
+cv::Mat DecodeDownload(const std::string& bytes, const std::string& what);
 
 // Boxes (west, south, east, north) of at most `most_deg` a side that cover an area; throws InputError for an area that
 // needs more than 10,000.

@@ -17,6 +17,24 @@ namespace trigpoint {
 
 using Clock = std::chrono::steady_clock;
 
+namespace {
+
+// RFC 9111, as far as it limits a private cache.
+std::optional<int64_t> MaxAgeOf(const std::string& cache_control) {
+  std::optional<int64_t> age;
+  for (size_t begin = 0; begin <= cache_control.size();) {
+    const size_t end = std::min(cache_control.find(',', begin), cache_control.size());
+    const std::string_view part = Trim(std::string_view(cache_control).substr(begin, end - begin));
+    constexpr std::string_view kMaxAge = "max-age=";
+    if (part == "no-store") return 0;
+    if (part.starts_with(kMaxAge)) age = ParseInt(part.substr(kMaxAge.size()));
+    begin = end + 1;
+  }
+  return age;
+}
+
+}  // namespace
+
 // One attempt after the other of one request.
 struct HttpClient::Transfer {
   std::string body;
@@ -29,6 +47,7 @@ struct HttpClient::Transfer {
   size_t from = 0;    // bytes of the body that earlier attempts brought
   std::string range;  // Content-Range
   std::optional<double> retry_after_s;
+  std::optional<int64_t> max_age_s;
   CURLcode code = CURLE_OK;
   char reason[CURL_ERROR_SIZE] = "";
 
@@ -45,6 +64,7 @@ struct HttpClient::Transfer {
     const std::string value(line.size() > name.size() ? Trim(std::string_view(line).substr(name.size() + 1)) : "");
     if (name == "retry-after") transfer->retry_after_s = ParseDouble(value);
     if (name == "content-range") transfer->range = value;
+    if (name == "cache-control") transfer->max_age_s = MaxAgeOf(value);
     return size * count;
   }
   static size_t OnBody(char* data, size_t size, size_t count, void* user) {
@@ -135,7 +155,7 @@ void HttpClient::WaitForTurn(const CancelToken& cancel) {
           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / options_.requests_per_s));
 }
 
-void HttpClient::Perform(const std::string& url, const std::string& form, Transfer* transfer) {
+void HttpClient::Perform(const std::string& url, const std::string& json, Transfer* transfer) {
   CURL* curl = transfer->curl = static_cast<CURL*>(curl_);
   curl_easy_reset(curl);  // keeps connections
   const bool local = IsOnThisMachine(OriginOf(base_));
@@ -161,8 +181,11 @@ void HttpClient::Perform(const std::string& url, const std::string& form, Transf
   curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
   curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, &Transfer::OnProgress);
   curl_easy_setopt(curl, CURLOPT_XFERINFODATA, transfer);
-  if (!form.empty()) curl_easy_setopt(curl, CURLOPT_COPYPOSTFIELDS, form.c_str());
   curl_slist* headers = nullptr;
+  if (!json.empty()) {
+    curl_easy_setopt(curl, CURLOPT_COPYPOSTFIELDS, json.c_str());
+    headers = curl_slist_append(headers, "Content-Type: application/json");
+  }
   if (OriginOf(url) == OriginOf(base_)) {
     for (const std::string& header : headers_) headers = curl_slist_append(headers, header.c_str());
   }
@@ -171,6 +194,7 @@ void HttpClient::Perform(const std::string& url, const std::string& form, Transf
   transfer->from = transfer->body.size();
   transfer->range.clear();
   transfer->retry_after_s.reset();
+  transfer->max_age_s.reset();
   const std::string range = std::to_string(transfer->from) + "-";
   if (transfer->from > 0) curl_easy_setopt(curl, CURLOPT_RANGE, range.c_str());
   transfer->code = curl_easy_perform(curl);
@@ -178,7 +202,7 @@ void HttpClient::Perform(const std::string& url, const std::string& form, Transf
 }
 
 HttpAnswer HttpClient::Get(const std::string& url, size_t max_bytes, const CancelToken& cancel,
-                           const std::string& form) {
+                           const std::string& json) {
   const std::string origin = OriginOf(url), shown = WithoutQuery(url);
   if (!origin.starts_with("https://") && !(IsOnThisMachine(origin) && IsOnThisMachine(OriginOf(base_)))) {
     throw InputError(source_ + ": names the address '" + Excerpt(shown) + "'; expected one that begins with https://");
@@ -189,13 +213,15 @@ HttpAnswer HttpClient::Get(const std::string& url, size_t max_bytes, const Cance
   double wait_s = options_.first_wait_s;
   for (int attempt = 1;; ++attempt) {
     WaitForTurn(cancel);
-    Perform(url, form, &transfer);
+    Perform(url, json, &transfer);
     cancel.ThrowIfCancelled();
     if (transfer.too_long) {
       throw InputError(fmt::format("{}: {} sends more than {} bytes, which is refused", source_, shown, max_bytes));
     }
     const int status = static_cast<int>(transfer.Status());
-    if (transfer.code == CURLE_OK && !IsTransient(status)) return {status, std::move(transfer.body)};
+    if (transfer.code == CURLE_OK && !IsTransient(status)) {
+      return {status, std::move(transfer.body), transfer.max_age_s};
+    }
     const bool unreachable = transfer.code == CURLE_COULDNT_RESOLVE_HOST || transfer.code == CURLE_COULDNT_CONNECT ||
                              transfer.code == CURLE_COULDNT_RESOLVE_PROXY;
     const bool untrusted = transfer.code == CURLE_PEER_FAILED_VERIFICATION ||
@@ -204,7 +230,7 @@ HttpAnswer HttpClient::Get(const std::string& url, size_t max_bytes, const Cance
     const double wanted_s = std::max(0.0, transfer.retry_after_s.value_or(wait_s));
     if (attempt >= (unreachable ? std::min(2, options_.attempts) : options_.attempts) || untrusted ||
         wanted_s > options_.longest_wait_s) {
-      if (transfer.code == CURLE_OK) return {status, std::move(transfer.body)};
+      if (transfer.code == CURLE_OK) return {status, std::move(transfer.body), {}};
       throw NetworkError(fmt::format("{}: {} {}: {}; check the connection{}", source_, shown,
                                      unreachable ? "cannot be reached" : "cannot be read",
                                      transfer.reason[0] != '\0' ? transfer.reason : curl_easy_strerror(transfer.code),

@@ -3,6 +3,8 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +32,8 @@ class NetworkError : public Error {
 struct HttpAnswer {
   int status = 0;
   std::string body;
+  // By Cache-Control, s; 0: it must not be stored; nothing: not stated.
+  std::optional<int64_t> max_age_s;
 };
 
 // One server at a time, from one thread. Proxies are those of the environment (https_proxy, http_proxy, no_proxy).
@@ -45,17 +49,17 @@ class HttpClient {
   // A header for requests to the base address, such as a token. It is sent nowhere else.
   void AddHeader(const std::string& name, const std::string& value);
 
-  // GETs `url`, or POSTs `form` to it unless that is empty. A transfer that breaks off is resumed where it broke if the
+  // GETs `url`, or POSTs `json` to it unless that is empty. A transfer that breaks off is resumed where it broke if the
   // server can. Statuses 429 and 5xx are retried; what is left of them and 4xx are returned. Throws NetworkError,
   // InputError if the body is longer than `max_bytes` or the address is not one to be trusted, Cancelled.
-  HttpAnswer Get(const std::string& url, size_t max_bytes, const CancelToken& cancel, const std::string& form = "");
+  HttpAnswer Get(const std::string& url, size_t max_bytes, const CancelToken& cancel, const std::string& json = "");
 
   const std::string& base() const { return base_; }
 
  private:
   struct Transfer;
   void WaitForTurn(const CancelToken& cancel);
-  void Perform(const std::string& url, const std::string& form, Transfer* transfer);
+  void Perform(const std::string& url, const std::string& json, Transfer* transfer);
 
   std::string source_, base_;
   HttpOptions options_;

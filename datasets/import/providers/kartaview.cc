@@ -18,8 +18,6 @@ class KartaView final : public ListingService {
  public:
   explicit KartaView(const ServiceOptions& options)
       : ListingService("kartaview", "(c) Grab and KartaView Contributors", options) {}
-  // Phones; headings from the track.
-  PanoramaSigmas Sigmas() const override { return {5, 20, 10, 4}; }
 
   PanoramaPicture Load(const PanoramaRecord& record, int width, const CancelToken& cancel) override {
     const auto url = urls_.find(record.id);

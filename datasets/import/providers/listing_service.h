@@ -15,8 +15,7 @@ class ListingService : public PanoramaProvider {
  public:
   std::string Name() const override { return name_; }
   std::string Prefix() const override { return name_ + "-"; }
-  // GPS of action cameras and phones on vehicles and helmets; headings mostly from the track.
-  PanoramaSigmas Sigmas() const override { return {3, 20, 5, 4}; }
+  SourceQuality Sigmas() const override { return *QualityOfSource(name_); }
   std::vector<std::string> Warnings() const override { return warnings_; }
   std::vector<PanoramaRecord> Find(const SearchArea& area, const CancelToken& cancel) final;
 

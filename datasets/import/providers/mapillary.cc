@@ -1,12 +1,12 @@
 // Mapillary's Graph API, version 4, as documented at mapillary.com/developer/api-documentation: images by box (at most
 // 0.01 deg a side, 2000 an answer), a token in the Authorization header, picture addresses that expire.
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "calib/base/error.h"
 #include "datasets/import/providers/listing_service.h"
+#include "datasets/io/capture_date.h"
 
 namespace trigpoint {
 namespace {
@@ -22,7 +22,7 @@ const char* const kFields =
 
 std::string DateOf(std::optional<double> captured_at_ms) {
   if (!captured_at_ms || *captured_at_ms < 0 || *captured_at_ms > 4e12) return "";
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(*captured_at_ms / 1000)));
+  return UtcOfSeconds(std::llround(*captured_at_ms) / 1000);
 }
 
 class Mapillary final : public ListingService {

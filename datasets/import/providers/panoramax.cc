@@ -61,7 +61,7 @@ class Panoramax final : public ListingService {
       if (href == link.end() || !href->is_string()) return "";
       const std::string url = href->get<std::string>();
       if (OriginOf(url) == OriginOf(client_.base())) return url;
-      throw InputError("panoramax: the next page is said to be at " + Excerpt(WithoutQuery(url)) +
+      throw InputError("panoramax: the service names as its next page " + Excerpt(WithoutQuery(url)) +
                        "; expected one of the same server");
     }
     return "";

@@ -11,11 +11,16 @@ namespace trigpoint {
 
 const std::vector<Service>& Services() {
   static const std::vector<Service> services = {
-      {"panoramax", "https://api.panoramax.xyz/api", "", "open pictures of all Panoramax servers; no token",
+      {"panoramax", "https://api.panoramax.xyz/api", "", "open pictures of all Panoramax servers; no token", "",
        &OpenPanoramax},
       {"mapillary", "https://graph.mapillary.com", "MAPILLARY_ACCESS_TOKEN",
-       "Mapillary; needs a client token of your own", &OpenMapillary},
-      {"kartaview", "https://api.openstreetcam.org", "", "KartaView; no token", &OpenKartaView},
+       "Mapillary; needs a client token of your own", "", &OpenMapillary},
+      {"kartaview", "https://api.openstreetcam.org", "", "KartaView; no token", "", &OpenKartaView},
+      {"google", "https://tile.googleapis.com/v1", "GOOGLE_MAPS_API_KEY",
+       "Google Street View (Map Tiles API); needs a key of your own; kept for the session only",
+       "Google's policies for the Map Tiles API forbid image analysis and machine interpretation of Street View, and "
+       "keeping it",
+       &OpenGoogleStreetView},
   };
   return services;
 }

@@ -21,6 +21,8 @@ struct Service {
   std::string url;        // its public address
   std::string token_env;  // the environment's name of the token; empty: none is needed
   std::string help;       // one line
+  // Why pictures are imported only where the user states to be permitted to; empty: anybody may.
+  std::string permission;
   std::unique_ptr<PanoramaProvider> (*open)(const ServiceOptions& options);
 };
 const std::vector<Service>& Services();
@@ -30,6 +32,8 @@ const Service* ServiceNamed(const std::string& name);  // null: none
 // environment. Throws InputError or OptionError; the token itself is in no message.
 std::string ReadToken(const Service& service, const std::string& file);
 
+// Google Street View by the Map Tiles API; for the session only.
+std::unique_ptr<PanoramaProvider> OpenGoogleStreetView(const ServiceOptions& options);
 // STAC items of a Panoramax server. Pictures of 360 deg alone.
 std::unique_ptr<PanoramaProvider> OpenPanoramax(const ServiceOptions& options);
 // Mapillary's Graph API, version 4; panoramas alone.

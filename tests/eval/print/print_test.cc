@@ -383,7 +383,16 @@ TEST(TagsFile, EntriesAreAddedAndCommentsStay) {
   EXPECT_EQ(with(block, {{7, 0.25}}).text, block);
   EXPECT_EQ(with(block, {{7, 0.2493}}, {{7, 0.25}}).text, "sizes_m:\n    7: 0.2493  # gate\n    # more\nsize_m: 0.5\n");
   EXPECT_THAT(MessageOf<InputError>([&] { with(block, {{7, 0.16}}); }), HasSubstr("tag 7 is listed with 0.25 m"));
-  EXPECT_THAT(MessageOf<InputError>([&] { with("family: tag25h9\n", {{7, 0.16}}); }), HasSubstr("family is tag25h9"));
+  // Tags of another family are named; an id is one tag.
+  EXPECT_EQ(with("family: tag25h9\n", {{7, 0.16}}).text,
+            "family: tag25h9\nfamilies:  # of tags of another family\n  7: tag36h11\n"
+            "sizes_m:  # edge of the black square\n  7: 0.16\n");
+  EXPECT_EQ(with("family: tag25h9\nfamilies: {7: tag36h11}\nsizes_m: {7: 0.2}\n", {{8, 0.16}}).text,
+            "family: tag25h9\nfamilies:\n  7: tag36h11\n  8: tag36h11\nsizes_m:\n  7: 0.2\n  8: 0.16\n");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                with("family: tag25h9\nsizes_m: {7: 0.16}\n", {{7, 0.16}});
+              }),
+              HasSubstr("tag 7 is listed as of tag25h9, not tag36h11"));
 }
 
 TEST(PrintCommand, NotesWhatWasPrintedAndMeasured) {
@@ -417,6 +426,12 @@ TEST(PrintCommand, NotesWhatWasPrintedAndMeasured) {
   EXPECT_EQ(Trigpoint({"print", dir, "--ids", "700", "--size", "100"}).exit_code, 1);
   EXPECT_EQ(Trigpoint({"print", dir, "--ids", "3-1", "--size", "100"}).exit_code, 2);
   EXPECT_EQ(Trigpoint({"print", (folder / "nowhere").string(), "--ids", "1", "--size", "100"}).exit_code, 1);
+  // Tags of a second family in the same site; ids without a family are of that which the file states.
+  ASSERT_EQ(Trigpoint({"print", dir, "--ids", "20", "--size", "100", "--family", "tag16h5"}).exit_code, 0);
+  EXPECT_EQ(ReadTagSizes(folder / "tags.yaml").family, "tag36h11,tag16h5:20");
+  const Finished mixed = Trigpoint({"print", dir, "--ids", "20,21", "--size", "100"});
+  EXPECT_EQ(mixed.exit_code, 2);
+  EXPECT_THAT(mixed.err, HasSubstr("tag 20 is of tag16h5 and tag 21 of tag36h11; print one family at a time"));
   // A file of the user is not written onto.
   WriteFileAtomically(folder / "mine.pdf", "mine");
   EXPECT_EQ(Trigpoint({"print", dir, "--what", "board", "--target", "checkerboard:9x6:0.02", "--out",

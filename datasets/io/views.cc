@@ -1,4 +1,4 @@
-#include "localize/references/views.h"
+#include "datasets/io/views.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,16 +10,16 @@
 
 namespace trigpoint {
 
+int FullSizeOfView(int pano_width, const ViewOptions& options) {
+  const double focal = pano_width / (2 * std::numbers::pi);
+  return static_cast<int>(std::lround(2 * focal * std::tan(0.5 * options.fov_deg * kDegToRad) / 8)) * 8;
+}
+
 ViewRig PanoramaViews(const std::string& name, int pano_width, const ViewOptions& options) {
   ViewRig rig;
   rig.name = name;
   const double fov = options.fov_deg * kDegToRad;
-  int size = options.size_px;
-  if (size == 0) {
-    // The panorama's angular resolution at the view's centre.
-    const double focal = pano_width / (2 * std::numbers::pi);
-    size = std::min(1024, static_cast<int>(std::lround(2 * focal * std::tan(0.5 * fov) / 8)) * 8);
-  }
+  const int size = options.size_px > 0 ? options.size_px : std::min(1024, FullSizeOfView(pano_width, options));
   for (int k = 0; k < options.count; ++k) {
     View view;
     view.name = std::to_string(static_cast<int>(std::lround(360.0 * k / options.count)));

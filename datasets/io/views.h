@@ -31,6 +31,9 @@ struct ViewOptions {
 // View k looks 360 deg * k / count to the right of the centre; perfect pinholes that share one centre.
 ViewRig PanoramaViews(const std::string& name, int pano_width, const ViewOptions& options);
 
+// Width and height of a view in which the panorama's centre keeps its resolution.
+int FullSizeOfView(int pano_width, const ViewOptions& options);
+
 // Draws the views of a rig from panoramas of one size: where a view's pixels lie is worked out once. Thread safe.
 class ViewRenderer {
  public:
@@ -41,6 +44,8 @@ class ViewRenderer {
   // The picture of one view, 8-bit grey in, 8-bit grey out. The seam is interpolated across.
   cv::Mat Render(const cv::Mat& prepared, size_t view) const;
 
+  const ViewRig& rig() const { return rig_; }
+  cv::Size panorama() const { return panorama_; }
   // Whether these are its views and that the size of its panoramas.
   bool Draws(const ViewRig& rig, cv::Size panorama) const;
 

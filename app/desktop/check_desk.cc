@@ -1,0 +1,306 @@
+#include "app/desktop/check_desk.h"
+
+#include <QDesktopServices>
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QPushButton>
+#include <QResizeEvent>
+#include <QSplitter>
+#include <QTableWidget>
+#include <QThread>
+#include <QTimer>
+#include <QUrl>
+#include <QVBoxLayout>
+
+#include "app/desktop/charts.h"
+#include "app/desktop/charts_desk.h"
+#include "app/desktop/contrast.h"
+#include "app/desktop/flow_layout.h"
+#include "app/desktop/object_table.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/polled_progress.h"
+#include "app/pipeline/check_watch.h"
+#include "calib/base/error.h"
+
+namespace trigpoint {
+
+namespace {
+
+constexpr int kLook_ms = 200;     // between two looks at how far it is
+constexpr int kSideBySide = 900;  // px; in a narrower desk the map stands below
+constexpr double kMapScale = 2;   // pixels a unit of the drawing
+constexpr uint64_t kSeed = 1;     // as the command's
+constexpr double kMmPerMetre = 1e3;
+
+QString Text(const std::string& text) { return QString::fromStdString(text); }
+
+QColor ColourOfLight(Light light) {
+  return light == Light::kGreen   ? QColor(0, 120, 79)
+         : light == Light::kAmber ? QColor(199, 124, 0)
+                                  : QColor(192, 57, 43);
+}
+
+QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header) {
+  auto* table = new QTableWidget(0, header.size());
+  table->setObjectName(name);
+  table->setAccessibleName(accessible);
+  table->setHorizontalHeaderLabels(header);
+  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  table->setSelectionBehavior(QAbstractItemView::SelectRows);
+  table->setWordWrap(true);
+  table->horizontalHeader()->setStretchLastSection(true);
+  table->verticalHeader()->hide();
+  return table;
+}
+
+void AddRow(QTableWidget* table, const QStringList& cells, const QColor& first, const QString& object = "") {
+  const int row = table->rowCount();
+  table->insertRow(row);
+  for (int c = 0; c < cells.size(); ++c) {
+    auto* item = new QTableWidgetItem(cells[c]);
+    item->setToolTip(cells[c]);
+    if (!object.isEmpty()) item->setData(Qt::UserRole, object);
+    if (c == 0 && first.isValid()) {
+      item->setForeground(first);
+      QFont bold = table->font();
+      bold.setBold(true);
+      item->setFont(bold);
+    }
+    table->setItem(row, c, item);
+  }
+}
+
+}  // namespace
+
+CheckDesk::CheckDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
+  MakeWidgets();
+  connect(check_, &QPushButton::clicked, this, [this] { Start(false); });
+  connect(watch_, &QPushButton::clicked, this, [this] { Start(true); });
+  connect(stop_, &QPushButton::clicked, this, &CheckDesk::Stop);
+  connect(page_, &QPushButton::clicked, this, &CheckDesk::OpenPage);
+  connect(timer_, &QTimer::timeout, this, [this] {
+    if (work_ && !work_->Text().isEmpty()) status_->setText(work_->Text());
+  });
+  connect(map_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
+    if (!object.isEmpty()) workspace_->Select(object);
+  });
+  connect(map_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
+  LinkTable(tags_, workspace_);
+  connect(workspace_, &Workspace::Selected, map_, &PictureView::SetHighlight);
+  connect(workspace_, &Workspace::UnitChanged, this, &CheckDesk::Show);
+  connect(workspace_, &Workspace::Replaced, this, [this] {  // another folder: its pictures are not watched any more
+    Stop();
+    outcome_.reset();
+    Show();
+  });
+  connect(workspace_, &Workspace::Opened, this, &CheckDesk::Show);
+  connect(workspace_, &Workspace::Closed, this, &CheckDesk::Show);
+  Show();
+}
+
+void CheckDesk::MakeWidgets() {
+  const auto button = [](const char* name, const QString& text, const QString& help) {
+    auto* b = new QPushButton(text);
+    b->setObjectName(name);
+    b->setToolTip(help);
+    return b;
+  };
+  headline_ = new QLabel;
+  headline_->setObjectName("check.headline");
+  headline_->setWordWrap(true);
+  headline_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  QFont large = headline_->font();
+  large.setPointSizeF(1.3 * large.pointSizeF());
+  large.setBold(true);
+  headline_->setFont(large);
+  status_ = new QLabel;
+  status_->setObjectName("check.status");
+  status_->setWordWrap(true);
+  check_ = button("check.check", tr("&Check now"), tr("Look once at every picture that is there (trigpoint check)"));
+  watch_ = button("check.watch", tr("&Watch"), tr("Go on as pictures are copied here (trigpoint check --watch)"));
+  stop_ = button("check.stop", tr("S&top"), tr("What was looked at is kept; a later check goes on there"));
+  page_ = button("check.page", tr("Open the &page"), tr("results/check/index.html in the browser"));
+  next_ = MakeTable("check.next", tr("What to do next"), {tr("what to do next"), tr("why")});
+  findings_ = MakeTable("check.findings", tr("Findings"), {tr("light"), tr("topic"), tr("finding")});
+  tags_ = MakeTable("check.tags", tr("Tags"),
+                    {tr("tag"), tr("status"), tr("pictures"), tr("largest (px)"), tr("nearest"), tr("from (deg)"),
+                     tr("to (deg)"), tr("3D sigma (mm)"), tr("there for")});
+  const QStringList help{tr("id"),
+                         tr("of the tag in the map"),
+                         tr("that show it"),
+                         tr("its longest side in any of them"),
+                         tr("distance of the nearest of them"),
+                         tr("leftmost direction of a picture from the tag's normal, as one faces the tag"),
+                         tr("rightmost direction of a picture from the tag's normal, as one faces the tag"),
+                         tr("predicted, 1 sigma"),
+                         tr("what the tag is needed for")};
+  for (int c = 0; c < help.size(); ++c) tags_->horizontalHeaderItem(c)->setToolTip(help[c]);
+  map_ = new PictureView;
+  map_->setObjectName("check.map");
+  map_->setAccessibleName(tr("Map of the check"));
+  timer_ = new QTimer(this);
+  timer_->setInterval(kLook_ms);
+  auto* buttons = new FlowLayout;
+  for (QWidget* w : {check_, watch_, stop_, page_}) buttons->addWidget(w);
+  auto* left = new QSplitter(Qt::Vertical);
+  for (QTableWidget* table : {next_, findings_, tags_}) left->addWidget(table);
+  left->setSizes({150, 250, 220});
+  split_ = new QSplitter;
+  split_->addWidget(left);
+  split_->addWidget(map_);
+  split_->setSizes({600, 500});
+  auto* all = new QVBoxLayout(this);
+  all->addWidget(headline_);
+  all->addLayout(buttons);
+  all->addWidget(status_);
+  all->addWidget(split_, 1);
+}
+
+CheckDesk::~CheckDesk() {
+  if (thread_ == nullptr) return;
+  disconnect(thread_, nullptr, this, nullptr);
+  work_->cancel.Cancel();
+  thread_->wait();
+  delete thread_;
+}
+
+void CheckDesk::resizeEvent(QResizeEvent* event) {
+  QWidget::resizeEvent(event);
+  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
+  if (way == split_->orientation()) return;
+  split_->setOrientation(way);
+  split_->setSizes({1000, 1000});
+}
+
+void CheckDesk::changeEvent(QEvent* event) {
+  QWidget::changeEvent(event);
+  if (event->type() == QEvent::PaletteChange) Show();
+}
+
+void CheckDesk::Start(bool watch) {
+  if (thread_ != nullptr || !workspace_->snapshot()) return;
+  work_ = std::make_shared<PolledProgress>();
+  const auto error = std::make_shared<QString>();
+  thread_ = QThread::create([this, dir = workspace_->snapshot()->dir, watch, work = work_, error] {
+    const auto show = [this, work](const CheckOutcome& judged) {
+      QMetaObject::invokeMethod(
+          this,
+          [this, work, outcome = std::make_shared<const CheckOutcome>(judged)] {
+            if (work != work_ || work->cancel.IsCancelled()) return;  // of a folder that was closed meanwhile
+            outcome_ = outcome;
+            Show();
+            emit Judged();
+          },
+          Qt::QueuedConnection);
+    };
+    try {
+      SiteCheck check(dir, 0, kSeed);
+      CheckOutcome outcome = CheckSite(check, watch, *work, work->cancel);
+      show(outcome);
+      if (watch) WatchSite(check, std::move(outcome), *work, work->cancel, [&](const auto& now, size_t) { show(now); });
+    } catch (const Cancelled&) {
+      // asked for
+    } catch (const std::exception& e) {
+      *error = QString::fromUtf8(e.what());
+    }
+  });
+  connect(thread_, &QThread::finished, this, [this, error, watch] {
+    thread_->deleteLater();
+    thread_ = nullptr;
+    work_.reset();
+    timer_->stop();
+    status_->setText(!error->isEmpty() ? *error : watch ? tr("Not watched any more.") : tr("Done."));
+    if (!error->isEmpty()) emit workspace_->Problem(*error, tr("The folder was not checked."));
+    ShowButtons();
+    emit Ended();
+  });
+  status_->setText(tr("Looking ..."));
+  timer_->start();
+  thread_->start(QThread::LowPriority);
+  ShowButtons();
+}
+
+void CheckDesk::Stop() {
+  if (!work_) return;
+  work_->cancel.Cancel();
+  status_->setText(tr("Stopping ..."));
+  timer_->stop();
+}
+
+void CheckDesk::OpenPage() {
+  const QString file = workspace_->dir() + "/results/check/index.html";
+  if (!QDesktopServices::openUrl(QUrl::fromLocalFile(file))) {
+    emit workspace_->Problem(tr("No program opens the page: %1").arg(file), "");
+  }
+}
+
+void CheckDesk::ShowButtons() {
+  const bool open = workspace_->snapshot() != nullptr;
+  check_->setEnabled(open && !running());
+  watch_->setEnabled(open && !running());
+  stop_->setEnabled(running());
+  page_->setEnabled(open && QFileInfo::exists(workspace_->dir() + "/results/check/index.html"));
+}
+
+void CheckDesk::Show() {
+  ShowButtons();
+  const QColor ground = palette().color(QPalette::Base);
+  for (QTableWidget* table : {next_, findings_}) table->setRowCount(0);
+  if (!outcome_) {
+    headline_->setStyleSheet("");
+    headline_->setText(workspace_->snapshot()
+                           ? tr("Is it enough, while one is still on site? Watch this folder while pictures are copied "
+                                "into it, or check it once.")
+                           : tr("Open the folder that the camera's pictures are copied to."));
+    map_->SetMarks({});
+    map_->SetPicture({}, tr("The map of the tags and of where to stand next is drawn here."));
+    return ShowTags();
+  }
+  headline_->setText(Text(CheckHeadline(*outcome_)));
+  headline_->setStyleSheet(
+      QString("color: %1;").arg(ReadableOn(palette().color(QPalette::Window), ColourOfLight(outcome_->light)).name()));
+  for (const Advice& advice : outcome_->advice) AddRow(next_, {Text(advice.what), Text(advice.why)}, QColor());
+  if (outcome_->advice.empty()) AddRow(next_, {tr("Nothing more would gain much."), ""}, QColor());
+  for (const SiteFinding& f : outcome_->findings) {
+    AddRow(findings_, {Text(LightName(f.light)), Text(f.topic), Text(f.text)},
+           ReadableOn(ground, ColourOfLight(f.light)));
+  }
+  next_->setColumnWidth(0, next_->viewport()->width() / 2);
+  for (int c = 0; c < 2; ++c) findings_->resizeColumnToContents(c);
+  for (QTableWidget* table : {next_, findings_}) table->resizeRowsToContents();
+  if (const auto map = CheckMap(*outcome_)) {
+    ShowDrawing(map_, PaintDrawing(*map, kMapScale), tr("tags, the way so far, where to stand next"));
+  } else {
+    map_->SetMarks({});
+    map_->SetPicture({}, outcome_->facts.map_problem.empty() ? tr("No map yet: too few tags were seen.")
+                                                             : Text(outcome_->facts.map_problem));
+  }
+  ShowTags();
+}
+
+void CheckDesk::ShowTags() {
+  const QSignalBlocker block(tags_);
+  tags_->setRowCount(0);
+  if (!outcome_) return;
+  tags_->horizontalHeaderItem(4)->setText(tr("nearest (%1)").arg(workspace_->unit()));
+  const auto number = [](bool there, double value, int decimals) {
+    return there ? QString::number(value, 'f', decimals) : QString("-");
+  };
+  for (const TagCoverage& tag : CoverTags(outcome_->facts)) {
+    const auto planned = outcome_->facts.planned.find(tag.tag_id);
+    const bool placed = tag.nearest_m.has_value();
+    AddRow(
+        tags_,
+        {QString::number(tag.tag_id), Text(tag.status), QString::number(tag.pictures), number(true, tag.largest_px, 0),
+         number(placed, tag.nearest_m.value_or(0) / workspace_->metres_per_unit(), 1), number(placed, tag.left_deg, 0),
+         number(placed, tag.right_deg, 0),
+         number(tag.sigma_m.has_value(), tag.sigma_m ? kMmPerMetre * tag.sigma_m->norm() : 0, 1),
+         planned != outcome_->facts.planned.end() ? Text(planned->second.what) : tr("not planned")},
+        QColor(), "tag:" + QString::number(tag.tag_id));
+  }
+  tags_->resizeColumnsToContents();
+  ShowSelectedRows(tags_, *workspace_);
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,164 @@
+#include "app/pipeline/site_files.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <map>
+#include <set>
+
+#include "app/pipeline/localize_files.h"
+#include "calib/base/counted.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/solution_covariance.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Comment(const SiteAdjustment& site, const char* table) {
+  return std::string("trigpoint ") + table + " 1; frame=enu; datum=" + site.solution.georeference->source + "; sigma=1";
+}
+
+// A run's cameras as `localize` writes them.
+void WriteRun(const SiteAdjustment& site, size_t index, const fs::path& dir) {
+  const Solution part = PartOfRun(site.solution, index);
+  LocalizeInput input;
+  input.cameras = part.cameras;
+  input.frame = LocalFrame(part.georeference->origin);
+  Localization result;
+  result.on_earth = true;
+  result.earth_source = part.georeference->source;
+  for (const SolutionImage& image : part.images) {
+    input.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
+    result.cameras.push_back({OdomFromCam(part, image), ImageWorldCovariance(part, image)});
+  }
+  fs::create_directories(dir);
+  WriteCameras(input, result, dir);
+  WriteCameraCovariances(part, dir);
+}
+
+// The panoramas of one row: photos of a set that was not stitched share one.
+struct Row {
+  const SolutionReference* shown = nullptr;  // the first that is localized
+  std::set<int> runs;
+};
+
+void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
+  const Solution& s = site.solution;
+  std::map<std::string, Row> rows;
+  std::vector<std::string> names;
+  for (size_t i = 0; i < s.references.size(); ++i) {
+    const SolutionReference& r = s.references[i];
+    const auto [at, fresh] = rows.try_emplace(r.row);
+    if (fresh) names.push_back(r.row);
+    Row& row = at->second;
+    if (row.shown == nullptr || (row.shown->pose < 0 && r.pose >= 0)) row.shown = &r;
+    row.runs.insert(site.runs_of_reference[i].begin(), site.runs_of_reference[i].end());
+  }
+  CsvWriter csv({"panorama",
+                 "station",
+                 "status",
+                 "reason",
+                 "x",
+                 "y",
+                 "z",
+                 "qx",
+                 "qy",
+                 "qz",
+                 "qw",
+                 "sigma_x_m",
+                 "sigma_y_m",
+                 "sigma_z_m",
+                 "latitude_deg",
+                 "longitude_deg",
+                 "height_m",
+                 "heading_deg",
+                 "pitch_deg",
+                 "roll_deg",
+                 "geotag_de_m",
+                 "geotag_dn_m",
+                 "geotag_du_m",
+                 "geotag_status",
+                 "runs"},
+                {Comment(site, "panoramas")});
+  const LocalFrame frame(s.georeference->origin);
+  for (const std::string& name : names) {
+    const SolutionReference& r = *rows[name].shown;
+    csv.Text(name).Text(r.station).Text(r.status).Text(r.reason);
+    if (r.pose < 0) {
+      csv.Empty(20);
+    } else {
+      const PoseEstimate pose{OdomFromRig(s, r.pose), WorldCovariance(s, r.pose)};
+      PutWorldPose(csv, pose);
+      PutGeodeticPose(csv, frame, pose.world_from_x);
+      if (r.geotag.empty()) {
+        csv.Empty(3).Text("unused");
+      } else {
+        for (double d : r.geotag_difference) csv.Number(d, 4);
+        csv.Text(r.geotag);
+      }
+    }
+    std::vector<std::string> runs;
+    for (int run : rows[name].runs) runs.push_back(s.runs[static_cast<size_t>(run)].name);
+    csv.Text(fmt::format("{}", fmt::join(runs, "+")));
+    csv.EndRow();
+  }
+  csv.Save(dir / "panoramas.csv");
+}
+
+void WriteTags(const SiteAdjustment& site, const fs::path& dir) {
+  CsvWriter csv({"tag_id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma_x_m", "sigma_y_m", "sigma_z_m"},
+                {Comment(site, "site_tags")});
+  for (size_t i = 0; i < site.tags.size(); ++i) {
+    const int pose = site.fit.first_tag + static_cast<int>(i);
+    csv.Integer(site.tags[i]);
+    PutWorldPose(csv, {OdomFromRig(site.solution, pose), WorldCovariance(site.solution, pose)});
+    csv.EndRow();
+  }
+  csv.Save(dir / "tags.csv");
+}
+
+void WriteRuns(const SiteAdjustment& site, const fs::path& dir) {
+  CsvWriter csv({"run", "images", "shared_panoramas", "shared_tags", "shared_points", "odometry_scale",
+                 "odometry_scale_sigma", "largest_move_m"},
+                {"trigpoint site_runs 1; sigma=1; moves against the run by itself"});
+  for (const RunInSite& run : site.runs) {
+    csv.Text(run.name).Integer(run.images).Integer(run.shared_panoramas).Integer(run.shared_tags);
+    csv.Integer(run.shared_points).Number(run.scale, 6).Number(run.scale_sigma, 6).Number(run.largest_move_m, 4);
+    csv.EndRow();
+  }
+  csv.Save(dir / "runs.csv");
+}
+
+}  // namespace
+
+void WriteSiteTables(const SiteAdjustment& site, const fs::path& dir) {
+  WriteRuns(site, dir);
+  WritePanoramas(site, dir);
+  WriteTags(site, dir);
+  for (size_t i = 0; i < site.solution.runs.size(); ++i) WriteRun(site, i, dir / site.solution.runs[i].name);
+  WritePanoramaCovariances(site.solution, dir);
+}
+
+std::string SiteSummary(const nlohmann::json& m, const DisplayUnit& unit) {
+  std::string text = fmt::format(
+      "{} adjusted together, {}; {} of {} panoramas and photos localized, largest sigma {:.3f} {} (1 sigma, worst "
+      "axis); "
+      "datum {}\n",
+      Counted(m.at("runs").get<int64_t>(), "run", "runs"), Counted(m.at("images").get<int64_t>(), "image", "images"),
+      m.at("localized").get<int>(), m.at("references").get<int>(),
+      m.at("largest_panorama_sigma_m").get<double>() / unit.metres, unit.name, m.at("earth_source").get<std::string>());
+  for (const nlohmann::json& run : m.at("of_run")) {
+    text += fmt::format("{}: shares {}, {}, {} with other runs; odometry scale {:.4f} +- {:.4f} (1 sigma)\n",
+                        run.at("run").get<std::string>(),
+                        Counted(run.at("shared_panoramas").get<int64_t>(), "panorama", "panoramas"),
+                        Counted(run.at("shared_tags").get<int64_t>(), "tag", "tags"),
+                        Counted(run.at("shared_points").get<int64_t>(), "point", "points"),
+                        run.at("odometry_scale").get<double>(), run.at("odometry_scale_sigma").get<double>());
+  }
+  return text;
+}
+
+}  // namespace trigpoint

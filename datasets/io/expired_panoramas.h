@@ -1,0 +1,21 @@
+// Pictures whose source forbids to keep them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace trigpoint {
+
+// Seconds since 1970.
+int64_t NowUtc_s();
+
+// Is that time (UTC, as in the column keep_until) over? What is no time is not.
+bool IsOver(const std::string& keep_until, int64_t now_s = NowUtc_s());
+
+// Deletes pictures of SITE/panoramas.csv whose `keep_until` is before `now_s` (UTC), and their rows there and in
+// SITE/results/replaced/; a table without another row goes as a whole. Returns how many there were. Tables that cannot
+// be read are left as they are: the site's reader names them. Throws IoError.
+int ForgetExpiredPanoramas(const std::filesystem::path& site, int64_t now_s = NowUtc_s());
+
+}  // namespace trigpoint

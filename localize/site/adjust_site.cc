@@ -1,0 +1,270 @@
+#include "localize/site/adjust_site.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "calib/base/error.h"
+
+namespace trigpoint {
+namespace {
+
+// The runs that can be placed, in their order.
+void LeaveOutUnplaced(std::vector<SiteRun>* runs, std::vector<PlacedRun>* placed, std::vector<std::string>* warnings) {
+  size_t kept = 0;
+  for (size_t i = 0; i < runs->size(); ++i) {
+    if (!(*placed)[i].world_from_odom) {
+      warnings->push_back("run " + (*runs)[i].name +
+                          " is left out: it is not georeferenced and shares no panorama or tag with a run that is");
+      continue;
+    }
+    if (kept != i) (*runs)[kept] = std::move((*runs)[i]), (*placed)[kept] = std::move((*placed)[i]);
+    ++kept;
+  }
+  runs->resize(kept);
+  placed->resize(kept);
+  if (kept == 0) {
+    throw InputError(
+        "no run is georeferenced, so that there is no datum: give geotags, GPS or control points, and run `trigpoint "
+        "localize` again");
+  }
+}
+
+// Each tag once, with what all runs see of it, from the runs' tags; a tag's place in the map or its control points from
+// `evidence`.
+WorldEvidence JoinTags(const std::vector<SiteRun>& runs, const JoinedRuns& joined, const WorldEvidence& evidence,
+                       std::vector<std::set<int>>* runs_of_tag) {
+  std::map<int, WorldTag> tags;
+  std::map<int, std::set<int>> seen;
+  for (size_t r = 0; r < runs.size(); ++r) {
+    for (const WorldTag& tag : runs[r].tags) {
+      auto [at, fresh] = tags.try_emplace(tag.id, tag);
+      if (fresh) at->second.sightings.clear();
+      for (TagSighting s : tag.sightings) {
+        s.image += joined.runs[r].first_image;
+        at->second.sightings.push_back(s);
+      }
+      seen[tag.id].insert(static_cast<int>(r));
+    }
+  }
+  WorldEvidence out;
+  out.gps = evidence.gps;
+  out.map_covariance = evidence.map_covariance;
+  // Those of the map come first, in its order: the covariance is theirs.
+  for (const WorldTag& known : evidence.tags) {
+    const auto at = tags.find(known.id);
+    if (at == tags.end()) throw Error(fmt::format("tag {} of the map is seen by no run", known.id));
+    at->second.world_from_tag = known.world_from_tag;
+    at->second.control = known.control;
+    out.tags.push_back(std::move(at->second));
+    runs_of_tag->push_back(seen[known.id]);
+    tags.erase(at);
+  }
+  for (auto& [id, tag] : tags) {
+    // One that a single run sees and nothing holds tells nothing new.
+    if (seen[id].size() < 2) continue;
+    out.tags.push_back(std::move(tag));
+    runs_of_tag->push_back(seen[id]);
+  }
+  return out;
+}
+
+GeoStart GeotagsOf(const JoinedRuns& joined) {
+  GeoStart start;
+  for (size_t i = 0; i < joined.references.size(); ++i) {
+    const GeoTag& tag = joined.input.references[i].geotag;
+    if (joined.references[i].pose < 0 || (!tag.has_position && !tag.has_heading)) continue;
+    const BundleProblem& p = joined.reconstruction.problem;
+    start.observations.push_back(
+        GeoObservationOf(tag, joined.input.frame, p.poses[static_cast<size_t>(joined.references[i].pose)].Inverse()));
+    start.poses.push_back(joined.references[i].pose);
+    start.references.push_back(static_cast<int>(i));
+  }
+  return start;
+}
+
+std::vector<std::vector<GpsPlace>> GpsOf(const std::vector<SiteRun>& runs, const std::vector<bool>& by_gps, bool all,
+                                         const JoinedRuns& joined) {
+  std::vector<std::vector<GpsPlace>> gps(runs.size());
+  for (size_t r = 0; r < runs.size(); ++r) {
+    if (!all && !by_gps[r]) continue;
+    gps[r] = runs[r].gps;
+    for (GpsPlace& place : gps[r]) place.pose += joined.runs[r].first_pose;
+  }
+  return gps;
+}
+
+// What was said of the panoramas' places against where they are now.
+void NoteGeotags(const GeoStart& start, const GeoRegistrationOptions& options, JoinedRuns* joined) {
+  const BundleProblem& p = joined->reconstruction.problem;
+  for (SolutionReference& r : joined->references) r.geotag.clear();
+  for (size_t i = 0; i < start.observations.size(); ++i) {
+    const GeoObservation& o = start.observations[i];
+    if (!o.has_position) continue;
+    SolutionReference& r = joined->references[static_cast<size_t>(start.references[i])];
+    r.geotag_difference = o.position - p.poses[static_cast<size_t>(r.pose)].TargetOriginInSource();
+    r.geotag = IsOutlier(o, r.geotag_difference, options) ? "outlier" : "ok";
+  }
+}
+
+Solution SolutionOf(JoinedRuns&& joined, const WorldFit& fit, std::vector<Matrix6d> covariances) {
+  Solution s;
+  s.run = "site";
+  s.runs = std::move(joined.runs);
+  s.cameras = std::move(joined.input.cameras);
+  for (BodyCamera& camera : s.cameras) camera.mask = {};
+  for (const FrameImage& image : joined.input.images) {
+    s.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
+  }
+  s.pose_stamps = std::move(joined.input.pose_stamps);
+  Reconstruction& r = joined.reconstruction;
+  s.problem = std::move(r.problem);
+  s.covariances = std::move(covariances);
+  s.image_of = std::move(r.image_of);
+  s.feature_of = std::move(r.feature_of);
+  s.depth_m = std::move(r.depth_m);
+  s.point_valid = std::move(r.point_valid);
+  s.sigma_px = r.sigma_px;
+  s.correlation_inflation = r.correlation_inflation;
+  s.odometry_noise_factor = r.odometry_noise_factor;
+  s.summary = r.summary;
+  s.dropped_observations = r.dropped_observations;
+  s.references = std::move(joined.references);
+  SolutionGeoreference& geo = s.georeference.emplace();
+  geo.source = SourceOf(fit);
+  geo.origin = joined.input.frame.origin();
+  geo.with_poses.assign(s.problem.poses.size(), Eigen::Matrix<double, 6, 7>::Zero());
+  return s;
+}
+
+// Points that images of several runs see, counted for each of these.
+void CountSharedPoints(const JoinedRuns& joined, std::vector<RunInSite>* runs) {
+  const Reconstruction& r = joined.reconstruction;
+  std::set<int> of_point;
+  for (size_t k = 0; k < r.image_of.size(); ++k) {
+    const BearingObservation& o = r.problem.observations[k];
+    if (r.image_of[k] >= 0 && o.active) of_point.insert(joined.run_of_image[static_cast<size_t>(r.image_of[k])]);
+    if (k + 1 < r.image_of.size() && r.problem.observations[k + 1].point == o.point) continue;
+    for (int run : of_point) (*runs)[static_cast<size_t>(run)].shared_points += of_point.size() > 1 ? 1 : 0;
+    of_point.clear();
+  }
+}
+
+std::vector<RunInSite> FactsOf(const JoinedRuns& joined, const std::vector<std::set<int>>& runs_of_tag,
+                               const std::vector<Rigid3d>& before, const BundleCovariance& covariance) {
+  std::vector<RunInSite> runs(joined.runs.size());
+  const BundleProblem& p = joined.reconstruction.problem;
+  for (size_t r = 0; r < runs.size(); ++r) {
+    runs[r].name = joined.runs[r].name;
+    runs[r].scale = p.scales[r].value;
+    runs[r].scale_sigma = std::sqrt(covariance.ScaleVariance(static_cast<int>(r)));
+  }
+  for (size_t i = 0; i < joined.input.images.size(); ++i) {
+    RunInSite& run = runs[static_cast<size_t>(joined.run_of_image[i])];
+    ++run.images;
+    const auto pose = static_cast<size_t>(joined.input.images[i].pose);
+    const double move = (before[pose].TargetOriginInSource() - p.poses[pose].TargetOriginInSource()).norm();
+    run.largest_move_m = std::max(run.largest_move_m, move);
+  }
+  for (const std::vector<int>& of : joined.runs_of_reference) {
+    for (int run : of) runs[static_cast<size_t>(run)].shared_panoramas += of.size() > 1 ? 1 : 0;
+  }
+  for (const std::set<int>& of : runs_of_tag) {
+    for (int run : of) runs[static_cast<size_t>(run)].shared_tags += of.size() > 1 ? 1 : 0;
+  }
+  CountSharedPoints(joined, &runs);
+  return runs;
+}
+
+void CheckDatum(const GeoStart& start, const SiteFitInput& site, const WorldEvidence& world) {
+  const auto placed = [](const GeoObservation& o) { return o.has_position; };
+  const auto held = [](const WorldTag& tag) { return tag.world_from_tag || !tag.control.empty(); };
+  if (std::any_of(start.observations.begin(), start.observations.end(), placed) ||
+      std::any_of(world.tags.begin(), world.tags.end(), held) ||
+      std::any_of(site.gps.begin(), site.gps.end(), [](const auto& gps) { return !gps.empty(); })) {
+    return;
+  }
+  throw InputError(
+      "nothing holds the site's datum: no localized panorama has a geotag, and no run is georeferenced by GPS; use "
+      "control "
+      "or the survey's tags (--use control, --use tags)");
+}
+
+// Runs that nothing but their own georeference ties to the others.
+void WarnOfLonely(const std::vector<RunInSite>& runs, std::vector<std::string>* warnings) {
+  for (const RunInSite& run : runs) {
+    if (runs.size() < 2 || run.shared_panoramas + run.shared_tags + run.shared_points > 0) continue;
+    warnings->push_back("run " + run.name +
+                        " shares no panorama, tag or point with the others: its own geotags or GPS "
+                        "alone place it");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> SiteOptions::Check() const { return CheckRanges(*this); }
+
+SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& evidence, const SiteOptions& options,
+                          int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
+  SiteAdjustment out;
+  std::vector<PlacedRun> placed = PlaceRuns(runs, &out.warnings);
+  LeaveOutUnplaced(&runs, &placed, &out.warnings);
+  std::vector<bool> by_gps;
+  std::vector<Rigid3d> before;  // of the body poses, each run by itself
+  for (const SiteRun& run : runs) {
+    const Solution& s = run.solution;
+    by_gps.push_back(s.georeference && s.georeference->source == "gps");
+    for (size_t k = 0; k < s.pose_stamps.size(); ++k) {
+      before.push_back(
+          s.georeference ? s.georeference->world_from_odom.TransformPose(OdomFromRig(s, static_cast<int>(k))).Inverse()
+                         : s.problem.poses[k]);
+    }
+  }
+  JoinedRuns joined = JoinRuns(&runs, placed, options.geo.tilt_sigma_deg * kDegToRad);
+  Reconstruction& r = joined.reconstruction;
+  const RunLinks links = LinkRuns(joined, options.links, options.registration, threads, seed, progress, cancel);
+  out.links_tried = links.tried, out.links_found = links.found, out.links_refused = links.refused;
+
+  std::vector<std::set<int>> runs_of_tag;
+  const WorldEvidence world = JoinTags(runs, joined, evidence, &runs_of_tag);
+  for (const WorldTag& tag : world.tags) out.tags.push_back(tag.id);
+  const GeoStart start = GeotagsOf(joined);
+  SiteFitInput site;
+  site.run_of_image = joined.run_of_image;
+  site.gps = GpsOf(runs, by_gps, evidence.gps, joined);
+  site.links = links.factors;
+  site.after_links = [&] {
+    PointPairs pairs = PairsByPanoramas(joined);
+    pairs.insert(pairs.end(), links.pairs.begin(), links.pairs.end());
+    MergePoints(pairs, options.outlier_chi2, &joined, threads, cancel);
+  };
+  CheckDatum(start, site, world);
+  BundleOptions bundle;
+  bundle.threads = threads;
+  bundle.max_iterations = 20;
+  bundle.relative_cost_tolerance = 1e-5;
+  std::vector<TagInRun> moved;
+  out.fit =
+      FitSite(joined.input, start, site, world, options.geo, bundle, &r.problem, &r.summary, &moved, progress, cancel);
+  out.warnings.insert(out.warnings.end(), out.fit.warnings.begin(), out.fit.warnings.end());
+  for (const TagInRun& tag : moved) {
+    out.warnings.push_back(
+        fmt::format("tag {} stands elsewhere in run {} than in the other runs: it is left out of that "
+                    "run",
+                    tag.tag_id, joined.runs[static_cast<size_t>(tag.run)].name));
+  }
+  NoteGeotags(start, options.geo, &joined);
+  BundleCovariance covariance(r.problem, threads, cancel);
+  out.runs = FactsOf(joined, runs_of_tag, before, covariance);
+  WarnOfLonely(out.runs, &out.warnings);
+  out.runs_of_reference = joined.runs_of_reference;
+  std::vector<Matrix6d> covariances, unused;
+  std::move(covariance).PoseBlocks({}, &covariances, &unused);
+  out.solution = SolutionOf(std::move(joined), out.fit, std::move(covariances));
+  return out;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,70 @@
+// The desk that checks a folder while pictures are copied into it.
+#include "app/pipeline/check.h"
+
+#include <gmock/gmock.h>
+
+#include <QLabel>
+#include <QPushButton>
+#include <QSignalSpy>
+#include <QTableWidget>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "app/desktop/check_desk.h"
+#include "tests/gui/gui_driver.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CheckDeskTest : public ResultsWindowTest {};
+
+TEST_F(CheckDeskTest, ShowsWhatTheCommandFindsAndWatchesUntilStopped) {
+  window_->ShowDesk("check");
+  CheckDesk* desk = window_->check();
+  EXPECT_EQ(desk->outcome(), nullptr);
+  EXPECT_FALSE(Child<QPushButton>(window_.get(), "check.stop")->isEnabled());
+  Screenshot(window_.get(), "check_empty");
+  QSignalSpy judged(desk, &CheckDesk::Judged), ended(desk, &CheckDesk::Ended);
+  Click(window_.get(), "check.check");
+  EXPECT_TRUE(desk->running());
+  ASSERT_TRUE(WaitFor([&] { return ended.count() == 1; })) << desk->running();
+  ASSERT_NE(desk->outcome(), nullptr) << Child<QLabel>(window_.get(), "check.status")->text().toStdString();
+  EXPECT_GT(desk->outcome()->pictures, 0);
+  EXPECT_EQ(Child<QLabel>(window_.get(), "check.headline")->text().toStdString(), CheckHeadline(*desk->outcome()));
+  const auto* findings = Child<QTableWidget>(window_.get(), "check.findings");
+  ASSERT_EQ(findings->rowCount(), static_cast<int>(desk->outcome()->findings.size()));
+  for (int row = 0; row < findings->rowCount(); ++row) {
+    EXPECT_EQ(findings->item(row, 2)->text().toStdString(), desk->outcome()->findings[static_cast<size_t>(row)].text);
+  }
+  EXPECT_TRUE(fs::exists(Path("results/check/index.html").toStdString()));
+  auto* tags = Child<QTableWidget>(window_.get(), "check.tags");
+  ASSERT_GT(tags->rowCount(), 0);
+  ClickRow(tags, 0);
+  EXPECT_EQ(window_->workspace()->selected(), "tag:" + tags->item(0, 0)->text());
+  Screenshot(window_.get(), "check");
+
+  // Watched, a picture more is seen.
+  const int before = desk->outcome()->pictures;
+  Click(window_.get(), "check.watch");
+  ASSERT_TRUE(WaitFor([&] { return judged.count() >= 2; }));
+  const fs::path run = Path("runs/run1").toStdString();
+  std::string last;
+  std::ifstream list(run / "images.txt");
+  for (std::string line; std::getline(list, line);) last = line.empty() || line[0] == '#' ? last : line;
+  list.close();
+  const std::string file = last.substr(last.rfind(' ') + 1);
+  fs::copy_file(run / file, run / "images" / "added.jpg");
+  std::ofstream(run / "images.txt", std::ios::app) << "99.0 images/added.jpg\n";
+  EXPECT_TRUE(WaitFor([&] { return desk->outcome()->pictures == before + 1; }))
+      << desk->outcome()->pictures << " after " << last;
+  Click(window_.get(), "check.stop");
+  ASSERT_TRUE(WaitFor([&] { return !desk->running(); }));
+  EXPECT_EQ(ended.count(), 2);
+  Screenshot(window_.get(), "check_stopped");
+}
+
+}  // namespace
+}  // namespace trigpoint
