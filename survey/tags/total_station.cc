@@ -269,6 +269,8 @@ class Network {
         setup.instrument = fit.translation;
         setup.orientation = std::atan2(north.x(), north.y());
         setup.placed = any = true;
+        // The point below it, which other set-ups may read.
+        points_.try_emplace(name, setup.instrument - setup.height * Eigen::Vector3d::UnitZ());
       } catch (const NumericError&) {  // the points lie on one another
       }
     }
@@ -348,8 +350,9 @@ class Network {
     if (robust) return;
     ceres::CRSMatrix jacobian;
     std::vector<double> residuals;
-    problem.Evaluate({}, nullptr, &residuals, nullptr, &jacobian);
-    problem.GetParameterBlocks(&blocks_);
+    ceres::Problem::EvaluateOptions in_order;  // of blocks_; by itself Ceres may order them otherwise
+    in_order.parameter_blocks = blocks_;
+    problem.Evaluate(in_order, nullptr, &residuals, nullptr, &jacobian);
     jacobian_ = Eigen::MatrixXd::Zero(jacobian.num_rows, jacobian.num_cols);
     for (int row = 0; row < jacobian.num_rows; ++row) {
       for (int k = jacobian.rows[static_cast<size_t>(row)]; k < jacobian.rows[static_cast<size_t>(row) + 1]; ++k) {
@@ -378,6 +381,11 @@ class Network {
     out->redundancy = static_cast<int>(jacobian_.rows() - jacobian_.cols());
   }
 
+  std::string Named(const NetworkResidual& r) const {
+    const StationSighting& s = sightings_[r.sighting];
+    return fmt::format("line {}: the {} from {} to {}", s.line, StationReadingName(r.reading), s.setup, s.target);
+  }
+
   bool TakeOutWorst(StationNetwork* out) {
     NetworkResidual* worst = nullptr;
     for (NetworkResidual& r : out->residuals) {
@@ -385,13 +393,17 @@ class Network {
     }
     if (worst == nullptr || std::abs(worst->standardised) < kBlunder) return false;
     worst->excluded = true;
-    const StationSighting& s = sightings_[worst->sighting];
     const bool length = worst->reading == StationReading::kDistance;
-    out->warnings.push_back(fmt::format(
-        "total_station.csv, line {}: the {} from {} to {} contradicts the others by {:.4f} {} ({:.1f} sigma): it is "
-        "left out",
-        s.line, StationReadingName(worst->reading), s.setup, s.target,
-        std::abs(worst->residual) * (length ? 1 : kRadToDeg), length ? "m" : "deg", std::abs(worst->standardised)));
+    std::string others;  // that an error could be in as well: no third reading tells which
+    for (const NetworkResidual& r : out->residuals) {
+      constexpr double kTold = 0.95;
+      if (r.excluded || std::abs(r.standardised) < kTold * std::abs(worst->standardised)) continue;
+      others += (others.empty() ? "; it could as well be " : ", ") + Named(r);
+    }
+    out->warnings.push_back(
+        fmt::format("total_station.csv, {} contradicts the others by {:.4f} {} ({:.1f} sigma): it is left out{}",
+                    Named(*worst), std::abs(worst->residual) * (length ? 1 : kRadToDeg), length ? "m" : "deg",
+                    std::abs(worst->standardised), others));
     for (Reading& r : readings_) {
       if (r.sighting == worst->sighting && r.kind == worst->reading) r.excluded = true;
     }

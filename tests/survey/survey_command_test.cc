@@ -1,4 +1,5 @@
 // survey as a user calls it, on a made wall of tags that two runs pass: its tables, its gates and its chapter.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <Eigen/Core>
@@ -158,6 +159,56 @@ TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {
   const CsvRow tag = wall.Table("tags_crs").rows().at(0);
   EXPECT_NEAR(tag.Number("northing_m"), 5316595, 3000);  // 48 north, 7.8 east in zone 32
   EXPECT_NEAR(tag.Number("height_m"), 200 + tag.Number("z"), 0.01);
+}
+
+// Two pillars are known; tags are read from one of them and from a place between, and are check points besides.
+TEST(SurveyCommand, ATotalStationHoldsTheMap) {
+  const Wall wall;
+  const std::map<std::string, Eigen::Vector3d> marks = {
+      {"A", {4, -6, 0}}, {"B", {-4, -2, 0.5}}, {"free", {1, -3, 0.1}}};
+  std::string control = "point,tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n";
+  for (const char* name : {"A", "B"}) {
+    const Eigen::Vector3d& p = marks.at(name);
+    control += fmt::format("{},,control,{:.4f},{:.4f},{:.4f},0.002,0.002\n", name, p.x(), p.y(), p.z());
+  }
+  for (int id = 0; id < kTags; ++id) {
+    const Eigen::Vector3d p = TagPlace(id);
+    control += fmt::format(",{},check,{:.4f},{:.4f},{:.4f},0.002,0.002\n", id, p.x(), p.y(), p.z());
+  }
+  wall.Write("control_points.csv", control);
+  Random random(3);
+  std::string readings = "setup,target,direction_gon,zenith_deg,slope_distance_m,instrument_height_m\n";
+  int lines = 1;
+  for (const std::string setup : {"A", "free"}) {
+    const Eigen::Vector3d instrument = marks.at(setup) + Eigen::Vector3d(0, 0, 1.55);
+    std::map<std::string, Eigen::Vector3d> targets = {{"B", marks.at("B")}};
+    if (setup == "free") targets["A"] = marks.at("A");
+    for (int id = 0; id < kTags; ++id) targets["tag:" + std::to_string(id)] = TagPlace(id);
+    for (const auto& [name, at] : targets) {
+      const Eigen::Vector3d d = at - instrument;
+      double direction = (std::atan2(d.x(), d.y()) - 1.3) * 200 / M_PI + 0.001 * random.Normal();
+      if (direction < 0) direction += 400;
+      const double zenith = std::atan2(d.head<2>().norm(), d.z()) * 180 / M_PI + 0.0009 * random.Normal();
+      readings += fmt::format("{},{},{:.4f},{:.5f},{:.4f},1.55\n", setup, name, direction, zenith,
+                              d.norm() + 0.002 * random.Normal());
+      ++lines;
+    }
+  }
+  readings += "A,tag:1,12.0000,271.5,9.1,1.55\n";  // the second face
+  wall.Write("total_station.csv", readings);
+  const Finished survey = Trigpoint({"survey", wall.dir(), "--threads", "1"});
+  ASSERT_EQ(survey.exit_code, 0) << survey.err;
+  EXPECT_THAT(survey.err, HasSubstr(fmt::format("total_station.csv:{}", lines + 1)));
+  EXPECT_THAT(survey.err, HasSubstr("second face"));
+  EXPECT_EQ(wall.Table("station_residuals").rows().size(), 3u * static_cast<size_t>(lines - 1));
+  const CsvTable check = wall.Table("check");
+  ASSERT_EQ(check.rows().size(), static_cast<size_t>(kTags));
+  double chi2 = 0;
+  for (const CsvRow& row : check.rows()) {
+    EXPECT_LT(row.Number("error_3d_m"), 0.012) << row.Text("tag_id");
+    chi2 += row.Number("chi2_3dof");
+  }
+  EXPECT_LT(chi2, 55.5);  // 27 degrees of freedom, 99.9 %
 }
 
 TEST(SurveyCommand, ExportsSurveyedPointsAsLayers) {

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -399,6 +400,95 @@ TEST(TagMap, WrongControlIsTakenOutAndNamed) {
   }
   EXPECT_EQ(excluded, 1);
   EXPECT_LT((map.tags[3].world_from_tag->translation - yard.tags[3].translation).norm(), 0.06);
+}
+
+// Two pillars that are known, one set-up over the first and one anywhere between the tags; both read every tag.
+void ReadWithTotalStation(uint64_t seed, Yard* yard) {
+  constexpr double kAngle = 2e-5, kLength = 0.002, kPillar = 0.003, kCentring = 0.001;
+  Random random(seed + 1000);
+  const std::map<std::string, Eigen::Vector3d> marks = {{"A", {-1, 2, 0}}, {"B", {40, 60, 3}}, {"free", {2, -3, 0.2}}};
+  SurveyStations stations;
+  for (const char* name : {"A", "B"}) {
+    stations.known.push_back({name, marks.at(name) + kPillar * RandomVector(&random, 1), kPillar, kPillar});
+  }
+  for (const std::string setup : {"A", "free"}) {
+    const Eigen::Vector3d instrument =
+        marks.at(setup) + Eigen::Vector3d(0, 0, 1.6) + kCentring * RandomVector(&random, 1);
+    const double orientation = setup == "A" ? 1 : -2;
+    std::map<std::string, Eigen::Vector3d> targets = {{"B", marks.at("B")}};
+    if (setup != "A") targets["A"] = marks.at("A");
+    for (size_t t = 0; t < yard->tags.size(); ++t) targets["tag:" + std::to_string(t)] = yard->tags[t].translation;
+    for (const auto& [name, at] : targets) {
+      StationSighting s;
+      s.setup = setup, s.target = name;
+      s.instrument_height_m = 1.6;
+      s.sigma_direction_rad = s.sigma_zenith_rad = kAngle, s.sigma_distance_m = kLength;
+      const auto read = [&](StationReading reading, double sigma) {
+        const double* parameters[] = {instrument.data(), at.data(), &orientation};
+        double value = 0;
+        EXPECT_TRUE(StationCost(reading, 0, 1, {}, 0).Evaluate(parameters, &value, nullptr));
+        return value + sigma * random.Normal();
+      };
+      s.direction_rad = read(StationReading::kDirection, kAngle);
+      s.zenith_rad = read(StationReading::kZenith, kAngle);
+      s.distance_m = read(StationReading::kDistance, kLength);
+      s.line = static_cast<int>(stations.sightings.size()) + 2;
+      stations.sightings.push_back(s);
+    }
+  }
+  stations.network = AdjustNetwork(stations.sightings, stations.known, {});
+  yard->input.points.clear();
+  for (const NetworkPoint& point : stations.network.points) {
+    const auto tag = TagOfTarget(point.name);
+    if (!tag) continue;
+    SurveyPoint p;
+    p.name = point.name;
+    p.start_only = true;
+    p.tag_id = tag->first;
+    p.world_m = point.position;
+    p.sigma_h_m = p.sigma_v_m = 0.005;
+    yard->input.points.push_back(p);
+  }
+  yard->input.stations = stations;
+}
+
+TEST(TagMap, ReadingsOfATotalStationHoldTheMap) {
+  double nees = 0, worst = 0;
+  int n = 0;
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    Yard yard = MakeYard(seed);
+    ReadWithTotalStation(seed, &yard);
+    const SurveyResult map = Survey(yard.input);
+    EXPECT_TRUE(map.in_world);
+    EXPECT_TRUE(map.points.empty());  // a start is neither control nor check
+    EXPECT_EQ(map.station_residuals.size(), 3 * yard.input.stations->sightings.size());
+    for (const TagEstimate& tag : map.tags) {
+      ASSERT_TRUE(tag.HasPose()) << tag.tag_id;
+      const Vector6d e = tag.world_from_tag->Minus(yard.tags[static_cast<size_t>(tag.tag_id)]);
+      worst = std::max(worst, e.tail<3>().norm());
+      nees += e.dot(tag.covariance.inverse() * e);
+      ++n;
+    }
+  }
+  // 3 mm of a pillar, 2 mm of a distance: beyond four of their sigmas there is nothing.
+  EXPECT_LT(worst, 0.016);
+  EXPECT_GT(nees / n, 6 * 0.5);
+  EXPECT_LT(nees / n, 6 * 1.5);
+}
+
+TEST(TagMap, ATagThatWasMovedAfterItWasReadIsNamedByItsLine) {
+  Yard yard = MakeYard(4);
+  ReadWithTotalStation(4, &yard);
+  for (StationSighting& s : yard.input.stations->sightings) {
+    if (s.target == "tag:2") s.distance_m = *s.distance_m + 0.1;
+  }
+  const SurveyResult map = Survey(yard.input);
+  std::string all;
+  for (const std::string& w : map.warnings) all += w + "\n";
+  for (const StationSighting& s : yard.input.stations->sightings) {
+    if (s.target != "tag:2") continue;
+    EXPECT_NE(all.find("total_station.csv, line " + std::to_string(s.line) + ":"), std::string::npos) << all;
+  }
 }
 
 TEST(TagMap, DistancesAreHeldOrOnlyCompared) {

@@ -54,7 +54,7 @@ TEST(StationCost, Derivatives) {
         std::vector<double*> parameters = {instrument.data(), on_tag ? block.data() : target.data()};
         if (reading == StationReading::kDirection) manifolds.push_back(nullptr), parameters.push_back(&orientation);
         ceres::NumericDiffOptions options;
-        options.ridders_relative_initial_step_size = 1e-3;
+        options.ridders_relative_initial_step_size = 1e-4;
         const ceres::GradientChecker checker(&cost, &manifolds, options);
         ceres::GradientChecker::ProbeResults results;
         checker.Probe(parameters.data(), 1e-6, &results);
@@ -81,7 +81,7 @@ TEST(StationCost, AnglesAreThoseOfAnInstrument) {
   EXPECT_NEAR((Read(StationReading::kZenith, here, far, 0, 0) - 90 * kDegToRad) * 1000, 0.0785 * 0.87, 2e-4);
 }
 
-constexpr double kAngle_rad = 2e-5, kLength_m = 0.002, kKnown_m = 0.003;
+constexpr double kAngle_rad = 2e-5, kLength_m = 0.002, kKnown_m = 0.003, kCentring_m = 0.001;
 
 struct Site {
   std::map<std::string, Eigen::Vector3d> points;
@@ -89,8 +89,9 @@ struct Site {
   std::vector<StationSighting> sightings;
 };
 
-// Two known pillars and a known church; one set-up over a pillar, one anywhere; tags round both.
-Site MakeSite(uint64_t seed) {
+// Two known pillars and a known church; one set-up over a pillar, one anywhere, one over the other pillar if asked for;
+// tags round them.
+Site MakeSite(uint64_t seed, bool three_setups = false) {
   Random random(seed);
   Site site;
   site.points = {{"A", {0, 0, 0}}, {"B", {80, 5, 1}}, {"church", {30, 150, 12}}, {"free", {40, 30, 0.5}}};
@@ -103,9 +104,12 @@ Site MakeSite(uint64_t seed) {
     site.known.push_back({name, site.points.at(name) + kKnown_m * off, kKnown_m, kKnown_m});
   }
   int line = 1;
-  for (const char* setup : {"A", "free"}) {
-    const Eigen::Vector3d instrument = site.points.at(setup) + Eigen::Vector3d(0, 0, 1.6);
-    const double orientation = setup[0] == 'A' ? 2.9 : -1.2;
+  std::vector<std::string> setups = {"A", "free"};
+  if (three_setups) setups.push_back("B");
+  for (const std::string& setup : setups) {
+    const Eigen::Vector3d off(random.Normal(), random.Normal(), random.Normal());
+    const Eigen::Vector3d instrument = site.points.at(setup) + Eigen::Vector3d(0, 0, 1.6) + kCentring_m * off;
+    const double orientation = setup == "A" ? 2.9 : setup == "B" ? 0.4 : -1.2;
     for (const auto& [name, at] : site.points) {
       if (name == setup || name == "free") continue;
       StationSighting s;
@@ -149,7 +153,7 @@ TEST(StationNetwork, IsAsGoodAsItSays) {
 }
 
 TEST(StationNetwork, BlundersAreNamed) {
-  Site site = MakeSite(7);
+  Site site = MakeSite(7, true);
   StationSighting& wrong = site.sightings[5];
   *wrong.direction_rad += 0.05 * kDegToRad;
   StationSighting& other = site.sightings[12];
@@ -161,6 +165,20 @@ TEST(StationNetwork, BlundersAreNamed) {
   EXPECT_THAT(all,
               HasSubstr("line " + std::to_string(other.line) + ": the slope distance from free to " + other.target));
   for (const NetworkPoint& p : network.points) EXPECT_LT((p.position - site.points.at(p.name)).norm(), 0.02) << p.name;
+}
+
+// From two set-ups only the direction of one and the distance of the other hold tag 3 towards north: an error of either
+// looks the same.
+TEST(StationNetwork, ReadingsThatCannotBeToldApartAreNamedTogether) {
+  Site site = MakeSite(7);
+  StationSighting& wrong = site.sightings[5];
+  ASSERT_EQ(wrong.target, "tag:3");
+  *wrong.direction_rad += 0.05 * kDegToRad;
+  const StationNetwork network = AdjustNetwork(site.sightings, site.known, {});
+  ASSERT_THAT(network.warnings, SizeIs(1));
+  EXPECT_THAT(network.warnings[0], HasSubstr("line " + std::to_string(wrong.line) + ": the direction from A to tag:3"));
+  EXPECT_THAT(network.warnings[0], HasSubstr("the slope distance from free to tag:3"));
+  EXPECT_THAT(network.warnings[0], HasSubstr("it could as well be"));
 }
 
 TEST(StationNetwork, WhatKnownPointsDoNotReachIsNamed) {
