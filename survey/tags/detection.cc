@@ -38,7 +38,10 @@ class Detector {
  public:
   Detector(const DetectTagsOptions& options, const Families& families)
       : options_(options), families_(families), detector_(apriltag_detector_create(), apriltag_detector_destroy) {
-    for (const auto& family : families.all) apriltag_detector_add_family(detector_.get(), family->get());
+    for (const auto& family : families.all) {
+      apriltag_detector_add_family_bits(detector_.get(), family->get(),
+                                        std::min(options.max_hamming, family->Correctable()));
+    }
     detector_->nthreads = 1;
     detector_->quad_decimate = static_cast<float>(std::max(1.0, options.quad_decimate));
     detector_->quad_sigma = static_cast<float>(options.quad_sigma);

@@ -59,7 +59,14 @@ TagFamily::TagFamily(const std::string& name)
 
 int TagFamily::size() const { return static_cast<int>(family_->ncodes); }
 
-int TagFamily::Correctable() const { return std::max(0, (static_cast<int>(family_->h) - 5) / 3); }
+int TagFamily::Correctable() const {
+  // The library keeps every code with every such error in a table of three places of 16 bytes each.
+  constexpr double kLargestTable = 512.0 * 1024 * 1024, kPlace = 3 * 16;
+  const double bits = family_->nbits, codes = family_->ncodes;
+  int most = std::clamp((static_cast<int>(family_->h) - 5) / 3, 0, 2);
+  if (most == 2 && codes * (1 + bits + bits * (bits - 1) / 2) * kPlace > kLargestTable) most = 1;
+  return most;
+}
 
 TagPattern TagFamily::Pattern(int id) const {
   if (id < 0 || id >= size()) {

@@ -30,7 +30,8 @@ class TagFamily {
 
   const std::string& name() const { return name_; }
   int size() const;  // number of ids
-  // Bits that may be corrected without reading chance as a tag: codes of weak families lie close together.
+  // Bits that may be corrected without reading chance as a tag: codes of weak families lie close together. Of families
+  // with tens of thousands of codes one bit: the library's table for two takes 3 GB.
   int Correctable() const;
   apriltag_family* get() const { return family_.get(); }
   TagPattern Pattern(int id) const;  // throws InputError for an id the family does not have
