@@ -8,13 +8,10 @@
 #include "app/pipeline/command_line.h"
 #include "datasets/colmap/database.h"
 #include "datasets/colmap/model.h"
-#include "datasets/import/bag_run.h"
 #include "datasets/import/dataset_run.h"
-#include "datasets/import/panorama_provider.h"
-#include "datasets/import/phone_files.h"
+#include "datasets/import/import_files.h"
 #include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
-#include "datasets/import/tag_layout_control.h"
 #include "datasets/io/capture_date.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/tag_layout.h"
@@ -25,18 +22,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
-  std::string dir, from, as, name, images, odometry;
+struct Arguments : FileImport {
+  std::string as;
   std::vector<double> near;
   double radius_m = 0;  // 0: not given
-  double scale = 0, tag_size_m = 0;
+  int width = -1;       // not given
+  bool list = false;
   // Panoramas of services.
   std::string along, url, token_file;
   bool permitted = false;
-  PanoramaImportOptions panoramas;
-  BagRunOptions bag;
-  int width = -1;  // not given
-  bool list = false;
 };
 
 PanoramaImportOptions PanoramaOptions(const Arguments& a, bool service) {
@@ -159,50 +153,13 @@ int ListTopics(Session& session, const Arguments& a) {
   return 0;
 }
 
-// What lies at `from`, by its contents.
-std::string Guess(const fs::path& from) {
-  const std::string ending = from.extension().string();
-  if (HasColmapModel(from)) return "colmap";
-  if (IsBag(from)) return "bag";
-  if (!DatasetKind(from).empty()) return "dataset";
-  if (fs::is_regular_file(from) && (IsVideoName(from) || IsInsta360File(from))) return "video";
-  if (ending == ".db") return "colmap-database";
-  if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
-  if (fs::is_regular_file(from) && (ending == ".fmap" || (ending == ".json" && IsTagLayout(from)))) return "tag-layout";
-  if (fs::is_regular_file(from) && (ending == ".json" || ending == ".txt")) return "gcp";
-  if (fs::is_directory(from)) {
-    bool json = false;
-    for (const auto& entry : fs::directory_iterator(from)) json = json || entry.path().extension() == ".json";
-    return json ? "panoramas" : "photos";
-  }
-  throw InputError(from.string() + ": its kind cannot be recognised by its name; give it by --as");
-}
-
 ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& progress, const CancelToken& cancel) {
-  if (as == "colmap" || as == "colmap-database") {
-    ColmapRunOptions options;
-    options.run = a.name;
-    options.images = a.images;
-    if (a.scale > 0) options.scale = a.scale;
-    return as == "colmap" ? ImportColmapRun(a.dir, a.from, options) : ImportColmapDatabase(a.dir, a.from, options);
-  }
-  if (as == "bag") {
-    BagRunOptions options = a.bag;
-    options.run = a.name;
-    return ImportBagRun(a.dir, a.from, options, progress, cancel);
-  }
-  if (as == "video") return ImportVideoRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
-  if (as == "dataset") return ImportDatasetRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
-  if (as == "tag-layout") return ImportTagLayout(a.dir, a.from, a.tag_size_m);
-  if (as == "panoramas") {
-    return ImportPanoramas(a.dir, *OpenPanoramaFolder(a.from), PanoramaOptions(a, false), progress, cancel);
-  }
   if (const Service* service = ServiceNamed(as)) {
     return ImportPanoramas(a.dir, *OpenService(*service, a), PanoramaOptions(a, true), progress, cancel);
   }
-  if (as == "photos") return ImportPhotos(a.dir, a.from, a.name, progress, cancel);
-  const fs::path images = a.images.empty() ? fs::path(a.from).parent_path() / "images" : fs::path(a.images);
-  return ImportOpenSfmGcp(a.dir, a.from, images);
+  FileImport request = a;
+  request.panoramas = PanoramaOptions(a, false);
+  return ImportFiles(request, as, progress, cancel);
 }
 
 // What would be imported; nothing is.
@@ -246,7 +203,7 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
 
 int TakeIn(Session& session, const Arguments& a) {
   const Service* service = a.as.empty() ? ServiceNamed(a.from) : nullptr;
-  const std::string as = service != nullptr ? service->name : a.as.empty() ? Guess(a.from) : a.as;
+  const std::string as = service != nullptr ? service->name : a.as.empty() ? ImportKindOf(a.from) : a.as;
   if (service == nullptr && (!a.url.empty() || !a.token_file.empty())) {
     throw OptionError("--url and --token-file are for services; --from " + a.from + " is none");
   }
@@ -327,8 +284,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
       .add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview, google")
       ->required();
   command.add_option("--as", a->as, "what it is; default: recognised by its contents")
-      ->check(CLI::IsMember(
-          {"bag", "dataset", "video", "colmap", "colmap-database", "panoramas", "photos", "gcp", "tag-layout"}));
+      ->check(CLI::IsMember(ImportKinds()));
   command.add_option("--name", a->name, "bag, dataset, video, colmap: the new run; photos: the new set");
   command.add_option("--images", a->images, "colmap: the folder its image names begin in; gcp: the pictures");
   command.add_option("--scale", a->scale, "colmap: metres per unit of the model; default: from EXIF positions")

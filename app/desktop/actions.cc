@@ -9,6 +9,7 @@
 #include "app/pipeline/print.h"
 #include "app/pipeline/publish.h"
 #include "calib/base/counted.h"
+#include "datasets/import/import_files.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
 #include "survey/tags/tag_family.h"
@@ -45,6 +46,40 @@ std::string Files(const std::vector<fs::path>& files) {
   for (const fs::path& file : files) text += file.string() + "\n";
   return text;
 }
+
+struct ImportForm {
+  FileImport request;
+  std::string as = "auto";
+  double radius_m = 0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit(self.request.from, {"from", "", 0, 0, "file or folder to take in"});
+    visit(self.as, {"as", "", 0, 0, "what it is; auto: recognised by its contents"});
+    visit(self.request.name, {"name", "", 0, 0, "name of the new run or photo set"});
+    visit(self.request.images, {"images", "", 0, 0, "colmap, gcp: folder of the pictures; empty: beside the file"});
+    visit(self.request.odometry, {"odometry", "", 0, 0, "dataset, video: file with poses; empty: none"});
+    visit(self.request.bag.every, {"every", "images", 1, 100000, "bag, dataset, video: one image of so many is taken"});
+    visit(self.request.scale, {"scale", "", 0, 1e9, "colmap: metres per unit of the model; 0: from EXIF positions"});
+    visit(self.request.tag_size_m, {"tag_size", "m", 0, 100, "tag-layout: black square, where the file has none"});
+    visit(self.request.panoramas.width, {"width", "px", 0, 65536, "panoramas: shrink wider ones; 0: as they are"});
+  }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = CheckRanges(*this), kinds = ImportKinds();
+    kinds.insert(kinds.begin(), "auto");
+    CheckWord("as", as, kinds, &problems);
+    if (request.from.empty()) problems.push_back("option from: expected a file or folder");
+    return problems;
+  }
+  std::string Run(const fs::path& dir, ProgressSink& progress, const CancelToken& cancel) const {
+    FileImport files = request;
+    files.dir = dir.string();
+    const std::string kind = as == "auto" ? ImportKindOf(files.from) : as;
+    const ImportReport report = ImportFiles(files, kind, progress, cancel);
+    return fmt::format("{}: {}\n{}\n{}", kind, Counted(report.files.size(), "new file"), fmt::join(report.lines, "\n"),
+                       fmt::join(report.warnings, "\n"));
+  }
+};
 
 struct ExportForm {
   std::string to = "gpkg", what, run, variant, crs, heights, frame, out;
@@ -191,6 +226,13 @@ Action ActionOf(const char* command, const QString& title, const QString& intro)
 }
 
 }  // namespace
+
+Action ImportAction() {
+  return ActionOf<ImportForm>("import", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Import")),
+                              Words(QT_TRANSLATE_NOOP("trigpoint::Action",
+                                                      "Other people's data as new files of this project. Nothing that "
+                                                      "is there is replaced.")));
+}
 
 Action ExportAction() {
   return ActionOf<ExportForm>("export", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Export")),

@@ -1,4 +1,4 @@
-// What the menus do beside stages, as forms: export, publish, print. The same as the commands of these names.
+// What the menus do beside stages, as forms: import, export, publish, print. The same as the commands of these names.
 #pragma once
 
 #include <QString>
@@ -25,6 +25,7 @@ struct Action {
       run;
 };
 
+Action ImportAction();
 Action ExportAction();
 Action PublishAction();
 Action PrintAction();

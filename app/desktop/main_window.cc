@@ -31,6 +31,7 @@
 #include "app/desktop/images_desk.h"
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/panorama_desk.h"
+#include "app/desktop/plan_desk.h"
 #include "app/desktop/problem_bar.h"
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
@@ -100,6 +101,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   review_ = new ReviewDesk(workspace_, jobs_, decisions_);
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
+  plan_ = new PlanDesk(workspace_, jobs_);
   check_ = new CheckDesk(workspace_);
   AddDesks();
   setCentralWidget(desks_);
@@ -156,6 +158,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(charts_, &ChartsDesk::Activated, this, &MainWindow::Show);
   ConnectOverview();
   connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] { ChooseStage("calibrate"); });
+  connect(plan_, &PlanDesk::OptionsRequested, this, [this] { ChooseStage("plan"); });
   connect(panoramas_, &PanoramaDesk::StitchRequested, this, [this] { ChooseStage("stitch"); });
   QSettings settings;
   restoreGeometry(settings.value("geometry").toByteArray());
@@ -177,6 +180,7 @@ void MainWindow::AddDesks() {
   AddDesk(review_, "review", tr("Review"));
   AddDesk(panoramas_, "panoramas", tr("Panoramas"));
   AddDesk(calibration_, "calibration", tr("Calibration"));
+  AddDesk(plan_, "plan", tr("Plan"));
   AddDesk(check_, "check", tr("Check"));
 }
 
@@ -316,6 +320,8 @@ void MainWindow::MakeMenus() {
   file->addSeparator();
   file->addAction(
       IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
+  file->addAction(
+      tr("&Import ..."), this, [this] { ShowAction(ImportAction()); }, QKeySequence(tr("Ctrl+I")));
   file->addAction(tr("&Panoramas of services ..."), this, &MainWindow::ShowServices);
   file->addAction(IconNamed("publish"), tr("Pu&blish ..."), this, [this] { ShowAction(PublishAction()); });
   file->addSeparator();
@@ -358,7 +364,7 @@ void MainWindow::MakeRunMenu() {
   run->addAction(IconNamed("report"), tr("Make the r&eport ..."), this, [this] { ChooseStage("report"); });
   run->addAction(IconNamed("compare"), tr("Cross-check with COL&MAP ..."), this, [this] { ChooseStage("crosscheck"); });
   run->addSeparator();
-  run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ChooseStage("plan"); });
+  run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ShowDesk("plan"); });
   run->addAction(IconNamed("check"), tr("Chec&k what was recorded so far"), this, [this] { ShowDesk("check"); });
   run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowAction(PrintAction()); });
 }

@@ -24,6 +24,7 @@ class Decisions;
 class ImagesDesk;
 class OverviewDesk;
 class PanoramaDesk;
+class PlanDesk;
 class ProblemBar;
 class ReviewDesk;
 class RunDesk;
@@ -64,9 +65,10 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review() const { return review_; }
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
+  PlanDesk* plan() const { return plan_; }
   CheckDesk* check() const { return check_; }
   // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration",
-  // "check".
+  // "plan", "check".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -123,6 +125,7 @@ class MainWindow : public QMainWindow {
   ReviewDesk* review_;
   PanoramaDesk* panoramas_;
   CalibrationDesk* calibration_;
+  PlanDesk* plan_;
   CheckDesk* check_;
   QMenu* recent_ = nullptr;
   QLabel* progress_;

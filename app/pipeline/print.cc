@@ -16,6 +16,7 @@
 #include "datasets/project/files.h"
 #include "datasets/project/lock.h"
 #include "datasets/project/outputs.h"
+#include "datasets/project/replaced.h"
 
 namespace trigpoint {
 namespace {
@@ -61,18 +62,6 @@ void WriteRecords(const fs::path& dir, const std::vector<PrintRecord>& records) 
     csv.EndRow();
   }
   csv.Save(RecordFile(dir));
-}
-
-// Writes tags.yaml if it changes; the file as it was goes to results/replaced/. Returns that file, or nothing.
-fs::path SaveTagsFile(const fs::path& dir, const std::string& old, const TagsFileChange& change) {
-  if (change.text == old) return {};
-  fs::path kept;
-  if (!old.empty()) {
-    kept = dir / "results" / "replaced" / (UtcTimeText() + "-tags.yaml");
-    WriteFileAtomically(kept, old);
-  }
-  WriteFileAtomically(dir / "tags.yaml", change.text);
-  return kept;
 }
 
 std::string OldTags(const fs::path& dir) {
@@ -211,7 +200,7 @@ PrintOutcome PrintSheetsFor(const PrintRequest& request) {
   for (const auto& [id, size] : pieces.sizes_m) {
     records.push_back({now, RelativeTo(request.dir, out), family, id, kMmPerM * size, 0});
   }
-  outcome.old = SaveTagsFile(request.dir, old, change);
+  outcome.old = ReplaceInputFile(request.dir, "tags.yaml", change.text);
   outcome.entries_added = change.added;
   WriteRecords(request.dir, records);
   return outcome;
@@ -270,7 +259,7 @@ MeasuredPrint EnterMeasuredPrint(const fs::path& dir, const std::vector<int>& id
   }
   const std::string old = OldTags(dir);
   const TagsFileChange change = WithTagSizes(old, family, sizes_m, expected_m, dir / "tags.yaml");
-  result.old = SaveTagsFile(dir, old, change);
+  result.old = ReplaceInputFile(dir, "tags.yaml", change.text);
   WriteRecords(dir, records);
   for (const auto& [id, size] : sizes_m) result.ids.push_back(id);
   return result;

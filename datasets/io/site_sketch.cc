@@ -1,6 +1,7 @@
 #include "datasets/io/site_sketch.h"
 
 #include <algorithm>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
@@ -9,8 +10,6 @@
 
 namespace trigpoint {
 namespace {
-
-constexpr double kGeotag_h_m = 1, kGeotag_v_m = 2;  // 1 sigma, unless stated
 
 const std::vector<std::string> kKinds = {"tag", "candidate", "control", "check", "station", "path"};
 
@@ -54,7 +53,7 @@ std::vector<SketchItem> ReadCsv(const std::filesystem::path& file) {
     }
     if (row.Has("heading_deg")) item.heading_rad = row.Number("heading_deg") * kDegToRad;
     item.size_m = row.Number("size_mm", 0) / 1e3;
-    if (item.kind == "station") item.sigma_h_m = kGeotag_h_m, item.sigma_v_m = kGeotag_v_m;
+    if (item.kind == "station") item.sigma_h_m = kSketchGeotag_h_m, item.sigma_v_m = kSketchGeotag_v_m;
     item.sigma_h_m = row.Number("sigma_h_m", item.sigma_h_m);
     item.sigma_v_m = row.Number("sigma_v_m", item.sigma_v_m);
     item.tag_id = static_cast<int>(row.Integer("tag_id", -1));
@@ -100,7 +99,7 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
     item.name = text("name");
     if (properties.contains("heading_deg")) item.heading_rad = number("heading_deg", 0) * kDegToRad;
     item.size_m = number("size_mm", 0) / 1e3;
-    if (item.kind == "station") item.sigma_h_m = kGeotag_h_m, item.sigma_v_m = kGeotag_v_m;
+    if (item.kind == "station") item.sigma_h_m = kSketchGeotag_h_m, item.sigma_v_m = kSketchGeotag_v_m;
     item.sigma_h_m = number("sigma_h_m", item.sigma_h_m);
     item.sigma_v_m = number("sigma_v_m", item.sigma_v_m);
     item.tag_id = static_cast<int>(number("tag_id", -1));
@@ -129,6 +128,38 @@ std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
   if (extension == ".geojson" || extension == ".json") return ReadGeoJson(file);
   return ReadCsv(file);
+}
+
+std::string SiteSketchCsv(const std::vector<SketchItem>& items) {
+  CsvWriter csv({"kind", "name", "east_m", "north_m", "up_m", "latitude_deg", "longitude_deg", "height_m",
+                 "heading_deg", "size_mm", "sigma_h_m", "sigma_v_m", "tag_id"},
+                {"trigpoint plan 1; sigma=1 per axis"});
+  for (const SketchItem& item : items) {
+    csv.Text(item.kind).Text(item.name);
+    if (item.local_m) {
+      for (int k = 0; k < 3; ++k) csv.Number((*item.local_m)[k], 3);
+    } else {
+      csv.Empty(3);
+    }
+    if (item.geodetic) {
+      csv.Number(item.geodetic->latitude_deg, 9).Number(item.geodetic->longitude_deg, 9);
+      csv.Number(item.geodetic->height_m, 3);
+    } else {
+      csv.Empty(3);
+    }
+    const double none = std::numeric_limits<double>::quiet_NaN();  // an empty cell
+    const bool known = item.kind == "control" || item.kind == "check" || item.kind == "station";
+    csv.Number(item.heading_rad ? *item.heading_rad * kRadToDeg : none, 3);
+    csv.Number(item.size_m > 0 ? item.size_m * 1e3 : none, 3);
+    csv.Number(known ? item.sigma_h_m : none, 4).Number(known ? item.sigma_v_m : none, 4);
+    if (item.kind == "station" && item.tag_id >= 0) {
+      csv.Integer(item.tag_id);
+    } else {
+      csv.Empty();
+    }
+    csv.EndRow();
+  }
+  return csv.text();
 }
 
 }  // namespace trigpoint

@@ -11,6 +11,9 @@
 
 namespace trigpoint {
 
+// 1 sigma of the geotag of a station's panorama, horizontal (per axis) and vertical, unless stated.
+constexpr double kSketchGeotag_h_m = 1, kSketchGeotag_v_m = 2;
+
 struct SketchItem {
   std::string kind;                        // tag, candidate, control, check, station, path
   std::string name;                        // tag, control, check: the tag's id; path: the pass it is a corner of
@@ -26,5 +29,7 @@ struct SketchItem {
 // sigma_h_m, sigma_v_m, tag_id. GeoJSON: points, and lines for paths, with these as properties. Throws InputError
 // naming file and row or feature.
 std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file);
+// As plan.csv; ReadSiteSketch gives the same items back, positions to a millimetre.
+std::string SiteSketchCsv(const std::vector<SketchItem>& items);
 
 }  // namespace trigpoint

@@ -15,6 +15,7 @@
 #include "datasets/io/picture_parts.h"
 #include "datasets/io/site.h"
 #include "datasets/io/site_inputs.h"
+#include "datasets/io/site_sketch.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -204,6 +205,34 @@ TEST_F(SiteTest, ReadsListsOfMasksAndBoxes) {
   }
   Write("runs/run1/run.yaml", "masks: {cam0: [[5, 0, 4, 9]]}\n");
   EXPECT_THAT(Refusal(), HasSubstr("key 'masks.cam0': expected a box [u0, v0, u1, v1] with u0 <= u1"));
+}
+
+TEST_F(SiteTest, WritesASketchAsItReadsIt) {
+  const auto file =
+      Write("plan.csv",
+            "kind,name,east_m,north_m,up_m,latitude_deg,longitude_deg,heading_deg,size_mm,sigma_h_m,tag_id\n"
+            "tag,7,1.5,-2.25,1,,,90,160,,\n"
+            "control,7,,,,,,,,0.004,\n"
+            "station,\"S, 1\",,,,48.5,9.25,,,,7\n"
+            "path,a,0,0,1.5,,,,,,\n"
+            "path,a,5,0,1.5,,,,,,\n");
+  const std::vector<SketchItem> read = ReadSiteSketch(file);
+  const std::vector<SketchItem> again = ReadSiteSketch(Write("again.csv", SiteSketchCsv(read)));
+  ASSERT_EQ(again.size(), read.size());
+  for (size_t i = 0; i < read.size(); ++i) {
+    EXPECT_EQ(again[i].kind, read[i].kind);
+    EXPECT_EQ(again[i].name, read[i].name);
+    EXPECT_EQ(again[i].tag_id, read[i].tag_id);
+    EXPECT_EQ(again[i].size_m, read[i].size_m);
+    EXPECT_EQ(again[i].sigma_h_m, read[i].sigma_h_m);
+    EXPECT_EQ(again[i].sigma_v_m, read[i].sigma_v_m);
+    EXPECT_EQ(again[i].local_m, read[i].local_m);
+    EXPECT_EQ(again[i].heading_rad, read[i].heading_rad);
+    ASSERT_EQ(again[i].geodetic.has_value(), read[i].geodetic.has_value());
+    if (read[i].geodetic) {
+      EXPECT_EQ(again[i].geodetic->latitude_deg, read[i].geodetic->latitude_deg);
+    }
+  }
 }
 
 TEST_F(SiteTest, RefusesAMaskOfAnotherSizeAndAScaleWithoutSigma) {

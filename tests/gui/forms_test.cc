@@ -146,8 +146,31 @@ TEST_F(FormsTest, SheetsArePrintedAndWhatIsWrongIsSaid) {
   QFile::remove(Path("print/printed.csv"));
 }
 
+TEST_F(FormsTest, PhotosAreImportedFromTheMenu) {
+  const QTemporaryDir photos;
+  ASSERT_TRUE(QFile::copy(Path("panoramas/p000.jpg"), photos.filePath("a.jpg")));
+  MenuAction("Import ...")->trigger();
+  auto* dialog = Child<ActionDialog>(window_.get(), "action.import");
+  EXPECT_FALSE(Child<QAbstractButton>(dialog, "action.run")->isEnabled());  // of what?
+  EXPECT_GE(Child<QComboBox>(dialog, "option.as")->findText("tag-layout"), 0);
+  Type(dialog, "option.from", photos.path());
+  Type(dialog, "option.name", "corner");
+  Screenshot(dialog, "import");
+  QSignalSpy done(dialog, &ActionDialog::Done);
+  Click(dialog, "action.run");
+  ASSERT_TRUE(WaitFor([&] { return done.count() == 1; }));
+  const std::string outcome = Child<QPlainTextEdit>(dialog, "action.outcome")->toPlainText().toStdString();
+  EXPECT_TRUE(done[0][0].toBool()) << outcome;
+  EXPECT_THAT(outcome, HasSubstr("photos: 1 new file"));
+  EXPECT_TRUE(QFile::exists(Path("photos/corner/a.jpg")));
+  Click(dialog, "action.close");
+  QDir(Path("photos")).removeRecursively();
+}
+
 TEST_F(FormsTest, PlansAndCrossChecksAreStagesOfTheRunDesk) {
   MenuAction("Plan a survey ...")->trigger();
+  EXPECT_EQ(window_->desk(), "plan");
+  Click(window_.get(), "plan.options");
   EXPECT_EQ(window_->desk(), "run");
   EXPECT_EQ(Child<QLineEdit>(window_.get(), "run.command")->text(), "trigpoint plan " + site_->path());
   EXPECT_NE(qobject_cast<QComboBox*>(Option("suggest")), nullptr);

@@ -9,6 +9,10 @@
         <translation>%1
 %2 px</translation>
     </message>
+    <message>
+        <source>proposed %1</source>
+        <translation>Vorschlag %1</translation>
+    </message>
 </context>
 <context>
     <name>main</name>
@@ -46,6 +50,14 @@
     <message>
         <source>Sheets with tags, calibration boards or scale bars as PDF to scale; tags are noted in tags.yaml.</source>
         <translation>Bögen mit Marken, Kalibriertafeln oder Maßstäben als maßstäbliches PDF; Marken werden in tags.yaml vermerkt.</translation>
+    </message>
+    <message>
+        <source>Import</source>
+        <translation>Importieren</translation>
+    </message>
+    <message>
+        <source>Other people&apos;s data as new files of this project. Nothing that is there is replaced.</source>
+        <translation>Daten anderer als neue Dateien dieses Projekts. Nichts Vorhandenes wird ersetzt.</translation>
     </message>
 </context>
 <context>
@@ -1346,6 +1358,18 @@
         <source>Ctrl+Alt+%1</source>
         <translation>Ctrl+Alt+%1</translation>
     </message>
+    <message>
+        <source>Plan</source>
+        <translation>Plan</translation>
+    </message>
+    <message>
+        <source>&amp;Import ...</source>
+        <translation>&amp;Importieren ...</translation>
+    </message>
+    <message>
+        <source>Ctrl+I</source>
+        <translation>Ctrl+I</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::MeasurementList</name>
@@ -1628,6 +1652,333 @@
     </message>
 </context>
 <context>
+    <name>trigpoint::PlanDesk</name>
+    <message>
+        <source>Select, move</source>
+        <translation>Wählen, bewegen</translation>
+    </message>
+    <message>
+        <source>Click on an item to select it, drag it to move it</source>
+        <translation>Ein Klick wählt ein Objekt, Ziehen bewegt es</translation>
+    </message>
+    <message>
+        <source>Tag</source>
+        <translation>Tag</translation>
+    </message>
+    <message>
+        <source>Click where it is, then where its printed side faces</source>
+        <translation>Klicken, wo es steht, dann, wohin seine bedruckte Seite zeigt</translation>
+    </message>
+    <message>
+        <source>Place for a tag</source>
+        <translation>Platz für ein Tag</translation>
+    </message>
+    <message>
+        <source>A place where one more tag could be: Suggest chooses among them</source>
+        <translation>Ein Platz für ein weiteres Tag: Vorschläge werden unter diesen gewählt</translation>
+    </message>
+    <message>
+        <source>Control</source>
+        <translation>Passpunkt</translation>
+    </message>
+    <message>
+        <source>Click on a tag that is surveyed and used as control</source>
+        <translation>Auf ein Tag klicken, das eingemessen ist und als Passpunkt dient</translation>
+    </message>
+    <message>
+        <source>Check point</source>
+        <translation>Prüfpunkt</translation>
+    </message>
+    <message>
+        <source>Click on a tag that is surveyed and kept apart as check point</source>
+        <translation>Auf ein Tag klicken, das eingemessen ist und als Prüfpunkt zurückgehalten wird</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>Click where a panorama is taken</source>
+        <translation>Klicken, wo ein Panorama aufgenommen wird</translation>
+    </message>
+    <message>
+        <source>Path</source>
+        <translation>Weg</translation>
+    </message>
+    <message>
+        <source>Click the corners of a way along which the camera is carried; a double click ends it</source>
+        <translation>Die Ecken des Weges anklicken, auf dem die Kamera getragen wird; ein Doppelklick beendet ihn</translation>
+    </message>
+    <message>
+        <source>&amp;Delete</source>
+        <translation>&amp;Löschen</translation>
+    </message>
+    <message>
+        <source>The selected item; a tag with its control and check points</source>
+        <translation>Das gewählte Objekt; ein Tag samt seinen Pass- und Prüfpunkten</translation>
+    </message>
+    <message>
+        <source>Undo</source>
+        <translation>Rückgängig</translation>
+    </message>
+    <message>
+        <source>The last change of the sketch</source>
+        <translation>Die letzte Änderung der Skizze</translation>
+    </message>
+    <message>
+        <source>Sa&amp;ve</source>
+        <translation>&amp;Speichern</translation>
+    </message>
+    <message>
+        <source>Writes plan.csv; the file as it was is kept in results/replaced</source>
+        <translation>Schreibt plan.csv; die bisherige Datei bleibt in results/replaced</translation>
+    </message>
+    <message>
+        <source>&amp;Predict</source>
+        <translation>&amp;Vorhersagen</translation>
+    </message>
+    <message>
+        <source>Saves the sketch and runs trigpoint plan</source>
+        <translation>Speichert die Skizze und führt trigpoint plan aus</translation>
+    </message>
+    <message>
+        <source>&amp;Options ...</source>
+        <translation>&amp;Optionen ...</translation>
+    </message>
+    <message>
+        <source>Camera, speed, noise, gates of the stage plan</source>
+        <translation>Kamera, Geschwindigkeit, Rauschen, Grenzwerte der Stufe plan</translation>
+    </message>
+    <message>
+        <source>Open the &amp;page</source>
+        <translation>&amp;Seite öffnen</translation>
+    </message>
+    <message>
+        <source>results/plan/index.html in the browser</source>
+        <translation>results/plan/index.html im Browser</translation>
+    </message>
+    <message>
+        <source>Add what is proposed</source>
+        <translation>Vorschlag übernehmen</translation>
+    </message>
+    <message>
+        <source>Puts the selected place into the sketch as a tag</source>
+        <translation>Nimmt den gewählten Platz als Tag in die Skizze auf</translation>
+    </message>
+    <message>
+        <source>What to propose</source>
+        <translation>Was vorgeschlagen wird</translation>
+    </message>
+    <message>
+        <source>propose nothing</source>
+        <translation>nichts vorschlagen</translation>
+    </message>
+    <message>
+        <source>propose tags</source>
+        <translation>Tags vorschlagen</translation>
+    </message>
+    <message>
+        <source>propose control</source>
+        <translation>Passpunkte vorschlagen</translation>
+    </message>
+    <message>
+        <source>propose passes</source>
+        <translation>Durchgänge vorschlagen</translation>
+    </message>
+    <message>
+        <source>How many to propose</source>
+        <translation>Anzahl der Vorschläge</translation>
+    </message>
+    <message>
+        <source>up</source>
+        <translation>Höhe</translation>
+    </message>
+    <message>
+        <source>m</source>
+        <translation>m</translation>
+    </message>
+    <message>
+        <source>Height of what is added next, site ENU</source>
+        <translation>Höhe des nächsten Objekts, lokales ENU</translation>
+    </message>
+    <message>
+        <source>size</source>
+        <translation>Größe</translation>
+    </message>
+    <message>
+        <source>mm</source>
+        <translation>mm</translation>
+    </message>
+    <message>
+        <source>Black square of a tag that is added next and is not in tags.yaml</source>
+        <translation>Schwarzes Quadrat des nächsten Tags, wenn es nicht in tags.yaml steht</translation>
+    </message>
+    <message>
+        <source>Items of the sketch</source>
+        <translation>Objekte der Skizze</translation>
+    </message>
+    <message>
+        <source>Predicted sigmas of the tags</source>
+        <translation>Vorhergesagte Sigmas der Tags</translation>
+    </message>
+    <message>
+        <source>Gain of one more</source>
+        <translation>Gewinn durch eins mehr</translation>
+    </message>
+    <message>
+        <source>Plan</source>
+        <translation>Plan</translation>
+    </message>
+    <message>
+        <source>No program opens the page: %1</source>
+        <translation>Kein Programm öffnet die Seite: %1</translation>
+    </message>
+    <message>
+        <source>Click where the next one is.</source>
+        <translation>Klicken, wo das nächste steht.</translation>
+    </message>
+    <message>
+        <source>Click where its printed side faces.</source>
+        <translation>Klicken, wohin seine bedruckte Seite zeigt.</translation>
+    </message>
+    <message>
+        <source>Click on a tag: control and check points are tags that are surveyed.</source>
+        <translation>Auf ein Tag klicken: Pass- und Prüfpunkte sind eingemessene Tags.</translation>
+    </message>
+    <message>
+        <source>&apos;%1&apos; does not fit: expected %2.</source>
+        <translation>&apos;%1&apos; passt nicht: erwartet wird %2.</translation>
+    </message>
+    <message>
+        <source>a name, or a tag&apos;s id</source>
+        <translation>ein Name oder die Nummer eines Tags</translation>
+    </message>
+    <message>
+        <source>a number, sizes and sigmas above 0</source>
+        <translation>eine Zahl, Größen und Sigmas über 0</translation>
+    </message>
+    <message>
+        <source>Saved as plan.csv.</source>
+        <translation>Als plan.csv gespeichert.</translation>
+    </message>
+    <message>
+        <source>Saved as plan.csv; as it was before: %1</source>
+        <translation>Als plan.csv gespeichert; die bisherige Datei: %1</translation>
+    </message>
+    <message>
+        <source>The sketch was not saved.</source>
+        <translation>Die Skizze wurde nicht gespeichert.</translation>
+    </message>
+    <message>
+        <source>Predicting ...</source>
+        <translation>Vorhersage läuft ...</translation>
+    </message>
+    <message>
+        <source>kind</source>
+        <translation>Art</translation>
+    </message>
+    <message>
+        <source>name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>east (%1)</source>
+        <translation>Ost (%1)</translation>
+    </message>
+    <message>
+        <source>north (%1)</source>
+        <translation>Nord (%1)</translation>
+    </message>
+    <message>
+        <source>up (%1)</source>
+        <translation>Höhe (%1)</translation>
+    </message>
+    <message>
+        <source>faces (deg)</source>
+        <translation>Richtung (Grad)</translation>
+    </message>
+    <message>
+        <source>size (mm)</source>
+        <translation>Größe (mm)</translation>
+    </message>
+    <message>
+        <source>sigma h (%1)</source>
+        <translation>Sigma L (%1)</translation>
+    </message>
+    <message>
+        <source>sigma v (%1)</source>
+        <translation>Sigma H (%1)</translation>
+    </message>
+    <message>
+        <source>tag</source>
+        <translation>Tag</translation>
+    </message>
+    <message>
+        <source>Open a project, then draw its tags and paths here.</source>
+        <translation>Ein Projekt öffnen, dann seine Tags und Wege hier zeichnen.</translation>
+    </message>
+    <message>
+        <source>site ENU, m, north up</source>
+        <translation>lokales ENU, m, Norden oben</translation>
+    </message>
+    <message>
+        <source>; ellipses: predicted, 1 sigma, %1 times enlarged</source>
+        <translation>; Ellipsen: vorhergesagt, 1 Sigma, %1-fach vergrößert</translation>
+    </message>
+    <message>
+        <source>; changed since the last prediction</source>
+        <translation>; seit der letzten Vorhersage geändert</translation>
+    </message>
+    <message>
+        <source>role</source>
+        <translation>Rolle</translation>
+    </message>
+    <message>
+        <source>pictures</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>passes</source>
+        <translation>Durchgänge</translation>
+    </message>
+    <message>
+        <source>horizontal (mm)</source>
+        <translation>Lage (mm)</translation>
+    </message>
+    <message>
+        <source>up (mm)</source>
+        <translation>Höhe (mm)</translation>
+    </message>
+    <message>
+        <source>3D (mm)</source>
+        <translation>3D (mm)</translation>
+    </message>
+    <message>
+        <source>not seen</source>
+        <translation>nicht gesehen</translation>
+    </message>
+    <message>
+        <source>rank</source>
+        <translation>Rang</translation>
+    </message>
+    <message>
+        <source>proposed, one after the other</source>
+        <translation>vorgeschlagen, nacheinander</translation>
+    </message>
+    <message>
+        <source>one more of</source>
+        <translation>eins mehr</translation>
+    </message>
+    <message>
+        <source>RMS of the tags (mm)</source>
+        <translation>RMS der Tags (mm)</translation>
+    </message>
+    <message>
+        <source>gain (%)</source>
+        <translation>Gewinn (%)</translation>
+    </message>
+</context>
+<context>
     <name>trigpoint::ProblemBar</name>
     <message>
         <source>Problem</source>
@@ -1698,7 +2049,7 @@
     </message>
     <message>
         <source>Control point to check point, or back</source>
-        <translation>Passpunkt zum Kontrollpunkt oder zurück</translation>
+        <translation>Passpunkt zum Prüfpunkt oder zurück</translation>
     </message>
     <message>
         <source>&amp;Undo last</source>
@@ -1778,7 +2129,7 @@
     </message>
     <message>
         <source>Re-solve to see what the review changes at stations and check points.</source>
-        <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Kontrollpunkten ändert.</translation>
+        <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Prüfpunkten ändert.</translation>
     </message>
     <message>
         <source>Cancelled.</source>
@@ -1802,7 +2153,7 @@
     </message>
     <message>
         <source>Nothing changed at stations and check points.</source>
-        <translation>An Stationen und Kontrollpunkten hat sich nichts geändert.</translation>
+        <translation>An Stationen und Prüfpunkten hat sich nichts geändert.</translation>
     </message>
     <message>
         <source>Take the last decision back (Ctrl+Z, where no text is written)</source>

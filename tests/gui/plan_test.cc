@@ -1,0 +1,133 @@
+// The desk on which a survey is drawn before the trip.
+#include <gmock/gmock.h>
+
+#include <QLabel>
+#include <QPushButton>
+#include <QTableWidget>
+#include <algorithm>
+#include <filesystem>
+
+#include "app/desktop/picture_view.h"
+#include "app/desktop/plan_desk.h"
+#include "datasets/io/site_sketch.h"
+#include "tests/gui/gui_driver.h"
+
+namespace trigpoint {
+namespace {
+
+namespace fs = std::filesystem;
+
+class PlanDeskTest : public ResultsWindowTest {
+ protected:
+  void SetUp() override {
+    ResultsWindowTest::SetUp();
+    window_->ShowDesk("plan");
+    desk_ = window_->plan();
+    ASSERT_TRUE(WaitFor([&] { return !desk_->map()->image().isNull(); }));
+  }
+  void TearDown() override {
+    window_.reset();
+    fs::remove(Path("plan.csv").toStdString());
+    fs::remove_all(Path("results/plan").toStdString());
+  }
+  void Tool(const char* name) { Click(window_.get(), (std::string("plan.tool_") + name).c_str()); }
+  void ClickAt(double east, double north) {
+    QTest::mouseClick(desk_->map(), Qt::LeftButton, {},
+                      desk_->map()->WidgetAt(desk_->ground().PixelOf({east, north})).toPoint());
+  }
+  size_t Count(const std::string& kind) const {
+    const auto& items = desk_->sketch().items();
+    return static_cast<size_t>(
+        std::count_if(items.begin(), items.end(), [&](const SketchItem& item) { return item.kind == kind; }));
+  }
+
+  PlanDesk* desk_ = nullptr;
+};
+
+TEST_F(PlanDeskTest, WhatIsDrawnIsPredicted) {
+  ASSERT_TRUE(desk_->sketch().items().empty());
+  // Four tags round a square; each faces its middle.
+  Tool("tag");
+  for (const auto& [east, north] : {std::pair(-7.0, 0.0), {7.0, 0.0}, {0.0, 7.0}, {0.0, -7.0}}) {
+    ClickAt(east, north);
+    ClickAt(0.2 * east, 0.2 * north);
+  }
+  ASSERT_EQ(Count("tag"), 4U);
+  const SketchItem west = desk_->sketch().items()[0];
+  const double pixel_m = 1 / (desk_->ground().px_per_m * desk_->map()->scale());
+  EXPECT_NEAR(west.local_m->x(), -7, pixel_m);
+  EXPECT_NEAR(*west.heading_rad, M_PI / 2, 0.05);  // east
+  Tool("control");
+  ClickAt(-7, 0);
+  ClickAt(7, 0);
+  Tool("check");
+  ClickAt(0, 7);
+  EXPECT_EQ(Count("control"), 2U);
+  EXPECT_EQ(Count("check"), 1U);
+  Tool("station");
+  ClickAt(1, 6);
+  ASSERT_EQ(Count("station"), 1U);
+  Tool("path");
+  for (const auto& [east, north] : {std::pair(-4.0, -3.0), {4.0, -3.0}, {4.0, 3.0}, {-4.0, 3.0}}) ClickAt(east, north);
+  EXPECT_EQ(Count("path"), 4U);
+  Screenshot(window_.get(), "plan_drawn");
+
+  Click(window_.get(), "plan.predict");
+  auto* tags = Child<QTableWidget>(window_.get(), "plan.tags");
+  ASSERT_TRUE(WaitFor([&] { return tags->rowCount() == 4 && !window_->jobs()->running(); }))
+      << Child<QLabel>(window_.get(), "plan.prediction")->text().toStdString();
+  const std::vector<SketchItem> saved = ReadSiteSketch(Path("plan.csv").toStdString());
+  ASSERT_EQ(saved.size(), desk_->sketch().items().size());
+  for (size_t i = 0; i < saved.size(); ++i) {
+    EXPECT_EQ(saved[i].kind, desk_->sketch().items()[i].kind);
+    EXPECT_EQ(saved[i].name, desk_->sketch().items()[i].name);
+  }
+  EXPECT_TRUE(fs::exists(Path("results/plan/index.html").toStdString()));
+  for (int row = 0; row < 4; ++row) EXPECT_GT(tags->item(row, 6)->text().toDouble(), 0) << row;
+  EXPECT_GT(Child<QTableWidget>(window_.get(), "plan.gains")->rowCount(), 0);
+  const auto ellipses = [&] {
+    const auto& marks = desk_->map()->marks();
+    return std::count_if(marks.begin(), marks.end(),
+                         [](const PictureMark& m) { return m.kind == PictureMark::Kind::kOutline; });
+  };
+  EXPECT_EQ(ellipses(), 4);
+  Screenshot(window_.get(), "plan");
+
+  // A change makes the prediction old: it is not drawn over a sketch that it does not belong to.
+  Tool("select");
+  ClickAt(7, 0);
+  EXPECT_EQ(window_->workspace()->selected().left(4), "tag:");
+  Click(window_.get(), "plan.remove");
+  EXPECT_EQ(Count("tag"), 3U);
+  EXPECT_EQ(Count("control"), 1U);
+  EXPECT_EQ(ellipses(), 0);
+  Click(window_.get(), "plan.undo");
+  EXPECT_EQ(Count("tag"), 4U);
+  EXPECT_EQ(Count("control"), 2U);
+}
+
+TEST_F(PlanDeskTest, CellsAreEditedAndWrongOnesRefused) {
+  Tool("tag");
+  ClickAt(3, 3);
+  ClickAt(0, 0);
+  auto* items = Child<QTableWidget>(window_.get(), "plan.items");
+  ASSERT_EQ(items->rowCount(), 1);
+  items->item(0, 2)->setText("4.25");
+  EXPECT_TRUE(WaitFor([&] { return desk_->sketch().items()[0].local_m->x() == 4.25; }));
+  ASSERT_TRUE(WaitFor([&] { return items->item(0, 2)->text() == "4.250"; }));
+  items->item(0, 2)->setText("four");
+  ASSERT_TRUE(WaitFor([&] { return items->item(0, 2)->text() == "4.250"; }));
+  EXPECT_THAT(Child<QLabel>(window_.get(), "plan.hint")->text().toStdString(), testing::HasSubstr("'four'"));
+  EXPECT_EQ(desk_->sketch().items()[0].local_m->x(), 4.25);
+  // Saved twice, the first file is kept.
+  Click(window_.get(), "plan.save");
+  items->item(0, 5)->setText("90");
+  ASSERT_TRUE(WaitFor([&] { return desk_->sketch().changed(); }));
+  Click(window_.get(), "plan.save");
+  EXPECT_FALSE(desk_->sketch().changed());
+  EXPECT_FALSE(fs::is_empty(Path("results/replaced").toStdString()));
+  EXPECT_NEAR(*ReadSiteSketch(Path("plan.csv").toStdString())[0].heading_rad, M_PI / 2, 1e-6);
+}
+
+}  // namespace
+}  // namespace trigpoint
