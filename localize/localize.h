@@ -29,7 +29,7 @@ struct LocalizeOptions {
     visit(self.mode, {"mode", "", 0, 0, "trigpoint, or paper: as published"});
     visit(self.retrieval, {"retrieval", "", 0, 0, "candidate references of an image"});
     visit(self.registration, {"registration", "", 0, 0, "poses of references"});
-    visit(self.geo, {"geo", "", 0, 0, "the run's frame on the Earth"});
+    visit(self.geo, {"geo", "", 0, 0, "georeferencing of the run's frame"});
   }
   std::vector<std::string> Check() const;
 };

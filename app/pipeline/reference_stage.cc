@@ -1,4 +1,4 @@
-// reference: the true pose of every image of a run, from a tag map.
+// reference: the reference pose of every image of a run, from a tag map.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -156,7 +156,7 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
 StageInfo ReferenceStage() {
   StageInfo info;
   info.name = "reference";
-  info.help = "the true pose of every image of a run, with covariance, from the tag map";
+  info.help = "the reference pose of every image of a run, with covariance, from the tag map";
   info.metric = "tags";
   info.needs = {"detect", "survey"};
   info.flags = {"map", "motion"};

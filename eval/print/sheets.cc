@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "eval/report/drawing.h"
 #include "eval/report/paint.h"
@@ -348,10 +349,12 @@ class Sheets {
     BeginPage(t.width, t.height);
     const double m = options_.margin_mm, left = m + kSide + 3;
     double y = m + 7;
-    Text(left, y, 5, -1, true, kInk, piece.title);
+    constexpr double kTitle_mm = 5, kBoldWider = 1.2;
+    const double title_width = kBoldWider * TextWidth(piece.title, kTitle_mm);
+    Text(left, y, kTitle_mm * std::min(1.0, (t.width - left - m) / title_width), -1, true, kInk, piece.title);
     std::vector<std::string> words = {
-        fmt::format("{} sheets: {} rows of {}. Cut each along its crop marks and put them edge to edge.", t.Count(),
-                    t.rows, t.cols),
+        fmt::format("{} sheets: {} of {}. Cut each along its crop marks and put them edge to edge.", t.Count(),
+                    Counted(t.rows, "row"), t.cols),
         "Glue them to a flat, stiff plate, beginning with the sheet in the middle. Then measure:"};
     for (const std::string& check : piece.checks) words.push_back("   " + check + "      measured: ______________ mm");
     y += 3;

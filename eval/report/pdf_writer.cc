@@ -193,6 +193,7 @@ class Pages {
 
  private:
   static constexpr double kLeastShrink = 0.6;
+  static constexpr double kMostBlank = 0.3;  // of a page, for figures as large as they can be
 
   // Width and height on the page, points.
   std::pair<double, double> SizeOf(const Figure& figure, double shrink) const {
@@ -212,8 +213,29 @@ class Pages {
   }
   double CaptionRoom(const Figure& figure) const { return painter_->Height(figure.caption, 8, false, Room()) + 16; }
 
+  // Pages that figures take, one below the other, and the most room that is left blank at the end of one of them.
+  struct Turns {
+    int count = 0;
+    double blank = 0;
+  };
+  Turns TurnsOf(const std::vector<const Figure*>& figures, double shrink) const {
+    Turns turns;
+    double y = y_;
+    const double end = height_ - kMargin - 6;
+    for (const Figure* figure : figures) {
+      const double need = SizeOf(*figure, shrink).second + CaptionRoom(*figure);
+      if (y + need > end && y > kMargin) {
+        ++turns.count;
+        turns.blank = std::max(turns.blank, end - y);
+        y = kMargin;
+      }
+      y += need;
+    }
+    return turns;
+  }
+
   // Figures that follow each other are drawn as large as they can be without taking a page more than smaller ones
-  // would. `i`: the first; on return the last of them.
+  // would, or leaving more of one blank. `i`: the first; on return the last of them.
   void DrawFigures(const std::vector<Block>& blocks, size_t* i) {
     std::vector<const Figure*> figures;
     for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k) {
@@ -229,18 +251,12 @@ class Pages {
         DrawPair(*figures[k], k + 1 < figures.size() ? figures[k + 1] : nullptr);
       return;
     }
-    const auto turns = [&](double shrink) {
-      int count = 0;
-      double y = y_;
-      for (const Figure* figure : figures) {
-        const double need = SizeOf(*figure, shrink).second + CaptionRoom(*figure);
-        if (y + need > height_ - kMargin - 6 && y > kMargin) ++count, y = kMargin;
-        y += need;
-      }
-      return count;
-    };
-    const int fewest = turns(kLeastShrink);
-    for (shrink_ = 1; shrink_ > kLeastShrink && turns(shrink_) > fewest;) shrink_ -= 0.04;
+    const Turns least = TurnsOf(figures, kLeastShrink);
+    const double blank = std::max(kMostBlank * (height_ - 2 * kMargin), least.blank);
+    for (shrink_ = 1; shrink_ > kLeastShrink; shrink_ -= 0.04) {
+      const Turns turns = TurnsOf(figures, shrink_);
+      if (turns.count <= least.count && turns.blank <= blank) break;
+    }
     shrink_ = std::max(shrink_, kLeastShrink);
     for (const Figure* figure : figures) (*this)(*figure);
     shrink_ = 1;

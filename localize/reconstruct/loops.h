@@ -13,22 +13,23 @@ struct LoopOptions {
   double drift_deg_m = 0.002;  // and of directions, a metre
   double angle_deg = 40;       // between the optical axes, at most
   double spacing_m = 1.5;      // path between the images tried
-  int candidates = 4;          // images of the earlier passage matched with each
+  int candidates = 4;          // images of the earlier visit matched with each
   double gate_chi2 = 22.5;     // of a loop's pose against what tracks and odometry predict: chi-square, 6 dof
-  int min_agreeing = 2;        // other loops nearby that must tell the same
+  int min_agreeing = 2;        // loops nearby that must agree with it
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.close, {"close", "", 0, 1, "look for loops and close them"});
-    visit(self.gap_m, {"gap_m", "m", 1, 1e6, "path between two passages, at least"});
-    visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "between cameras of both passages"});
-    visit(self.drift_part, {"drift_part", "", 0, 1, "drift beyond the stated noise, part of the path, 1 sigma"});
+    visit(self.gap_m, {"gap_m", "m", 1, 1e6, "least path length between two visits of a place"});
+    visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "largest distance between cameras of the two visits"});
+    visit(self.drift_part, {"drift_part", "", 0, 1, "drift beyond the stated noise, share of the path, 1 sigma"});
     visit(self.drift_deg_m, {"drift_deg_m", "deg/m", 0, 1, "drift of directions beyond the stated noise, 1 sigma"});
     visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "between the optical axes, at most"});
     visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path between the images tried"});
-    visit(self.candidates, {"candidates", "images", 1, 100, "images of the earlier passage matched with each"});
-    visit(self.gate_chi2, {"gate_chi2", "", 1, 10000, "of a loop against what odometry predicts: chi-square, 6 dof"});
-    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "other loops nearby that must tell the same"});
+    visit(self.candidates, {"candidates", "images", 1, 100, "images of the earlier visit matched with each"});
+    visit(self.gate_chi2,
+          {"gate_chi2", "", 1, 10000, "gate of a loop against odometry's prediction: chi-square, 6 dof"});
+    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "loops nearby that must agree with it"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -59,11 +59,10 @@ struct RegistrationOptions {
                                      "another pose with more than this share of predicted points found: ambiguous"});
     visit(self.max_distance_m, {"max_distance_m", "m", 0.1, 10000, "largest distance from the nearest camera"});
     visit(self.max_sigma_m, {"max_sigma_m", "m", 0.001, 1000, "largest position sigma of an answer, worst axis"});
-    visit(self.set_radius_m,
-          {"set_radius_m", "m", 0.01, 100, "the photos of a set were taken within it of each other"});
+    visit(self.set_radius_m, {"set_radius_m", "m", 0.01, 100, "largest distance between two photos of a set"});
     visit(self.homography_px, {"homography_px", "px", 0.5, 100, "threshold of the homography (paper mode)"});
     visit(self.homography_images,
-          {"homography_images", "images", 1, 1000, "images that speak for a view (paper mode)"});
+          {"homography_images", "images", 1, 1000, "images that must match a view (paper mode)"});
     visit(self.homography_min_inliers, {"homography_min_inliers", "", 4, 10000, "matches a view needs (paper mode)"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }

@@ -32,7 +32,7 @@ LocalizeInput InputOf(const SyntheticSite& site) {
   }
   for (const SyntheticPanorama& panorama : site.panoramas) {
     input.references.push_back(
-        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, -1});
+        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, "", -1});
   }
   input.image_features = [&site](int i) { return SyntheticImageFeatures(site, i); };
   input.view_features = [&site](int p, int v) { return SyntheticViewFeatures(site, p, v); };

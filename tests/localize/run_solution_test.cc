@@ -40,7 +40,7 @@ Drive MakeDrive() {
   }
   for (const SyntheticPanorama& panorama : drive.site.panoramas) {
     input.references.push_back(
-        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, -1});
+        {panorama.name, panorama.name, ReferenceKind::kPanorama, panorama.rig, panorama.geotag, "", -1});
   }
   input.has_frame = true;
   input.frame = drive.site.frame;
