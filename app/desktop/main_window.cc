@@ -15,6 +15,7 @@
 #include <QSettings>
 #include <QStatusBar>
 #include <QStyleFactory>
+#include <QTabBar>
 #include <QTabWidget>
 #include <QTimer>
 #include <QUrl>
@@ -48,7 +49,6 @@ namespace trigpoint {
 namespace {
 
 constexpr int kMostRecent = 10;
-constexpr int kNamedTabs = 1250;  // px of the window; in a narrower one only the current tab has its name
 
 QPalette DarkPalette() {
   QPalette dark;
@@ -299,15 +299,18 @@ void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) 
 }
 
 void MainWindow::ShowTabs() {
-  const bool narrow = width() < kNamedTabs;
-  for (int i = 0; i < desks_->count(); ++i) {
-    desks_->setTabText(i, narrow && i != desks_->currentIndex() ? QString() : desks_->tabToolTip(i));
-  }
+  const auto name = [this](bool all) {
+    for (int i = 0; i < desks_->count(); ++i) {
+      desks_->setTabText(i, all || i == desks_->currentIndex() ? desks_->tabToolTip(i) : QString());
+    }
+  };
+  name(true);
+  if (desks_->tabBar()->sizeHint().width() > desks_->width()) name(false);
 }
 
 void MainWindow::resizeEvent(QResizeEvent* event) {
   QMainWindow::resizeEvent(event);
-  ShowTabs();
+  QMetaObject::invokeMethod(this, &MainWindow::ShowTabs, Qt::QueuedConnection);  // the tabs have their new width then
 }
 
 void MainWindow::MakeMenus() {

@@ -569,9 +569,11 @@ void PlanDesk::ShowPrediction() {
     QVariantList place;
     if (row.Has("x")) {
       place << row.Number("x") << row.Number("y") << row.Number("z");
+    }
+    if (row.Has("x") && row.Has("heading_deg")) {  // a place for a tag; control stands on one
+      place << row.Number("heading_deg");
       places_.push_back({static_cast<int>(row.Integer("rank")), {row.Number("x"), row.Number("y")}});
     }
-    if (row.Has("x") && row.Has("heading_deg")) place << row.Number("heading_deg");
     add(gains_,
         {Text(row.Text("rank")), Text(row.Text("what")), mm(after),
          QString::number(100 * (1 - after / before), 'f', 1)},

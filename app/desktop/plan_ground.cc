@@ -13,11 +13,12 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kLonger_px = 1600;     // of the ground's picture
-constexpr double kLeastExtent_m = 20;   // of the ground
-constexpr double kMargin = 0.15;        // around the sketch, share of its extent
-constexpr int kAerial_px = 2048;        // as read
-constexpr double kFacing_px = 26;       // stroke that shows where a tag faces
+constexpr double kLonger_px = 1600;    // of the ground's picture
+constexpr double kLeastExtent_m = 20;  // of the ground
+constexpr double kMargin = 0.15;       // around the sketch, share of its extent
+constexpr int kAerial_px = 2048;       // as read
+constexpr int kGridText_px = 40;
+constexpr double kFacing_px = 70;       // stroke that shows where a tag faces
 constexpr double kEllipseShare = 0.04;  // of the picture's longer side: the largest ellipse
 constexpr double kPaper = 0.45;         // share of white over the aerial image, so that lines stand out
 const QColor kInk(29, 35, 41), kBlue(0, 90, 150), kGreen(0, 110, 80), kOrange(180, 70, 0), kGrey(95, 105, 115),
@@ -53,7 +54,7 @@ void DrawAerial(const SceneAerial& aerial, PlanGround* ground) {
 void DrawGrid(PlanGround* ground) {
   QPainter painter(&ground->picture);
   QFont font = painter.font();
-  font.setPixelSize(20);
+  font.setPixelSize(kGridText_px);
   painter.setFont(font);
   const double step = RoundDown((ground->high_m - ground->low_m).maxCoeff() / 5);
   const auto label = [](double value) { return QString::number(std::abs(value) < 1e-9 ? 0 : value, 'g', 6); };

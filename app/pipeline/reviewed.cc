@@ -58,7 +58,8 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
 JobQuery ReviewQuery(const std::string& variant) {
   JobQuery query;
   for (const StageInfo& stage : Stages()) {
-    if (!stage.reviewed.empty()) query.stages.push_back(stage.name);
+    // A joint adjustment is kept up to date where it was made once; nobody asks for one by a decision.
+    if (!stage.reviewed.empty() && stage.name != "site") query.stages.push_back(stage.name);
   }
   query.variants = {variant};
   return query;

@@ -441,10 +441,10 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
       "tags", model.tags, [](const auto& t) { return Place(t.world_from_tag.translation); },
       [](const auto& t) { return 0.5 * t.pattern_size_m; });
   offer_all(
-      "control", model.control, [](const auto& c) { return Place(c.position); }, small);
-  offer_all(
       "panoramas", model.panoramas, [&](const auto& p) { return where(p.run, p.world_from_pano.translation); },
       [&](const auto& p) { return p.texture.empty() ? 0 : parts_->style.sphere_radius_m; });
+  offer_all(
+      "control", model.control, [](const auto& c) { return Place(c.position); }, small);
   offer_all(
       "geotags", model.panoramas, [&](const auto& p) { return hidden(p.run) ? Place() : Place(p.geotag); }, small);
   offer_all(

@@ -215,7 +215,7 @@ TEST_F(FormsTest, IconsFollowTheThemeAndTabsTheRoom) {
   window_->SetTheme("dark");
   EXPECT_GT(ink(0), 180);
   window_->SetTheme("system");
-  window_->resize(1300, 800);
+  window_->resize(1800, 900);
   QTest::qWait(50);
   EXPECT_EQ(desks->tabText(3), "Images");
   window_->resize(1024, 700);

@@ -68,8 +68,10 @@ TEST_F(PlanDeskTest, WhatIsDrawnIsPredicted) {
   ClickAt(1, 6);
   ASSERT_EQ(Count("station"), 1U);
   Tool("path");
-  for (const auto& [east, north] : {std::pair(-4.0, -3.0), {4.0, -3.0}, {4.0, 3.0}, {-4.0, 3.0}}) ClickAt(east, north);
-  EXPECT_EQ(Count("path"), 4U);
+  for (const auto& [east, north] : {std::pair(-4.0, 0.0), {4.0, 0.0}, {0.0, 4.0}, {0.0, -4.0}, {-4.0, 0.0}}) {
+    ClickAt(east, north);
+  }
+  EXPECT_EQ(Count("path"), 5U);
   Screenshot(window_.get(), "plan_drawn");
 
   Click(window_.get(), "plan.predict");
@@ -122,7 +124,8 @@ TEST_F(PlanDeskTest, CellsAreEditedAndWrongOnesRefused) {
   // Saved twice, the first file is kept.
   Click(window_.get(), "plan.save");
   items->item(0, 5)->setText("90");
-  ASSERT_TRUE(WaitFor([&] { return desk_->sketch().changed(); }));
+  auto* save = Child<QPushButton>(window_.get(), "plan.save");
+  ASSERT_TRUE(WaitFor([&] { return desk_->sketch().changed() && save->isEnabled(); }));
   Click(window_.get(), "plan.save");
   EXPECT_FALSE(desk_->sketch().changed());
   EXPECT_FALSE(fs::is_empty(Path("results/replaced").toStdString()));
