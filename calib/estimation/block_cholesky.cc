@@ -22,8 +22,8 @@ using Strided = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 using ConstStrided = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
 constexpr int kDim = 6;
-constexpr int kMostColumns = 16;          // blocks in a panel: what is multiplied at once stays in the cache
-constexpr double kMostZeros = 0.15;       // of a panel's blocks may be zeros that make it one
+constexpr int kMostColumns = 16;          // blocks in a supernode: what is multiplied at once stays in the cache
+constexpr double kMostZeros = 0.15;       // of a supernode's blocks may be zeros that make it one
 constexpr int64_t kWorthThreads = 40000;  // products of blocks
 constexpr int kTileRows = 2 * kDim;
 constexpr int kTileColumns = kDim / 2;
@@ -154,7 +154,7 @@ void AppendGroups(Index column, Index stride, std::vector<std::ptrdiff_t>* at) {
   at->push_back((kDim * column + kTileColumns) * stride);
 }
 
-// Each block's turn in the elimination: approximate minimum degree.
+// Each block's position in the elimination order: approximate minimum degree.
 std::vector<int> EliminationOrder(int blocks, const std::vector<std::pair<int, int>>& lower) {
   std::vector<Eigen::Triplet<char>> triplets;
   triplets.reserve(lower.size());
@@ -164,24 +164,24 @@ std::vector<int> EliminationOrder(int blocks, const std::vector<std::pair<int, i
   triplets = {};
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
   Eigen::AMDOrdering<int>()(graph.selfadjointView<Eigen::Lower>(), order);
-  std::vector<int> place(static_cast<size_t>(blocks));
-  for (int k = 0; k < blocks; ++k) place[static_cast<size_t>(order.indices()(k))] = k;
-  return place;
+  std::vector<int> position(static_cast<size_t>(blocks));
+  for (int k = 0; k < blocks; ++k) position[static_cast<size_t>(order.indices()(k))] = k;
+  return position;
 }
 
 }  // namespace
 
 BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>& lower)
-    : n_(blocks), place_(EliminationOrder(blocks, lower)) {
+    : n_(blocks), position_(EliminationOrder(blocks, lower)) {
   // Rows of each column of the factor: its own and those its children pass on.
   std::vector<std::vector<int>> rows(static_cast<size_t>(n_));
   for (const auto& [row, column] : lower) {
-    const int a = place_[static_cast<size_t>(row)], b = place_[static_cast<size_t>(column)];
+    const int a = position_[static_cast<size_t>(row)], b = position_[static_cast<size_t>(column)];
     if (a != b) rows[static_cast<size_t>(std::min(a, b))].push_back(std::max(a, b));
   }
   std::vector<std::vector<int>> children(static_cast<size_t>(n_));
-  panel_of_.resize(static_cast<size_t>(n_));
-  int64_t filled = 0;  // blocks of the open panel's columns that are in the pattern
+  supernode_of_.resize(static_cast<size_t>(n_));
+  int64_t filled = 0;  // blocks of the open supernode's columns that are in the pattern
   for (int j = 0; j < n_; ++j) {
     std::vector<int>& mine = rows[static_cast<size_t>(j)];
     for (int child : children[static_cast<size_t>(j)]) {
@@ -191,76 +191,76 @@ BlockCholesky::BlockCholesky(int blocks, const std::vector<std::pair<int, int>>&
     std::sort(mine.begin(), mine.end());
     mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
     if (!mine.empty()) children[static_cast<size_t>(mine.front())].push_back(j);
-    // The column before passes all its rows on to this one: both in one panel, if that holds few zeros.
+    // The column before passes all its rows on to this one: both in one supernode, if that holds few zeros.
     const auto mine_count = static_cast<int64_t>(mine.size());
     const bool follows =
         j > 0 && !rows[static_cast<size_t>(j) - 1].empty() && rows[static_cast<size_t>(j) - 1].front() == j;
-    if (follows && panels_.back().width < kMostColumns) {
-      const int64_t width = panels_.back().width + 1;
+    if (follows && supernodes_.back().width < kMostColumns) {
+      const int64_t width = supernodes_.back().width + 1;
       const int64_t held = width * (width + 1) / 2 + width * mine_count;
       if (static_cast<double>(held - filled - mine_count - 1) <= kMostZeros * static_cast<double>(held)) {
-        ++panels_.back().width;
-        panel_of_[static_cast<size_t>(j)] = static_cast<int>(panels_.size()) - 1;
+        ++supernodes_.back().width;
+        supernode_of_[static_cast<size_t>(j)] = static_cast<int>(supernodes_.size()) - 1;
         filled += mine_count + 1;
         continue;
       }
     }
-    panels_.push_back({j, 1, 0, 0, 0});
-    panel_of_[static_cast<size_t>(j)] = static_cast<int>(panels_.size()) - 1;
+    supernodes_.push_back({j, 1, 0, 0, 0});
+    supernode_of_[static_cast<size_t>(j)] = static_cast<int>(supernodes_.size()) - 1;
     filled = mine_count + 1;
   }
-  for (Panel& panel : panels_) {
-    const std::vector<int>& of_last = rows[static_cast<size_t>(panel.end()) - 1];
-    panel.begin = static_cast<int>(rows_.size());
-    panel.rows = static_cast<int>(of_last.size());
-    panel.values = size_;
+  for (Supernode& supernode : supernodes_) {
+    const std::vector<int>& of_last = rows[static_cast<size_t>(supernode.end()) - 1];
+    supernode.begin = static_cast<int>(rows_.size());
+    supernode.rows = static_cast<int>(of_last.size());
+    supernode.values = size_;
     rows_.insert(rows_.end(), of_last.begin(), of_last.end());
-    size_ += static_cast<size_t>(panel.Stride() * kDim * panel.width);
+    size_ += static_cast<size_t>(supernode.Stride() * kDim * supernode.width);
   }
   rows = {};
   into_.reserve(lower.size());
   for (const auto& [row, column] : lower) {
-    const int a = place_[static_cast<size_t>(row)], b = place_[static_cast<size_t>(column)];
-    into_.push_back({Find(std::max(a, b), std::min(a, b)), PanelOf(std::min(a, b)).Stride(), a == b, a < b});
+    const int a = position_[static_cast<size_t>(row)], b = position_[static_cast<size_t>(column)];
+    into_.push_back({Find(std::max(a, b), std::min(a, b)), SupernodeOf(std::min(a, b)).Stride(), a == b, a < b});
   }
 }
 
 size_t BlockCholesky::Find(int row, int column) const {
-  const Panel& panel = PanelOf(column);
-  Index place = row - panel.first;
-  if (row >= panel.end()) {
-    const auto begin = rows_.begin() + panel.begin, end = begin + panel.rows;
+  const Supernode& supernode = SupernodeOf(column);
+  Index at = row - supernode.first;
+  if (row >= supernode.end()) {
+    const auto begin = rows_.begin() + supernode.begin, end = begin + supernode.rows;
     const auto it = std::lower_bound(begin, end, row);
     if (it == end || *it != row) return kNowhere;
-    place = panel.width + (it - begin);
+    at = supernode.width + (it - begin);
   }
-  return panel.values + static_cast<size_t>(kDim * ((column - panel.first) * panel.Stride() + place));
+  return supernode.values + static_cast<size_t>(kDim * ((column - supernode.first) * supernode.Stride() + at));
 }
 
-std::vector<BlockCholesky::Meeting> BlockCholesky::MeetingsOf(const Panel& panel) const {
-  const int* rows = rows_.data() + panel.begin;
-  std::vector<Meeting> meetings;
-  for (int from = 0; from < panel.rows;) {
-    const Panel& other = PanelOf(rows[from]);
-    Meeting& meeting = meetings.emplace_back(Meeting{&other, from, from, {}});
+std::vector<BlockCholesky::SupernodeUpdate> BlockCholesky::UpdatesOf(const Supernode& supernode) const {
+  const int* rows = rows_.data() + supernode.begin;
+  std::vector<SupernodeUpdate> updates;
+  for (int from = 0; from < supernode.rows;) {
+    const Supernode& other = SupernodeOf(rows[from]);
+    SupernodeUpdate& update = updates.emplace_back(SupernodeUpdate{&other, from, from, {}});
     const int* below = rows_.data() + other.begin;
     int at = 0;
-    for (int m = from; m < panel.rows; ++m) {
+    for (int m = from; m < supernode.rows; ++m) {
       if (rows[m] < other.end()) {
-        meeting.where.push_back(rows[m] - other.first);
-        meeting.to = m + 1;
+        update.where.push_back(rows[m] - other.first);
+        update.to = m + 1;
         continue;
       }
       while (below[at] != rows[m]) ++at;  // the rows of a column are among those of each of them that comes later
-      meeting.where.push_back(other.width + at);
+      update.where.push_back(other.width + at);
     }
-    from = meeting.to;
+    from = update.to;
   }
-  return meetings;
+  return updates;
 }
 
-int BlockCholesky::ThreadsFor(const Panel& panel, int threads) const {
-  const int64_t products = static_cast<int64_t>(panel.width) * panel.rows * panel.rows;
+int BlockCholesky::ThreadsFor(const Supernode& supernode, int threads) const {
+  const int64_t products = static_cast<int64_t>(supernode.width) * supernode.rows * supernode.rows;
   return products < kWorthThreads ? 1 : threads;
 }
 
@@ -270,48 +270,36 @@ void BlockCholesky::Add(int index, const double* a, const double* b, int depth) 
   AddProduct(factor_.data() + t.at, t.stride, a, b, depth);
 }
 
-bool BlockCholesky::Factorize(const std::vector<Matrix6d>& values, double damping, int threads) {
-  SetZero();
-  for (size_t k = 0; k < values.size(); ++k) {
-    if (into_[k].transposed) {
-      BlockAt(into_[k]) = values[k].transpose();
-    } else {
-      BlockAt(into_[k]) = values[k];
-    }
-  }
-  return Factorize(damping, threads);
-}
-
 bool BlockCholesky::Factorize(double damping, int threads) {
-  for (const Target& t : into_) {
-    if (t.diagonal) BlockAt(t).diagonal() += damping * BlockAt(t).diagonal().cwiseAbs();
+  for (size_t k = 0; k < into_.size() && damping > 0; ++k) {
+    if (into_[k].diagonal) Diagonal(static_cast<int>(k)) += damping * Diagonal(static_cast<int>(k)).cwiseAbs();
   }
-  for (const Panel& panel : panels_) {
-    const Index stride = panel.Stride(), width = kDim * panel.width;
-    double* const own = factor_.data() + panel.values;
+  for (const Supernode& supernode : supernodes_) {
+    const Index stride = supernode.Stride(), width = kDim * supernode.width;
+    double* const own = factor_.data() + supernode.values;
     Strided square(own, width, width, Eigen::OuterStride<>(stride));
     Eigen::Ref<Eigen::MatrixXd, 0, Eigen::OuterStride<>> in_place(square);
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd, 0, Eigen::OuterStride<>>, Eigen::Lower> llt(in_place);
     if (llt.info() != Eigen::Success) return false;
-    if (panel.rows == 0) continue;
+    if (supernode.rows == 0) continue;
     double* const below = own + width;
-    Strided rows(below, kDim * panel.rows, width, Eigen::OuterStride<>(stride));
+    Strided rows(below, kDim * supernode.rows, width, Eigen::OuterStride<>(stride));
     square.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(rows);
-    // What these columns take from those to their right: each panel from itself alone.
-    const std::vector<Meeting> meetings = MeetingsOf(panel);
-    ParallelFor(static_cast<int64_t>(meetings.size()), ThreadsFor(panel, threads), {}, [&](int64_t index) {
-      const Meeting& meeting = meetings[static_cast<size_t>(index)];
-      const auto block = [&](int m, int k) { return below + kDim * (meeting.from + m + k * stride); };
+    // The update of the columns to the right; each thread updates a supernode of its own.
+    const std::vector<SupernodeUpdate> updates = UpdatesOf(supernode);
+    ParallelFor(static_cast<int64_t>(updates.size()), ThreadsFor(supernode, threads), {}, [&](int64_t index) {
+      const SupernodeUpdate& update = updates[static_cast<size_t>(index)];
+      const auto block = [&](int m, int k) { return below + kDim * (update.from + m + k * stride); };
       std::vector<std::ptrdiff_t> groups;
-      const int count = meeting.to - meeting.from;
+      const int count = update.to - update.from;
       for (int m = 0; m < count; ++m)
-        AppendGroups(meeting.where[static_cast<size_t>(m)], meeting.other->Stride(), &groups);
-      double* const theirs = factor_.data() + meeting.other->values;
-      const PackedRight columns(panel.width, 2 * count, stride, 1, [&](int k) { return block(0, k); });
+        AppendGroups(update.where[static_cast<size_t>(m)], update.other->Stride(), &groups);
+      double* const theirs = factor_.data() + update.other->values;
+      const PackedRight columns(supernode.width, 2 * count, stride, 1, [&](int k) { return block(0, k); });
       columns.SubtractProduct(
-          panel.rows - meeting.from, 1, stride, block,
-          [&](int m) { return theirs + kDim * meeting.where[static_cast<size_t>(m)]; }, groups.data(),
-          meeting.other->Stride());
+          supernode.rows - update.from, 1, stride, block,
+          [&](int m) { return theirs + kDim * update.where[static_cast<size_t>(m)]; }, groups.data(),
+          update.other->Stride());
     });
   }
   return true;
@@ -319,30 +307,30 @@ bool BlockCholesky::Factorize(double damping, int threads) {
 
 void BlockCholesky::Solve(Eigen::Ref<Eigen::VectorXd> x) const {
   Eigen::VectorXd y(x.size()), part;
-  for (int b = 0; b < n_; ++b) y.segment<kDim>(kDim * place_[static_cast<size_t>(b)]) = x.segment<kDim>(kDim * b);
-  const auto with = [&](const Panel& panel, auto&& use) {
-    const Index stride = panel.Stride(), width = kDim * panel.width;
-    const double* own = factor_.data() + panel.values;
+  for (int b = 0; b < n_; ++b) y.segment<kDim>(kDim * position_[static_cast<size_t>(b)]) = x.segment<kDim>(kDim * b);
+  const auto with = [&](const Supernode& supernode, auto&& use) {
+    const Index stride = supernode.Stride(), width = kDim * supernode.width;
+    const double* own = factor_.data() + supernode.values;
     const ConstStrided square(own, width, width, Eigen::OuterStride<>(stride));
-    const ConstStrided below(own + width, kDim * panel.rows, width, Eigen::OuterStride<>(stride));
-    use(square, below, y.segment(kDim * panel.first, width), rows_.data() + panel.begin);
+    const ConstStrided below(own + width, kDim * supernode.rows, width, Eigen::OuterStride<>(stride));
+    use(square, below, y.segment(kDim * supernode.first, width), rows_.data() + supernode.begin);
   };
-  for (const Panel& panel : panels_) {
-    with(panel, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
+  for (const Supernode& supernode : supernodes_) {
+    with(supernode, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
       square.template triangularView<Eigen::Lower>().solveInPlace(own);
       part.noalias() = below * own;
-      for (int m = 0; m < panel.rows; ++m) y.segment<kDim>(kDim * rows[m]) -= part.segment<kDim>(kDim * m);
+      for (int m = 0; m < supernode.rows; ++m) y.segment<kDim>(kDim * rows[m]) -= part.segment<kDim>(kDim * m);
     });
   }
-  for (auto panel = panels_.rbegin(); panel != panels_.rend(); ++panel) {
-    with(*panel, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
-      part.resize(kDim * panel->rows);
-      for (int m = 0; m < panel->rows; ++m) part.segment<kDim>(kDim * m) = y.segment<kDim>(kDim * rows[m]);
+  for (auto supernode = supernodes_.rbegin(); supernode != supernodes_.rend(); ++supernode) {
+    with(*supernode, [&](const auto& square, const auto& below, auto&& own, const int* rows) {
+      part.resize(kDim * supernode->rows);
+      for (int m = 0; m < supernode->rows; ++m) part.segment<kDim>(kDim * m) = y.segment<kDim>(kDim * rows[m]);
       own.noalias() -= below.transpose() * part;
       square.template triangularView<Eigen::Lower>().transpose().solveInPlace(own);
     });
   }
-  for (int b = 0; b < n_; ++b) x.segment<kDim>(kDim * b) = y.segment<kDim>(kDim * place_[static_cast<size_t>(b)]);
+  for (int b = 0; b < n_; ++b) x.segment<kDim>(kDim * b) = y.segment<kDim>(kDim * position_[static_cast<size_t>(b)]);
 }
 
 BlockCholesky::Inverse BlockCholesky::SelectedInverse(int threads) const& { return Invert(factor_, threads); }
@@ -353,32 +341,32 @@ BlockCholesky::Inverse BlockCholesky::Invert(std::vector<double> factor, int thr
   Inverse z;
   z.factor_ = this;
   z.values_ = std::move(factor);
-  for (auto it = panels_.rbegin(); it != panels_.rend(); ++it) {
-    const Panel& panel = *it;
-    const Index stride = panel.Stride(), width = kDim * panel.width, height = kDim * panel.rows;
-    Strided own(z.values_.data() + panel.values, width, width, Eigen::OuterStride<>(stride));
-    Strided below(z.values_.data() + panel.values + width, height, width, Eigen::OuterStride<>(stride));
+  for (auto it = supernodes_.rbegin(); it != supernodes_.rend(); ++it) {
+    const Supernode& supernode = *it;
+    const Index stride = supernode.Stride(), width = kDim * supernode.width, height = kDim * supernode.rows;
+    Strided own(z.values_.data() + supernode.values, width, width, Eigen::OuterStride<>(stride));
+    Strided below(z.values_.data() + supernode.values + width, height, width, Eigen::OuterStride<>(stride));
     const Eigen::MatrixXd inverse = own.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(width, width));
     own.noalias() = inverse.transpose() * inverse;
-    if (panel.rows == 0) continue;
+    if (supernode.rows == 0) continue;
     Eigen::MatrixXd unit = below;
     unit *= inverse.triangularView<Eigen::Lower>();  // U = L_B L_D^-1
     below.setZero();
     std::vector<std::ptrdiff_t> groups;
-    for (int q = 0; q < panel.width; ++q) AppendGroups(q, stride, &groups);
-    // Z_B = - Z_BB U. Z_BB lies in the panels whose columns these rows are: the pattern is closed under this sum.
-    const std::vector<Meeting> meetings = MeetingsOf(panel);
+    for (int q = 0; q < supernode.width; ++q) AppendGroups(q, stride, &groups);
+    // Z_B = - Z_BB U. Z_BB lies in the supernodes whose columns these rows are: the pattern is closed under this sum.
+    const std::vector<SupernodeUpdate> updates = UpdatesOf(supernode);
     std::vector<PackedRight> right;
-    for (const Meeting& meeting : meetings) {
-      right.emplace_back(meeting.to - meeting.from, 2 * panel.width, 1, height,
-                         [&](int k) { return unit.data() + kDim * (meeting.from + k); });
+    for (const SupernodeUpdate& update : updates) {
+      right.emplace_back(update.to - update.from, 2 * supernode.width, 1, height,
+                         [&](int k) { return unit.data() + kDim * (update.from + k); });
     }
-    ParallelFor(static_cast<int64_t>(meetings.size()), ThreadsFor(panel, threads), {}, [&](int64_t index) {
-      const Meeting& mine = meetings[static_cast<size_t>(index)];
-      for (size_t k = 0; k < meetings.size(); ++k) {
-        // Of two panels the one further left has the block; above its diagonal it is seen from the other side.
-        const bool left = meetings[k].from <= mine.from;
-        const Meeting &at_rows = left ? meetings[k] : mine, &of_rows = left ? mine : meetings[k];
+    ParallelFor(static_cast<int64_t>(updates.size()), ThreadsFor(supernode, threads), {}, [&](int64_t index) {
+      const SupernodeUpdate& mine = updates[static_cast<size_t>(index)];
+      for (size_t k = 0; k < updates.size(); ++k) {
+        // Of two supernodes the one further left has the block; above its diagonal it is seen from the other side.
+        const bool left = updates[k].from <= mine.from;
+        const SupernodeUpdate &at_rows = left ? updates[k] : mine, &of_rows = left ? mine : updates[k];
         const Index their_stride = at_rows.other->Stride();
         const double* const theirs = z.values_.data() + at_rows.other->values;
         const auto block = [&](int i, int column) {
@@ -398,11 +386,11 @@ BlockCholesky::Inverse BlockCholesky::Invert(std::vector<double> factor, int thr
 }
 
 Matrix6d BlockCholesky::Inverse::Block(int row, int column) const {
-  const int a = factor_->place_[static_cast<size_t>(row)], b = factor_->place_[static_cast<size_t>(column)];
+  const int a = factor_->position_[static_cast<size_t>(row)], b = factor_->position_[static_cast<size_t>(column)];
   const size_t at = factor_->Find(std::max(a, b), std::min(a, b));
   if (at == kNowhere) return Matrix6d::Zero();
   const Matrix6d block = Eigen::Map<const Matrix6d, 0, Eigen::OuterStride<>>(
-      values_.data() + at, Eigen::OuterStride<>(factor_->PanelOf(std::min(a, b)).Stride()));
+      values_.data() + at, Eigen::OuterStride<>(factor_->SupernodeOf(std::min(a, b)).Stride()));
   return a >= b ? block : Matrix6d(block.transpose());
 }
 

@@ -2,43 +2,52 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
 #include "calib/base/error.h"
-#include "eval/truth/selected_inverse.h"
+#include "calib/estimation/loss.h"
+#include "calib/estimation/sparse_least_squares.h"
+#include "survey/tags/survey_costs.h"
 
 namespace trigpoint {
 namespace {
 
-using Triplet = Eigen::Triplet<double>;
-using Matrix61d = Eigen::Matrix<double, 6, 1>;
+// Poses near known ones, whose errors are correlated: r = L^-1 [x_i - known_i], left tangents, L L' their covariance.
+class JointPosePriorCost final : public ceres::CostFunction {
+ public:
+  JointPosePriorCost(std::vector<Rigid3d> known, const Eigen::MatrixXd& covariance) : known_(std::move(known)) {
+    const Eigen::LLT<Eigen::MatrixXd> llt(covariance);
+    if (llt.info() != Eigen::Success) {
+      throw NumericError("the tag map's covariance is not positive definite; survey again");
+    }
+    sqrt_info_ = llt.matrixL().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+    set_num_residuals(static_cast<int>(covariance.rows()));
+    mutable_parameter_block_sizes()->assign(known_.size(), 7);
+  }
 
-struct MotionTerms {
-  Vector6d r;
-  Matrix6d by_a = Matrix6d::Zero(), by_b = Matrix6d::Zero();
-  Matrix61d by_scale = Matrix61d::Zero();
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, 7, Eigen::RowMajor>;
+    Eigen::VectorXd difference(num_residuals());
+    for (size_t i = 0; i < known_.size(); ++i) {
+      const auto at = 6 * static_cast<Eigen::Index>(i);
+      difference.segment<6>(at) = Rigid3FromBlock(parameters[i]).Minus(known_[i]);
+      if (jacobians == nullptr || jacobians[i] == nullptr) continue;
+      Matrix6d j = Matrix6d::Identity();
+      j.topLeftCorner<3, 3>() = LeftJacobianInverseSO3(difference.segment<3>(at));
+      Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
+      Rigid3Manifold().MinusJacobian(parameters[i], minus.data());
+      Eigen::Map<RowMajor>(jacobians[i], num_residuals(), 7) = sqrt_info_.middleCols<6>(at) * (j * minus);
+    }
+    Eigen::Map<Eigen::VectorXd>(residuals, num_residuals()) = sqrt_info_.triangularView<Eigen::Lower>() * difference;
+    return true;
+  }
+
+ private:
+  std::vector<Rigid3d> known_;
+  Eigen::MatrixXd sqrt_info_;
 };
-
-MotionTerms Linearize(const ChainMotion& m, const ChainProblem& p) {
-  const Rigid3d& a = p.bodies[static_cast<size_t>(m.a)];
-  const Rigid3d& b = p.bodies[static_cast<size_t>(m.b)];
-  const Eigen::Matrix3d ra = a.rotation.conjugate().toRotationMatrix();
-  const Eigen::Matrix3d rb = b.rotation.conjugate().toRotationMatrix();
-  const double wr = 1 / (m.sigma_rot_rad * p.motion_rot_factor), wt = 1 / (m.sigma_m * p.motion_m_factor);
-  MotionTerms terms;
-  const Eigen::Vector3d e = LogSO3(m.a_from_b.rotation.conjugate() * (a.rotation.conjugate() * b.rotation));
-  const Eigen::Matrix3d right_inverse = LeftJacobianInverseSO3(-e);  // Jr(e) = Jl(-e)
-  const Eigen::Vector3d step = b.translation - a.translation;
-  terms.r << wr * e, wt * (ra * step - p.scale * m.a_from_b.translation);
-  terms.by_b.topLeftCorner<3, 3>() = wr * right_inverse * rb;
-  terms.by_a.topLeftCorner<3, 3>() = -wr * right_inverse * rb;
-  terms.by_a.bottomLeftCorner<3, 3>() = wt * ra * Skew(step);
-  terms.by_a.bottomRightCorner<3, 3>() = -wt * ra;
-  terms.by_b.bottomRightCorner<3, 3>() = wt * ra;
-  terms.by_scale.tail<3>() = -wt * m.a_from_b.translation;
-  return terms;
-}
 
 class Solver {
  public:
@@ -46,80 +55,70 @@ class Solver {
       : p_(*problem),
         options_(options),
         cancel_(cancel),
-        map_(problem->tags),
-        returned_(problem->sights.size(), false) {
-    int at = 0;
-    for (size_t i = 0; i < p_.bodies.size(); ++i) body_at_.push_back(p_.free[i] ? std::exchange(at, at + 6) : -1);
-    tags_at_ = at;
-    scale_at_ = tags_at_ + 6 * static_cast<int>(p_.tags.size());
-    size_ = scale_at_ + 1;
-    const Eigen::LLT<Eigen::MatrixXd> llt(p_.tag_covariance);
-    if (llt.info() != Eigen::Success) {
-      throw NumericError("the tag map's covariance is not positive definite; survey again");
+        huber_(options.gate_chi2),
+        returned_(problem->observations.size(), false) {
+    for (size_t i = 0; i < p_.bodies.size(); ++i) {
+      solver_.AddPose(p_.bodies[i]);
+      solver_.unknowns.back().constant = !p_.free[i];
     }
-    tag_information_ = llt.solve(Eigen::MatrixXd::Identity(p_.tag_covariance.rows(), p_.tag_covariance.cols()));
+    first_tag_ = static_cast<int>(p_.bodies.size());
+    for (const Rigid3d& tag : p_.tags) solver_.AddPose(tag);
+    scale_ = solver_.AddNumbers({p_.scale});
+    const int zero = solver_.AddNumbers({0});  // no drift of the heading, no shift of the corners
+    solver_.unknowns.back().constant = true;
+    for (const ChainObservation& o : p_.observations) {
+      solver_.AddFactor(new TagCost(o.sight, o.size_m, o.cam_from_body, &p_.corner_factor), nullptr,
+                        {o.body, first_tag_ + o.tag, zero});
+    }
+    for (const ChainMotion& m : p_.motions) {
+      if (!p_.free[static_cast<size_t>(m.a)] || !p_.free[static_cast<size_t>(m.b)]) continue;
+      Vector6d sigma;
+      sigma << Eigen::Vector3d::Constant(m.sigma_rot_rad), Eigen::Vector3d::Constant(m.sigma_m);
+      solver_.AddFactor(new OdometryCost(m.a_from_b, Eigen::Vector3d::Zero(), sigma, motion_factor_.data()), nullptr,
+                        {m.a, m.b, scale_, zero});
+    }
+    motion_end_ = static_cast<int>(solver_.factors.size());
+    solver_.AddFactor(new NumberCost(1, p_.scale_sigma), nullptr, {scale_});
+    AddTagPrior();
   }
 
   int Iterate(bool robust) {
-    double lambda = 1e-6, cost = Cost(robust);
-    int iterations = 0;
-    for (; iterations < options_.max_iterations; ++iterations) {
-      cancel_.ThrowIfCancelled();
-      Eigen::VectorXd gradient;
-      const Eigen::SparseMatrix<double> normal = Normal(robust, &gradient);
-      bool better = false;
-      double gain = 0;
-      for (int tries = 0; tries < 8 && !better; ++tries, lambda *= 10) {
-        Eigen::SparseMatrix<double> damped = normal;
-        for (int i = 0; i < size_; ++i) damped.coeffRef(i, i) *= 1 + lambda;
-        const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> llt(damped);
-        if (llt.info() != Eigen::Success) continue;
-        const ChainProblem before = p_;
-        Apply(llt.solve(-gradient));
-        const double now = Cost(robust);
-        better = now <= cost;
-        if (better) {
-          gain = cost - now;
-          cost = now;
-          lambda = std::max(1e-12, lambda * 1e-3);
-        } else {
-          p_.bodies = before.bodies;
-          p_.tags = before.tags;
-          p_.scale = before.scale;
-        }
-      }
-      if (!better || gain < 1e-9 * (1 + cost)) break;
-    }
-    cost_ = cost;
-    return iterations;
+    SetFactors(robust);
+    ProgressSink silent;
+    const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, 1, silent, cancel_);
+    cost_ = 2 * summary.cost_after;
+    for (size_t i = 0; i < p_.bodies.size(); ++i) p_.bodies[i] = solver_.Pose(static_cast<int>(i));
+    for (size_t i = 0; i < p_.tags.size(); ++i) p_.tags[i] = solver_.Pose(first_tag_ + static_cast<int>(i));
+    p_.scale = solver_.unknowns[static_cast<size_t>(scale_)].value[0];
+    return summary.iterations;
   }
 
-  SelectedInverse Covariance() {
-    Eigen::VectorXd gradient;
-    return SelectedInverse(Normal(false, &gradient));
+  // Least squares without a robust loss; a body whose observations were all rejected stays in the equations.
+  void Linearise() {
+    SetFactors(false);
+    solver_.Linearise(1, cancel_, true);
   }
 
-  // Data snooping by standardised residuals. A sight that is wrong pulls its neighbours along the chain with it, so
-  // that of those nearby only the worst is rejected at a time; one that was rejected and agrees with the solution
+  // Data snooping by standardised residuals. An observation that is wrong pulls its neighbours along the chain with it,
+  // so that of those nearby only the worst is rejected at a time; one that was rejected and agrees with the solution
   // made without it comes back. True if anything changed.
-  bool Snoop(const SelectedInverse& covariance) {
+  bool Snoop() {
     constexpr int kNearby = 20;  // bodies
     constexpr double kMuchWorse = 4;
     bool changed = false;
     std::vector<std::pair<double, size_t>> bad;
-    for (size_t i = 0; i < p_.sights.size(); ++i) {
-      ChainSight& s = p_.sights[i];
-      if (!p_.free[static_cast<size_t>(s.body)]) continue;
-      Eigen::Matrix<double, 8, 12> j;
-      const Vector8d r = Residual(s, &j);
+    for (size_t i = 0; i < p_.observations.size(); ++i) {
+      ChainObservation& o = p_.observations[i];
+      if (!p_.free[static_cast<size_t>(o.body)]) continue;
+      const int factor = static_cast<int>(i);
+      const Eigen::VectorXd r = solver_.Residual(factor);
       // Covariance of the residual: 1 - J C J', never below a tenth of the stated noise; 1 + J C J' of one left out.
-      const double side = s.rejected ? 1 : -1;
-      const Eigen::Matrix<double, 8, 8> q = (s.rejected ? 1 : 1.1) * Eigen::Matrix<double, 8, 8>::Identity() +
-                                            side * j * Joint(s, covariance) * j.transpose();
+      const Eigen::MatrixXd q = (o.rejected ? 1 : 1.1) * Eigen::MatrixXd::Identity(r.size(), r.size()) +
+                                (o.rejected ? 1 : -1) * solver_.AdjustedCovariance(factor);
       const double chi2 = r.dot(q.ldlt().solve(r));
-      if (s.rejected) {
+      if (o.rejected) {
         if (chi2 > options_.gate_chi2 || returned_[i]) continue;
-        s.rejected = false;
+        o.rejected = false;
         returned_[i] = changed = true;
       } else if (chi2 > options_.gate_chi2) {
         bad.emplace_back(chi2, i);
@@ -128,45 +127,35 @@ class Solver {
     std::sort(bad.begin(), bad.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     std::vector<std::pair<double, int>> worse;  // rejected now, with their bodies
     for (const auto& [chi2, i] : bad) {
-      ChainSight& s = p_.sights[i];
+      ChainObservation& o = p_.observations[i];
       const bool overshadowed = std::any_of(worse.begin(), worse.end(), [&, chi2 = chi2](const auto& w) {
-        return std::abs(w.second - s.body) <= kNearby && w.first > kMuchWorse * chi2;
+        return std::abs(w.second - o.body) <= kNearby && w.first > kMuchWorse * chi2;
       });
       if (overshadowed) continue;
-      s.rejected = changed = true;
-      worse.emplace_back(chi2, s.body);
+      o.rejected = changed = true;
+      worse.emplace_back(chi2, o.body);
     }
     return changed;
   }
 
   // One round of variance components; true if a factor changed by more than one percent.
-  bool UpdateFactors(const SelectedInverse& covariance) {
+  bool UpdateFactors() {
     double square[3] = {0, 0, 0}, redundancy[3] = {0, 0, 0};
-    for (const ChainSight& s : p_.sights) {
-      if (s.rejected) continue;
-      Eigen::Matrix<double, 8, 12> j;
-      const Vector8d r = Residual(s, &j);
-      square[0] += Weight(r.squaredNorm(), true) * r.squaredNorm();  // a gross error is none of the noise
-      redundancy[0] += 8 - (j * Joint(s, covariance) * j.transpose()).trace();
+    for (size_t i = 0; i < p_.observations.size(); ++i) {
+      if (p_.observations[i].rejected) continue;
+      const double chi2 = solver_.Residual(static_cast<int>(i)).squaredNorm();
+      double rho[3];
+      huber_.Evaluate(chi2, rho);
+      square[0] += rho[1] * chi2;  // a gross error is none of the noise
+      redundancy[0] += 8 - solver_.AdjustedCovariance(static_cast<int>(i)).trace();
     }
-    for (const ChainMotion& m : p_.motions) {
-      if (body_at_[static_cast<size_t>(m.a)] < 0 || body_at_[static_cast<size_t>(m.b)] < 0) continue;
-      const MotionTerms terms = Linearize(m, p_);
-      Eigen::Matrix<double, 6, 13> j;
-      j << terms.by_a, terms.by_b, terms.by_scale;
-      const int at[2] = {body_at_[static_cast<size_t>(m.a)], body_at_[static_cast<size_t>(m.b)]};
-      Eigen::Matrix<double, 13, 13> c;
-      for (int x = 0; x < 2; ++x) {
-        for (int y = 0; y < 2; ++y) c.block<6, 6>(6 * x, 6 * y) = covariance.Block(at[x], at[y], 6, 6);
-        c.block<6, 1>(6 * x, 12) = covariance.Block(at[x], scale_at_, 6, 1);
-        c.block<1, 6>(12, 6 * x) = c.block<6, 1>(6 * x, 12).transpose();
-      }
-      c(12, 12) = covariance.At(scale_at_, scale_at_);
-      const Matrix6d q = j * c * j.transpose();
-      square[1] += terms.r.head<3>().squaredNorm();
-      square[2] += terms.r.tail<3>().squaredNorm();
-      redundancy[1] += 3 - q.topLeftCorner<3, 3>().trace();
-      redundancy[2] += 3 - q.bottomRightCorner<3, 3>().trace();
+    for (int i = static_cast<int>(p_.observations.size()); i < motion_end_; ++i) {
+      const Eigen::VectorXd r = solver_.Residual(i);
+      const Eigen::VectorXd taken = solver_.AdjustedCovariance(i).diagonal();
+      square[1] += r.head<3>().squaredNorm();
+      square[2] += r.tail<3>().squaredNorm();
+      redundancy[1] += 3 - taken.head<3>().sum();
+      redundancy[2] += 3 - taken.tail<3>().sum();
     }
     double* const factors[3] = {&p_.corner_factor, &p_.motion_rot_factor, &p_.motion_m_factor};
     bool changed = false;
@@ -180,151 +169,57 @@ class Solver {
     return changed;
   }
 
-  void Finish(const SelectedInverse& covariance, ChainSolution* solution) {
-    for (ChainSight& s : p_.sights) s.rms_px = ResidualPx(s.sight, Raw(s, nullptr, nullptr));
-    for (size_t i = 0; i < p_.bodies.size(); ++i) {
-      const int at = body_at_[i];
-      solution->body_covariance.push_back(at < 0 ? Matrix6d(Matrix6d::Zero())
-                                                 : Matrix6d(covariance.Block(at, at, 6, 6)));
+  void Finish(ChainSolution* solution) {
+    for (size_t i = 0; i < p_.observations.size(); ++i) {
+      ChainObservation& o = p_.observations[i];
+      o.rms_px = ResidualPx(o.sight, solver_.Residual(static_cast<int>(i)) * p_.corner_factor);
     }
-    solution->scale_sigma = std::sqrt(covariance.At(scale_at_, scale_at_));
+    for (size_t i = 0; i < p_.bodies.size(); ++i) {
+      solution->body_covariance.push_back(solver_.PoseCovariance(static_cast<int>(i)));
+    }
+    const int at = solver_.Offset(scale_);
+    solution->scale_sigma = std::sqrt(solver_.Covariance(at, at, 1, 1)(0, 0));
     solution->cost = cost_;
   }
 
  private:
-  Vector8d Raw(const ChainSight& s, Matrix86d* by_body, Matrix86d* by_tag) const {
-    return TagResidual(s.sight, s.size_m, s.cam_from_body, p_.bodies[static_cast<size_t>(s.body)],
-                       p_.tags[static_cast<size_t>(s.tag)], by_body, by_tag);
-  }
-  Vector8d Residual(const ChainSight& s, Eigen::Matrix<double, 8, 12>* j) const {
-    Matrix86d by_body, by_tag;
-    const Vector8d r = Raw(s, &by_body, &by_tag) / p_.corner_factor;
-    *j << by_body / p_.corner_factor, by_tag / p_.corner_factor;
-    return r;
-  }
-  Eigen::Matrix<double, 12, 12> Joint(const ChainSight& s, const SelectedInverse& covariance) const {
-    const int body = body_at_[static_cast<size_t>(s.body)], tag = tags_at_ + 6 * s.tag;
-    Eigen::Matrix<double, 12, 12> c;
-    c.topLeftCorner<6, 6>() = covariance.Block(body, body, 6, 6);
-    c.topRightCorner<6, 6>() = covariance.Block(body, tag, 6, 6);
-    c.bottomLeftCorner<6, 6>() = c.topRightCorner<6, 6>().transpose();
-    c.bottomRightCorner<6, 6>() = covariance.Block(tag, tag, 6, 6);
-    return c;
+  // Tags whose errors are correlated share a factor.
+  void AddTagPrior() {
+    const auto n = static_cast<Eigen::Index>(p_.tags.size());
+    Eigen::MatrixXd between = p_.tag_covariance;
+    for (Eigen::Index i = 0; i < n; ++i) between.block<6, 6>(6 * i, 6 * i).setZero();
+    if (!between.isZero(0)) {
+      std::vector<int> tags;
+      for (int i = 0; i < n; ++i) tags.push_back(first_tag_ + i);
+      solver_.AddFactor(new JointPosePriorCost(p_.tags, p_.tag_covariance), nullptr, tags);
+      return;
+    }
+    for (int i = 0; i < n; ++i) {
+      solver_.AddFactor(
+          new JointPosePriorCost({p_.tags[static_cast<size_t>(i)]}, p_.tag_covariance.block<6, 6>(6 * i, 6 * i)),
+          nullptr, {first_tag_ + i});
+    }
   }
 
-  // Huber's weight at the gate, of a whole sight.
-  double Weight(double chi2, bool robust) const {
-    return !robust || chi2 <= options_.gate_chi2 ? 1 : std::sqrt(options_.gate_chi2 / chi2);
-  }
-  double Loss(double chi2, bool robust) const {
-    return !robust || chi2 <= options_.gate_chi2 ? chi2 : 2 * std::sqrt(options_.gate_chi2 * chi2) - options_.gate_chi2;
-  }
-
-  Eigen::VectorXd TagDeviation() const {
-    Eigen::VectorXd d(6 * static_cast<Eigen::Index>(p_.tags.size()));
-    for (size_t i = 0; i < p_.tags.size(); ++i)
-      d.segment<6>(6 * static_cast<Eigen::Index>(i)) = p_.tags[i].Minus(map_[i]);
-    return d;
-  }
-
-  double Cost(bool robust) const {
-    double cost = std::pow((p_.scale - 1) / p_.scale_sigma, 2);
-    for (const ChainSight& s : p_.sights) {
-      if (!s.rejected) cost += Loss(Raw(s, nullptr, nullptr).squaredNorm() / std::pow(p_.corner_factor, 2), robust);
+  void SetFactors(bool robust) {
+    motion_factor_.head<3>().setConstant(p_.motion_rot_factor);
+    motion_factor_.tail<3>().setConstant(p_.motion_m_factor);
+    for (size_t i = 0; i < p_.observations.size(); ++i) {
+      // A rejected one keeps its place among the equations, so that its covariance there can be asked for.
+      const ceres::LossFunction* const used = robust ? &huber_ : nullptr;
+      solver_.factors[i].loss = p_.observations[i].rejected ? &nothing_ : used;
     }
-    for (const ChainMotion& m : p_.motions) {
-      if (body_at_[static_cast<size_t>(m.a)] < 0 || body_at_[static_cast<size_t>(m.b)] < 0) continue;
-      cost += Linearize(m, p_).r.squaredNorm();
-    }
-    const Eigen::VectorXd d = TagDeviation();
-    return cost + d.dot(tag_information_ * d);
-  }
-
-  // Lower triangle of the normal matrix, and the gradient.
-  Eigen::SparseMatrix<double> Normal(bool robust, Eigen::VectorXd* gradient) const {
-    std::vector<Triplet> triplets;
-    *gradient = Eigen::VectorXd::Zero(size_);
-    const auto add = [&](int row, int column, const Eigen::MatrixXd& block) {
-      for (int i = 0; i < block.rows(); ++i) {
-        for (int j = 0; j < block.cols(); ++j) {
-          if (row + i >= column + j) triplets.emplace_back(row + i, column + j, block(i, j));
-        }
-      }
-      if (row < column) {
-        for (int i = 0; i < block.rows(); ++i) {
-          for (int j = 0; j < block.cols(); ++j) triplets.emplace_back(column + j, row + i, block(i, j));
-        }
-      }
-    };
-    for (const ChainSight& s : p_.sights) {
-      const int body = body_at_[static_cast<size_t>(s.body)], tag = tags_at_ + 6 * s.tag;
-      if (body < 0) continue;
-      Eigen::Matrix<double, 8, 12> j;
-      const Vector8d r = Residual(s, &j);
-      // A rejected one keeps its place among the equations, so that what they say of it can be asked for.
-      const double w = s.rejected ? 0 : Weight(r.squaredNorm(), robust);
-      const Eigen::Matrix<double, 12, 12> h = w * j.transpose() * j;
-      const Eigen::Matrix<double, 12, 1> g = w * j.transpose() * r;
-      add(body, body, h.topLeftCorner<6, 6>());
-      add(tag, body, h.bottomLeftCorner<6, 6>());
-      add(tag, tag, h.bottomRightCorner<6, 6>());
-      gradient->segment<6>(body) += g.head<6>();
-      gradient->segment<6>(tag) += g.tail<6>();
-    }
-    for (const ChainMotion& m : p_.motions) {
-      const int a = body_at_[static_cast<size_t>(m.a)], b = body_at_[static_cast<size_t>(m.b)];
-      if (a < 0 || b < 0) continue;
-      const MotionTerms t = Linearize(m, p_);
-      add(a, a, t.by_a.transpose() * t.by_a);
-      add(b, b, t.by_b.transpose() * t.by_b);
-      add(b, a, t.by_b.transpose() * t.by_a);
-      add(scale_at_, a, t.by_scale.transpose() * t.by_a);
-      add(scale_at_, b, t.by_scale.transpose() * t.by_b);
-      triplets.emplace_back(scale_at_, scale_at_, t.by_scale.squaredNorm());
-      gradient->segment<6>(a) += t.by_a.transpose() * t.r;
-      gradient->segment<6>(b) += t.by_b.transpose() * t.r;
-      (*gradient)[scale_at_] += t.by_scale.dot(t.r);
-    }
-    // Next to nothing, so that a body whose sights were all rejected leaves the equations regular.
-    for (const int at : body_at_) {
-      for (int k = 0; at >= 0 && k < 6; ++k) triplets.emplace_back(at + k, at + k, 1e-9);
-    }
-    // The tags' prior, joint: only blocks that are not zero.
-    const Eigen::VectorXd d = tag_information_ * TagDeviation();
-    gradient->segment(tags_at_, d.size()) += d;
-    const int tags = static_cast<int>(p_.tags.size());
-    for (int i = 0; i < tags; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        const Matrix6d block = tag_information_.block<6, 6>(6 * i, 6 * j);
-        if (i == j || !block.isZero(0)) add(tags_at_ + 6 * i, tags_at_ + 6 * j, block);
-      }
-    }
-    const double information = 1 / (p_.scale_sigma * p_.scale_sigma);
-    triplets.emplace_back(scale_at_, scale_at_, information);
-    (*gradient)[scale_at_] += information * (p_.scale - 1);
-    Eigen::SparseMatrix<double> normal(size_, size_);
-    normal.setFromTriplets(triplets.begin(), triplets.end());
-    return normal;
-  }
-
-  void Apply(const Eigen::VectorXd& step) {
-    for (size_t i = 0; i < p_.bodies.size(); ++i) {
-      if (body_at_[i] >= 0) p_.bodies[i] = p_.bodies[i].Plus(step.segment<6>(body_at_[i]));
-    }
-    for (size_t i = 0; i < p_.tags.size(); ++i) {
-      p_.tags[i] = p_.tags[i].Plus(step.segment<6>(tags_at_ + 6 * static_cast<int>(i)));
-    }
-    p_.scale += step[scale_at_];
   }
 
   ChainProblem& p_;
   const ChainOptions& options_;
   const CancelToken& cancel_;
-  const std::vector<Rigid3d> map_;  // the tags as the map gives them
-  std::vector<bool> returned_;      // sights that were rejected and came back
-  std::vector<int> body_at_;        // first unknown of each body, -1: held
-  int tags_at_ = 0, scale_at_ = 0, size_ = 0;
-  Eigen::MatrixXd tag_information_;
+  const HuberChi2Loss huber_;  // at the gate, of a whole observation
+  const ceres::ScaledLoss nothing_{nullptr, 0, ceres::TAKE_OWNERSHIP};
+  std::vector<bool> returned_;  // observations that were rejected and came back
+  SparseLeastSquares solver_;   // unknowns: bodies, tags, scale; factors: observations, motions, priors
+  int first_tag_ = 0, scale_ = 0, motion_end_ = 0;
+  Vector6d motion_factor_ = Vector6d::Ones();
   double cost_ = 0;
 };
 
@@ -337,19 +232,21 @@ ChainSolution SolveChain(ChainProblem* problem, const ChainOptions& options, Pro
   ChainSolution solution;
   solution.iterations = solver.Iterate(true);
   progress.Advance(1);
-  // Factors first, so that a run whose motion is noisier than stated does not cost good sights. Rounds that reject
-  // come on top.
+  // Factors first, so that a run whose motion is noisier than stated does not cost good observations. Rounds that
+  // reject come on top.
   constexpr int kMaxRounds = 40;
   for (int round = 0, settled = 0; round < kMaxRounds && settled <= options.variance_rounds; ++round) {
     cancel.ThrowIfCancelled();
-    const SelectedInverse covariance = solver.Covariance();
-    const bool changed = settled < options.variance_rounds && solver.UpdateFactors(covariance);
-    const bool rejected = solver.Snoop(covariance);
+    solver.Linearise();
+    const bool changed = settled < options.variance_rounds && solver.UpdateFactors();
+    if (changed) solver.Linearise();
+    const bool rejected = solver.Snoop();
     solution.iterations += solver.Iterate(rejected);
     if (!rejected) ++settled, progress.Advance(1);
     if (!changed && !rejected) break;
   }
-  solver.Finish(solver.Covariance(), &solution);
+  solver.Linearise();
+  solver.Finish(&solution);
   return solution;
 }
 

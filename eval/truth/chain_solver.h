@@ -9,7 +9,7 @@
 
 namespace trigpoint {
 
-struct ChainSight {
+struct ChainObservation {
   TagSight sight;
   double size_m = 0;
   Rigid3d cam_from_body;
@@ -30,7 +30,7 @@ struct ChainProblem {
   std::vector<bool> free;          // a body that is not free is held
   std::vector<Rigid3d> tags;       // world_from_tag, the map's; refined by the solution
   Eigen::MatrixXd tag_covariance;  // joint, 6 a tag, left tangent, rotation first
-  std::vector<ChainSight> sights;
+  std::vector<ChainObservation> observations;
   std::vector<ChainMotion> motions;
   double scale = 1, scale_sigma = 0.01;                                  // of the motion: metres = scale * motion
   double corner_factor = 1, motion_rot_factor = 1, motion_m_factor = 1;  // on the sigmas

@@ -32,7 +32,7 @@ class Builder {
   Builder(const ReferencePoseInput& input, const ReferencePoseOptions& options) : input_(input), options_(options) {
     AddBodies();
     AddTags();
-    AddSights();
+    AddObservations();
     AddMotion();
     Start();
   }
@@ -46,7 +46,7 @@ class Builder {
   std::vector<double> Bridges() const {
     const double kFar = std::numeric_limits<double>::infinity();
     std::vector<double> bridge(stamps_.size(), kFar);
-    for (const ChainSight& s : problem_.sights) {
+    for (const ChainObservation& s : problem_.observations) {
       if (!s.rejected) bridge[static_cast<size_t>(s.body)] = 0;
     }
     for (const ChainMotion& m : problem_.motions) {
@@ -109,7 +109,7 @@ class Builder {
     }
   }
 
-  void AddSights() {
+  void AddObservations() {
     for (const ImageDetections& image : input_.detections) {
       const auto camera = std::find_if(input_.cameras.begin(), input_.cameras.end(),
                                        [&](const BodyCamera& c) { return c.name == image.camera; });
@@ -120,13 +120,13 @@ class Builder {
         if (tag == tag_index_.end() || SideOf(d) < options_.min_side_px) continue;
         const double size = sizes_[static_cast<size_t>(tag->second)];
         if (!(size > 0)) throw InputError(fmt::format("tag {} has no size; give it in tags.yaml", d.id));
-        ChainSight sight;
-        sight.sight = MakeTagSight(camera->camera, d, options_.extra_sigma_px);
-        sight.size_m = size;
-        sight.cam_from_body = camera->cam_from_body;
-        sight.body = body;
-        sight.tag = tag->second;
-        problem_.sights.push_back(std::move(sight));
+        ChainObservation o;
+        o.sight = MakeTagSight(camera->camera, d, options_.extra_sigma_px);
+        o.size_m = size;
+        o.cam_from_body = camera->cam_from_body;
+        o.body = body;
+        o.tag = tag->second;
+        problem_.observations.push_back(std::move(o));
       }
     }
   }
@@ -156,13 +156,13 @@ class Builder {
       size_t sight;
       Rigid3d world_from_body;
     };
-    const std::vector<ChainSight>& sights = problem_.sights;
+    const std::vector<ChainObservation>& seen = problem_.observations;
     std::vector<std::vector<Guess>> guesses(stamps_.size());
-    for (size_t s = 0; s < sights.size(); ++s) {
-      for (const PlanarPose& p : EstimatePlanarPoses(sights[s].sight, sights[s].size_m)) {
+    for (size_t s = 0; s < seen.size(); ++s) {
+      for (const PlanarPose& p : EstimatePlanarPoses(seen[s].sight, seen[s].size_m)) {
         const Rigid3d body =
-            problem_.tags[static_cast<size_t>(sights[s].tag)] * p.cam_from_tag.Inverse() * sights[s].cam_from_body;
-        guesses[static_cast<size_t>(sights[s].body)].push_back({s, body});
+            problem_.tags[static_cast<size_t>(seen[s].tag)] * p.cam_from_tag.Inverse() * seen[s].cam_from_body;
+        guesses[static_cast<size_t>(seen[s].body)].push_back({s, body});
       }
     }
     constexpr size_t kAround = 20;  // sights on each side
@@ -172,18 +172,18 @@ class Builder {
       double best_votes = -1;
       for (const Guess& g : guesses[i]) {
         const size_t first = g.sight > kAround ? g.sight - kAround : 0;
-        const size_t last = std::min(sights.size(), g.sight + kAround + 1);
+        const size_t last = std::min(seen.size(), g.sight + kAround + 1);
         double votes = 0;
         for (size_t s = first; s < last; ++s) {
-          const auto j = static_cast<size_t>(sights[s].body);
+          const auto j = static_cast<size_t>(seen[s].body);
           if (j != i && (!odom_[i] || !odom_[j])) continue;
           const Rigid3d body = j == i ? g.world_from_body : g.world_from_body * (odom_[i]->Inverse() * *odom_[j]);
           const Rigid3d cam_from_tag =
-              sights[s].cam_from_body * body.Inverse() * problem_.tags[static_cast<size_t>(sights[s].tag)];
-          if (!TagFaces(sights[s].sight, sights[s].size_m, cam_from_tag)) continue;
+              seen[s].cam_from_body * body.Inverse() * problem_.tags[static_cast<size_t>(seen[s].tag)];
+          if (!TagFaces(seen[s].sight, seen[s].size_m, cam_from_tag)) continue;
           const double px =
-              ResidualPx(sights[s].sight, TagResidual(sights[s].sight, sights[s].size_m, sights[s].cam_from_body, body,
-                                                      problem_.tags[static_cast<size_t>(sights[s].tag)]));
+              ResidualPx(seen[s].sight, TagResidual(seen[s].sight, seen[s].size_m, seen[s].cam_from_body, body,
+                                                    problem_.tags[static_cast<size_t>(seen[s].tag)]));
           votes += 1 / (1 + px * px / (kAgreePx * kAgreePx));
         }
         if (votes > best_votes) best_votes = votes, best[i] = g.world_from_body;
@@ -246,7 +246,7 @@ ReferencePoses EstimateReferencePoses(const ReferencePoseInput& input, const Ref
   for (const std::string& problem : options.Check()) throw OptionError(problem);
   Builder builder(input, options);
   ChainProblem& problem = builder.problem();
-  if (problem.sights.empty()) return NoPoses(input, "no image of the run sees a tag of the map");
+  if (problem.observations.empty()) return NoPoses(input, "no image of the run sees a tag of the map");
   const ChainOptions chain{options.gate_chi2, options.variance_rounds, options.max_iterations};
   const ChainSolution solution = SolveChain(&problem, chain, progress, cancel);
 
@@ -260,7 +260,7 @@ ReferencePoses EstimateReferencePoses(const ReferencePoseInput& input, const Ref
   std::vector<int> tags_of_body(problem.bodies.size(), 0);
   std::set<int> used;
   double squares = 0;
-  for (const ChainSight& s : problem.sights) {
+  for (const ChainObservation& s : problem.observations) {
     if (s.rejected) {
       ++result.rejected;
       continue;

@@ -11,8 +11,8 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/union_find.h"
+#include "calib/estimation/sparse_least_squares.h"
 #include "calib/geometry/bearing.h"
-#include "survey/tags/block_solver.h"
 #include "survey/tags/control.h"
 #include "survey/tags/map_start.h"
 #include "survey/tags/survey_costs.h"
@@ -67,8 +67,9 @@ class Network {
       unknowns.push_back(static_cast<int>(solver_.unknowns.size()) - 1);
     }
     if (predictions.empty()) return predictions;
-    std::stable_sort(solver_.sights.begin(), solver_.sights.end(),
-                     [](const TieSight& a, const TieSight& b) { return a.point < b.point; });
+    using PointObservation = SparseLeastSquares::PointObservation;
+    std::stable_sort(solver_.observations.begin(), solver_.observations.end(),
+                     [](const PointObservation& a, const PointObservation& b) { return a.point < b.point; });
     Invert(threads, cancel);
     for (size_t i = 0; i < unknowns.size(); ++i) predictions[i].covariance = solver_.PoseCovariance(unknowns[i]);
     return predictions;
@@ -88,7 +89,7 @@ class Network {
     const Eigen::Vector3d& at = panorama.world_from_pano.translation;
     std::vector<int> near;
     for (size_t k = 0; k < solver_.points.size(); ++k) {
-      const double away = (solver_.points[k].position - at).norm();
+      const double away = (solver_.points[k] - at).norm();
       if (away > kNearest_m && away < options_.tie_far_m) near.push_back(static_cast<int>(k));
     }
     const auto count = std::min(near.size(), static_cast<size_t>(options_.panorama_points));
@@ -99,8 +100,8 @@ class Network {
     for (size_t i = 0; i < count; ++i) {
       const int point = near[i * near.size() / count];
       const Eigen::Vector3d ray =
-          (panorama.world_from_pano.Inverse() * solver_.points[static_cast<size_t>(point)].position).normalized();
-      solver_.sights.push_back(
+          (panorama.world_from_pano.Inverse() * solver_.points[static_cast<size_t>(point)]).normalized();
+      solver_.observations.push_back(
           {point, pose, view, (TangentBasis(ray) / (options_.panorama_sigma_deg * kDegToRad)).cast<float>()});
     }
     Vector6d sigma;
@@ -177,13 +178,10 @@ class Network {
       const int first_view = static_cast<int>(solver_.views.size()),
                 first_point = static_cast<int>(solver_.points.size());
       for (const BodyCamera& camera : pass.cameras) solver_.views.push_back({camera.cam_from_body, nullptr});
-      for (const Eigen::Vector3d& point : ties_[p].points) {
-        solver_.points.emplace_back();
-        solver_.points.back().position = point;
-      }
+      solver_.points.insert(solver_.points.end(), ties_[p].points.begin(), ties_[p].points.end());
       for (const PlannedTie& tie : ties_[p].ties) {
         const Camera& camera = pass.cameras[static_cast<size_t>(tie.camera)].camera;
-        solver_.sights.push_back(
+        solver_.observations.push_back(
             {first_point + tie.point, frame_unknown_[static_cast<size_t>(Frame(static_cast<int>(p), tie.frame))],
              first_view + tie.camera, camera.BearingSqrtInfo(tie.pixel, options_.tie_sigma_px).cast<float>()});
       }
@@ -290,7 +288,7 @@ class Network {
   // Of row `row` of a factor whose observation has the given sigma; `unknown`: the pose that an error would move.
   Reliability ReliabilityOf(int factor, Eigen::Index row, double sigma, int unknown) const {
     Reliability r;
-    const double absorbed = solver_.Absorbed(factor)(row, row);
+    const double absorbed = solver_.Leverage(factor)(row, row);
     r.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
     r.blunder = r.redundancy > kLeastRedundancy ? kNonCentrality * sigma / std::sqrt(r.redundancy)
                                                 : std::numeric_limits<double>::infinity();
@@ -298,7 +296,7 @@ class Network {
     const int offset = solver_.Offset(unknown);
     if (offset < 0 || !std::isfinite(r.blunder)) return r;
     Eigen::MatrixXd right = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_.Absorbed(factor).rows(), 1);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(solver_.Leverage(factor).rows(), 1);
     unit(row, 0) = r.blunder / sigma;
     solver_.AddTransposed(factor, unit, &right);
     r.effect_m = solver_.SolveNormal(right).block(offset + 3, 0, 3, 1).norm();
@@ -354,7 +352,7 @@ class Network {
         s.side_px,
         s.angle_deg,
         std::hypot(s.detection.corner_sigma_px[0], options_.extra_sigma_px)};
-    const double absorbed = solver_.Absorbed(sight_factor_[i]).diagonal().maxCoeff();
+    const double absorbed = solver_.Leverage(sight_factor_[i]).diagonal().maxCoeff();
     sight.worst.redundancy = std::clamp(1 - absorbed, 0.0, 1.0);
     sight.worst.blunder = sight.worst.redundancy > kLeastRedundancy
                               ? kNonCentrality * sight.sigma_px / std::sqrt(sight.worst.redundancy)
@@ -398,7 +396,7 @@ class Network {
   std::vector<PlannedSight> sights_;
   std::vector<PassTies> ties_;
   double one_ = 1;
-  BlockSolver solver_;
+  SparseLeastSquares solver_;
   std::vector<bool> linked_;  // passes
   std::vector<int> first_frame_, frame_unknown_;
   std::map<int, int> tag_unknown_;

@@ -1,8 +1,9 @@
 // The accuracy that a survey would state, before it is made.
 //
-// The normal equations of the tag map (survey/tags/block_solver.h, survey_costs.h) are built at the planned places with
-// the observations that the layout gives, and inverted: covariance of every tag and body, redundancy and smallest
-// detectable blunder of every observation (Baarda, "A testing procedure for use in geodetic networks", 1968).
+// The normal equations of the tag map (calib/estimation/sparse_least_squares.h, survey_costs.h) are built at the
+// planned places with the observations that the layout gives, and inverted: covariance of every tag and body,
+// redundancy and smallest detectable blunder of every observation (Baarda, "A testing procedure for use in geodetic
+// networks", 1968).
 #pragma once
 
 #include "survey/network/layout.h"

@@ -96,7 +96,7 @@ double MapSolver::SlipChi2(int run) const {
       continue;
     const int factor = static_cast<int>(i);
     const Eigen::VectorXd r = std::sqrt(solver_.Weight(factor)) * solver_.Residual(factor);
-    const Eigen::MatrixXd left = Eigen::MatrixXd::Identity(r.size(), r.size()) * 1.0001 - solver_.Absorbed(factor);
+    const Eigen::MatrixXd left = Eigen::MatrixXd::Identity(r.size(), r.size()) * 1.0001 - solver_.Leverage(factor);
     most = std::max(most, r.dot(left.ldlt().solve(r)));
   }
   return most;

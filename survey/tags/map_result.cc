@@ -302,7 +302,7 @@ void MapSolver::CompareStations() {
     const auto& [sighting, reading] = station_readings_[static_cast<size_t>(observations_[i].index)];
     const StationSighting& s = input_.stations->sightings[sighting];
     const int factor = static_cast<int>(i);
-    const double whitened = solver_.Residual(factor)[0], left = 1 - solver_.Absorbed(factor)(0, 0);
+    const double whitened = solver_.Residual(factor)[0], left = 1 - solver_.Leverage(factor)(0, 0);
     NetworkResidual r{sighting, reading, whitened * ReadingOf(s, reading).second, 0, false};
     if (left > 1e-3) r.standardised = whitened / std::sqrt(left);
     if (std::abs(r.standardised) > kLargest) {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/estimation/loss.h"
-#include "survey/tags/block_solver.h"
+#include "calib/estimation/sparse_least_squares.h"
 #include "survey/tags/map_start.h"
 
 namespace trigpoint {
@@ -121,11 +121,11 @@ class MapSolver {
   };
   std::map<int, SizeFound> sizes_found_;  // by place
   std::map<std::string, Eigen::Vector3d> marked_;
-  std::vector<TiePoint> tie_points_;      // of all runs, kept between solutions
-  std::unique_ptr<HuberChi2Loss> huber_;  // of the corners
+  std::vector<Eigen::Vector3d> tie_points_;  // of all runs, kept between solutions
+  std::unique_ptr<HuberChi2Loss> huber_;     // of the corners
   HuberChi2Loss odometry_loss_, geotag_loss_, mark_loss_, distance_loss_;
   std::vector<std::unique_ptr<HuberChi2Loss>> tie_losses_;
-  BlockSolver solver_;
+  SparseLeastSquares solver_;
   std::vector<Observation> observations_;  // one a factor
   std::vector<int> frame_unknown_;         // -1: not placed
   std::map<int, int> tag_unknown_;

@@ -10,8 +10,8 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/loss.h"
+#include "calib/estimation/sparse_least_squares.h"
 #include "datasets/io/csv.h"
-#include "survey/tags/block_solver.h"
 #include "survey/tags/map_start.h"
 #include "survey/tags/planar_pose.h"
 #include "survey/tags/survey_costs.h"
@@ -135,7 +135,7 @@ StationOffset EstimateStationOffset(const Station& station, const std::string& p
   Rigid3d pano = *start;
   for (bool again = true; again;) {
     again = false;
-    BlockSolver solver;
+    SparseLeastSquares solver;
     const int body = solver.AddPose(pano);
     std::map<const TagEstimate*, int> tags;
     const auto unknown_of = [&](const TagEstimate* tag) {

@@ -120,7 +120,7 @@ SurveyResult MapSolver::Run() {
     huber_ = std::make_unique<HuberChi2Loss>(kHuberChi2 *
                                              kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
     Build();
-    const BlockSolver::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+    const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
     if (round == 0) result_.cost_before = summary.cost_before;
     result_.cost_after = summary.cost_after;
     result_.iterations += summary.iterations;
@@ -217,11 +217,7 @@ void MapSolver::LoadState() {
       }
     }
     run_states_[r].first_point = {tie_points_.size(), tie_points_.size() + run.tie_points.size()};
-    for (const Eigen::Vector3d& p : run.tie_points) {
-      TiePoint point;
-      point.position = map_from_run * p;
-      tie_points_.push_back(point);
-    }
+    for (const Eigen::Vector3d& p : run.tie_points) tie_points_.push_back(map_from_run * p);
   }
   int lost = 0;
   for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
@@ -378,7 +374,7 @@ void MapSolver::Add(Kind kind, int index, ceres::CostFunction* cost, const ceres
 
 void MapSolver::Build() {
   FindLinked();
-  solver_ = BlockSolver();
+  solver_ = SparseLeastSquares();
   observations_.clear();
   tag_unknown_.clear();
   mark_unknown_.clear();
@@ -457,8 +453,8 @@ void MapSolver::AddTies() {
     for (const SurveyTie& tie : input_.runs[r].ties) {
       if (tie.stamp_ns != stamp) stamp = tie.stamp_ns, frame = FrameAt(start_, static_cast<int>(r), stamp);
       if (frame < 0 || frame_unknown_[static_cast<size_t>(frame)] < 0) continue;
-      solver_.sights.push_back({static_cast<int>(run_states_[r].first_point[0]) + tie.point,
-                                frame_unknown_[static_cast<size_t>(frame)], first_view[r] + tie.camera, tie.w});
+      solver_.observations.push_back({static_cast<int>(run_states_[r].first_point[0]) + tie.point,
+                                      frame_unknown_[static_cast<size_t>(frame)], first_view[r] + tie.camera, tie.w});
     }
   }
 }
@@ -716,7 +712,7 @@ void MapSolver::StoreCameras() {
   for (size_t r = 0; r < run_states_.size(); ++r) {
     RunState& state = run_states_[r];
     for (size_t c = 0; c < state.cameras.size(); ++c) {
-      const Unknown& u = solver_.unknowns[static_cast<size_t>(state.camera_unknown[c])];
+      const SparseLeastSquares::Unknown& u = solver_.unknowns[static_cast<size_t>(state.camera_unknown[c])];
       std::copy(u.value.begin(), u.value.begin() + 5, state.camera_change[c].begin());
       input_.runs[r].cameras[c].camera = AdjustedCamera(state.cameras[c], state.camera_change[c].data());
     }
@@ -746,7 +742,7 @@ void MapSolver::UpdateFactors() {
     if (o.kind == Kind::kOdometry && slipped_.count(o.index) > 0) continue;
     const int frame = o.kind == Kind::kOdometry ? o.index : start_.sights[static_cast<size_t>(o.index)].frame;
     const int run = start_.frames[static_cast<size_t>(frame)].run;
-    const Eigen::MatrixXd absorbed = solver_.Absorbed(factor);
+    const Eigen::MatrixXd absorbed = solver_.Leverage(factor);
     const Eigen::VectorXd residual = solver_.Residual(factor);
     const double weight = solver_.Weight(factor);
     for (Eigen::Index k = 0; k < residual.size(); ++k) {
@@ -868,7 +864,7 @@ bool MapSolver::SnoopControl() {
     const Observation& o = observations_[i];
     if (o.kind != Kind::kPoint || datum_points_[static_cast<size_t>(o.index)].role != PointRole::kControl) continue;
     const int factor = static_cast<int>(i);
-    const Eigen::MatrixXd cofactor = Eigen::Matrix3d::Identity() * 1.0001 - solver_.Absorbed(factor);
+    const Eigen::MatrixXd cofactor = Eigen::Matrix3d::Identity() * 1.0001 - solver_.Leverage(factor);
     const Eigen::VectorXd r = solver_.Residual(factor);
     const double chi2 = r.dot(cofactor.inverse() * r);
     std::vector<Eigen::Vector3d> left;
@@ -889,7 +885,7 @@ bool MapSolver::SnoopDistances() {
   for (size_t i = 0; i < observations_.size(); ++i) {
     if (observations_[i].kind != Kind::kDistance) continue;
     const int factor = static_cast<int>(i);
-    const double r = solver_.Residual(factor)[0], left = 1.0001 - solver_.Absorbed(factor)(0, 0);
+    const double r = solver_.Residual(factor)[0], left = 1.0001 - solver_.Leverage(factor)(0, 0);
     if (r * r / left > most) most = r * r / left, worst = observations_[i].index;
   }
   if (worst < 0) return false;

@@ -12,7 +12,6 @@
 #include "eval/statistics/distributions.h"
 #include "eval/statistics/epoch.h"
 #include "eval/trajectory/estimates.h"
-#include "eval/truth/selected_inverse.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -290,29 +289,6 @@ TEST(Epoch, NamesTheTagThatMoved) {
   }
   EXPECT_EQ(test.only_a, std::vector<int>{9});
   EXPECT_THAT(FormatEpoch(test, "may", "june"), HasSubstr("Moved or turned: tags 4, 7"));
-}
-
-TEST(SelectedInverse, EqualsTheInverse) {
-  Random random(8);
-  const int n = 60;
-  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(n, n);
-  for (int k = 0; k < 120; ++k) {
-    Eigen::VectorXd v = Eigen::VectorXd::Zero(n);
-    for (int i = 0; i < 3; ++i) v[random.Below(n)] = random.Normal();
-    dense += v * v.transpose();
-  }
-  dense.diagonal().array() += 0.1;
-  const Eigen::SparseMatrix<double> sparse = dense.sparseView();
-  const SelectedInverse inverse(sparse);
-  const Eigen::MatrixXd expected = dense.inverse();
-  for (int k = 0; k < sparse.outerSize(); ++k) {
-    for (Eigen::SparseMatrix<double>::InnerIterator it(sparse, k); it; ++it) {
-      EXPECT_NEAR(inverse.At(static_cast<int>(it.row()), static_cast<int>(it.col())), expected(it.row(), it.col()),
-                  1e-9);
-    }
-  }
-  EXPECT_LT((inverse.Columns(7, 3) - expected.middleCols(7, 3)).norm(), 1e-8);
-  EXPECT_THROW(SelectedInverse(Eigen::SparseMatrix<double>(3, 3)), NumericError);
 }
 
 }  // namespace

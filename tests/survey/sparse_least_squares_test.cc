@@ -1,8 +1,9 @@
-#include "survey/tags/block_solver.h"
+#include "calib/estimation/sparse_least_squares.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <cmath>
 
 #include "calib/base/error.h"
@@ -23,7 +24,7 @@ Eigen::Vector3d RandomVector(Random* random, double size) {
 struct Row {
   std::vector<Rigid3d> truth;
   std::vector<Eigen::Vector3d> points;
-  BlockSolver solver;
+  SparseLeastSquares solver;
 };
 
 void Fill(uint64_t seed, double sigma_px, Row* row) {
@@ -33,7 +34,7 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   for (int i = 0; i < 40; ++i) {
     row->points.emplace_back(random.Uniform(-3, 5), random.Uniform(-2, 2), random.Uniform(5, 9));
   }
-  BlockSolver& s = row->solver;
+  SparseLeastSquares& s = row->solver;
   for (int i = 0; i < 5; ++i) {
     Vector6d off;
     off << RandomVector(&random, 0.005), RandomVector(&random, 0.02);
@@ -42,19 +43,17 @@ void Fill(uint64_t seed, double sigma_px, Row* row) {
   }
   s.views.push_back({});
   for (size_t p = 0; p < row->points.size(); ++p) {
-    TiePoint point;
-    point.position = row->points[p] + RandomVector(&random, 0.05);
-    s.points.push_back(point);
+    s.points.emplace_back(row->points[p] + RandomVector(&random, 0.05));
     for (int i = 0; i < 5; ++i) {
       const auto pixel = kCamera.Project(row->truth[i].Inverse() * row->points[p]);
       if (!pixel) continue;
       const Eigen::Vector2d seen = *pixel + sigma_px * Eigen::Vector2d(random.Normal(), random.Normal());
-      s.sights.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
+      s.observations.push_back({static_cast<int>(p), i, 0, kCamera.BearingSqrtInfo(seen, sigma_px).cast<float>()});
     }
   }
 }
 
-TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
+TEST(SparseLeastSquares, PointsTieCamerasAndTheirCovarianceIsReal) {
   ProgressSink progress;
   const CancelToken cancel;
   double nees = 0;
@@ -62,7 +61,7 @@ TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
   for (int seed = 1; seed <= redraws; ++seed) {
     Row row;
     Fill(static_cast<uint64_t>(seed), 0.3, &row);
-    const BlockSolver::Summary summary = row.solver.Solve(30, 2, progress, cancel);
+    const SparseLeastSquares::Summary summary = row.solver.Solve(30, 2, progress, cancel);
     EXPECT_TRUE(summary.converged);
     EXPECT_LT(summary.cost_after, summary.cost_before);
     row.solver.Linearise(2, cancel);
@@ -77,7 +76,7 @@ TEST(BlockSolver, PointsTieCamerasAndTheirCovarianceIsReal) {
   EXPECT_LT(nees, 219 + 10);
 }
 
-TEST(BlockSolver, DoesNotDependOnThreads) {
+TEST(SparseLeastSquares, DoesNotDependOnThreads) {
   ProgressSink progress;
   const CancelToken cancel;
   Row one, two;
@@ -90,19 +89,17 @@ TEST(BlockSolver, DoesNotDependOnThreads) {
   }
 }
 
-TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
+TEST(SparseLeastSquares, EliminatedPointsEqualPointsKept) {
   // The same problem with points as unknowns of their own.
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(6, 0.3, &row);
-  BlockSolver kept;
+  SparseLeastSquares kept;
   kept.unknowns = row.solver.unknowns;
   std::vector<int> unknown;
-  for (const TiePoint& p : row.solver.points) {
-    unknown.push_back(kept.AddNumbers({p.position.x(), p.position.y(), p.position.z()}));
-  }
-  for (const TieSight& s : row.solver.sights) {
+  for (const Eigen::Vector3d& p : row.solver.points) unknown.push_back(kept.AddNumbers({p.x(), p.y(), p.z()}));
+  for (const SparseLeastSquares::PointObservation& s : row.solver.observations) {
     kept.AddFactor(new MarkCost(s.w.cast<double>(), Rigid3d()), nullptr,
                    {s.pose, unknown[static_cast<size_t>(s.point)]});
   }
@@ -117,12 +114,12 @@ TEST(BlockSolver, EliminatedPointsEqualPointsKept) {
   }
 }
 
-TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
+TEST(SparseLeastSquares, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
   ProgressSink progress;
   const CancelToken cancel;
   Row row;
   Fill(7, 0.3, &row);
-  BlockSolver& s = row.solver;
+  SparseLeastSquares& s = row.solver;
   const int scale = s.AddNumbers({1.0});
   s.AddFactor(new NumberCost(1, 0.1), nullptr, {scale});
   s.Solve(30, 2, progress, cancel);
@@ -141,10 +138,54 @@ TEST(BlockSolver, ColumnsOfTheCovarianceAgreeWithItsBlocks) {
             1e-9 * columns.norm());
 }
 
-TEST(BlockSolver, WhatNothingHoldsIsSingular) {
+// A chain of thousands of poses that is held at its ends bends so easily that damping must not hold it.
+TEST(SparseLeastSquares, ALongChainConvergesToOneMinimumFromEveryStart) {
+  constexpr int kPoses = 4000, kMiddle = kPoses / 2;
+  const std::array<double, 6> ones{1, 1, 1, 1, 1, 1};
+  Vector6d step_sigma, end_sigma;
+  step_sigma << Eigen::Vector3d::Constant(0.002), Eigen::Vector3d::Constant(0.01);
+  end_sigma << Eigen::Vector3d::Constant(0.001), Eigen::Vector3d::Constant(0.005);
   ProgressSink progress;
   const CancelToken cancel;
-  BlockSolver solver;
+  std::vector<Rigid3d> middles;
+  double sigma_m = 0;
+  for (uint64_t start : {1U, 2U}) {
+    Random noise(3), off(start);
+    const auto draw = [](Random* random, double rotation, double translation) {
+      Vector6d v;
+      v << RandomVector(random, rotation), RandomVector(random, translation);
+      return v;
+    };
+    SparseLeastSquares s;
+    std::vector<Rigid3d> truth;
+    for (int i = 0; i < kPoses; ++i) {
+      truth.emplace_back(Eigen::Quaterniond::Identity(), Eigen::Vector3d(i, 0, 0));
+      s.AddPose(truth.back().Plus(draw(&off, 0.005, 0.05)));
+    }
+    const int scale = s.AddNumbers({1}), zero = s.AddNumbers({0});
+    for (int u : {scale, zero}) s.unknowns[static_cast<size_t>(u)].constant = true;
+    for (int i = 1; i < kPoses; ++i) {
+      const Rigid3d exact = truth[static_cast<size_t>(i) - 1].Inverse() * truth[static_cast<size_t>(i)];
+      s.AddFactor(
+          new OdometryCost(exact.Plus(draw(&noise, 0.002, 0.01)), Eigen::Vector3d::Zero(), step_sigma, ones.data()),
+          nullptr, {i - 1, i, scale, zero});
+    }
+    for (int i : {0, kPoses - 1}) {
+      s.AddFactor(new PosePriorCost(truth[static_cast<size_t>(i)], end_sigma), nullptr, {i});
+    }
+    const SparseLeastSquares::Summary summary = s.Solve(20, 2, progress, cancel);
+    EXPECT_TRUE(summary.converged);
+    s.Linearise(2, cancel);
+    middles.push_back(s.Pose(kMiddle));
+    sigma_m = std::sqrt(s.PoseCovariance(kMiddle).diagonal().tail<3>().maxCoeff());
+  }
+  EXPECT_LT((middles[0].translation - middles[1].translation).norm(), 0.02 * sigma_m);
+}
+
+TEST(SparseLeastSquares, WhatNothingHoldsIsSingular) {
+  ProgressSink progress;
+  const CancelToken cancel;
+  SparseLeastSquares solver;
   const int a = solver.AddPose({}), b = solver.AddPose(Rigid3d(Eigen::Quaterniond::Identity(), {1, 0, 0}));
   solver.AddFactor(new DistanceCost(1.1, 0.01), nullptr, {a, b});
   EXPECT_THROW(
