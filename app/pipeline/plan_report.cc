@@ -49,7 +49,7 @@ std::optional<Eigen::Matrix3d> StationCovariance(const PlanStationItem& station,
 void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
   CsvWriter csv(
       {"tag_id", "x", "y", "z", "sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_deg", "sigma_ry_deg", "sigma_rz_deg",
-       "ellipse_a_m", "ellipse_b_m", "ellipse_bearing_deg", "images", "passes", "role", "status"},
+       "ellipse_a_m", "ellipse_b_m", "ellipse_bearing_deg", "images", "images_needed", "passes", "role", "status"},
       {"trigpoint plan tags 1; frame=enu; datum=" + findings.prediction.datum +
        "; sigma=1, predicted; rotation about the world's axes; ellipse: horizontal, bearing of its long axis"});
   for (const TagPrediction& tag : findings.prediction.tags) {
@@ -63,7 +63,13 @@ void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
     } else {
       csv.Empty(9);
     }
-    csv.Integer(tag.images).Integer(tag.passes).Text(tag.role).Text(tag.tied ? "ok" : "not seen");
+    csv.Integer(tag.images);
+    if (const auto needed = findings.images_needed.find(tag.tag_id); needed != findings.images_needed.end()) {
+      csv.Integer(needed->second);
+    } else {
+      csv.Empty();
+    }
+    csv.Integer(tag.passes).Text(tag.role).Text(tag.tied ? "ok" : "not seen");
     csv.EndRow();
   }
   csv.Save(file);
@@ -177,6 +183,9 @@ class Map {
   explicit Map(const PlanFindings& findings) : findings_(findings) {
     for (const auto& [id, pose] : findings.layout.network.world_from_tag) Extend(pose.translation);
     for (const BodyPrediction& body : findings.prediction.bodies) Extend(body.world_from_body.translation);
+    for (const PlanGain& suggestion : findings.suggestions) {
+      if (suggestion.world_m) Extend(*suggestion.world_m);
+    }
     const double pad = 0.06 * std::max({high_.x() - low_.x(), high_.y() - low_.y(), 5.0}) + 0.5;
     low_ -= Eigen::Vector2d(pad, pad);
     high_ += Eigen::Vector2d(pad, pad);
@@ -362,11 +371,16 @@ TableCell Number(double value, int decimals, Tone tone = Tone::kPlain) {
 TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text, std::nullopt, tone}; }
 
 Table TagTable(const PlanFindings& f) {
-  Table table{"", "Predicted standard deviations (1 sigma) of the tags' centres, site east-north-up"};
+  Table table{
+      "",
+      "Predicted standard deviations (1 sigma) of the tags' centres, site east-north-up. Needed: pictures, spread "
+      "as the planned ones, for the gate's sigma, or without a gate for one within 10 % of that predicted"};
   constexpr const char* kUnseen = "no planned picture shows the tag";
+  constexpr const char* kNotByPictures = "no planned picture shows the tag, or no number of pictures reaches the gate";
   table.columns = {{"tag", true},
                    {"role"},
                    {"pictures", true},
+                   {"needed", true, kNotByPictures},
                    {"passes", true},
                    {"east (mm)", true, kUnseen},
                    {"north (mm)", true, kUnseen},
@@ -377,7 +391,10 @@ Table TagTable(const PlanFindings& f) {
     const Eigen::Vector3d sigma = kMm * tag.Sigma();
     std::vector<TableCell> row = {Number(tag.tag_id, 0),
                                   Text(tag.tied ? tag.role : "not seen", tag.tied ? Tone::kPlain : Tone::kBad),
-                                  Number(tag.images, 0), Number(tag.passes, 0)};
+                                  Number(tag.images, 0)};
+    const auto needed = f.images_needed.find(tag.tag_id);
+    row.push_back(needed != f.images_needed.end() ? Number(needed->second, 0) : Text(""));
+    row.push_back(Number(tag.passes, 0));
     for (int k = 0; k < 3; ++k) row.push_back(tag.tied ? Number(sigma[k], 1) : Text(""));
     row.push_back(tag.tied ? Number(sigma.norm(), 1) : Text(""));
     if (f.layout.learned) {

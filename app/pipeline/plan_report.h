@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,7 @@ struct PlanFindings {
   PlanLayout layout;
   NetworkPrediction prediction;
   std::vector<PanoramaPrediction> panoramas;
+  std::map<int, int> images_needed;   // of each tag that is tied, for the sigma wanted; none: more pictures do not help
   std::vector<PlanGain> gains;        // ranked, one more of each kind
   std::vector<PlanGain> suggestions;  // as asked for, one after the other
   std::string suggestion_note;        // how good they are among all choices

@@ -75,6 +75,7 @@ class Planner {
     for (const std::string& warning : findings_.prediction.warnings) {
       context_.progress.Log(LogLevel::kWarning, warning);
     }
+    CountImagesNeeded();
     findings_.panoramas =
         PredictPanoramas(layout_, findings_.layout.noise, context_.seed, context_.threads, context_.cancel);
     findings_.gains = OneMoreControl();
@@ -95,6 +96,26 @@ class Planner {
 
   NetworkPrediction Predict(const NetworkLayout& layout) const {
     return PredictNetwork(layout, findings_.layout.noise, context_.seed, context_.threads, context_.cancel);
+  }
+
+  // How many of a tag's pictures, thinned evenly, leave its sigma at what the gate allows, or without one within 10 %
+  // of what all of them give. Half as many are as many with twice the variance, so that the variance is that of a
+  // second prediction less the first's over the number, and a part that pictures do not change.
+  void CountImagesNeeded() {
+    constexpr double kWithin = 1.1;
+    NetworkOptions half = findings_.layout.noise;
+    for (double* sigma : {&half.corner_sigma_px, &half.extra_sigma_px, &half.tie_sigma_px}) *sigma *= std::sqrt(2.0);
+    const NetworkPrediction fewer = PredictNetwork(layout_, half, context_.seed, context_.threads, context_.cancel);
+    for (size_t i = 0; i < findings_.prediction.tags.size(); ++i) {
+      const TagPrediction& tag = findings_.prediction.tags[i];
+      if (!tag.tied || !fewer.tags[i].tied) continue;
+      const double variance = std::pow(TagSigma(tag), 2);
+      const double by_pictures = std::pow(TagSigma(fewer.tags[i]), 2) - variance;
+      const double wanted = options_.max_tag_sigma_m > 0 ? options_.max_tag_sigma_m : kWithin * TagSigma(tag);
+      const double left = wanted * wanted - (variance - by_pictures);
+      if (!(left > 0)) continue;
+      findings_.images_needed[tag.tag_id] = std::max(1, static_cast<int>(std::ceil(tag.images * by_pictures / left)));
+    }
   }
 
   std::vector<PlanGain> OneMoreControl() const {
@@ -276,7 +297,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

@@ -161,6 +161,45 @@ TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {
   EXPECT_NEAR(tag.Number("height_m"), 200 + tag.Number("z"), 0.01);
 }
 
+// A plan says how many of its pictures a tag needs: as many, spread as they are, give the sigma that it promises.
+TEST(PlanCommand, SoManyPicturesAreNeeded) {
+  const Wall wall;
+  wall.Write(
+      "plan.csv",
+      "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n"
+      "tag,0,0,12,1.5,180,160\ntag,1,14,3,1.5,270,160\ntag,2,7,12,1.5,180,160\ntag,3,14,9,1.5,270,160\n"
+      "control,0,,,,,\ncontrol,1,,,,,\ncontrol,2,,,,,\n"
+      "path,lap,2,2,1.2,,\npath,lap,11,2,1.2,,\npath,lap,11,10,1.2,,\npath,lap,2,10,1.2,,\npath,lap,2,2,1.2,,\n");
+  struct Planned {
+    int images = 0, needed = 0;  // 0: no number of pictures is enough
+    double sigma_m = 0;
+  };
+  const auto plan = [&](const std::vector<std::string>& settings) {
+    std::vector<std::string> command = {"plan", wall.dir()};
+    for (const std::string& setting : settings) command.insert(command.end(), {"--set", setting});
+    const Finished done = Trigpoint(command);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    const CsvTable tags = CsvTable::Read(wall.dir() + "/results/plan/tags.csv", {});
+    for (const CsvRow& row : tags.rows()) {
+      if (row.Integer("tag_id") != 3) continue;
+      const Eigen::Vector3d sigma(row.Number("sigma_x_m"), row.Number("sigma_y_m"), row.Number("sigma_z_m"));
+      return Planned{static_cast<int>(row.Integer("images")), static_cast<int>(row.Integer("images_needed", 0)),
+                     sigma.norm()};
+    }
+    return Planned{};
+  };
+  const Planned all = plan({"rate_hz=8"});
+  ASSERT_GT(all.images, 40);
+  ASSERT_GT(all.needed, 1);
+  ASSERT_LT(all.needed, all.images / 2);
+  const Planned few = plan({fmt::format("rate_hz={:.3f}", 8.0 * all.needed / all.images)});
+  EXPECT_NEAR(few.images, all.needed, 4);
+  EXPECT_LT(few.sigma_m, 1.1 * all.sigma_m);
+  EXPECT_GT(few.sigma_m, all.sigma_m);
+  // Control alone is worse than that: pictures do not help.
+  EXPECT_EQ(plan({"rate_hz=8", "max_tag_sigma_m=0.001"}).needed, 0);
+}
+
 // Two pillars are known; tags are read from one of them and from a place between, and are check points besides.
 TEST(SurveyCommand, ATotalStationHoldsTheMap) {
   const Wall wall;
