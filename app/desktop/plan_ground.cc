@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/project/project.h"
+#include "eval/report/plan.h"
 #include "eval/scene/scene_model.h"
 
 namespace trigpoint {
@@ -23,12 +24,6 @@ constexpr double kEllipseShare = 0.04;  // of the picture's longer side: the lar
 constexpr double kPaper = 0.45;         // share of white over the aerial image, so that lines stand out
 const QColor kInk(29, 35, 41), kBlue(0, 90, 150), kGreen(0, 110, 80), kOrange(180, 70, 0), kGrey(95, 105, 115),
     kPurple(140, 60, 120);
-
-// 1, 2 or 5 times a power of ten, at most `most`.
-double RoundDown(double most) {
-  const double power = std::pow(10, std::floor(std::log10(most)));
-  return (most >= 5 * power ? 5 : most >= 2 * power ? 2 : 1) * power;
-}
 
 QPointF Towards(double heading_rad, double length) {  // in a picture whose north is up
   return {length * std::sin(heading_rad), -length * std::cos(heading_rad)};

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/report/plan.h"
+
 namespace trigpoint {
 
 namespace {
@@ -32,12 +34,6 @@ QPainterPath MarkOf(int service, const QPointF& at, double radius) {
   path.addPolygon(corners);
   path.closeSubpath();
   return path;
-}
-
-// 1, 2 or 5 times a power of ten, at most so many metres.
-double RoundLength(double most) {
-  const double power = std::pow(10, std::floor(std::log10(most)));
-  return (most >= 5 * power ? 5 : most >= 2 * power ? 2 : 1) * power;
 }
 
 }  // namespace
@@ -149,7 +145,7 @@ void ServicesMap::DrawLegend(QPainter* painter) const {
     entry(0, ColourOf(year), QString("%1: %2").arg(QString::fromStdString(year)).arg(count));
   }
   if (track_.empty() && found_.empty()) return;
-  const double length_m = RoundLength(0.25 * width() / Scale()), px = length_m * Scale();
+  const double length_m = RoundDown(0.25 * width() / Scale()), px = length_m * Scale();
   const QPointF end(width() - 12, height() - 12);
   painter->setPen(QPen(ink, 2));
   painter->drawLine(end - QPointF(px, 0), end);

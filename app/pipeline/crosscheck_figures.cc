@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
+#include "eval/report/plan.h"
 
 namespace trigpoint {
 namespace {
@@ -23,12 +24,6 @@ void Write(const cv::Mat& picture, const std::string& text, double x, double y, 
 
 void Save(const std::filesystem::path& file, const cv::Mat& picture) {
   if (!cv::imwrite(file.string(), picture)) throw IoError(file.string() + ": cannot be written; is the disk full?");
-}
-
-// 1, 2 or 5 times a power of ten, not above `value`.
-double RoundDown(double value) {
-  const double unit = std::pow(10.0, std::floor(std::log10(value)));
-  return value >= 5 * unit ? 5 * unit : value >= 2 * unit ? 2 * unit : unit;
 }
 
 void Legend(const cv::Mat& picture, const std::vector<CrossFigure>& figures) {
