@@ -345,7 +345,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
       }
       for (Eigen::Vector3d& y : p.points) y = origin + scale * (y - origin);
       p.scales.front().value = scale;
-      // Lever arms do not scale: a last solution settles them.
+      // Lever arms do not scale: one more solution accounts for it.
       bundle.max_iterations = 5;
       local.reset();
       r.summary = SolveBundle(p, bundle, progress, cancel);

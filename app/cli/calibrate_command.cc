@@ -20,12 +20,12 @@ struct Arguments {
 };
 
 // As it can be found again from any working directory.
-std::string Settled(const fs::path& dir, const fs::path& path) {
+std::string ProjectPath(const fs::path& dir, const fs::path& path) {
   return RelativeTo(fs::absolute(dir).lexically_normal(), fs::absolute(path).lexically_normal());
 }
 
 // What is found in the working directory is meant, else what is below the project.
-std::string SettledPattern(const fs::path& dir, const std::string& argument) {
+std::string ProjectPattern(const fs::path& dir, const std::string& argument) {
   const size_t equals = argument.find('=');
   const bool named = equals != std::string::npos && equals > 0 && argument.find('/') > equals;
   const std::string name = named ? argument.substr(0, equals + 1) : "", pattern = argument.substr(name.size());
@@ -35,7 +35,7 @@ std::string SettledPattern(const fs::path& dir, const std::string& argument) {
   } catch (const InputError&) {  // said when it isn't below the project either
     return argument;
   }
-  return name + Settled(dir, pattern);
+  return name + ProjectPath(dir, pattern);
 }
 
 StageTarget TargetOf(const Project& project, const Arguments& arguments) {
@@ -44,19 +44,19 @@ StageTarget TargetOf(const Project& project, const Arguments& arguments) {
   if (!arguments.hand_eye.empty()) settings.push_back("hand_eye=" + DumpJson(arguments.hand_eye));
   if (!arguments.from.empty()) {
     const bool here = fs::exists(arguments.from);
-    settings.push_back("from=" + DumpJson(here ? Settled(project.dir(), arguments.from) : arguments.from));
+    settings.push_back("from=" + DumpJson(here ? ProjectPath(project.dir(), arguments.from) : arguments.from));
   }
   StageTarget target;
   target.run = arguments.name;
   target.overrides = ParseOverrides(settings, "calibrate");
   std::string images;
   for (const std::string& pattern : arguments.images) {
-    images += (images.empty() ? "" : ";") + SettledPattern(project.dir(), pattern);
+    images += (images.empty() ? "" : ";") + ProjectPattern(project.dir(), pattern);
   }
   if (!images.empty()) target.overrides["calibrate"]["images"] = images;
   if (!arguments.target.empty()) {
     const bool here = fs::is_regular_file(arguments.target);
-    target.overrides["calibrate"]["target"] = here ? Settled(project.dir(), arguments.target) : arguments.target;
+    target.overrides["calibrate"]["target"] = here ? ProjectPath(project.dir(), arguments.target) : arguments.target;
   }
   return target;
 }

@@ -2,7 +2,6 @@
 
 #include <QDesktopServices>
 #include <QHBoxLayout>
-#include <QHeaderView>
 #include <QLabel>
 #include <QPushButton>
 #include <QResizeEvent>
@@ -39,19 +38,6 @@ QColor ColourOfLight(Light light) {
   return light == Light::kGreen   ? QColor(0, 120, 79)
          : light == Light::kAmber ? QColor(199, 124, 0)
                                   : QColor(192, 57, 43);
-}
-
-QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header) {
-  auto* table = new QTableWidget(0, header.size());
-  table->setObjectName(name);
-  table->setAccessibleName(accessible);
-  table->setHorizontalHeaderLabels(header);
-  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
-  table->setSelectionBehavior(QAbstractItemView::SelectRows);
-  table->setWordWrap(true);
-  table->horizontalHeader()->setStretchLastSection(true);
-  table->verticalHeader()->hide();
-  return table;
 }
 
 void AddRow(QTableWidget* table, const QStringList& cells, const QColor& first, const QString& object = "") {

@@ -48,17 +48,6 @@ void ForgetVariant(std::vector<ErrorRow>* rows) {
   for (ErrorRow& row : *rows) row.variant.clear();
 }
 
-QTableWidget* MakeTable(const char* name, const QString& accessible) {
-  auto* table = new QTableWidget;
-  table->setObjectName(name);
-  table->setAccessibleName(accessible);
-  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
-  table->setSelectionBehavior(QAbstractItemView::SelectRows);
-  table->setSortingEnabled(true);
-  table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
-  return table;
-}
-
 }  // namespace
 
 CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
@@ -83,6 +72,12 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   top->addWidget(other);
   errors_ = MakeTable("compare.errors", tr("Errors side by side"));
   differences_ = MakeTable("compare.differences", tr("What changed in inputs, options and version"));
+  for (QTableWidget* table : {errors_, differences_}) {
+    table->setSortingEnabled(true);
+    table->horizontalHeader()->setStretchLastSection(false);
+    table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
+    table->verticalHeader()->show();
+  }
   text_ = new QPlainTextEdit;
   text_->setObjectName("compare.text");
   text_->setAccessibleName(tr("Paired comparison"));

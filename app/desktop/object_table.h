@@ -3,11 +3,25 @@
 #pragma once
 
 #include <QAbstractItemView>
+#include <QHeaderView>
 #include <QTableWidget>
 
 #include "app/desktop/workspace.h"
 
 namespace trigpoint {
+
+// A table to read and to select rows in; the last column takes the rest of the width.
+inline QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header = {}) {
+  auto* table = new QTableWidget(0, header.size());
+  table->setObjectName(name);
+  table->setAccessibleName(accessible);
+  table->setHorizontalHeaderLabels(header);
+  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  table->setSelectionBehavior(QAbstractItemView::SelectRows);
+  table->horizontalHeader()->setStretchLastSection(true);
+  table->verticalHeader()->hide();
+  return table;
+}
 
 // A right click on an entry asks for the menu of the object that `role` holds, with `prefix` before it.
 inline void AskMenuOn(QAbstractItemView* view, Workspace* workspace, int role, const QString& prefix = "") {

@@ -4,7 +4,6 @@
 #include <QDesktopServices>
 #include <QDoubleSpinBox>
 #include <QFileInfo>
-#include <QHeaderView>
 #include <QLabel>
 #include <QPushButton>
 #include <QResizeEvent>
@@ -41,17 +40,6 @@ constexpr quint64 kSeed = 1;         // as the command's
 enum Column { kKind, kName, kEast, kNorth, kUp, kFaces, kSize, kSigmaH, kSigmaV, kTag, kColumns };
 
 QString Text(const std::string& text) { return QString::fromStdString(text); }
-
-QTableWidget* MakeTable(const char* name, const QString& accessible, int columns) {
-  auto* table = new QTableWidget(0, columns);
-  table->setObjectName(name);
-  table->setAccessibleName(accessible);
-  table->setSelectionBehavior(QAbstractItemView::SelectRows);
-  table->setSelectionMode(QAbstractItemView::SingleSelection);
-  table->verticalHeader()->hide();
-  table->horizontalHeader()->setStretchLastSection(true);
-  return table;
-}
 
 QPushButton* MakeButton(const char* name, const QString& text, const QString& help) {
   auto* button = new QPushButton(text);
@@ -134,10 +122,15 @@ void PlanDesk::MakeWidgets() {
   height_->setToolTip(tr("Height of what is added next, site ENU"));
   size_ = number("plan.size", tr("size"), tr("mm"), 1, 1e4, kPrinted_mm);
   size_->setToolTip(tr("Black square of a tag that is added next and is not in tags.yaml"));
-  items_ = MakeTable("plan.items", tr("Items of the sketch"), kColumns);
-  tags_ = MakeTable("plan.tags", tr("Predicted sigmas of the tags"), 7);
-  gains_ = MakeTable("plan.gains", tr("Gain of one more"), 4);
-  for (QTableWidget* table : {tags_, gains_}) table->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  items_ = MakeTable("plan.items", tr("Items of the sketch"));
+  items_->setColumnCount(kColumns);
+  items_->setEditTriggers(QAbstractItemView::DoubleClicked | QAbstractItemView::EditKeyPressed |
+                          QAbstractItemView::AnyKeyPressed);
+  tags_ = MakeTable("plan.tags", tr("Predicted sigmas of the tags"));
+  tags_->setColumnCount(7);
+  gains_ = MakeTable("plan.gains", tr("Gain of one more"));
+  gains_->setColumnCount(4);
+  for (QTableWidget* table : {items_, tags_, gains_}) table->setSelectionMode(QAbstractItemView::SingleSelection);
   map_ = new PictureView;
   map_->setObjectName("plan.map");
   map_->setAccessibleName(tr("Plan"));

@@ -25,20 +25,6 @@ namespace {
 
 constexpr double kLeastChange_m = 5e-5;  // what four decimals show
 
-QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header) {
-  auto* table = new QTableWidget(0, header.size());
-  table->setObjectName(name);
-  table->setAccessibleName(accessible);
-  table->setHorizontalHeaderLabels(header);
-  table->setEditTriggers(QAbstractItemView::NoEditTriggers);
-  table->setSelectionBehavior(QAbstractItemView::SelectRows);
-  table->horizontalHeader()->setStretchLastSection(true);
-  table->horizontalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
-  table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
-  table->verticalHeader()->hide();
-  return table;
-}
-
 void AddRow(QTableWidget* table, const QStringList& cells, const QString& object, bool dim) {
   const int row = table->rowCount();
   table->insertRow(row);
@@ -86,6 +72,10 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
                        {tr("reference"), tr("answer"), tr("run"), tr("station"), tr("before"), tr("after"),
                         QString::fromUtf8("\xcf\x83"), tr("status before"), tr("status after")});
   changes_->horizontalHeaderItem(6)->setToolTip(tr("1 sigma of the error in space, the larger of the two"));
+  for (QTableWidget* table : {entries_, changes_}) {
+    table->horizontalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
+    table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
+  }
   small_changes_ = new QCheckBox(tr("changes within 1 sigma, too"));
   small_changes_->setObjectName("review.small");
   summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));

@@ -188,6 +188,7 @@ StageInfo SiteStage() {
   info.help = "adjust several runs together: one solution of the site with one datum";
   info.per_run = false;
   info.variants = true;
+  info.first_on_request = true;
   info.needs = {"features", "references", "detect", "reconstruct", "localize"};
   info.reviewed = {"image", "panorama"};
   info.metric = "largest_panorama_sigma_m";

@@ -475,6 +475,7 @@ StageInfo CrosscheckStage() {
   info.name = "crosscheck";
   info.help = "compare a run with COLMAP, and with models/ and estimates/";
   info.variants = true;
+  info.only_on_request = true;
   info.needs = {"localize"};
   info.metric = "compared";
   UseOptions<CrosscheckOptions>(info);

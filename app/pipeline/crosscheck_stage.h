@@ -7,7 +7,4 @@ namespace trigpoint {
 
 StageInfo CrosscheckStage();
 
-// Is it left out of `run` and `status`?
-inline bool OnlyOnRequest(const StageInfo& stage) { return stage.name == "crosscheck"; }
-
 }  // namespace trigpoint

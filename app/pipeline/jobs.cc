@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <set>
 
-#include "app/pipeline/crosscheck_stage.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
@@ -52,7 +51,7 @@ std::set<std::string> WithNeeds(const Project& project, const JobQuery& query) {
   };
   if (stages.empty()) {
     for (const StageInfo& stage : Stages()) {
-      if (!OnlyOnRequest(stage)) all.insert(stage.name);
+      if (!stage.only_on_request) all.insert(stage.name);
     }
   }
   for (const std::string& stage : stages) add(stage);
@@ -139,8 +138,8 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {
         if (stage.name == "detect" && !asked && !WantsTags(project, run)) continue;
-        // What was adjusted together once is kept up to date.
-        if (stage.name == "site" && !asked && !ReadManifest(project, stage.name, ResultName(stage, {run, variant, {}})))
+        if (stage.first_on_request && !asked &&
+            !ReadManifest(project, stage.name, ResultName(stage, {run, variant, {}})))
           continue;
         for (const StageTarget& target :
              WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {

@@ -101,7 +101,7 @@ LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::str
   return job;
 }
 
-constexpr double kSettledPx = 0.5;  // lenses that move pixels by less are found
+constexpr double kConvergedPx = 0.5;  // a lens has converged when it moves pixels by less
 
 // Lenses that nobody calibrated are found from the reconstruction, which is then made again with them, until they stay.
 LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, const std::string& mode,
@@ -115,8 +115,8 @@ LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, cons
     LocalizeJob job = ReconstructOnce(options, mode, target, run, context, result);
     const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction, context.threads);
     if (found.empty()) return job;
-    const bool settled = std::all_of(found.begin(), found.end(), [](const auto& s) { return s.shift_px < kSettledPx; });
-    if (settled || round == kRounds) {
+    const bool done = std::all_of(found.begin(), found.end(), [](const auto& s) { return s.shift_px < kConvergedPx; });
+    if (done || round == kRounds) {
       WriteFoundCameras(run, found, context.out / kFoundCamerasFile, context.progress);
       return job;
     }

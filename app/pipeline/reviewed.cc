@@ -58,8 +58,8 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
 JobQuery ReviewQuery(const std::string& variant) {
   JobQuery query;
   for (const StageInfo& stage : Stages()) {
-    // A joint adjustment is kept up to date where it was made once; nobody asks for one by a decision.
-    if (!stage.reviewed.empty() && stage.name != "site") query.stages.push_back(stage.name);
+    // A decision is no request for a first result.
+    if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
   }
   query.variants = {variant};
   return query;

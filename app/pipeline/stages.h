@@ -46,6 +46,8 @@ struct StageInfo {
   std::string help;                // one line, begins in lower case
   bool per_run = true;             // one result per run, else one for all
   bool variants = false;           // can have a set of results per variant
+  bool only_on_request = false;    // left out of `run` and `status`
+  bool first_on_request = false;   // made only by its own command at first; what is there is kept up to date
   std::vector<std::string> needs;  // stages whose results it reads
   // Further ones that a target's options ask for. Optional.
   std::function<std::vector<std::string>(const Project&, const StageTarget&)> also_needs;

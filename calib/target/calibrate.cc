@@ -140,7 +140,7 @@ class Calibrator {
   }
 
   // Robust solutions and what doesn't fit left out, until nothing changes.
-  void Settle(const std::vector<int>& free_shape, ProgressSink& progress) {
+  void SolveAndReject(const std::vector<int>& free_shape, ProgressSink& progress) {
     for (CameraState& camera : problem_.cameras) camera.free = FreeIntrinsics(camera);
     problem_.free_extrinsics = true;
     constexpr double kKnee = 9;  // of the whitened squared residual
@@ -569,7 +569,7 @@ Calibration CalibrateCameras(const CalibrationInput& input, const CalibrateOptio
   progress.Begin("adjusting", 0);
   Calibrator calibrator(input, options, cancel);
   calibrator.Start();
-  calibrator.Settle(BendsIf(options.board_shape), progress);
+  calibrator.SolveAndReject(BendsIf(options.board_shape), progress);
   return calibrator.Result();
 }
 

@@ -1,4 +1,4 @@
-// Rectilinear views of equirectangular panoramas (METHOD.md section 3).
+// Rectilinear views of equirectangular panoramas (docs/method.md section 3).
 #pragma once
 
 #include <mutex>

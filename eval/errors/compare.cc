@@ -120,27 +120,30 @@ std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std
   return AlignMarkdown(lines) + "\n" + sentences;
 }
 
+nlohmann::json PairedJson(const ComparedGroup& group) {
+  const PairedComparison& p = group.paired;
+  nlohmann::json interval;
+  if (p.difference_interval_m) interval = {p.difference_interval_m->low, p.difference_interval_m->high};
+  return {{"answer", group.answer},
+          {"reference", group.reference},
+          {"kind", group.kind},
+          {"pairs", p.pairs},
+          {"stations", p.stations},
+          {"a_better", p.a_better},
+          {"b_better", p.b_better},
+          {"only_a", p.only_a},
+          {"only_b", p.only_b},
+          {"median_difference_m", p.median_difference_m ? nlohmann::json(*p.median_difference_m) : nullptr},
+          {"difference_interval_m", interval},
+          {"sign_p", p.sign_p},
+          {"wilcoxon_p", p.wilcoxon_p}};
+}
+
 nlohmann::json ComparisonJson(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b) {
   nlohmann::json list = nlohmann::json::array();
   for (const ComparedGroup& g : groups) {
-    const PairedComparison& p = g.paired;
-    nlohmann::json interval;
-    if (p.difference_interval_m) interval = {p.difference_interval_m->low, p.difference_interval_m->high};
-    list.push_back({{"answer", g.answer},
-                    {"reference", g.reference},
-                    {"kind", g.kind},
-                    {"a", Json(g.method_a, g.a)},
-                    {"b", Json(g.method_b, g.b)},
-                    {"pairs", p.pairs},
-                    {"stations", p.stations},
-                    {"a_better", p.a_better},
-                    {"b_better", p.b_better},
-                    {"only_a", p.only_a},
-                    {"only_b", p.only_b},
-                    {"median_difference_m", p.median_difference_m ? nlohmann::json(*p.median_difference_m) : nullptr},
-                    {"difference_interval_m", interval},
-                    {"sign_p", p.sign_p},
-                    {"wilcoxon_p", p.wilcoxon_p}});
+    list.push_back(PairedJson(g));
+    list.back().update({{"a", Json(g.method_a, g.a)}, {"b", Json(g.method_b, g.b)}});
   }
   return {{"schema", "trigpoint compare 1"}, {"a", a}, {"b", b}, {"groups", list}};
 }

@@ -30,6 +30,9 @@ struct NamedComparison {
 };
 std::vector<NamedComparison> CompareWithin(const Evaluation& evaluation);
 
+// What a group is and its paired differences (metres), without its sides.
+nlohmann::json PairedJson(const ComparedGroup& group);
+
 // A Markdown table and a sentence a group; the same as JSON (metres) with a schema.
 std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std::string& a, const std::string& b,
                              const std::string& unit = "m", double metres_per_unit = 1);

@@ -1,5 +1,5 @@
 // Errors of localized panoramas against the positions their tags give (Agarwal, Burgard, Spinello 2015, section V;
-// docs/method.md section 6): error = estimated position - (tag position + measured offset).
+// docs/method.md section 7): error = estimated position - (tag position + measured offset).
 //
 // Two kinds of number, never mixed:
 //   relative  in the run's own optimised frame, against tags estimated from that run's own cameras

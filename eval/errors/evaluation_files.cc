@@ -280,22 +280,8 @@ nlohmann::json Json(const PercentileIntervals& i) {
 nlohmann::json Json(const EvaluationExtras& extras) {
   nlohmann::json comparisons = nlohmann::json::array();
   for (const NamedComparison& c : extras.comparisons) {
-    const PairedComparison& p = c.group.paired;
-    comparisons.push_back({{"a", c.a},
-                           {"b", c.b},
-                           {"answer", c.group.answer},
-                           {"reference", c.group.reference},
-                           {"kind", c.group.kind},
-                           {"pairs", p.pairs},
-                           {"stations", p.stations},
-                           {"a_better", p.a_better},
-                           {"b_better", p.b_better},
-                           {"only_a", p.only_a},
-                           {"only_b", p.only_b},
-                           {"median_difference_m", Json(p.median_difference_m)},
-                           {"difference_interval_m", Json(p.difference_interval_m)},
-                           {"sign_p", p.sign_p},
-                           {"wilcoxon_p", p.wilcoxon_p}});
+    comparisons.push_back(PairedJson(c.group));
+    comparisons.back().update({{"a", c.a}, {"b", c.b}});
   }
   return {{"comparisons", comparisons}};
 }

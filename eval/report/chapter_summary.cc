@@ -143,7 +143,7 @@ void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<
 }
 
 // What else was held against the headline's reference: G1, other variants.
-void AddRivals(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
+void AddOtherMethods(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
       "side_by_side",
@@ -271,7 +271,7 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
   AddGates(c, blocks);
   if (headline.group.is_object()) {
     AddHeadline(c, headline, blocks);
-    AddRivals(c, headline, blocks);
+    AddOtherMethods(c, headline, blocks);
   } else if (c.data.variants.empty()) {
     blocks->push_back(
         Paragraph{"Nothing was evaluated: there is no result of `trigpoint evaluate`, so the accuracy is unknown.",

@@ -235,14 +235,14 @@ ChainSolution SolveChain(ChainProblem* problem, const ChainOptions& options, Pro
   // Factors first, so that a run whose motion is noisier than stated does not cost good observations. Rounds that
   // reject come on top.
   constexpr int kMaxRounds = 40;
-  for (int round = 0, settled = 0; round < kMaxRounds && settled <= options.variance_rounds; ++round) {
+  for (int round = 0, clean = 0; round < kMaxRounds && clean <= options.variance_rounds; ++round) {
     cancel.ThrowIfCancelled();
     solver.Linearise();
-    const bool changed = settled < options.variance_rounds && solver.UpdateFactors();
+    const bool changed = clean < options.variance_rounds && solver.UpdateFactors();
     if (changed) solver.Linearise();
     const bool rejected = solver.Snoop();
     solution.iterations += solver.Iterate(rejected);
-    if (!rejected) ++settled, progress.Advance(1);
+    if (!rejected) ++clean, progress.Advance(1);
     if (!changed && !rejected) break;
   }
   solver.Linearise();

@@ -1,4 +1,4 @@
-// The run's frame on the Earth (METHOD.md section 5): rotation, translation and the odometry's scale from geotags.
+// Georeferencing of the run's frame (docs/method.md section 5): rotation, translation, odometry's scale from geotags.
 #pragma once
 
 #include <optional>

@@ -1,31 +1,14 @@
 #include "localize/reconstruct/features.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <opencv2/features2d.hpp>
-#include <tuple>
 
+#include "calib/camera/keypoint_order.h"
 #include "calib/camera/pixel_convention.h"
 #include "calib/geo/geodetic.h"
 
 namespace trigpoint {
-namespace {
-
-// The order of the detector's threads must not show: a total order, strongest first.
-std::vector<int> StableOrder(const std::vector<cv::KeyPoint>& keypoints) {
-  std::vector<int> order(keypoints.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int i, int j) {
-    const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
-    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
-           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
-  });
-  return order;
-}
-
-}  // namespace
 
 FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const FeatureOptions& options) {
   const cv::Ptr<cv::SIFT> sift =
@@ -37,7 +20,7 @@ FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const Featu
   FeatureSet features;
   features.descriptors = cv::Mat::zeros(static_cast<int>(keypoints.size()), 128, CV_8U);
   int row = 0;
-  for (int i : StableOrder(keypoints)) {
+  for (int i : StrongestFirst(keypoints)) {
     const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
     features.points.push_back(FromOpenCvSiftPixel({k.pt.x, k.pt.y}).cast<float>());
     features.scales.push_back(0.5F * k.size);

@@ -15,10 +15,10 @@ namespace {
 
 struct Loop {
   int image = 0;
-  int anchor = 0;  // pose of the nearest image of the earlier passage
+  int anchor = 0;  // pose of the nearest image of the earlier traversal
   double anchor_travelled = 0;
   double travelled = 0;    // path up to the image, m
-  Rigid3d body_from_odom;  // in the frame of the earlier passage
+  Rigid3d body_from_odom;  // in the frame of the earlier traversal
   std::vector<ViewObservation> inliers;
 };
 
@@ -129,7 +129,7 @@ std::vector<double> Surprise(const BundleProblem& p, const LoopFinder& finder, c
   return surprise;
 }
 
-// The loops' observations; what the later passage has tracked of the same features becomes one point with them.
+// The loops' observations; what the later traversal has tracked of the same features becomes one point with them.
 int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, double sigma_px, Reconstruction* r) {
   BundleProblem& p = r->problem;
   std::vector<int> into(p.points.size());
@@ -205,7 +205,7 @@ LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, c
   summary.contradicting = summary.found - summary.closed;
   if (loops.empty()) return summary;
 
-  // First the chain of poses is bent until the passages lie on each other: the drift is far larger than what the
+  // First the chain of poses is bent until the traversals lie on each other: the drift is far larger than what the
   // kernel of the observations would believe. Then the observations take over.
   const std::vector<Rigid3d> before = p.poses;
   const size_t odometry = p.factors.size();

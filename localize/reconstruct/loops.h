@@ -1,4 +1,4 @@
-// A run that comes back to where it has been: what it sees there ties the passages together, and drift ends.
+// Loop closure: where a run returns to an earlier place, common points tie both traversals and remove the drift.
 #pragma once
 
 #include "localize/references/registration.h"
@@ -7,8 +7,8 @@ namespace trigpoint {
 
 struct LoopOptions {
   bool close = true;           // look for loops and close them
-  double gap_m = 30;           // path between two passages, at least
-  double radius_m = 3;         // between the cameras of both passages, as far as is known; and
+  double gap_m = 30;           // path between two traversals, at least
+  double radius_m = 3;         // between the cameras of both traversals, as far as is known; and
   double drift_part = 0.003;   // drift of positions beyond the stated noise, as a part of the path, 1 sigma
   double drift_deg_m = 0.002;  // and of directions, a metre
   double angle_deg = 40;       // between the optical axes, at most
@@ -35,15 +35,15 @@ struct LoopOptions {
 };
 
 struct LoopSummary {
-  int tried = 0;            // images that may see an earlier passage
+  int tried = 0;            // images that may see an earlier traversal
   int found = 0;            // with a pose in it
   int contradicting = 0;    // refused: odometry and tracks say otherwise, or the neighbours do
-  int closed = 0;           // images that tie the passages together
+  int closed = 0;           // images that tie the traversals together
   int merged_points = 0;    // points seen in both
   double correction_m = 0;  // largest movement of a camera by it
 };
 
-// Finds where later images see points of earlier passages, by the rules for references, merges the points and solves
+// Finds where later images see points of earlier traversals, by the rules for references, merges the points and solves
 // again. The odometry gates: a facade that looks like another is refused when the drift it implies is not believable.
 LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, const RegistrationOptions& registration,
                        const ReconstructOptions& reconstruct, Reconstruction* reconstruction, int threads,

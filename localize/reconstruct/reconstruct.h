@@ -1,4 +1,4 @@
-// Points and camera poses from tracks and odometry (METHOD.md section 2), and how well they are known.
+// Points and camera poses from tracks and odometry (docs/method.md section 2), and how well they are known.
 #pragma once
 
 #include <optional>

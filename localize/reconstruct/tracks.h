@@ -1,4 +1,4 @@
-// Tracks of features through an image stream (METHOD.md section 1).
+// Tracks of features through an image stream (docs/method.md section 1).
 #pragma once
 
 #include <vector>

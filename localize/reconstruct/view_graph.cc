@@ -276,7 +276,7 @@ void KeepAgreeingMatches(const LocalizeInput& input, const PreparedImage& a, con
                          const Rigid3d& b_from_a, const ViewGraphOptions& options, ViewEdge* edge) {
   TwoViewOptions two;
   two.inlier_rad = InlierAngle(input, edge->pair, options);
-  // The bundle adjustment has yet to settle the poses.
+  // The bundle adjustment has yet to refine the poses.
   two.sigma_rotation_rad = 0.15 * kDegToRad;
   two.sigma_direction_rad = 0.5 * kDegToRad;
   two.min_prior_inliers = 0;
@@ -384,7 +384,7 @@ void RejectContradictions(const LocalizeInput& input, const std::vector<PoseFact
   for (PoseFactor& f : p.factors) f.sqrt_info /= std::sqrt(graph->odometry_variance);
   const std::vector<double> errors = SolvePoseGraph(factors, gate_chi2, &p, threads, cancel);
   for (size_t i = 0; i < agreeing.size(); ++i) {
-    // Poses are not exact yet: what the bundle adjustment may still settle is kept.
+    // Poses are not exact yet: what the bundle adjustment may still correct is kept.
     if (errors[i] > gate_chi2) {
       graph->rejected.push_back(agreeing[i].pair);
     } else {

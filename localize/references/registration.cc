@@ -26,8 +26,8 @@ namespace {
 // Photos of one hand-held set that an image is compared with, at most.
 constexpr int kViewsOfSet = 3;
 
-// Passages of the run that a reference is looked for in, at most.
-constexpr size_t kPassages = 3;
+// Traversals of the run that a reference is looked for in, at most.
+constexpr size_t kTraversals = 3;
 
 // One of the photos of a hand-held set, or the set as one rig.
 bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
@@ -120,18 +120,18 @@ class Registrar {
     const int n_views = static_cast<int>(job.ref.rig.views.size());
     Registration out;
     out.views.resize(job.ref.rig.views.size());
-    const std::vector<Passage> passages = Passages(reference);
-    if (passages.empty()) {
+    const std::vector<Traversal> traversals = Traversals(reference);
+    if (traversals.empty()) {
       out.reason = "no image of the run looks like it";
       return Unmatched(out);
     }
     for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
-    for (size_t k = 0; k < passages.size(); ++k) {
-      if (passages[k].last && out.status == AnswerStatus::kLocalized) break;
+    for (size_t k = 0; k < traversals.size(); ++k) {
+      if (traversals[k].last && out.status == AnswerStatus::kLocalized) break;
       job.candidates.clear();
       job.images.clear();
-      job.passage_m = passages[k].length_m;
-      for (int image : passages[k].images) {
+      job.path_m = traversals[k].length_m;
+      for (int image : traversals[k].images) {
         // The views that the retrieval named, and their neighbours.
         std::set<int> chosen;
         for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(image)]) {
@@ -152,7 +152,7 @@ class Registrar {
     return out;
   }
 
-  // An image of the run itself against the points of an earlier passage.
+  // An image of the run itself against the points of an earlier traversal.
   Registration Run(const LoopQuery& query) const {
     const BodyCamera& camera =
         input_.cameras[static_cast<size_t>(input_.images[static_cast<size_t>(query.image)].camera)];
@@ -160,7 +160,7 @@ class Registrar {
     ref.rig.views.resize(1);
     ref.rig.views[0].camera = camera.camera;
     Job job{ref, -1, {}, {}, query.latest_m, seed_ + 100003 * static_cast<uint64_t>(query.image + 1)};
-    job.passage_m = o_.passage_m;
+    job.path_m = o_.passage_m;
     for (int image : query.candidates) job.candidates.push_back({image, {0}});
     Registration out;
     out.views.resize(1);
@@ -169,20 +169,20 @@ class Registrar {
   }
 
  private:
-  // Points that speak for another pose than the best. It must also find a good share of what it predicts: a facade that
+  // Points that support a second hypothesis. Its pose must also find a good share of what it predicts: a facade that
   // stands twice brings many points to a wrong pose, but not a good share.
-  static double RivalSupport(const Registration& best, const Registration& other) {
+  static double SecondSupport(const Registration& best, const Registration& other) {
     const double share = best.matched_share > 0 ? std::min(1.0, other.matched_share / best.matched_share) : 1.0;
     return std::min(other.support, share * best.support);
   }
 
-  // Of what two passages say, the one whose prediction finds more points; the other is its rival.
+  // Of the answers of two traversals, the one whose prediction finds more points; the other is the second hypothesis.
   Registration Stronger(Registration a, Registration b) const {
     const bool both = a.status == AnswerStatus::kLocalized && b.status == AnswerStatus::kLocalized;
     const bool second = both ? b.support > a.support : b.status == AnswerStatus::kLocalized;
     if (second) std::swap(a, b);
     const double apart = (a.rig_from_odom.TargetOriginInSource() - b.rig_from_odom.TargetOriginInSource()).norm();
-    const double support = RivalSupport(a, b);
+    const double support = SecondSupport(a, b);
     if (a.status == AnswerStatus::kLocalized && apart > 1 && support > o_.rival_support_share * a.support) {
       char text[200];
       std::snprintf(
@@ -207,9 +207,9 @@ class Registrar {
     std::vector<Candidate> candidates;
     double latest_m;  // points of images after this length of path are not used
     uint64_t seed;
-    // Images of this passage, read once: matching, and every search about a pose and its rival, ask for the same ones.
+    // Images of this traversal, read once: matching, and the searches about both hypotheses, ask for the same ones.
     mutable std::map<int, PreparedImage> images = {};
-    double passage_m = 0;  // path about the candidates whose images' points are searched for
+    double path_m = 0;  // path about the candidates whose images' points are searched for
   };
 
   const PreparedImage& Image(const Job& job, int image) const {
@@ -238,16 +238,16 @@ class Registrar {
     return out;
   }
 
-  struct Passage {
+  struct Traversal {
     std::vector<int> images;
     double length_m;
     bool last;  // where none before it has an answer
   };
 
-  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest passage first. Two
-  // passages always: what one shows may stand elsewhere a second time. Where stops are so sparse that a passage has few
-  // of them, the last is the whole run.
-  std::vector<Passage> Passages(int reference) const {
+  // Images that retrieved a view of this reference, best first, spaced; those of the likeliest traversal first.
+  // Structure repeats, so two traversals are tested. Where stops are so sparse that a traversal has few of them, the
+  // last is the whole run.
+  std::vector<Traversal> Traversals(int reference) const {
     std::vector<std::pair<float, int>> scored;
     for (size_t i = 0; i < retrieval_.of_image.size(); ++i) {
       float best = 0;
@@ -257,17 +257,17 @@ class Registrar {
       if (best > 0 && !image_points_[i].empty()) scored.emplace_back(-best, static_cast<int>(i));
     }
     std::sort(scored.begin(), scored.end());
-    std::vector<Passage> passages;
+    std::vector<Traversal> traversals;
     if (paper_) {
-      if (!scored.empty()) passages.push_back({Spaced(scored, 4 * o_.candidates, 0), o_.passage_m, false});
-      return passages;
+      if (!scored.empty()) traversals.push_back({Spaced(scored, 4 * o_.candidates, 0), o_.passage_m, false});
+      return traversals;
     }
     const std::vector<int> of_whole_run = Spaced(scored, o_.candidates, o_.candidate_spacing);
-    // One passage speaks: a run that comes by twice has drifted in between, and a pose fitted to both passages at once
-    // fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by chance:
-    // a score counts by how far it stands out, or the stretch with the most images would win.
+    // One traversal at a time: a run that comes by twice has drifted in between, and a pose fitted to both traversals
+    // at once fits neither. The stretch of path with the most votes is taken first. Most of what is listed is listed by
+    // chance: a score counts by how far it stands out, or the stretch with the most images would win.
     const double typical = typical_[OfSet(input_.references[static_cast<size_t>(reference)]) ? 1 : 0];
-    while (!scored.empty() && passages.size() < kPassages - (sparse_ ? 1 : 0)) {
+    while (!scored.empty() && traversals.size() < kTraversals - (sparse_ ? 1 : 0)) {
       double best_sum = -1, begin = 0;
       for (const auto& [score, image] : scored) {
         const double from = travelled_[static_cast<size_t>(image)];
@@ -283,17 +283,17 @@ class Registrar {
         const double at = travelled_[static_cast<size_t>(s.second)];
         return at >= begin && at <= begin + o_.passage_m;
       });
-      passages.push_back({Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing), o_.passage_m,
-                          passages.size() + 1 == kPassages});
+      traversals.push_back({Spaced({scored.begin(), elsewhere}, o_.candidates, o_.candidate_spacing), o_.passage_m,
+                            traversals.size() + 1 == kTraversals});
       scored.erase(scored.begin(), elsewhere);
     }
     if (sparse_ && !of_whole_run.empty())
-      passages.push_back({of_whole_run, std::numeric_limits<double>::infinity(), true});
-    return passages;
+      traversals.push_back({of_whole_run, std::numeric_limits<double>::infinity(), true});
+    return traversals;
   }
 
   // Whether two images show nearly the same: of one camera, close to each other in the run and in space. The other
-  // cameras of a rig look elsewhere; stops farther apart than candidates spread evenly over a passage all count.
+  // cameras of a rig look elsewhere; stops farther apart than candidates spread evenly over a traversal all count.
   bool SameAs(int a, int b, int spacing) const {
     const FrameImage& of_a = input_.images[static_cast<size_t>(a)];
     const FrameImage& of_b = input_.images[static_cast<size_t>(b)];
@@ -340,7 +340,7 @@ class Registrar {
                    std::to_string(all.size()) + " agree)";
       return Unmatched(out);
     }
-    // A rival: the best pose of the matches that this one does not explain.
+    // The second hypothesis: the best pose of the matches that this one does not explain.
     std::vector<Correspondence> rest;
     {
       std::set<int> used(best.inliers.begin(), best.inliers.end());
@@ -355,17 +355,17 @@ class Registrar {
       return RefinePose(ref, view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
     };
     Grow(job, view_from_rig, refined(all, best), middle, &out);
-    const auto rival = FindPose(ref, rest, view_from_rig, threshold, job.seed + 7777);
-    if (rival.found && rival.inliers.size() >= 8) {
-      // A rival that ends up where the first pose is, is none.
+    const auto second = FindPose(ref, rest, view_from_rig, threshold, job.seed + 7777);
+    if (second.found && second.inliers.size() >= 8) {
+      // It counts only where it stays apart from the first pose.
       Registration other = out;
-      Grow(job, view_from_rig, refined(rest, rival), middle, &other);
+      Grow(job, view_from_rig, refined(rest, second), middle, &other);
       const double apart =
           (out.rig_from_odom.TargetOriginInSource() - other.rig_from_odom.TargetOriginInSource()).norm();
       if (apart > 1.0 || AngleBetween(out.rig_from_odom.rotation, other.rig_from_odom.rotation) > 5 * kDegToRad) {
-        out.rival = static_cast<int>(rival.inliers.size());
+        out.rival = static_cast<int>(second.inliers.size());
         out.rival_distance_m = apart;
-        out.rival_support = RivalSupport(out, other);
+        out.rival_support = SecondSupport(out, other);
       }
     }
     Decide(&out);
@@ -550,7 +550,7 @@ class Registrar {
     // The nearest images, spaced, in both directions of travel.
     std::vector<std::pair<double, int>> near;
     for (size_t i = 0; i < centres_.size(); ++i) {
-      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > job.passage_m || travelled_[i] > job.latest_m)
+      if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > job.path_m || travelled_[i] > job.latest_m)
         continue;
       near.emplace_back((centres_[i] - centre).norm(), static_cast<int>(i));
     }
@@ -802,7 +802,7 @@ class Registrar {
       return out;
     }
     // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every
-    // view's own answer: a view that has settled on a repeated facade is a bad place to start from.
+    // view's own answer: a view that has converged to a repeated facade is a bad start.
     std::optional<Connected> best;
     int lead = answered.front();
     for (int v : answered) {
@@ -881,7 +881,7 @@ class Registrar {
   bool paper_;
   uint64_t seed_;
   const CancelToken& cancel_;
-  bool sparse_;  // stops are so far apart that a passage has fewer of them than candidates are asked for
+  bool sparse_;  // stops are so far apart that a traversal has fewer of them than candidates are asked for
   ImagePoints image_points_;
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;

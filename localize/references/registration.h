@@ -1,4 +1,4 @@
-// The pose of a reference (panorama, photo) in the run's frame (METHOD.md sections 3 and 4).
+// The pose of a reference (panorama, photo) in the run's frame (docs/method.md sections 3 and 4).
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ namespace trigpoint {
 
 struct RegistrationOptions {
   int candidates = 12;        // images matched with a reference, the best of the retrieval
-  double passage_m = 30;      // images of one passage: longest path between them
+  double passage_m = 30;      // images of one traversal: longest path between them
   int candidate_spacing = 2;  // images of one camera at least so many apart, where they are close together
   double ratio = 0.85;        // ratio test between image and view (paper: 0.7)
   double max_distance = 0.8;  // largest distance of unit descriptors
@@ -136,13 +136,13 @@ std::vector<Registration> RegisterReferences(const LocalizeInput& input, const R
                                              int threads, uint64_t seed, ProgressSink& progress,
                                              const CancelToken& cancel);
 
-// An image of the run that may show what an earlier passage has seen.
+// An image of the run that may show what an earlier traversal has seen.
 struct LoopQuery {
   int image = 0;
-  std::vector<int> candidates;  // images of the earlier passage
-  double latest_m = 0;          // length of path at which the earlier passage ends for this image
+  std::vector<int> candidates;  // images of the earlier traversal
+  double latest_m = 0;          // length of path at which the earlier traversal ends for this image
 };
-// cam_from_odom (as rig_from_odom) of the images in the frame of the earlier passage's points, by the same rules.
+// cam_from_odom (as rig_from_odom) of the images in the frame of the earlier traversal's points, by the same rules.
 std::vector<Registration> RegisterImages(const LocalizeInput& input, const Reconstruction& reconstruction,
                                          const std::vector<LoopQuery>& queries, const RegistrationOptions& options,
                                          int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel);

@@ -1,4 +1,4 @@
-// Candidate references of an image: visual words, tf-idf, cosine similarity (METHOD.md section 3).
+// Candidate references of an image: visual words, tf-idf, cosine similarity (docs/method.md section 3).
 #pragma once
 
 #include <cstdint>

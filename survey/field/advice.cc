@@ -101,6 +101,13 @@ class Adviser {
       if (const auto pose = Pose(tag.tag_id)) advice.at = pose->translation;
       list.push_back(advice);
     }
+    if (!facts_.map) return list;
+    for (const MoveOrJump& u : facts_.map->undecided) {
+      Advice advice{fmt::format("Tag {}: photograph it from one spot together with its neighbours", u.tag_id),
+                    "it moved, or odometry jumped beside it"};
+      if (const auto pose = Pose(u.tag_id)) advice.at = pose->translation;
+      list.push_back(advice);
+    }
     return list;
   }
 

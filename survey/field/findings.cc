@@ -220,8 +220,8 @@ void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
     return;
   }
   findings->push_back({Light::kAmber, "overlap",
-                       fmt::format("{}: {} of {} pictures share fewer than {} features with the one before ({}); walk "
-                                   "and turn slower there",
+                       fmt::format("{}: at {} of {} pictures fewer than {} features are shared with the one before "
+                                   "({}); walk and turn slower there",
                                    run.run->name, broken.size(), shared.size(), kLeastShared, SomeOf(broken, 2))});
 }
 

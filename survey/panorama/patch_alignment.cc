@@ -20,7 +20,7 @@ constexpr double kLeastAlike = 0.7;     // normalised correlation
 // Mean square slope of the noise that two patches differ by, share of its variance: each has half, blurred by kBlur.
 constexpr double kNoiseSlope = 0.22;
 constexpr int kIterations = 12;
-constexpr double kSettled = 0.003;  // px
+constexpr double kConverged = 0.003;  // px
 
 // Offsets of a patch's samples: a disc.
 const std::vector<Eigen::Vector2i>& Disc() {
@@ -146,7 +146,7 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
     const Eigen::Vector2d step = information.ldlt().solve(pull / variance - d / (sigma * sigma));
     d += step;
     if ((warp * d).norm() > kFarthest) return std::nullopt;
-    if (step.norm() < kSettled) break;
+    if (step.norm() < kConverged) break;
   }
   if (alike < kLeastAlike) return std::nullopt;
   PatchAlignment out;

@@ -9,8 +9,8 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
-#include <tuple>
 
+#include "calib/camera/keypoint_order.h"
 #include "calib/camera/pixel_convention.h"
 
 namespace trigpoint {
@@ -61,15 +61,8 @@ PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::
   }
   // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
   cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(grey.picture, mask, keypoints, sift);
-  std::vector<int> order(keypoints.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int i, int j) {
-    const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
-    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
-           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
-  });
   PhotoFeatures features;
-  for (int i : order) {
+  for (int i : StrongestFirst(keypoints)) {
     const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
     features.points.emplace_back(grey.ToFull(FromOpenCvSiftPixel({k.pt.x, k.pt.y})).cast<float>());
     features.scales.push_back(static_cast<float>(0.5 * k.size * full_per_pixel));

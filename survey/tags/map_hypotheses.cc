@@ -18,8 +18,7 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kMoveChi2 = 35.0;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
-constexpr double kSizeChi2 = 21.0;  // 5e-6 at 1
+constexpr double kSizeChi2 = 21.0;                                     // 5e-6 at 1
 constexpr double kLeastMove_m = 0.02, kLeastTurn_rad = 2 * kDegToRad;  // less is no move but a weakness of the model
 constexpr double kSamePlaceSizes = 0.2;                                // of the tag's size: two sheets don't overlap
 constexpr double kLeastSizeError = 0.035;  // odometry, whose scale wanders along its way, can show no less
@@ -83,23 +82,6 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   h->covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   h->estimate = -h->covariance * gradient;
   (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
-}
-
-// The same for the rival: that one step of the run's odometry jumped. A tag that stands elsewhere bends odometry twice,
-// before and after it; a jump is there for all tags that follow.
-double MapSolver::SlipChi2(int run) const {
-  double most = 0;
-  for (size_t i = 0; i < observations_.size(); ++i) {
-    const Observation& o = observations_[i];
-    if (o.kind != Kind::kOdometry || slipped_.count(o.index) > 0 ||
-        start_.frames[static_cast<size_t>(o.index)].run != run)
-      continue;
-    const int factor = static_cast<int>(i);
-    const Eigen::VectorXd r = std::sqrt(solver_.Weight(factor)) * solver_.Residual(factor);
-    const Eigen::MatrixXd left = Eigen::MatrixXd::Identity(r.size(), r.size()) * 1.0001 - solver_.Leverage(factor);
-    most = std::max(most, r.dot(left.ldlt().solve(r)));
-  }
-  return most;
 }
 
 // Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
@@ -170,21 +152,27 @@ bool MapSolver::SnoopTags() {
       if (std::abs(h.estimate[0]) < 0.1 * found.sigma) continue;
     } else {
       if (h.estimate.tail<3>().norm() < kLeastMove_m && h.estimate.head<3>().norm() < kLeastTurn_rad) continue;
-      const int id = IdOf(h.place);
-      const int place = -1 - static_cast<int>(moved_.size());
-      moved_.push_back({id, h.run});
-      tags_[place] = tags_.at(h.place).Plus(h.estimate);
-      LeaveOutControlOn(id);
-      for (MapSight& s : start_.sights) {
-        if (s.place != h.place || start_.frames[static_cast<size_t>(s.frame)].run != h.run) continue;
-        s.place = place;
-        s.rejected = false;
-      }
+      LeaveOutControlOn(IdOf(h.place));
+      for (MapSight* s : GivePlace(h.place, h.run, tags_.at(h.place).Plus(h.estimate))) s->rejected = false;
     }
     disturbed.insert(its_runs.begin(), its_runs.end());
     any = true;
   }
   return any;
+}
+
+// A place of its own for a tag in one run. The pictures that show it there.
+std::vector<MapSight*> MapSolver::GivePlace(int tag_place, int run, const Rigid3d& world_from_tag) {
+  const int place = -1 - static_cast<int>(moved_.size());
+  moved_.push_back({IdOf(tag_place), run});
+  tags_[place] = world_from_tag;
+  std::vector<MapSight*> sights;
+  for (MapSight& s : start_.sights) {
+    if (s.place != tag_place || start_.frames[static_cast<size_t>(s.frame)].run != run) continue;
+    s.place = place;
+    sights.push_back(&s);
+  }
+  return sights;
 }
 
 // A surveyed tag that was moved: nobody knows at which of its places it was surveyed.

@@ -98,6 +98,9 @@ void MapSolver::CollectRuns() {
     run.odometry_factor = state.odometry;
     result_.runs.push_back(run);
   }
+  result_.undecided = undecided_;
+  for (const MoveOrJump& u : undecided_)
+    result_.warnings.push_back(u.Text(input_.runs[static_cast<size_t>(u.run)].name));
   for (int f : slipped_) {
     const MapFrame& frame = start_.frames[static_cast<size_t>(f)];
     result_.runs[static_cast<size_t>(frame.run)].jumps_ns.push_back(frame.stamp_ns);

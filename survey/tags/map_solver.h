@@ -13,6 +13,9 @@
 
 namespace trigpoint {
 
+constexpr double kMoveChi2 = 35;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
+constexpr double kSlipChi2 = 30;  // 4e-5 at 6 degrees of freedom: odometry jumped
+
 class MapSolver {
  public:
   MapSolver(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
@@ -60,16 +63,25 @@ class MapSolver {
   void AddGauge();
   void Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
            const std::vector<int>& unknowns);
+  SparseLeastSquares::Summary Solve(bool linearise);
   void StoreState();
   void StoreCameras();
   void UpdateFactors();
   bool SnoopSights(int round);
+  // map_slips.cc
+  struct State;
   bool SnoopOdometry();
+  double SlipChi2(int run) const;
+  bool ReplaceSlips();
+  double Score(double cost) const;
+  std::map<std::pair<int, int>, std::set<int>> NearSlips() const;
+  State Save() const;
+  void Restore(const State& state);
   // map_hypotheses.cc
   struct Hypothesis;
   bool SnoopTags();
   void Test(Hypothesis* h, bool exact) const;
-  double SlipChi2(int run) const;
+  std::vector<MapSight*> GivePlace(int tag_place, int run, const Rigid3d& world_from_tag);
   Eigen::MatrixXd DerivativeOf(const Hypothesis& h, int observation) const;
   void LeaveOutControlOn(int tag_id);
   void JudgePlaces(TagEstimate* tag) const;
@@ -133,6 +145,7 @@ class MapSolver {
   std::vector<std::pair<size_t, StationReading>> station_readings_;  // of a sighting
   std::set<int> unlinked_frames_, unlinked_tags_;                    // not tied to the largest part of the map
   std::set<int> slipped_;                                            // frames whose odometry from the one before jumped
+  std::vector<MoveOrJump> undecided_;                                // what ReplaceSlips could not tell
 };
 
 }  // namespace trigpoint

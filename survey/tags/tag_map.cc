@@ -37,7 +37,6 @@ constexpr double kStartGatePx = 60;       // a sight that the start contradicts 
 constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
-constexpr double kSlipChi2 = 30;                  // 99.996 % of chi-square with 6 degrees of freedom: odometry jumped
 constexpr double kSlip = 30;                      // factor on the sigma of a step that jumped
 // Gates of the first rounds; a sight within one is not rejected yet.
 constexpr std::array<double, 4> kWideGatePx = {60, 60, 20, 7};
@@ -119,13 +118,9 @@ SurveyResult MapSolver::Run() {
   for (int round = 0;; ++round) {
     huber_ = std::make_unique<HuberChi2Loss>(kHuberChi2 *
                                              kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
-    Build();
-    const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+    const SparseLeastSquares::Summary summary = Solve(true);
     if (round == 0) result_.cost_before = summary.cost_before;
     result_.cost_after = summary.cost_after;
-    result_.iterations += summary.iterations;
-    solver_.Linearise(threads_, cancel_, true);
-    StoreState();
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
     // A wrong distance first: what bends to it would be blamed for it.
@@ -134,9 +129,11 @@ SurveyResult MapSolver::Run() {
     const bool sights = may_reject && !tags && !distances && SnoopSights(round);
     const bool odometry = may_reject && round > 0 && !tags && !distances && !outvoted_ && SnoopOdometry();
     const bool points = may_reject && round > 0 && !tags && !distances && !sights && !odometry && SnoopControl();
+    const bool rejected = tags || distances || sights || odometry || points;
+    const bool moves = last && may_reject && !rejected && ReplaceSlips();
     // Weights that made room for a moved tag are found anew.
-    if (tags || distances) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
-    if (last && !tags && !distances && !sights && !odometry && !points) break;
+    if (tags || distances || moves) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
+    if (last && !rejected && !moves) break;
     if (!last) UpdateFactors();
   }
   for (int f : unlinked_frames_) start_.frames[static_cast<size_t>(f)].world_from_body.reset();
@@ -685,6 +682,16 @@ void MapSolver::AddGauge() {
   }
 }
 
+// Solves from the present state and keeps what it finds; linearised there for what asks its covariances.
+SparseLeastSquares::Summary MapSolver::Solve(bool linearise) {
+  Build();
+  const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+  result_.iterations += summary.iterations;
+  if (linearise) solver_.Linearise(threads_, cancel_, true);
+  StoreState();
+  return summary;
+}
+
 void MapSolver::StoreState() {
   for (size_t f = 0; f < start_.frames.size(); ++f) {
     if (frame_unknown_[f] >= 0) start_.frames[f].world_from_body = solver_.Pose(frame_unknown_[f]);
@@ -838,19 +845,6 @@ bool MapSolver::SnoopSights(int round) {
   return any;
 }
 
-// Steps of odometry that jump are hardly believed any more. True if there was one.
-bool MapSolver::SnoopOdometry() {
-  bool any = false;
-  for (size_t i = 0; i < observations_.size(); ++i) {
-    const Observation& o = observations_[i];
-    if (o.kind != Kind::kOdometry || slipped_.count(o.index) > 0) continue;
-    if (solver_.Residual(static_cast<int>(i)).squaredNorm() < kSlipChi2) continue;
-    slipped_.insert(o.index);
-    any = true;
-  }
-  return any;
-}
-
 // Takes the control point out that contradicts the others most, if enough remain without it.
 bool MapSolver::SnoopControl() {
   int worst = -1;
@@ -889,7 +883,7 @@ bool MapSolver::SnoopDistances() {
     if (r * r / left > most) most = r * r / left, worst = observations_[i].index;
   }
   if (worst < 0) return false;
-  // The rival, odometry's jump, has six numbers to explain it with.
+  // A jump of odometry has six numbers to explain the same with.
   for (size_t r = 0; r < input_.runs.size(); ++r) {
     if (most / kDistanceChi2 < SlipChi2(static_cast<int>(r)) / kSlipChi2) return false;
   }

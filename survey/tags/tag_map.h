@@ -241,6 +241,14 @@ struct FitToPoints {
   std::vector<std::pair<std::string, double>> worst;  // point and distance, of those beyond three times the median
 };
 
+// A tag that one run saw elsewhere, unless its odometry jumped: the pictures don't tell which.
+struct MoveOrJump {
+  int tag_id = 0, run = 0;  // run: of SurveyInput
+  int64_t jump_ns = 0;      // the first of the jumps that a moved tag would explain
+  double moved_m = 0;       // how far it would have moved
+  std::string Text(const std::string& run_name) const;
+};
+
 struct SurveyResult {
   std::vector<TagEstimate> tags;  // ascending id
   TagCrossCovariances cross;      // if asked for
@@ -257,6 +265,7 @@ struct SurveyResult {
   std::vector<TagShape> shapes;  // of tags with enough pictures
   std::vector<SightResidual> sights;
   std::vector<RunAgreement> runs;
+  std::vector<MoveOrJump> undecided;
   std::vector<std::string> warnings;
   int iterations = 0;
   double cost_before = 0, cost_after = 0;

@@ -71,8 +71,8 @@ TEST(ClusteredQuantileInterval, CoversTheTruthAsStated) {
   }
 }
 
-// One side of a comparison settles on a wrong place in a fifth of its answers: such gross errors say nothing about the
-// median difference, and its interval is not as wide as they are large.
+// One side of a comparison converges to a wrong place in a fifth of its answers: such gross errors say nothing about
+// the median difference, and its interval is not as wide as they are large.
 TEST(ClusteredQuantileInterval, OfDifferencesHoldsTheTruthDespiteGrossErrors) {
   const auto difference = [](double station, Random* random) {
     const double fine = 0.2 + 0.1 * station + 0.1 * random->Normal();

@@ -14,7 +14,7 @@ using test::MakeDrive;
 RunReconstruction Solve(Drive& drive, bool close) {
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
   ReconstructRunOptions options;
-  options.pairs.neighbours = 0;  // which would tie both passages, too
+  options.pairs.neighbours = 0;  // which would tie both traversals, too
   options.loops.close = close;
   options.loops.gap_m = 20;
   ProgressSink progress;
@@ -33,7 +33,7 @@ TEST(Loops, AreClosedAndHelp) {
   EXPECT_GE(closed.loops.closed, 3);
   EXPECT_EQ(closed.loops.contradicting, 0);
   EXPECT_GT(closed.loops.merged_points, 100);
-  // Where the drive meets its beginning, the passages fit.
+  // Where the drive meets its beginning, the traversals fit.
   const size_t last = drive.seen.size() - 1;
   const auto miss = [&](const RunReconstruction& result) {
     const Rigid3d truth = drive.odom_from_body[0].Inverse() * drive.odom_from_body[last];

@@ -301,6 +301,33 @@ TEST(TagMap, AMovedTagIsNamedAndNotAveragedThoughOdometryCouldBend) {
   }
 }
 
+// At the end of a run nothing but odometry says where a tag is: it moved, or odometry jumped. Neither is passed over.
+TEST(TagMap, WhereATagMayHaveMovedOrOdometryJumpedBothAreNamed) {
+  constexpr size_t kFirst = 16;  // images of run2 that see one tag alone, which no later one sees
+  Yard yard = MakeYard(25);
+  std::vector<ImageDetections>& images = yard.input.runs[1].images;
+  std::map<int, int> seen;
+  for (size_t i = 0; i < kFirst; ++i) {
+    for (const TagDetection& d : images[i].detections) ++seen[d.id];
+  }
+  const int id = std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
+                   return a.second < b.second;
+                 })->first;
+  Rigid3d moved = yard.tags[static_cast<size_t>(id)];
+  moved.translation += Eigen::Vector3d(0.6, 0.8, 0);
+  Show(&yard, 1, id, moved, 0, kFirst);
+  for (size_t i = 0; i < images.size(); ++i) {
+    std::erase_if(images[i].detections, [&](const TagDetection& d) { return (d.id == id) != (i < kFirst); });
+  }
+  const SurveyResult map = Survey(yard.input);
+  ExpectOthersRight(map, yard, {id});
+  ASSERT_EQ(map.undecided.size(), 1U);
+  EXPECT_EQ(map.undecided[0].tag_id, id);
+  EXPECT_NEAR(map.undecided[0].moved_m, 1, 0.2);
+  EXPECT_THAT(map.warnings, testing::Contains(testing::AllOf(testing::HasSubstr("m from its place when run2 passed it"),
+                                                             testing::HasSubstr("odometry of run2 jumped at"))));
+}
+
 TEST(TagMap, AnIdAtTwoPlacesIsNamedAndHoldsNothing) {
   Yard yard = MakeYard(22);
   // Another sheet with the number of control tag 0 hangs where tag 4 hung.
