@@ -105,16 +105,28 @@ double LongWaveExcess(const BundleProblem& p) {
   return stretches >= 4 ? sum / static_cast<double>(stretches) : 0;
 }
 
+// Which axes of odometry are better than they may at most be, `noise` of `most`, by chance alone. The
+// limit is the 2.5 % quantile of a mean of chi-squares (Wilson and Hilferty 1931); squared differences of neighbours
+// know as much as two thirds as many independent squares.
+Eigen::Array<bool, 6, 1> BetterByChance(const Vector6d& noise, const Vector6d& most, size_t steps) {
+  const double spread = 2.0 / 9 / std::max(1.0, 2.0 / 3 * static_cast<double>(steps));
+  const double limit = std::pow(std::max(0.0, 1 - spread - 1.96 * std::sqrt(spread)), 3);
+  return noise.cwiseQuotient(most).array().square() > limit;
+}
+
 // By how much images contradict odometry, 1 where they do not: the larger of the mean squared odometry residual,
 // whitened, and of the noise factors that the data ask for (`wanted`: times the noise of the factors), which may not
-// grow. A step that slipped counts as kSlipped at most: one in a run is odometry's fault.
-double Contradiction(const BundleProblem& p, const Vector6d& wanted) {
+// grow. A step that slipped counts as kSlipped at most: one in a run is odometry's fault. Of a few steps some always
+// look better than `most` along some axes; what remains along the others would look like a contradiction.
+double Contradiction(const BundleProblem& p, const Vector6d& wanted, const Vector6d& noise, const Vector6d& most) {
   constexpr double kSlipped = 100;
+  const Vector6d stated =
+      BetterByChance(noise, most, p.factors.size()).select(noise.cwiseQuotient(most), Vector6d::Ones());
   double sum = 0;
   for (const PoseFactor& f : p.factors) {
-    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).squaredNorm());
+    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).cwiseProduct(stated).squaredNorm());
   }
-  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())), wanted.squaredNorm() / 6);
+  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())), wanted.cwiseProduct(stated).squaredNorm() / 6);
 }
 
 // Whitened squared error of an observation at a point.
@@ -387,7 +399,7 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
   const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(p.factors.size()));
   for (int round = 0; round < kRounds; ++round) {
     const Vector6d wanted = EstimateOdometryNoise(p, bundle.threads, cancel);
-    const double contradiction = Contradiction(p, wanted);
+    const double contradiction = Contradiction(p, wanted, *noise_factor, most_noise);
     if (contradiction < limit) return;
     const double wider = std::clamp(std::sqrt(contradiction), 1.4, 3.0);
     ScaleObservationNoise(wider, &p);

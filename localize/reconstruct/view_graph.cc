@@ -353,6 +353,9 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
 constexpr size_t kLeastErrors = 8;
 constexpr double kMedianChi2 = 4.35;
 
+// Two standard deviations of that median of n, as a part of it.
+double Chance(size_t n) { return 2 * 0.84 / std::sqrt(static_cast<double>(n)); }
+
 // How much smaller the variance of odometry is than stated, by the pairs of images that agree with it: the median of
 // their squared errors against that of a chi-square. Never larger: pairs may be wrong together.
 double OdometryVarianceFactor(const std::vector<double>& errors, double gate_chi2) {
@@ -361,8 +364,10 @@ double OdometryVarianceFactor(const std::vector<double>& errors, double gate_chi
   for (double e : errors) {
     if (e < gate_chi2) agreeing.push_back(e);
   }
+  const double chance = Chance(agreeing.size());
   if (agreeing.size() < kLeastErrors) return 1;
-  return std::clamp(Median(std::move(agreeing)) / kMedianChi2, kLeast, 1.0);
+  const double variance = std::max(kLeast, Median(std::move(agreeing)) / kMedianChi2);
+  return variance < 1 - chance ? variance : 1;
 }
 
 // Keeps the edges that agree with odometry and with each other.
@@ -423,23 +428,22 @@ double MatchingVariance(const LocalizeInput& input, const std::vector<PoseFactor
 std::optional<double> VarianceByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                        const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
                                        int threads, uint64_t seed, const CancelToken& cancel) {
-  const auto neighbours =
-      std::count_if(pairs.begin(), pairs.end(), [&](const ImagePair& pair) { return AreNeighbours(input, pair); });
-  if (static_cast<size_t>(neighbours) < kLeastErrors) return std::nullopt;
+  if (pairs.size() < kLeastErrors) return std::nullopt;
   ProgressSink silent;
   std::vector<ViewEdge> edges = VerifyPairs(input, pairs, options, threads, seed, silent, cancel);
   const std::vector<Triangles> triangles = CountTriangles(edges);
-  std::vector<ViewEdge> confirmed;
+  std::vector<ViewEdge> neighbours, confirmed;
   for (size_t i = 0; i < edges.size(); ++i) {
     const Triangles& t = triangles[i];
-    if (AreNeighbours(input, edges[i].pair) && t.closed > 0 && 2 * t.closed >= t.all)
-      confirmed.push_back(std::move(edges[i]));
+    if (t.closed == 0 || 2 * t.closed < t.all) continue;
+    if (AreNeighbours(input, edges[i].pair)) neighbours.push_back(edges[i]);
+    confirmed.push_back(std::move(edges[i]));
   }
+  // A few photos have few neighbours: their other pairs show the same steps, several at a time.
+  if (neighbours.size() >= kLeastErrors) confirmed = std::move(neighbours);
   if (confirmed.size() < kLeastErrors) return std::nullopt;
   const double variance = MatchingVariance(input, odometry, confirmed, options, threads, cancel);
-  // The median of n chi-squares with 5 dof is known to 0.84 / sqrt(n) of it, 1 sigma.
-  const double chance = 2 * 0.84 / std::sqrt(static_cast<double>(confirmed.size()));
-  if (variance < 1 + chance) return std::nullopt;
+  if (variance < 1 + Chance(std::min(confirmed.size(), odometry.size()))) return std::nullopt;
   return variance;
 }
 
