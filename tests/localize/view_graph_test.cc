@@ -115,6 +115,18 @@ TEST(ViewGraph, BelievesOdometryThatIsAsStated) {
   EXPECT_LE(GraphOf(drive).odometry_variance, 1);
 }
 
+// Eight photos have seven neighbours only: their other pairs tell of odometry's noise, too. What is left of it is
+// mostly the scale, which photos do not see.
+TEST(ViewGraph, FewPhotosAreNotDoubtedForNoisyOdometry) {
+  for (const uint64_t seed : {3, 4, 5, 6}) {
+    Drive drive = MakeDrive(0.5, seed, 3.0);
+    ASSERT_EQ(drive.seen.size(), 8U);
+    RedrawOdometry(2, seed, &drive);
+    const RunReconstruction result = Solve(drive, 10);
+    EXPECT_LT(test::Error(drive, result.reconstruction.problem.poses), 0.75 * OdometryError(drive)) << seed;
+  }
+}
+
 TEST(ViewGraph, ResultsDoNotDependOnThreads) {
   Drive drive = MakeDrive(1.0, 4, 3.0);
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
