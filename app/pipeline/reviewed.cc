@@ -58,7 +58,7 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
 JobQuery ReviewQuery(const std::string& variant) {
   JobQuery query;
   for (const StageInfo& stage : Stages()) {
-    // A decision is no request for a first result.
+    // A decision does not ask for a first result.
     if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
   }
   query.variants = {variant};

@@ -9,7 +9,7 @@
 
 namespace trigpoint {
 
-// Indices of keypoints, strongest first. A total order, so that the order of the detector's threads does not show.
+// Indices of keypoints, strongest first. A total order: the result does not depend on the detector's threads.
 inline std::vector<int> StrongestFirst(const std::vector<cv::KeyPoint>& keypoints) {
   std::vector<int> order(keypoints.size());
   std::iota(order.begin(), order.end(), 0);

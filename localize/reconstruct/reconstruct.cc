@@ -105,13 +105,14 @@ double LongWaveExcess(const BundleProblem& p) {
   return stretches >= 4 ? sum / static_cast<double>(stretches) : 0;
 }
 
-// Which axes of odometry are better than they may at most be, `noise` of `most`, by chance alone. The
-// limit is the 2.5 % quantile of a mean of chi-squares (Wilson and Hilferty 1931); squared differences of neighbours
-// know as much as two thirds as many independent squares.
-Eigen::Array<bool, 6, 1> BetterByChance(const Vector6d& noise, const Vector6d& most, size_t steps) {
+// Factors that whiten odometry with `most`, its stated noise, instead of `noise`, the estimated one, along the axes
+// where the estimate may be smaller by chance. The limit is the 2.5 % quantile of a mean of chi-squares (Wilson and
+// Hilferty 1931); squared differences of neighbours know as much as two thirds as many independent squares.
+Vector6d FactorToStated(const Vector6d& noise, const Vector6d& most, size_t steps) {
   const double spread = 2.0 / 9 / std::max(1.0, 2.0 / 3 * static_cast<double>(steps));
   const double limit = std::pow(std::max(0.0, 1 - spread - 1.96 * std::sqrt(spread)), 3);
-  return noise.cwiseQuotient(most).array().square() > limit;
+  const Vector6d ratio = noise.cwiseQuotient(most);
+  return (ratio.array().square() > limit).select(ratio, Vector6d::Ones());
 }
 
 // By how much images contradict odometry, 1 where they do not: the larger of the mean squared odometry residual,
@@ -120,13 +121,13 @@ Eigen::Array<bool, 6, 1> BetterByChance(const Vector6d& noise, const Vector6d& m
 // look better than `most` along some axes; what remains along the others would look like a contradiction.
 double Contradiction(const BundleProblem& p, const Vector6d& wanted, const Vector6d& noise, const Vector6d& most) {
   constexpr double kSlipped = 100;
-  const Vector6d stated =
-      BetterByChance(noise, most, p.factors.size()).select(noise.cwiseQuotient(most), Vector6d::Ones());
+  const Vector6d to_stated = FactorToStated(noise, most, p.factors.size());
   double sum = 0;
   for (const PoseFactor& f : p.factors) {
-    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).cwiseProduct(stated).squaredNorm());
+    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).cwiseProduct(to_stated).squaredNorm());
   }
-  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())), wanted.cwiseProduct(stated).squaredNorm() / 6);
+  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())),
+                  wanted.cwiseProduct(to_stated).squaredNorm() / 6);
 }
 
 // Whitened squared error of an observation at a point.

@@ -364,8 +364,8 @@ double OdometryVarianceFactor(const std::vector<double>& errors, double gate_chi
   for (double e : errors) {
     if (e < gate_chi2) agreeing.push_back(e);
   }
-  const double chance = Chance(agreeing.size());
   if (agreeing.size() < kLeastErrors) return 1;
+  const double chance = Chance(agreeing.size());
   const double variance = std::max(kLeast, Median(std::move(agreeing)) / kMedianChi2);
   return variance < 1 - chance ? variance : 1;
 }
@@ -428,19 +428,25 @@ double MatchingVariance(const LocalizeInput& input, const std::vector<PoseFactor
 std::optional<double> VarianceByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                        const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
                                        int threads, uint64_t seed, const CancelToken& cancel) {
-  if (pairs.size() < kLeastErrors) return std::nullopt;
+  const auto is_neighbour = [&](const ImagePair& pair) { return AreNeighbours(input, pair); };
+  // Video has few pairs of neighbours left, since tracks connect them: its other pairs are not verified for this.
+  const auto neighbours = static_cast<size_t>(std::count_if(pairs.begin(), pairs.end(), is_neighbour));
+  if (neighbours < std::min(kLeastErrors, odometry.size())) return std::nullopt;
   ProgressSink silent;
   std::vector<ViewEdge> edges = VerifyPairs(input, pairs, options, threads, seed, silent, cancel);
   const std::vector<Triangles> triangles = CountTriangles(edges);
-  std::vector<ViewEdge> neighbours, confirmed;
+  std::vector<ViewEdge> confirmed;
+  size_t confirmed_neighbours = 0;
   for (size_t i = 0; i < edges.size(); ++i) {
     const Triangles& t = triangles[i];
     if (t.closed == 0 || 2 * t.closed < t.all) continue;
-    if (AreNeighbours(input, edges[i].pair)) neighbours.push_back(edges[i]);
+    confirmed_neighbours += is_neighbour(edges[i].pair) ? 1 : 0;
     confirmed.push_back(std::move(edges[i]));
   }
-  // A few photos have few neighbours: their other pairs show the same steps, several at a time.
-  if (neighbours.size() >= kLeastErrors) confirmed = std::move(neighbours);
+  // A few photos have few neighbours: their other pairs span several steps, with the same noise.
+  if (confirmed_neighbours >= kLeastErrors) {
+    std::erase_if(confirmed, [&](const ViewEdge& e) { return !is_neighbour(e.pair); });
+  }
   if (confirmed.size() < kLeastErrors) return std::nullopt;
   const double variance = MatchingVariance(input, odometry, confirmed, options, threads, cancel);
   if (variance < 1 + Chance(std::min(confirmed.size(), odometry.size()))) return std::nullopt;

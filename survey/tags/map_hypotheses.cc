@@ -18,12 +18,10 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kSizeChi2 = 21.0;                                     // 5e-6 at 1
-constexpr double kLeastMove_m = 0.02, kLeastTurn_rad = 2 * kDegToRad;  // less is no move but a weakness of the model
-constexpr double kSamePlaceSizes = 0.2;                                // of the tag's size: two sheets don't overlap
-constexpr double kLeastSizeError = 0.035;  // odometry, whose scale wanders along its way, can show no less
-constexpr size_t kMostExact = 48;          // hypotheses looked at closely each round
-constexpr int kLeastSights = 3;
+constexpr double kSizeChi2 = 21.0;                // 5e-6 at 1
+constexpr double kLeastTurn_rad = 2 * kDegToRad;  // less is no turn but a weakness of the model
+constexpr double kLeastSizeError = 0.035;         // odometry, whose scale wanders along its way, can show no less
+constexpr size_t kMostExact = 48;                 // hypotheses looked at closely each round
 constexpr double kBetterThanSlip = 1.3;  // chi-square of a tag's fault, against that of odometry's jump in its run
 
 }  // namespace
@@ -207,7 +205,7 @@ void MapSolver::JudgePlaces(TagEstimate* tag) const {
     if (moved_[k].tag_id != tag->tag_id || at == tags_.end() || !tag->world_from_tag) continue;
     const Eigen::Vector3d& a = tag->world_from_tag->translation;
     const Eigen::Vector3d& b = at->second.translation;
-    if ((b - a).norm() < kLeastMove_m + kSamePlaceSizes * tag->size_m) continue;  // the same, found twice
+    if (!IsAnotherPlace((b - a).norm(), tag->size_m)) continue;  // the same, found twice
     text += fmt::format("{}in {} it stands at ({:.2f}, {:.2f}, {:.2f}), {:.2f} m from ({:.2f}, {:.2f}, {:.2f})",
                         text.empty() ? "" : "; ", input_.runs[static_cast<size_t>(moved_[k].run)].name, b.x(), b.y(),
                         b.z(), (b - a).norm(), a.x(), a.y(), a.z());

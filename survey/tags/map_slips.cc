@@ -15,8 +15,6 @@ namespace {
 
 constexpr double kClearly = 13.8;    // difference of chi-square that decides: odds of 1000 to 1 (Neyman, Pearson 1933)
 constexpr size_t kMostInstead = 16;  // tags asked about jumps in a run
-constexpr int kLeastSightsOfBoth = 3;                           // pictures, in this run and in the others
-constexpr double kLeastMoved_m = 0.02, kLeastMovedSizes = 0.2;  // less is no other place
 
 }  // namespace
 
@@ -80,7 +78,7 @@ double MapSolver::SlipChi2(int run) const {
 }
 
 // Tags that may have moved where odometry is said to have jumped, by place and run: those of the last pictures before a
-// jump and of the first after it, that other runs see, too. With the jumps each would stand for.
+// jump and of the first after it, that other runs see, too. Each with the jumps that it would explain.
 std::map<std::pair<int, int>, std::set<int>> MapSolver::NearSlips() const {
   std::map<std::pair<int, int>, int> sights;
   std::map<int, int> of_place;
@@ -98,7 +96,7 @@ std::map<std::pair<int, int>, std::set<int>> MapSolver::NearSlips() const {
          f += step) {
       for (int place : places[static_cast<size_t>(f)]) {
         const int its = sights.at({place, run});
-        if (std::min(its, of_place.at(place) - its) >= kLeastSightsOfBoth) near[{place, run}].insert(slip);
+        if (std::min(its, of_place.at(place) - its) >= kLeastSights) near[{place, run}].insert(slip);
       }
       if (!places[static_cast<size_t>(f)].empty()) return;
     }
@@ -141,7 +139,7 @@ bool MapSolver::ReplaceSlips() {
     const double its = Score(Solve(false).cost_after);
     const double moved_m =
         (tags_.at(-static_cast<int>(moved_.size())).translation - tags_.at(place).translation).norm();
-    const bool is_other = moved_m > kLeastMoved_m + kLeastMovedSizes * SizeOf(place);
+    const bool is_other = IsAnotherPlace(moved_m, SizeOf(place));
     if (is_other && its < score + kClearly) {
       undecided_.push_back({id, run, start_.frames[static_cast<size_t>(*slips.begin())].stamp_ns, moved_m});
     }
@@ -152,8 +150,9 @@ bool MapSolver::ReplaceSlips() {
     Restore(*instead);
     undecided_.clear();
     LeaveOutControlOn(moved_.back().tag_id);
+  } else {
+    Solve(true);  // what is linearised is the last tag's
   }
-  Solve(true);
   return instead.has_value();
 }
 

@@ -13,8 +13,13 @@
 
 namespace trigpoint {
 
-constexpr double kMoveChi2 = 35;  // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
-constexpr double kSlipChi2 = 30;  // 4e-5 at 6 degrees of freedom: odometry jumped
+constexpr double kMoveChi2 = 35;       // 4e-6 at 6 degrees of freedom, since every tag of every run is asked
+constexpr double kSlipChi2 = 30;       // 4e-5 at 6 degrees of freedom: odometry jumped
+constexpr int kLeastSights = 3;        // of a tag that is said to have moved: in that run, and in the others
+constexpr double kLeastMove_m = 0.02;  // less is no move but a weakness of the model
+
+// Two sheets do not overlap.
+inline bool IsAnotherPlace(double moved_m, double size_m) { return moved_m >= kLeastMove_m + 0.2 * size_m; }
 
 class MapSolver {
  public:
