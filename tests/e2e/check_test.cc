@@ -235,15 +235,20 @@ TEST_F(FieldCheck, AKillLosesOnlyWhatWasInHand) {
     std::ifstream in(log);
     return std::count(std::istreambuf_iterator<char>(in), {}, '\n');
   };
-  {
+  // On a busy machine it can be done before this test gets to kill it; then it is tried again.
+  auto kept = std::ssize(images_) + 1;
+  for (int attempt = 0; attempt < 5 && kept > std::ssize(images_); ++attempt) {
+    fs::remove_all(log.parent_path());
     const Program killed({"check", site_.string(), "--threads", "1"});
     while (lines() < 10) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     killed.Signal(SIGKILL);
     killed.Wait();
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));  // its own child ends a moment later
+    do {  // its own child ends a moment later
+      kept = lines();
+      std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    } while (lines() != kept);
   }
-  const auto kept = lines();
-  ASSERT_LT(kept, std::ssize(images_) + 1) << "it was done before it was killed";
+  ASSERT_LE(kept, std::ssize(images_)) << "it was done before it was killed";
   const std::string before = ReadTextFile(log);
   std::ofstream(log, std::ios::app) << "{\"run\":\"run1\",\"ima";  // a line that was cut off
   EXPECT_EQ(Check().at("pictures"), images_.size());
