@@ -208,15 +208,18 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
 
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
   WriteTables(outcome, folder);
-  WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
   if (const auto map = CheckMap(outcome)) {
     WriteFileAtomically(folder / "map.svg", SvgOf(*map, "What to photograph next"));
+  } else {
+    fs::remove(folder / "map.svg");
   }
   std::string html = HtmlOf(PageOf(outcome));
   if (refresh_s > 0) {
     html.insert(html.find("<title>"), fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", refresh_s));
   }
   WriteFileAtomically(folder / "index.html", html);
+  // Last: who waits for it finds the other files as new as it is.
+  WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
 }
 
 }  // namespace trigpoint
