@@ -90,6 +90,7 @@ std::vector<PoseReading> SignReadings() {
   std::vector<PoseReading> readings;
   readings.push_back(Part("its y is negated", "change the sign of ty", moved(1, -1, 1)));
   readings.push_back(Part("its x is negated", "change the sign of tx", moved(-1, 1, 1)));
+  readings.push_back(Part("its z is negated", "change the sign of tz", moved(1, 1, -1)));
   readings.push_back(Part("its x and y are negated", "change the signs of tx and ty", moved(-1, -1, 1)));
   readings.push_back(Part("its positions are negated", "change the signs of tx, ty and tz", moved(-1, -1, -1)));
   readings.push_back(Part("its x and y are swapped", "swap the columns tx and ty", [](const Rigid3d& p) {
@@ -161,6 +162,26 @@ bool Enough(const MotionAgreement& m, double share) {
 
 double Score(const MotionAgreement& m) {
   return static_cast<double>(m.turns_agree + m.directions_agree) / std::max(1, m.turns + m.directions);
+}
+
+// Whether `other` explains the directions of motion far better where both agree within the gates: a flipped sign of
+// what is small (heights on a gentle slope) stays below them, yet shows alike in all motions.
+bool ClearlyCloser(const std::vector<Rigid3d>& other, const std::vector<Rigid3d>& poses,
+                   const std::vector<MeasuredMotion>& motions) {
+  constexpr double kTold = 3 * kDeg;  // predictions that differ by less are not told apart
+  constexpr int kLeast = 12;          // motions; one in ten may say otherwise
+  std::vector<double> off, other_off;
+  int closer = 0;
+  for (const MeasuredMotion& m : motions) {
+    const Comparison here = Compare(poses, m), there = Compare(other, m);
+    if (!here.turn_agrees || !there.turn_agrees || !here.moves || !there.moves) continue;
+    if (std::abs(here.direction_off - there.direction_off) < std::max(kTold, m.sigma_direction_rad)) continue;
+    off.push_back(here.direction_off);
+    other_off.push_back(there.direction_off);
+    closer += there.direction_off < here.direction_off ? 1 : 0;
+  }
+  const auto compared = static_cast<int>(off.size());
+  return compared >= kLeast && 10 * closer >= 9 * compared && 3 * Median(other_off) < Median(off);
 }
 
 std::vector<Rigid3d> Read(const std::vector<Rigid3d>& poses, const PoseReading& reading) {
@@ -239,6 +260,15 @@ ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vecto
   if (Enough(as_read, kMost)) {
     verdict.kind = std::max(as_read.turns, as_read.directions) < kLeastMotions ? ReadingVerdict::Kind::kUndecided
                                                                                : ReadingVerdict::Kind::kAgrees;
+    for (const PoseReading& reading : readings) {
+      if (reading.changes != 1) continue;
+      const std::vector<Rigid3d> read = Read(poses, reading);
+      if (!ClearlyCloser(read, poses, motions)) continue;
+      verdict.kind = ReadingVerdict::Kind::kContradicted;
+      verdict.best = CompareMotions(read, motions);
+      verdict.better = {reading};
+      break;
+    }
     return verdict;
   }
   verdict.kind = ReadingVerdict::Kind::kContradicted;

@@ -55,8 +55,8 @@ struct ReadingVerdict {
   std::vector<PoseReading> better;  // the readings that agree; several where the motion does not tell them apart
 };
 
-// `poses` as read. Contradicted: at least four of the turns or directions can be compared and most disagree. Undecided:
-// fewer can be compared.
+// `poses` as read. Contradicted: at least four of the turns or directions can be compared and most disagree, or another
+// reading is far closer to all of them. Undecided: fewer can be compared.
 ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vector<MeasuredMotion>& motions,
                              const std::vector<PoseReading>& readings);
 

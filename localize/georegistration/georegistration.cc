@@ -420,7 +420,9 @@ struct OtherScale {
   double factor = 1, sigma = 0, stated_sigma = 0;  // true / measured length
   // Too far off for drift, and surely so.
   bool IsUnit() const { return std::abs(std::log(factor)) > kMostScale && IsSure(); }
-  bool IsSure() const { return std::abs(factor - 1) > 5 * std::hypot(sigma, stated_sigma); }
+  bool IsSure() const { return Excess() > 5; }
+  // How many of its sigmas the disagreement is.
+  double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
   std::string Describe() const {
     const std::string unit = IsSure() ? UnitOfLength(factor, std::max(0.02, 3 * sigma / factor)) : "";
     return fmt::format(
@@ -451,8 +453,14 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   scale.factor = other.s.scale / scale_prior;
   scale.sigma = std::sqrt(other.h.ldlt().solve(Matrix7d::Identity())(6, 6)) / scale_prior;
   scale.stated_sigma = scale_sigma;
-  if (std::abs(scale.factor - 1) < kSigmas * std::hypot(scale.sigma, scale_sigma)) return std::nullopt;
+  if (scale.Excess() < kSigmas) return std::nullopt;
   return scale;
+}
+
+// The scale's sigma becomes `times` as large; what depends on the scale follows.
+void WidenScale(double times, Matrix7d* covariance) {
+  const Vector7d scale = covariance->col(6);
+  if (times > 1) *covariance += (times * times - 1) / scale(6) * scale * scale.transpose();
 }
 
 std::string NoDirection(size_t geotags) {
@@ -520,8 +528,13 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
     result.reason = other->Describe();
     return result;
   }
+  // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the factor
+  // that makes them agree (Birge's ratio, as in adjustments of constants).
+  const double excess = other && !other->IsSure() ? other->Excess() : 1;
+  const EarthFit between(obs, odom_covariance, scale_prior, excess * scale_sigma, tilt_sigma, options);
+  const EarthFit& used = !other ? fit : excess > 1 ? between : free_fit;
   if (other) {
-    solutions = free;
+    solutions = excess > 1 ? SolveFromStarts(between, between.Guesses(), obs) : free;
     best = Best(solutions);
   }
   result.iterations = best->iterations;
@@ -545,7 +558,11 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
         std::count(result.outlier.begin(), result.outlier.end(), true), n, factor);
     return result;
   }
-  if (other) result.reason = other->Describe() + "; the scale is taken from the geotags";
+  if (other) {
+    result.reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between the two, and its "
+                                                      "sigma covers both"
+                                                    : "; the scale is taken from the geotags");
+  }
   if (factor > 1) {
     result.reason += (result.reason.empty() ? "" : "; ") +
                      fmt::format(
@@ -554,7 +571,8 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
                          factor);
   }
   result.solved = true;
-  (other ? free_fit : fit).Describe(*best, &result);
+  used.Describe(*best, &result);
+  WidenScale(excess, &result.covariance);
   result.covariance *= factor * factor;
   return result;
 }

@@ -21,7 +21,7 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
     sigma_h.push_back(g.sigma_h_m);
     sigma_v.push_back(g.sigma_v_m);
   }
-  Eigen::Vector3d middle(Median(off[0]), Median(off[1]), Median(off[2]));
+  const Eigen::Vector3d middle(Median(off[0]), Median(off[1]), Median(off[2]));
   // The places of the fit are known to its covariance, too.
   const double own_h = std::sqrt(geo->covariance(3, 3) + geo->covariance(4, 4)),
                own_v = std::sqrt(geo->covariance(5, 5));
@@ -29,14 +29,13 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
                vertical_sigma = std::hypot(Median(sigma_v), own_v);
   const bool horizontal = middle.head<2>().norm() > std::max(kLeast_m, kSigmas * horizontal_sigma);
   const bool vertical = std::abs(middle.z()) > std::max(kLeastHeight_m, kHeightSigmas * vertical_sigma);
-  if (!horizontal) middle.head<2>().setZero();
-  if (!vertical) middle.z() = 0;
   if (!horizontal && !vertical) return;
+  // All of it: far off, a level shift changes heights, too, by the Earth's curvature.
   geo->covariance.block<3, 3>(3, 3) += middle * middle.transpose();
   geo->reason += fmt::format(
       "{}GPS lies {:.0f} m {} the run as the geotags place it (GPS, 1 sigma: {:.1f} m): one of the two is wrong, and "
       "the difference is part of the result's sigmas; check positions, heights (above the ellipsoid) and origin",
-      geo->reason.empty() ? "" : "; ", middle.norm(), horizontal ? "from" : "above or below",
+      geo->reason.empty() ? "" : "; ", horizontal ? middle.norm() : std::abs(middle.z()), horizontal ? "from" : "above or below",
       horizontal ? horizontal_sigma : vertical_sigma);
 }
 

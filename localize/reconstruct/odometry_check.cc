@@ -247,16 +247,17 @@ std::optional<std::string> FindJump(const LocalizeInput& input, const std::strin
 }
 
 std::string Counts(const MotionAgreement& m) {
-  return fmt::format("the rotation in {} of {} pairs, the direction of motion in {} of {}", m.turns_agree, m.turns,
-                     m.directions_agree, m.directions);
+  return fmt::format(
+      "the rotation in {} of {} pairs, the direction of motion in {} of {} (median differences {:.1f} and {:.1f} deg)",
+      m.turns_agree, m.turns, m.directions_agree, m.directions, m.rotation_off_rad * kRadToDeg,
+      m.direction_off_rad * kRadToDeg);
 }
 
 std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) {
   std::string text = fmt::format(
       "{}: contradicts the images; expected odom_from_body, quaternions x y z w, axes forward, left, up. As read, "
-      "pairs "
-      "of images agree with {} (median difference {:.0f} and {:.0f} deg)",
-      odometry, Counts(v.as_read), v.as_read.rotation_off_rad * kRadToDeg, v.as_read.direction_off_rad * kRadToDeg);
+      "pairs of images agree with {}",
+      odometry, Counts(v.as_read));
   constexpr size_t kNamed = 3;
   for (size_t i = 0; i < std::min(v.better.size(), kNamed); ++i) {
     text += (i == 0 ? "; they agree with " + Counts(v.best) + " if " : "; or if ") + v.better[i].what + ": " +

@@ -60,6 +60,17 @@ TEST(OdometryCheck, NamesTheReadingThatAgrees) {
   EXPECT_NE(both.find("its x and y are negated"), std::string::npos) << both;
 }
 
+// On a gentle slope the directions of motion differ by less than any gate, yet all alike.
+TEST(OdometryCheck, NamesHeightsOfTheWrongSign) {
+  const Eigen::Quaterniond slope(Eigen::AngleAxisd(0.06, Eigen::Vector3d(0.6, 0.8, 0)));
+  const auto upside = WrittenAs([&](const Rigid3d& p) {
+    const Eigen::Vector3d t = slope * p.translation;
+    return Rigid3d(slope * p.rotation, {t.x(), t.y(), -t.z()});
+  });
+  EXPECT_NE(upside.find("its z is negated"), std::string::npos) << upside;
+  EXPECT_EQ(WrittenAs([&](const Rigid3d& p) { return Rigid3d(slope, Eigen::Vector3d::Zero()) * p; }), "");
+}
+
 TEST(OdometryCheck, RefusesWhatNoReadingMends) {
   const auto still = WrittenAs([](const Rigid3d& p) { return Rigid3d({1, 0, 0, 0}, p.translation); });
   EXPECT_NE(still.find("no other order, axis, sign or inverse agrees"), std::string::npos) << still;
