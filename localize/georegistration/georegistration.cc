@@ -87,6 +87,7 @@ struct EarthSolution {
   std::vector<double> position_chi2, attitude_chi2;  // against the geotag's own noise plus the place's
   std::vector<int> position_rows;
   std::vector<double> heading_chi2, heading_rad;  // of the heading alone
+  std::vector<double> tilt_chi2;                  // of pitch and roll
   std::vector<Eigen::Vector3d> residuals;
 };
 
@@ -264,8 +265,8 @@ EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) c
 // Weights from the residuals against each geotag's own noise plus the place's.
 void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
   const size_t n = obs_.size();
-  for (auto* chi2 :
-       {&solution->position_chi2, &solution->attitude_chi2, &solution->heading_chi2, &solution->heading_rad}) {
+  for (auto* chi2 : {&solution->position_chi2, &solution->attitude_chi2, &solution->heading_chi2,
+                     &solution->heading_rad, &solution->tilt_chi2}) {
     chi2->assign(n, 0);
   }
   solution->position_rows.assign(n, 0);
@@ -278,6 +279,7 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
     (row < 3 ? solution->position_chi2 : solution->attitude_chi2)[i] += e2;
     if (row < 3) ++solution->position_rows[i];
     if (row == 3) solution->heading_chi2[i] = e2, solution->heading_rad[i] = now[i].r(row);
+    if (row > 3) solution->tilt_chi2[i] += e2;
   }
   solution->cost = PriorCost(solution->s);
   for (size_t i = 0; i < n; ++i) {
@@ -498,14 +500,57 @@ std::vector<std::string> GeoRegistrationOptions::Check() const {
   return problems;
 }
 
-GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
-                                double scale_prior, double scale_sigma, bool levelled,
-                                const GeoRegistrationOptions& options) {
+namespace {
+
+// Residuals, and which positions and tilts are beyond the gate.
+void Tally(const EarthSolution& best, const std::vector<GeoObservation>& obs, double outlier_chi2,
+           GeoRegistration* result) {
+  result->residuals = best.residuals;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    result->outlier[i] = best.position_chi2[i] > outlier_chi2;
+    result->tilts += obs[i].has_tilt ? 1 : 0;
+    result->wrong_tilts += best.tilt_chi2[i] > outlier_chi2 ? 1 : 0;
+  }
+}
+
+std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) {
+  return fmt::format(
+      "{} of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
+      "longitude and the odometry",
+      std::count(outlier.begin(), outlier.end(), true), outlier.size(), factor);
+}
+
+// What is to be known about a fit that is used.
+std::string Remarks(const std::optional<OtherScale>& other, double excess, double factor) {
+  std::string reason;
+  if (other) {
+    reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between the two, and its "
+                                               "sigma covers both"
+                                             : "; the scale is taken from the geotags");
+  }
+  if (factor > 1) {
+    reason += (reason.empty() ? "" : "; ") +
+              fmt::format(
+                  "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
+                  "times larger for it",
+                  factor);
+  }
+  return reason;
+}
+
+GeoRegistration Unsolved(size_t observations) {
   GeoRegistration result;
+  result.weights.assign(observations, 1);
+  result.outlier.assign(observations, false);
+  result.residuals.assign(observations, Eigen::Vector3d::Zero());
+  return result;
+}
+
+// With all that is said.
+GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
+                         double scale_prior, double scale_sigma, bool levelled, const GeoRegistrationOptions& options) {
   const size_t n = obs.size();
-  result.weights.assign(n, 1);
-  result.outlier.assign(n, false);
-  result.residuals.assign(n, Eigen::Vector3d::Zero());
+  GeoRegistration result = Unsolved(n);
   if (n == 0) {
     result.reason = "no reference with a geotag is localized, and no GPS is used";
     return result;
@@ -528,8 +573,8 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
     result.reason = other->Describe();
     return result;
   }
-  // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the factor
-  // that makes them agree (Birge's ratio, as in adjustments of constants).
+  // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the
+  // factor that makes them agree (Birge's ratio, as in adjustments of constants).
   const double excess = other && !other->IsSure() ? other->Excess() : 1;
   const EarthFit between(obs, odom_covariance, scale_prior, excess * scale_sigma, tilt_sigma, options);
   const EarthFit& used = !other ? fit : excess > 1 ? between : free_fit;
@@ -542,8 +587,7 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
     result.reason = "the geotags do not fix the run's frame";
     return result;
   }
-  result.residuals = best->residuals;
-  for (size_t i = 0; i < n; ++i) result.outlier[i] = best->position_chi2[i] > options.outlier_chi2;
+  Tally(*best, obs, options.outlier_chi2, &result);
   if (!(best->s.scale > 0.1) || !(best->s.scale < 10)) {
     result.reason = "the geotags contradict the run's size";
     return result;
@@ -552,28 +596,33 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   if (!result.reason.empty()) return result;
   const double factor = SigmaFactor(*best, obs, options.outlier_chi2);
   if (factor > kMostSigmaFactor) {
-    result.reason = fmt::format(
-        "{} of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
-        "longitude and the odometry",
-        std::count(result.outlier.begin(), result.outlier.end(), true), n, factor);
+    result.reason = ShapeContradiction(result.outlier, factor);
     return result;
   }
-  if (other) {
-    result.reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between the two, and its "
-                                                      "sigma covers both"
-                                                    : "; the scale is taken from the geotags");
-  }
-  if (factor > 1) {
-    result.reason += (result.reason.empty() ? "" : "; ") +
-                     fmt::format(
-                         "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
-                         "times larger for it",
-                         factor);
-  }
+  result.reason = Remarks(other, excess, factor);
   result.solved = true;
   used.Describe(*best, &result);
   WidenScale(excess, &result.covariance);
   result.covariance *= factor * factor;
+  return result;
+}
+
+}  // namespace
+
+GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
+                                double scale_prior, double scale_sigma, bool levelled,
+                                const GeoRegistrationOptions& options) {
+  GeoRegistration result = Register(obs, odom_covariance, scale_prior, scale_sigma, levelled, options);
+  if (result.tilts < 2 || 2 * result.wrong_tilts <= result.tilts) return result;
+  // A majority that contradicts the fit, or each other, is no accident of one panorama.
+  const std::string said = fmt::format(
+      "pitch and roll of {} of {} geotags contradict the run's shape and each other: none is used; check pitch_deg, "
+      "roll_deg and sigma_tilt_deg",
+      result.wrong_tilts, result.tilts);
+  std::vector<GeoObservation> without = obs;
+  for (GeoObservation& o : without) o.has_tilt = false;
+  result = Register(without, odom_covariance, scale_prior, scale_sigma, levelled, options);
+  result.reason = result.reason.empty() ? said : said + "; " + result.reason;
   return result;
 }
 

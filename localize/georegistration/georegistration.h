@@ -63,6 +63,7 @@ struct GeoRegistration {
   Eigen::MatrixXd sensitivity;
   std::vector<double> weights;             // of each observation's position, 0 to 1
   std::vector<bool> outlier;               // position beyond the gate
+  int tilts = 0, wrong_tilts = 0;          // used pitches and rolls; of these beyond the gate
   std::vector<Eigen::Vector3d> residuals;  // said - estimated, world, m
   std::vector<SourceEstimate> sources;     // of observations that have one, by name
   int iterations = 0;

@@ -1,13 +1,21 @@
-// Does GPS that took no part in the fit to the Earth agree with it?
+// Does GPS agree with the run's place on the Earth, and with its shape?
 #pragma once
 
 #include "localize/localize.h"
 
 namespace trigpoint {
 
-// Where the middle of the GPS fixes lies farther from the run, as the geotags place it, than four of its sigmas and
-// 10 m (height: five sigmas and 15 m), one of the two is wrong: the difference is added to the fit's covariance, and
-// its reason says so. `problem`: the run's poses, body_from_odom.
+inline constexpr size_t kLeastGpsFixes = 5;  // with fewer nothing is said
+
+// Of GPS that took no part in the fit. Where fixes lie, in the median, farther from the run, as the geotags place it,
+// than four of their sigmas and 10 m (height: five sigmas and 15 m), one of the two is wrong: the turn and shift
+// between them is added to the fit's covariance, and its reason says so; beyond 0.3 rad it is withheld. `problem`: the
+// run's poses, body_from_odom.
 void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, GeoRegistration* geo);
+
+// Of GPS that the fit is from, of which correlated fixes take no part: the run's plan is laid over all of them. Where
+// they are farther off than twice their sigmas in the median, the fit's covariance grows by the square of that ratio;
+// beyond five times, or where a mirrored plan fits, it is withheld. The reason says so.
+void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps, GeoRegistration* geo);
 
 }  // namespace trigpoint

@@ -66,6 +66,7 @@ void MapSolver::Collect() {
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
   if (options_.cross_covariances) CrossCovariances();
+  DoubtDatum();
 }
 
 void MapSolver::CollectRuns() {
@@ -414,6 +415,46 @@ void MapSolver::CompareDatums() {
     result_.shifts.push_back(RobustMean(values, sigmas));
     result_.shifts.back().of = "gps";
   }
+}
+
+// Where control contradicts what else is known of the site's place, nobody knows which is wrong: the difference becomes
+// part of the tags' sigmas.
+void MapSolver::DoubtDatum() {
+  if (!result_.in_world || result_.datum == "geotags" || result_.datum == "gps") return;
+  constexpr double kSigmas = 5, kLeast_m = 10, kLeastHeight_m = 15;  // as between GPS and geotags in localize
+  Eigen::Matrix3d shifted = Eigen::Matrix3d::Zero(), bent = Eigen::Matrix3d::Zero();
+  for (const DatumShift& s : result_.shifts) {
+    const Eigen::Vector3d& d = s.stated_minus_map_m;
+    const bool far = d.head<2>().norm() > std::max(kLeast_m, kSigmas * s.sigma_m.head<2>().norm());
+    if (!far && std::abs(d.z()) <= std::max(kLeastHeight_m, kSigmas * s.sigma_m.z())) continue;
+    shifted += d * d.transpose();
+    result_.warnings.push_back(
+        fmt::format("{} lie {:.1f} m {} the site as control places it: one of the two is wrong, and the difference is "
+                    "part of the tags' sigmas; check coordinates, heights (above the ellipsoid) and crs",
+                    s.of, far ? d.head<2>().norm() : std::abs(d.z()), far ? "from" : "above or below"));
+  }
+  int points = 0, wrong = 0;
+  double most = 0;
+  for (const PointAgreement& p : result_.points) {
+    if (p.role == PointRole::kGeotag || p.excluded) continue;
+    ++points;
+    if (p.chi2 <= kPointChi2) continue;
+    ++wrong;
+    most = std::max({most, p.error_m.norm(), p.left_out_m ? p.left_out_m->norm() : 0.0});
+  }
+  if (points >= 3 && 2 * wrong > points) {
+    bent = most * most * Eigen::Matrix3d::Identity();
+    result_.warnings.push_back(
+        fmt::format("{} of {} control and check points contradict each other, by up to {:.3g} m, and the pictures do "
+                    "not tell which is wrong: the difference is part of the tags' sigmas; check their coordinates and "
+                    "tags",
+                    wrong, points, most));
+  }
+  for (TagEstimate& tag : result_.tags) {
+    if (tag.HasPose()) tag.covariance.bottomRightCorner<3, 3>() += shifted + bent;
+  }
+  // A shift is common to all, other contradictions need not be.
+  for (auto& [pair, covariance] : result_.cross) covariance.bottomRightCorner<3, 3>() += shifted;
 }
 
 void MapSolver::FitMapToPoints() {

@@ -110,6 +110,7 @@ class MapSolver {
   void CompareStations();
   void ComparePlane();
   void CompareDatums();
+  void DoubtDatum();
   void FitMapToPoints();
   void CrossCovariances();
   // Place of a point in the map, minus its offset's target, and its covariance there.

@@ -102,7 +102,7 @@ class Positions:
     def add(self, error, sigma):
         off = sigmas_off(error, sigma)
         self.count += 1
-        self.outside += off > GATE
+        self.outside += int(off > GATE)
         self.worst = max(self.worst, off)
         self.largest_m = max(self.largest_m, float(np.linalg.norm(error)))
 
@@ -223,7 +223,7 @@ class Runner:
             withheld = judge_localize(project, self.run, self.truth, positions)
         if "survey" in names:
             withheld = judge_survey(project, self.truth, positions) or withheld
-        result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(positions.worst, 2),
+        result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(float(positions.worst), 2),
                       largest_m=round(positions.largest_m, 3))
         new, lines = warnings_of(said)
         new -= self.baseline.get(names[-1], set())
