@@ -39,7 +39,7 @@ step() {
   say "$text"
   { echo "== $text: $*"; date; } >>"$log"
   if ! "$@" >>"$log" 2>&1 </dev/null; then
-    # What tests expected stands before ctest's summary, by more than the tail.
+    # What a test expected is far above ctest's summary in the log.
     grep -A 6 -E ': Failure$|^(AssertionError|Traceback)' "$log" | tail -n $((2 * tail_lines)) >&2 || true
     echo "setup.sh: failed: $text. The last $tail_lines lines of $log:" >&2
     tail -n "$tail_lines" "$log" >&2

@@ -218,7 +218,7 @@ void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& fold
     html.insert(html.find("<title>"), fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", refresh_s));
   }
   WriteFileAtomically(folder / "index.html", html);
-  // Last: who waits for it finds the other files as new as it is.
+  // Written last: a program that waits for it finds the other files up to date.
   WriteFileAtomically(folder / "summary.json", DumpJson(SummaryOf(outcome), 2) + "\n");
 }
 

@@ -164,8 +164,8 @@ double Score(const MotionAgreement& m) {
   return static_cast<double>(m.turns_agree + m.directions_agree) / std::max(1, m.turns + m.directions);
 }
 
-// Whether `other` explains the directions of motion far better where both agree within the gates: a flipped sign of
-// what is small (heights on a gentle slope) stays below them, yet shows alike in all motions.
+// Whether `other` explains the directions of motion far better where both agree within the gates. The wrong sign of a
+// small component (heights on a gentle slope) changes no direction by more than the gates, but it changes nearly all.
 bool ClearlyCloser(const std::vector<Rigid3d>& other, const std::vector<Rigid3d>& poses,
                    const std::vector<MeasuredMotion>& motions) {
   constexpr double kTold = 3 * kDeg;  // predictions that differ by less are not told apart

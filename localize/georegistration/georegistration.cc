@@ -87,7 +87,6 @@ struct EarthSolution {
   std::vector<double> position_chi2, attitude_chi2;  // against the geotag's own noise plus the place's
   std::vector<int> position_rows;
   std::vector<double> heading_chi2, heading_rad;  // of the heading alone
-  std::vector<double> tilt_chi2;                  // of pitch and roll
   std::vector<Eigen::Vector3d> residuals;
 };
 
@@ -265,8 +264,8 @@ EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) c
 // Weights from the residuals against each geotag's own noise plus the place's.
 void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
   const size_t n = obs_.size();
-  for (auto* chi2 : {&solution->position_chi2, &solution->attitude_chi2, &solution->heading_chi2,
-                     &solution->heading_rad, &solution->tilt_chi2}) {
+  for (auto* chi2 :
+       {&solution->position_chi2, &solution->attitude_chi2, &solution->heading_chi2, &solution->heading_rad}) {
     chi2->assign(n, 0);
   }
   solution->position_rows.assign(n, 0);
@@ -279,7 +278,6 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
     (row < 3 ? solution->position_chi2 : solution->attitude_chi2)[i] += e2;
     if (row < 3) ++solution->position_rows[i];
     if (row == 3) solution->heading_chi2[i] = e2, solution->heading_rad[i] = now[i].r(row);
-    if (row > 3) solution->tilt_chi2[i] += e2;
   }
   solution->cost = PriorCost(solution->s);
   for (size_t i = 0; i < n; ++i) {
@@ -509,7 +507,8 @@ void Tally(const EarthSolution& best, const std::vector<GeoObservation>& obs, do
   for (size_t i = 0; i < obs.size(); ++i) {
     result->outlier[i] = best.position_chi2[i] > outlier_chi2;
     result->tilts += obs[i].has_tilt ? 1 : 0;
-    result->wrong_tilts += best.tilt_chi2[i] > outlier_chi2 ? 1 : 0;
+    const double tilt_chi2 = best.attitude_chi2[i] - best.heading_chi2[i];
+    result->wrong_tilts += tilt_chi2 > outlier_chi2 ? 1 : 0;
   }
 }
 
@@ -524,8 +523,8 @@ std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) 
 std::string Remarks(const std::optional<OtherScale>& other, double excess, double factor) {
   std::string reason;
   if (other) {
-    reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between the two, and its "
-                                               "sigma covers both"
+    reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
+                                               "geotags', and its sigma covers both"
                                              : "; the scale is taken from the geotags");
   }
   if (factor > 1) {
@@ -546,7 +545,7 @@ GeoRegistration Unsolved(size_t observations) {
   return result;
 }
 
-// With all that is said.
+// With every observation as it is stated.
 GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
                          double scale_prior, double scale_sigma, bool levelled, const GeoRegistrationOptions& options) {
   const size_t n = obs.size();
@@ -576,10 +575,10 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the
   // factor that makes them agree (Birge's ratio, as in adjustments of constants).
   const double excess = other && !other->IsSure() ? other->Excess() : 1;
-  const EarthFit between(obs, odom_covariance, scale_prior, excess * scale_sigma, tilt_sigma, options);
-  const EarthFit& used = !other ? fit : excess > 1 ? between : free_fit;
+  const double used_sigma = other && other->IsSure() ? scale_prior : excess * scale_sigma;
+  const EarthFit used(obs, odom_covariance, scale_prior, used_sigma, tilt_sigma, options);
   if (other) {
-    solutions = excess > 1 ? SolveFromStarts(between, between.Guesses(), obs) : free;
+    solutions = excess > 1 ? SolveFromStarts(used, used.Guesses(), obs) : free;
     best = Best(solutions);
   }
   result.iterations = best->iterations;
@@ -614,10 +613,10 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
                                 const GeoRegistrationOptions& options) {
   GeoRegistration result = Register(obs, odom_covariance, scale_prior, scale_sigma, levelled, options);
   if (result.tilts < 2 || 2 * result.wrong_tilts <= result.tilts) return result;
-  // A majority that contradicts the fit, or each other, is no accident of one panorama.
+  // One panorama may be wrong by accident; most of them are wrong because of how the table was made.
   const std::string said = fmt::format(
-      "pitch and roll of {} of {} geotags contradict the run's shape and each other: none is used; check pitch_deg, "
-      "roll_deg and sigma_tilt_deg",
+      "pitch and roll of {} of {} geotags contradict the run and each other; pitch and roll are not used; check "
+      "pitch_deg, roll_deg and sigma_tilt_deg",
       result.wrong_tilts, result.tilts);
   std::vector<GeoObservation> without = obs;
   for (GeoObservation& o : without) o.has_tilt = false;

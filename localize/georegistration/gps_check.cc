@@ -31,10 +31,11 @@ std::vector<Offset> OffsetsOf(const BundleProblem& problem, const std::vector<Gp
   return offsets;
 }
 
-// The run's plan laid over GPS by a turn and a shift, by sums of absolute differences.
+// The turn and shift that lay the run's plan over GPS, with the least sum of distances.
 struct Overlay {
   double turn_rad = 0;
-  double misfit = 0;  // median distance left, in sigmas; 1 where GPS errs as stated
+  Complex shift_m;    // of the origin of the run's frame
+  double misfit = 0;  // median distance that is left, in sigmas; 1 where GPS errs as stated
 };
 
 Overlay LayOver(const std::vector<Offset>& offsets, bool mirrored) {
@@ -59,35 +60,15 @@ Overlay LayOver(const std::vector<Offset>& offsets, bool mirrored) {
       turn += weights[i] * std::conj(run[i] - run_middle) * (gps[i] - gps_middle);
     }
     found.turn_rad = std::arg(turn);
+    found.shift_m = gps_middle - std::polar(1.0, found.turn_rad) * run_middle;
     for (size_t i = 0; i < run.size(); ++i) {
-      const Complex left = gps[i] - gps_middle - std::polar(1.0, found.turn_rad) * (run[i] - run_middle);
+      const Complex left = gps[i] - found.shift_m - std::polar(1.0, found.turn_rad) * run[i];
       weights[i] = 1 / std::max(std::abs(left), offsets[i].sigma_h_m);
       chi2[i] = std::norm(left) / std::pow(offsets[i].sigma_h_m, 2);
     }
   }
   found.misfit = std::sqrt(Median(std::move(chi2)) / kMedianChi2);
   return found;
-}
-
-// The change of the fit that takes the run to GPS: turn about up and shift, for small turns.
-Vector7d ChangeTo(const std::vector<Offset>& offsets) {
-  constexpr int kIterations = 10;
-  Eigen::Vector4d change = Eigen::Vector4d::Zero();
-  for (int it = 0; it < kIterations; ++it) {
-    Eigen::Matrix4d h = 1e-12 * Eigen::Matrix4d::Identity();
-    Eigen::Vector4d g = Eigen::Vector4d::Zero();
-    for (const Offset& o : offsets) {
-      Eigen::Matrix<double, 3, 4> j;
-      j << Eigen::Vector3d::UnitZ().cross(o.arm), Eigen::Matrix3d::Identity();
-      const double weight = 1 / std::max((o.difference - j * change).norm(), o.sigma_h_m);
-      h += weight * j.transpose() * j;
-      g += weight * j.transpose() * o.difference;
-    }
-    change = h.ldlt().solve(g);
-  }
-  Vector7d all = Vector7d::Zero();
-  all.segment<4>(2) = change;
-  return all;
 }
 
 template <typename Value>
@@ -106,7 +87,7 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
   if (!geo->solved || gps.size() < kLeastGpsFixes) return;
   const std::vector<Offset> offsets = OffsetsOf(problem, gps, geo->world_from_odom);
   const double far = MedianOf(offsets, [](const Offset& o) { return o.difference.head<2>().norm(); });
-  const double high = std::abs(MedianOf(offsets, [](const Offset& o) { return o.difference.z(); }));
+  const double up = MedianOf(offsets, [](const Offset& o) { return o.difference.z(); });
   // The places of the fit are known to its covariance, too.
   const Eigen::Matrix3d own = geo->covariance.block<3, 3>(3, 3);
   const double sigma_h =
@@ -114,16 +95,22 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
   const double sigma_v =
       std::hypot(MedianOf(offsets, [](const Offset& o) { return o.sigma_v_m; }), std::sqrt(own(2, 2)));
   const bool is_far = far > std::max(kLeast_m, kSigmas * sigma_h);
-  if (!is_far && high <= std::max(kLeastHeight_m, kHeightSigmas * sigma_v)) return;
-  const Vector7d change = ChangeTo(offsets);
+  if (!is_far && std::abs(up) <= std::max(kLeastHeight_m, kHeightSigmas * sigma_v)) return;
+  const Overlay over = LayOver(offsets, false);
+  Vector7d change;
+  change << 0, 0, over.turn_rad, over.shift_m.real(), over.shift_m.imag(), up, 0;
   geo->covariance += change * change.transpose();
   // A covariance describes small turns only.
-  geo->solved = std::abs(LayOver(offsets, false).turn_rad) < kMostTurn_rad;
+  geo->solved = std::abs(over.turn_rad) < kMostTurn_rad;
   Say(fmt::format(
           "GPS lies {:.0f} m {} the run as the geotags place it (GPS, 1 sigma: {:.1f} m): one of the two is wrong, and "
           "{}; check positions, headings, heights (above the ellipsoid) and origin",
-          is_far ? far : high, is_far ? "from" : "above or below", is_far ? sigma_h : sigma_v,
-          geo->solved ? "the difference is part of the result's sigmas" : "their directions differ, too"),
+          is_far ? far : std::abs(up),
+          is_far   ? "from"
+          : up > 0 ? "above"
+                   : "below",
+          is_far ? sigma_h : sigma_v,
+          geo->solved ? "the difference is part of the result's sigmas" : "they differ in the run's direction, too"),
       geo);
 }
 
@@ -138,7 +125,7 @@ void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gp
   geo->covariance *= misfit * misfit;
   Say(fmt::format("{} GPS fixes contradict the run's shape, by {:.1f} times their sigmas in the median; {}", gps.size(),
                   misfit,
-                  mirrored ? "they agree with it where east and west are exchanged: check the longitudes and odometry"
+                  mirrored      ? "they fit if east and west are exchanged; check the longitudes and odometry"
                   : geo->solved ? "the result's sigmas are that much larger for it"
                                 : "check latitude, longitude, sigmas, time and odometry"),
       geo);

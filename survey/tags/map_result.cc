@@ -421,7 +421,7 @@ void MapSolver::CompareDatums() {
 // part of the tags' sigmas.
 void MapSolver::DoubtDatum() {
   if (!result_.in_world || result_.datum == "geotags" || result_.datum == "gps") return;
-  constexpr double kSigmas = 5, kLeast_m = 10, kLeastHeight_m = 15;  // as between GPS and geotags in localize
+  constexpr double kSigmas = 5, kLeast_m = 10, kLeastHeight_m = 15;  // coarse: geotags and GPS are no survey
   Eigen::Matrix3d shifted = Eigen::Matrix3d::Zero(), bent = Eigen::Matrix3d::Zero();
   for (const DatumShift& s : result_.shifts) {
     const Eigen::Vector3d& d = s.stated_minus_map_m;
@@ -431,7 +431,10 @@ void MapSolver::DoubtDatum() {
     result_.warnings.push_back(
         fmt::format("{} lie {:.1f} m {} the site as control places it: one of the two is wrong, and the difference is "
                     "part of the tags' sigmas; check coordinates, heights (above the ellipsoid) and crs",
-                    s.of, far ? d.head<2>().norm() : std::abs(d.z()), far ? "from" : "above or below"));
+                    s.of == "gps" ? "GPS fixes" : s.of, far ? d.head<2>().norm() : std::abs(d.z()),
+                    far         ? "from"
+                    : d.z() > 0 ? "above"
+                                : "below"));
   }
   int points = 0, wrong = 0;
   double most = 0;
@@ -446,7 +449,7 @@ void MapSolver::DoubtDatum() {
     bent = most * most * Eigen::Matrix3d::Identity();
     result_.warnings.push_back(
         fmt::format("{} of {} control and check points contradict each other, by up to {:.3g} m, and the pictures do "
-                    "not tell which is wrong: the difference is part of the tags' sigmas; check their coordinates and "
+                    "not show which is wrong: the difference is part of the tags' sigmas; check their coordinates and "
                     "tags",
                     wrong, points, most));
   }

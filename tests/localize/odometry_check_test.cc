@@ -60,7 +60,7 @@ TEST(OdometryCheck, NamesTheReadingThatAgrees) {
   EXPECT_NE(both.find("its x and y are negated"), std::string::npos) << both;
 }
 
-// On a gentle slope the directions of motion differ by less than any gate, yet all alike.
+// On a gentle slope the wrong sign changes each direction of motion by less than the gates, but it changes all.
 TEST(OdometryCheck, NamesHeightsOfTheWrongSign) {
   const Eigen::Quaterniond slope(Eigen::AngleAxisd(0.06, Eigen::Vector3d(0.6, 0.8, 0)));
   const auto upside = WrittenAs([&](const Rigid3d& p) {
