@@ -70,8 +70,8 @@ nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruc
 // Refuses odometry that follows other conventions than those of docs/file_formats.md.
 void RequireConventions(const Run& run, const LocalizeInput& input, StageContext& context) {
   if (const auto unit = FindOtherUnit(run)) throw InputError(*unit);
-  const auto contradiction = FindContradiction(input, (run.dir / "odometry.tum").string(), {}, context.threads,
-                                               context.seed, context.progress, context.cancel);
+  const auto contradiction = FindContradiction(input, run.odometry, (run.dir / "odometry.tum").string(), {},
+                                               context.threads, context.seed, context.progress, context.cancel);
   if (contradiction) throw InputError(*contradiction);
 }
 

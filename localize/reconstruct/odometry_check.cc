@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -12,6 +13,8 @@
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
+#include "localize/reconstruct/camera_mount.h"
+#include "localize/reconstruct/odometry_clock.h"
 #include "localize/reconstruct/prepared_image.h"
 #include "localize/reconstruct/two_view.h"
 
@@ -271,6 +274,54 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
   return text + ". Option check_conventions=false goes on as it is";
 }
 
+// Odometry that turns as the images do, but at other times.
+std::optional<OdometryClock> FindClock(const LocalizeInput& input, const Trajectory& whole,
+                                       const std::vector<MeasuredMotion>& motions) {
+  std::vector<MeasuredTurn> turns;
+  for (const MeasuredMotion& m : motions) {
+    turns.push_back({input.pose_stamps[static_cast<size_t>(m.a)], input.pose_stamps[static_cast<size_t>(m.b)],
+                     m.sensor_from_body.rotation, m.b_from_a.rotation});
+  }
+  constexpr double kMost_s = 10;
+  return FindOdometryClock(whole, turns, kMost_s);
+}
+
+std::string OtherClock(const OdometryClock& clock, const std::string& odometry) {
+  return fmt::format(
+      "{}: its clock is {:+.2f} s off the images' (1 sigma {:.2f} s): shifted so, it turns as the images do (median "
+      "difference {:.2f} deg, without {:.2f} deg); expected one clock: write odometry: {{time_offset_s: {:.2f}}} into "
+      "run.yaml, added to what stands there. Option check_conventions=false goes on as it is",
+      odometry, -clock.offset_s, clock.sigma_s, clock.off_after_rad * kRadToDeg, clock.off_before_rad * kRadToDeg,
+      clock.offset_s);
+}
+
+// A camera that stands on the body otherwise than its calibration states.
+std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std::vector<MeasuredMotion>& motions,
+                                          const std::string& calibration, ProgressSink& progress) {
+  constexpr double kMost_rad = 3 * kDegToRad, kSigmas = 5;
+  for (const BodyCamera& camera : input.cameras) {
+    if (!camera.has_extrinsics) continue;
+    std::vector<MeasuredMotion> its;
+    for (const MeasuredMotion& m : motions) {
+      if (m.sensor_from_body.rotation.coeffs() == camera.cam_from_body.rotation.coeffs()) its.push_back(m);
+    }
+    const std::optional<MountError> error = FindMountError(input.odom_from_body, its);
+    if (!error) continue;
+    const Eigen::Vector3d deg = error->rotation * kRadToDeg;
+    progress.Log(LogLevel::kInfo,
+                 fmt::format("{} against its T_cam_imu: {:.1f}, {:.1f}, {:.1f} deg (1 sigma {:.2f} deg)", camera.name,
+                             deg.x(), deg.y(), deg.z(), error->sigma_rad * kRadToDeg));
+    if (error->rotation.norm() < std::max(kMost_rad, kSigmas * error->sigma_rad)) continue;
+    return fmt::format(
+        "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from how the images of {} pairs move along "
+        "odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; expected the rotation "
+        "from the body (x forward, y left, z up) to the camera: calibrate it anew, or correct it. Option "
+        "check_conventions=false goes on as it is",
+        calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std::vector<int>& first_images,
@@ -292,9 +343,10 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
   return motions;
 }
 
-std::optional<std::string> FindContradiction(const LocalizeInput& input, const std::string& odometry,
-                                             const OdometryCheckOptions& options, int threads, uint64_t seed,
-                                             ProgressSink& progress, const CancelToken& cancel) {
+std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
+                                             const std::string& odometry, const OdometryCheckOptions& options,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel) {
   const int images = static_cast<int>(input.images.size());
   progress.Begin("odometry against images", 0);
   std::vector<int> first = Spread(images, options.pairs, false);
@@ -317,8 +369,18 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const s
     readings.insert(readings.begin() + 1, PosesOfSensor("camera " + camera.name, camera.cam_from_body));
   }
   const ReadingVerdict verdict = JudgeReadings(input.odom_from_body, motions, readings);
+  if (verdict.kind != ReadingVerdict::Kind::kContradicted || verdict.better.empty()) {
+    const std::optional<OdometryClock> clock = FindClock(input, whole, motions);
+    if (clock) {
+      progress.Log(LogLevel::kInfo, fmt::format("odometry's clock against the images': {:+.2f} s (1 sigma {:.2f} s)",
+                                                -clock->offset_s, clock->sigma_s));
+    }
+    if (clock && clock->significant) return OtherClock(*clock, odometry);
+  }
   if (verdict.kind == ReadingVerdict::Kind::kContradicted) return Contradiction(verdict, odometry);
   progress.Log(LogLevel::kInfo, "odometry against images: pairs agree with " + Counts(verdict.as_read));
+  const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
+  if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
   return FindJump(input, odometry, options, threads, seed, cancel);
 }
 

@@ -8,6 +8,7 @@
 #include "calib/base/option.h"
 #include "calib/base/progress.h"
 #include "calib/geometry/pose_readings.h"
+#include "datasets/io/trajectory.h"
 #include "localize/reconstruct/frames.h"
 
 namespace trigpoint {
@@ -28,10 +29,12 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
                                            const CancelToken& cancel);
 
 // Compares the readings of odometry with the images. Where most motions contradict it as read: a message that names the
-// reading which agrees, and what to do. Nothing where it agrees, or where too few motions can be compared. `odometry`
-// names the file in messages.
-std::optional<std::string> FindContradiction(const LocalizeInput& input, const std::string& odometry,
-                                             const OdometryCheckOptions& options, int threads, uint64_t seed,
-                                             ProgressSink& progress, const CancelToken& cancel);
+// reading which agrees, and what to do; where it turns as the images do at other times, a message that names the offset
+// of its clock. Nothing where it agrees, or where too few motions can be compared. `whole`: the odometry at all of its
+// own times, which the input has at the images' only. `odometry` names the file in messages.
+std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
+                                             const std::string& odometry, const OdometryCheckOptions& options,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel);
 
 }  // namespace trigpoint

@@ -42,9 +42,9 @@ QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const 
   return quick;
 }
 
-int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
+SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
   const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, kMostDistance);
-  if (static_cast<int>(matches.size()) < kLeastMatches) return 0;
+  if (static_cast<int>(matches.size()) < kLeastMatches) return {};
   std::vector<Eigen::Vector3d> rays_a, rays_b;
   for (const auto& [i, j] : matches) {
     rays_a.push_back(a.rays[static_cast<size_t>(i)]);
@@ -54,7 +54,8 @@ int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeat
   verify.inlier_rad = kInlier_px * std::max(a.pixel_rad, b.pixel_rad);
   verify.ransac_iterations = options.ransac_iterations;
   const WideBaselineResult found = VerifyWideBaseline(rays_a, rays_b, {}, verify);
-  return found.verified ? static_cast<int>(found.inliers.size()) : 0;
+  if (!found.verified) return {};
+  return {static_cast<int>(found.inliers.size()), found.b_from_a.rotation};
 }
 
 }  // namespace trigpoint

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <vector>
 
 #include "calib/camera/camera.h"
@@ -26,7 +27,11 @@ struct QuickFeatures {
 QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const Camera& camera,
                                 const SharedFeatureOptions& options);
 
-// Matches that agree with one relative pose; 0 where chance could have made them. Deterministic; thread safe.
-int CountShared(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);
+struct SharedView {
+  int features = 0;  // matches that agree with one relative pose; 0 where chance could have made them
+  std::optional<Eigen::Quaterniond> b_from_a;  // rotation of that pose; none without features
+};
+// Deterministic; thread safe.
+SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);
 
 }  // namespace trigpoint

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "localize/reconstruct/camera_mount.h"
+#include "localize/reconstruct/odometry_clock.h"
 #include "tests/localize/test_drive.h"
 
 namespace trigpoint {
@@ -14,7 +16,11 @@ using test::MakeDrive;
 std::string ContradictionOf(Drive& drive) {
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
   ProgressSink progress;
-  return FindContradiction(drive.input, "odometry.tum", {}, 2, 1, progress, {}).value_or("");
+  Trajectory whole;
+  for (size_t k = 0; k < drive.input.odom_from_body.size(); ++k) {
+    whole.poses.push_back({drive.input.pose_stamps[k], drive.input.odom_from_body[k]});
+  }
+  return FindContradiction(drive.input, whole, "odometry.tum", {}, 2, 1, progress, {}).value_or("");
 }
 
 // The message for a drive whose odometry is written in another way.
@@ -69,6 +75,63 @@ TEST(OdometryCheck, NamesHeightsOfTheWrongSign) {
   });
   EXPECT_NE(upside.find("its z is negated"), std::string::npos) << upside;
   EXPECT_EQ(WrittenAs([&](const Rigid3d& p) { return Rigid3d(slope, Eigen::Vector3d::Zero()) * p; }), "");
+}
+
+// Turns that change: a second of another clock shows. Where the body turns evenly nothing can be known.
+TEST(OdometryClock, IsFoundFromTurns) {
+  Random random(5);
+  for (const double offset_s : {-3.0, -0.4, 0.0, 0.7, 6.0}) {
+    Trajectory odometry;
+    std::vector<MeasuredTurn> turns;
+    const auto heading = [](double t) { return 0.9 * std::sin(0.4 * t) + 0.5 * std::sin(0.23 * t + 1); };
+    const Eigen::Quaterniond cam_from_body(0.5, 0.5, -0.5, 0.5);
+    const auto body = [&](double t) {
+      return Eigen::Quaterniond(Eigen::AngleAxisd(heading(t), Eigen::Vector3d::UnitZ()));
+    };
+    for (int k = 0; k <= 600; ++k) {
+      const double t = 0.1 * k;
+      odometry.poses.push_back({std::llround(1e9 * (t - offset_s)), Rigid3d(body(t), {t, 0, 0})});
+    }
+    for (int k = 0; k < 55; ++k) {
+      const double a = k + 0.2, b = a + 0.8;
+      const Eigen::Vector3d noise = 0.005 * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
+      turns.push_back({std::llround(1e9 * a), std::llround(1e9 * b), cam_from_body,
+                       ExpSO3(noise) * cam_from_body * body(b).conjugate() * body(a) * cam_from_body.conjugate()});
+    }
+    const auto clock = FindOdometryClock(odometry, turns, 10);
+    ASSERT_TRUE(clock);
+    EXPECT_NEAR(clock->offset_s, offset_s, 3.5 * clock->sigma_s);
+    EXPECT_LT(clock->sigma_s, 0.1);
+    EXPECT_EQ(clock->significant, offset_s != 0);
+    EXPECT_FALSE(FindOdometryClock(odometry, {turns.begin(), turns.begin() + 5}, 10));
+  }
+}
+
+TEST(OdometryClock, IsNotKnownWhereTurnsAreEven) {
+  Drive drive = MakeDrive(0.8, 3);
+  const std::vector<Rigid3d> poses = drive.input.odom_from_body;
+  for (size_t k = 0; k < poses.size(); ++k) drive.input.odom_from_body[k] = poses[k < 3 ? 0 : k - 3];
+  EXPECT_EQ(ContradictionOf(drive).find("clock"), std::string::npos);
+}
+
+TEST(OdometryCheck, NamesACameraThatIsTurned) {
+  for (const Eigen::Vector3d& deg :
+       {Eigen::Vector3d(0, 5, 0), Eigen::Vector3d(-4, 3, 0), Eigen::Vector3d(0.5, -0.5, 0)}) {
+    Drive drive = MakeDrive(0.8, 3);
+    Rigid3d& stated = drive.input.cameras.front().cam_from_body;
+    stated.rotation = ExpSO3(deg * kDegToRad) * stated.rotation;
+    const std::string found = ContradictionOf(drive);
+    if (deg.norm() < 3) {
+      EXPECT_EQ(found, "");
+      continue;
+    }
+    EXPECT_NE(found.find("its T_cam_imu differs by"), std::string::npos) << found;
+    std::vector<int> all;
+    for (int i = 0; i < static_cast<int>(drive.input.images.size()); i += 2) all.push_back(i);
+    const auto error = FindMountError(drive.input.odom_from_body, MeasureMotions(drive.input, all, {}, 2, 1, {}));
+    ASSERT_TRUE(error);
+    EXPECT_LT((error->rotation - deg * kDegToRad).norm(), 4 * error->sigma_rad + 0.005) << error->rotation.transpose();
+  }
 }
 
 TEST(OdometryCheck, RefusesWhatNoReadingMends) {

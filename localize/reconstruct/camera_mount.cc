@@ -1,0 +1,89 @@
+#include "localize/reconstruct/camera_mount.h"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "calib/base/median.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kLeastMotions = 8;
+constexpr int kIterations = 10;
+constexpr double kLeastRotation_rad = 0.3 * kDegToRad, kLeastDirection_rad = 1 * kDegToRad;  // sigmas, with odometry's
+constexpr double kHuber = 1.5;                                                               // sigmas
+constexpr double kKnown_rad = 1 * kDegToRad;  // 1 sigma of an axis that counts
+constexpr double kMedianOfNormal = 0.6745;
+
+// One vector by odometry and as it was measured, camera axes: a rotation vector or a unit direction.
+struct VectorPair {
+  Eigen::Vector3d predicted, measured;
+  double sigma = 1;
+};
+
+std::vector<VectorPair> PairsOf(const std::vector<Rigid3d>& odom_from_body,
+                                const std::vector<MeasuredMotion>& motions) {
+  std::vector<VectorPair> pairs;
+  size_t directions = 0;
+  for (const MeasuredMotion& m : motions) {
+    const Rigid3d b_from_a = m.sensor_from_body * odom_from_body[static_cast<size_t>(m.b)].Inverse() *
+                             odom_from_body[static_cast<size_t>(m.a)] * m.sensor_from_body.Inverse();
+    pairs.push_back(
+        {LogSO3(b_from_a.rotation), LogSO3(m.b_from_a.rotation), std::hypot(kLeastRotation_rad, m.sigma_rotation_rad)});
+    if (!m.has_direction || b_from_a.translation.norm() < 1e-6) continue;
+    pairs.push_back({b_from_a.translation.normalized(), m.b_from_a.translation.normalized(),
+                     std::hypot(kLeastDirection_rad, m.sigma_direction_rad)});
+    ++directions;
+  }
+  return directions < kLeastMotions ? std::vector<VectorPair>() : pairs;
+}
+
+}  // namespace
+
+std::optional<MountError> FindMountError(const std::vector<Rigid3d>& odom_from_body,
+                                         const std::vector<MeasuredMotion>& motions) {
+  const std::vector<VectorPair> pairs = PairsOf(odom_from_body, motions);
+  if (pairs.empty()) return std::nullopt;
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();  // true_cam_from_stated_cam
+  Eigen::Matrix3d normal;
+  double noise = 1;
+  for (int k = 0; k < kIterations; ++k) {
+    normal.setZero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    std::vector<double> sizes;
+    for (const VectorPair& pair : pairs) {
+      const Eigen::Vector3d predicted = turn * pair.predicted, off = (pair.measured - predicted) / pair.sigma;
+      const Eigen::Matrix3d j = -Skew(predicted) / pair.sigma;  // of Exp(d) predicted
+      const double size = off.norm() / noise, weight = size > kHuber ? kHuber / size : 1;
+      normal += weight * j.transpose() * j;
+      right += weight * j.transpose() * off;
+      sizes.push_back(off.norm());
+    }
+    noise = std::max(1.0, Median(std::move(sizes)) / kMedianOfNormal);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
+    Eigen::Vector3d step = Eigen::Vector3d::Zero();
+    for (int i = 0; i < 3; ++i) {  // axes that the motions do not show stay as stated
+      const double sigma = noise / std::sqrt(std::max(1e-12, eigen.eigenvalues()(i)));
+      if (sigma < kKnown_rad) {
+        step += eigen.eigenvectors().col(i) * (eigen.eigenvectors().col(i).dot(right) / eigen.eigenvalues()(i));
+      }
+    }
+    turn = ExpSO3(step) * turn;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
+  MountError error;
+  error.rotation = -LogSO3(turn);
+  error.motions = static_cast<int>(motions.size());
+  double variance = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double axis = noise * noise / std::max(1e-12, eigen.eigenvalues()(i));
+    if (std::sqrt(axis) < kKnown_rad) variance = std::max(variance, axis);
+  }
+  if (!(variance > 0)) return std::nullopt;
+  error.sigma_rad = std::sqrt(variance);
+  return error;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,115 @@
+#include "localize/reconstruct/odometry_clock.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/median.h"
+#include "calib/geo/geodetic.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr size_t kLeastTurns = 8;
+constexpr int64_t kGap_ns = 2'000'000'000;                 // of odometry, that is interpolated
+constexpr double kCoarse_s = 0.1, kFine = 10;              // between offsets tried; parts of it close to the best one
+constexpr double kLeastCovered = 0.6;                      // share of the turns that odometry covers at an offset
+constexpr double kLeastNoise_rad = 0.3 * kDegToRad;        // calibration, rolling shutter and the like
+constexpr double kMedianOfChi3 = 1.538;                    // of the length of three unit normal deviates
+constexpr double kMostChi2 = 12;                           // of one turn
+constexpr double kSignificantChi2 = 25, kAllowedChi2 = 9;  // against the best offset; of three sigma
+constexpr double kLeastOffset_s = 0.05;
+constexpr double kClearlyBetter = 2;  // times the median difference at the best offset
+
+// Differences of rotation at an offset, of the turns that odometry covers; none where these are too few.
+std::vector<double> DifferencesAt(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns, double offset_s) {
+  const int64_t offset_ns = std::llround(offset_s * 1e9);
+  std::vector<double> off;
+  for (const MeasuredTurn& turn : turns) {
+    const auto a = odometry.At(turn.a_ns - offset_ns, kGap_ns), b = odometry.At(turn.b_ns - offset_ns, kGap_ns);
+    if (!a || !b) continue;
+    const Eigen::Quaterniond b_from_a =
+        turn.sensor_from_body * b->rotation.conjugate() * a->rotation * turn.sensor_from_body.conjugate();
+    off.push_back(b_from_a.angularDistance(turn.b_from_a));
+  }
+  const double least = std::max<double>(kLeastTurns, kLeastCovered * static_cast<double>(turns.size()));
+  return static_cast<double>(off.size()) < least ? std::vector<double>() : off;
+}
+
+// Chi-square of the turns at an offset, as of all of them.
+double Chi2Of(const std::vector<double>& off, double noise_rad, size_t turns) {
+  double sum = 0;
+  for (const double angle : off) sum += std::min(kMostChi2, std::pow(angle / noise_rad, 2));
+  return sum * static_cast<double>(turns) / static_cast<double>(off.size());
+}
+
+// Median time between poses, s.
+double StepOf(const Trajectory& odometry) {
+  std::vector<double> steps;
+  for (size_t k = 1; k < odometry.poses.size(); ++k) {
+    steps.push_back(1e-9 * static_cast<double>(odometry.poses[k].stamp_ns - odometry.poses[k - 1].stamp_ns));
+  }
+  return Median(std::move(steps));
+}
+
+struct Tried {
+  double offset_s = 0;
+  std::vector<double> off;
+};
+
+// The one with the least median; for a tie the smaller offset.
+const Tried* BestOf(const std::vector<Tried>& tried) {
+  const Tried* best = nullptr;
+  double least = 0;
+  for (const Tried& t : tried) {
+    const double median = Median(t.off);
+    if (best != nullptr && (median > least || (median == least && std::abs(t.offset_s) > std::abs(best->offset_s)))) {
+      continue;
+    }
+    best = &t, least = median;
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns,
+                                               double most_s) {
+  if (turns.size() < kLeastTurns || odometry.poses.size() < 2) return std::nullopt;
+  std::vector<Tried> tried;
+  const auto attempt = [&](double offset_s) {
+    Tried t{offset_s, DifferencesAt(odometry, turns, offset_s)};
+    if (!t.off.empty()) tried.push_back(std::move(t));
+  };
+  const int steps = static_cast<int>(most_s / kCoarse_s);
+  for (int k = -steps; k <= steps; ++k) attempt(k * kCoarse_s);
+  if (tried.empty()) return std::nullopt;
+  const double noise = std::max(kLeastNoise_rad, Median(BestOf(tried)->off) / kMedianOfChi3);
+  const auto chi2 = [&](const Tried& t) { return Chi2Of(t.off, noise, turns.size()); };
+  const auto least = [&] {
+    return *std::min_element(tried.begin(), tried.end(),
+                             [&](const Tried& a, const Tried& b) { return chi2(a) < chi2(b); });
+  };
+  const double around = least().offset_s;
+  for (int k = -static_cast<int>(kFine); k <= static_cast<int>(kFine); ++k) attempt(around + k * kCoarse_s / kFine);
+  const Tried best = least();
+  OdometryClock clock;
+  clock.offset_s = best.offset_s;
+  clock.off_after_rad = Median(best.off);
+  // Three sigma reach as far as any offset that the turns allow, wherever it lies.
+  clock.sigma_s = kCoarse_s / kFine / 3;
+  for (const Tried& t : tried) {
+    if (chi2(t) < chi2(best) + kAllowedChi2) {
+      clock.sigma_s = std::max(clock.sigma_s, std::abs(t.offset_s - best.offset_s) / 3);
+    }
+  }
+  // How the body turns within a step of odometry is not known: an offset is no more certain than the step allows.
+  clock.sigma_s = std::hypot(clock.sigma_s, StepOf(odometry) / std::sqrt(12.0));
+  const Tried none{0, DifferencesAt(odometry, turns, 0)};
+  clock.off_before_rad = none.off.empty() ? M_PI : Median(none.off);
+  clock.significant = std::abs(clock.offset_s) > std::max(kLeastOffset_s, 3 * clock.sigma_s) &&
+                      clock.off_before_rad > kClearlyBetter * clock.off_after_rad &&
+                      (none.off.empty() || chi2(none) > chi2(best) + kSignificantChi2);
+  return clock;
+}
+
+}  // namespace trigpoint

@@ -1,0 +1,32 @@
+// Does odometry run on the clock of the images? The rotation between pictures is compared with odometry's at shifted
+// times, which needs no tags and no scale.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+
+// Rotation of a sensor on the body between two images, measured without odometry.
+struct MeasuredTurn {
+  int64_t a_ns = 0, b_ns = 0;           // stamps of the images
+  Eigen::Quaterniond sensor_from_body;  // the same at both
+  Eigen::Quaterniond b_from_a;          // of the sensor
+};
+
+struct OdometryClock {
+  double offset_s = 0;  // to be added to odometry's stamps
+  double sigma_s = 0;   // 1 sigma, from all offsets that the turns allow and the step of odometry
+  double off_before_rad = 0, off_after_rad = 0;  // median difference of rotation without and with the offset
+  bool significant = false;                      // the turns agree far better with the offset than without
+};
+
+// The offset within +-`most_s` with which odometry turns as the images do. Nothing where fewer than eight turns can be
+// compared. The noise of the turns is found from their residuals at the best offset; a turn counts for no more than
+// sqrt(12) sigma. Linear in turns and offsets tried.
+std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns,
+                                               double most_s);
+
+}  // namespace trigpoint
