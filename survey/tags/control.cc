@@ -6,6 +6,8 @@ namespace trigpoint {
 namespace {
 
 constexpr double kLeastSpread = 0.15;  // second principal extent / first
+constexpr double kLeastArea = 0.02;    // of a parallelogram / square of its side
+constexpr size_t kMostTried = 25;      // points
 
 }  // namespace
 
@@ -16,6 +18,22 @@ bool AreWellSpread(const std::vector<Eigen::Vector3d>& points) {
   centred.colwise() -= Eigen::Vector3d(centred.rowwise().mean());
   const Eigen::VectorXd extent = Eigen::JacobiSVD<Eigen::MatrixXd>(centred).singularValues();
   return extent(0) > 0 && extent(1) >= kLeastSpread * extent(0);
+}
+
+bool IsTriangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
+  return (b - a).cross(c - a).norm() >= kLeastArea * (b - a).squaredNorm();
+}
+
+bool HoldAFrame(const std::vector<Eigen::Vector3d>& points) {
+  const size_t n = std::min(points.size(), kMostTried);
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = i + 1; j < n; ++j) {
+      for (size_t k = j + 1; k < n; ++k) {
+        if (IsTriangle(points[i], points[j], points[k])) return true;
+      }
+    }
+  }
+  return false;
 }
 
 int WithholdChecks(std::vector<SurveyPoint>* points) {

@@ -21,6 +21,10 @@ namespace {
 constexpr double kSizeChi2 = 21.0;                // 5e-6 at 1
 constexpr double kLeastTurn_rad = 2 * kDegToRad;  // less is no turn but a weakness of the model
 constexpr double kLeastSizeError = 0.035;         // odometry, whose scale wanders along its way, can show no less
+constexpr double kCommonSizeChi2 = 10.8;          // 0.1 % at 1
+constexpr double kLeastCommonSize = 0.005;        // less is within what a ruler shows
+constexpr double kScaleKnown = 0.05;              // odometry with a larger scale sigma shows nothing about sizes
+constexpr double kLeastShown = 0.2;               // of a run's scale, by the tags, over the prior
 constexpr size_t kMostExact = 48;                 // hypotheses looked at closely each round
 constexpr double kBetterThanSlip = 1.3;  // chi-square of a tag's fault, against that of odometry's jump in its run
 
@@ -82,9 +86,8 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
   (exact ? h->chi2 : h->quick) = gradient.dot(h->covariance * gradient);
 }
 
-// Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
-// each run at a time. True if there was one.
-bool MapSolver::SnoopTags() {
+// Each tag of another size, and elsewhere in each of the runs.
+std::vector<MapSolver::Hypothesis> MapSolver::TagHypotheses() const {
   std::map<int, std::map<int, std::vector<int>>> of_place;  // place, run: observations
   for (size_t i = 0; i < observations_.size(); ++i) {
     if (observations_[i].kind != Kind::kTag) continue;
@@ -113,6 +116,13 @@ bool MapSolver::SnoopTags() {
     }
     if (size.observations.size() > kLeastSights) hypotheses.push_back(std::move(size));
   }
+  return hypotheses;
+}
+
+// Gives a tag that stands elsewhere in a run a place of its own there, and one of another size its size; the worst of
+// each run at a time. True if there was one.
+bool MapSolver::SnoopTags() {
+  std::vector<Hypothesis> hypotheses = TagHypotheses();
   ParallelFor(static_cast<int64_t>(hypotheses.size()), threads_, cancel_,
               [&](int64_t i) { Test(&hypotheses[static_cast<size_t>(i)], false); });
   const auto threshold = [](const Hypothesis& h) { return h.run >= 0 ? kMoveChi2 : kSizeChi2; };
@@ -125,6 +135,8 @@ bool MapSolver::SnoopTags() {
   std::stable_sort(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& a, const Hypothesis& b) {
     return a.chi2 / threshold(a) > b.chi2 / threshold(b);
   });
+  const double single = hypotheses.empty() ? 0 : hypotheses.front().chi2;
+  if (SnoopCommonSize(single)) return true;
   std::set<int> disturbed;  // runs
   std::map<int, double> slips;
   bool any = false;
@@ -190,11 +202,99 @@ void MapSolver::LeaveOutControlOn(int tag_id) {
   }
 }
 
+// One factor on the sizes of all tags.
+MapSolver::Hypothesis MapSolver::CommonSizeHypothesis() const {
+  Hypothesis all;
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    if (observations_[i].kind == Kind::kTag) all.observations.push_back(static_cast<int>(i));
+  }
+  if (!all.observations.empty()) Test(&all, true);
+  return all;
+}
+
+// Two control points that are used, or a measured distance.
+bool MapSolver::HasKnownLengths() const {
+  const auto control = std::count_if(datum_points_.begin(), datum_points_.end(), [&](const SurveyPoint& p) {
+    return p.role == PointRole::kControl && !Excluded(p);
+  });
+  const auto distances =
+      std::count_if(input_.distances.begin(), input_.distances.end(), [](const SurveyDistance& d) { return !d.check; });
+  return control >= 2 || distances > std::ssize(wrong_distances_);
+}
+
+// Whether odometry by itself, as its runs' scales have it, asks for such a factor: control that is wrong looks like a
+// wrong size, too, and draws odometry the other way.
+bool MapSolver::OdometryAsksFor(double log_ratio) const {
+  double weights = 0, sum = 0;
+  for (size_t r = 0; r < run_states_.size(); ++r) {
+    const RunState& state = run_states_[r];
+    const int offset = state.scale_unknown < 0 ? -1 : solver_.Offset(state.scale_unknown);
+    if (offset < 0 || input_.runs[r].scale_sigma > kScaleKnown) continue;
+    const double prior = std::pow(input_.runs[r].scale_sigma, 2);
+    const double shrunk = 1 - solver_.Covariance(offset, offset, 1, 1)(0, 0) / prior;  // the prior's pull is undone
+    if (shrunk < kLeastShown) continue;
+    sum += -std::log(std::max(0.1, 1 + (state.scale - 1) / shrunk)) / prior;
+    weights += 1 / prior;
+  }
+  if (!(weights > 0)) return false;
+  const double asked = sum / weights, sigma = 1 / std::sqrt(weights);
+  return asked * log_ratio > 0 && std::abs(asked) > 2 * sigma && std::abs(asked - log_ratio) < 3 * sigma;
+}
+
+// A sheet printed at 97 %, or sizes measured over the white border: it explains more than any single tag's fault. True
+// if the factor changed.
+bool MapSolver::SnoopCommonSize(double single_chi2) {
+  // Odometry by itself may be what is off: then the difference is named and nothing is changed.
+  if (!HasKnownLengths()) return false;
+  const Hypothesis all = CommonSizeHypothesis();
+  if (all.observations.empty() || !(all.covariance(0, 0) > 0)) return false;
+  const double log_ratio = all.estimate[0], sigma = std::sqrt(all.covariance(0, 0));
+  const bool known = common_log_size_ != 0;
+  if (known ? std::abs(log_ratio) < 0.1 * sigma
+            : all.chi2 <= std::max(kSizeChi2, single_chi2) || std::abs(log_ratio) < kLeastCommonSize ||
+                  !OdometryAsksFor(log_ratio)) {
+    return false;
+  }
+  common_log_size_ += std::clamp(log_ratio, -0.7, 0.7);
+  if (!known) sizes_found_.clear();  // single tags that were blamed for it are tested anew
+  return true;
+}
+
+// Names the factor that SnoopCommonSize took in, or one that is likely, and adds its uncertainty to the tags'.
+void MapSolver::JudgeCommonSize() {
+  const Hypothesis all = CommonSizeHypothesis();
+  if (all.observations.empty() || !(all.covariance(0, 0) > 0)) return;
+  const double sigma = std::sqrt(all.covariance(0, 0)), log_ratio = common_log_size_ + all.estimate[0];
+  const bool used = common_log_size_ != 0;
+  if (!used && (all.chi2 <= kCommonSizeChi2 || std::abs(log_ratio) < kLeastCommonSize || !OdometryAsksFor(log_ratio))) {
+    return;
+  }
+  result_.common_size = CommonSize{log_ratio, sigma};
+  result_.warnings.push_back(fmt::format(
+      "tags.yaml: all tags are {:.1f} % {} than stated (1 sigma {:.1f} %) by {}: measure the black square of a printed "
+      "tag and correct the sizes",
+      100 * std::abs(std::expm1(log_ratio)), log_ratio < 0 ? "smaller" : "larger", 100 * sigma,
+      used                ? "known points and odometry; the map is made with the sizes found"
+      : HasKnownLengths() ? "known points and odometry; the difference is part of the tags' sigmas"
+                          : "odometry, or odometry's scale is off; the difference is part of the tags' sigmas"));
+  const double spread = used ? sigma : std::hypot(sigma, log_ratio);
+  Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
+  for (int i : all.observations) solver_.AddTransposed(i, DerivativeOf(all, i), &coupling);
+  const Eigen::MatrixXd by_log_size = solver_.SolveNormal(coupling);
+  for (TagEstimate& tag : result_.tags) {
+    const auto unknown = tag_unknown_.find(tag.tag_id);
+    const int offset = unknown == tag_unknown_.end() ? -1 : solver_.Offset(unknown->second);
+    if (!tag.HasPose() || offset < 0) continue;
+    const Vector6d moved = spread * by_log_size.block<6, 1>(offset, 0);
+    tag.covariance += moved * moved.transpose();
+  }
+}
+
 // Names what SnoopTags found.
 void MapSolver::JudgePlaces(TagEstimate* tag) const {
   const auto size = sizes_found_.find(tag->tag_id);
   if (size != sizes_found_.end() && std::abs(size->second.log_ratio) > kLeastSizeError) {
-    const double stated = input_.sizes.SizeOf(tag->tag_id), found = stated * std::exp(size->second.log_ratio);
+    const double stated = input_.sizes.SizeOf(tag->tag_id), found = SizeOf(tag->tag_id);
     tag->status = "size";
     tag->reason = fmt::format("its edge is {:.4f} +- {:.4f} m (1 sigma) by the pictures, stated are {:.4f} m", found,
                               found * size->second.sigma, stated);

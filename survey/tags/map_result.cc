@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
@@ -66,6 +67,7 @@ void MapSolver::Collect() {
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
   if (options_.cross_covariances) CrossCovariances();
+  JudgeCommonSize();
   DoubtDatum();
 }
 
@@ -202,7 +204,9 @@ void MapSolver::CollectResiduals() {
 void MapSolver::JudgeShape(TagEstimate* tag) const {
   for (const TagShape& shape : result_.shapes) {
     if (shape.tag_id != tag->tag_id || (tag->status != "ok" && tag->status != "weak")) continue;
-    if (shape.SizeIsWrong()) {
+    TagShape single = shape;  // what is common to all tags is named once
+    single.size_ratio /= std::exp(common_log_size_);
+    if (single.SizeIsWrong()) {
       tag->status = "size";
       tag->reason = fmt::format("its edge is {:.4f} +- {:.4f} m (1 sigma) by the pictures, stated are {:.4f} m",
                                 shape.size_ratio * shape.edge_m, shape.size_sigma * shape.edge_m, shape.edge_m);
@@ -437,14 +441,18 @@ void MapSolver::DoubtDatum() {
                                 : "below"));
   }
   int points = 0, wrong = 0;
-  double most = 0;
+  // The smallest error of one point that explains all of it: what is found by leaving out another point than the wrong
+  // one is many times that error where few points are left.
+  double most = 0, single = std::numeric_limits<double>::infinity();
   for (const PointAgreement& p : result_.points) {
     if (p.role == PointRole::kGeotag || p.excluded) continue;
     ++points;
     if (p.chi2 <= kPointChi2) continue;
     ++wrong;
-    most = std::max({most, p.error_m.norm(), p.left_out_m ? p.left_out_m->norm() : 0.0});
+    most = std::max(most, p.error_m.norm());
+    if (p.left_out_m) single = std::min(single, p.left_out_m->norm());
   }
+  if (std::isfinite(single)) most = std::max(most, single);
   if (points >= 3 && 2 * wrong > points) {
     bent = most * most * Eigen::Matrix3d::Identity();
     result_.warnings.push_back(

@@ -111,6 +111,12 @@ class MapSolver {
   void ComparePlane();
   void CompareDatums();
   void DoubtDatum();
+  std::vector<Hypothesis> TagHypotheses() const;  // these six: map_hypotheses.cc
+  Hypothesis CommonSizeHypothesis() const;
+  bool HasKnownLengths() const;
+  bool OdometryAsksFor(double log_ratio) const;
+  bool SnoopCommonSize(double single_chi2);
+  void JudgeCommonSize();
   void FitMapToPoints();
   void CrossCovariances();
   // Place of a point in the map, minus its offset's target, and its covariance there.
@@ -138,6 +144,7 @@ class MapSolver {
     double log_ratio = 0, sigma = 0;  // to the stated size
   };
   std::map<int, SizeFound> sizes_found_;  // by place
+  double common_log_size_ = 0;            // of all tags, to the stated sizes; 0: none was found
   std::map<std::string, Eigen::Vector3d> marked_;
   std::vector<Eigen::Vector3d> tie_points_;  // of all runs, kept between solutions
   std::unique_ptr<HuberChi2Loss> huber_;     // of the corners

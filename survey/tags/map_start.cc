@@ -155,8 +155,7 @@ std::optional<Rigid3d> JoinPoints(const MapStart& start, const SurveyInput& inpu
   for (int i = 0; i < n; ++i) {
     for (int j = i + 1; j < n; ++j) {
       for (int k = j + 1; k < n; ++k) {
-        const double base = (b[j] - b[i]).norm();
-        if ((b[j] - b[i]).cross(b[k] - b[i]).norm() < 0.02 * base * base) continue;  // on a line
+        if (!IsTriangle(b[i], b[j], b[k])) continue;
         const Sim3d fit = AlignPoints({a[i], a[j], a[k]}, {b[i], b[j], b[k]}, AlignmentKind::kSE3);
         double score = 0;
         for (size_t m = 0; m < a.size(); ++m) score += std::exp(-(fit * a[m] - b[m]).norm() / sigma[m]);

@@ -309,7 +309,8 @@ int MapSolver::IdOf(int place) const { return place >= 0 ? place : moved_[static
 
 double MapSolver::SizeOf(int place) const {
   const auto found = sizes_found_.find(place);
-  return input_.sizes.SizeOf(IdOf(place)) * (found == sizes_found_.end() ? 1 : std::exp(found->second.log_ratio));
+  const double single = found == sizes_found_.end() ? 0 : found->second.log_ratio;
+  return input_.sizes.SizeOf(IdOf(place)) * std::exp(common_log_size_ + single);
 }
 
 bool MapSolver::Usable(const MapSight& s) const {

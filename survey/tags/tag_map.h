@@ -249,6 +249,11 @@ struct MoveOrJump {
   std::string Text(const std::string& run_name) const;
 };
 
+// One factor on all tags' sizes, by odometry and known points.
+struct CommonSize {
+  double log_ratio = 0, sigma = 0;  // logarithm of the size found over the one stated; 1 sigma
+};
+
 struct SurveyResult {
   std::vector<TagEstimate> tags;  // ascending id
   TagCrossCovariances cross;      // if asked for
@@ -266,6 +271,7 @@ struct SurveyResult {
   std::vector<SightResidual> sights;
   std::vector<RunAgreement> runs;
   std::vector<MoveOrJump> undecided;
+  std::optional<CommonSize> common_size;  // where the sizes stated are contradicted (0.1 %)
   std::vector<std::string> warnings;
   int iterations = 0;
   double cost_before = 0, cost_after = 0;

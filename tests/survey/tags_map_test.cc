@@ -408,6 +408,20 @@ TEST(TagMap, AWrongSizeIsNamed) {
   for (int i : {0, 1, 2, 3, 4, 5, 7}) EXPECT_NE(map.tags[i].status, "size") << i << map.tags[i].reason;
 }
 
+// A sheet printed at 97 %: no single tag is worse than the others, and control is blamed for what odometry hides.
+TEST(TagMap, OneWrongFactorOnAllSizesIsNamed) {
+  const SurveyResult right = Survey(MakeYard(8).input);
+  EXPECT_FALSE(right.common_size);
+  Yard yard = MakeYard(8);
+  yard.input.sizes.size_m /= 0.97;
+  for (auto& [id, size] : yard.input.sizes.sizes_m) size /= 0.97;
+  const SurveyResult map = Survey(yard.input);
+  ASSERT_TRUE(map.common_size);
+  EXPECT_NEAR(map.common_size->log_ratio, std::log(0.97), 4 * map.common_size->sigma);
+  EXPECT_LT(map.common_size->sigma, 0.01);
+  EXPECT_THAT(map.warnings, testing::Contains(testing::HasSubstr("smaller than stated")));
+}
+
 TEST(TagMap, WrongControlIsTakenOutAndNamed) {
   Yard yard = MakeYard(9);
   for (int t : {1, 7}) {
