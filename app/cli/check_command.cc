@@ -26,7 +26,7 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
                                         1e3 * outcome.facts.prediction->RmsSigma(), outcome.facts.prediction->datum));
   }
   for (size_t k = 0; k < outcome.advice.size(); ++k) {
-    ending.Fact(k == 0 ? "Do next" : "  then", outcome.advice[k].what);
+    ending.Fact(k > 0 ? "  then" : outcome.light == Light::kGreen ? "To gain" : "Do next", outcome.advice[k].what);
   }
   size_t shown = 0, wrong = 0;
   for (const SiteFinding& f : outcome.findings) wrong += f.light != Light::kGreen ? 1 : 0;
@@ -41,7 +41,7 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
 }
 
 // What became true, and what is no longer.
-void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, Terminal* terminal) {
+void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, std::string* advised, Terminal* terminal) {
   std::set<std::string> now;
   for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen) continue;
@@ -51,6 +51,10 @@ void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, Termin
   }
   for (const std::string& line : *said) {
     if (!now.contains(line)) terminal->Say("  - " + line);
+  }
+  if (!outcome.advice.empty() && *advised != outcome.advice.front().what) {
+    *advised = outcome.advice.front().what;
+    terminal->Say("  next: " + *advised);
   }
   *said = std::move(now);
 }
@@ -65,12 +69,13 @@ int Check(Session& session, const Arguments& a) {
     terminal.Say("Page: " + (check.out() / "index.html").string() + " (refreshes itself); end with Ctrl-C");
     terminal.Say(CheckHeadline(outcome));
     std::set<std::string> said;
-    SayChanges(outcome, &said, &terminal);
+    std::string advised;
+    SayChanges(outcome, &said, &advised, &terminal);
     outcome =
         WatchSite(check, std::move(outcome), terminal, *session.cancel, [&](const CheckOutcome& now, size_t looked) {
           terminal.ClearProgress();
           if (looked > 0) terminal.Say(CheckHeadline(now));
-          SayChanges(now, &said, &terminal);
+          SayChanges(now, &said, &advised, &terminal);
         });
     terminal.ClearProgress();
   }

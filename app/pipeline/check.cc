@@ -8,13 +8,10 @@
 
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/reference_tags.h"
-#include "app/pipeline/survey_input.h"
-#include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
-#include "eval/trajectory/trajectory.h"
 #include "localize/reconstruct/odometry_unit.h"
-#include "survey/panorama/stitch.h"
+#include "localize/reconstruct/self_calibration.h"
 
 namespace trigpoint {
 namespace {
@@ -22,11 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kAdvice = 3;
-constexpr size_t kLeastPosed = 10;       // pictures placed by tags alone, for the clock
-constexpr double kMostOffset_s = 1.5;    // of odometry's clock that is looked for
-constexpr double kLeastOffset_s = 0.05;  // that matters
-// Photo sets are looked at coarsely: whether the ring is closed shows at any size.
-constexpr int kSetFeatures = 1200, kSetSide_px = 1000;
+constexpr double kMostOffset_s = 10;  // of odometry's clock that is looked for
 
 // `used` pictures of the tags, with the sigmas that the map found.
 std::vector<PlannedSight> SightsSeen(const SurveyInput& input, const SurveyResult& map, size_t run,
@@ -67,33 +60,6 @@ std::vector<PlannedSight> SightsSeen(const SurveyInput& input, const SurveyResul
   return sights;
 }
 
-// The pictures' places by tags alone, against odometry.
-void FindClocks(const SurveyInput& input, const SurveyOptions& options, int threads, const CancelToken& cancel,
-                FieldFacts* facts) {
-  SurveyInput tags_alone = input;
-  for (SurveyRun& run : tags_alone.runs) run.odometry = {};
-  ProgressSink silent;
-  SurveyResult map;
-  try {
-    map = SurveyTags(tags_alone, options, threads, silent, cancel);
-  } catch (const Cancelled&) {
-    throw;
-  } catch (const Error&) {  // too little is seen
-    return;
-  }
-  for (const RunAgreement& found : map.runs) {
-    const auto run = std::find_if(facts->runs.begin(), facts->runs.end(),
-                                  [&](const FieldRun& r) { return r.run->name == found.name; });
-    if (run == facts->runs.end() || found.world_from_body.size() < kLeastPosed) continue;
-    Trajectory posed;
-    posed.poses = found.world_from_body;
-    const auto offset = EstimateTimeOffset(run->run->odometry, posed, kMostOffset_s);
-    if (!offset) continue;
-    run->clock = {-offset->offset_s, offset->sigma_s,
-                  offset->significant && std::abs(offset->offset_s) > kLeastOffset_s};
-  }
-}
-
 // Does the camera fit the tags' squares? A map that may change the camera shows it.
 void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, int threads, const CancelToken& cancel,
                       FieldFacts* facts) {
@@ -118,45 +84,13 @@ void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, in
   }
 }
 
-// The widest part of the horizon without an optical axis, and the photos on either side of it.
-void FindGap(const StitchedRig& rig, FieldSet* set) {
-  std::vector<std::pair<double, std::string>> axes;
-  for (size_t i = 0; i < rig.photos.size(); ++i) {
-    if (!rig.state.photos[i].placed) continue;
-    const Eigen::Vector3d axis = rig.state.photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
-    axes.emplace_back(std::atan2(axis.x(), axis.z()), rig.photos[i].name);
-  }
-  std::sort(axes.begin(), axes.end());
-  double widest = 0;
-  for (size_t k = 0; k < axes.size(); ++k) {
-    const auto& next = axes[(k + 1) % axes.size()];
-    const double gap = next.first - axes[k].first + (k + 1 == axes.size() ? 2 * M_PI : 0);
-    if (gap > widest) widest = gap, set->before_gap = axes[k].second, set->after_gap = next.second;
-  }
-}
-
-FieldSet LookAtSet(const fs::path& dir, int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
-  FieldSet set;
-  set.name = dir.filename().string();
-  try {
-    const PhotoSet photos = ReadPhotoSet(dir, set.name);
-    set.photos = static_cast<int>(photos.photos.size());
-    StitchOptions options;
-    options.max_features = kSetFeatures;
-    options.feature_size_px = kSetSide_px;
-    const StitchedRig rig = StitchPhotos(
-        photos, [](const Photo& photo) { return LoadPicture(photo.file, true); }, options, threads, seed, progress,
-        cancel);
-    set.placed = rig.placed;
-    set.full_turn = rig.closure.full_turn;
-    set.gap_deg = rig.closure.largest_gap_deg;
-    if (!set.full_turn) FindGap(rig, &set);
-  } catch (const InputError& e) {
-    set.problem = e.what();
-  } catch (const NumericError& e) {
-    set.problem = e.what();
-  }
-  return set;
+std::optional<FieldClock> ClockOf(const FieldRun& run, const PairLog& pairs) {
+  // A lens that is guessed shows rotations that are wrong by its focal length.
+  const auto is_guess = [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; };
+  if (std::any_of(run.run->cameras.begin(), run.run->cameras.end(), is_guess)) return std::nullopt;
+  const auto clock = FindOdometryClock(run.run->odometry, TurnsOf(run, pairs), kMostOffset_s);
+  if (!clock) return std::nullopt;
+  return FieldClock{clock->offset_s, clock->sigma_s, clock->significant};
 }
 
 }  // namespace
@@ -177,9 +111,7 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
     log_ = std::make_unique<PictureLog>(
         out_ / "pictures.jsonl", nlohmann::json{{"schema", 2}, {"blur", 3}, {"detector", JsonFromOptions(options)}});
     pairs_ = std::make_unique<PairLog>(out_ / "pairs.jsonl");
-    set_lines_ = std::make_unique<JsonLines>(
-        out_ / "sets.jsonl", nlohmann::json{{"schema", 1}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});
-    ReadSets();
+    OpenReferenceLines();
   }
   waiting_.clear();
   std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
@@ -202,6 +134,10 @@ std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
   for (const fs::path& set : PhotoSetFolders(dir_)) add(set);
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   return files;
+}
+
+bool SiteCheck::Waits() const {
+  return std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; });
 }
 
 bool SiteCheck::OthersChanged() const { return Others() != judged_; }
@@ -255,6 +191,7 @@ void SiteCheck::AddPictures(CheckOutcome* outcome) const {
       }
     }
     field.unit_problem = FindOtherUnit(run).value_or("");
+    field.clock = ClockOf(field, *pairs_);
     outcome->pictures += static_cast<int>(field.pictures.size());
     outcome->waiting += field.waiting;
     outcome->facts.runs.push_back(std::move(field));
@@ -280,16 +217,27 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
   }
   for (const char* name : {"plan.csv", "plan.geojson"}) {
     if (!fs::is_regular_file(dir_ / name)) continue;
-    for (const SketchItem& item : ReadSiteSketch(dir_ / name)) {
-      if (item.kind == "tag") add(item.tag_id, "in " + std::string(name));
+    std::vector<SketchItem> sketch;
+    try {
+      sketch = ReadSiteSketch(dir_ / name);
+    } catch (const InputError& e) {
+      facts->plan_problem = e.what();
+    }
+    for (const SketchItem& item : sketch) {
+      if (item.kind != "tag") continue;
+      add(item.tag_id, "in " + std::string(name));
+      std::optional<Eigen::Vector3d>& at = facts->planned[item.tag_id].world_m;
+      if (!at) at = item.local_m;
+      if (!at && item.geodetic && project_->has_frame()) at = project_->frame().EnuFromGeodetic(*item.geodetic);
     }
     break;
   }
 }
 
-void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const {
+// Of tags with a size, by runs with a camera.
+DetectionsOfRuns SiteCheck::DetectionsOf(const FieldFacts& facts) const {
   DetectionsOfRuns detections;
-  for (const FieldRun& run : facts->runs) {
+  for (const FieldRun& run : facts.runs) {
     std::vector<ImageDetections>& its = detections[run.run->name];
     for (const FieldPicture& picture : run.pictures) {
       const auto c = static_cast<size_t>(picture.camera);
@@ -300,20 +248,52 @@ void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelTo
     }
     if (its.empty() || run.run->cameras.empty()) detections.erase(run.run->name);
   }
-  if (detections.empty()) return;  // each tag is named as missing
+  return detections;
+}
+
+std::optional<SurveyJob> SiteCheck::JobOf(const SurveyStageOptions& survey, StageContext& context,
+                                          DetectionsOfRuns* detections, FieldFacts* facts) const {
+  try {
+    return MakeSurveyJob(*project_, {}, survey, context, detections);
+  } catch (const InputError& e) {
+    facts->map_problem = e.what();
+  }
+  // What is wrong with one run is no reason to judge none of the others.
+  DetectionsOfRuns usable;
+  std::vector<std::string> unusable;
+  for (const auto& [run, images] : *detections) {
+    const DetectionsOfRuns alone = {{run, images}};
+    try {
+      MakeSurveyJob(*project_, {}, survey, context, &alone);
+      usable.insert({run, images});
+    } catch (const InputError& e) {
+      unusable.emplace_back(e.what());
+    }
+  }
+  if (usable.empty() || unusable.empty()) return std::nullopt;
+  *detections = std::move(usable);
+  facts->map_problem.clear();
+  for (const std::string& why : unusable) facts->unmapped.push_back(why);
+  return MakeSurveyJob(*project_, {}, survey, context, detections);
+}
+
+void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const {
+  DetectionsOfRuns detections = DetectionsOf(*facts);
+  if (detections.empty()) return;  // each tag is named as missing, or as one without a size
   auto survey = ResolveOptions<SurveyStageOptions>(*project_, "survey", {});
   survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;
   nlohmann::json metrics;
   StageContext context{*project_, out_, threads_, seed_, progress, cancel, metrics};
   try {
-    const SurveyJob job = MakeSurveyJob(*project_, {}, survey, context, &detections);
+    const std::optional<SurveyJob> made = JobOf(survey, context, &detections, facts);
+    if (!made) return;
+    const SurveyJob& job = *made;
     facts->map = SurveyTags(job.input, survey.map, threads_, progress, cancel);
     facts->input = job.input;
     for (const std::string& warning : job.warnings) {
       if (warning.find("has no detections") == std::string::npos) facts->map->warnings.push_back(warning);
     }
     FindCalibrations(job.input, survey.map, threads_, cancel, facts);
-    FindClocks(job.input, survey.map, threads_, cancel, facts);
     const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
     PlanLayout layout = LayoutOfMap(*project_, job.input, *facts->map, plan.network);
     for (PlannedPass& pass : layout.network.passes) {
@@ -334,61 +314,52 @@ void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelTo
   }
 }
 
-void SiteCheck::ReadSets() {
-  set_lines_->Read([&](const nlohmann::json& j) {
-    const FieldSet set{j.at("name"),    j.at("photos"),     j.at("placed"),    j.at("full_turn"),
-                       j.at("gap_deg"), j.at("before_gap"), j.at("after_gap"), j.at("problem")};
-    sets_[set.name] = {j.at("like"), set};
+namespace {
+
+// What was found and what it is relative to.
+void StateAccuracy(const NetworkPrediction& p, const Site& site, std::vector<SiteFinding>* findings) {
+  const auto weakest = std::max_element(p.tags.begin(), p.tags.end(), [](const auto& a, const auto& b) {
+    return (a.tied ? TagSigma(a) : 0) < (b.tied ? TagSigma(b) : 0);
   });
-}
-
-void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) {
-  for (const fs::path& dir : PhotoSetFolders(dir_)) {
-    std::string like;  // a set whose photos are as they were is as it was
-    bool stable = true;
-    for (const fs::path& photo : PicturesIn(dir)) {
-      const FileStamp stamp = StampOf(photo);
-      like += fmt::format("{} {} {};", photo.filename().string(), stamp.size, stamp.changed_ns);
-      stable = watch_.IsStable(photo, stamp) && stable;
-    }
-    const auto known = sets_.find(dir.filename().string());
-    if (stable && (known == sets_.end() || known->second.first != like)) {
-      const FieldSet set = LookAtSet(dir, threads_, seed_, progress, cancel);
-      JsonAppender(set_lines_->file())
-          .Add({{"name", set.name},
-                {"like", like},
-                {"photos", set.photos},
-                {"placed", set.placed},
-                {"full_turn", set.full_turn},
-                {"gap_deg", set.gap_deg},
-                {"before_gap", set.before_gap},
-                {"after_gap", set.after_gap},
-                {"problem", set.problem}});
-      ReadSets();
-    }
-    if (const auto set = sets_.find(dir.filename().string()); set != sets_.end())
-      facts->sets.push_back(set->second.second);
-  }
-}
-
-void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
-  if (!outcome->facts.prediction) return;
-  const NetworkPrediction& p = *outcome->facts.prediction;
-  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
-  std::vector<std::string> ignored;
-  const double any_axis = LimitsFor(*project_, {}, &ignored).survey.max_tag_sigma_m;
-  double worst = 0, worst_axis = 0;
-  int worst_tag = -1;
-  for (const TagPrediction& tag : p.tags) {
-    if (!tag.tied) continue;
-    worst_axis = std::max(worst_axis, tag.Sigma().maxCoeff());
-    if (TagSigma(tag) > worst) worst = TagSigma(tag), worst_tag = tag.tag_id;
-  }
-  outcome->findings.push_back(
+  if (weakest == p.tags.end() || !weakest->tied) return;
+  findings->push_back(
       {Light::kGreen, "accuracy",
        fmt::format("predicted with what is there: tags {:.1f} mm (RMS of the 3D sigma), weakest tag {} with {:.1f} mm; "
                    "datum: {}",
-                   1e3 * p.RmsSigma(), worst_tag, 1e3 * worst, p.datum)});
+                   1e3 * p.RmsSigma(), weakest->tag_id, 1e3 * TagSigma(*weakest), p.datum)});
+  const bool wanted = !site.control_points.empty() || !site.references.empty() || site.origin;
+  if (p.in_world || !wanted) return;
+  findings->push_back({Light::kAmber, "datum",
+                       "nothing fixes the site in the world yet: sigmas are relative to the " + p.datum +
+                           "; photograph the tags of three control points that are not on one line, or bring geotagged "
+                           "panoramas of three stations"});
+}
+
+}  // namespace
+
+void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
+  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
+  std::vector<std::string> ignored;
+  const double any_axis = LimitsFor(*project_, {}, &ignored).survey.max_tag_sigma_m;
+  const bool set = any_axis > 0 || plan.max_tag_sigma_m > 0 || plan.max_camera_sigma_m > 0;
+  if (!outcome->facts.prediction || !outcome->facts.prediction->in_world) {
+    if (!set) return;
+    outcome->findings.push_back(
+        {Light::kRed, "accuracy",
+         std::string("the gates are undecided: ") +
+             (outcome->facts.prediction
+                  ? "nothing fixes the site in the world yet; expected three control points or "
+                    "geotagged panoramas that are not on one line, in pictures that show their tags"
+                  : "no accuracy can be predicted before tags are seen")});
+    return;
+  }
+  const NetworkPrediction& p = *outcome->facts.prediction;
+  double worst = 0, worst_axis = 0;
+  for (const TagPrediction& tag : p.tags) {
+    if (!tag.tied) continue;
+    worst_axis = std::max(worst_axis, tag.Sigma().maxCoeff());
+    worst = std::max(worst, TagSigma(tag));
+  }
   const auto gate = [&](double limit, double value, const std::string& what) {
     if (!(limit > 0)) return;
     const bool passed = value <= limit;
@@ -408,21 +379,31 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   outcome.project = project_;
   FieldFacts& facts = outcome.facts;
   facts.site = &project_->site();
-  for (const std::string& problem : problems_) outcome.findings.push_back({Light::kAmber, "files", problem});
+  for (const std::string& problem : problems_) outcome.findings.push_back({Light::kRed, "files", problem});
+  for (const std::string& warning : facts.site->warnings) {
+    // Runs that cannot be used are named by FindInPictures.
+    if (warning.find("is left out") == std::string::npos || warning.find("run '") == std::string::npos) {
+      outcome.findings.push_back({Light::kAmber, "files", warning});
+    }
+  }
   AddPictures(&outcome);
   AddPlanned(&facts);
   AddMap(&facts, progress, cancel);
+  AddReferences(&facts);
   AddSets(&facts, progress, cancel);
   for (const auto& find : {FindInPictures, FindInMap}) {
     const std::vector<SiteFinding> found = find(facts);
     outcome.findings.insert(outcome.findings.end(), found.begin(), found.end());
   }
+  if (facts.prediction) StateAccuracy(*facts.prediction, *facts.site, &outcome.findings);
   JudgeGates(&outcome);
   if (outcome.pictures == 0 && facts.sets.empty()) {
     outcome.findings.push_back({Light::kRed, "files", "no picture has been copied here yet"});
   }
   std::stable_sort(outcome.findings.begin(), outcome.findings.end(),
                    [](const SiteFinding& a, const SiteFinding& b) { return a.light > b.light; });
+  const auto same = [](const SiteFinding& a, const SiteFinding& b) { return a.text == b.text && a.topic == b.topic; };
+  outcome.findings.erase(std::unique(outcome.findings.begin(), outcome.findings.end(), same), outcome.findings.end());
   outcome.light = outcome.findings.empty() ? Light::kGreen : outcome.findings.front().light;
   for (const TagCoverage& tag : CoverTags(facts)) {
     const bool counts = facts.planned.empty() || facts.planned.contains(tag.tag_id);

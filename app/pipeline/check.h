@@ -11,6 +11,7 @@
 #include "app/pipeline/check_intake.h"
 #include "app/pipeline/check_pairs.h"
 #include "app/pipeline/plan_report.h"
+#include "app/pipeline/survey_input.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
 
@@ -37,6 +38,8 @@ class SiteCheck {
   size_t Compare(size_t most, ProgressSink& progress, const CancelToken& cancel);
   // What all of it shows.
   CheckOutcome Judge(ProgressSink& progress, const CancelToken& cancel);
+  // Whether pictures are left that are still being copied.
+  bool Waits() const;
   // Whether anything but pictures changed since the last Judge: tables, odometry, photos of sets.
   bool OthersChanged() const;
   const std::filesystem::path& out() const { return out_; }
@@ -44,8 +47,15 @@ class SiteCheck {
  private:
   FieldRun PicturesOf(const Run& run) const;
   void AddPictures(CheckOutcome* outcome) const;
+  void OpenReferenceLines();
+  void ReadReferences();
+  void AddReferences(FieldFacts* facts);
   void ReadSets();
   void AddPlanned(FieldFacts* facts) const;
+  DetectionsOfRuns DetectionsOf(const FieldFacts& facts) const;
+  // Of the runs that can take part; the others' reasons go to facts->unmapped. Nothing: none can, see map_problem.
+  std::optional<SurveyJob> JobOf(const SurveyStageOptions& survey, StageContext& context, DetectionsOfRuns* detections,
+                                 FieldFacts* facts) const;
   void AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const;
   void AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel);
   void JudgeGates(CheckOutcome* outcome) const;
@@ -59,10 +69,11 @@ class SiteCheck {
   std::vector<std::string> problems_;  // of opening it
   std::unique_ptr<PictureLog> log_;
   std::unique_ptr<PairLog> pairs_;
-  std::unique_ptr<JsonLines> set_lines_;
+  std::unique_ptr<JsonLines> set_lines_, reference_lines_;
   FolderWatch watch_;
   std::map<std::string, int> waiting_;
   std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: what its photos were like, what they show
+  std::map<std::string, std::pair<FileStamp, std::string>> references_;  // by name: as it was read, why it cannot be
   std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;
 };
 

@@ -8,7 +8,6 @@
 #include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
-#include "localize/reconstruct/shared_features.h"
 
 namespace trigpoint {
 namespace {
@@ -75,15 +74,20 @@ const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
 
 }  // namespace
 
-PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 2}, {"features", 1}}) { Read(); }
+PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 3}, {"features", 1}}) { Read(); }
 
 void PairLog::Read() {
   lines_.Read([&](const nlohmann::json& j) {
-    shared_[{j.at("run"), j.at("a"), j.at("b")}] = {j.at("versions"), j.at("shared")};
+    SharedView view{j.at("shared"), std::nullopt};
+    if (!j.at("turn").is_null()) {
+      const std::array<double, 4> q = j.at("turn");
+      view.b_from_a = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized();
+    }
+    shared_[{j.at("run"), j.at("a"), j.at("b")}] = {j.at("versions"), view};
   });
 }
 
-const int* PairLog::Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const {
+const SharedView* PairLog::Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const {
   const auto it = shared_.find({run, a.image, b.image});
   return it == shared_.end() || it->second.first != VersionsOf(a, b) ? nullptr : &it->second.second;
 }
@@ -94,8 +98,8 @@ std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
     const std::vector<Keyframe> keyframes = KeyframesOf(run, static_cast<int>(c));
     double tried = -1e9;
     const auto add = [&](const Keyframe& a, const Keyframe& b, bool loop) {
-      const int* shared = log.Find(run.run->name, *a.picture, *b.picture);
-      pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? *shared : -1, loop, b.way_m});
+      const SharedView* shared = log.Find(run.run->name, *a.picture, *b.picture);
+      pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? shared->features : -1, loop, b.way_m});
     };
     for (size_t k = 1; k < keyframes.size(); ++k) {
       add(keyframes[k - 1], keyframes[k], false);
@@ -107,6 +111,22 @@ std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
     }
   }
   return pairs;
+}
+
+std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log) {
+  std::map<std::string, const FieldPicture*> seen;
+  for (const FieldPicture& picture : run.pictures) seen[picture.image] = &picture;
+  std::vector<MeasuredTurn> turns;
+  for (const FieldPair& pair : PairsOf(run, log)) {
+    if (pair.loop) continue;
+    const FieldPicture &a = *seen.at(pair.from), &b = *seen.at(pair.to);
+    const SharedView* shared = log.Find(run.run->name, a, b);
+    if (shared == nullptr || !shared->b_from_a) continue;
+    const BodyCamera& camera = run.run->cameras[static_cast<size_t>(a.camera)];
+    const auto stamp = [&](const FieldPicture& p) { return p.stamp_ns + std::llround(camera.time_offset_s * 1e9); };
+    turns.push_back({stamp(a), stamp(b), camera.cam_from_body.rotation, *shared->b_from_a});
+  }
+  return turns;
 }
 
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,
@@ -142,12 +162,17 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
   JsonAppender appender(log->file());
   ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
     const FieldPair& pair = pairs[static_cast<size_t>(i)];
-    const int shared = CountShared(features.at(pair.from), features.at(pair.to), options);
+    const SharedView shared = CompareViews(features.at(pair.from), features.at(pair.to), options);
+    const auto turn = [&] {
+      const Eigen::Vector4d& q = shared.b_from_a->coeffs();
+      return nlohmann::json{q.x(), q.y(), q.z(), q.w()};
+    };
     appender.Add({{"run", run.run->name},
                   {"a", pair.from},
                   {"b", pair.to},
                   {"versions", VersionsOf(*seen.at(pair.from), *seen.at(pair.to))},
-                  {"shared", shared}});
+                  {"shared", shared.features},
+                  {"turn", shared.b_from_a ? turn() : nlohmann::json()}});
   });
   log->Read();
   return pairs.size();

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "datasets/project/json_lines.h"
+#include "localize/reconstruct/odometry_clock.h"
+#include "localize/reconstruct/shared_features.h"
 #include "survey/field/findings.h"
 
 namespace trigpoint {
@@ -16,17 +18,20 @@ class PairLog {
  public:
   explicit PairLog(const std::filesystem::path& file);
   void Read();
-  const int* Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const;
+  const SharedView* Find(const std::string& run, const FieldPicture& a, const FieldPicture& b) const;
   const std::filesystem::path& file() const { return lines_.file(); }
 
  private:
   JsonLines lines_;
-  std::map<std::tuple<std::string, std::string, std::string>, std::pair<std::string, int>> shared_;  // versions, count
+  std::map<std::tuple<std::string, std::string, std::string>, std::pair<std::string, SharedView>> shared_;  // versions
 };
 
 // Pairs of keyframes of a run: each with the one before, and with the nearest of an earlier traversal, by odometry.
 // `shared` is that of the log, -1 where it is not there yet.
 std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log);
+
+// Rotations between pictures in a row, as far as they were compared.
+std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log);
 
 // Compares pairs of one run, at most `most` of those that are not in the log. Returns how many.
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,

@@ -9,6 +9,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/report/document.h"
+#include "survey/tags/map_start.h"
 
 namespace trigpoint {
 namespace {
@@ -31,6 +32,24 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
     gain.world_m = advice.from ? advice.from : advice.at;
     if (advice.from) gain.heading_rad = advice.heading_rad;
     findings.suggestions.push_back(gain);
+  }
+  for (const Station& station : outcome.facts.site->stations) {
+    const auto tag = findings.layout.network.world_from_tag.find(station.tag_id);
+    if (tag == findings.layout.network.world_from_tag.end()) continue;
+    SurveyPoint point;
+    point.offset_m = station.offset_m;
+    point.offset_in_tag_frame = station.in_tag_frame;
+    findings.layout.stations.push_back(
+        {station.name, station.tag_id, OffsetInWorld(point, tag->second), station.sigma_m});
+  }
+  // Planned places are coordinates of the site: a map in a frame of its own has none of them.
+  if (!findings.prediction.in_world) return findings;
+  for (const auto& [id, planned] : outcome.facts.planned) {
+    if (!planned.world_m || findings.layout.network.world_from_tag.contains(id)) continue;
+    TagPrediction& tag = findings.prediction.tags.emplace_back();
+    tag.tag_id = id;
+    tag.world_m = *planned.world_m;
+    findings.layout.network.world_from_tag[id].translation = tag.world_m;  // which way it faces is not known
   }
   return findings;
 }
@@ -167,7 +186,8 @@ Document PageOf(const CheckOutcome& outcome) {
                          "predicted, 1 sigma; datum: " + facts.prediction->datum});
   }
   page.blocks.push_back(few);
-  page.blocks.push_back(Heading{2, "What to do next", "next"});
+  page.blocks.push_back(
+      Heading{2, outcome.light == Light::kGreen ? "What would still gain" : "What to do next", "next"});
   if (outcome.advice.empty()) page.blocks.push_back(Paragraph{"Nothing more would gain much.", Tone::kGood});
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
@@ -176,7 +196,7 @@ Document PageOf(const CheckOutcome& outcome) {
   }
   if (const auto map = CheckMap(outcome)) {
     page.blocks.push_back(Figure{"map",
-                                 "Tags, the way so far, and where to stand next (numbers; the line shows where "
+                                 "Tags, the way so far, and where to stand next (numbers; the arrow shows where "
                                  "to look).",
                                  *map});
   }
@@ -192,7 +212,8 @@ Document PageOf(const CheckOutcome& outcome) {
 
 std::optional<Drawing> CheckMap(const CheckOutcome& outcome) {
   if (!outcome.facts.layout || !outcome.facts.prediction) return std::nullopt;
-  return PlanMap(MapFindings(outcome));
+  return PlanMap(MapFindings(outcome), {"tag seen", "tag planned, not seen yet", "camera path",
+                                        "photograph next: stand there, look along the arrow"});
 }
 
 std::string CheckHeadline(const CheckOutcome& outcome) {
@@ -209,7 +230,7 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
   WriteTables(outcome, folder);
   if (const auto map = CheckMap(outcome)) {
-    WriteFileAtomically(folder / "map.svg", SvgOf(*map, "What to photograph next"));
+    WriteFileAtomically(folder / "map.svg", SvgFileOf(*map, "What to photograph next"));
   } else {
     fs::remove(folder / "map.svg");
   }

@@ -11,6 +11,7 @@ using Clock = std::chrono::steady_clock;
 constexpr size_t kAtATime = 60;                          // pictures, between two looks at the folder
 constexpr int kRefresh_s = 3;                            // of the page
 constexpr double kQuietShare = 3;                        // times what a judgement takes, before the next one
+constexpr double kPatience_s = 4;                        // with files that are still being copied, when asked once
 constexpr auto kPause = std::chrono::milliseconds(500);  // where nothing is new
 
 double Seconds(Clock::time_point since) { return std::chrono::duration<double>(Clock::now() - since).count(); }
@@ -18,12 +19,42 @@ double Seconds(Clock::time_point since) { return std::chrono::duration<double>(C
 }  // namespace
 
 CheckOutcome CheckSite(SiteCheck& check, bool watched, ProgressSink& progress, const CancelToken& cancel) {
-  while (check.Look(kAtATime, progress, cancel) > 0 || check.Compare(kAtATime, progress, cancel) > 0) {
+  const auto begun = Clock::now();
+  while (true) {
+    if (check.Look(kAtATime, progress, cancel) > 0 || check.Compare(kAtATime, progress, cancel) > 0) continue;
+    // What was copied a moment ago is known to be whole a moment later.
+    if (watched || !check.Waits() || Seconds(begun) > kPatience_s) break;
+    std::this_thread::sleep_for(kPause);
+    cancel.ThrowIfCancelled();
   }
   CheckOutcome outcome = check.Judge(progress, cancel);
   WriteCheck(outcome, watched ? kRefresh_s : 0, check.out());
   return outcome;
 }
+
+namespace {
+
+// A table that somebody is editing, say, makes a judgement impossible for a while.
+CheckOutcome JudgeOrExplain(SiteCheck& check, const CheckOutcome& before, ProgressSink& progress,
+                            const CancelToken& cancel) {
+  try {
+    return check.Judge(progress, cancel);
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const IoError&) {
+    throw;
+  } catch (const Error& e) {
+    CheckOutcome outcome = before;
+    const SiteFinding finding{Light::kRed, "files", e.what()};
+    if (outcome.findings.empty() || outcome.findings.front().text != finding.text) {
+      outcome.findings.insert(outcome.findings.begin(), finding);
+    }
+    outcome.light = Light::kRed;
+    return outcome;
+  }
+}
+
+}  // namespace
 
 CheckOutcome WatchSite(SiteCheck& check, CheckOutcome outcome, ProgressSink& progress, const CancelToken& cancel,
                        const Judged& judged) {
@@ -39,7 +70,7 @@ CheckOutcome WatchSite(SiteCheck& check, CheckOutcome outcome, ProgressSink& pro
       const bool news = looked > 0 || waited || check.OthersChanged();
       if (news && Seconds(judged_at) > kQuietShare * took) {
         const auto begun = Clock::now();
-        outcome = check.Judge(progress, cancel);
+        outcome = JudgeOrExplain(check, outcome, progress, cancel);
         took = Seconds(begun);
         judged_at = Clock::now();
         waited = outcome.waiting > 0;

@@ -23,23 +23,35 @@ std::vector<std::filesystem::path> FoldersIn(const std::filesystem::path& dir) {
   return folders;
 }
 
-void ReadRuns(Site* site) {
+// Without a place for problems, those of settings end it, and so do those of data where no run has any.
+void ReadRuns(Site* site, std::vector<std::string>* problems) {
   std::optional<InputError> first;
+  const auto leave_out = [&](const std::filesystem::path& folder, const InputError& e) {
+    if (!first) first = e;
+    const std::string name = folder.filename().string();
+    site->broken_runs[name] = e.what();
+    site->warnings.push_back(std::string(e.what()) + "; run '" + name + "' is left out");
+  };
   for (const std::filesystem::path& folder : FoldersIn(site->dir / "runs")) {
-    Run run = ReadRunSettings(folder, site->dir);
+    Run run;
+    try {
+      run = ReadRunSettings(folder, site->dir);
+    } catch (const InputError& e) {
+      if (problems == nullptr) throw;
+      leave_out(folder, e);
+      continue;
+    }
     try {
       ReadRunData(site->dir, &run);
       site->runs.push_back(std::move(run));
-    } catch (const PathError&) {
-      throw;
+    } catch (const PathError& e) {
+      if (problems == nullptr) throw;
+      leave_out(folder, e);
     } catch (const InputError& e) {
-      if (!first) first = e;
-      const std::string name = folder.filename().string();
-      site->broken_runs[name] = e.what();
-      site->warnings.push_back(std::string(e.what()) + "; run '" + name + "' is left out");
+      leave_out(folder, e);
     }
   }
-  if (site->runs.empty() && first) throw *first;
+  if (problems == nullptr && site->runs.empty() && first) throw *first;
 }
 
 void Append(std::vector<Reference> more, Site* site) {
@@ -93,20 +105,26 @@ std::vector<std::string> ReadTables(Site* site) {
   return unused;
 }
 
-}  // namespace
-
-Site ReadSite(const std::filesystem::path& dir) {
+Site ReadParts(const std::filesystem::path& dir, std::vector<std::string>* problems) {
   Site site;
   site.dir = std::filesystem::absolute(dir).lexically_normal();
   if (!site.dir.has_filename()) site.dir = site.dir.parent_path();
   if (!std::filesystem::is_directory(site.dir)) {
     throw InputError(site.dir.string() + ": there is no such folder");
   }
+  const auto attempt = [&](const auto& step) {
+    try {
+      step();
+    } catch (const InputError& e) {
+      if (problems == nullptr) throw;
+      problems->emplace_back(e.what());
+    }
+  };
   const auto present = [&](const char* name) { return std::filesystem::exists(site.dir / name); };
-  if (present("origin.json")) site.origin = ReadOrigin(site.dir / "origin.json");
-  if (present("tags.yaml")) site.tags = ReadTagSizes(site.dir / "tags.yaml");
-  ReadRuns(&site);
-  ReadTables(&site);
+  if (present("origin.json")) attempt([&] { site.origin = ReadOrigin(site.dir / "origin.json"); });
+  if (present("tags.yaml")) attempt([&] { site.tags = ReadTagSizes(site.dir / "tags.yaml"); });
+  ReadRuns(&site, problems);
+  attempt([&] { ReadTables(&site); });
   LeaveOutFarPlaces(&site);
   if (present("aerial.tif")) {
     if (IsGeoTiff(site.dir / "aerial.tif")) {
@@ -117,6 +135,14 @@ Site ReadSite(const std::filesystem::path& dir) {
     }
   }
   return site;
+}
+
+}  // namespace
+
+Site ReadSite(const std::filesystem::path& dir) { return ReadParts(dir, nullptr); }
+
+Site ReadSiteTolerant(const std::filesystem::path& dir, std::vector<std::string>* problems) {
+  return ReadParts(dir, problems);
 }
 
 std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir) {

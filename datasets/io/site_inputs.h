@@ -7,6 +7,12 @@
 
 namespace trigpoint {
 
+struct Site;
+
+// ReadSite, to be looked at: of what is broken each reason goes to `problems` and the rest is read. A run whose
+// settings are broken is one of Site::broken_runs. Throws InputError only if there is no such folder.
+Site ReadSiteTolerant(const std::filesystem::path& dir, std::vector<std::string>* problems);
+
 // Would a site's reader take a file at this path, relative to the site, as its user's input? It need not be there.
 bool IsInputPath(const std::filesystem::path& relative);
 

@@ -76,6 +76,7 @@ void FindUnusable(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
                                        Counted(run.waiting, "picture"))});
     }
   }
+  if (!facts.plan_problem.empty()) findings->push_back({Light::kRed, "files", facts.plan_problem});
   for (const auto& [run, why] : facts.site->broken_runs) {
     if (why.find("there is no file") != std::string::npos) {  // its list came first
       findings->push_back({Light::kAmber, "files", run + ": none of the pictures of its list has been copied yet"});
@@ -259,6 +260,55 @@ void FindMissingTags(const FieldFacts& facts, std::vector<SiteFinding>* findings
   }
 }
 
+void FindUnsizedTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
+  std::set<int> unsized;
+  for (const FieldRun& run : facts.runs) {
+    std::map<int, int> pictures;
+    for (const FieldPicture& picture : run.pictures) {
+      for (const TagDetection& d : picture.tags) {
+        if (!(facts.site->tags.SizeOf(d.id) > 0) && ++pictures[d.id] >= kRealId) unsized.insert(d.id);
+      }
+    }
+  }
+  if (unsized.empty()) return;
+  std::vector<std::string> ids;
+  for (const int id : unsized) ids.push_back(std::to_string(id));
+  findings->push_back({Light::kRed, "tags",
+                       fmt::format("{} {} {} no size in tags.yaml and {} no part in the map; measure the edge of the "
+                                   "black square and enter it as size_m, or in sizes_m by id",
+                                   ids.size() == 1 ? "tag" : "tags", SomeOf(ids, kTagsNamed),
+                                   ids.size() == 1 ? "has" : "have", ids.size() == 1 ? "takes" : "take")});
+}
+
+// Panoramas and photos with a geotag each: what localization is held to the world by.
+void FindInReferences(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
+  int panoramas = 0;
+  std::vector<std::string> unplaced, unheaded, unreadable;
+  for (const Reference& reference : facts.site->references) {
+    if (reference.kind == ReferenceKind::kPhotoSet) continue;
+    ++panoramas;
+    if (!reference.geotag.has_position) unplaced.push_back(reference.name);
+    if (!reference.geotag.has_heading) unheaded.push_back(reference.name);
+    if (facts.unreadable.contains(reference.name)) {
+      unreadable.push_back(reference.name + " (" + facts.unreadable.at(reference.name) + ")");
+    }
+  }
+  if (panoramas == 0) return;
+  const auto add = [&](const std::vector<std::string>& names, Light light, const char* what) {
+    if (names.empty()) return;
+    findings->push_back(
+        {light, "panoramas",
+         fmt::format("{} of {} {}: {}", names.size(), Counted(panoramas, "panorama"), what, SomeOf(names, 3))});
+  };
+  add(unreadable, Light::kRed, "cannot be read; copy them again");
+  add(unplaced, Light::kAmber, "have no position; enter it into panoramas.csv");
+  add(unheaded, Light::kAmber, "have no heading; it is found only where the pictures show it");
+  if (unreadable.empty() && unplaced.empty() && unheaded.empty()) {
+    findings->push_back({Light::kGreen, "panoramas",
+                         fmt::format("{}: readable, with position and heading", Counted(panoramas, "panorama"))});
+  }
+}
+
 void FindInSets(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldSet& set : facts.sets) {
     const std::string name = "photo set " + set.name;
@@ -312,6 +362,8 @@ std::vector<SiteFinding> FindInPictures(const FieldFacts& facts) {
   }
   for (const FieldRun& run : facts.runs) FindOverlap(run, &findings);
   FindMissingTags(facts, &findings);
+  FindUnsizedTags(facts, &findings);
+  FindInReferences(facts, &findings);
   FindInSets(facts, &findings);
   return findings;
 }

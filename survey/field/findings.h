@@ -35,7 +35,7 @@ struct FieldPicture {
   std::vector<TagDetection> tags;
 };
 
-// Offset of odometry's clock against that of the pictures, as tags alone show it.
+// Offset of odometry's clock against that of the pictures, as their rotations show it.
 struct FieldClock {
   double offset_s = 0, sigma_s = 0;  // to be added to odometry's stamps; 1 sigma
   bool significant = false;
@@ -87,10 +87,13 @@ struct FieldFacts {
   std::vector<FieldRun> runs;
   std::vector<FieldSet> sets;
   std::map<int, PlannedTag> planned;
+  std::map<std::string, std::string> unreadable;  // panoramas and photos by name: why
   // The tag map of what was seen so far.
   std::optional<SurveyInput> input;
   std::optional<SurveyResult> map;
-  std::string map_problem;  // why there is none
+  std::string map_problem;            // why there is none
+  std::vector<std::string> unmapped;  // why runs take no part in it
+  std::string plan_problem;           // why plan.csv or plan.geojson cannot be used; empty: it can, or there is none
   std::vector<FieldCalibration> calibrations;
   // What `survey` will state, and from where the pictures were taken.
   std::optional<NetworkLayout> layout;

@@ -74,7 +74,8 @@ void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
 void FindInCalibration(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldCalibration& c : facts.calibrations) {
     const double sigmas = c.focal_sigma > 0 ? std::abs(c.focal_change) / c.focal_sigma : 0;
-    if (std::abs(c.focal_change) > kFocalOff && sigmas > 3) {
+    // A wrong size of all tags looks like another focal length.
+    if (std::abs(c.focal_change) > kFocalOff && sigmas > 3 && !facts.map->common_size) {
       findings->push_back(
           {Light::kAmber, "calibration",
            fmt::format("{}: the calibration does not fit: by the tags' squares the focal length is {:+.1f} % off "
@@ -336,6 +337,14 @@ std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radiu
 std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
   std::vector<SiteFinding> findings;
   if (!facts.map_problem.empty()) findings.push_back({Light::kRed, "map", facts.map_problem});
+  for (const std::string& why : facts.unmapped) {
+    findings.push_back({Light::kRed, "map", "one run takes no part in the map: " + why});
+  }
+  if (!facts.map && facts.map_problem.empty()) {
+    findings.push_back({Light::kAmber, "map",
+                        "there is no tag map yet: no tag with a size is in any picture of a run "
+                        "with a camera"});
+  }
   if (facts.map) {
     FindInTags(facts, &findings);
     for (const std::string& warning : facts.map->warnings) {

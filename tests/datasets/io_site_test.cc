@@ -326,6 +326,21 @@ TEST_F(SiteTest, LeavesABrokenRunOut) {
   EXPECT_THAT(MessageOf<InputError>([&] { ReadSite(dir_ / "nowhere"); }), HasSubstr("there is no such folder"));
 }
 
+// To be looked at, a site with broken settings is still a site.
+TEST_F(SiteTest, ReadsWhatIsNotBroken) {
+  AddRun("run2");
+  Write("runs/run1/run.yaml", "rolee: both\n");
+  Write("tags.yaml", "family: [");
+  EXPECT_THAT(Refusal(), HasSubstr("tags.yaml"));
+  std::vector<std::string> problems;
+  const Site site = ReadSiteTolerant(dir_.path(), &problems);
+  ASSERT_EQ(site.runs.size(), 1u);
+  EXPECT_EQ(site.runs[0].name, "run2");
+  EXPECT_THAT(site.broken_runs.at("run1"), HasSubstr("unknown key 'rolee'"));
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_THAT(problems[0], HasSubstr("tags.yaml"));
+}
+
 TEST_F(SiteTest, TakesDetectionsInPlaceOfImages) {
   Write("runs/run1/detections.csv", "timestamp,image\n");
   std::filesystem::remove(dir_ / "runs/run1/images.txt");

@@ -211,6 +211,32 @@ TEST_F(FieldCheck, ADoubledTagIsNamed) {
   EXPECT_THAT(findings, Contains(HasSubstr("tag 1 (")));
 }
 
+// Copied a moment ago, with settings of one run that cannot be read and tags whose size nobody entered.
+TEST_F(FieldCheck, WhatCannotBeUsedHidesNothingElse) {
+  const auto now = fs::file_time_type::clock::now();
+  for (const fs::path& image : images_) fs::last_write_time(image, now);
+  fs::create_directories(site_ / "runs/run2/images");
+  std::ofstream(site_ / "runs/run2/run.yaml") << "rolee: both\n";
+  std::ofstream(site_ / "plan.csv") << "kind,name\nfoo,1\n";
+  std::ofstream(site_ / "tags.yaml") << "family: tag36h11\n";
+  const nlohmann::json seen = Check();
+  EXPECT_EQ(seen.at("pictures"), images_.size());
+  const std::vector<std::string> findings = Findings(seen);
+  EXPECT_THAT(findings, Contains(HasSubstr("unknown key 'rolee'")));
+  EXPECT_THAT(findings, Contains(HasSubstr("unknown kind 'foo'")));
+  EXPECT_THAT(findings, Contains(HasSubstr("have no size in tags.yaml")));
+  EXPECT_EQ(seen.at("light"), "red");
+}
+
+TEST_F(FieldCheck, AGateWithoutADatumIsUndecided) {
+  for (const char* table : {"control_points.csv", "panoramas.csv"}) fs::remove(site_ / table);
+  fs::remove_all(site_ / "panoramas");
+  std::ofstream(site_ / "trigpoint.yaml") << "stages: {plan: {max_tag_sigma_m: 5}}\n";
+  int exit_code = 0;
+  EXPECT_THAT(Findings(Check(&exit_code)), Contains(HasSubstr("the gates are undecided")));
+  EXPECT_EQ(exit_code, 3);
+}
+
 TEST_F(FieldCheck, ALensThatGetsSmearedIsNamed) {
   ChangePictures([&](size_t i, cv::Mat& picture, const std::vector<TagDetection>&) {
     if (i > images_.size() / 2) cv::GaussianBlur(picture, picture, {}, 2);

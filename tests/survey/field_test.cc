@@ -54,6 +54,7 @@ std::unique_ptr<Scene> SceneOf(const SurveyInput& input, const NetworkLayout& la
   auto scene = std::make_unique<Scene>();
   FieldFacts& facts = scene->facts;
   facts.site = &scene->site;
+  scene->site.tags = input.sizes;
   for (const SurveyRun& its : input.runs) {
     Run run;
     run.name = its.name;
@@ -126,6 +127,29 @@ TEST(Field, TagsInNoPictureShareOneLine) {
   }
   EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
               testing::ElementsAre(HasSubstr("tags 5 (station S5), 6 (station S6) are planned and in no picture")));
+}
+
+TEST(Field, TagsWithoutASizeAreNamed) {
+  const NetworkLayout layout = Yard();
+  const auto scene = SceneOf(Recorded(layout), layout);
+  scene->site.tags.size_m = 0;
+  scene->site.tags.sizes_m[3] = 0.3;
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("tags 0, 1, 2, 4, 5, 6, 7, 8 have no size")));
+}
+
+TEST(Field, PanoramasThatCannotBeUsedAreNamed) {
+  const NetworkLayout layout = Yard();
+  const auto scene = SceneOf(Recorded(layout), layout);
+  for (const char* name : {"whole.jpg", "cut.jpg", "bare.jpg"}) {
+    Reference reference;
+    reference.name = name;
+    reference.geotag.has_position = reference.geotag.has_heading = reference.name != "bare.jpg";
+    scene->site.references.push_back(reference);
+  }
+  scene->facts.unreadable["cut.jpg"] = "its end is missing";
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("cut.jpg (its end is missing)"),
+                                                        HasSubstr("1 of 3 panoramas have no position"),
+                                                        HasSubstr("1 of 3 panoramas have no heading")));
 }
 
 TEST(Field, AnIdThatStandsTwiceIsNamed) {
