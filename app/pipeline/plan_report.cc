@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -11,7 +10,6 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/report/document.h"
-#include "eval/report/plan.h"
 
 namespace trigpoint {
 namespace {
@@ -19,21 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMm = 1e3;
-constexpr const char* kBlue = "#0072b2";
-constexpr const char* kOrange = "#d55e00";
-constexpr const char* kGreen = "#009e73";
-constexpr const char* kGrey = "#8a939b";
-
-// Of a 2 x 2 covariance: half axes of the ellipse of one standard deviation and the first one's angle.
-struct Ellipse {
-  double a = 0, b = 0, angle = 0;
-};
-Ellipse EllipseOf(const Eigen::Matrix3d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(Eigen::Matrix2d(covariance.topLeftCorner<2, 2>()));
-  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
-  return {std::sqrt(std::max(0.0, solver.eigenvalues()(1))), std::sqrt(std::max(0.0, solver.eigenvalues()(0))),
-          std::atan2(axis.y(), axis.x())};
-}
 
 Eigen::Matrix3d Position(const Matrix6d& covariance) { return covariance.bottomRightCorner<3, 3>(); }
 
@@ -56,7 +39,7 @@ void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
     csv.Integer(tag.tag_id);
     for (int k = 0; k < 3; ++k) csv.Number(tag.world_m[k], 4);
     if (tag.tied) {
-      const Ellipse e = EllipseOf(Position(tag.covariance));
+      const HorizontalEllipse e = EllipseOf(Position(tag.covariance));
       for (int k = 0; k < 3; ++k) csv.Number(tag.Sigma()[k], 6);
       for (int k = 0; k < 3; ++k) csv.Number(std::sqrt(std::max(0.0, tag.covariance(k, k))) * kRadToDeg, 5);
       csv.Number(e.a, 6).Number(e.b, 6).Number(std::fmod(450 - e.angle * kRadToDeg, 180), 1);
@@ -176,140 +159,6 @@ void WriteGains(const std::vector<PlanGain>& gains, double before, const fs::pat
   }
   csv.Save(file);
 }
-
-// The site from above with ellipses of one standard deviation, enlarged.
-class Map {
- public:
-  explicit Map(const PlanFindings& findings) : findings_(findings) {
-    for (const auto& [id, pose] : findings.layout.network.world_from_tag) Extend(pose.translation);
-    for (const BodyPrediction& body : findings.prediction.bodies) Extend(body.world_from_body.translation);
-    for (const PlanGain& suggestion : findings.suggestions) {
-      if (suggestion.world_m) Extend(*suggestion.world_m);
-    }
-    const double pad = 0.06 * std::max({high_.x() - low_.x(), high_.y() - low_.y(), 5.0}) + 0.5;
-    low_ -= Eigen::Vector2d(pad, pad);
-    high_ += Eigen::Vector2d(pad, pad);
-    drawing_.width = 760;
-    scale_ = std::min(drawing_.width / (high_.x() - low_.x()), 620 / (high_.y() - low_.y()));
-    const double wider = 0.5 * (drawing_.width / scale_ - (high_.x() - low_.x()));  // the width is used in full
-    low_.x() -= wider, high_.x() += wider;
-    drawing_.height = scale_ * (high_.y() - low_.y()) + 62;
-    double largest = 1e-6;
-    for (const TagPrediction& tag : findings.prediction.tags) {
-      if (tag.tied) largest = std::max(largest, EllipseOf(Position(tag.covariance)).a);
-    }
-    // The largest one is at most 34 pixels; a round factor is easier to read off.
-    factor_ = RoundDown(34 / (scale_ * largest));
-  }
-
-  Drawing Draw() {
-    drawing_.Rectangle(0, 0, drawing_.width, drawing_.height, "#ffffff");
-    Paths();
-    for (const PlanStationItem& station : findings_.layout.stations) DrawStation(station);
-    for (const TagPrediction& tag : findings_.prediction.tags) DrawTag(tag);
-    int rank = 0;
-    for (const PlanGain& gain : findings_.suggestions) {
-      ++rank;
-      if (!gain.world_m) continue;
-      const auto [x, y] = At(*gain.world_m);
-      if (gain.heading_rad) {
-        const double length = 20;
-        drawing_.Line({{x, y}, {x + length * std::sin(*gain.heading_rad), y - length * std::cos(*gain.heading_rad)}},
-                      kGreen, 3);
-      }
-      drawing_.Circle(x, y, 8, kGreen, 0.9);
-      drawing_.Text(x, y + 4, std::to_string(rank), 0, 11, "#ffffff", true);
-    }
-    Legend();
-    return drawing_;
-  }
-
- private:
-  void Extend(const Eigen::Vector3d& p) {
-    low_ = low_.cwiseMin(p.head<2>());
-    high_ = high_.cwiseMax(p.head<2>());
-  }
-  std::pair<double, double> At(const Eigen::Vector3d& p) const {
-    return {scale_ * (p.x() - low_.x()), scale_ * (high_.y() - p.y())};
-  }
-  void Paths() {
-    std::map<int, std::vector<std::pair<double, double>>> lines;
-    for (const BodyPrediction& body : findings_.prediction.bodies) {
-      lines[body.pass].push_back(At(body.world_from_body.translation));
-    }
-    for (const auto& [pass, line] : lines) {
-      drawing_.Line(line, kGrey, 1.2);
-      const std::string& name = findings_.layout.network.passes[static_cast<size_t>(pass)].name;
-      drawing_.Text(line.front().first + 6, line.front().second + 14, name, -1, 11, "#5a6570");
-    }
-    const size_t every = std::max<size_t>(1, findings_.prediction.bodies.size() / 60);
-    for (size_t k = 0; k < findings_.prediction.bodies.size(); k += every) {
-      const BodyPrediction& body = findings_.prediction.bodies[k];
-      DrawEllipse(body.world_from_body.translation, Position(body.covariance), kGrey, 0.8);
-    }
-  }
-  void DrawEllipse(const Eigen::Vector3d& centre, const Eigen::Matrix3d& covariance, const char* colour, double width) {
-    const Ellipse e = EllipseOf(covariance);
-    std::vector<std::pair<double, double>> line;
-    for (int k = 0; k <= 48; ++k) {
-      const double t = 2 * M_PI * k / 48;
-      const Eigen::Vector2d p(factor_ * e.a * std::cos(t), factor_ * e.b * std::sin(t));
-      line.push_back(At(centre + Eigen::Vector3d(std::cos(e.angle) * p.x() - std::sin(e.angle) * p.y(),
-                                                 std::sin(e.angle) * p.x() + std::cos(e.angle) * p.y(), 0)));
-    }
-    drawing_.Line(line, colour, width);
-  }
-  // The stroke shows which way the printed side faces; the id stands behind it.
-  void DrawTag(const TagPrediction& tag) {
-    const auto [x, y] = At(tag.world_m);
-    const bool control = tag.role == "control";
-    const char* colour = !tag.tied ? kOrange : kBlue;
-    double behind = 14;
-    if (tag.tied) {
-      DrawEllipse(tag.world_m, Position(tag.covariance), colour, 1.6);
-      behind += scale_ * factor_ * EllipseOf(Position(tag.covariance)).a;
-    }
-    const Rigid3d& pose = findings_.layout.network.world_from_tag.at(tag.tag_id);
-    Eigen::Vector2d out = -(pose.rotation * Eigen::Vector3d::UnitZ()).head<2>();
-    if (out.norm() > 1e-3) {
-      constexpr double kStroke = 11;
-      out.normalize();
-      drawing_.Line({{x, y}, {x + kStroke * out.x(), y - kStroke * out.y()}}, colour, 2);
-    }
-    if (control) {
-      drawing_.Area({{x, y - 6}, {x + 5.5, y + 4}, {x - 5.5, y + 4}}, colour);
-    } else {
-      drawing_.Circle(x, y, tag.tied ? 3 : 5, colour);
-    }
-    drawing_.Text(x - behind * out.x(), y + behind * out.y() + 4, std::to_string(tag.tag_id), 0, 12, "#1d2329", true);
-    drawing_.spots.push_back({x, y, "tag:" + std::to_string(tag.tag_id)});
-  }
-  void DrawStation(const PlanStationItem& station) {
-    constexpr double kHalf = 4;
-    const auto [x, y] = At(findings_.layout.network.world_from_tag.at(station.tag_id).translation + station.offset_m);
-    drawing_.Rectangle(x - kHalf, y - kHalf, 2 * kHalf, 2 * kHalf, kGreen);
-    drawing_.Text(x + 2 * kHalf, y + kHalf, station.name, -1, 11);
-    drawing_.spots.push_back({x, y, "station:" + station.name});
-  }
-  void Legend() {
-    const double y = drawing_.height - 30;
-    const double metres = RoundDown(0.3 * (high_.x() - low_.x()));
-    drawing_.Line({{10, y}, {10 + metres * scale_, y}}, "#1d2329", 2);
-    drawing_.Text(10, y - 6, fmt::format("{:g} m", metres), -1, 11);
-    drawing_.Text(10, y + 22,
-                  fmt::format("ellipses: 1 sigma, {:g} times enlarged; triangle: control; square: station; stroke: the "
-                              "way a tag faces; orange: in no planned picture",
-                              factor_),
-                  -1, 11);
-    drawing_.Text(drawing_.width - 14, 16, "N", 0, 12, "#1d2329", true);
-    drawing_.Line({{drawing_.width - 14, 40}, {drawing_.width - 14, 20}}, "#1d2329", 1.5);
-  }
-
-  const PlanFindings& findings_;
-  Drawing drawing_;
-  Eigen::Vector2d low_{1e12, 1e12}, high_{-1e12, -1e12};
-  double scale_ = 1, factor_ = 1;
-};
 
 const TagPrediction* Weakest(const NetworkPrediction& prediction) {
   const TagPrediction* weakest = nullptr;
@@ -525,8 +374,6 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
 
 }  // namespace
 
-Drawing PlanMap(const PlanFindings& findings) { return Map(findings).Draw(); }
-
 double TagSigma(const TagPrediction& tag) { return tag.Sigma().norm(); }
 double BodySigma(const BodyPrediction& body) {
   return std::sqrt(std::max(0.0, body.covariance.diagonal().tail<3>().sum()));
@@ -551,7 +398,7 @@ void WritePlan(const PlanFindings& findings, const fs::path& folder) {
   WriteFileAtomically(folder / "summary.json", DumpJson(summary, 2) + "\n");
   const Drawing map = PlanMap(findings);
   constexpr double kPngScale = 2;
-  WriteFileAtomically(folder / "map.svg", SvgOf(map, "Plan of the site with predicted accuracy"));
+  WriteFileAtomically(folder / "map.svg", SvgFileOf(map, "Plan of the site with predicted accuracy"));
   WriteFileAtomically(folder / "map.png", PngOf(map, kPngScale));
   WriteFileAtomically(folder / "index.html", HtmlOf(PageOf(findings, map, summary)));
 }

@@ -43,8 +43,19 @@ double Percentile(std::vector<double> values, double share);
 // tags.csv, cameras.csv, stations.csv, observations.csv, known_points.csv, gains.csv, suggestions.csv, summary.json,
 // map.svg, map.png, index.html
 void WritePlan(const PlanFindings& findings, const std::filesystem::path& folder);
-// The site from above with its ellipses, and numbers where suggestions are.
-Drawing PlanMap(const PlanFindings& findings);
+// Of a covariance's first two axes: half axes of the ellipse of one standard deviation, and the first one's angle.
+struct HorizontalEllipse {
+  double a = 0, b = 0, angle = 0;
+};
+HorizontalEllipse EllipseOf(const Eigen::Matrix3d& covariance);
+
+// What the legend calls the marks of a map.
+struct MapWords {
+  std::string seen = "tag", unseen = "tag in no planned picture", path = "planned path";
+  std::string suggested = "suggested place; arrow: the way it faces";
+};
+// The site from above with its ellipses, numbers where suggestions are, and a legend of what is there (plan_map.cc).
+Drawing PlanMap(const PlanFindings& findings, const MapWords& words = {});
 // At most 12 lines.
 std::string PlanSummary(const nlohmann::json& summary, const DisplayUnit& unit);
 

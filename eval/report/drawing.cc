@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+
 #include "eval/report/base64.h"
 
 namespace trigpoint {
@@ -104,6 +108,54 @@ double TextWidth(const std::string& text, double size) {
   return 0.56 * size * static_cast<double>(letters);
 }
 
+bool DrawnBox::Overlaps(const DrawnBox& other) const {
+  return x < other.x + other.width && other.x < x + width && y < other.y + other.height && other.y < y + height;
+}
+
+void LabelPlaces::Cover(const std::vector<std::pair<double, double>>& line, std::vector<DrawnBox>* boxes) {
+  constexpr double kStep = 4;
+  for (size_t i = 1; i < line.size(); ++i) {
+    const auto [x0, y0] = line[i - 1];
+    const double dx = line[i].first - x0, dy = line[i].second - y0;
+    const int steps = std::max(1, static_cast<int>(std::hypot(dx, dy) / kStep));
+    for (int k = 0; k <= steps; ++k) boxes->push_back({x0 + k * dx / steps - 0.5, y0 + k * dy / steps - 0.5, 1, 1});
+  }
+}
+
+bool LabelPlaces::IsFree(const DrawnBox& box) const {
+  const bool inside = box.x >= frame_.x && box.y >= frame_.y && box.x + box.width <= frame_.x + frame_.width &&
+                      box.y + box.height <= frame_.y + frame_.height;
+  return inside && std::none_of(taken_.begin(), taken_.end(), [&](const DrawnBox& b) { return b.Overlaps(box); });
+}
+
+std::optional<DrawnBox> LabelPlaces::Place(const DrawnBox& mark, double width, double height) {
+  constexpr double kApart = 2;
+  const double left = mark.x - kApart - width, right = mark.x + mark.width + kApart;
+  const double above = mark.y - kApart - height, below = mark.y + mark.height + kApart;
+  const double middle_x = mark.x + 0.5 * (mark.width - width), middle_y = mark.y + 0.5 * (mark.height - height);
+  const std::array<std::pair<double, double>, 8> places = {{{right, middle_y},
+                                                            {left, middle_y},
+                                                            {middle_x, above},
+                                                            {middle_x, below},
+                                                            {right, above},
+                                                            {left, above},
+                                                            {right, below},
+                                                            {left, below}}};
+  for (const bool over_paths : {false, true}) {
+    for (const auto& [x, y] : places) {
+      const DrawnBox box{x, y, width, height};
+      if (!IsFree(box)) continue;
+      if (!over_paths &&
+          std::any_of(avoided_.begin(), avoided_.end(), [&](const DrawnBox& b) { return b.Overlaps(box); })) {
+        continue;
+      }
+      taken_.push_back(box);
+      return box;
+    }
+  }
+  return std::nullopt;
+}
+
 std::string SvgOf(const Drawing& drawing, const std::string& title) {
   std::string svg = fmt::format("<svg viewBox=\"0 0 {:.0f} {:.0f}\" role=\"img\" aria-label=\"{}\">", drawing.width,
                                 drawing.height, Escape(title));
@@ -143,6 +195,15 @@ std::string SvgOf(const Drawing& drawing, const std::string& title) {
     }
   }
   return svg + "</svg>";
+}
+
+std::string SvgFileOf(const Drawing& drawing, const std::string& title) {
+  return SvgOf(drawing, title)
+             .replace(0, 4,
+                      fmt::format(R"(<svg xmlns="http://www.w3.org/2000/svg" width="{:.0f}" height="{:.0f}" )"
+                                  R"(font-family="DejaVu Sans, sans-serif")",
+                                  drawing.width, drawing.height)) +
+         "\n";
 }
 
 }  // namespace trigpoint

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -53,8 +54,34 @@ struct Drawing {
 // About as wide as the text will be; fonts differ.
 double TextWidth(const std::string& text, double size);
 
+struct DrawnBox {
+  double x = 0, y = 0, width = 0, height = 0;  // upper left corner and extent
+  bool Overlaps(const DrawnBox& other) const;
+};
+
+// Places for names beside marks: inside a frame and over nothing that is taken.
+class LabelPlaces {
+ public:
+  explicit LabelPlaces(const DrawnBox& frame) : frame_(frame) {}
+  void Take(const DrawnBox& box) { taken_.push_back(box); }
+  void TakeLine(const std::vector<std::pair<double, double>>& line) { Cover(line, &taken_); }
+  // A name covers it only where there is no other place.
+  void AvoidLine(const std::vector<std::pair<double, double>>& line) { Cover(line, &avoided_); }
+  bool IsFree(const DrawnBox& box) const;
+  // The first free of eight boxes of this extent around a mark: at its right, left, above, below, then its corners.
+  // The box is taken from then on. Nothing if none is free.
+  std::optional<DrawnBox> Place(const DrawnBox& mark, double width, double height);
+
+ private:
+  static void Cover(const std::vector<std::pair<double, double>>& line, std::vector<DrawnBox>* boxes);
+  DrawnBox frame_;
+  std::vector<DrawnBox> taken_, avoided_;
+};
+
 // An <svg> element that scales with its place; `title` is read aloud. Every text is escaped.
 std::string SvgOf(const Drawing& drawing, const std::string& title);
+// The same as a file of its own: with the namespace, size and fonts that a page gives to the element.
+std::string SvgFileOf(const Drawing& drawing, const std::string& title);
 
 // Text for HTML and SVG: & < > " ' escaped, control characters and broken UTF-8 replaced.
 std::string Escape(std::string_view text);

@@ -171,31 +171,17 @@ class PlanPainter {
       drawing_.Circle(dots.back().first, dots.back().second, 6, "#ffffff");
       drawing_.Circle(dots.back().first, dots.back().second, 4.2, kInk);
     }
+    LabelPlaces places({kLeft, kTop, X(high_.x()) - kLeft, Y(low_.y()) - kTop});
+    constexpr double kDot = 7, kSize = 12;
+    std::vector<DrawnBox> marks;
+    for (const auto& [x, y] : dots) marks.push_back({x - kDot, y - kDot, 2 * kDot, 2 * kDot});
+    for (const DrawnBox& mark : marks) places.Take(mark);
     size_t i = 0;
-    for (const auto& [name, place] : stations) Label(dots, i++, name);
-  }
-
-  // Where it covers no dot and no other label; left out if there is no such place.
-  void Label(const std::vector<std::pair<double, double>>& dots, size_t i, const std::string& name) {
-    constexpr double kSize = 12, kApart = 9;
-    const double w = TextWidth(name, kSize) + 6, h = kSize + 5;
-    const auto [x, y] = dots[i];
-    for (const auto& [cx, cy] :
-         {std::pair(x + kApart, y - h / 2), std::pair(x - kApart - w, y - h / 2), std::pair(x - w / 2, y - kApart - h),
-          std::pair(x - w / 2, y + kApart), std::pair(x + kApart, y - h - 4), std::pair(x - kApart - w, y + 4)}) {
-      const cv::Rect2d box(cx, cy, w, h);
-      const cv::Rect2d plot(kLeft, kTop, X(high_.x()) - kLeft, Y(low_.y()) - kTop);
-      const bool free =
-          (box & plot).area() > 0.999 * box.area() &&
-          std::none_of(labels_.begin(), labels_.end(), [&](const auto& l) { return (l & box).area() > 0; }) &&
-          std::none_of(dots.begin(), dots.end(), [&, own = dots[i]](const auto& d) {
-            return d != own && box.contains({d.first, d.second});
-          });
-      if (!free) continue;
-      labels_.push_back(box);
-      drawing_.Rectangle(cx, cy, w, h, "#ffffff", 0.88);
-      drawing_.Text(cx + w / 2, cy + h - 4.5, name, 0, kSize, kInk, true);
-      return;
+    for (const auto& [name, place] : stations) {
+      const auto box = places.Place(marks[i++], TextWidth(name, kSize) + 6, kSize + 5);
+      if (!box) continue;
+      drawing_.Rectangle(box->x, box->y, box->width, box->height, "#ffffff", 0.88);
+      drawing_.Text(box->x + box->width / 2, box->y + box->height - 4.5, name, 0, kSize, kInk, true);
     }
   }
 
@@ -219,7 +205,6 @@ class PlanPainter {
   Drawing drawing_;
   Eigen::Vector2d low_, high_;
   double scale_ = 1, enlarged_ = 1;
-  std::vector<cv::Rect2d> labels_;
 };
 
 }  // namespace

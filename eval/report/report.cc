@@ -96,12 +96,7 @@ void WriteFigures(const Document& document, const fs::path& out, ReportSummary* 
     std::string png;
     if (const auto* drawing = std::get_if<Drawing>(&figure->content)) {
       png = PngOf(*drawing, 2);
-      WriteFileAtomically(
-          out / "figures" / (figure->name + ".svg"),
-          "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n" +
-              SvgOf(*drawing, figure->caption)
-                  .replace(0, 4, "<svg xmlns=\"http://www.w3.org/2000/svg\" font-family=\"sans-serif\"") +
-              "\n");
+      WriteFileAtomically(out / "figures" / (figure->name + ".svg"), SvgFileOf(*drawing, figure->caption));
     } else {
       const Picture& picture = std::get<Picture>(figure->content);
       png = picture.bytes;

@@ -229,13 +229,7 @@ Drawing TrajectoryErrorChart(const std::vector<PlottedTrajectory>& estimates, co
 void WriteDrawing(const Drawing& drawing, const std::string& title, const std::filesystem::path& file) {
   const std::string ending = file.extension().string();
   if (ending == ".svg") {
-    std::string svg = SvgOf(drawing, title);
-    // In a page its surroundings give it these.
-    svg.replace(0, 4,
-                fmt::format(R"(<svg xmlns="http://www.w3.org/2000/svg" width="{:.0f}" height="{:.0f}" )"
-                            R"(font-family="DejaVu Sans, sans-serif")",
-                            drawing.width, drawing.height));
-    WriteFileAtomically(file, svg + "\n");
+    WriteFileAtomically(file, SvgFileOf(drawing, title));
     return;
   }
   if (ending != ".png") throw OptionError(file.string() + ": expected a name that ends in .svg or .png");

@@ -165,6 +165,40 @@ TEST(Charts, AreDrawnFromNothingAndFromAnything) {
   }
 }
 
+TEST(Drawings, AFileOfItsOwnHasANamespaceAndASize) {
+  Drawing drawing;
+  drawing.width = 300, drawing.height = 200;
+  drawing.Text(10, 20, "a & b");
+  const std::string svg = SvgFileOf(drawing, "t");
+  EXPECT_THAT(svg, testing::StartsWith("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"300\" height=\"200\""));
+  EXPECT_THAT(svg, HasSubstr("a &amp; b"));
+  // In a page it has the page's namespace, and no address of another host.
+  EXPECT_THAT(SvgOf(drawing, "t"), Not(HasSubstr("http")));
+}
+
+TEST(Drawings, NamesFindAPlaceOfEight) {
+  LabelPlaces places({0, 0, 100, 100});
+  const DrawnBox mark{45, 45, 10, 10};
+  places.Take(mark);
+  std::vector<DrawnBox> taken = {mark};
+  for (int k = 0; k < 8; ++k) {
+    const auto box = places.Place(mark, 10, 10);
+    ASSERT_TRUE(box.has_value()) << k;
+    for (const DrawnBox& other : taken) EXPECT_FALSE(box->Overlaps(other)) << k;
+    taken.push_back(*box);
+  }
+  EXPECT_FALSE(places.Place(mark, 10, 10).has_value());
+  // Not beyond the frame, and over a path only where nothing else is free.
+  LabelPlaces corner({0, 0, 100, 100});
+  EXPECT_EQ(corner.Place({90, 0, 10, 10}, 20, 10)->x, 68);
+  LabelPlaces path({0, 0, 100, 100});
+  path.AvoidLine({{60, 0}, {60, 100}});
+  EXPECT_LT(path.Place(mark, 10, 10)->x, 45);
+  LabelPlaces narrow({0, 40, 100, 20});
+  narrow.AvoidLine({{0, 50}, {100, 50}});
+  EXPECT_TRUE(narrow.Place(mark, 10, 10).has_value());
+}
+
 TEST(Charts, PutValuesWhereTheyBelong) {
   // One dot of 10 between ticks 1 and 100: half way up.
   const Drawing d = DotChart({"a"}, {{"s", {{0, 1.0}, {0, 10.0}, {0, 100.0}}}}, "y");

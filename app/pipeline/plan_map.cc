@@ -1,0 +1,354 @@
+// The map of a plan or a check: marks, ellipses, names that cover nothing, and a legend of what is there.
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "app/pipeline/plan_report.h"
+#include "calib/base/counted.h"
+#include "eval/report/plan.h"
+
+namespace trigpoint {
+namespace {
+
+// Each at least 4.5:1 on white; what a mark means is in its form, too.
+constexpr const char* kTag = "#0072b2";
+constexpr const char* kUnseen = "#a84a00";
+constexpr const char* kGreen = "#00735a";
+constexpr const char* kPath = "#5a6570";
+constexpr const char* kFaint = "#6b7680";
+constexpr const char* kInk = "#1d2329";
+constexpr double kWidth = 760, kMost = 620;
+constexpr double kMark = 6, kFacing = 13, kDisc = 8;  // half a mark's width, a tag's stroke, a number's disc
+
+using Line = std::vector<std::pair<double, double>>;
+
+class MapPainter {
+ public:
+  MapPainter(const PlanFindings& findings, const MapWords& words) : findings_(findings), words_(words) {
+    Frame();
+    factor_ = Enlargement();
+  }
+
+  Drawing Draw() {
+    // The height is known when the legend is.
+    drawing_.Rectangle(0, 0, kWidth, height_, "#ffffff");
+    Paths();
+    for (const PlanStationItem& station : findings_.layout.stations) Mark(station);
+    for (const TagPrediction& tag : findings_.prediction.tags) Mark(tag);
+    Suggestions();
+    Names();
+    drawing_.width = kWidth;
+    drawing_.height = Legend(height_);
+    drawing_.shapes.front().points = {{0, 0}, {kWidth, 0}, {kWidth, drawing_.height}, {0, drawing_.height}};
+    return drawing_;
+  }
+
+ private:
+  void Frame() {
+    const auto extend = [&](const Eigen::Vector3d& p) {
+      low_ = low_.cwiseMin(p.head<2>());
+      high_ = high_.cwiseMax(p.head<2>());
+    };
+    for (const auto& [id, pose] : findings_.layout.network.world_from_tag) extend(pose.translation);
+    for (const PlanStationItem& station : findings_.layout.stations) extend(Centre(station));
+    for (const BodyPrediction& body : findings_.prediction.bodies) extend(body.world_from_body.translation);
+    for (const PlanGain& suggestion : findings_.suggestions) {
+      if (suggestion.world_m) extend(*suggestion.world_m);
+    }
+    const double pad = 0.07 * std::max({high_.x() - low_.x(), high_.y() - low_.y(), 5.0}) + 0.5;
+    low_.array() -= pad;
+    high_.array() += pad;
+    scale_ = std::min(kWidth / (high_.x() - low_.x()), kMost / (high_.y() - low_.y()));
+    const double wider = 0.5 * (kWidth / scale_ - (high_.x() - low_.x()));  // the width is used in full
+    low_.x() -= wider, high_.x() += wider;
+    height_ = scale_ * (high_.y() - low_.y());
+    places_ = LabelPlaces({0, 0, kWidth, height_});
+  }
+
+  // A round factor at which the largest ellipse can be seen and neighbours keep apart as far as both go together.
+  double Enlargement() const {
+    constexpr double kLargest = 34, kLargestOfPath = 60, kVisible = 10, kShareOfPath = 0.95;
+    struct Spread {
+      Eigen::Vector2d place;
+      double a;
+    };
+    std::vector<Spread> spreads;
+    double largest = 1e-6, room = 1e12;
+    for (const TagPrediction& tag : findings_.prediction.tags) {
+      if (!tag.tied) continue;
+      const Spread spread{tag.world_m.head<2>(), EllipseOf(tag.covariance.bottomRightCorner<3, 3>()).a};
+      largest = std::max(largest, spread.a);
+      for (const Spread& other : spreads) {
+        room = std::min(room, (spread.place - other.place).norm() / std::max(1e-9, spread.a + other.a));
+      }
+      spreads.push_back(spread);
+    }
+    std::vector<double> path;
+    for (const BodyPrediction& body : findings_.prediction.bodies) {
+      path.push_back(EllipseOf(body.covariance.bottomRightCorner<3, 3>()).a);
+    }
+    const double widest = std::max(1e-6, Percentile(path, kShareOfPath));
+    return RoundDown(std::min({kLargest / (scale_ * largest), std::max(room, kVisible / (scale_ * largest)),
+                               kLargestOfPath / (scale_ * widest)}));
+  }
+
+  Eigen::Vector3d Centre(const PlanStationItem& station) const {
+    return findings_.layout.network.world_from_tag.at(station.tag_id).translation + station.offset_m;
+  }
+  std::pair<double, double> At(const Eigen::Vector3d& p) const {
+    return {scale_ * (p.x() - low_.x()), scale_ * (high_.y() - p.y())};
+  }
+  Line EllipseLine(const Eigen::Vector3d& centre, const Matrix6d& covariance) const {
+    const HorizontalEllipse e = EllipseOf(covariance.bottomRightCorner<3, 3>());
+    const Eigen::Rotation2Dd turn(e.angle);
+    Line line;
+    for (int k = 0; k <= 48; ++k) {
+      const double t = 2 * M_PI * k / 48;
+      const Eigen::Vector2d p = turn * Eigen::Vector2d(factor_ * e.a * std::cos(t), factor_ * e.b * std::sin(t));
+      line.push_back(At(centre + Eigen::Vector3d(p.x(), p.y(), 0)));
+    }
+    return line;
+  }
+  static DrawnBox BoundsOf(const Line& line) {
+    double x0 = 1e12, y0 = 1e12, x1 = -1e12, y1 = -1e12;
+    for (const auto& [x, y] : line) {
+      x0 = std::min(x0, x), x1 = std::max(x1, x);
+      y0 = std::min(y0, y), y1 = std::max(y1, y);
+    }
+    return {x0, y0, x1 - x0, y1 - y0};
+  }
+  static DrawnBox Around(double x, double y, double half) { return {x - half, y - half, 2 * half, 2 * half}; }
+
+  void Paths() {
+    std::map<int, Line> lines;
+    for (const BodyPrediction& body : findings_.prediction.bodies) {
+      lines[body.pass].push_back(At(body.world_from_body.translation));
+    }
+    for (const auto& [pass, line] : lines) {
+      drawing_.Line(line, kPath, 1.4);
+      places_.AvoidLine(line);
+    }
+    // As many ellipses along the way as keep apart from each other and from the tags' ones.
+    std::vector<DrawnBox> drawn;
+    for (const TagPrediction& tag : findings_.prediction.tags) {
+      if (tag.tied) drawn.push_back(BoundsOf(EllipseLine(tag.world_m, tag.covariance)));
+    }
+    for (const BodyPrediction& body : findings_.prediction.bodies) {
+      const Line line = EllipseLine(body.world_from_body.translation, body.covariance);
+      const DrawnBox box = BoundsOf(line);
+      if (box.x < 0 || box.y < 0 || box.x + box.width > kWidth || box.y + box.height > height_) {
+        ++beyond_;
+        continue;
+      }
+      if (std::any_of(drawn.begin(), drawn.end(), [&](const DrawnBox& b) { return b.Overlaps(box); })) continue;
+      drawn.push_back(box);
+      drawing_.Line(line, kFaint, 0.9);
+      places_.AvoidLine(line);
+    }
+  }
+
+  // The stroke shows which way the printed side faces.
+  void Mark(const TagPrediction& tag) {
+    const auto [x, y] = At(tag.world_m);
+    DrawnBox mark = Around(x, y, kMark);
+    if (tag.tied) {
+      const Line ellipse = EllipseLine(tag.world_m, tag.covariance);
+      drawing_.Line(ellipse, kTag, 1.6);
+      places_.TakeLine(ellipse);
+      const DrawnBox bounds = BoundsOf(ellipse);
+      if (bounds.width > mark.width && bounds.height > mark.height) mark = bounds;
+    }
+    const Rigid3d& pose = findings_.layout.network.world_from_tag.at(tag.tag_id);
+    const Eigen::Vector2d out = -(pose.rotation * Eigen::Vector3d::UnitZ()).head<2>();
+    if (out.norm() > 1e-3) {
+      const Eigen::Vector2d end = kFacing * out.normalized();
+      const Line stroke = {{x, y}, {x + end.x(), y - end.y()}};
+      drawing_.Line(stroke, tag.tied ? kTag : kUnseen, 2);
+      places_.TakeLine(stroke);
+    }
+    if (!tag.tied) {
+      UnseenMark(x, y);
+      any_unseen_ = true;
+    } else if (tag.role == "control") {
+      ControlMark(x, y);
+      any_control_ = true;
+    } else {
+      drawing_.Circle(x, y, 3.5, kTag);
+      any_seen_ = true;
+    }
+    places_.Take(Around(x, y, kMark));
+    drawing_.spots.push_back({x, y, "tag:" + std::to_string(tag.tag_id)});
+    names_.push_back({tag.role == "control" || !tag.tied ? 0 : 1, std::to_string(tag.tag_id), true, mark});
+  }
+  void ControlMark(double x, double y) { drawing_.Area({{x, y - 6.5}, {x + 6, y + 4.5}, {x - 6, y + 4.5}}, kTag); }
+  void UnseenMark(double x, double y) {
+    drawing_.Line({{x - 5, y - 5}, {x + 5, y + 5}}, kUnseen, 2.6);
+    drawing_.Line({{x - 5, y + 5}, {x + 5, y - 5}}, kUnseen, 2.6);
+  }
+  void Mark(const PlanStationItem& station) {
+    const auto [x, y] = At(Centre(station));
+    StationMark(x, y);
+    places_.Take(Around(x, y, kMark));
+    drawing_.spots.push_back({x, y, "station:" + station.name});
+    names_.push_back({2, station.name, false, Around(x, y, kMark + 1)});
+  }
+  // Open: a station often is where its tag is.
+  void StationMark(double x, double y) {
+    const double h = kMark;
+    drawing_.Line({{x - h, y - h}, {x + h, y - h}, {x + h, y + h}, {x - h, y + h}, {x - h, y - h}}, kGreen, 1.8);
+  }
+
+  void Arrow(double x, double y, double dx, double dy, const char* colour, double width) {
+    constexpr double kHead = 7;
+    const double length = std::hypot(dx, dy), ux = dx / length, uy = dy / length;
+    const double bx = x + dx - kHead * ux, by = y + dy - kHead * uy;
+    drawing_.Line({{x, y}, {bx, by}}, colour, width);
+    drawing_.Area({{x + dx, y + dy},
+                   {bx - 0.5 * kHead * uy, by + 0.5 * kHead * ux},
+                   {bx + 0.5 * kHead * uy, by - 0.5 * kHead * ux}},
+                  colour);
+  }
+  void Disc(double x, double y, const std::string& number) {
+    drawing_.Circle(x, y, kDisc, kGreen);
+    drawing_.Text(x, y + 4, number, 0, 11, "#ffffff", true);
+  }
+
+  void Suggestions() {
+    constexpr double kLength = 26;
+    int rank = 0;
+    for (const PlanGain& gain : findings_.suggestions) {
+      ++rank;
+      if (!gain.world_m) continue;
+      any_suggested_ = true;
+      const auto [x, y] = At(*gain.world_m);
+      DrawnBox disc = Around(x, y, kDisc);
+      if (places_.IsFree(disc)) {
+        places_.Take(disc);
+      } else if (const auto beside = places_.Place(disc, 2 * kDisc, 2 * kDisc)) {
+        disc = *beside;
+        drawing_.Line({{x, y}, {disc.x + kDisc, disc.y + kDisc}}, kGreen, 1);
+      }
+      if (gain.heading_rad) {
+        const double dx = kLength * std::sin(*gain.heading_rad), dy = -kLength * std::cos(*gain.heading_rad);
+        Arrow(x, y, dx, dy, kGreen, 3);
+        places_.TakeLine({{x, y}, {x + dx, y + dy}});
+      }
+      Disc(disc.x + kDisc, disc.y + kDisc, std::to_string(rank));
+    }
+  }
+
+  void Names() {
+    std::map<int, Line> lines;
+    for (const BodyPrediction& body : findings_.prediction.bodies) {
+      lines.try_emplace(body.pass, Line{At(body.world_from_body.translation)});
+    }
+    for (const auto& [pass, line] : lines) {
+      const std::string& name = findings_.layout.network.passes[static_cast<size_t>(pass)].name;
+      names_.push_back({3, name, false, Around(line.front().first, line.front().second, 2)});
+    }
+    std::stable_sort(names_.begin(), names_.end(), [](const Name& a, const Name& b) { return a.order < b.order; });
+    constexpr double kSize = 12, kBoldWider = 1.12;
+    for (const Name& name : names_) {
+      const double width = (name.bold ? kBoldWider : 1) * TextWidth(name.text, kSize) + 4;
+      auto box = places_.Place(name.mark, width, kSize + 3);
+      if (!box) {
+        ++left_out_;
+        continue;
+      }
+      drawing_.Rectangle(box->x, box->y, box->width, box->height, "#ffffff", 0.85);
+      drawing_.Text(box->x + 0.5 * width, box->y + kSize - 0.5, name.text, 0, kSize, name.order == 3 ? kPath : kInk,
+                    name.bold);
+    }
+  }
+
+  // Below the map; returns where it ends.
+  double Legend(double top) {
+    const double metres = RoundDown(0.25 * (high_.x() - low_.x())), y = top + 34;
+    drawing_.Line({{0, top}, {kWidth, top}}, "#d5dade", 1);
+    drawing_.Line({{12, y}, {12 + metres * scale_, y}}, kInk, 2);
+    for (const double x : {12.0, 12 + metres * scale_}) drawing_.Line({{x, y - 4}, {x, y + 4}}, kInk, 2);
+    drawing_.Text(12, y - 8, fmt::format("{:g} m", metres), -1, 12, kInk);
+    const double x = kWidth - 40;
+    if (findings_.prediction.in_world) {
+      drawing_.Text(x, y - 16, "N", 0, 12, kInk, true);
+      Arrow(x, y + 8, 0, -22, kInk, 1.8);
+    } else {
+      Arrow(x - 12, y + 4, 26, 0, kInk, 1.8);
+      Arrow(x - 12, y + 4, 0, -26, kInk, 1.8);
+      drawing_.Text(x + 20, y + 8, "x", 0, 12, kInk, true);
+      drawing_.Text(x - 12, y - 25, "y", 0, 12, kInk, true);
+      drawing_.Text(x - 22, y + 8, "axes of the " + findings_.prediction.datum, 1, 11, kInk);
+    }
+    const double end = Entries(y + 26);
+    std::string note;
+    if (left_out_ > 0) note = Counted(left_out_, "name") + " left out for want of room";
+    if (beyond_ > 0) {
+      note +=
+          (note.empty() ? "" : "; ") + Counted(beyond_, "ellipse") + " of the path not drawn: beyond the map's edge";
+    }
+    if (!note.empty()) drawing_.Text(12, end + 14, note, -1, 11, kInk);
+    return end + (note.empty() ? 4 : 24);
+  }
+
+  double Entries(double y) {
+    constexpr double kLeft = 12, kSymbol = 22, kGap = 20, kRow = 21, kSize = 11.5;
+    double x = kLeft;
+    const auto entry = [&](bool there, const std::string& text, const std::function<void(double, double)>& draw) {
+      if (!there) return;
+      const double width = kSymbol + TextWidth(text, kSize);
+      if (x > kLeft && x + width > kWidth - kLeft) x = kLeft, y += kRow;
+      draw(x + 0.4 * kSymbol, y - 4);
+      drawing_.Text(x + kSymbol, y, text, -1, kSize, kInk);
+      x += width + kGap;
+    };
+    entry(any_control_, "control", [&](double u, double v) { ControlMark(u, v); });
+    entry(any_seen_, words_.seen, [&](double u, double v) { drawing_.Circle(u, v, 3.5, kTag); });
+    entry(any_unseen_, words_.unseen, [&](double u, double v) { UnseenMark(u, v); });
+    entry(!findings_.layout.stations.empty(), "station", [&](double u, double v) { StationMark(u, v); });
+    entry(!findings_.prediction.bodies.empty(), words_.path, [&](double u, double v) {
+      drawing_.Line({{u - 8, v}, {u + 8, v}}, kPath, 1.4);
+    });
+    entry(any_suggested_, words_.suggested, [&](double u, double v) { Disc(u, v, "1"); });
+    entry(any_control_ || any_seen_, fmt::format("1 sigma, {:g} times enlarged; stroke: the way a tag faces", factor_),
+          [&](double u, double v) {
+            Line line;
+            for (int k = 0; k <= 24; ++k)
+              line.emplace_back(u + 7 * std::cos(M_PI * k / 12), v + 5 * std::sin(M_PI * k / 12));
+            drawing_.Line(line, kTag, 1.6);
+          });
+    return y;
+  }
+
+  struct Name {
+    int order = 0;  // those of low order find a place first
+    std::string text;
+    bool bold = false;
+    DrawnBox mark;
+  };
+
+  const PlanFindings& findings_;
+  const MapWords& words_;
+  Drawing drawing_;
+  Eigen::Vector2d low_{1e12, 1e12}, high_{-1e12, -1e12};
+  double scale_ = 1, height_ = 0, factor_ = 1;
+  LabelPlaces places_{{}};
+  std::vector<Name> names_;
+  bool any_control_ = false, any_seen_ = false, any_unseen_ = false, any_suggested_ = false;
+  int left_out_ = 0, beyond_ = 0;
+};
+
+}  // namespace
+
+HorizontalEllipse EllipseOf(const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(Eigen::Matrix2d(covariance.topLeftCorner<2, 2>()));
+  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
+  return {std::sqrt(std::max(0.0, solver.eigenvalues()(1))), std::sqrt(std::max(0.0, solver.eigenvalues()(0))),
+          std::atan2(axis.y(), axis.x())};
+}
+
+Drawing PlanMap(const PlanFindings& findings, const MapWords& words) { return MapPainter(findings, words).Draw(); }
+
+}  // namespace trigpoint
