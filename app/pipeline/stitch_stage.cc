@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/exif_positions.h"
+#include "datasets/io/geodetic_mean.h"
 #include "datasets/io/image.h"
 #include "datasets/io/panorama_writer.h"
 #include "datasets/io/photo_sets.h"
@@ -59,8 +60,7 @@ PanoramaMetadata MetadataOf(const StitchedRig& rig, const Composite& composite) 
   m.part = composite.part;
   m.photos = rig.placed;
   if (rig.heading_rad) m.heading_deg = *rig.heading_rad * kRadToDeg;
-  int positions = 0, heights = 0;
-  Geodetic mean;
+  GeodeticMean mean;
   for (size_t i = 0; i < rig.photos.size(); ++i) {
     if (!rig.state.photos[i].placed) continue;
     const PhotoMetadata& p = rig.photos[i].metadata;
@@ -69,17 +69,12 @@ PanoramaMetadata MetadataOf(const StitchedRig& rig, const Composite& composite) 
       m.last_utc_ns = std::max(m.last_utc_ns.value_or(*p.taken_utc_ns), *p.taken_utc_ns);
     }
     if (!p.position) continue;
-    ++positions;
-    mean.latitude_deg += (p.position->latitude_deg - mean.latitude_deg) / positions;
-    mean.longitude_deg += (p.position->longitude_deg - mean.longitude_deg) / positions;
+    mean.Add(*p.position, p.has_height);
     if (p.sigma_h_m) m.sigma_h_m = std::max(m.sigma_h_m.value_or(0), *p.sigma_h_m);
-    if (!p.has_height) continue;
-    ++heights;
-    mean.height_m += (p.position->height_m - mean.height_m) / heights;
-    m.height_above_sea = p.height_above_sea;
+    if (p.has_height) m.height_above_sea = p.height_above_sea;
   }
-  if (positions > 0) m.position = mean;
-  m.has_height = heights > 0;
+  if (mean.count() > 0) m.position = mean.Mean();
+  m.has_height = mean.heights() > 0;
   if (composite.covered < 0.999) {
     m.description = fmt::format("{:.1f} % of the sphere is covered; {}", 100 * composite.covered,
                                 composite.part.width < composite.width ? "the picture is the part that holds it"

@@ -132,6 +132,10 @@ RosCameraInfo ReadRosCameraInfo(const BagTopic& topic, std::span<const uint8_t> 
   info.k = message.Reals(9);
   message.Reals(9);  // rectification
   info.p = message.Reals(12);
+  for (uint32_t* value :
+       {&info.binning_x, &info.binning_y, &info.roi_x, &info.roi_y, &info.roi_height, &info.roi_width}) {
+    *value = message.Number<uint32_t>();
+  }
   return info;
 }
 

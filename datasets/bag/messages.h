@@ -37,6 +37,8 @@ struct RosCameraInfo {
   uint32_t height = 0, width = 0;
   std::string distortion_model;
   std::vector<double> d, k, p;  // k: 3 x 3, p: 3 x 4, by rows; all 0 where the camera is not calibrated
+  // Pixels of the sensor that one of the picture stands for (0: 1), and the part of it that is seen (0: all of it).
+  uint32_t binning_x = 0, binning_y = 0, roi_x = 0, roi_y = 0, roi_width = 0, roi_height = 0;
 };
 
 // frame_from_child, frame being the header's. child is empty where the message has none.

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/colmap/camera_models.h"
 #include "datasets/io/camchain.h"
@@ -325,6 +326,26 @@ CameraFile ReadCameraFile(const fs::path& file, int width, int height) {
   if (text.find("<calibration>") != std::string::npos) return ReadAgisoftCamera(file, text);
   if (LooksLikeColmap(text)) return ReadColmapCameras(file, text);
   return ReadYamlCameras(file, text, width, height);
+}
+
+std::vector<BodyCamera> ReadCamerasFor(const fs::path& file, size_t count, const std::string& of, int width,
+                                       int height) {
+  CameraFile read = ReadCameraFile(file, width, height);
+  std::string names;
+  for (const BodyCamera& camera : read.cameras) names += (names.empty() ? "" : ", ") + camera.name;
+  if (read.cameras.size() != count) {
+    throw InputError(file.string() + ": expected " + Counted(count, "camera") + ", as " + of + " has, found " +
+                     std::to_string(read.cameras.size()) + " (" + names +
+                     "); leave the others out of the file, or take one by trigpoint calibrate DIR --from FILE --set "
+                     "from_camera=NAME and name the result in run.yaml (camera: NAME)");
+  }
+  if (count > 1 && !read.related) {
+    throw InputError(file.string() + ": expected how its cameras " + names +
+                     " sit to each other, found no such poses; name a Kalibr camchain.yaml with T_cn_cnm1 or "
+                     "T_cam_imu, or import the pictures of one camera");
+  }
+  for (size_t i = 0; i < count; ++i) read.cameras[i].name = "cam" + std::to_string(i);
+  return std::move(read.cameras);
 }
 
 void WriteOpenCvCamera(const fs::path& file, const BodyCamera& camera, const std::vector<std::string>& comments) {

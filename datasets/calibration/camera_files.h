@@ -29,6 +29,12 @@ struct CameraFile {
 // and what is missing.
 CameraFile ReadCameraFile(const std::filesystem::path& file, int width = 0, int height = 0);
 
+// The cameras of a file for `count` of them whose pictures belong together, named cam0, cam1, ...; `of` names their
+// source in messages. Throws InputError for another number of cameras, and where it is not known how they sit to each
+// other: written as one rig they would all stand at one place.
+std::vector<BodyCamera> ReadCamerasFor(const std::filesystem::path& file, size_t count, const std::string& of,
+                                       int width = 0, int height = 0);
+
 // A camera from K (3 x 3, by rows) and coefficients in OpenCV's order; `model` as above, "" by their number. `where`
 // begins the messages of InputError.
 Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std::vector<double> d, std::string model,

@@ -18,6 +18,7 @@
 #include "datasets/import/run_folder.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/exif.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -44,15 +45,38 @@ struct Unreadable {
 
 bool IsRectified(const std::string& topic) { return topic.find("image_rect") != std::string::npos; }
 
-// Of the picture as the topic has it; nothing where the bag's camera is not calibrated.
-std::optional<Camera> CameraOf(const CameraStream& stream) {
-  if (!stream.info || stream.info->k.front() == 0) return std::nullopt;
+// Of the picture as the topic has it: a camera_info of the whole sensor is cut and shrunk by its roi and binning.
+// Nothing where the bag's camera is not calibrated for this picture; `why` has the reason.
+std::optional<Camera> CameraOf(const CameraStream& stream, std::string* why) {
+  if (!stream.info || stream.info->k.front() == 0) {
+    *why = stream.info ? "its camera_info states no calibration" : "the bag has no camera_info of it";
+    return std::nullopt;
+  }
   const RosCameraInfo& info = *stream.info;
-  const std::string where = "topic " + stream.info_topic;
-  const auto width = static_cast<int>(info.width), height = static_cast<int>(info.height);
-  if (!IsRectified(stream.topic.name)) return OpenCvCamera(where, info.k, info.d, info.distortion_model, width, height);
   const std::vector<double>& p = info.p;
-  return OpenCvCamera(where, {p[0], p[1], p[2], p[4], p[5], p[6], p[8], p[9], p[10]}, {}, "", width, height);
+  const bool rectified = IsRectified(stream.topic.name);
+  std::vector<double> k = rectified ? std::vector{p[0], p[1], p[2], p[4], p[5], p[6], p[8], p[9], p[10]} : info.k;
+  const auto width = static_cast<int>(info.width), height = static_cast<int>(info.height);
+  const int shown_width = stream.width > 0 ? stream.width : width;  // no picture can be read: as stated
+  const int shown_height = stream.height > 0 ? stream.height : height;
+  if (width != shown_width || height != shown_height) {
+    const double by_x = std::max(1U, info.binning_x), by_y = std::max(1U, info.binning_y);
+    const double seen_x = info.roi_width > 0 ? info.roi_width : info.width;
+    const double seen_y = info.roi_height > 0 ? info.roi_height : info.height;
+    if (std::floor(seen_x / by_x) != shown_width || std::floor(seen_y / by_y) != shown_height) {
+      *why = fmt::format("expected a camera_info of {} x {} px, the size of its pictures, found {} x {} px in topic {}",
+                         shown_width, shown_height, width, height, stream.info_topic);
+      return std::nullopt;
+    }
+    k[0] /= by_x;
+    k[1] /= by_x;
+    k[2] = (k[2] - info.roi_x + 0.5) / by_x - 0.5;
+    k[4] /= by_y;
+    k[5] = (k[5] - info.roi_y + 0.5) / by_y - 0.5;
+  }
+  const std::string where = "topic " + stream.info_topic;
+  if (rectified) return OpenCvCamera(where, k, {}, "", shown_width, shown_height);
+  return OpenCvCamera(where, k, info.d, info.distortion_model, shown_width, shown_height);
 }
 
 class BagImport {
@@ -101,6 +125,7 @@ class BagImport {
       if (stream.stamps.empty()) fs::remove(run_.dir() / "images" / stream.name);
       return stream.stamps.empty();
     });
+    MeasurePictures();
     const bool calibrated = WriteCameras();
     if (!calibrated) {
       for (RunImage& image : images_) image.camera.clear();
@@ -202,34 +227,39 @@ class BagImport {
     if (!out) throw IoError(file.string() + ": cannot be written; is the disk full?");
   }
 
+  // Compressed pictures have their size in themselves.
+  void MeasurePictures() {
+    for (const RunImage& image : images_) {
+      CameraStream& stream =
+          *std::find_if(streams_.begin(), streams_.end(), [&](const auto& s) { return s.name == image.camera; });
+      if (stream.width != 0) continue;
+      try {
+        const PhotoMetadata picture = ReadPhotoMetadata(run_.dir() / image.file);
+        stream.width = picture.width;
+        stream.height = picture.height;
+      } catch (const InputError&) {  // the next one may be readable; this one is judged where it is used
+      }
+    }
+  }
+
   // Of the streams that have pictures; empty if one of them is not calibrated.
   std::vector<BodyCamera> Calibrations() {
     std::vector<BodyCamera> cameras;
     if (!options_.cameras.empty()) {
-      CameraFile file = ReadCameraFile(options_.cameras, streams_.front().width, streams_.front().height);
-      cameras = std::move(file.cameras);
-      if (cameras.size() != streams_.size() || (cameras.size() > 1 && !file.related)) {
-        throw InputError(fmt::format("{}: expected {} cameras and how they sit to each other, found {} cameras{}",
-                                     options_.cameras.string(), streams_.size(), cameras.size(),
-                                     file.related ? "" : " that are not related"));
-      }
+      cameras = ReadCamerasFor(options_.cameras, streams_.size(), bag_.filename().string(), streams_.front().width,
+                               streams_.front().height);
       for (size_t i = 0; i < cameras.size(); ++i) cameras[i].name = streams_[i].name;
       return cameras;
     }
     for (const CameraStream& stream : streams_) {
-      const std::optional<Camera> camera = CameraOf(stream);
+      std::string why;
+      const std::optional<Camera> camera = CameraOf(stream, &why);
       if (!camera) {
         report_.warnings.push_back(
             fmt::format("topic {}: {}; calibrate the camera (trigpoint calibrate), or name a "
                         "calibration by --cameras",
-                        stream.topic.name,
-                        stream.info ? "its camera_info states no calibration" : "the bag has no camera_info of it"));
+                        stream.topic.name, why));
         return {};
-      }
-      if (stream.width != 0 && (stream.width != camera->width() || stream.height != camera->height())) {
-        report_.warnings.push_back(fmt::format("topic {}: {} x {} px, but its camera_info is for {} x {} px",
-                                               stream.topic.name, stream.width, stream.height, camera->width(),
-                                               camera->height()));
       }
       cameras.push_back({.name = stream.name, .camera = *camera, .cam_from_body = LevelForwardCamera()});
     }

@@ -259,6 +259,11 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
   report.files.push_back(dir / "camchain.yaml");
   report.lines.push_back(
       fmt::format("run {}: {}, {}", options.run, Counted(images.size(), "image"), Counted(cameras.size(), "camera")));
+  if (cameras.size() > 1) {
+    report.warnings.push_back(Counted(cameras.size(), "camera") +
+                              " of the database: how they sit to each other is not stored there; each is written as if "
+                              "it were alone on its body: correct T_cam_imu in camchain.yaml before odometry is used");
+  }
   report.warnings.push_back(
       "a database has no poses: tags can be detected, but localize needs odometry.tum, or import the model");
   return report;

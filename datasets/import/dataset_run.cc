@@ -312,7 +312,7 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
                                          : ReadTumRgbd(folder);
   ImportReport report;
   std::vector<BodyCamera> cameras;
-  if (!options.cameras.empty()) cameras = ReadCameraFile(options.cameras, 0, 0).cameras;
+  if (!options.cameras.empty()) cameras = ReadCamerasFor(options.cameras, dataset.cameras.size(), folder.string());
   std::vector<RunImage> images;
   fs::create_directories(run.dir() / "images");
   for (size_t i = 0; i < dataset.cameras.size(); ++i) {
@@ -403,7 +403,7 @@ ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const D
                                                   (IsPhoneLog(options.odometry) ? "odometry: {levelled: true}\n" : "") +
                                                   fmt::format("video: {{every: {}}}\n", options.every));
   if (!options.cameras.empty()) {
-    WriteCamchain(run.dir() / "camchain.yaml", ReadCameraFile(options.cameras, 0, 0).cameras,
+    WriteCamchain(run.dir() / "camchain.yaml", ReadCamerasFor(options.cameras, 1, "a video"),
                   {"from " + options.cameras.string()});
   } else {
     report.warnings.push_back("the calibration of the camera is not known; name one by --cameras");

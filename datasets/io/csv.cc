@@ -94,21 +94,52 @@ std::vector<Record> SplitRecords(const std::filesystem::path& file, std::string_
   return records;
 }
 
-// Decimal commas to decimal points, if no number of the table has a decimal point.
-bool MendDecimalCommas(std::vector<Record>* records) {
-  bool comma = false;
-  for (size_t i = 1; i < records->size(); ++i) {
-    for (const std::string& cell : (*records)[i].cells) {
-      if (IsNumberWith('.', cell)) return false;
-      comma = comma || IsNumberWith(',', cell);
+// How the cells of a column are written.
+struct NumberForms {
+  size_t points = 0, commas = 0, texts = 0;
+  bool thousands = true;  // "1,234" and the like alone
+};
+
+NumberForms FormsOf(const std::vector<Record>& records, size_t column) {
+  NumberForms forms;
+  for (size_t i = 1; i < records.size(); ++i) {
+    if (column >= records[i].cells.size() || records[i].cells[column].empty()) continue;
+    const std::string& cell = records[i].cells[column];
+    if (IsNumberWith('.', cell)) {
+      ++forms.points;
+    } else if (IsNumberWith(',', cell)) {
+      ++forms.commas;
+      forms.thousands = forms.thousands && cell.size() - cell.find(',') == 4;
+    } else if (!ParseDouble(cell)) {
+      ++forms.texts;
     }
   }
-  for (size_t i = 1; comma && i < records->size(); ++i) {
-    for (std::string& cell : (*records)[i].cells) {
+  return forms;
+}
+
+// Decimal commas to decimal points in each of the columns that has no decimal point and no text that outweighs them.
+// Where another one has points, commas stay as they are that may part thousands, or stand in a quoted cell between
+// commas. Is there a column that had decimal commas?
+bool MendDecimalCommas(const std::vector<bool>& is_read, char delimiter, std::vector<Record>* records) {
+  std::vector<NumberForms> forms(is_read.size());
+  bool points = false, mended = false;
+  for (size_t k = 0; k < is_read.size(); ++k) {
+    if (is_read[k]) forms[k] = FormsOf(*records, k);
+    points = points || forms[k].points > forms[k].texts;
+  }
+  for (size_t k = 0; k < is_read.size(); ++k) {
+    const NumberForms& form = forms[k];
+    if (form.commas == 0 || form.points > 0 || form.texts > form.commas ||
+        (points && (form.thousands || delimiter == ',')))
+      continue;
+    mended = true;
+    for (size_t i = 1; i < records->size(); ++i) {
+      if (k >= (*records)[i].cells.size()) continue;
+      std::string& cell = (*records)[i].cells[k];
       if (IsNumberWith(',', cell)) cell[cell.find(',')] = '.';
     }
   }
-  return comma;
+  return mended;
 }
 
 std::string NameOf(char delimiter) {
@@ -202,7 +233,9 @@ CsvTable CsvTable::Read(const std::filesystem::path& file, const std::vector<std
   std::vector<std::string> all = required;
   all.insert(all.end(), optional.begin(), optional.end());
   const std::vector<std::string> renamed = UseKnownColumns(all, &header->columns);
-  const std::string understood = Understood(renamed, delimiter, MendDecimalCommas(&records));
+  std::vector<bool> is_read;
+  for (const std::string& column : header->columns) is_read.push_back(known(all, column));
+  const std::string understood = Understood(renamed, delimiter, MendDecimalCommas(is_read, delimiter, &records));
   if (!understood.empty()) table.warnings_.push_back(FileLine(file, header_line) + ": understood as " + understood);
   std::vector<std::string> spare;  // columns nobody asked for, candidates for a slip of the pen
   for (const std::string& column : header->columns) {

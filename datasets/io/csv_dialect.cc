@@ -57,8 +57,9 @@ const std::vector<std::pair<std::string, Names>>& OtherNames() {
 
 // Units as they stand at the end of a name.
 std::string WithoutUnit(const std::string& name) {
-  static const std::array<std::string, 12> units = {"_m",       "_metres", "_meters", "_metre",   "_meter", "_deg",
-                                                    "_degrees", "_degree", "_dd",     "_decimal", "_s",     "_px"};
+  static const std::array<std::string, 13> units = {"_decimal_degrees", "_m",   "_metres",  "_meters", "_metre",
+                                                    "_meter",           "_deg", "_degrees", "_degree", "_dd",
+                                                    "_decimal",         "_s",   "_px"};
   for (const std::string& unit : units) {
     if (name.size() > unit.size() && name.ends_with(unit)) return name.substr(0, name.size() - unit.size());
   }

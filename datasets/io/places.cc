@@ -32,12 +32,12 @@ bool IsNowhere(const Geodetic& g) {
 
 std::optional<Geodetic> Middle(const std::vector<Geodetic>& places) {
   if (places.empty()) return std::nullopt;
-  std::vector<double> latitudes, longitudes;
+  std::vector<double> latitudes, eastward;  // longitudes from the first: 180 and -180 degrees are one meridian
   for (const Geodetic& g : places) {
     latitudes.push_back(g.latitude_deg);
-    longitudes.push_back(g.longitude_deg);
+    eastward.push_back(std::remainder(g.longitude_deg - places.front().longitude_deg, 360));
   }
-  return Geodetic{Median(latitudes), Median(longitudes), 0};
+  return Geodetic{Median(latitudes), std::remainder(places.front().longitude_deg + Median(eastward), 360), 0};
 }
 
 // What the others are compared with: the most deliberate statement there is.

@@ -8,6 +8,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/exif_positions.h"
 #include "datasets/io/expired_panoramas.h"
+#include "datasets/io/geodetic_mean.h"
 #include "datasets/io/gps_order.h"
 #include "datasets/io/table_position.h"
 #include "datasets/io/tables.h"
@@ -186,23 +187,19 @@ std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vect
     Reference set;
     set.kind = ReferenceKind::kPhotoSet;
     set.name = set.station = folder.filename().string();
-    int positions = 0;
+    GeodeticMean mean;  // of the geotags
     std::vector<PhotoMetadata> photos;
     for (const std::filesystem::path& file : PicturesIn(folder)) {
       try {
         const PhotoMetadata& metadata = photos.emplace_back(ReadPhotoMetadata(file));
         if (!set.camera) set.camera = CameraFromMetadata(metadata);
         if (metadata.position) {
-          // The mean of a set's geotags, as far as they are told.
           std::vector<std::string> ignored;
-          const GeoTag tag = GeoTagFromMetadata(metadata, file, positions == 0 ? warnings : &ignored);
-          ++positions;
-          Geodetic& mean = set.geotag.position;
-          mean.latitude_deg += (tag.position.latitude_deg - mean.latitude_deg) / positions;
-          mean.longitude_deg += (tag.position.longitude_deg - mean.longitude_deg) / positions;
-          mean.height_m += (tag.position.height_m - mean.height_m) / positions;
+          const GeoTag tag = GeoTagFromMetadata(metadata, file, mean.count() == 0 ? warnings : &ignored);
+          mean.Add(tag.position, tag.has_height);
+          set.geotag.position = mean.Mean();
           set.geotag.has_position = true;
-          set.geotag.has_height = (positions == 1 || set.geotag.has_height) && tag.has_height;
+          set.geotag.has_height = mean.heights() == mean.count();
           set.geotag.sigma_h_m = tag.sigma_h_m;
         }
         set.files.push_back(file);

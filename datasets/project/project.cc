@@ -10,8 +10,10 @@
 #include <set>
 
 #include "datasets/io/expired_panoramas.h"
+#include "datasets/io/geodetic_mean.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/picture_parts.h"
+#include "datasets/io/site_inputs.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
 #include "datasets/project/description.h"
@@ -126,29 +128,6 @@ Geodetic Rounded(const Geodetic& g) {
   return {std::round(g.latitude_deg * 1e9) / 1e9, std::round(g.longitude_deg * 1e9) / 1e9,
           std::round(g.height_m * 1e4) / 1e4};
 }
-
-class GeodeticMean {
- public:
-  void Add(const Geodetic& g, bool has_height) {
-    ecef_ += EcefFromGeodetic({g.latitude_deg, g.longitude_deg, 0});
-    ++count_;
-    if (!has_height) return;
-    height_ += g.height_m;
-    ++heights_;
-  }
-  int count() const { return count_; }
-  Geodetic Mean() const {
-    Geodetic mean = GeodeticFromEcef(ecef_ / count_);
-    mean.height_m = heights_ > 0 ? height_ / heights_ : 0;
-    return Rounded(mean);
-  }
-
- private:
-  Eigen::Vector3d ecef_ = Eigen::Vector3d::Zero();
-  double height_ = 0;
-  int count_ = 0;
-  int heights_ = 0;
-};
 
 std::string Count(size_t n, const std::string& one, const std::string& many) {
   return fmt::format("{} {}", n, n == 1 ? one : many);
@@ -303,10 +282,18 @@ fs::path ExistingFolder(const fs::path& dir) {
   return canonical;
 }
 
-[[noreturn]] void ThrowNothingFound(const fs::path& dir) {
-  throw InputError(dir.string() +
-                   ": found neither runs/<run>/ with images.txt, nor panoramas.csv, photos.csv, photos/ or "
-                   "control_points.csv; expected a folder in the layout of docs/file_formats.md");
+// With what each file that is there lacks: it is often the one that was meant.
+[[noreturn]] void ThrowNothingFound(const Site& site) {
+  const std::vector<std::string> unused = UnusedTables(site.dir);
+  const std::vector<std::string>& reasons = unused.empty() ? site.warnings : unused;
+  constexpr size_t kNamed = 3;
+  std::string text;
+  for (size_t i = 0; i < std::min(reasons.size(), kNamed); ++i) text += (i == 0 ? " Found: " : "; ") + reasons[i];
+  if (reasons.size() > kNamed) text += fmt::format("; and {} more", reasons.size() - kNamed);
+  throw InputError(site.dir.string() +
+                   ": expected a folder in the layout of docs/file_formats.md, with a usable runs/<run>/ (images.txt), "
+                   "panoramas.csv, photos.csv, photos/ or control_points.csv, found none." +
+                   text);
 }
 
 }  // namespace
@@ -325,21 +312,22 @@ std::optional<SiteOrigin> FindOrigin(const Site& site) {
     if (point.geodetic) control.Add(*point.geodetic, true);
   }
   if (control.count() > 0) {
-    return SiteOrigin{control.Mean(),
+    return SiteOrigin{Rounded(control.Mean()),
                       "the mean of " + Count(static_cast<size_t>(control.count()), "control point", "control points")};
   }
   for (const Reference& reference : site.references) {
     if (reference.geotag.has_position) references.Add(reference.geotag.position, reference.geotag.has_height);
   }
   if (references.count() > 0) {
-    return SiteOrigin{references.Mean(),
+    return SiteOrigin{Rounded(references.Mean()),
                       "the mean of " + Count(static_cast<size_t>(references.count()), "geotag", "geotags")};
   }
   for (const Run& run : site.runs) {
-    for (const GpsFix& fix : run.gps) gps.Add(fix.position, true);
+    for (const GpsFix& fix : run.gps) gps.Add(fix.position, fix.sigma_v_m < kUnknownHeightSigma);
   }
   if (gps.count() > 0) {
-    return SiteOrigin{gps.Mean(), "the mean of " + Count(static_cast<size_t>(gps.count()), "GPS fix", "GPS fixes")};
+    return SiteOrigin{Rounded(gps.Mean()),
+                      "the mean of " + Count(static_cast<size_t>(gps.count()), "GPS fix", "GPS fixes")};
   }
   return std::nullopt;
 }
@@ -395,13 +383,13 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   });
   int expired = 0;
   attempt([&] { expired = ForgetExpiredPanoramas(dir); });
-  attempt([&] { project.site_ = ReadSite(dir); });
+  attempt([&] { project.site_ = problems == nullptr ? ReadSite(dir) : ReadSiteTolerant(dir, problems); });
   if (expired > 0) {
     project.site_.warnings.push_back(Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
                                      " deleted: their source forbids to keep them longer; import them again");
   }
   attempt([&] {
-    if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(dir);
+    if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(project.site_);
   });
   project.name_ = file.name.empty() ? dir.filename().string() : file.name;
   project.crs_ = file.crs;
@@ -455,7 +443,7 @@ InitReport DescribeFolder(const fs::path& dir_in) {
   InitReport report;
   report.file = dir / kProjectFile;
   const Site site = ReadSite(dir);
-  if (!KnowsAnything(site)) ThrowNothingFound(dir);
+  if (!KnowsAnything(site)) ThrowNothingFound(site);
   std::optional<SiteOrigin> origin = FindOrigin(site);
   if (fs::exists(report.file)) {
     if (const ProjectFile file = ReadProjectFile(dir); file.origin)
@@ -473,7 +461,7 @@ InitReport Project::Init(const fs::path& dir_in) {
   ProjectFile old;
   if (!report.created) old = ReadProjectFile(dir);
   const Site site = ReadSite(dir);
-  if (!KnowsAnything(site)) ThrowNothingFound(dir);
+  if (!KnowsAnything(site)) ThrowNothingFound(site);
   std::optional<SiteOrigin> origin = FindOrigin(site);
   if (origin) origin->position = Rounded(origin->position);
   if (report.created) {

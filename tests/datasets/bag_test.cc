@@ -6,6 +6,7 @@
 
 #include "datasets/import/bag_run.h"
 #include "datasets/import/fast_png.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/bag_writer.h"
@@ -43,13 +44,14 @@ std::string ImageBytes(BagEncoding encoding, int64_t stamp_ns, const std::string
       .bytes();
 }
 
-std::string InfoBytes(BagEncoding encoding, int64_t stamp_ns, double focal) {
+// Of a sensor `size` times as large as the pictures.
+std::string InfoBytes(BagEncoding encoding, int64_t stamp_ns, double focal, uint32_t size = 1, uint32_t binning = 0) {
   RosBytes message(encoding);
-  message.Header(stamp_ns, "cam").Put(uint32_t{kHeight}).Put(uint32_t{kWidth}).Text("plumb_bob").Put(uint32_t{5});
+  message.Header(stamp_ns, "cam").Put(size * kHeight).Put(size * kWidth).Text("plumb_bob").Put(uint32_t{5});
   message.Reals({-0.1, 0.01, 0.001, -0.002, 0}).Reals({focal, 0, 19.5, 0, focal, 14.5, 0, 0, 1});
   message.Reals({1, 0, 0, 0, 1, 0, 0, 0, 1}).Reals({focal + 5, 0, 20, 0, 0, focal + 5, 15, 0, 0, 0, 1, 0});
-  return message.Put(uint32_t{0})
-      .Put(uint32_t{0})
+  return message.Put(binning)
+      .Put(binning)
       .Put(uint32_t{0})
       .Put(uint32_t{0})
       .Put(uint32_t{0})
@@ -354,6 +356,46 @@ TEST(BagRun, SaysWhatTheBagDoesNotHave) {
                               "  T_cn_cnm1: [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}\n");
   Import(dir / "site", two, options);
   EXPECT_EQ(ReadRun(dir / "site/runs/s", dir / "site").cameras.at(1).camera.params()[0], 51);
+}
+
+// A camera_info of another size than the pictures, raw and compressed.
+TEST(BagRun, CameraInfoFitsThePictures) {
+  const TempDir dir;
+  std::vector<uchar> jpeg;
+  cv::imencode(".jpg", Pattern(1), jpeg);
+  const auto cameras_of = [&](const std::string& name, bool compressed, uint32_t size, uint32_t binning,
+                              std::string* warnings) {
+    {
+      const auto bag = WriteRos1Bag(dir / (name + ".bag"), "none");
+      const BagEncoding e = bag->encoding();
+      if (compressed) {
+        bag->Add("/cam/image_raw/compressed", "sensor_msgs/CompressedImage", kStart_ns,
+                 RosBytes(e).Header(kStart_ns, "cam").Text("jpeg").Block({jpeg.data(), jpeg.size()}).bytes());
+      } else {
+        bag->Add("/cam/image_raw", "sensor_msgs/Image", kStart_ns,
+                 ImageBytes(e, kStart_ns, "cam", "mono8", Pattern(1)));
+      }
+      bag->Add("/cam/camera_info", "sensor_msgs/CameraInfo", kStart_ns, InfoBytes(e, kStart_ns, 50, size, binning));
+      bag->Close();
+    }
+    BagRunOptions options;
+    options.run = name;
+    *warnings = Joined(Import(dir / "site", dir / (name + ".bag"), options).warnings);
+    const fs::path camchain = dir / "site/runs" / name / "camchain.yaml";
+    return fs::exists(camchain) ? ReadCamchain(camchain) : std::vector<BodyCamera>();
+  };
+  std::string warnings;
+  EXPECT_EQ(cameras_of("same", true, 1, 0, &warnings).at(0).camera.params()[0], 50);
+  for (const bool compressed : {false, true}) {
+    const std::string name = compressed ? "jpeg" : "raw";
+    EXPECT_TRUE(cameras_of(name, compressed, 2, 0, &warnings).empty());
+    EXPECT_THAT(warnings, HasSubstr("expected a camera_info of 40 x 30 px, the size of its pictures, found 80 x 60"));
+    const std::vector<BodyCamera> binned = cameras_of(name + "2", compressed, 2, 2, &warnings);
+    ASSERT_EQ(binned.size(), 1u);
+    EXPECT_EQ(binned[0].camera.width(), kWidth);
+    // The middle between the first two of the sensor's pixels is the centre of the first of the picture's.
+    EXPECT_THAT(binned[0].camera.params(), testing::ElementsAre(25, 25, 9.5, 7, -0.1, 0.01, 0.001, -0.002, 0));
+  }
 }
 
 }  // namespace

@@ -104,6 +104,27 @@ TEST_F(CalibrationFiles, ARigKeepsItsBaselineWithoutABody) {
   EXPECT_FALSE(back[1].has_extrinsics);
 }
 
+// Cameras that are not related are no rig: written as one they would all stand at one place.
+TEST_F(CalibrationFiles, CamerasOfOneRunAreRelated) {
+  const BodyCamera one{.name = "cam0", .camera = Camera(CameraModel::kPinhole, 640, 480, {500, 501, 320, 240})};
+  const std::filesystem::path file = dir() / "cameras.txt";
+  WriteColmapCameras(file, {one, one}, {});
+  const auto problem = [&](size_t count) {
+    return MessageOf<InputError>([&] { ReadCamerasFor(file, count, "the drive"); });
+  };
+  EXPECT_THAT(problem(2), HasSubstr("expected how its cameras cam0, cam1 sit to each other"));
+  EXPECT_THAT(problem(1), HasSubstr("expected 1 camera, as the drive has, found 2 (cam0, cam1)"));
+  WriteColmapCameras(file, {one}, {});
+  EXPECT_EQ(ReadCamerasFor(file, 1, "the drive").size(), 1u);
+  WriteFileAtomically(dir() / "rig.yaml",
+                      "left: {camera_model: pinhole, intrinsics: [50, 50, 20, 15], distortion_model: none, "
+                      "distortion_coeffs: [], resolution: [40, 30]}\n"
+                      "right: {camera_model: pinhole, intrinsics: [51, 51, 20, 15], distortion_model: none, "
+                      "distortion_coeffs: [], resolution: [40, 30],\n"
+                      "  T_cn_cnm1: [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}\n");
+  EXPECT_EQ(ReadCamerasFor(dir() / "rig.yaml", 2, "the drive").at(1).name, "cam1");
+}
+
 TEST_F(CalibrationFiles, SaysWhatAForeignFileLacks) {
   const auto read = [&](const std::string& text) {
     WriteFileAtomically(dir() / "camera.yaml", text);

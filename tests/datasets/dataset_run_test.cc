@@ -182,6 +182,26 @@ TEST(VideoRun, PhoneLogsAreOdometry) {
               HasSubstr("b_ARCore_sensor_pose.txt:1: expected a time in ns"));
 }
 
+// Two unrelated cameras are no rig of a video or of a folder.
+TEST(DatasetRun, UnrelatedCamerasAreRefused) {
+  const TempDir dir;
+  const fs::path site = dir / "site", video = dir.Write("VID_1.mp4", "x");
+  const fs::path cameras =
+      dir.Write("cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 640 480 600 600 320 240\n");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, video, {"a", "", cameras, 1});
+              }),
+              HasSubstr("expected 1 camera, as a video has, found 2 (cam0, cam1)"));
+  dir.Write("00/calib.txt", "P0: 700 0 600 0 0 710 180 0 0 0 1 0\nP1: 700 0 600 -378 0 710 180 0 0 0 1 0\n");
+  dir.Write("00/times.txt", "0.0\n");
+  for (const char* file : {"00/image_0/000000.png", "00/image_1/000000.png"}) WritePicture(dir / file, 640, 480);
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportDatasetRun(site, dir / "00", {"b", "", cameras, 1});
+              }),
+              HasSubstr("expected how its cameras cam0, cam1 sit to each other"));
+  EXPECT_FALSE(fs::exists(site / "runs/b"));
+}
+
 TEST(VideoRun, Insta360IsNotRead) {
   const TempDir dir;
   const fs::path site = dir / "site", own = dir.Write("VID_1.insv", "x");

@@ -72,6 +72,46 @@ TEST(Columns, ReadsASpreadsheetOfThisPartOfTheWorld) {
                         "latitude_deg from 'Latitude'"));
 }
 
+// What is written in a column that nobody reads, or beside a name, says nothing of the others.
+TEST(Columns, DecimalCommasAreDecidedByColumn) {
+  const TempDir dir;
+  const auto file = dir.Write(
+      "t.csv", "file;Lat (deg);LONG;Alt [m];version;note\n1.1;48,0125;7,8322;242,5;3.25;a,b\n1.2;48,5;7,25;;3.5;1.5\n");
+  const CsvTable table = CsvTable::Read(file, {"file", "latitude_deg", "longitude_deg"}, {"height_m"});
+  EXPECT_EQ(table.rows()[0].Text("file"), "1.1");
+  EXPECT_EQ(table.rows()[0].Number("latitude_deg"), 48.0125);
+  EXPECT_EQ(table.rows()[1].Number("longitude_deg"), 7.25);
+  EXPECT_EQ(table.rows()[0].Number("height_m"), 242.5);
+  EXPECT_EQ(table.rows()[0].Text("note"), "a,b");
+  EXPECT_THAT(table.warnings().front(), HasSubstr("longitude_deg from 'LONG'"));
+  // One bad cell does not hide how the others are written.
+  const CsvTable bad = CsvTable::Read(dir.Write("b.csv", "a;b\n1,25;2\nnone;3\n1,5;4\n"), {"a", "b"});
+  EXPECT_EQ(bad.rows()[0].Number("a"), 1.25);
+  const CsvTable names = CsvTable::Read(dir.Write("n.csv", "station,b\n\"1,25\",2.5\n"), {"station", "b"});
+  EXPECT_EQ(names.rows()[0].Text("station"), "1,25");
+}
+
+// In any case, with units in brackets.
+TEST(Columns, NamesInAnyCase) {
+  const std::vector<std::string> geo = {"latitude_deg", "longitude_deg", "height_m", "crs", "easting_m", "northing_m"};
+  const std::vector<std::pair<std::string, std::string>> meant = {{"Lat (deg)", "latitude_deg"},
+                                                                  {"lat_deg", "latitude_deg"},
+                                                                  {"LATITUDE", "latitude_deg"},
+                                                                  {"Latitude [°]", "latitude_deg"},
+                                                                  {"lat", "latitude_deg"},
+                                                                  {"Lng", "longitude_deg"},
+                                                                  {"long", "longitude_deg"},
+                                                                  {"Lon [deg]", "longitude_deg"},
+                                                                  {"Longitude (decimal degrees)", "longitude_deg"},
+                                                                  {"Alt (m)", "height_m"},
+                                                                  {"Altitude [metres]", "height_m"},
+                                                                  {"Easting (m)", "easting_m"},
+                                                                  {"NORTHING", "northing_m"},
+                                                                  {"X", "easting_m"},
+                                                                  {"y [m]", "northing_m"}};
+  for (const auto& [column, known] : meant) EXPECT_EQ(KnownColumn(column, geo, true), known) << column;
+}
+
 TEST(Columns, SeparatedByTabsAndBars) {
   const TempDir dir;
   const CsvTable tabs = CsvTable::Read(dir.Write("t.csv", "a\tb\tc\n1\t\t3,5\n\t2\t4,5\n"), {"a", "b", "c"});

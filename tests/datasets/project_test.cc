@@ -106,6 +106,33 @@ TEST(Project, AnythingButAProjectIsRefused) {
   EXPECT_FALSE(std::filesystem::exists(folder / "empty/trigpoint.yaml"));
 }
 
+// A folder whose only file cannot be used: its reason is the answer.
+TEST(Project, InitStatesWhyTheOnlyTableIsUnusable) {
+  const ProjectFolder folder;
+  folder.Write("only/a.jpg", "x");
+  folder.Write("only/panoramas.csv", "file,latitude_deg,longitude_deg\na.jpg,north,7.8\n");
+  const std::string message = MessageOf<InputError>([&] { Project::Init(folder / "only"); });
+  EXPECT_THAT(message, HasSubstr("panoramas.csv:2"));
+  EXPECT_THAT(message, HasSubstr("'north'"));
+  folder.Write("only/panoramas.csv", "bild;breite\na.jpg;48\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { Project::Open(folder / "only"); }),
+              testing::AllOf(HasSubstr("panoramas.csv:1"), HasSubstr("column 'file' is missing")));
+}
+
+TEST(Project, OriginIsAMeanOfKnownHeightsAcrossTheMeridian) {
+  const ProjectFolder folder;
+  folder.Write("fiji/runs/r/detections.csv", folder.Read("runs/run1/detections.csv"));
+  folder.Write("fiji/runs/r/camchain.yaml", folder.Read("runs/run1/camchain.yaml"));
+  folder.Write("fiji/runs/r/gps.csv",
+               "timestamp_s,latitude_deg,longitude_deg,height_m\n1,-17,179.999,60\n2,-17,-179.999,\n3,-17,179.999,62\n"
+               "4,-17,-179.999,\n");
+  const Project project = Project::Open(folder / "fiji");
+  EXPECT_EQ(project.site().runs.at(0).gps.size(), 4u);
+  const SiteOrigin origin = *FindOrigin(project.site());
+  EXPECT_NEAR(std::abs(origin.position.longitude_deg), 180, 1e-6);
+  EXPECT_NEAR(origin.position.height_m, 61, 1e-9);
+}
+
 TEST(Project, NamesOfAnyKindWork) {
   for (const char* name : {"with space", "Straße \"Nord\"", "it's", "a'b\"c: #d"}) {
     SCOPED_TRACE(name);
