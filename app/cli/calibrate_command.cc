@@ -178,7 +178,8 @@ void AddCalibrateCommand(CLI::App& app, Session& session) {
       "instead of pictures of a board: how the cameras of this run sit on its body, from its odometry and "
       "the tags it saw (after `trigpoint detect`)");
   command.add_option("--from", arguments->from,
-                     "instead: import a Kalibr camchain, OpenCV YAML, ROS camera_info, COLMAP cameras.txt or JSON");
+                     "instead: import a Kalibr camchain, OpenCV YAML or XML, ROS camera_info, COLMAP cameras.txt or "
+                     ".bin, Agisoft XML or JSON");
   command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
       ->allow_extra_args(false);
   command.callback(

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <utility>
 
 #include "app/cli/interchange_commands.h"
 #include "app/pipeline/command_line.h"
@@ -37,7 +38,7 @@ PanoramaImportOptions PanoramaOptions(const Arguments& a, bool service) {
   constexpr double kServiceRadius_m = 150, kFolderRadius_m = 1000;
   constexpr int kServiceWidth = 4096;
   PanoramaImportOptions options = a.panoramas;
-  options.area.radius_m = a.radius_m > 0 ? a.radius_m : service ? kServiceRadius_m : kFolderRadius_m;
+  options.area.radius_m = a.radius_m != 0 ? a.radius_m : service ? kServiceRadius_m : kFolderRadius_m;
   options.width = a.width >= 0 ? a.width : service ? kServiceWidth : 0;
   if (!a.near.empty() && !a.along.empty()) throw OptionError("--near and --along: give one of them");
   if (!a.near.empty()) options.area.points = {Geodetic{a.near.at(0), a.near.at(1), 0}};
@@ -166,6 +167,7 @@ ImportReport Import(const Arguments& a, const std::string& as, ProgressSink& pro
 int List(Session& session, const Arguments& a, const std::string& as, const Service* service) {
   if (as == "bag") return ListTopics(session, a);
   if (service != nullptr) return ListPanoramas(session, a, as, OpenService(*service, a).get());
+  if (as == "stac") return ListPanoramas(session, a, as, OpenStacFile(a.from).get());
   if (as == "panoramas") return ListPanoramas(session, a, as, OpenPanoramaFolder(a.from).get());
   std::string contents;
   bool needs_name = true;
@@ -201,8 +203,24 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
   return 0;
 }
 
-int TakeIn(Session& session, const Arguments& a) {
+// `--from stac --url FILE` is `--from FILE --as stac`.
+Arguments WithStacFile(Arguments a) {
+  if (a.from != "stac" || fs::exists(a.from)) return a;
+  if (a.url.empty() || !fs::exists(a.url)) {
+    throw OptionError("--from stac: expected a STAC file, as in --from items.json, or --from stac --url items.json" +
+                      (a.url.empty() ? std::string() : "; --url names no file") +
+                      "; for a STAC server: --from panoramax --url ADDRESS");
+  }
+  a.from = std::exchange(a.url, "");
+  a.as = "stac";
+  return a;
+}
+
+int TakeIn(Session& session, const Arguments& given) {
+  const Arguments a = WithStacFile(given);
   const Service* service = a.as.empty() ? ServiceNamed(a.from) : nullptr;
+  // A folder may be called Panoramax.
+  if (service != nullptr && a.from != service->name && fs::exists(a.from)) service = nullptr;
   const std::string as = service != nullptr ? service->name : a.as.empty() ? ImportKindOf(a.from) : a.as;
   if (service == nullptr && (!a.url.empty() || !a.token_file.empty())) {
     throw OptionError("--url and --token-file are for services; --from " + a.from + " is none");
@@ -210,6 +228,7 @@ int TakeIn(Session& session, const Arguments& a) {
   if (service != nullptr && a.near.empty() && a.along.empty()) {
     throw OptionError("--from " + service->name + ": expected --near LAT,LON or --along RUN");
   }
+  if (a.along.empty()) PanoramaOptions(a, service != nullptr).Check();  // before a token is asked for
   if (a.list) return List(session, a, as, service);
   if (service != nullptr && !service->permission.empty() && !a.permitted) {
     throw OptionError(
@@ -265,6 +284,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
           "  panoramas        a folder of panoramas, tiles or faces with metadata JSON (id, latitude, longitude, "
           "heading, "
           "date)\n"
+          "  stac             a file with STAC items: panoramas below its folder or at http(s) addresses\n"
           "  photos           a folder of HEIC (and other) photos as a hand-held set\n"
           "  gcp              ground control points of OpenSfM: ground_control_points.json or gcp_list.txt\n"
           "  tag-layout       a field layout of WPILib or an fmap: tags whose places are known, as control points\n"
@@ -281,7 +301,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
   const auto a = std::make_shared<Arguments>();
   command.add_option("DIR", a->dir, "the project, made if it isn't there")->required();
   command
-      .add_option("--from", a->from, "file or folder to take in, or a service: panoramax, mapillary, kartaview, google")
+      .add_option("--from", a->from,
+                  "file or folder to take in, or a service (in any case): panoramax, mapillary, kartaview, google")
       ->required();
   command.add_option("--as", a->as, "what it is; default: recognised by its contents")
       ->check(CLI::IsMember(ImportKinds()));
@@ -301,7 +322,8 @@ void AddImportCommand(CLI::App& app, Session& session) {
   command.add_option("--along", a->along, "panoramas: along this run: its GPS, or its cameras where it is localized");
   command
       .add_option("--width", a->width,
-                  "panoramas: shrink wider pictures to so many px; 0: as they are, default for folders; services: 4096")
+                  "panoramas: shrink wider pictures to so many px (even, 256 to 65536); 0: as they are, default for "
+                  "folders; services: 4096")
       ->check(CLI::Range(0, 65536));
   command
       .add_option("--limit", a->panoramas.limit,
@@ -322,7 +344,7 @@ void AddImportCommand(CLI::App& app, Session& session) {
                      "dataset, video: poses (TUM, EuRoC, KITTI, or a log of ARCore or ARKit) to be the run's odometry");
   command.add_flag("--list", a->list, "show what is there; import nothing");
   command.add_flag("--permitted", a->permitted,
-                   "google: your agreement with it permits to compute from its pictures, which its policies forbid");
+                   "google: your agreement with it permits computing from its pictures, which its policies forbid");
   command.add_option("--url", a->url, "services: another server of the same kind");
   command.add_option("--token-file", a->token_file,
                      "services: file (mode 0600) with the token or key, in place of the environment");

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <map>
 #include <set>
@@ -298,6 +299,19 @@ void ExportRuns(const Project& project, const ExportRequest& request, bool one_f
   }
 }
 
+// Programs choose their reader by a file's ending: it is added, unless the name has that of another format.
+fs::path WithEnding(const fs::path& file, const std::string& ending) {
+  std::string given = file.extension().string();
+  std::transform(given.begin(), given.end(), given.begin(), [](unsigned char c) { return std::tolower(c); });
+  if (given == "." + ending || (ending == "geojson" && given == ".json")) return file;
+  for (const char* other : {".gpkg", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".fmap", ".csv"}) {
+    if (given != other) continue;
+    throw OptionError("--out " + file.string() + ": expected a file that ends in ." + ending + ", found " + given +
+                      "; name it so, or choose another format by --to");
+  }
+  return fs::path(file) += "." + ending;
+}
+
 }  // namespace
 
 ExportReport ExportResults(const Project& project, const ExportRequest& asked, ProgressSink& progress,
@@ -318,7 +332,10 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
   if (one_file && (fs::is_directory(place) || !place.has_filename())) {
     throw OptionError("--out " + request.out.string() + ": expected a file for " + request.to + ", found a folder");
   }
-  if (one_file && !place.has_extension()) place += "." + ending;  // programs choose their reader by it
+  if (one_file) {
+    if (place.has_extension()) RequireOutputPlace(place);
+    place = WithEnding(place, ending);
+  }
   RequireOutputPlace(one_file ? place : place / "x");
   OutputFiles output(one_file ? place.parent_path() : place, request.force);
   request.out = one_file ? output.staging() / place.filename() : output.staging();

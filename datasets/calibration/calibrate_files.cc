@@ -207,7 +207,7 @@ void WriteMaps(const fs::path& out, const CalibrationInput& input, const Calibra
 
 std::string QualityText(const Quality& quality) {
   std::string text = "# Is this calibration good enough?\n\n";
-  text += quality.level == FindingLevel::kRefusal   ? "No: it is refused. What is named as refusal must be mended.\n"
+  text += quality.level == FindingLevel::kRefusal ? "No: it is refused. Correct every item that is marked as refusal.\n"
           : quality.level == FindingLevel::kWarning ? "Yes, with the warnings below.\n"
                                                     : "Yes.\n";
   for (const Finding& f : quality.findings) {

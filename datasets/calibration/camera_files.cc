@@ -1,14 +1,18 @@
 #include "datasets/calibration/camera_files.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/colmap/camera_models.h"
+#include "datasets/colmap/model.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/lines.h"
 #include "datasets/io/text.h"
@@ -44,6 +48,12 @@ BodyCamera Named(const std::string& name, Camera camera) {
   return body;
 }
 
+// In pixels, 0 where it is no whole number that a picture has: its camera is refused.
+int PictureSide(double value) {
+  constexpr double kLongest = 1e6;
+  return value >= 1 && value <= kLongest && value == std::floor(value) ? static_cast<int>(value) : 0;
+}
+
 void AppendNumbers(const YAML::Node& node, const std::string& where, std::vector<double>* numbers) {
   if (node.IsSequence()) {
     for (const auto& item : node) AppendNumbers(item, where, numbers);
@@ -75,7 +85,7 @@ class LooseMap {
   }
   int Integer(const std::vector<std::string>& names) const {
     const std::vector<double> numbers = Numbers(names);
-    return numbers.empty() ? 0 : static_cast<int>(numbers.front());
+    return numbers.empty() ? 0 : PictureSide(numbers.front());
   }
   std::string Text(const std::vector<std::string>& names) const {
     const YAML::Node node = Find(names);
@@ -87,8 +97,7 @@ class LooseMap {
   YAML::Node node_;
 };
 
-CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, int height) {
-  const YAML::Node node = ParseYaml(file, std::move(text));
+CameraFile ReadMapOfCameras(const fs::path& file, const YAML::Node& node, int width, int height) {
   if (!node.IsMap()) throw InputError(file.string() + ": expected a camera calibration, found no map");
   CameraFile result;
   for (const auto& entry : node) {
@@ -104,8 +113,8 @@ CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, in
   if (const int w = map.Integer({"image_width", "width", "image_Width"}); w > 0) width = w;
   if (const int h = map.Integer({"image_height", "height", "image_Height"}); h > 0) height = h;
   if (const std::vector<double> size = map.Numbers({"image_size", "imageSize"}); size.size() == 2) {
-    width = static_cast<int>(size[0]);
-    height = static_cast<int>(size[1]);
+    width = PictureSide(size[0]);
+    height = PictureSide(size[1]);
   }
   const std::string model = map.Text({"distortion_model", "camera_model"});
   if (const std::vector<double> first = map.Numbers({"M1"}); !first.empty()) {
@@ -135,6 +144,51 @@ CameraFile ReadYamlCameras(const fs::path& file, std::string text, int width, in
   return result;
 }
 
+// What OpenCV's FileStorage holds, as the same in YAML.
+YAML::Node NodeOf(const cv::FileNode& stored) {
+  YAML::Node node;
+  if (stored.isMap()) {
+    for (const std::string& key : stored.keys()) node[key] = NodeOf(stored[key]);
+  } else if (stored.isSeq()) {
+    for (const cv::FileNode& item : stored) node.push_back(NodeOf(item));
+  } else if (stored.isInt()) {
+    node = static_cast<int>(stored);
+  } else if (stored.isReal()) {
+    node = Number(static_cast<double>(stored));
+  } else if (stored.isString()) {
+    node = stored.string();
+  }
+  return node;
+}
+
+// OpenCV's reader needs stack for each level: too deep a file would end the program.
+void CheckDepth(const fs::path& file, const std::string& text) {
+  constexpr int kDeepest = 64;
+  int depth = 0;
+  for (size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at + 1)) {
+    const char next = at + 1 < text.size() ? text[at + 1] : '>';
+    if (next == '?' || next == '!') continue;
+    const size_t end = text.find('>', at);
+    if (next == '/') {
+      --depth;
+    } else if (end != std::string::npos && text[end - 1] != '/' && ++depth > kDeepest) {
+      throw InputError(fmt::format("{}: expected XML at most {} levels deep", file.string(), kDeepest));
+    }
+  }
+}
+
+CameraFile ReadOpenCvXml(const fs::path& file, const std::string& text, int width, int height) {
+  CheckDepth(file, text);
+  YAML::Node node;
+  try {
+    const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_XML);
+    node = NodeOf(storage.root());
+  } catch (const cv::Exception&) {
+    throw InputError(file.string() + ": expected XML as OpenCV writes it, found a fault in it; write it again");
+  }
+  return ReadMapOfCameras(file, node, width, height);
+}
+
 CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int width, int height) {
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   if (!json.is_object()) throw InputError(file.string() + ": not valid JSON");
@@ -149,9 +203,8 @@ CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int wid
     return numbers;
   };
   if (const auto it = json.find("resolution"); it != json.end() && it->is_object()) {
-    if (it->contains("width") && it->at("width").is_number()) width = static_cast<int>(it->at("width").get<double>());
-    if (it->contains("height") && it->at("height").is_number())
-      height = static_cast<int>(it->at("height").get<double>());
+    if (it->contains("width") && it->at("width").is_number()) width = PictureSide(it->at("width").get<double>());
+    if (it->contains("height") && it->at("height").is_number()) height = PictureSide(it->at("height").get<double>());
   }
   CameraFile result;
   result.format = "JSON";
@@ -161,41 +214,110 @@ CameraFile ReadJsonCamera(const fs::path& file, const std::string& text, int wid
   return result;
 }
 
+// One element of Agisoft's XML: its attributes and what it holds.
+struct XmlPart {
+  std::string_view attributes, content;
+};
+
+// The elements of this name in `text`, in order; those of the same name are not nested there.
+std::vector<XmlPart> XmlParts(std::string_view text, const std::string& name) {
+  std::vector<XmlPart> parts;
+  const std::string open = "<" + name, close = "</" + name + ">";
+  for (size_t at = text.find(open); at != std::string_view::npos; at = text.find(open, at)) {
+    at += open.size();
+    const size_t end = text.find('>', at);
+    if (end == std::string_view::npos) break;
+    if (text[at] != '>' && text[at] != ' ' && text[at] != '/') continue;  // a longer name
+    XmlPart part{text.substr(at, end - at), {}};
+    at = end + 1;
+    if (!part.attributes.ends_with('/')) {
+      const size_t last = std::min(text.find(close, at), text.size());
+      part.content = text.substr(at, last - at);
+      at = last;
+    }
+    parts.push_back(part);
+  }
+  return parts;
+}
+
+std::string XmlAttribute(const XmlPart& part, const std::string& name) {
+  const std::string begin = " " + name + "=\"";
+  const size_t at = part.attributes.find(begin);
+  if (at == std::string_view::npos) return "";
+  const std::string_view rest = part.attributes.substr(at + begin.size());
+  return std::string(rest.substr(0, rest.find('"')));
+}
+
 // Agisoft's lens: its pixels begin at 0.5, cx and cy count from the middle, its p1 and p2 are OpenCV's p2 and p1.
-CameraFile ReadAgisoftCamera(const fs::path& file, const std::string& text) {
+// `where` begins the messages.
+Camera AgisoftCamera(const std::string& where, const XmlPart& lens) {
   const auto element = [&](const std::string& name) {
-    const size_t begin = text.find("<" + name + ">"), end = text.find("</" + name + ">");
-    if (begin == std::string::npos || end == std::string::npos || end < begin) return std::string();
-    return std::string(Trim(std::string_view(text).substr(begin + name.size() + 2, end - begin - name.size() - 2)));
+    const std::vector<XmlPart> parts = XmlParts(lens.content, name);
+    return parts.empty() ? std::string() : std::string(Trim(parts.front().content));
   };
-  const auto number = [&](const std::string& name) {
-    const std::string written = element(name);
+  const auto parsed = [&](const std::string& name, const std::string& written) {
     const auto value = written.empty() ? std::optional<double>(0) : ParseDouble(written);
     if (!value || !std::isfinite(*value))
-      throw InputError(file.string() + ": <" + name + ">: expected a number, found '" + written + "'");
+      throw InputError(where + ": <" + name + ">: expected a number, found '" + written + "'");
     return *value;
   };
-  const std::string projection = element("projection");
+  const auto number = [&](const std::string& name) { return parsed(name, element(name)); };
+  const std::string type = XmlAttribute(lens, "type"), projection = type.empty() ? element("projection") : type;
   if (projection != "frame" && projection != "fisheye") {
-    throw InputError(file.string() + ": <projection>: expected frame or fisheye, found '" + projection + "'");
+    throw InputError(where + ": <projection>: expected frame or fisheye, found '" + projection + "'");
   }
-  const double f = number("f"), width = number("width"), height = number("height");
-  if (!(f > 0))
-    throw InputError(file.string() + ": <f>: expected the focal length in px, as Agisoft Metashape writes it");
+  const std::vector<XmlPart> resolution = XmlParts(lens.content, "resolution");
+  const bool stated = !resolution.empty();
+  const double width = stated ? parsed("width", XmlAttribute(resolution.front(), "width")) : number("width");
+  const double height = stated ? parsed("height", XmlAttribute(resolution.front(), "height")) : number("height");
+  const double f = number("f");
+  if (!(f > 0)) throw InputError(where + ": <f>: expected the focal length in px, as Agisoft Metashape writes it");
   const bool fisheye = projection == "fisheye", tangential = number("p1") != 0 || number("p2") != 0;
   if (number("b2") != 0 || number("p3") != 0 || number("p4") != 0 || (fisheye ? tangential : number("k4") != 0)) {
-    throw InputError(file.string() + ": " + (fisheye ? "p1, p2" : "k4") +
+    throw InputError(where + ": " + (fisheye ? "p1, p2" : "k4") +
                      ", p3, p4 or b2 are not supported; calibrate without them");
   }
   std::vector<double> d = {number("k1"), number("k2"), number("p2"), number("p1"), number("k3")};
   if (fisheye) d = {number("k1"), number("k2"), number("k3"), number("k4")};
   const std::vector<double> k = {
       f + number("b1"), 0, 0.5 * (width - 1) + number("cx"), 0, f, 0.5 * (height - 1) + number("cy"), 0, 0, 1};
+  return OpenCvCamera(where, k, d, fisheye ? "fisheye" : "", PictureSide(width), PictureSide(height));
+}
+
+// The XML of one lens, or cameras.xml with the sensors of a project: of each the adjusted calibration, else the first.
+CameraFile ReadAgisoftCameras(const fs::path& file, const std::string& text) {
   CameraFile result;
   result.format = "Agisoft";
-  result.cameras.push_back(Named("cam0", OpenCvCamera(file.string(), k, d, fisheye ? "fisheye" : "",
-                                                      static_cast<int>(width), static_cast<int>(height))));
-  result.related = true;
+  for (const XmlPart& sensor : XmlParts(text, "sensor")) {
+    const std::vector<XmlPart> lenses = XmlParts(sensor.content, "calibration");
+    if (lenses.empty()) continue;
+    const auto adjusted = std::find_if(lenses.begin(), lenses.end(),
+                                       [](const XmlPart& l) { return XmlAttribute(l, "class") == "adjusted"; });
+    const std::string where = file.string() + ": sensor '" + XmlAttribute(sensor, "label") + "'";
+    result.cameras.push_back(Named("cam" + std::to_string(result.cameras.size()),
+                                   AgisoftCamera(where, adjusted != lenses.end() ? *adjusted : lenses.front())));
+  }
+  if (result.cameras.empty()) {
+    const std::vector<XmlPart> lenses = XmlParts(text, "calibration");
+    if (lenses.empty()) throw InputError(file.string() + ": expected sensors with a calibration, found none");
+    result.cameras.push_back(Named("cam0", AgisoftCamera(file.string(), lenses.front())));
+  }
+  result.related = result.cameras.size() == 1;
+  return result;
+}
+
+// cameras.bin: the first file of a model, the others being empty.
+CameraFile ReadColmapBinary(const fs::path& file, const std::string& bytes) {
+  const std::string none(sizeof(uint64_t), '\0');
+  const SparseModel model = ParseColmapModel({{"cameras.bin", bytes}, {"images.bin", none}, {"points3D.bin", none}},
+                                             file.parent_path().string());
+  CameraFile result;
+  result.format = "COLMAP";
+  for (const auto& [id, camera] : model.cameras) {
+    result.cameras.push_back(Named("cam" + std::to_string(result.cameras.size()), camera));
+  }
+  if (result.cameras.empty()) throw InputError(file.string() + ": no camera in it");
+  result.related = result.cameras.size() == 1;
   return result;
 }
 
@@ -321,11 +443,13 @@ Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std:
 
 CameraFile ReadCameraFile(const fs::path& file, int width, int height) {
   const std::string text = ReadTextFile(file);
+  if (file.extension() == ".bin") return ReadColmapBinary(file, text);
   const std::string_view trimmed = Trim(text);
   if (!trimmed.empty() && trimmed.front() == '{') return ReadJsonCamera(file, text, width, height);
-  if (text.find("<calibration>") != std::string::npos) return ReadAgisoftCamera(file, text);
+  if (text.find("<opencv_storage") != std::string::npos) return ReadOpenCvXml(file, text, width, height);
+  if (text.find("<calibration") != std::string::npos) return ReadAgisoftCameras(file, text);
   if (LooksLikeColmap(text)) return ReadColmapCameras(file, text);
-  return ReadYamlCameras(file, text, width, height);
+  return ReadMapOfCameras(file, ParseYaml(file, text), width, height);
 }
 
 std::vector<BodyCamera> ReadCamerasFor(const fs::path& file, size_t count, const std::string& of, int width,

@@ -22,8 +22,10 @@ struct CameraFile {
 //                image_width and image_height (width, height, image_size), distortion_model: plumb_bob, radtan,
 //                rational_polynomial, equidistant or fisheye; without it by the number of coefficients (4, 5, 8).
 //                Two cameras as M1, D1, M2, D2, with R, T (second from first) or without.
-//   COLMAP       cameras.txt; its pixels become ours
-//   Agisoft      the XML of a lens (calibration: projection frame or fisheye, f, cx, cy, b1, k1 to k4, p1, p2)
+//                The same names in OpenCV's XML (opencv_storage).
+//   COLMAP       cameras.txt or cameras.bin (by its ending); its pixels become ours
+//   Agisoft      the XML of a lens (calibration: projection frame or fisheye, f, cx, cy, b1, k1 to k4, p1, p2), or
+//                cameras.xml with sensors, each by its adjusted calibration
 //   JSON         PhotonVision's calibration: cameraIntrinsics, distCoeffs, resolution
 // `width`, `height`: of the pictures, where the file doesn't say; 0: then it must. Throws InputError naming the file
 // and what is missing.

@@ -114,7 +114,7 @@ Crs Crs::Named(const std::string& code, const Geodetic& near) {
     }
   }
   proj_area_destroy(area);
-  if (crs.proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ has no way to it from WGS 84");
+  if (crs.proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ cannot reach it from WGS 84");
   if (ballpark) {
     throw OptionError("--crs " + code + ": PROJ knows no change of datum from WGS 84 to it, without which positions " +
                       "may be off by hundreds of metres; install its grids (apt install proj-data, or projsync)");

@@ -205,12 +205,12 @@ class BagImport {
       file += jpeg ? ".jpg" : ".png";
       WriteBytes(run_.dir() / file, bytes);
     } else {
-      const cv::Mat picture = PictureOf(image);
+      const cv::Mat picture = PictureOf(image, &converted_);
       stream.width = picture.cols;
       stream.height = picture.rows;
       file += ".png";
       if (picture.depth() == CV_8U) {
-        WriteBytes(run_.dir() / file, FastPng(picture));
+        WriteBytes(run_.dir() / file, png_.Write(picture));
       } else {
         cv::imencode(".png", picture, encoded_);
         WriteBytes(run_.dir() / file, {reinterpret_cast<const char*>(encoded_.data()), encoded_.size()});
@@ -299,7 +299,7 @@ class BagImport {
       if (std::abs(axis.z()) > 0.9 && stream.frame.find("optical") == std::string::npos) {
         report_.warnings.push_back(
             fmt::format("frame {}: its z axis is vertical; expected the optical frame (z along the "
-                        "view): mend T_cam_imu in camchain.yaml if the camera looks elsewhere",
+                        "view): correct T_cam_imu in camchain.yaml if the camera looks elsewhere",
                         stream.frame));
       }
       return;
@@ -309,12 +309,12 @@ class BagImport {
                     stream.frame.empty() ? "a frame of " + stream.topic.name : stream.frame);
     if (streams_.size() > 1) {
       throw InputError(bag_.string() + ": " + missing +
-                       ": how the cameras sit to each other is not known; name a "
+                       ": the mutual pose of the cameras is not known; name a "
                        "camchain.yaml by --cameras, or take one camera by --topic");
     }
     report_.warnings.push_back(missing +
                                "; the camera is taken to look straight ahead (trigpoint calibrate --hand-eye "
-                               "finds how it sits)");
+                               "finds its rotation)");
   }
 
   void WriteOdometry() {
@@ -333,7 +333,8 @@ class BagImport {
     report_.lines.push_back(fmt::format("odometry: {} of {} in {}, from {}", Counted(poses_.size(), "pose"),
                                         body_.empty() ? "an unnamed body" : body_, odom_, source));
     if (body_.empty()) {
-      report_.warnings.push_back("the poses of " + source + " name no body; they are taken as those of base_link");
+      report_.warnings.push_back("the poses of " + source +
+                                 " do not state whose they are; they are taken as those of base_link");
     }
   }
 
@@ -405,6 +406,8 @@ class BagImport {
   FrameTree tree_;
   std::map<std::string, Unreadable> unreadable_;
   std::vector<uchar> encoded_;
+  cv::Mat converted_;
+  FastPngWriter png_;
   std::vector<std::string> files_;
   ImportReport report_;
 };

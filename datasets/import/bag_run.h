@@ -34,7 +34,8 @@ BagChoice ChooseTopics(const BagContents& contents, const std::vector<std::strin
 const BagTopic* CameraInfoOf(const BagContents& contents, const std::string& image_topic);
 
 // 8- or 16-bit, grey or BGR. Throws InputError for an encoding that is no picture and for sizes that don't fit.
-cv::Mat PictureOf(const RosImage& image);
+// `converted` holds pixels that are not the message's own; the picture is valid until the next one is put there.
+cv::Mat PictureOf(const RosImage& image, cv::Mat* converted);
 
 // Writes SITE/runs/<run>/: images/<camera>/<nanoseconds>.png (or the compressed picture as it is), images.txt,
 // camchain.yaml (from camera_info and the fixed transforms to the odometry's body), odometry.tum, gps.csv, run.yaml.

@@ -149,10 +149,11 @@ const BagTopic* CameraInfoOf(const BagContents& contents, const std::string& ima
   return count == 1 && one_camera ? only : nullptr;
 }
 
-cv::Mat PictureOf(const RosImage& image) {
+cv::Mat PictureOf(const RosImage& image, cv::Mat* converted) {
   const auto form = std::find_if(std::begin(kForms), std::end(kForms),
                                  [&](const PixelForm& known) { return image.encoding == known.name; });
-  if (form == std::end(kForms)) throw InputError("the encoding '" + Excerpt(image.encoding) + "' is no picture's");
+  if (form == std::end(kForms))
+    throw InputError("the encoding '" + Excerpt(image.encoding) + "' is not one of a picture");
   constexpr uint32_t kLongest = 65'500;  // px, of what can be written
   const uint64_t row = uint64_t{image.width} * CV_ELEM_SIZE(form->type);
   if (image.width == 0 || image.height == 0 || image.width > kLongest || image.height > kLongest || image.step < row ||
@@ -171,9 +172,8 @@ cv::Mat PictureOf(const RosImage& image) {
     }
   }
   if (form->conversion < 0) return pixels;
-  cv::Mat bgr;
-  cv::cvtColor(pixels, bgr, form->conversion);
-  return bgr;
+  cv::cvtColor(pixels, *converted, form->conversion);
+  return *converted;
 }
 
 }  // namespace trigpoint

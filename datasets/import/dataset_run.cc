@@ -178,6 +178,30 @@ bool IsPhoneLog(const fs::path& file) {
   return name.ends_with("ARCore_sensor_pose.txt") || name.ends_with("ARKit_camera_pose.txt");
 }
 
+constexpr double kUnitTolerance = 1e-2;  // of numbers written with few digits
+
+// Throws InputError "where: ..." for what is no rotation.
+Eigen::Quaterniond UnitRotation(const std::string& where, const Eigen::Quaterniond& q) {
+  if (!(std::abs(q.norm() - 1) < kUnitTolerance)) {
+    throw InputError(fmt::format("{}: expected a unit quaternion, found one of length {:.4g}", where, q.norm()));
+  }
+  return q.normalized();
+}
+
+Eigen::Quaterniond RotationOf(const std::string& where, const Eigen::Matrix3d& r) {
+  if (!((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kUnitTolerance) || r.determinant() < 0) {
+    throw InputError(where + ": expected the rows of [R | t], found an R that is no rotation");
+  }
+  return Eigen::Quaterniond(r).normalized();
+}
+
+// Doubled times are dropped with a warning where the run is read.
+void RequireLater(const std::string& where, int64_t stamp_ns, const std::vector<TimedPose>& before) {
+  if (before.empty() || stamp_ns >= before.back().stamp_ns) return;
+  throw InputError(where + ": expected a time not before that of the pose before, found one " +
+                   FormatNsAsSeconds(before.back().stamp_ns - stamp_ns, 6) + " s earlier; the log is out of order");
+}
+
 // What the apps ARCore-Data-Logger (timestamp_ns, qx, qy, qz, qw, tx, ty, tz) and ARKit-Data-Logger (timestamp_ns, then
 // the rows of [R | t]) write, as their pages on GitHub describe it. The first pose is at time 0.
 std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
@@ -185,6 +209,7 @@ std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
   std::vector<TimedPose> poses;
   double first_ns = 0;
   for (const auto& [line, number] : DataLines(text)) {
+    const std::string where = FileLine(file, number);
     std::vector<double> v;
     for (size_t begin = 0; begin <= line.size();) {
       const size_t end = std::min(line.find(',', begin), line.size());
@@ -193,18 +218,19 @@ std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
     }
     const bool numbers = std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
     if (!numbers || (v.size() != 8 && v.size() != 13)) {
-      throw InputError(FileLine(file, number) +
-                       ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");
+      throw InputError(where + ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");
     }
     Rigid3d pose;
     if (v.size() == 8) {
-      pose = Rigid3d(Eigen::Quaterniond(v[4], v[1], v[2], v[3]).normalized(), {v[5], v[6], v[7]});
+      pose = Rigid3d(UnitRotation(where, {v[4], v[1], v[2], v[3]}), {v[5], v[6], v[7]});
     } else {
       const Eigen::Matrix<double, 3, 4> m = Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(&v[1]);
-      pose = Rigid3d(Eigen::Quaterniond(Eigen::Matrix3d(m.leftCols<3>())).normalized(), m.col(3));
+      pose = Rigid3d(RotationOf(where, m.leftCols<3>()), m.col(3));
     }
     if (poses.empty()) first_ns = v[0];
-    poses.push_back({std::llround(v[0] - first_ns), BodyFromPhone(pose)});
+    const int64_t stamp = std::llround(v[0] - first_ns);
+    RequireLater(where, stamp, poses);
+    poses.push_back({stamp, BodyFromPhone(pose)});
   }
   if (poses.empty()) throw InputError(file.string() + ": no pose");
   return poses;
@@ -227,13 +253,22 @@ Dataset ReadRecord3d(const fs::path& folder) {
     camera.calibration = ForwardCamera(
         "cam0",
         {CameraModel::kPinhole, metadata.at("w").get<int>(), metadata.at("h").get<int>(), {k[0], k[4], k[6], k[7]}});
+    const auto pictures = static_cast<size_t>(std::count_if(
+        fs::directory_iterator(camera.dir), {}, [](const auto& e) { return e.path().extension() == ".jpg"; }));
+    if (pictures != poses.size()) {
+      throw InputError(
+          fmt::format("{} poses, but {} has {} pictures; expected one pose for each: unpack the .r3d again",
+                      poses.size(), camera.dir.string(), pictures));
+    }
     for (size_t i = 0; i < poses.size(); ++i) {
       const std::vector<double>& p = poses[i];
       if (p.size() != 7 || !std::isfinite(times[i])) throw InputError("expected poses of 7 numbers and finite times");
+      const std::string which = fmt::format("pose {} of {}", i, poses.size());
       const int64_t stamp = std::llround(times[i] * 1e9);
       camera.images.emplace_back(stamp, fmt::format("{}.jpg", i));
-      const Rigid3d world_from_arkit(Eigen::Quaterniond(p[3], p[0], p[1], p[2]), {p[4], p[5], p[6]});
-      if (!world_from_arkit.IsFinite()) continue;
+      if (!std::all_of(p.begin(), p.end(), [](double x) { return std::isfinite(x); })) continue;
+      const Rigid3d world_from_arkit(UnitRotation(which, {p[3], p[0], p[1], p[2]}), {p[4], p[5], p[6]});
+      RequireLater(which, stamp, dataset.poses);
       dataset.poses.push_back({stamp, BodyFromPhone(world_from_arkit)});
     }
   } catch (const InputError& e) {
@@ -244,11 +279,9 @@ Dataset ReadRecord3d(const fs::path& folder) {
   return dataset;
 }
 
-// KITTI's rows have twelve numbers.
+// KITTI's, with the folder's times, or others.
 Trajectory ReadPoses(const fs::path& file, const fs::path& times) {
-  const std::string text = ReadTextFile(file);
-  const bool kitti = SplitFields(std::string_view(text).substr(0, text.find('\n'))).size() == 12;
-  if (!kitti) return ReadTrajectory(file);
+  if (!HasKittiRows(ReadTextFile(file))) return ReadTrajectory(file);
   if (times.empty()) throw InputError(file.string() + ": KITTI's poses have no times; expected rows with times");
   return ReadKittiTrajectory(file, times);
 }
@@ -261,7 +294,7 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
     source = file.filename().string();
     report->warnings.push_back(source +
                                " is on the phone's own clock: its first pose is taken at the first image; if they were "
-                               "not started together, mend odometry: time_offset_s in run.yaml");
+                               "not started together, correct odometry: time_offset_s in run.yaml");
   } else if (!file.empty()) {
     Trajectory trajectory = ReadPoses(file, dataset.times);
     dataset.poses = std::move(trajectory.poses);

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <queue>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <vector>
 
 namespace trigpoint {
@@ -15,37 +17,60 @@ constexpr int kSymbols = 257;  // bytes and the end of the block
 constexpr int kEndOfBlock = 256;
 constexpr int kLongest = 15;  // bits of a code
 
-void PutBigEndian(uint32_t value, std::string* out) {
-  for (int shift = 24; shift >= 0; shift -= 8) out->push_back(static_cast<char>(value >> shift));
-}
+// Bytes of a file; the room for them is there.
+class ByteWriter {
+ public:
+  explicit ByteWriter(uint8_t* at) : at_(at) {}
+  uint8_t* at() const { return at_; }
+  void SetEnd(uint8_t* at) { at_ = at; }
+  void BigEndian(uint32_t value) {
+    for (int shift = 24; shift >= 0; shift -= 8) *at_++ = static_cast<uint8_t>(value >> shift);
+  }
+  void Bytes(std::string_view bytes) { at_ = std::copy(bytes.begin(), bytes.end(), at_); }
+  // A chunk: its size is written by EndChunk.
+  void BeginChunk(std::string_view type) {
+    at_ += 4;
+    chunk_ = at_;
+    Bytes(type);
+  }
+  void EndChunk() {
+    const auto size = static_cast<uint32_t>(at_ - chunk_);  // with the type
+    ByteWriter(chunk_ - 4).BigEndian(size - 4);
+    BigEndian(static_cast<uint32_t>(crc32(crc32(0, nullptr, 0), chunk_, size)));
+  }
 
-void PutChunk(const char* type, const std::string& data, std::string* out) {
-  PutBigEndian(static_cast<uint32_t>(data.size()), out);
-  const size_t begin = out->size();
-  *out += type;
-  *out += data;
-  const auto* bytes = reinterpret_cast<const Bytef*>(out->data() + begin);
-  PutBigEndian(static_cast<uint32_t>(crc32(crc32(0, nullptr, 0), bytes, static_cast<uInt>(data.size() + 4))), out);
+ private:
+  uint8_t* at_;
+  uint8_t* chunk_ = nullptr;
+};
+
+// At least `size` bytes, without a copy or a second filling.
+uint8_t* Room(size_t size, std::vector<uint8_t>* buffer) {
+  if (buffer->size() < size) {
+    buffer->clear();
+    buffer->resize(size);
+  }
+  return buffer->data();
 }
 
 // Rows as PNG's filter "sub" has them: its number, then each byte less that of the pixel before.
 template <size_t channels>
-std::vector<uint8_t> FilteredRows(const cv::Mat& picture) {
-  const size_t row = static_cast<size_t>(picture.cols) * channels;
-  std::vector<uint8_t> rows((row + 1) * static_cast<size_t>(picture.rows));
-  std::vector<uint8_t> rgb(row);
+std::span<const uint8_t> FilteredRows(const cv::Mat& picture, std::vector<uint8_t>* rows, std::vector<uint8_t>* line) {
+  const size_t row = static_cast<size_t>(picture.cols) * channels, size = (row + 1) * static_cast<size_t>(picture.rows);
+  uint8_t* out = Room(size, rows);
+  uint8_t* rgb = Room(row, line);
   for (int y = 0; y < picture.rows; ++y) {
     const uint8_t* pixels = picture.ptr(y);
     if constexpr (channels == 3) {
       for (size_t k = 0; k < row; k += 3) rgb[k] = pixels[k + 2], rgb[k + 1] = pixels[k + 1], rgb[k + 2] = pixels[k];
-      pixels = rgb.data();
+      pixels = rgb;
     }
-    uint8_t* out = &rows[static_cast<size_t>(y) * (row + 1)];
     *out++ = 1;
     std::copy_n(pixels, channels, out);
     for (size_t k = channels; k < row; ++k) out[k] = static_cast<uint8_t>(pixels[k] - pixels[k - channels]);
+    out += row;
   }
-  return rows;
+  return {rows->data(), size};
 }
 
 // Lengths of a Huffman code, 0 for symbols that do not occur. Counts are flattened until no code is too long.
@@ -88,26 +113,30 @@ std::array<int, kSymbols> CodeLengths(std::array<uint64_t, kSymbols> counts) {
   }
 }
 
-// Bits, the lowest first.
+// Bits, the lowest first. Eight bytes are written at a time: so many beyond the end must be there.
 class BitWriter {
  public:
-  explicit BitWriter(std::string* out) : out_(out) {}
-  void Put(uint32_t bits, int count) {
-    held_ |= uint64_t{bits} << count_;
+  explicit BitWriter(uint8_t* at) : at_(at) {}
+  // Up to kMostHeld bits before the next Flush.
+  static constexpr int kMostHeld = 56;
+  void Hold(uint64_t bits, int count) {
+    held_ |= bits << count_;
     count_ += count;
-    if (count_ < 32) return;
-    const char bytes[4] = {static_cast<char>(held_), static_cast<char>(held_ >> 8), static_cast<char>(held_ >> 16),
-                           static_cast<char>(held_ >> 24)};
-    out_->append(bytes, 4);
-    held_ >>= 32;
-    count_ -= 32;
   }
-  void Finish() {
-    for (; count_ > 0; count_ -= 8, held_ >>= 8) out_->push_back(static_cast<char>(held_));
+  void Flush() {
+    for (int k = 0; k < 8; ++k) at_[k] = static_cast<uint8_t>(held_ >> 8 * k);  // one store where bytes lie that way
+    at_ += count_ >> 3;
+    held_ >>= count_ & ~7;
+    count_ &= 7;
   }
+  void Put(uint64_t bits, int count) {
+    Hold(bits, count);
+    Flush();
+  }
+  uint8_t* End() { return at_ + (count_ > 0 ? 1 : 0); }
 
  private:
-  std::string* out_;
+  uint8_t* at_;
   uint64_t held_ = 0;
   int count_ = 0;
 };
@@ -126,18 +155,33 @@ std::array<uint32_t, kSymbols> Codes(const std::array<int, kSymbols>& lengths) {
   return codes;
 }
 
-std::string Deflated(const std::vector<uint8_t>& bytes) {
+// A zlib stream's code for bytes.
+struct ByteCode {
+  std::array<int, kSymbols> lengths;
+  std::array<uint32_t, kSymbols> codes;
+  uint64_t bits = 0;  // of all bytes together and the end
+};
+
+ByteCode CodeOf(std::span<const uint8_t> bytes) {
   std::array<uint64_t, kSymbols> counts{};
   // Four tables: neighbours are often alike, and a count waits for the one before.
   std::array<std::array<uint32_t, 256>, 4> parts{};
   for (size_t i = 0; i < bytes.size(); ++i) ++parts[i & 3][bytes[i]];
   for (size_t b = 0; b < 256; ++b) counts[b] = uint64_t{parts[0][b]} + parts[1][b] + parts[2][b] + parts[3][b];
   counts[kEndOfBlock] = 1;
-  const std::array<int, kSymbols> lengths = CodeLengths(counts);
-  const std::array<uint32_t, kSymbols> codes = Codes(lengths);
-  std::string out("\x78\x01", 2);
-  out.reserve(bytes.size());
-  BitWriter bits(&out);
+  ByteCode code{CodeLengths(counts), {}, 0};
+  code.codes = Codes(code.lengths);
+  for (size_t s = 0; s < kSymbols; ++s) code.bits += counts[s] * static_cast<uint64_t>(code.lengths[s]);
+  return code;
+}
+
+// What comes before the codes of the bytes: 3 + 14 + 57 + 258 * 4 bits, behind two bytes of zlib.
+constexpr size_t kBlockHead = 2 + (3 + 14 + 57 + 258 * 4) / 8 + 1;
+
+uint8_t* Deflate(std::span<const uint8_t> bytes, const ByteCode& code, uint8_t* out) {
+  *out++ = 0x78;
+  *out++ = 0x01;
+  BitWriter bits(out);
   bits.Put(1, 1), bits.Put(2, 2);                   // the last block, of a dynamic code
   bits.Put(0, 5), bits.Put(0, 5), bits.Put(15, 4);  // 257 lengths, one distance, 19 lengths of lengths
   // Lengths 0 to 15 are coded by four bits each; the codes for repetitions, the first three, are not used.
@@ -147,35 +191,46 @@ std::string Deflated(const std::vector<uint8_t>& bytes) {
     for (int bit = 0; bit < 4; ++bit) reversed |= (static_cast<uint32_t>(length) >> bit & 1) << (3 - bit);
     bits.Put(reversed, 4);
   };
-  for (const int length : lengths) put_length(length);
+  for (const int length : code.lengths) put_length(length);
   put_length(0);  // no distance is used
-  // Two at a time: no two codes are longer than 30 bits.
+  const auto hold = [&](size_t symbol) { bits.Hold(code.codes[symbol], code.lengths[symbol]); };
+  constexpr size_t kAtOnce = 3;  // beside seven bits that are left
+  static_assert(kAtOnce * kLongest + 7 <= BitWriter::kMostHeld);
   size_t k = 0;
-  for (; k + 1 < bytes.size(); k += 2) {
-    const uint8_t a = bytes[k], b = bytes[k + 1];
-    bits.Put(codes[a] | codes[b] << lengths[a], lengths[a] + lengths[b]);
+  for (; k + kAtOnce <= bytes.size(); k += kAtOnce) {
+    for (size_t i = 0; i < kAtOnce; ++i) hold(bytes[k + i]);
+    bits.Flush();
   }
-  if (k < bytes.size()) bits.Put(codes[bytes[k]], lengths[bytes[k]]);
-  bits.Put(codes[kEndOfBlock], lengths[kEndOfBlock]);
-  bits.Finish();
-  PutBigEndian(static_cast<uint32_t>(adler32(adler32(0, nullptr, 0), bytes.data(), static_cast<uInt>(bytes.size()))),
-               &out);
-  return out;
+  for (; k < bytes.size(); ++k) hold(bytes[k]), bits.Flush();
+  hold(kEndOfBlock);
+  bits.Flush();
+  return bits.End();
 }
 
 }  // namespace
 
-std::string FastPng(const cv::Mat& picture) {
+std::string_view FastPngWriter::Write(const cv::Mat& picture) {
   const bool colour = picture.type() == CV_8UC3;
-  if (!colour && picture.type() != CV_8UC1) throw std::logic_error("FastPng: expected 8-bit grey or BGR");
-  std::string out("\x89PNG\r\n\x1a\n", 8), header;
-  PutBigEndian(static_cast<uint32_t>(picture.cols), &header);
-  PutBigEndian(static_cast<uint32_t>(picture.rows), &header);
-  header += {8, static_cast<char>(colour ? 2 : 0), 0, 0, 0};
-  PutChunk("IHDR", header, &out);
-  PutChunk("IDAT", Deflated(colour ? FilteredRows<3>(picture) : FilteredRows<1>(picture)), &out);
-  PutChunk("IEND", "", &out);
-  return out;
+  if (!colour && picture.type() != CV_8UC1) throw std::logic_error("FastPngWriter: expected 8-bit grey or BGR");
+  const std::span<const uint8_t> rows =
+      colour ? FilteredRows<3>(picture, &rows_, &line_) : FilteredRows<1>(picture, &rows_, &line_);
+  const ByteCode code = CodeOf(rows);
+  constexpr size_t kChunks = 100;  // signature, header, sizes and sums, and what BitWriter writes beyond
+  uint8_t* begin = Room(kChunks + kBlockHead + code.bits / 8, &file_);
+  ByteWriter out(begin);
+  out.Bytes("\x89PNG\r\n\x1a\n");
+  out.BeginChunk("IHDR");
+  out.BigEndian(static_cast<uint32_t>(picture.cols));
+  out.BigEndian(static_cast<uint32_t>(picture.rows));
+  out.Bytes({colour ? "\x08\x02\0\0\0" : "\x08\0\0\0\0", 5});
+  out.EndChunk();
+  out.BeginChunk("IDAT");
+  out.SetEnd(Deflate(rows, code, out.at()));
+  out.BigEndian(static_cast<uint32_t>(adler32(adler32(0, nullptr, 0), rows.data(), static_cast<uInt>(rows.size()))));
+  out.EndChunk();
+  out.BeginChunk("IEND");
+  out.EndChunk();
+  return {reinterpret_cast<const char*>(begin), static_cast<size_t>(out.at() - begin)};
 }
 
 }  // namespace trigpoint

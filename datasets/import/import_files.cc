@@ -3,6 +3,7 @@
 #include "datasets/colmap/model.h"
 #include "datasets/import/dataset_run.h"
 #include "datasets/import/phone_files.h"
+#include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
 #include "datasets/import/tag_layout_control.h"
 #include "datasets/io/tag_layout.h"
@@ -12,8 +13,8 @@ namespace trigpoint {
 namespace fs = std::filesystem;
 
 const std::vector<std::string>& ImportKinds() {
-  static const std::vector<std::string> kKinds = {"bag",       "dataset", "video", "colmap",    "colmap-database",
-                                                  "panoramas", "photos",  "gcp",   "tag-layout"};
+  static const std::vector<std::string> kKinds = {"bag",       "dataset", "video",  "colmap", "colmap-database",
+                                                  "panoramas", "stac",    "photos", "gcp",    "tag-layout"};
   return kKinds;
 }
 
@@ -26,6 +27,7 @@ std::string ImportKindOf(const fs::path& from) {
   if (ending == ".db") return "colmap-database";
   if (!fs::exists(from)) throw InputError(from.string() + ": there is no such file or folder");
   if (fs::is_regular_file(from) && (ending == ".fmap" || (ending == ".json" && IsTagLayout(from)))) return "tag-layout";
+  if (fs::is_regular_file(from) && (ending == ".json" || ending == ".geojson") && IsStacFile(from)) return "stac";
   if (fs::is_regular_file(from) && (ending == ".json" || ending == ".txt")) return "gcp";
   if (fs::is_directory(from)) {
     bool json = false;
@@ -53,6 +55,7 @@ ImportReport ImportFiles(const FileImport& a, const std::string& kind, ProgressS
   if (kind == "dataset") return ImportDatasetRun(a.dir, a.from, {a.name, a.odometry, a.bag.cameras, a.bag.every});
   if (kind == "tag-layout") return ImportTagLayout(a.dir, a.from, a.tag_size_m);
   if (kind == "panoramas") return ImportPanoramas(a.dir, *OpenPanoramaFolder(a.from), a.panoramas, progress, cancel);
+  if (kind == "stac") return ImportPanoramas(a.dir, *OpenStacFile(a.from), a.panoramas, progress, cancel);
   if (kind == "photos") return ImportPhotos(a.dir, a.from, a.name, progress, cancel);
   const fs::path images = a.images.empty() ? fs::path(a.from).parent_path() / "images" : fs::path(a.images);
   return ImportOpenSfmGcp(a.dir, a.from, images);

@@ -10,7 +10,8 @@
 
 namespace trigpoint {
 
-// "bag", "dataset", "video", "colmap", "colmap-database", "panoramas", "photos", "gcp", "tag-layout".
+// "bag", "dataset", "video", "colmap", "colmap-database", "panoramas", "stac", "photos", "gcp",
+// "tag-layout".
 const std::vector<std::string>& ImportKinds();
 
 struct FileImport {

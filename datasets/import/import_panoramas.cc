@@ -1,9 +1,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -12,6 +15,8 @@
 #include "datasets/import/panorama_table.h"
 #include "datasets/import/providers/http_client.h"
 #include "datasets/io/capture_date.h"
+#include "datasets/io/expired_panoramas.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -21,7 +26,23 @@ namespace fs = std::filesystem;
 
 // Does a date as 2024-05-12... lie in the range, compared as far as its ends say?
 bool IsBetween(const std::string& date, const std::string& since, const std::string& until) {
+  if (date.empty()) return since.empty() && until.empty();
   return date.substr(0, since.size()) >= since && (until.empty() || date.substr(0, until.size()) <= until);
+}
+
+// 2024, 2024-05 or 2024-05-12, of the calendar?
+bool IsDate(const std::string& text) {
+  constexpr std::string_view kForm = "dddd-dd-dd";
+  if (text.size() != 4 && text.size() != 7 && text.size() != kForm.size()) return false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (kForm[i] == 'd' ? std::isdigit(static_cast<unsigned char>(text[i])) == 0 : text[i] != kForm[i]) return false;
+  }
+  const auto part = [&](size_t at) {
+    return text.size() > at ? static_cast<unsigned>(*ParseInt(text.substr(at, 2))) : 1U;
+  };
+  return std::chrono::year_month_day(std::chrono::year(static_cast<int>(*ParseInt(text.substr(0, 4)))),
+                                     std::chrono::month(part(5)), std::chrono::day(part(8)))
+      .ok();
 }
 
 std::map<std::string, std::string> RowOf(const PanoramaRecord& record, const PanoramaProvider& provider,
@@ -95,16 +116,78 @@ double SearchArea::Distance_m(const Geodetic& position) const {
   return nearest;
 }
 
+int TakeOutImpossible(PanoramaRecord* record) {
+  constexpr double kLargestHeading_deg = 1e6, kLowest_m = -500, kHighest_m = 9000, kLeastSigma_m = 0.01,
+                   kLargestSigma_m = 1000;
+  int count = 0;
+  const auto check = [&](std::optional<double>* value, double least, double most) {
+    if (!*value || (**value >= least && **value <= most)) return;  // comparisons with NaN are false
+    value->reset();
+    ++count;
+  };
+  check(&record->heading_deg, -kLargestHeading_deg, kLargestHeading_deg);
+  check(&record->pitch_deg, -90, 90);
+  check(&record->roll_deg, -180, 180);
+  check(&record->sigma_h_m, kLeastSigma_m, kLargestSigma_m);
+  if (record->heading_deg && !(*record->heading_deg >= 0 && *record->heading_deg < 360)) {
+    const double wrapped = *record->heading_deg - 360 * std::floor(*record->heading_deg / 360);
+    record->heading_deg = wrapped < 360 ? wrapped : 0;  // of -1e-20 rounding makes 360
+  }
+  if (record->has_height && !(record->position.height_m >= kLowest_m && record->position.height_m <= kHighest_m)) {
+    record->has_height = false;
+    record->position.height_m = 0;
+    ++count;
+  }
+  return count;
+}
+
+std::string ImpossibleValues(const std::string& source, int count) {
+  return fmt::format(
+      "{}: {} of heading, pitch, roll, height or accuracy outside the possible range (pitch -90 to 90 deg, roll -180 "
+      "to 180 deg, height -500 to 9000 m, accuracy 0.01 to 1000 m, 1 sigma); left empty in panoramas.csv",
+      source, Counted(count, "value"));
+}
+
+void PanoramaImportOptions::Check() const {
+  constexpr int kNarrowest = 256, kWidest = 65536;
+  for (const auto& [name, date] : {std::pair{"--since", &since}, std::pair{"--until", &until}}) {
+    if (!date->empty() && !IsDate(*date)) {
+      throw OptionError(fmt::format("{}: expected a date as 2024, 2024-05 or 2024-05-12, found '{}'", name,
+                                    Excerpt(ValidUtf8(*date))));
+    }
+  }
+  const size_t common = std::min(since.size(), until.size());
+  if (since.substr(0, common) > until.substr(0, common)) {
+    throw OptionError("--since " + since + " is later than --until " + until + "; exchange them");
+  }
+  for (const Geodetic& point : area.points) {
+    if (std::abs(point.latitude_deg) <= 90 && std::abs(point.longitude_deg) <= 180) continue;
+    throw OptionError(fmt::format(
+        "--near {},{}: expected a latitude from -90 to 90 and a longitude from -180 to 180 deg, in this order",
+        point.latitude_deg, point.longitude_deg));
+  }
+  if (!area.points.empty() && !(area.radius_m > 0 && area.radius_m < 1e7)) {
+    throw OptionError(fmt::format("--radius: expected metres above 0, found {}", area.radius_m));
+  }
+  if (width != 0 && (width < kNarrowest || width > kWidest || width % 2 != 0)) {
+    throw OptionError(
+        fmt::format("--width: expected 0 or an even number of px from {} to {}, found {}", kNarrowest, kWidest, width));
+  }
+}
+
 std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const PanoramaImportOptions& options,
                                             const CancelToken& cancel) {
+  options.Check();
   std::vector<PanoramaRecord> records = provider.Find(options.area, cancel);
   if (records.empty()) {
-    if (options.area.points.empty()) throw InputError(provider.Name() + ": holds no panorama");
+    std::string why;
+    for (const std::string& warning : provider.Warnings()) why += "; " + warning;
+    if (options.area.points.empty()) throw InputError(provider.Name() + ": holds no panorama" + why);
     const Geodetic& first = options.area.points.front();
-    throw InputError(fmt::format("{}: no panorama lies within {:g} m of {}latitude {:.7f}, longitude {:.7f}",
+    throw InputError(fmt::format("{}: no panorama lies within {:g} m of {}latitude {:.7f}, longitude {:.7f}{}",
                                  provider.Name(), options.area.radius_m,
                                  options.area.points.size() > 1 ? "the track that begins at " : "", first.latitude_deg,
-                                 first.longitude_deg));
+                                 first.longitude_deg, why));
   }
   const size_t found = records.size();
   std::erase_if(records, [&](const PanoramaRecord& r) { return !IsBetween(r.date, options.since, options.until); });
@@ -143,13 +226,13 @@ class PanoramaImport {
   // Throws what ends the import.
   void Take(const PanoramaRecord& record, bool last, const CancelToken& cancel) {
     const std::string name = NameOf(provider_, record);
-    if (table_.Has(name)) {
+    // A row of a service's panorama without its picture is what an import that was killed has left.
+    if (table_.Has(name) && !table_.IsBare(name) && (!service_ || fs::exists(site_ / name))) {
       ++there_;
       return;
     }
-    std::optional<int64_t> keep_until_s;
     try {
-      keep_until_s = Load(record, name, cancel);
+      Load(record, name, cancel);
       failures_ = 0;
     } catch (const InputError& e) {
       skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
@@ -161,7 +244,6 @@ class PanoramaImport {
       return;
     }
     report_.files.push_back(site_ / name);
-    table_.Add(RowOf(record, provider_, name, keep_until_s));
   }
 
   // After an error that ended a service's import.
@@ -172,6 +254,7 @@ class PanoramaImport {
 
   ImportReport Finish(size_t records) {
     SaveTable();
+    report_.files.insert(report_.files.end(), tables_.begin(), tables_.end());
     report_.warnings = provider_.Warnings();
     report_.warnings.insert(report_.warnings.end(), skipped_.begin(), skipped_.end());
     if (arrived() == 0) {
@@ -189,27 +272,45 @@ class PanoramaImport {
   }
 
  private:
-  // Until when the picture may be kept, where it has an end.
-  std::optional<int64_t> Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
+  void Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
     cancel.ThrowIfCancelled();
     // A picture without a row is what an import that was killed had loaded. Of one with an end, that is not known.
     if (!provider_.ForSessionOnly() && fs::exists(site_ / name)) {
       ++there_;
-      return std::nullopt;
+      table_.Put(RowOf(record, provider_, name, std::nullopt));
+      return;
     }
     const PanoramaPicture picture = provider_.Load(record, options_.width, cancel);
-    if (!service_) made_.Making(site_ / name);
-    WritePicture(picture, site_ / name);
+    if (table_.Has(name) && !table_.IsBare(name)) {  // may hold better values by now
+      table_.SetEnd(name, picture.keep_until_s ? UtcOfSeconds(*picture.keep_until_s) : "");
+    } else {
+      table_.Put(RowOf(record, provider_, name, picture.keep_until_s));
+    }
+    try {
+      // The end of a picture is on the disk before the picture, so that a kill leaves none without an end.
+      if (picture.keep_until_s) SaveTable();
+      if (!service_) made_.Making(site_ / name);
+      WritePicture(picture, site_ / name);
+    } catch (const Error&) {
+      table_.TakeBack();
+      throw;
+    }
     ++loaded_;
     if (picture.keep_until_s) ends_s_ = std::min(ends_s_, *picture.keep_until_s);
-    return picture.keep_until_s;
+    if (service_ && Clock::now() >= next_save_) SaveTable();
   }
+  // Writing takes at most a twentieth of the time, however long the table is.
   void SaveTable() {
     if (!table_.Changed()) return;
+    const auto begin = Clock::now();
     made_.Making(site_ / "panoramas.csv");
-    report_.files.push_back(table_.Save());
+    tables_.insert(table_.Save());
     made_.Keep();
+    next_save_ = Clock::now() + std::max<Clock::duration>(kTimeBetweenSaves, 20 * (Clock::now() - begin));
   }
+
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kTimeBetweenSaves{1};
 
   fs::path site_;
   PanoramaProvider& provider_;
@@ -218,6 +319,8 @@ class PanoramaImport {
   bool service_;
   MadeFiles made_;
   ImportReport report_;
+  std::set<fs::path> tables_;
+  Clock::time_point next_save_;  // of rows whose pictures have no end
   int loaded_ = 0, there_ = 0, failures_ = 0;
   int64_t ends_s_ = std::numeric_limits<int64_t>::max();  // the first end of a picture
   std::vector<std::string> skipped_;
@@ -228,6 +331,7 @@ class PanoramaImport {
 ImportReport ImportPanoramas(const fs::path& site, PanoramaProvider& provider, const PanoramaImportOptions& options,
                              ProgressSink& progress, const CancelToken& cancel) {
   const std::vector<PanoramaRecord> records = ChoosePanoramas(provider, options, cancel);
+  ForgetExpiredPanoramas(site);  // those are to be loaded again
   PanoramaImport import(site, provider, options);
   progress.Begin("panoramas", static_cast<int64_t>(records.size()));
   try {

@@ -10,6 +10,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/import/panorama_provider.h"
+#include "datasets/import/providers/answers.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -73,6 +74,11 @@ std::optional<PanoramaRecord> ReadRecord(const json& object, const std::string& 
   record.roll_deg = Number(angles, {"roll", "roll_deg"});
   const json* date = Member(object, {"date", "captured_at", "imageDate", "capture_date"});
   if (date != nullptr) record.date = date->is_string() ? date->get<std::string>() : date->dump();
+  for (const char* name : {"licence", "license"})
+    record.licence = record.licence.empty() ? TextIn(object, name) : record.licence;
+  for (const char* name : {"attribution", "copyright"}) {
+    if (record.attribution.empty()) record.attribution = TextIn(object, name);
+  }
   return record;
 }
 
@@ -83,6 +89,7 @@ class PanoramaFolder final : public PanoramaProvider {
   explicit PanoramaFolder(const fs::path& dir) : dir_(dir) {
     if (!fs::is_directory(dir)) throw InputError(dir.string() + ": there is no such folder");
     std::set<std::string> seen;
+    int impossible = 0;
     std::vector<fs::path> files;
     for (const auto& entry : fs::directory_iterator(dir)) {
       if (entry.path().extension() == ".json") files.push_back(entry.path());
@@ -99,9 +106,9 @@ class PanoramaFolder final : public PanoramaProvider {
       const size_t count = many ? list->size() : 1;
       for (size_t i = 0; i < count; ++i) {
         const std::string where = many ? fmt::format("{}, entry {}", file.string(), i) : file.string();
-        const auto record =
-            ReadRecord(many ? (*list)[i] : document, where, many ? "" : file.stem().string(), &warnings_);
+        auto record = ReadRecord(many ? (*list)[i] : document, where, many ? "" : file.stem().string(), &warnings_);
         if (!record) continue;
+        impossible += TakeOutImpossible(&*record);
         if (!seen.insert(record->id).second) {
           warnings_.push_back(where + ": panorama " + record->id + " is there twice; the first is kept");
           continue;
@@ -109,6 +116,7 @@ class PanoramaFolder final : public PanoramaProvider {
         records_.push_back(*record);
       }
     }
+    if (impossible > 0) warnings_.push_back(ImpossibleValues(dir.string(), impossible));
     if (records_.empty()) {
       throw InputError(dir.string() +
                        ": no panorama with a position; expected JSON files with id, latitude, longitude" +

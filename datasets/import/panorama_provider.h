@@ -29,6 +29,12 @@ struct PanoramaRecord {
   int width_px = 0;                 // of the full turn; 0: not stated
 };
 
+// Takes out what cannot be: a heading beyond any turn (others are brought to [0, 360)), a pitch or roll outside +-90
+// and +-180 deg, a height outside -500 to 9000 m, a sigma outside 0.01 to 1000 m. Returns how many values.
+int TakeOutImpossible(PanoramaRecord* record);
+// What is to be said of so many values that were taken out.
+std::string ImpossibleValues(const std::string& source, int count);
+
 // Around points, such as one place or a run's track; no point: everywhere.
 struct SearchArea {
   std::vector<Geodetic> points;
@@ -66,9 +72,9 @@ class PanoramaProvider {
 // A folder with metadata JSON: one object per file, a list, or {"panoramas": [...]}. Read are, in any of these
 // spellings, id | pano_id | panoId; latitude | lat, longitude | lng | lon, also inside location | position |
 // coordinate; heading | heading_deg | yaw | compass_angle; pitch | tilt - 90; roll; altitude | elevation; date |
-// captured_at. Pictures: <id>.jpg (.png, ...), or <id>/ with tiles <x>_<y>.jpg (tile_<x>_<y>, columns and rows from 0),
-// or with the faces front, right, back, left, up, down (or 0 to 5 in this order; 90 deg each, up and down may be
-// missing).
+// captured_at; licence | license; attribution | copyright. Pictures: <id>.jpg (.png, ...), or <id>/ with tiles
+// <x>_<y>.jpg (tile_<x>_<y>, columns and rows from 0), or with the faces front, right, back, left, up, down (or 0 to 5
+// in this order; 90 deg each, up and down may be missing).
 std::unique_ptr<PanoramaProvider> OpenPanoramaFolder(const std::filesystem::path& dir);
 
 struct PanoramaImportOptions {
@@ -80,9 +86,12 @@ struct PanoramaImportOptions {
   // the ones taken near it in time, count as nearer; empty: the day is not known.
   std::string near_date;
   std::vector<std::string> ids;  // these alone; empty: all
+
+  // Throws OptionError that names the option, what it holds and what is expected.
+  void Check() const;
 };
 
-// Those of the provider that the options ask for. Throws InputError if there are none.
+// Those of the provider that the options ask for. Throws OptionError, and InputError if there are none.
 std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const PanoramaImportOptions& options,
                                             const CancelToken& cancel);
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
@@ -39,6 +40,7 @@ PanoramaTable::PanoramaTable(const fs::path& site)
       if (IsOfAService(picture.filename().string())) continue;  // of an import that was killed, which goes on
       const std::string name = "panoramas/" + picture.filename().string();
       files_.emplace(name, rows_.size());
+      bare_.insert(name);
       rows_.push_back({{"file", name}, {"station", picture.stem().string()}});
     }
     return;
@@ -57,14 +59,38 @@ PanoramaTable::PanoramaTable(const fs::path& site)
   }
 }
 
-void PanoramaTable::Add(std::map<std::string, std::string> row) {
-  files_.emplace(row.at("file"), rows_.size());
-  rows_.push_back(std::move(row));
+void PanoramaTable::Put(std::map<std::string, std::string> row) {
+  const std::string file = row.at("file");
+  const auto [at, added] = files_.emplace(file, rows_.size());
+  last_ = file;
+  before_.reset();
+  if (added) {
+    rows_.push_back(std::move(row));
+  } else {
+    before_ = std::exchange(rows_[at->second], std::move(row));
+  }
+  bare_.erase(file);
+  changed_ = true;
+}
+
+void PanoramaTable::SetEnd(const std::string& file, const std::string& keep_until) {
+  std::map<std::string, std::string> row = rows_[files_.at(file)];
+  row["keep_until"] = keep_until;
+  Put(std::move(row));
+}
+
+void PanoramaTable::TakeBack() {
+  if (before_) {
+    rows_[files_.at(last_)] = *before_;
+  } else {
+    rows_.pop_back();
+    files_.erase(last_);
+  }
   changed_ = true;
 }
 
 fs::path PanoramaTable::Save() {
-  if (fs::exists(file_)) {
+  if (!saved_ && fs::exists(file_)) {
     const std::string time = fmt::format("{:%Y-%m-%dT%H-%M-%SZ}", fmt::gmtime(std::time(nullptr)));
     fs::path kept = site_ / "results" / "replaced" / (time + "-panoramas.csv");
     for (int n = 2; fs::exists(kept); ++n) kept.replace_filename(fmt::format("{}-{}-panoramas.csv", time, n));
@@ -80,6 +106,7 @@ fs::path PanoramaTable::Save() {
   }
   csv.Save(file_);
   changed_ = false;
+  saved_ = true;
   return file_;
 }
 

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -19,10 +21,17 @@ class PanoramaTable {
   explicit PanoramaTable(const std::filesystem::path& site);
 
   bool Has(const std::string& file) const { return files_.count(file) > 0; }
-  // A row by its columns; those not named stay empty.
-  void Add(std::map<std::string, std::string> row);
+  // Is its row made here from the picture alone, so that nothing is known of the place?
+  bool IsBare(const std::string& file) const { return bare_.count(file) > 0; }
+  // Adds a row by its columns, or replaces the one of the same file; columns that are not named stay empty.
+  void Put(std::map<std::string, std::string> row);
+  // Sets the time until which a row's picture may be kept, and leaves what else the row states.
+  void SetEnd(const std::string& file, const std::string& keep_until);
+  // Undoes what was done last.
+  void TakeBack();
   bool Changed() const { return changed_; }
-  // Writes the table; what was there before is kept in SITE/results/replaced/. Returns the file. Throws IoError.
+  // Writes the table; what was there before the first time is kept in SITE/results/replaced/. Returns the file. Throws
+  // IoError.
   std::filesystem::path Save();
 
  private:
@@ -30,7 +39,10 @@ class PanoramaTable {
   std::vector<std::string> columns_, comments_;
   std::vector<std::map<std::string, std::string>> rows_;
   std::map<std::string, size_t> files_;  // to their rows
-  bool changed_ = false;
+  std::set<std::string> bare_;
+  std::string last_;                                          // file of the row that was changed last
+  std::optional<std::map<std::string, std::string>> before_;  // that row before; none: it is new
+  bool changed_ = false, saved_ = false;
 };
 
 }  // namespace trigpoint

@@ -17,7 +17,7 @@ const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distort
                                         "resolution",   "rostopic",     "T_cam_imu",         "T_imu_cam",
                                         "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu", "crop"};
 
-constexpr double kWidest360 = 65534;
+constexpr double kWidest360 = 65534, kLongestSide = 1e6;
 
 Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
   const YAML::Node rows = map.Node(key);
@@ -75,6 +75,11 @@ Camera ReadCamera(const YamlMap& map) {
   }
   std::vector<double> params = map.Numbers("intrinsics", 4);
   const std::vector<double> size = map.Numbers("resolution", 2);
+  for (const double side : size) {
+    if (!(side >= 1 && side <= kLongestSide) || side != std::floor(side)) {
+      map.Fail("resolution", "expected [width, height] of the pictures in whole pixels, 1 to 1000000");
+    }
+  }
   std::vector<double> distortion = map.Numbers("distortion_coeffs");
   const std::string distortion_model = map.Text("distortion_model", distortion.empty() ? "none" : "radtan");
   params.insert(params.end(), distortion.begin(), distortion.end());

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
+#include "datasets/io/exif_positions.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -64,6 +65,9 @@ void ReadGps(const Tags& tags, PhotoMetadata* metadata) {
     }
     const auto error = tags.Number("Exif.GPSInfo.GPSHPositioningError");
     if (error && *error > 0) metadata->sigma_h_m = error;
+    const auto dilution = tags.Number("Exif.GPSInfo.GPSDOP");
+    constexpr double kMostDilution = 100;  // beyond it the tag holds something else
+    if (dilution && *dilution > 0 && *dilution < kMostDilution) metadata->dilution = dilution;
   }
   const std::string north = tags.Text("Exif.GPSInfo.GPSImgDirectionRef");
   if (!north.starts_with('M')) metadata->heading_deg = tags.Number("Exif.GPSInfo.GPSImgDirection");

@@ -31,6 +31,7 @@ struct PhotoMetadata {
   bool has_height = false;
   bool height_above_sea = false;        // EXIF says above (or below) sea level; without: above the ellipsoid
   std::optional<double> sigma_h_m;      // GPSHPositioningError
+  std::optional<double> dilution;       // GPSDOP: horizontal or, of a fix in 3D, of all axes
   std::optional<double> heading_deg;    // GPSImgDirection, true north only
   std::optional<int64_t> taken_utc_ns;  // DateTimeOriginal with sub-seconds; of the zone in the file, else as UTC
   bool taken_zone_known = false;

@@ -36,6 +36,25 @@ int ForgetInTable(const fs::path& site, const fs::path& file, int64_t now_s) {
   return forgotten;
 }
 
+// Removes what a kill left of files being written (".google-ID.jpg.123-45-6", ".panoramas.csv.123-45-6"), among them
+// some that must not be kept.
+void RemoveUnfinished(const fs::path& folder, const std::string& ending) {
+  constexpr auto kLongestWrite = std::chrono::minutes(1);
+  std::vector<fs::path> left;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    const size_t end = name.rfind(ending + ".");
+    if (!name.starts_with('.') || end == std::string::npos) continue;
+    const std::string number = name.substr(end + ending.size() + 1);
+    if (number.empty() || number.find_first_not_of("0123456789-") != std::string::npos) continue;
+    std::error_code gone;
+    const auto written = entry.last_write_time(gone);
+    if (!gone && written < fs::file_time_type::clock::now() - kLongestWrite) left.push_back(entry.path());
+  }
+  for (const fs::path& file : left) fs::remove(file, none);
+}
+
 }  // namespace
 
 bool IsOver(const std::string& keep_until, int64_t now_s) {
@@ -49,9 +68,13 @@ int64_t NowUtc_s() {
 }
 
 int ForgetExpiredPanoramas(const fs::path& site, int64_t now_s) {
+  const fs::path replaced = site / "results" / "replaced";
+  RemoveUnfinished(site / "panoramas", ".jpg");
+  RemoveUnfinished(site, "panoramas.csv");
+  RemoveUnfinished(replaced, "panoramas.csv");
   std::vector<fs::path> tables = {site / "panoramas.csv"};
   std::error_code none;
-  for (const auto& entry : fs::directory_iterator(site / "results" / "replaced", none)) {
+  for (const auto& entry : fs::directory_iterator(replaced, none)) {
     if (entry.path().filename().string().ends_with("-panoramas.csv")) tables.push_back(entry.path());
   }
   int forgotten = 0;

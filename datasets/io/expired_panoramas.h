@@ -10,12 +10,13 @@ namespace trigpoint {
 // Seconds since 1970.
 int64_t NowUtc_s();
 
-// Is that time (UTC, as in the column keep_until) over? What is no time is not.
+// Is that time (UTC, as in the column keep_until) over? Text that is not a time is never over.
 bool IsOver(const std::string& keep_until, int64_t now_s = NowUtc_s());
 
 // Deletes pictures of SITE/panoramas.csv whose `keep_until` is before `now_s` (UTC), and their rows there and in
 // SITE/results/replaced/; a table without another row goes as a whole. Returns how many there were. Tables that cannot
-// be read are left as they are: the site's reader names them. Throws IoError.
+// be read are left as they are: the site's reader names them. Also removes what a killed import left of a picture being
+// written. Throws IoError.
 int ForgetExpiredPanoramas(const std::filesystem::path& site, int64_t now_s = NowUtc_s());
 
 }  // namespace trigpoint

@@ -1,5 +1,8 @@
 #include <expat.h>
 
+#include <algorithm>
+#include <cctype>
+#include <cmath>
 #include <cstring>
 #include <memory>
 
@@ -7,6 +10,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/gps_order.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -18,26 +22,36 @@ struct Parser {
   std::string latitude, longitude, height, geoid, time, text;
   int line = 0;
   std::vector<GpsFix> fixes;  // stamps in UTC
-  int bad = 0, no_time = 0, no_geoid = 0, first_bad_line = 0;
+  int points = 0, other_points = 0, no_time = 0, no_geoid = 0;
+  struct Skipped {
+    int count = 0, line = 0;  // line and text of the first
+    std::string found;
+  } times, places;
 };
 
-std::string_view LocalName(const char* name) {
+// Without the prefix of a namespace, in lower case: programs differ in both.
+std::string LocalName(const char* name) {
   const char* colon = std::strrchr(name, ':');
-  return colon == nullptr ? name : colon + 1;
+  std::string local = colon == nullptr ? name : colon + 1;
+  std::transform(local.begin(), local.end(), local.begin(), [](unsigned char c) { return std::tolower(c); });
+  return local;
 }
 
 void OnStart(void* data, const char* name, const char** attributes) {
   Parser& p = *static_cast<Parser*>(data);
   p.text.clear();
-  const std::string_view local = LocalName(name);
+  const std::string local = LocalName(name);
   if (local == "gpx") p.saw_gpx = true;
+  if (local == "wpt" || local == "rtept") ++p.other_points;
   if (local != "trkpt") return;
+  ++p.points;
   p.in_point = true;
   p.latitude = p.longitude = p.height = p.geoid = p.time = "";
   p.line = static_cast<int>(XML_GetCurrentLineNumber(p.xml));
   for (; *attributes != nullptr; attributes += 2) {
-    if (std::string_view(attributes[0]) == "lat") p.latitude = attributes[1];
-    if (std::string_view(attributes[0]) == "lon") p.longitude = attributes[1];
+    const std::string attribute = LocalName(attributes[0]);
+    if (attribute == "lat") p.latitude = attributes[1];
+    if (attribute == "lon") p.longitude = attributes[1];
   }
 }
 
@@ -52,9 +66,14 @@ void FinishPoint(Parser* p) {
     ++p->no_time;
     return;
   }
-  if (!latitude || !longitude || !time || !(std::abs(*latitude) <= 90) || !(std::abs(*longitude) <= 180)) {
-    if (p->bad++ == 0) p->first_bad_line = p->line;
-    return;
+  const auto skip = [&](Parser::Skipped* skipped, const std::string& found) {
+    if (skipped->count++ > 0) return;
+    skipped->line = p->line;
+    skipped->found = Excerpt(found);
+  };
+  if (!time) return skip(&p->times, p->time);
+  if (!latitude || !longitude || !(std::abs(*latitude) <= 90) || !(std::abs(*longitude) <= 180)) {
+    return skip(&p->places, p->latitude + ", " + p->longitude);
   }
   GpsFix fix;
   fix.stamp_ns = *time;
@@ -74,7 +93,7 @@ void FinishPoint(Parser* p) {
 
 void OnEnd(void* data, const char* name) {
   Parser& p = *static_cast<Parser*>(data);
-  const std::string_view local = LocalName(name);
+  const std::string local = LocalName(name);
   if (p.in_point) {
     const std::string content(Trim(p.text));
     if (local == "ele") p.height = content;
@@ -92,6 +111,7 @@ void OnEnd(void* data, const char* name) {
 
 GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock) {
   const std::string text = ReadTextFile(file);
+  if (Trim(text).empty()) throw InputError(file.string() + ": expected a GPX file, found an empty one");
   Parser parser;
   const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> xml(XML_ParserCreate(nullptr), &XML_ParserFree);
   parser.xml = xml.get();
@@ -106,12 +126,23 @@ GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock) {
     track.warnings.push_back(problem + "; the points before are used");
   }
   if (!parser.saw_gpx) throw InputError(file.string() + ": expected a GPX file, found other XML");
+  if (parser.points == 0) {
+    throw InputError(file.string() + ": expected track points (trkpt), found none" +
+                     (parser.other_points > 0 ? ", but " + Counted(parser.other_points, "way or route point") +
+                                                    ", which have no times of a drive; export the recorded track"
+                                              : "; is the track empty?"));
+  }
   const auto warn = [&](int count, const std::string& what) {
     if (count > 0) track.warnings.push_back(file.string() + ": " + Counted(count, "track point") + " " + what);
   };
   warn(parser.no_time, "without a time skipped");
-  warn(parser.bad,
-       "with an unreadable position or time skipped, the first on line " + std::to_string(parser.first_bad_line));
+  const auto warn_of = [&](const Parser::Skipped& skipped, const std::string& expected) {
+    if (skipped.count == 0) return;
+    track.warnings.push_back(FileLine(file, skipped.line) + ": expected " + expected + ", found '" + skipped.found +
+                             "'; " + Counted(skipped.count, "such track point") + " skipped");
+  };
+  warn_of(parser.times, "a time as 2026-05-12T09:43:20Z");
+  warn_of(parser.places, "lat and lon in degrees");
   warn(parser.no_geoid, "without geoid height; heights above the sea are kept with a sigma of 50 m");
   track.fixes = std::move(parser.fixes);
   for (GpsFix& fix : track.fixes) fix.stamp_ns -= clock.time_zero_utc_ns.value_or(0);

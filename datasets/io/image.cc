@@ -1,5 +1,7 @@
 #include "datasets/io/image.h"
 
+#include <fmt/format.h>
+
 #include <climits>
 #include <cmath>
 #include <cstring>
@@ -214,7 +216,7 @@ cv::Mat LoadPicture(const std::filesystem::path& file, bool grey) {
   return Decode(file, bytes, grey, false);
 }
 
-cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey) {
+cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest) {
   const auto refuse = [&](const cv::Size& size) {
     throw InputError(file.string() + ": expected an equirectangular panorama twice as wide as high (or GPano tags " +
                      "that state which part it is), found " + Size(size.width, size.height));
@@ -236,6 +238,10 @@ cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey) {
       pano->crop_top + pano->crop_height <= pano->full_height) {
     // Partial: put where it lies in the sphere, at its own resolution.
     const double scale = static_cast<double>(picture.cols) / pano->crop_width;
+    if (pano->full_width * scale > widest) {  // its empty parts alone would take gigabytes
+      throw InputError(fmt::format("{}: its GPano tags make it a panorama {:.0f} px wide; expected at most {} px",
+                                   file.string(), pano->full_width * scale, widest));
+    }
     const int height = static_cast<int>(std::lround(pano->full_height * scale));
     const cv::Rect place(static_cast<int>(std::lround(pano->crop_left * scale)),
                          static_cast<int>(std::lround(pano->crop_top * scale)), picture.cols, picture.rows);

@@ -23,7 +23,7 @@ cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool 
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey);
 
 // An equirectangular panorama, 2:1. A partial one whose GPano tags say where it lies is put into a black full sphere.
-// Throws InputError naming the size found for any other picture.
-cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey);
+// Throws InputError naming the size found for any other picture, and for a full sphere of more than `widest` px.
+cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest = 65534);
 
 }  // namespace trigpoint

@@ -158,7 +158,7 @@ InputCrs InputCrs::Named(const std::string& text) {
     proj.source = given;
   }
   proj.Connect();
-  if (proj.transform == nullptr) throw InputError(crs.name_ + ": PROJ has no way from it to WGS 84");
+  if (proj.transform == nullptr) throw InputError(crs.name_ + ": PROJ has no transformation from it to WGS 84");
   return crs;
 #else
   throw InputError(crs.name_ +
@@ -202,7 +202,7 @@ Geodetic InputCrs::ToWgs84(double x, double y, double z) const {
   }
   if (finite && has_vertical_) {
     throw InputError(name_ +
-                     ": PROJ knows no way from its heights to those above the ellipsoid; give the crs without "
+                     ": PROJ has no transformation from its heights to ellipsoidal heights; give the crs without "
                      "them, and height_system: ellipsoidal, a geoid's name or its grid's file");
   }
   if (finite) {

@@ -31,4 +31,13 @@ std::vector<DataLine> DataLines(std::string_view text, std::vector<std::string_v
   return lines;
 }
 
+bool HasKittiRows(std::string_view text) {
+  constexpr size_t kNumbers = 12;
+  const std::vector<DataLine> lines = DataLines(text);
+  if (lines.empty() || lines.front().text.find(',') != std::string_view::npos) return false;
+  const auto fields = SplitFields(lines.front().text);
+  return fields.size() == kNumbers &&
+         std::all_of(fields.begin(), fields.end(), [](const auto& field) { return ParseDouble(field).has_value(); });
+}
+
 }  // namespace trigpoint

@@ -19,4 +19,7 @@ struct DataLine {
 std::vector<DataLine> DataLines(std::string_view text, std::vector<std::string_view>* comments = nullptr);
 std::vector<DataLine> DataLines(std::string&& text, std::vector<std::string_view>* comments = nullptr) = delete;
 
+// Is a trajectory's text of KITTI's kind: twelve numbers a row (3 x 4 matrices of the first camera) and no time?
+bool HasKittiRows(std::string_view text);
+
 }  // namespace trigpoint

@@ -198,7 +198,7 @@ bool CoversItsPicture(const Camera& camera) {
   return true;
 }
 
-// Calibrations that no real camera has: a slip of the pen, or the parameters of another picture size.
+// Calibrations that no real camera has: a mistyped number, or the parameters of another picture size.
 void WarnOfImplausibleCameras(Run* run) {
   for (const BodyCamera& c : run->cameras) {
     const std::vector<double>& p = c.camera.params();
@@ -223,8 +223,9 @@ void WarnOfImplausibleCameras(Run* run) {
     }
     if (!CoversItsPicture(c.camera)) {
       warn(
-          "its distortion folds the picture over before the corners: no ray is seen there; expected coefficients that "
-          "hold for all of the picture");
+          "its distortion folds the picture over before the corners, so that pixels there have no ray; expected "
+          "coefficients "
+          "that hold for the whole picture");
     }
   }
 }
@@ -256,8 +257,9 @@ bool StandsOut(const std::vector<double>& speeds, const std::vector<TimedPose>& 
   return speeds[i] > kTimes * fastest;
 }
 
-// No body on the ground moves so: a broken row, or another unit than metres.
-void CheckSpeed(const std::filesystem::path& file, const Trajectory& trajectory) {
+// No body on the ground moves so: a broken row, or another unit than metres. `times`: the file with the stamps, whose
+// rows are those of `file`.
+void CheckSpeed(const std::filesystem::path& file, const std::filesystem::path& times, const Trajectory& trajectory) {
   constexpr double kFastest_m_s = 150, kJump = 20;  // a jump: so many times the median speed
   const auto& poses = trajectory.poses;
   std::vector<double> speeds;
@@ -272,7 +274,7 @@ void CheckSpeed(const std::filesystem::path& file, const Trajectory& trajectory)
     char text[200];
     std::snprintf(text, sizeof text, ": jumps %.1f m in %.3f s; expected a continuous motion in metres",
                   speeds[i] * seconds, seconds);
-    throw InputError(FileLine(file, LineOfStamp(file, poses[i + 1].stamp_ns)) + text);
+    throw InputError(FileLine(file, LineOfStamp(times, poses[i + 1].stamp_ns)) + text);
   }
   if (median > kFastest_m_s) {
     throw InputError(file.string() + ": moves at " + std::to_string(std::llround(median)) +
@@ -284,9 +286,23 @@ void ReadOdometry(Run* run) {
   for (const char* name : {"odometry.tum", "odometry.txt", "odometry.csv"}) {
     const std::filesystem::path file = run->dir / name;
     if (!std::filesystem::exists(file)) continue;
-    run->odometry = ReadTrajectory(file);
-    CheckSpeed(file, run->odometry);
-    for (TimedPose& pose : run->odometry.poses) pose.stamp_ns += ToNs(run->config.odometry_time_offset_s);
+    const bool kitti = HasKittiRows(ReadTextFile(file));
+    const std::filesystem::path times = kitti ? run->dir / "times.txt" : file;
+    if (!std::filesystem::exists(times)) {
+      throw InputError(file.string() +
+                       ": expected times.txt beside it with the time of each row, as these are KITTI's " +
+                       "poses without times, found none");
+    }
+    run->odometry = kitti ? ReadKittiTrajectory(file, times) : ReadTrajectory(file);
+    CheckSpeed(file, times, run->odometry);
+    for (TimedPose& pose : run->odometry.poses) {
+      pose.stamp_ns += ToNs(run->config.odometry_time_offset_s);
+      // KITTI's poses are of the first camera.
+      if (kitti) {
+        pose.target_from_body =
+            pose.target_from_body * (run->cameras.empty() ? LevelForwardCamera() : run->cameras.front().cam_from_body);
+      }
+    }
     run->warnings.insert(run->warnings.end(), run->odometry.warnings.begin(), run->odometry.warnings.end());
     return;
   }

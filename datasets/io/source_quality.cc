@@ -9,6 +9,8 @@ const SourceQuality* QualityOfSource(const std::string& source) {
       // GPS of action cameras and phones on vehicles and helmets; headings mostly from the track.
       {"panoramax", {3, 20, 5, 4, 0.05}},
       {"mapillary", {3, 20, 5, 4, 0.05}},
+      // A file does not state its source: the values of contributors' cameras hold.
+      {"stac", {3, 20, 5, 4, 0.05}},
       // Phones; headings from the track.
       {"kartaview", {5, 20, 10, 4, 0.1}},
       // Vehicles with receivers and inertial sensors of their own; other people's panoramas among them are worse.

@@ -65,7 +65,7 @@ class PositionReader {
     const auto count = std::erase_if(*points, is_unknown);
     warnings_->push_back(file_.string() + ": " + std::to_string(count) +
                          " points are skipped: their heights are above another surface than those of the others, and "
-                         "what lies between is not known here");
+                         "the distance between the two surfaces is not known");
   }
 
  private:
@@ -230,23 +230,29 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
     }
     return name;
   };
-  const auto id_of = [](const YamlMap& from, const std::string& key, const char* what) {
+  const auto id_of = [](const YamlMap& from, const std::string& key, const char* what, std::map<int, int>* lines) {
     const auto id = ParseInt(key);
     if (!id || *id < 0) from.Fail(key, std::string("expected 'ID: ") + what);
+    const auto [first, fresh] = lines->emplace(static_cast<int>(*id), from.Node(key).Mark().line + 1);
+    if (!fresh) {
+      from.Fail(key, fmt::format("tag {} is listed on line {}, too; an id is one tag of a site: keep one of the two",
+                                 *id, first->second));
+    }
     return static_cast<int>(*id);
   };
+  std::map<int, int> family_lines, size_lines;
   tags.family = family(map, "family", tags.family);
   const YamlMap families = map.MapOfAnyKeys("families");
   std::map<int, std::string> others;
   for (const std::string& key : families.Keys()) {
-    others[id_of(families, key, "FAMILY', a tag's number and its family")] = family(families, key, "");
+    others[id_of(families, key, "FAMILY', a tag's number and its family", &family_lines)] = family(families, key, "");
   }
   tags.family = TagFamilies(tags.family, others).Text();
   tags.size_m = map.Number("size_m", 0);
   if (map.Has("size_m") && tags.size_m <= 0) map.Fail("size_m", "expected a length above 0");
   const YamlMap sizes = map.MapOfAnyKeys("sizes_m");
   for (const std::string& key : sizes.Keys()) {
-    const int id = id_of(sizes, key, "SIZE', a tag's number and its size");
+    const int id = id_of(sizes, key, "SIZE', a tag's number and its size", &size_lines);
     const double size = sizes.Number(key, 0);
     if (size <= 0) sizes.Fail(key, "expected a length above 0");
     tags.sizes_m[id] = size;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "calib/base/error.h"
 #include "datasets/io/lines.h"
@@ -74,12 +74,13 @@ void YamlMap::CheckMap() const {
     throw InputError(FileLine(file_, LineOf(node_)) + ": " + (path_.empty() ? "" : "key '" + path_ + "': ") +
                      "expected 'key: value' lines, found " + Describe(node_));
   }
-  std::set<std::string> seen;
+  std::map<std::string, int> seen;  // and its line
   for (const auto& entry : node_) {
     if (!entry.first.IsScalar()) throw InputError(FileLine(file_, LineOf(entry.first)) + ": a key must be plain text");
-    if (!seen.insert(entry.first.Scalar()).second) {
+    const auto [first, fresh] = seen.emplace(entry.first.Scalar(), LineOf(entry.first));
+    if (!fresh) {
       throw InputError(FileLine(file_, LineOf(entry.first)) + ": key '" + Name(entry.first.Scalar()) +
-                       "' stands twice");
+                       "' stands twice, first on line " + std::to_string(first->second) + "; keep one");
     }
   }
 }

@@ -190,12 +190,14 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     }
     if (run.cameras.empty()) report.missing.push_back(prefix + "camchain.yaml, the camera's calibration");
     if (!run.cameras.empty() && run.cameras.front().focal_sigma_share > 0) {
-      report.missing.push_back(prefix + "camchain.yaml: the lens is estimated from the images then, less surely");
+      report.missing.push_back(prefix +
+                               "camchain.yaml: without it the lens is estimated from the images, with less accuracy");
     }
     if (run.odometry.poses.empty()) {
-      report.missing.push_back(prefix +
-                               "odometry.tum: the motion comes from the images alone then, and its length from GPS or "
-                               "geotagged panoramas");
+      report.missing.push_back(
+          prefix +
+          "odometry.tum: without it the motion is estimated from the images alone, and its scale from GPS or "
+          "geotagged panoramas");
     }
     for (const std::string& warning : run.warnings) report.warnings.push_back(warning);
   }
@@ -250,7 +252,7 @@ std::string NewProjectFile(const fs::path& dir, const Site& site, const std::opt
   }
   text += "# Folders below runs/ that take part.\nruns: " + QuotedList(NamesOfRuns(site)) + "\n";
   text +=
-      "# survey, evaluation or both; goes before the role in the run's run.yaml.\n"
+      "# survey, evaluation or both; overrides the role in the run's run.yaml.\n"
       "roles: {}\n"
       "gates: {}\n"
       "# Further sets of results: {<variant>: {<stage>: {<option>: value}}}.\n"

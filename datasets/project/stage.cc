@@ -443,7 +443,8 @@ StageOutcome RunLocked(const Project& project, const StageRequest& request, int 
   std::optional<json> before;
   CallTranslated([&] { before = BringBack(project, identity, outcome.dir); });
   if (before) {
-    progress.Log(LogLevel::kInfo, fmt::format("{} is there from before the last decision of the review", title));
+    progress.Log(LogLevel::kInfo,
+                 fmt::format("{}: the result from before the last review decision is used again", title));
     outcome.manifest = *before;
     return outcome;
   }

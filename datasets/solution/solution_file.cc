@@ -463,7 +463,7 @@ Solution ReadTables(const Database& db, int version) {
   Solution solution;
   HashChain hash;
   for (const Table& table : Tables(solution, version)) ReadTable(db, table, &hash);
-  if (hash.Hex() != db.Text("SELECT sha256 FROM checksum")) throw InputError("its checksum is another one");
+  if (hash.Hex() != db.Text("SELECT sha256 FROM checksum")) throw InputError("its checksum does not match its values");
   CheckSolution(solution);
   return solution;
 }

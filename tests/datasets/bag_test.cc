@@ -271,7 +271,8 @@ TEST(BagImages, EncodingsBecomeBgr) {
     image.encoding = encoding;
     image.big_endian = big;
     image.data = bytes;
-    return PictureOf(image).clone();
+    cv::Mat converted;
+    return PictureOf(image, &converted).clone();
   };
   EXPECT_EQ(picture("mono16", {1, 2}, 1, 1, true).at<uint16_t>(0, 0), 0x0102);
   EXPECT_EQ(picture("mono16", {1, 2}, 1, 1).at<uint16_t>(0, 0), 0x0201);
@@ -293,12 +294,13 @@ TEST(BagImages, EncodingsBecomeBgr) {
 
 TEST(FastPng, LosesNothing) {
   cv::RNG random(7);
+  FastPngWriter writer;  // one for all: larger, smaller, grey and colour pictures follow each other
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(2, 1), cv::Size(3, 5), cv::Size(641, 33)}) {
     for (const int type : {CV_8UC1, CV_8UC3}) {
       for (const bool noise : {false, true}) {
         cv::Mat picture(size, type, cv::Scalar::all(77));
         if (noise) random.fill(picture, cv::RNG::UNIFORM, 0, 256);
-        const std::string png = FastPng(picture);
+        const std::string png(writer.Write(picture));
         const cv::Mat read = cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED);
         ASSERT_EQ(read.size(), size);
         ASSERT_EQ(read.type(), type);
@@ -314,7 +316,7 @@ TEST(FastPng, LosesNothing) {
       steep[steep.size() - b + k] = static_cast<uint8_t>(steep[steep.size() - b + k - 1] + value);
   }
   const cv::Mat row(1, static_cast<int>(steep.size()), CV_8UC1, steep.data());
-  const std::string png = FastPng(row);
+  const std::string png(writer.Write(row));
   EXPECT_EQ(cv::norm(cv::imdecode(std::vector<char>(png.begin(), png.end()), cv::IMREAD_UNCHANGED), row, cv::NORM_INF),
             0);
 }

@@ -6,6 +6,7 @@
 #include "datasets/calibration/calibration_images.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/calibration/target_file.h"
+#include "datasets/colmap/model.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -185,6 +186,78 @@ TEST_F(CalibrationFiles, ReadsAgisoftsLens) {
   WriteFileAtomically(dir() / "lens.xml", refused.replace(refused.find("<k3>"), 4, "<k4>1</k4><k3>"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "lens.xml"); }),
               HasSubstr("k4, p3, p4 or b2 are not supported"));
+}
+
+// A project's sensors, each with the start and the adjusted calibration.
+TEST_F(CalibrationFiles, ReadsAgisoftsSensors) {
+  const auto sensor = [](const std::string& label, double f) {
+    const auto lens = [](const std::string& kind, double focal) {
+      return "<calibration type=\"frame\" class=\"" + kind + "\"><resolution width=\"4000\" height=\"3000\"/><f>" +
+             std::to_string(focal) + "</f><cx>10</cx><k1>-0.1</k1></calibration>";
+    };
+    return "<sensor id=\"0\" label=\"" + label + "\" type=\"frame\"><resolution width=\"4000\" height=\"3000\"/>" +
+           lens("initial", 3000) + lens("adjusted", f) + "<covariance><params>f cx</params></covariance></sensor>";
+  };
+  const auto write = [&](const std::string& sensors) {
+    WriteFileAtomically(dir() / "cameras.xml", "<?xml version=\"1.0\"?><document version=\"1.5.0\"><chunk><sensors>" +
+                                                   sensors + "</sensors></chunk></document>");
+    return ReadCameraFile(dir() / "cameras.xml");
+  };
+  const CameraFile one = write(sensor("phone", 3100));
+  EXPECT_TRUE(one.related);
+  EXPECT_THAT(one.cameras.at(0).camera.params(), ElementsAre(3100, 3100, 2009.5, 1499.5, -0.1, 0, 0, 0, 0));
+  const CameraFile two = write(sensor("phone", 3100) + sensor("drone", 2800));
+  EXPECT_FALSE(two.related);
+  EXPECT_EQ(two.cameras.at(1).camera.MeanFocal(), 2800);
+  EXPECT_THAT(MessageOf<InputError>([&] { write(sensor("phone", -1)); }), HasSubstr("sensor 'phone': <f>: expected"));
+}
+
+TEST_F(CalibrationFiles, ReadsColmapsBinary) {
+  SparseModel model;
+  model.cameras = {{7, Camera(CameraModel::kRadtan, 640, 480, {500, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3})}};
+  WriteColmapModel(model, dir() / "sparse");
+  const CameraFile file = ReadCameraFile(dir() / "sparse/cameras.bin");
+  EXPECT_EQ(file.format, "COLMAP");
+  EXPECT_EQ(file.cameras.at(0).camera.params(), model.cameras[0].second.params());
+  std::string cut = ReadTextFile(dir() / "sparse/cameras.bin");
+  cut.resize(cut.size() - 4);
+  WriteFileAtomically(dir() / "cameras.bin", cut);
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cameras.bin"); }), HasSubstr("cameras.bin: it ends"));
+}
+
+TEST_F(CalibrationFiles, ReadsOpenCvsXml) {
+  const std::string xml =
+      "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_width>640</image_width>\n<image_height>480</image_height>\n"
+      "<camera_matrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n  <dt>d</dt>\n  <data>500.5 0. "
+      "320. 0. 501. 240. 0. 0. 1.</data></camera_matrix>\n<distortion_coefficients type_id=\"opencv-matrix\">\n"
+      "<rows>1</rows>\n<cols>5</cols>\n<dt>d</dt>\n<data>-0.2 0.05 1e-3 -1e-3 0.01</data></distortion_coefficients>\n"
+      "</opencv_storage>\n";
+  WriteFileAtomically(dir() / "cv.xml", xml);
+  const CameraFile file = ReadCameraFile(dir() / "cv.xml");
+  EXPECT_THAT(file.cameras.at(0).camera.params(), ElementsAre(500.5, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3, 0.01));
+  WriteFileAtomically(dir() / "cv.xml", xml.substr(0, xml.size() / 2));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cv.xml"); }), HasSubstr("found a fault in it"));
+  std::string deep = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
+  for (int k = 0; k < 100000; ++k) deep += "<a>";
+  WriteFileAtomically(dir() / "cv.xml", deep);
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cv.xml"); }), HasSubstr("at most 64 levels deep"));
+}
+
+TEST_F(CalibrationFiles, SizesArePictures) {
+  for (const char* size : {"[0, 480]", "[640, 1e300]", "[640.5, 480]", "[-640, 480]"}) {
+    WriteFileAtomically(dir() / "camchain.yaml",
+                        std::string("cam0: {camera_model: pinhole, intrinsics: [500, 500, 320, 240], distortion_model: "
+                                    "none, distortion_coeffs: [], resolution: ") +
+                            size + "}\n");
+    EXPECT_THAT(MessageOf<InputError>([&] { ReadCamchain(dir() / "camchain.yaml"); }),
+                HasSubstr("expected [width, height] of the pictures in whole pixels"))
+        << size;
+    WriteFileAtomically(dir() / "cv.yaml",
+                        std::string("camera_matrix: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nimage_size: ") + size + "\n");
+    EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cv.yaml"); }),
+                HasSubstr("the size of the pictures"))
+        << size;
+  }
 }
 
 }  // namespace

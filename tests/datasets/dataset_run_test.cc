@@ -123,6 +123,35 @@ TEST(DatasetRun, KittiOdometry) {
   EXPECT_FALSE(fs::exists(site / "runs/k1"));
 }
 
+// KITTI's own files in a run's folder.
+TEST(RunFolder, KittiPosesAreOdometry) {
+  const TempDir dir;
+  for (int k = 0; k < 3; ++k) WritePicture(dir / ("site/runs/k/images/" + std::to_string(k) + ".png"), 64, 48);
+  dir.Write("site/runs/k/images.txt", "0 images/0.png\n0.5 images/1.png\n1 images/2.png\n");
+  dir.Write(
+      "site/runs/k/camchain.yaml",
+      "cam0: {camera_model: pinhole, intrinsics: [50, 50, 32, 24], distortion_model: none, distortion_coeffs: [], "
+      "resolution: [64, 48]}\n");
+  dir.Write("site/runs/k/odometry.txt",
+            "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0.9\n1 0 0 0 0 1 0 0.1 0 0 1 1.8\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadRun(dir / "site/runs/k", dir / "site"); }),
+              HasSubstr("odometry.txt: expected times.txt beside it"));
+  dir.Write("site/runs/k/times.txt", "0.000000e+00\n5.0e-01\n1.0\n");
+  const trigpoint::Run run = ReadRun(dir / "site/runs/k", dir / "site");
+  ASSERT_EQ(run.odometry.poses.size(), 3u);
+  EXPECT_EQ(run.odometry.poses[1].stamp_ns, 500'000'000);
+  // Ahead is the body's x, the camera's down its -z.
+  const Rigid3d moved = run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[2].target_from_body;
+  EXPECT_LT((moved.translation - Eigen::Vector3d(1.8, 0, -0.1)).norm(), 1e-9);
+  dir.Write("site/runs/k/times.txt", "0\n0.5\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadRun(dir / "site/runs/k", dir / "site"); }),
+              HasSubstr("expected one time for each pose"));
+  // Twelve words are not twelve numbers.
+  dir.Write("site/runs/k/odometry.txt",
+            "timestamp [s], tx [m], ty [m], tz [m], qx, qy, qz, qw\n0, 0, 0, 0, 0, 0, 0, 1\n1, 2, 0, 0, 0, 0, 0, 1\n");
+  EXPECT_EQ(ReadRun(dir / "site/runs/k", dir / "site").odometry.poses.size(), 2u);
+}
+
 // A phone that looks along the world's -z (ARKit's forward) and moves there by a metre, y up.
 TEST(DatasetRun, Record3d) {
   const TempDir dir;
@@ -143,6 +172,16 @@ TEST(DatasetRun, Record3d) {
   const Rigid3d& second = run.odometry.poses[1].target_from_body;
   EXPECT_LT((first.rotation * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-9);
   EXPECT_LT(((first.Inverse() * second).translation - Eigen::Vector3d(1, 0, 0.5)).norm(), 1e-9);
+  const auto problem = [&](const std::string& poses, const std::string& times) {
+    dir.Write("walk/metadata", R"({"h": 480, "w": 640, "K": [500, 0, 0, 0, 501, 0, 320, 240, 1], "poses": )" + poses +
+                                   R"(, "frameTimestamps": )" + times + "}");
+    return MessageOf<InputError>([&] { ImportDatasetRun(site, dir / "walk", {"w3", "", "", 1}); });
+  };
+  EXPECT_THAT(problem("[[0, 0, 0, 1, 0, 0, 0]]", "[7.5]"), HasSubstr("1 poses, but "));
+  EXPECT_THAT(problem("[[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 2, 0, 0, 0]]", "[7.5, 8]"),
+              HasSubstr("pose 1 of 2: expected a unit quaternion, found one of length 2"));
+  EXPECT_THAT(problem("[[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0]]", "[7.5, 7.25]"),
+              HasSubstr("pose 1 of 2: expected a time not before"));
   dir.Write("walk/metadata", R"({"K": [1]})");
   EXPECT_THAT(MessageOf<InputError>([&] {
                 ImportDatasetRun(site, dir / "walk", {"w2", "", "", 1});
@@ -175,6 +214,16 @@ TEST(VideoRun, PhoneLogsAreOdometry) {
     const Rigid3d moved = run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[1].target_from_body;
     EXPECT_LT((moved.translation - Eigen::Vector3d(1, 0, 0.5)).norm(), 1e-9);
   }
+  const auto problem = [&](const std::string& name, const std::string& text) {
+    const fs::path log = dir.Write(name, text);
+    return MessageOf<InputError>([&] { ImportVideoRun(site, dir / "walk.avi", {"c", log, "", 1}); });
+  };
+  EXPECT_THAT(problem("c_ARCore_sensor_pose.txt", "1, 0, 0, 0, 1, 3, 0, 0\n2, 0, 0, 0.5, 1, 3, 0, 0\n"),
+              HasSubstr("c_ARCore_sensor_pose.txt:2: expected a unit quaternion, found one of length 1.118"));
+  EXPECT_THAT(problem("c_ARCore_sensor_pose.txt", "9, 0, 0, 0, 1, 3, 0, 0\n2, 0, 0, 0, 1, 3, 0, 0\n"),
+              HasSubstr("c_ARCore_sensor_pose.txt:2: expected a time not before"));
+  EXPECT_THAT(problem("c_ARKit_camera_pose.txt", "1, 1, 0, 0, 3, 0, 2, 0, 0, 0, 0, 1, 0\n"),
+              HasSubstr("c_ARKit_camera_pose.txt:1: expected the rows of [R | t]"));
   const fs::path broken = dir.Write("b_ARCore_sensor_pose.txt", "1, 2, 3\n");
   EXPECT_THAT(MessageOf<InputError>([&] {
                 ImportVideoRun(site, dir / "walk.avi", {"b", broken, "", 1});

@@ -16,6 +16,7 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 
 cv::Mat Gradient(int width) {
@@ -91,6 +92,24 @@ TEST(ImportPanoramas, WholeTilesAndFacesBecomeOneTable) {
   const ImportReport again = ImportPanoramas(site, *OpenPanoramaFolder(from), options, progress, CancelToken());
   EXPECT_THAT(Joined(again.lines), HasSubstr("3 of 4 panoramas, 3 of them were there already"));
   EXPECT_EQ(ReadTextFile(site / "panoramas.csv"), table);
+}
+
+// A killed import of a folder leaves pictures without a table; the next one fills their rows.
+TEST(ImportPanoramas, PicturesWithoutATableGetTheirRows) {
+  const TempDir dir;
+  fs::create_directories(dir / "street");
+  fs::create_directories(dir / "site/panoramas");
+  dir.Write("street/one.json", R"({"id": "one", "lat": 48, "lng": 7, "heading": -10, "pitch": 120, "altitude": 1e7,
+      "license": "CC0", "copyright": "Ann"})");
+  for (const char* file : {"street/one.jpg", "site/panoramas/one.jpg"})
+    cv::imwrite((dir / file).string(), Gradient(64));
+  ProgressSink progress;
+  const ImportReport report =
+      ImportPanoramas(dir / "site", *OpenPanoramaFolder(dir / "street"), {}, progress, CancelToken());
+  EXPECT_THAT(Joined(report.lines), HasSubstr("1 of them were there already"));
+  EXPECT_THAT(Joined(report.warnings), HasSubstr("2 values of heading, pitch"));
+  EXPECT_THAT(ReadTextFile(dir / "site/panoramas.csv"),
+              AllOf(HasSubstr("panoramas/one.jpg,one,48.000000000,7.000000000,,350.0000,,,"), HasSubstr(",CC0,Ann,")));
 }
 
 // A failed import leaves the place as it was: not even a folder.

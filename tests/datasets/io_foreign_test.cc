@@ -5,6 +5,7 @@
 
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <random>
 
 #include "datasets/io/csv.h"
 #include "datasets/io/csv_dialect.h"
@@ -217,6 +218,49 @@ TEST_F(ExifPositions, OfARunAreItsTrack) {
   EXPECT_EQ(ReadRun(dir_ / "runs/walk", dir_.path()).gps.size(), 1u);
 }
 
+// Images without a position stay without; those that have one may be any.
+TEST_F(ExifPositions, AreReadOfAllImages) {
+  for (int i = 0; i < 8; ++i) Picture(fmt::format("runs/walk/images/{}.jpg", i), i == 2 || i == 5 ? 10 * i : -1);
+  const trigpoint::Run run = ReadRun(dir_ / "runs/walk", dir_.path());
+  ASSERT_EQ(run.gps.size(), 2u);
+  EXPECT_EQ(run.gps[1].stamp_ns, run.images[5].stamp_ns);
+  // A dilution of precision widens what is not stated otherwise.
+  const std::string file = dir_ / "runs/walk/images/5.jpg";
+  const auto image = Exiv2::ImageFactory::open(file);
+  image->readMetadata();
+  image->exifData()["Exif.GPSInfo.GPSDOP"] = "3/1";
+  image->writeMetadata();
+  const trigpoint::Run diluted = ReadRun(dir_ / "runs/walk", dir_.path());
+  ASSERT_EQ(diluted.gps.size(), 2u);
+  EXPECT_EQ(diluted.gps[1].sigma_h_m, 3 * kExifPositionSigma_m);
+  EXPECT_EQ(diluted.gps[0].sigma_h_m, kExifPositionSigma_m);
+  EXPECT_FALSE(ReadPhotoMetadata(file).sigma_h_m);
+}
+
+// Of errors with the stated sigma that are correlated over any time, few look like a walk.
+TEST(OneSpot, IsSeldomRefused) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  constexpr int kSets = 1000;
+  for (const size_t n : {size_t{6}, size_t{29}}) {
+    for (const double time : {0.01, 0.2, 0.4, 1.0, 4.0}) {  // of correlation, as a share of the set's
+      const double kept = std::exp(-1 / (time * static_cast<double>(n)));
+      int refused = 0;
+      for (int k = 0; k < kSets; ++k) {
+        std::vector<PhotoMetadata> photos(n);
+        Eigen::Vector2d error(normal(random), normal(random));
+        for (PhotoMetadata& photo : photos) {
+          photo.sigma_h_m = 4;
+          photo.position = {48 + 4 * error.y() / 111195, 7.8 + 4 * error.x() / 74500, 0};
+          error = kept * error + std::sqrt(1 - kept * kept) * Eigen::Vector2d(normal(random), normal(random));
+        }
+        refused += WhyNotFromOneSpot(photos).empty() ? 0 : 1;
+      }
+      EXPECT_LE(refused, kSets * 2 / 100) << n << " " << time;
+    }
+  }
+}
+
 TEST_F(ExifPositions, ShowThatPhotosOfAWalkAreNoSet) {
   std::vector<double> walk, spot;
   for (int i = 0; i < 29; ++i) {
@@ -228,8 +272,22 @@ TEST_F(ExifPositions, ShowThatPhotosOfAWalkAreNoSet) {
               HasSubstr("the EXIF positions of 29 photos span 76 m, and half of them lie more than 19.0 m from the "
                         "middle; expected photos from one spot"));
   EXPECT_EQ(WhyNotFromOneSpot(Set(spot)), "");
+  // Shorter walks show by their order, in a straight line; wherever the photographer stood, 8 m are within the error.
+  std::vector<double> eighteen, eight, disordered;
+  for (int i = 0; i < 29; ++i) {
+    eighteen.push_back(20 + 18.0 * i / 28 + 0.5 * std::sin(5 * i));
+    eight.push_back(20 + 8.0 * i / 28);
+    disordered.push_back(20 + 18.0 * (11 * i % 29) / 28);
+  }
+  EXPECT_THAT(WhyNotFromOneSpot(Set(eighteen)), HasSubstr("they move on by 18"));
+  EXPECT_EQ(WhyNotFromOneSpot(Set(eight)), "");
+  EXPECT_THAT(WhyNotFromOneSpot(Set(eight, "2/1")), HasSubstr("they move on by 8.0 m from the first to the last"));
+  EXPECT_EQ(WhyNotFromOneSpot(Set(disordered)), "");
+  eighteen[28] = 300;
+  EXPECT_NE(WhyNotFromOneSpot(Set(eighteen)), "");
   // A poor receiver says so; too few positions say nothing.
-  EXPECT_EQ(WhyNotFromOneSpot(Set(walk, "20/1")), "");
+  EXPECT_EQ(WhyNotFromOneSpot(Set(walk, "30/1")), "");
+  EXPECT_THAT(WhyNotFromOneSpot(Set(walk, "20/1")), HasSubstr("they move on by 76"));
   EXPECT_EQ(WhyNotFromOneSpot(Set({0, 30, 60})), "");
   std::vector<std::string> warnings;
   for (int i = 0; i < 29; ++i) Picture(fmt::format("photos/walk/{}.jpg", i), walk[static_cast<size_t>(i)]);

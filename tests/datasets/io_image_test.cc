@@ -265,6 +265,10 @@ TEST(LoadPanorama, WantsTwoToOneOrTheTagsThatSayWhere) {
   ASSERT_EQ(full.size(), cv::Size(128, 64));
   EXPECT_EQ(cv::countNonZero(full.rowRange(0, 16)), 0);
   EXPECT_LT(Difference(full.rowRange(16, 64).clone(), Ramp(128, 48)), 2.0);
+  SetExif(dir / "odd.jpg",
+          {{"Xmp.GPano.FullPanoWidthPixels", "1000000"}, {"Xmp.GPano.FullPanoHeightPixels", "500000"}});
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(dir / "odd.jpg", true); }),
+              HasSubstr("make it a panorama 500000 px wide; expected at most 65534 px"));
 }
 
 TEST(PhotoMetadata, TellsWhatTheFileSays) {

@@ -196,12 +196,27 @@ TEST(GpxTrack, ReadsTimedPoints) {
   EXPECT_EQ(track.fixes[1].sigma_v_m, kUnknownGeoidSigma);
   const std::string warnings = Joined(track.warnings);
   EXPECT_THAT(warnings, HasSubstr("1 track point without a time"));
-  EXPECT_THAT(warnings, HasSubstr("the first on line 6"));
+  EXPECT_THAT(warnings,
+              HasSubstr("t.gpx:6: expected lat and lon in degrees, found '98, 7'; 1 such track point skipped"));
   EXPECT_THAT(Joined(ReadGpx(dir.Write("cut.gpx", text), clock).warnings), HasSubstr("not valid XML"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadGpx(dir.Write("x.gpx", "<kml/>"), clock); }),
               HasSubstr("expected a GPX"));
-  EXPECT_THAT(MessageOf<InputError>([&] { ReadGpx(dir.Write("e.gpx", head + "</trkseg></trk></gpx>"), clock); }),
-              HasSubstr("no usable GPS fix"));
+  const auto problem = [&](const std::string& whole) {
+    return MessageOf<InputError>([&] { ReadGpx(dir.Write("e.gpx", whole), clock); });
+  };
+  EXPECT_THAT(problem(head + "</trkseg></trk></gpx>"), HasSubstr("expected track points (trkpt), found none"));
+  EXPECT_THAT(problem("<gpx><wpt lat=\"1\" lon=\"2\"/></gpx>"), HasSubstr("but 1 way or route point"));
+  EXPECT_THAT(problem("\n"), HasSubstr("e.gpx: expected a GPX file, found an empty one"));
+  EXPECT_THAT(problem("<gpx>\n<trkpt lat=\"1\" lon=\"2\"><time>12.05.2026 9:43</time></trkpt></gpx>"),
+              HasSubstr("e.gpx:2: expected a time as 2026-05-12T09:43:20Z, found '12.05.2026 9:43'"));
+  // Prefixes and case as other programs write them.
+  const GpsTrack other =
+      ReadGpx(dir.Write("p.gpx",
+                        "<gpx:GPX xmlns:gpx=\"http://www.topografix.com/GPX/1/1\"><gpx:trkPt LAT=\"48\" Lon=\"7\">"
+                        "<gpx:Ele>3</gpx:Ele><gpx:TIME>2026-05-12T09:43:21Z</gpx:TIME></gpx:trkPt></gpx:GPX>"),
+              clock);
+  ASSERT_EQ(other.fixes.size(), 1u);
+  EXPECT_EQ(other.fixes[0].position.height_m, 3);
 }
 
 // A drive with turns at 5 m/s, odometry at 10 Hz with noise, GPS at 1 Hz.

@@ -186,7 +186,7 @@ TEST(Yaml, NamesLineKeyAndNearest) {
   EXPECT_THAT(MessageOf<InputError>([&] { load("list: [1, 2]\n").Numbers("list", 3); }), HasSubstr("a list of 3"));
   EXPECT_THAT(MessageOf<InputError>([&] { load("list: .nan\n").Number("list", 0); }), HasSubstr("expected a number"));
   EXPECT_THAT(MessageOf<InputError>([&] { load("gps: 1\ngps: 2\n"); }),
-              HasSubstr("run.yaml:2: key 'gps' stands twice"));
+              HasSubstr("run.yaml:2: key 'gps' stands twice, first on line 1"));
   EXPECT_THAT(MessageOf<InputError>([&] { load("gps:\n\tlever_arm_m: [0, 0, 1]\n"); }),
               HasSubstr("run.yaml:2: the line is indented with a tab"));
   EXPECT_THAT(MessageOf<InputError>([&] { load("gps: [1, 2\n"); }), HasSubstr("not valid YAML"));

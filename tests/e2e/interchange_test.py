@@ -217,6 +217,10 @@ class Interchange(unittest.TestCase):
             self.assertTrue(os.path.isfile(self.out("plain." + fmt)), fmt)
             self.assertIn("plain." + fmt, said.stdout)
         self.assertFalse(os.path.exists(self.out("plain")))
+        trigpoint("export", self.site, "--to", "gpkg", "--out", self.out("map.v2"))
+        self.assertTrue(os.path.isfile(self.out("map.v2.gpkg")))
+        refused = trigpoint("export", self.site, "--to", "gpkg", "--out", self.out("map.KML"), expect=2)
+        self.assertIn("expected a file that ends in .gpkg, found .kml", refused.stderr)
 
     @unittest.skipUnless(shutil.which("ogrinfo"), "gdal-bin is not installed")
     def test_gdal_reads_the_maps(self):

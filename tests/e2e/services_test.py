@@ -43,7 +43,7 @@ class Server(http.server.ThreadingHTTPServer):
         self.url = f"http://127.0.0.1:{self.server_address[1]}"
         self.files_url = self.url
         self.log, self.faults, self.items, self.pictures = [], {}, [], {}
-        self.page_size, self.delay_s, self.token = 1000, 0, TOKEN
+        self.page_size, self.delay_s, self.token, self.pages = 1000, 0, TOKEN, True
         self.key, self.sessions, self.expiry, self.cache_control, self.tiles = KEY, [], 0, "private, max-age=3600", {}
         threading.Thread(target=self.serve_forever, args=(0.01,), daemon=True).start()
 
@@ -114,7 +114,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         inside = [i for i in self.server.items if west <= i["geometry"]["coordinates"][0] <= east and south <= i["geometry"]["coordinates"][1] <= north]
         page, size = int(query.get("page", 0)), self.server.page_size
         links = [{"rel": "root", "href": self.server.url + "/api/"}]
-        if (page + 1) * size < len(inside):
+        if self.server.pages and (page + 1) * size < len(inside):
             links.append({"rel": "next", "href": f"{self.server.url}/api/search?bbox={query['bbox']}&page={page + 1}"})
         answer = {"type": "FeatureCollection", "features": inside[page * size:(page + 1) * size], "links": links}
         self.send(200, json.dumps(answer).encode(), "application/geo+json")
@@ -157,6 +157,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if self.headers.get("Authorization") != "OAuth " + self.server.token:
             error = {"error": {"message": f"Invalid OAuth 2.0 Access Token {self.headers.get('Authorization')}", "type": "OAuthException", "code": 190}}
             return self.send(401, json.dumps(error).encode())
+        if path == "/graph/images" and "within" in self.server.items[0]:
+            west, south, east, north = map(float, query["bbox"].split(","))
+            inside = [i["graph"] for i in self.server.items if west <= i["within"][0] < east and south <= i["within"][1] < north]
+            return self.send(200, json.dumps({"data": inside[:int(query["limit"])]}).encode())
         if path == "/graph/images":
             west, south, east, north = map(float, query["bbox"].split(","))
             assert east - west <= 0.01 + 1e-9 and north - south <= 0.01 + 1e-9, query
@@ -362,6 +366,178 @@ class Services(unittest.TestCase):
         again = self.server.paths("/files/")[len(asked):]
         self.assertLessEqual(len(set(asked) & set(again)), 1)
 
+    def test_a_killed_google_import_leaves_nothing_without_an_end(self):
+        self.serve_google(self.google("a", links=[{"panoId": "b"}]), self.google("b", 30, hidden=True, links=[{"panoId": "c"}]), self.google("c", 45, hidden=True))
+        stop, asked = threading.Event(), threading.Event()
+        real = Handler.google
+
+        def slow(handler, path, query):
+            if path.startswith("/streetview/tiles/") and query["panoId"] == "c":
+                asked.set()
+                stop.wait(30)
+            return real(handler, path, query)
+
+        Handler.google = slow
+        self.addCleanup(setattr, Handler, "google", real)
+        process = subprocess.Popen(self.command("--near", f"{NEAR[0]},{NEAR[1]}", "--permitted", "--width", "1664", "--radius", "60", service="google"), stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL, env={**self.environment, "GOOGLE_MAPS_API_KEY": KEY, "TMPDIR": self.folder})
+        self.assertTrue(asked.wait(30))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        stop.set()
+        Handler.google = real
+        # Every picture has a row with its end.
+        self.assertEqual(sorted(os.listdir(f"{self.site}/panoramas")), ["google-a.jpg", "google-b.jpg"])
+        self.assertEqual([row["file"] for row in self.table()], ["panoramas/google-a.jpg", "panoramas/google-b.jpg"])
+        self.assertTrue(all(row["keep_until"] for row in self.table()))
+        self.assertEqual(os.listdir(self.folder), ["site"])  # no tile either
+        # What a kill leaves of a picture being written is gone after the next command; a row without picture is finished.
+        os.remove(f"{self.site}/panoramas/google-b.jpg")
+        unfinished = f"{self.site}/panoramas/.google-b.jpg.123456789-42-7"
+        shutil.copy(f"{self.site}/panoramas/google-a.jpg", unfinished)
+        os.utime(unfinished, (time.time() - 100,) * 2)
+        self.assertIn("3 of 3 panoramas, 1 of them", self.run_google().stdout)
+        self.assertEqual(sorted(os.listdir(f"{self.site}/panoramas")), ["google-a.jpg", "google-b.jpg", "google-c.jpg"])
+        self.assertEqual([row["file"][-5] for row in self.table()], ["a", "b", "c"])
+        with open(f"{self.site}/panoramas.csv", encoding="utf-8") as table:
+            text = table.read()
+        with open(f"{self.site}/panoramas.csv", "w", encoding="utf-8") as table:
+            table.write(re.sub(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", "2024-01-01T00:00:00Z", text))
+        # What is over is loaded again.
+        self.assertNotIn("there already", self.run_google().stdout)
+
+    def test_rows_are_written_on_the_way(self):
+        self.add(3)
+        self.server.delay_s = 1.2
+        process = subprocess.Popen(self.command("--near", f"{NEAR[0]},{NEAR[1]}"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment)
+        while len(self.server.paths("/files/")) < 3:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        self.assertEqual([row["heading_deg"] for row in self.table()], ["90.0000", "91.0000"])
+
+    def test_options_out_of_range_are_refused_before_any_request(self):
+        self.add(1)
+        for more, why in [(["--since", "yesterday"], "--since: expected a date as 2024, 2024-05 or 2024-05-12, found 'yesterday'"), (["--until", "2024-02-30"], "--until: expected a date"),
+                          (["--since", "2024-13"], "--since: expected a date"), (["--since", "2024/05"], "--since: expected a date"),
+                          (["--since", "2024-06", "--until", "2024-05-12"], "--since 2024-06 is later than --until 2024-05-12"), (["--width", "1"], "--width: expected 0 or an even number"),
+                          (["--width", "513"], "found 513"), (["--radius", "nan"], "--radius")]:
+            self.assertIn(why, self.run_import(*more, expect=2).stderr)
+        for near in [(98, 7), (48, 190), ("nan", 7)]:
+            self.assertIn("expected a latitude from -90 to 90 and a longitude from -180 to 180", self.run_import(near=near, expect=2).stderr)
+        self.assertEqual(self.server.log, [])
+        self.server.items[0]["properties"]["datetime"] = ""
+        self.assertIn("none of the 1 panoramas", self.run_import("--until", "2030", expect=1).stderr)
+        # Since and until of the same month; a service in any case.
+        self.server.items[0]["properties"]["datetime"] = "2024-05-12T09:43:20Z"
+        listed = subprocess.run([PROGRAM, "import", self.site, "--from", "PanoraMAX", "--url", self.server.url + "/api", "--near", f"{NEAR[0]},{NEAR[1]}", "--list", "--since", "2024-05-12",
+                                 "--until", "2024"], capture_output=True, text=True, check=True, env=self.environment)
+        self.assertIn("1 panorama:", listed.stdout)
+
+    def test_values_that_cannot_be_are_left_out(self):
+        self.add(3)
+        self.server.items[0]["properties"].update({"view:azimuth": -30, "pers:pitch": 91, "pers:roll": 1e300, "quality:horizontal_accuracy": -4})
+        self.server.items[1]["properties"].update({"view:azimuth": 1e300, "pers:pitch": -90, "pers:roll": 180, "quality:horizontal_accuracy": 1e9})
+        done = self.run_import()
+        self.assertEqual([[row[c] for c in ["heading_deg", "pitch_deg", "roll_deg", "sigma_h_m"]] for row in self.table()],
+                         [["330.0000", "", "", "3.000"], ["", "-90.0000", "180.0000", "3.000"], ["92.0000", "", "", "3.000"]])
+        self.assertEqual(done.stderr.count("5 values of heading, pitch, roll, height or accuracy outside the possible range"), 1)
+
+    def test_full_lists_are_divided(self):
+        # Panoramax without pages: 1000 an answer.
+        self.server.items = [item(self.server, n, 0.09 * n) for n in range(1500)]
+        self.server.pages = False
+        self.assertIn("1500 panoramas:", self.run_import("--list").stdout)
+        # All at one place: no division helps.
+        self.server.items = [item(self.server, n) for n in range(1001)]
+        done = self.run_import("--list")
+        self.assertIn("panoramax: at least 1000 panoramas there", done.stderr)
+        self.assertIn("the list is cut; take a smaller --radius", done.stderr)
+        for spread, count, cut in [(1e-6, 2100, False), (0, 2001, True)]:
+            self.server.items = [{"graph": self.graph(n, geometry={"type": "Point", "coordinates": [NEAR[1] + spread * n / 10, NEAR[0]]}), "within": (NEAR[1] + spread * n / 10, NEAR[0])}
+                                 for n in range(count)]
+            done = self.run_import("--list", service="mapillary", MAPILLARY_ACCESS_TOKEN=TOKEN)
+            self.assertIn("2000 panoramas:" if cut else "2100 panoramas:", done.stdout)
+            self.assertEqual("mapillary: at least 2000 panoramas there" in done.stderr, cut)
+
+    def test_no_password_shows(self):
+        for url in [self.server.url.replace("//", "//ann:a-secret@") + "/api", "https://ann:a-secret/x@example.org/api?key=a-secret"]:
+            self.assertIn("expected an address without user and password", self.run_import(url=url, expect=2).stderr)
+        self.add(1)
+        self.server.items.append({**self.server.items[0], "id": "other", "assets": {"hd": {"href": self.server.url.replace("//", "//ann:a-secret@") + "/files/0.jpg"}}})
+        self.assertIn("127.0.0.1", self.run_import().stderr)
+
+    def test_refusals_are_named(self):
+        self.server.items = [{"graph": self.graph(1)}]
+        expired = json.dumps({"error": {"message": f"Error validating access token {TOKEN}", "type": "OAuthException", "code": 190}}).encode()
+        self.server.faults["/graph/images"] = [(400, expired, [])]
+        self.assertIn("refuses the token (status 400, error 190): the token is missing, wrong or expired",
+                      self.run_import("--list", service="mapillary", expect=1, MAPILLARY_ACCESS_TOKEN=TOKEN).stderr)
+        self.server.faults["/karta/2.0/photo/"] = [(200, b'{"status": {"apiCode": 401, "apiMessage": "You have to be authenticated"}}', [])]
+        self.assertIn("answers with apiCode 401: the service gives this list to registered clients only", self.run_import("--list", service="kartaview", expect=1).stderr)
+        # Retry-After as a date: soon is waited for, far off is not.
+        self.server.items = []
+        self.add(1)
+        def date(after_s):
+            return time.strftime("%a, %d %b %Y %H:%M:%S GMT", time.gmtime(time.time() + after_s))
+        self.server.faults["/api/search"] = [(429, b"", [("Retry-After", date(2))])]
+        begin = time.time()
+        self.run_import("--list")
+        self.assertTrue(1 <= time.time() - begin < 6)
+        self.server.faults["/api/search"] = [(429, b"", [("Retry-After", date(3600))])]
+        self.assertRegex(self.run_import("--list", expect=1).stderr, r"refuses more requests for now \(status 429\); try again in 3[56]\d\d s")
+
+    def test_tiny_and_huge_pictures_are_left_out(self):
+        self.add(3)
+        tiny = io.BytesIO()
+        Image.new("RGB", (64, 32)).save(tiny, "JPEG")
+        huge = bytearray(self.panorama)
+        at = 2
+        while huge[at + 1] not in (0xC0, 0xC2):
+            at += 2 + int.from_bytes(huge[at + 2:at + 4], "big")
+        huge[at + 5:at + 9] = (32766).to_bytes(2, "big") + (65532).to_bytes(2, "big")
+        self.server.pictures.update({"/files/0.jpg": tiny.getvalue(), "/files/1.jpg": bytes(huge)})
+        done = self.run_import()
+        self.assertIn("expected a picture from 512 to 32768 px wide, found 64 x 32 px", done.stderr)
+        self.assertIn("expected a picture from 512 to 32768 px wide, found 65532 x 32766 px", done.stderr)
+        self.assertEqual(len(self.table()), 1)
+
+    def import_file(self, *arguments, expect=0):
+        done = subprocess.run([PROGRAM, "import", self.site, *arguments], capture_output=True, text=True, check=False, env=self.environment)
+        self.assertEqual(done.returncode, expect, done.stdout + done.stderr)
+        return done
+
+    def test_a_stac_file(self):
+        self.add(1)
+        os.makedirs(f"{self.folder}/stac/pictures")
+        with open(f"{self.folder}/stac/pictures/two.jpg", "wb") as picture:
+            picture.write(self.panorama)
+        two = item(self.server, 2, 10, id="two", assets={"visual": {"href": "./pictures/two.jpg", "type": "image/jpeg"}, "thumbnail": {"href": "no.jpg", "type": "image/jpeg", "roles": ["thumbnail"]}})
+        del two["properties"]["pers:interior_orientation"]
+        part = item(self.server, 3, properties={"pers:interior_orientation": {"field_of_view": 70}})
+        hostile = [item(self.server, 4, id="../up"), item(self.server, 5, id="out", assets={"hd": {"href": "../../../../etc/passwd"}}), None, 7,
+                   item(self.server, 6, id="gone", assets={"hd": {"href": "gone.jpg"}}), item(self.server, 7, id="plain", assets={"hd": {"href": "http://192.0.2.1/a.jpg"}})]
+        path = f"{self.folder}/stac/items.json"
+        def write(document):
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(document if isinstance(document, str) else json.dumps(document))
+        write({"type": "FeatureCollection", "features": [*self.server.items, two, part, *hostile]})
+        self.assertIn("5 panoramas:", self.import_file("--from", path, "--list").stdout)
+        self.assertFalse(os.path.exists(self.site))
+        done = self.import_file("--from", "stac", "--url", path)
+        for why in ["panorama out", "gone.jpg", "expected one that begins with https://", "1 panorama without a usable id"]:
+            self.assertIn(why, done.stderr)
+        rows = self.table()
+        self.assertEqual([row["file"] for row in rows], [f"panoramas/stac-{self.server.items[0]['id']}.jpg", "panoramas/stac-two.jpg"])
+        self.assertEqual([rows[1][c] for c in ["heading_deg", "source", "licence", "attribution"]], ["92.0000", "stac", "CC-BY-SA-4.0", 'Ann "the" Walker, CC-BY-SA-4.0'])
+        self.assertEqual(content(f"{self.site}/panoramas/stac-two.jpg"), self.panorama)
+        write(two)  # one item
+        self.assertIn("1 panorama:", self.import_file("--from", path, "--near", f"{NEAR[0]},{NEAR[1]}", "--list").stdout)
+        for document, why in [("[" * 100000, "expected a JSON object"), ({"type": "FeatureCollection", "features": 3}, "expected a STAC Item"), ({"type": "Topology"}, "found 'Topology'")]:
+            write(document)
+            self.assertIn(why, self.import_file("--from", path, "--as", "stac", expect=1).stderr)
+        self.assertIn("--from stac: expected a STAC file", self.import_file("--from", "stac", expect=2).stderr)
+
     def test_a_server_that_cannot_be_reached_is_one_clear_message(self):
         for url, why in [("http://127.0.0.1:9/api", "cannot be reached"), ("ftp://127.0.0.1/api", "expected an address that begins with https://"),
                          ("http://192.0.2.1/api", "expected an address that begins with https://")]:
@@ -405,26 +581,32 @@ class Services(unittest.TestCase):
         return {"id": str(number), "captured_at": 1_700_000_000_000, "is_pano": True, "camera_type": "spherical", "width": 4096, "height": 2048, "compass_angle": 10.5,
                 "creator": {"username": "mappy", "id": "1"}, "geometry": {"type": "Point", "coordinates": [NEAR[1], NEAR[0]]}, **more}
 
+    # World (east, north, up) to camera (right, down, forward): heading 200.25, pitch 2, roll -1.5 deg.
+    TURN = [0.327714996, 1.984940459, -2.045878282]
+
     def test_mapillary(self):
         self.server.items = [{"graph": g} for g in [
-            self.graph(1, computed_geometry={"type": "Point", "coordinates": [NEAR[1] + 1e-5, NEAR[0]]}, computed_compass_angle=200.25), self.graph(2),
-            self.graph(3, is_pano=False), self.graph(4, compass_angle=-1)]]
+            self.graph(1, computed_geometry={"type": "Point", "coordinates": [NEAR[1] + 1e-5, NEAR[0]]}, computed_compass_angle=200.25, computed_rotation=self.TURN), self.graph(2),
+            self.graph(3, is_pano=False), self.graph(4, compass_angle=-1),
+            self.graph(5, computed_geometry={"type": "Point", "coordinates": [NEAR[1], NEAR[0]]}, computed_compass_angle=150, computed_rotation=self.TURN)]]
         store = Server()
         self.addCleanup(store.server_close)
         self.addCleanup(store.shutdown)
-        store.pictures = {f"/signed/{n}.jpg": self.panorama for n in range(5)}
+        store.pictures = {f"/signed/{n}.jpg": self.panorama for n in range(6)}
         self.server.files_url = store.url
         self.assertIn("needs a token: set MAPILLARY_ACCESS_TOKEN", self.run_import(service="mapillary", expect=1).stderr)
         self.run_import(service="mapillary", MAPILLARY_ACCESS_TOKEN=TOKEN)
         rows = self.table()
-        self.assertEqual([row["file"] for row in rows], [f"panoramas/mapillary-{n}.jpg" for n in (1, 2, 4)])
-        self.assertEqual([row["heading_deg"] for row in rows], ["200.2500", "10.5000", ""])
+        self.assertEqual([row["file"] for row in rows], [f"panoramas/mapillary-{n}.jpg" for n in (1, 2, 4, 5)])
+        self.assertEqual([row["heading_deg"] for row in rows], ["200.2500", "10.5000", "", "150.0000"])
+        # A tilt whose heading is not the computed one has other axes.
+        self.assertEqual([(row["pitch_deg"], row["roll_deg"]) for row in rows], [("2.0000", "-1.5000"), ("", ""), ("", ""), ("", "")])
         self.assertAlmostEqual(float(rows[0]["longitude_deg"]), NEAR[1] + 1e-5, 8)
         self.assertEqual(rows[0]["captured_at"], "2023-11-14T22:13:20Z")
         self.assertEqual(rows[0]["attribution"], "mappy, Mapillary, CC-BY-SA-4.0")
         # The token goes to the service, and to nobody else.
         self.assertTrue(all("Authorization" in headers for path, headers in self.server.log[1:]))
-        self.assertEqual(len(store.log), 3)
+        self.assertEqual(len(store.log), 4)
         self.assertFalse(any("Authorization" in headers or TOKEN in path for path, headers in store.log))
         for folder, _, files in os.walk(self.site):
             for name in files:
@@ -448,6 +630,9 @@ class Services(unittest.TestCase):
         self.assertEqual([rows[0][c] for c in ["heading_deg", "captured_at", "sigma_h_m", "licence"]], ["33.5000", "2021-06-07T12:34:56", "5.000", "CC-BY-SA-4.0"])
         self.assertEqual([rows[1]["heading_deg"], rows[1]["attribution"]], ["", "(c) Grab and KartaView Contributors, CC-BY-SA-4.0"])
         self.assertEqual(len(self.server.paths("/karta/")), 3)
+        # A place without pictures is not an error.
+        self.server.faults["/karta/2.0/photo/"] = [(200, json.dumps({"status": {"apiCode": "601", "apiMessage": "The request has an empty response"}}).encode(), [])]
+        self.assertIn("no panorama lies within", self.run_import("--list", service="kartaview", expect=1).stderr)
         for answer in [{"result": {}}, {"data": []}, {"result": []}]:
             self.server.faults["/karta/2.0/photo/"] = [(200, json.dumps(answer).encode(), [])]
             self.assertIn('expected a list "data"', self.run_import("--list", service="kartaview", expect=1).stderr)

@@ -1,10 +1,13 @@
 #include "datasets/import/providers/answers.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -20,26 +23,29 @@ namespace {
 
 using nlohmann::json;
 
-// A file of its own in the system's folder for such, gone with its owner.
+// A file in memory for the readers of pictures; a kill leaves nothing of it on a disk.
 class ScratchFile {
  public:
-  explicit ScratchFile(const std::string& bytes) {
-    std::string name = (std::filesystem::temp_directory_path() / "trigpoint_XXXXXX.jpg").string();
-    const int fd = mkstemps(name.data(), 4);
-    if (fd < 0) throw IoError(name + ": cannot be made");
-    close(fd);
-    path_ = name;
-    WriteFileAtomically(path_, bytes);
+  explicit ScratchFile(std::string_view bytes) : fd_(memfd_create("picture", MFD_CLOEXEC)) {
+    if (fd_ < 0) throw IoError("a picture in memory cannot be made: " + std::string(std::strerror(errno)));
+    path_ = "/proc/self/fd/" + std::to_string(fd_);
+    while (!bytes.empty()) {
+      const ssize_t written = write(fd_, bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) {
+        close(fd_);
+        throw IoError("a picture of " + std::to_string(bytes.size()) + " bytes does not fit into memory");
+      }
+      bytes.remove_prefix(static_cast<size_t>(written));
+    }
   }
-  ~ScratchFile() {
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-  }
+  ~ScratchFile() { close(fd_); }
   ScratchFile(const ScratchFile&) = delete;
   ScratchFile& operator=(const ScratchFile&) = delete;
   const std::filesystem::path& path() const { return path_; }
 
  private:
+  int fd_;
   std::filesystem::path path_;
 };
 
@@ -51,34 +57,59 @@ class ScratchFile {
   throw InputError(reason);
 }
 
-[[noreturn]] void FailWith(const std::string& source, const std::string& url, int status) {
+// At most so deep: each level of a deeper one would cost stack.
+json ParseBounded(const std::string& text) {
+  constexpr int kDeepest = 64;
+  return json::parse(
+      text, [](int depth, json::parse_event_t, json&) { return depth <= kDeepest; }, false);
+}
+
+// Does a refusal state, as Facebook's Graph API does, that the token is not or no longer valid?
+bool NamesAToken(const std::string& body) {
+  constexpr double kTokenCode = 190;
+  const json answer = ParseBounded(body);
+  const json* error = answer.is_object() ? ObjectIn(answer, "error") : nullptr;
+  return error != nullptr && NumberIn(*error, "code") == kTokenCode;
+}
+
+[[noreturn]] void FailWith(const std::string& source, const std::string& url, const HttpAnswer& answer) {
+  const int status = answer.status;
   const std::string at = source + ": " + WithoutQuery(url);
+  if (status >= 400 && status < 500 && NamesAToken(answer.body)) {
+    throw IoError(
+        fmt::format("{} refuses the token (status {}, error 190): the token is missing, wrong or expired; "
+                    "make a new one with the service and give it as in `trigpoint import --help`",
+                    at, status));
+  }
   if (status == 401 || status == 403) {
     throw IoError(
         fmt::format("{} refuses the request (status {}): the token is missing, wrong or expired; make a new one "
                     "with the service and give it as in `trigpoint import --help`",
                     at, status));
   }
-  if (status == 429) throw NetworkError(at + " refuses more requests for now (status 429); try again later");
+  if (status == 429) {
+    throw NetworkError(at + " refuses more requests for now (status 429); try again " +
+                       (answer.retry_after_s ? fmt::format("in {:.0f} s", std::ceil(*answer.retry_after_s)) : "later"));
+  }
   if (status >= 500) throw NetworkError(fmt::format("{} fails (status {}); try again later", at, status));
   throw InputError(fmt::format("{} answers with status {}", at, status));
 }
 
 }  // namespace
 
+json ParseObject(const std::string& text, const std::string& what) {
+  json document = ParseBounded(text);
+  if (!document.is_object()) {
+    throw InputError(what + ": expected a JSON object, found '" + Excerpt(ValidUtf8(text.substr(0, 60))) + "'");
+  }
+  return document;
+}
+
 json GetJson(HttpClient& client, const std::string& source, const std::string& url, const CancelToken& cancel,
              const std::string& post) {
   const HttpAnswer answer = client.Get(url, kMostJsonBytes, cancel, post);
-  if (answer.status != 200) FailWith(source, url, answer.status);
-  // Depth is bounded: each level of a deeper one would cost stack.
-  constexpr int kDeepest = 64;
-  json document = json::parse(
-      answer.body, [](int depth, json::parse_event_t, json&) { return depth <= kDeepest; }, false);
-  if (!document.is_object()) {
-    throw InputError(source + ": " + WithoutQuery(url) + ": expected a JSON object, found '" +
-                     Excerpt(ValidUtf8(answer.body.substr(0, 60))) + "'");
-  }
-  return document;
+  if (answer.status != 200) FailWith(source, url, answer);
+  return ParseObject(answer.body, source + ": " + WithoutQuery(url));
 }
 
 std::optional<double> NumberIn(const json& object, const char* key) {
@@ -129,19 +160,30 @@ PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const 
     throw InputError(
         fmt::format("{}: the picture of panorama {} cannot be loaded (status {})", source, id, answer.status));
   }
-  if (answer.status != 200 && answer.status != 206) FailWith(source, url, answer.status);
-  const ScratchFile file(answer.body);
+  if (answer.status != 200 && answer.status != 206) FailWith(source, url, answer);
+  return TakePicture(std::move(answer.body), source + ": panorama " + id, width);
+}
+
+PanoramaPicture TakePicture(std::string bytes, const std::string& what, int width) {
+  constexpr int kNarrowest = 512, kWidest = 32'768;
+  const ScratchFile file(bytes);
   PanoramaPicture picture;
+  PhotoMetadata metadata;
   try {
-    picture.pixels = LoadPanorama(file.path(), false);
+    metadata = ReadPhotoMetadata(file.path());
+    const int longest = std::max(metadata.width, metadata.height);
+    if (longest > 0 && (longest < kNarrowest || longest > kWidest)) {  // before gigabytes are decoded for nothing
+      throw InputError(fmt::format("{}: expected a picture from {} to {} px wide, found {} x {} px", what, kNarrowest,
+                                   kWidest, metadata.width, metadata.height));
+    }
+    picture.pixels = LoadPanorama(file.path(), false, kWidest);
   } catch (const InputError& e) {
-    FailAs(e, file, source + ": panorama " + id);
+    FailAs(e, file, what);
   }
-  const PhotoMetadata metadata = ReadPhotoMetadata(file.path());
-  const bool jpeg = answer.body.starts_with("\xFF\xD8");
+  const bool jpeg = bytes.starts_with("\xFF\xD8");
   const bool whole = metadata.width == picture.pixels.cols && metadata.orientation == 1;
   if (jpeg && whole && (width == 0 || metadata.width <= width)) {
-    picture.jpeg = std::move(answer.body);
+    picture.jpeg = std::move(bytes);
   } else if (width > 0 && picture.pixels.cols > width) {
     cv::resize(picture.pixels, picture.pixels, {width, width / 2}, 0, 0, cv::INTER_AREA);
   }

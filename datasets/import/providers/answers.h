@@ -24,6 +24,9 @@ constexpr int kMostPages = 1000;
 nlohmann::json GetJson(HttpClient& client, const std::string& source, const std::string& url, const CancelToken& cancel,
                        const std::string& post = "");
 
+// The JSON object in `text`, at most 64 levels deep; `what` names it in the InputError of one that is none.
+nlohmann::json ParseObject(const std::string& text, const std::string& what);
+
 // Members of the right type, or nothing; texts at most 300 bytes, as UTF-8 in one line; numbers finite.
 std::optional<double> NumberIn(const nlohmann::json& object, const char* key);
 std::string TextIn(const nlohmann::json& object, const char* key);
@@ -39,6 +42,9 @@ bool IsPlainId(const std::string& id);
 // it lies is put into a black sphere.
 PanoramaPicture GetPicture(HttpClient& client, const std::string& source, const std::string& id, const std::string& url,
                            int width, const CancelToken& cancel);
+
+// The same of its bytes; `what` names it in the InputError. From 512 to 32,768 px wide.
+PanoramaPicture TakePicture(std::string bytes, const std::string& what, int width);
 
 // The bytes of a picture, decoded as any input is (BGR); `what` names it in the InputError of one that is none.
 cv::Mat DecodeDownload(const std::string& bytes, const std::string& what);

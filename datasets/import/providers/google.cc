@@ -31,7 +31,7 @@ class GoogleStreetView final : public ListingService {
   explicit GoogleStreetView(const ServiceOptions& options)
       : ListingService("google", "Google Maps", options), key_(options.token) {
     // It stands in addresses.
-    if (!IsPlainId(key_)) throw InputError("google: the key has characters that no key has");
+    if (!IsPlainId(key_)) throw InputError("google: the key has characters other than letters, digits, - and _");
   }
   bool ForSessionOnly() const override { return true; }
 
@@ -117,7 +117,8 @@ class GoogleStreetView final : public ListingService {
               json{{"locations", locations}, {"radius", static_cast<int>(kSeedSpacing_m)}}.dump(), cancel);
       for (const json& id : ListIn(answer, "panoIds", client_.base() + "/streetview/panoIds")) add(id);
     }
-    for (size_t asked = 0; !next.empty() && asked < kMostMetadata; ++asked) {
+    for (size_t asked = 0; !next.empty(); ++asked) {
+      if (asked >= kMostMetadata) return NoteCut();
       const std::string id = next.front();
       next.pop_front();
       json answer;

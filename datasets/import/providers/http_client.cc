@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <ctime>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -31,6 +32,15 @@ std::optional<int64_t> MaxAgeOf(const std::string& cache_control) {
     begin = end + 1;
   }
   return age;
+}
+
+// RFC 9110: seconds, or a date.
+std::optional<double> RetryAfterOf(const std::string& value) {
+  const auto seconds = ParseDouble(value);
+  if (seconds) return std::isfinite(*seconds) ? seconds : std::nullopt;
+  const time_t until = curl_getdate(value.c_str(), nullptr);
+  if (until < 0) return std::nullopt;
+  return std::max(0.0, std::difftime(until, std::time(nullptr)));
 }
 
 }  // namespace
@@ -62,7 +72,7 @@ struct HttpClient::Transfer {
     std::string name = line.substr(0, line.find(':'));
     std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
     const std::string value(line.size() > name.size() ? Trim(std::string_view(line).substr(name.size() + 1)) : "");
-    if (name == "retry-after") transfer->retry_after_s = ParseDouble(value);
+    if (name == "retry-after") transfer->retry_after_s = RetryAfterOf(value);
     if (name == "content-range") transfer->range = value;
     if (name == "cache-control") transfer->max_age_s = MaxAgeOf(value);
     return size * count;
@@ -97,6 +107,10 @@ void SleepFor(double seconds, const CancelToken& cancel) {
   }
 }
 
+bool IsTransient(int status) { return status == 429 || status == 408 || status >= 500; }
+
+}  // namespace
+
 bool IsOnThisMachine(const std::string& origin) {
   for (const char* host : {"http://127.0.0.1", "http://localhost", "http://[::1]"}) {
     const std::string prefix(host);
@@ -105,11 +119,23 @@ bool IsOnThisMachine(const std::string& origin) {
   return false;
 }
 
-bool IsTransient(int status) { return status == 429 || status == 408 || status >= 500; }
+std::string WithoutQuery(const std::string& url) {
+  const size_t scheme = url.find("://"), host = scheme == std::string::npos ? 0 : scheme + 3;
+  const size_t at = url.rfind('@'), query = url.find_first_of("?#");
+  // A password may hold any of these, against the rules: what could be one is not shown.
+  if (at == std::string::npos || at < host) return url.substr(0, query);
+  if (query != std::string::npos && query < at) return url.substr(0, host) + "...";
+  return url.substr(0, host) + url.substr(at + 1, query == std::string::npos ? query : query - at - 1);
+}
 
-}  // namespace
-
-std::string WithoutQuery(const std::string& url) { return url.substr(0, url.find_first_of("?#")); }
+std::string Unescaped(const std::string& text) {
+  int length = 0;
+  char* decoded = curl_easy_unescape(nullptr, text.c_str(), static_cast<int>(text.size()), &length);
+  if (decoded == nullptr) return text;
+  std::string result(decoded, static_cast<size_t>(length));
+  curl_free(decoded);
+  return result;
+}
 
 std::string OriginOf(const std::string& url) {
   std::string origin;
@@ -135,6 +161,9 @@ HttpClient::HttpClient(std::string source, const std::string& base, const HttpOp
   std::call_once(once, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
   while (base_.ends_with('/')) base_.pop_back();
   const std::string origin = OriginOf(base_);
+  if (base_.find('@') != std::string::npos) {
+    throw OptionError("--url " + WithoutQuery(base_) + ": expected an address without user and password");
+  }
   if (!origin.starts_with("https://") && !IsOnThisMachine(origin)) {
     throw OptionError("--url " + WithoutQuery(base_) + ": expected an address that begins with https://");
   }
@@ -158,7 +187,8 @@ void HttpClient::WaitForTurn(const CancelToken& cancel) {
 void HttpClient::Perform(const std::string& url, const std::string& json, Transfer* transfer) {
   CURL* curl = transfer->curl = static_cast<CURL*>(curl_);
   curl_easy_reset(curl);  // keeps connections
-  const bool local = IsOnThisMachine(OriginOf(base_));
+  // A server elsewhere may not send a request back to this machine, or on without encryption.
+  const bool local = IsOnThisMachine(OriginOf(base_)) && IsOnThisMachine(OriginOf(url));
   const char* protocols = local ? "http,https" : "https";
   const auto milliseconds = [](double seconds) { return std::lround(1000 * seconds); };
   curl_easy_setopt(curl, CURLOPT_URL, url.c_str());
@@ -220,7 +250,7 @@ HttpAnswer HttpClient::Get(const std::string& url, size_t max_bytes, const Cance
     }
     const int status = static_cast<int>(transfer.Status());
     if (transfer.code == CURLE_OK && !IsTransient(status)) {
-      return {status, std::move(transfer.body), transfer.max_age_s};
+      return {status, std::move(transfer.body), transfer.max_age_s, {}};
     }
     const bool unreachable = transfer.code == CURLE_COULDNT_RESOLVE_HOST || transfer.code == CURLE_COULDNT_CONNECT ||
                              transfer.code == CURLE_COULDNT_RESOLVE_PROXY;
@@ -230,7 +260,7 @@ HttpAnswer HttpClient::Get(const std::string& url, size_t max_bytes, const Cance
     const double wanted_s = std::max(0.0, transfer.retry_after_s.value_or(wait_s));
     if (attempt >= (unreachable ? std::min(2, options_.attempts) : options_.attempts) || untrusted ||
         wanted_s > options_.longest_wait_s) {
-      if (transfer.code == CURLE_OK) return {status, std::move(transfer.body), {}};
+      if (transfer.code == CURLE_OK) return {status, std::move(transfer.body), {}, transfer.retry_after_s};
       throw NetworkError(fmt::format("{}: {} {}: {}; check the connection{}", source_, shown,
                                      unreachable ? "cannot be reached" : "cannot be read",
                                      transfer.reason[0] != '\0' ? transfer.reason : curl_easy_strerror(transfer.code),

@@ -34,6 +34,7 @@ struct HttpAnswer {
   std::string body;
   // By Cache-Control, s; 0: it must not be stored; nothing: not stated.
   std::optional<int64_t> max_age_s;
+  std::optional<double> retry_after_s;  // of a refusal: when the server wants to be asked again
 };
 
 // One server at a time, from one thread. Proxies are those of the environment (https_proxy, http_proxy, no_proxy).
@@ -68,8 +69,12 @@ class HttpClient {
   std::chrono::steady_clock::time_point next_;
 };
 
-// The address without its query and fragment, for messages.
+// The address without user, password, query and fragment, for messages.
 std::string WithoutQuery(const std::string& url);
+// With %XX as the characters they stand for.
+std::string Unescaped(const std::string& text);
+// Is that the http address of a server on this machine?
+bool IsOnThisMachine(const std::string& origin);
 // "https://host:port" of an address, "" if it is none.
 std::string OriginOf(const std::string& url);
 

@@ -28,11 +28,13 @@ class KartaView final : public ListingService {
  private:
   void Search(const SearchArea& area, const CancelToken& cancel) override {
     for (const auto& [west, south, east, north] : BoxesOf(area, kKartaViewBox_deg)) {
-      for (int page = 1; page <= kMostPages && !Full(); ++page) {
+      for (int page = 1; !Full(); ++page) {
+        if (page > kMostPages) return NoteCut();
         const std::string url =
             fmt::format("{}/2.0/photo/?nwLat={:.7f}&nwLng={:.7f}&seLat={:.7f}&seLng={:.7f}&page={}&itemsPerPage={}",
                         client_.base(), north, west, south, east, page, kPhotosPerPage);
         const json answer = GetJson(client_, Name(), url, cancel);
+        if (IsEmpty(answer, url)) break;
         const json* stated = ObjectIn(answer, "result");
         const json result = stated != nullptr ? *stated : json::object();
         const json& photos = ListIn(result, "data", url);
@@ -40,6 +42,20 @@ class KartaView final : public ListingService {
         if (photos.empty() || result.value("hasMoreData", json()) != true) break;
       }
     }
+  }
+
+  // The service states errors in an answer of HTTP status 200: nothing is there; done, or with incidents.
+  static bool IsEmpty(const json& answer, const std::string& url) {
+    constexpr double kNothing = 601, kDone = 600, kDoneInParts = 602, kNotAuthenticated = 401;
+    const json* status = ObjectIn(answer, "status");
+    const auto code = status != nullptr ? NumberIn(*status, "apiCode") : std::nullopt;
+    if (!code || *code == kDone || *code == kDoneInParts) return false;
+    if (*code == kNothing) return true;
+    const std::string at = fmt::format("kartaview: {} answers with apiCode {:g}", WithoutQuery(url), *code);
+    if (*code == kNotAuthenticated) {
+      throw IoError(at + ": the service gives this list to registered clients only; take another service");
+    }
+    throw InputError(fmt::format("{}, expected {:g}; try again later", at, kDone));
   }
 
   void Take(const json& photo) {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/base/error.h"
+#include "calib/geometry/so3.h"
 #include "datasets/import/providers/listing_service.h"
 #include "datasets/io/capture_date.h"
 
@@ -15,14 +16,31 @@ using nlohmann::json;
 
 constexpr double kMapillaryBox_deg = 0.0099;
 constexpr size_t kItemsPerAnswer = 2000;
-constexpr int kMostHalvings = 6;
 const char* const kFields =
-    "id,captured_at,geometry,computed_geometry,compass_angle,computed_compass_angle,is_pano,camera_type,width,height,"
-    "creator";
+    "id,captured_at,geometry,computed_geometry,compass_angle,computed_compass_angle,computed_rotation,is_pano,"
+    "camera_type,width,height,creator";
 
 std::string DateOf(std::optional<double> captured_at_ms) {
   if (!captured_at_ms || *captured_at_ms < 0 || *captured_at_ms > 4e12) return "";
   return UtcOfSeconds(std::llround(*captured_at_ms) / 1000);
+}
+
+// The tilt that the reconstruction has computed: a rotation vector from the world's axes (east, north, up) to the
+// camera's (right, down, forward). Left out where its heading is not the computed one: then the axes are others.
+void TakeTilt(const json& image, PanoramaRecord* record) {
+  constexpr double kSame_rad = 5 * kDegToRad;
+  const auto vector = image.find("computed_rotation");
+  if (!record->heading_deg || vector == image.end() || !vector->is_array() || vector->size() != 3) return;
+  Eigen::Vector3d cam_from_world;
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    const json& value = (*vector)[static_cast<size_t>(k)];
+    if (!value.is_number() || !(std::abs(value.get<double>()) < 10)) return;
+    cam_from_world[k] = value.get<double>();
+  }
+  const Attitude attitude = AttitudeOf(ExpSO3(cam_from_world).conjugate());
+  if (std::abs(WrapAngle(attitude.heading_rad - *record->heading_deg * kDegToRad)) > kSame_rad) return;
+  record->pitch_deg = attitude.pitch_rad * kRadToDeg;
+  record->roll_deg = attitude.roll_rad * kRadToDeg;
 }
 
 class Mapillary final : public ListingService {
@@ -46,22 +64,18 @@ class Mapillary final : public ListingService {
 
  private:
   void Search(const SearchArea& area, const CancelToken& cancel) override {
-    for (const auto& box : BoxesOf(area, kMapillaryBox_deg)) FindInBox(box, 0, cancel);
+    for (const Box& box : BoxesOf(area, kMapillaryBox_deg)) FindInBox(box, 0, cancel);
   }
 
-  // A box whose answer is full is cut into four.
-  void FindInBox(const std::array<double, 4>& box, int halvings, const CancelToken& cancel) {
+  // A box whose answer is full is cut into four: the service has no pages.
+  void FindInBox(const Box& box, int halvings, const CancelToken& cancel) {
     const auto [west, south, east, north] = box;
     const std::string url = fmt::format("{}/images?is_pano=true&fields={}&limit={}&bbox={:.7f},{:.7f},{:.7f},{:.7f}",
                                         client_.base(), kFields, kItemsPerAnswer, west, south, east, north);
     const json answer = GetJson(client_, Name(), url, cancel);
     const json& data = ListIn(answer, "data", url);
-    if (data.size() >= kItemsPerAnswer && halvings < kMostHalvings && !Full()) {
-      const double x = 0.5 * (west + east), y = 0.5 * (south + north);
-      for (const std::array<double, 4>& quarter : {std::array{west, south, x, y}, std::array{x, south, east, y},
-                                                   std::array{west, y, x, north}, std::array{x, y, east, north}}) {
-        FindInBox(quarter, halvings + 1, cancel);
-      }
+    if (data.size() >= kItemsPerAnswer &&
+        Divide(box, halvings, [&](const Box& quarter) { FindInBox(quarter, halvings + 1, cancel); })) {
       return;
     }
     for (const json& image : data) Take(image);
@@ -83,6 +97,7 @@ class Mapillary final : public ListingService {
     auto heading = NumberIn(image, position ? "computed_compass_angle" : "compass_angle");
     if (!heading) heading = NumberIn(image, "compass_angle");
     record.heading_deg = HeadingOf(heading);
+    if (position) TakeTilt(image, &record);
     if (!position && stated != nullptr) position = PointOf(*stated);
     record.date = DateOf(NumberIn(image, "captured_at"));
     if (const json* creator = ObjectIn(image, "creator")) record.owner = TextIn(*creator, "username");

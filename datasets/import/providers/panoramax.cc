@@ -15,9 +15,76 @@ namespace {
 using nlohmann::json;
 
 constexpr double kPanoramaxBox_deg = 0.02;
-constexpr int kItemsPerPage = 1000;
+constexpr size_t kItemsPerPage = 1000;
 // The accuracy is the radius that holds 95 %, of two axes alike.
 constexpr double kRadius95PerSigma = 2.4477;
+
+std::string OwnerOf(const json& item, const json& properties) {
+  const auto providers = item.find("providers");
+  if (providers != item.end() && providers->is_array()) {
+    for (const json& provider : *providers) {
+      if (!provider.is_object()) continue;
+      const auto roles = provider.find("roles");
+      const bool producer = roles != provider.end() && roles->is_array() &&
+                            std::find(roles->begin(), roles->end(), "producer") != roles->end();
+      if (producer && !TextIn(provider, "name").empty()) return TextIn(provider, "name");
+    }
+  }
+  return TextIn(properties, "geovisio:producer");
+}
+
+// The address of the first picture among assets of any names, thumbnails aside.
+std::string AnyPicture(const json& assets) {
+  for (const auto& asset : assets) {
+    if (!asset.is_object() || !TextIn(asset, "type").starts_with("image/")) continue;
+    const auto roles = asset.find("roles");
+    const bool thumbnail = roles != asset.end() && roles->is_array() &&
+                           std::find(roles->begin(), roles->end(), "thumbnail") != roles->end();
+    const auto href = asset.find("href");
+    if (!thumbnail && href != asset.end() && href->is_string()) return href->get<std::string>();
+  }
+  return "";
+}
+
+}  // namespace
+
+std::optional<StacItem> ReadStacItem(const json& item) {
+  const json* properties = item.is_object() ? ObjectIn(item, "properties") : nullptr;
+  if (properties == nullptr) return std::nullopt;
+  StacItem read;
+  PanoramaRecord& record = read.record;
+  record.id = TextIn(item, "id");
+  const json* geometry = ObjectIn(item, "geometry");
+  if (geometry != nullptr) read.position = PointOf(*geometry);
+  if (const json* assets = ObjectIn(item, "assets")) {
+    for (const auto& [name, url] : {std::pair{"hd", &read.full}, std::pair{"sd", &read.small}}) {
+      const json* asset = ObjectIn(*assets, name);
+      const auto href = asset != nullptr ? asset->find("href") : json::const_iterator();
+      if (asset != nullptr && href != asset->end() && href->is_string()) *url = href->get<std::string>();
+    }
+    if (read.full.empty() && read.small.empty()) read.full = AnyPicture(*assets);
+  }
+  record.heading_deg = NumberIn(*properties, "view:azimuth");
+  record.pitch_deg = NumberIn(*properties, "pers:pitch");
+  record.roll_deg = NumberIn(*properties, "pers:roll");
+  if (const auto accuracy = NumberIn(*properties, "quality:horizontal_accuracy"); accuracy && *accuracy != 0) {
+    record.sigma_h_m = *accuracy / kRadius95PerSigma;
+  }
+  record.date = TextIn(*properties, "datetime");
+  record.owner = OwnerOf(item, *properties);
+  record.licence = TextIn(*properties, "license");
+  if (const json* interior = ObjectIn(*properties, "pers:interior_orientation")) {
+    read.whole_turn = NumberIn(*interior, "field_of_view") == 360.0;
+    read.part = interior->contains("field_of_view") && !read.whole_turn;
+    const auto size = interior->find("sensor_array_dimensions");
+    if (size != interior->end() && size->is_array() && !size->empty() && (*size)[0].is_number()) {
+      record.width_px = ListingService::WidthOf((*size)[0].get<double>());
+    }
+  }
+  return read;
+}
+
+namespace {
 
 class Panoramax final : public ListingService {
  public:
@@ -34,22 +101,25 @@ class Panoramax final : public ListingService {
 
  private:
   void Search(const SearchArea& area, const CancelToken& cancel) override {
-    for (const auto& [west, south, east, north] : BoxesOf(area, kPanoramaxBox_deg)) {
-      std::string url = fmt::format("{}/search?bbox={:.7f},{:.7f},{:.7f},{:.7f}&limit={}", client_.base(), west, south,
-                                    east, north, kItemsPerPage);
-      std::set<std::string> visited;
-      while (!url.empty() && static_cast<int>(visited.size()) < kMostPages && visited.insert(url).second) {
-        const json page = GetJson(client_, Name(), url, cancel);
-        for (const json& item : ListIn(page, "features", url)) Take(item);
-        if (Full()) break;
-        url = NextPage(page);
-      }
-    }
+    for (const Box& box : BoxesOf(area, kPanoramaxBox_deg)) FindInBox(box, 0, cancel);
   }
 
-  struct Files {
-    std::string full, small;
-  };
+  // Page by page. Servers without pages fill the first one: then the box is cut into four.
+  void FindInBox(const Box& box, int halvings, const CancelToken& cancel) {
+    const auto [west, south, east, north] = box;
+    std::string url = fmt::format("{}/search?bbox={:.7f},{:.7f},{:.7f},{:.7f}&limit={}", client_.base(), west, south,
+                                  east, north, kItemsPerPage);
+    std::set<std::string> visited;
+    while (!url.empty() && !Full()) {
+      if (static_cast<int>(visited.size()) >= kMostPages || !visited.insert(url).second) return NoteCut();
+      const json page = GetJson(client_, Name(), url, cancel);
+      const json& items = ListIn(page, "features", url);
+      url = NextPage(page);
+      const bool cut = url.empty() && items.size() >= kItemsPerPage && visited.size() == 1;
+      if (cut && Divide(box, halvings, [&](const Box& quarter) { FindInBox(quarter, halvings + 1, cancel); })) return;
+      for (const json& item : items) Take(item);
+    }
+  }
 
   // The next page's address, if there is one and it is on the same server.
   std::string NextPage(const json& page) const {
@@ -68,53 +138,17 @@ class Panoramax final : public ListingService {
   }
 
   void Take(const json& item) {
-    const json* properties = item.is_object() ? ObjectIn(item, "properties") : nullptr;
-    if (properties == nullptr) return;
-    const json* interior = ObjectIn(*properties, "pers:interior_orientation");
-    if (interior == nullptr || NumberIn(*interior, "field_of_view") != 360.0) return;
-    PanoramaRecord record;
-    record.id = TextIn(item, "id");
-    const json* geometry = ObjectIn(item, "geometry");
-    const auto position = geometry != nullptr ? PointOf(*geometry) : std::nullopt;
-    Files files;
-    if (const json* assets = ObjectIn(item, "assets")) {
-      for (const auto& [name, url] : {std::pair{"hd", &files.full}, std::pair{"sd", &files.small}}) {
-        const json* asset = ObjectIn(*assets, name);
-        const auto href = asset != nullptr ? asset->find("href") : json::const_iterator();
-        if (asset != nullptr && href != asset->end() && href->is_string()) *url = href->get<std::string>();
-      }
+    std::optional<StacItem> read = ReadStacItem(item);
+    if (!read || !read->whole_turn) return;
+    const std::string id = read->record.id;
+    if (Keep(std::move(read->record), read->position, !read->full.empty() || !read->small.empty())) {
+      files_[id] = {read->full, read->small};
     }
-    record.heading_deg = NumberIn(*properties, "view:azimuth");
-    record.pitch_deg = NumberIn(*properties, "pers:pitch");
-    record.roll_deg = NumberIn(*properties, "pers:roll");
-    if (const auto accuracy = NumberIn(*properties, "quality:horizontal_accuracy"); accuracy && *accuracy > 0) {
-      record.sigma_h_m = *accuracy / kRadius95PerSigma;
-    }
-    record.date = TextIn(*properties, "datetime");
-    record.owner = OwnerOf(item, *properties);
-    record.licence = TextIn(*properties, "license");
-    const auto size = interior->find("sensor_array_dimensions");
-    if (size != interior->end() && size->is_array() && !size->empty() && (*size)[0].is_number()) {
-      record.width_px = WidthOf((*size)[0].get<double>());
-    }
-    const std::string id = record.id;
-    if (Keep(std::move(record), position, !files.full.empty() || !files.small.empty())) files_[id] = files;
   }
 
-  static std::string OwnerOf(const json& item, const json& properties) {
-    const auto providers = item.find("providers");
-    if (providers != item.end() && providers->is_array()) {
-      for (const json& provider : *providers) {
-        if (!provider.is_object()) continue;
-        const auto roles = provider.find("roles");
-        const bool producer = roles != provider.end() && roles->is_array() &&
-                              std::find(roles->begin(), roles->end(), "producer") != roles->end();
-        if (producer && !TextIn(provider, "name").empty()) return TextIn(provider, "name");
-      }
-    }
-    return TextIn(properties, "geovisio:producer");
-  }
-
+  struct Files {
+    std::string full, small;
+  };
   std::map<std::string, Files> files_;
 };
 

@@ -2,6 +2,8 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdlib>
 
 #include "calib/base/error.h"
@@ -26,8 +28,9 @@ const std::vector<Service>& Services() {
 }
 
 const Service* ServiceNamed(const std::string& name) {
+  const auto alike = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
   for (const Service& service : Services()) {
-    if (service.name == name) return &service;
+    if (std::equal(name.begin(), name.end(), service.name.begin(), service.name.end(), alike)) return &service;
   }
   return nullptr;
 }

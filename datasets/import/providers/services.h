@@ -1,6 +1,7 @@
 // Services that have panoramas, by the documentation they publish of their interfaces.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -26,12 +27,16 @@ struct Service {
   std::unique_ptr<PanoramaProvider> (*open)(const ServiceOptions& options);
 };
 const std::vector<Service>& Services();
-const Service* ServiceNamed(const std::string& name);  // null: none
+const Service* ServiceNamed(const std::string& name);  // in any case; null: none
 
 // The token of a service: `file` if it is named, which nobody but its owner may read (mode 0600), else from the
 // environment. Throws InputError or OptionError; the token itself is in no message.
 std::string ReadToken(const Service& service, const std::string& file);
 
+// A file of STAC items, whose pictures lie below its folder or at http(s) addresses. Those that state another field of
+// view than 360 deg are left out. Throws InputError if the file is none.
+std::unique_ptr<PanoramaProvider> OpenStacFile(const std::filesystem::path& file);
+bool IsStacFile(const std::filesystem::path& file);
 // Google Street View by the Map Tiles API; for the session only.
 std::unique_ptr<PanoramaProvider> OpenGoogleStreetView(const ServiceOptions& options);
 // STAC items of a Panoramax server. Pictures of 360 deg alone.
