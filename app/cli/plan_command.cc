@@ -8,6 +8,7 @@
 #include "app/cli/stage_command.h"
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/plan_stage.h"
+#include "calib/base/error.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -27,22 +28,32 @@ Ending PlanEnding(const StageOutcome& outcome, const std::string& summary, const
   for (std::string line; std::getline(lines, line);) {
     const size_t colon = line.find(": ");
     const std::string label = line.substr(0, colon), text = line.substr(colon + 2);
-    const bool wrong = label == "Unseen" || label == "Unchecked" || (label == "Gate" && text.ends_with("failed"));
+    const bool wrong = label == "Unseen" || label == "Unchecked" || (label == "Gate" && !text.ends_with("passed"));
     wrong ? ending.Problem(label, text) : ending.Fact(label, text);
+  }
+  if (!outcome.computed) {  // else it was said while it was computed
+    for (const nlohmann::json& warning : outcome.manifest.value("warnings", nlohmann::json::array())) {
+      if (warning.is_string()) ending.Problem("Warning", warning.get<std::string>());
+    }
   }
   return ending.Look("Page", outcome.dir / "index.html");
 }
 
-int Plan(Session& session, const Arguments& a) {
-  MakeBareProject(a.dir, "plan");
+// Of --suggest KIND N.
+void CheckSuggest(const std::vector<std::string>& suggest) {
+  if (suggest.size() < 2) return;
+  constexpr int kMost = 20;  // as PlanOptions::count
+  const auto count = ParseInt(suggest[1]);
+  if (count && *count >= 1 && *count <= kMost) return;
+  throw OptionError(fmt::format("--suggest {} {}: expected a whole number from 1 to {}, as --suggest {} 2", suggest[0],
+                                suggest[1], kMost, suggest[0]));
+}
+
+int PlanIn(Session& session, const Arguments& a) {
   const Project project = OpenProject(session, a.dir);
   std::vector<std::string> settings = a.settings;
   if (!a.sketch.empty()) settings.push_back("sketch=" + DumpJson(a.sketch));
   if (!a.suggest.empty()) {
-    if (a.suggest.size() > 1 && !ParseInt(a.suggest[1])) {
-      throw OptionError("--suggest " + a.suggest[0] + " " + a.suggest[1] +
-                        ": expected a number, as --suggest control 2");
-    }
     settings.push_back("suggest=" + DumpJson(a.suggest[0]));
     settings.push_back("count=" + (a.suggest.size() > 1 ? a.suggest[1] : "1"));
   }
@@ -77,6 +88,21 @@ int Plan(Session& session, const Arguments& a) {
                      {"summary", nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json"))},
                      {"warnings", outcome.manifest.value("warnings", nlohmann::json::array())}});
   return passed ? 0 : kGateExitCode;
+}
+
+// A plan that fails leaves no project where there was none.
+int Plan(Session& session, const Arguments& a) {
+  CheckSuggest(a.suggest);
+  const std::filesystem::path file = std::filesystem::path(a.dir) / "trigpoint.yaml";
+  const bool fresh = !std::filesystem::exists(file);
+  MakeBareProject(a.dir, "plan");
+  try {
+    return PlanIn(session, a);
+  } catch (const Error&) {
+    std::error_code ignored;
+    if (fresh) std::filesystem::remove(file, ignored);
+    throw;
+  }
 }
 
 }  // namespace

@@ -24,6 +24,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
+#include "eval/report/plan.h"
 
 namespace trigpoint {
 
@@ -507,7 +508,7 @@ void PlanDesk::ShowMap() {
   const bool current = !stale_ && !sketch_.changed();
   const double factor = current ? EllipseFactor(ellipses_, ground_) : 1;
   QString title = tr("site ENU, m, north up");
-  if (current && !ellipses_.empty()) title += tr("; ellipses: predicted, 1 sigma, %1 times enlarged").arg(factor);
+  if (current && !ellipses_.empty()) title += tr("; ellipses: predicted, 95 %, %1 times enlarged").arg(factor);
   if (!current && !ellipses_.empty()) title += tr("; changed since the last prediction");
   map_->SetPicture(ground_.picture, title);
   map_->SetMarks(SketchMarks(sketch_, ground_, current ? ellipses_ : std::vector<PlannedEllipse>(), factor,
@@ -544,8 +545,8 @@ void PlanDesk::ShowPrediction() {
       cells << mm(sigma.head<2>().norm()) << mm(sigma.z()) << mm(sigma.norm());
       ellipses_.push_back({id,
                            {row.Number("x"), row.Number("y")},
-                           row.Number("ellipse_a_m"),
-                           row.Number("ellipse_b_m"),
+                           kSigmas95 * row.Number("ellipse_a_m"),
+                           kSigmas95 * row.Number("ellipse_b_m"),
                            row.Number("ellipse_bearing_deg") * kDegToRad});
     } else {
       cells << tr("not seen") << ""
@@ -558,7 +559,8 @@ void PlanDesk::ShowPrediction() {
                                      tr("RMS of the tags (mm)"), tr("gain (%)")});
   const CsvTable gains = CsvTable::Read(folder / (proposed ? "suggestions.csv" : "gains.csv"), {"rank", "what"});
   for (const CsvRow& row : gains.rows()) {
-    const double before = row.Number("rms_before_m"), after = row.Number("rms_after_m");
+    const double before = row.Number("rms_before_m", NAN),
+                 after = row.Number("rms_after_m", NAN);  // NAN: not determined
     QVariantList place;
     if (row.Has("x")) {
       place << row.Number("x") << row.Number("y") << row.Number("z");
@@ -568,8 +570,8 @@ void PlanDesk::ShowPrediction() {
       places_.push_back({static_cast<int>(row.Integer("rank")), {row.Number("x"), row.Number("y")}});
     }
     add(gains_,
-        {Text(row.Text("rank")), Text(row.Text("what")), mm(after),
-         QString::number(100 * (1 - after / before), 'f', 1)},
+        {Text(row.Text("rank")), Text(row.Text("what")), std::isfinite(after) ? mm(after) : "-",
+         std::isfinite(after / before) ? QString::number(100 * (1 - after / before), 'f', 1) : "-"},
         place);
   }
   constexpr size_t kDrawn = 5;  // places on the map, so that it stays readable

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -18,8 +19,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kRefSide_px = 100;  // of NetworkOptions::corner_sigma_px
-constexpr double kUnknown_m = 1e4;   // 1 sigma of a height that no geotag has
+constexpr double kRefSide_px = 100;     // of NetworkOptions::corner_sigma_px
+constexpr double kUnknown_m = 1e4;      // 1 sigma of a height that no geotag has
+constexpr double kMostPictures = 5000;  // of a sketched path: more are a mistake, and take hours
+
+bool AddsToSurvey(const Project& project, const std::vector<SketchItem>& items) {
+  return !SurveyRuns(project).empty() &&
+         std::none_of(items.begin(), items.end(), [](const SketchItem& item) { return item.kind == "tag"; });
+}
 
 // Of the sketch, or nothing.
 fs::path SketchFile(const Project& project, const PlanOptions& options) {
@@ -67,82 +74,165 @@ std::vector<BodyCamera> CamerasOf(const Project& project, const PlanOptions& opt
   return cameras;
 }
 
-PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const PlanOptions& options) {
-  PlanLayout plan;
-  plan.source = file.filename().string();
-  plan.noise = options.network;
-  const std::vector<SketchItem> items = ReadSiteSketch(file);
-  std::optional<LocalFrame> frame;
-  if (project.has_frame()) frame = project.frame();
-  const auto place = [&](const SketchItem& item) -> Eigen::Vector3d {
+// A sketch's objects, added to a layout: an empty one, or the site as it was surveyed.
+class SketchAdder {
+ public:
+  SketchAdder(const Project& project, const fs::path& file, const PlanOptions& options, PlanLayout* plan)
+      : project_(project), file_(file), options_(options), plan_(*plan) {
+    if (project.has_frame()) frame_ = project.frame();
+  }
+
+  void Add(const std::vector<SketchItem>& items) {
+    CheckFrames(items);
+    for (const SketchItem& item : items) {
+      if (item.kind == "tag" || item.kind == "candidate") AddTag(item);
+    }
+    for (const SketchItem& item : items) {
+      if (item.kind == "control" || item.kind == "check") AddPoint(item);
+      if (item.kind == "station") AddStation(item);
+    }
+    AddPaths(items, "path", &plan_.network.passes);
+    AddPaths(items, "candidate_path", &plan_.candidate_passes);
+    if (!plan_.network.world_from_tag.empty() && !plan_.network.passes.empty()) return;
+    throw InputError(fmt::format(
+        "{}: expected tags and at least one path, found {} and {}; without tags of its own a sketch adds to the site's "
+        "survey runs, of which there are none",
+        file_.string(), Counted(plan_.network.world_from_tag.size(), "tag"),
+        Counted(plan_.network.passes.size(), "path")));
+  }
+
+ private:
+  void CheckFrames(const std::vector<SketchItem>& items) const {
+    if (frame_) return;
+    const auto in_metres = [](const SketchItem& item) { return item.local_m.has_value(); };
+    const auto in_degrees = [](const SketchItem& item) { return item.geodetic.has_value(); };
+    const auto metres = std::find_if(items.begin(), items.end(), in_metres);
+    const auto degrees = std::find_if(items.begin(), items.end(), in_degrees);
+    if (metres == items.end() || degrees == items.end()) return;
+    throw InputError(
+        fmt::format("{}: {} {} is given in degrees, {} {} ({}) in metres; expected one of both, or the "
+                    "site's origin.json, from which metres count",
+                    degrees->where, degrees->kind, degrees->name, metres->kind, metres->name, metres->where));
+  }
+
+  Eigen::Vector3d Place(const SketchItem& item) {
     if (item.local_m) return *item.local_m;
-    if (!frame) frame = LocalFrame(*item.geodetic);  // the first one is as good as any
-    return frame->EnuFromGeodetic(*item.geodetic);
-  };
-  NetworkLayout& network = plan.network;
-  network.sizes = project.site().tags;
-  std::vector<std::pair<std::string, std::vector<Eigen::Vector3d>>> paths;
-  for (const SketchItem& item : items) {
-    if (item.kind == "tag") {
-      network.world_from_tag[item.tag_id] = UprightTag(place(item), *item.heading_rad);
-      if (item.size_m > 0) network.sizes.sizes_m[item.tag_id] = item.size_m;
-      if (!(network.sizes.SizeOf(item.tag_id) > 0)) {
-        throw InputError(
-            fmt::format("{}: tag {} has no size; give size_mm, or its entry in tags.yaml", file.string(), item.tag_id));
-      }
-      plan.candidate_size_m = std::max(plan.candidate_size_m, network.sizes.SizeOf(item.tag_id));
-    } else if (item.kind == "candidate") {
-      plan.candidates[item.name] = UprightTag(place(item), *item.heading_rad);
-      if (item.size_m > 0) plan.candidate_size_m = item.size_m;
-    } else if (item.kind == "path") {
-      if (paths.empty() || paths.back().first != item.name) paths.push_back({item.name, {}});
-      paths.back().second.push_back(place(item));
-    }
+    if (!frame_) frame_ = LocalFrame(*item.geodetic);  // any origin near the site will do
+    return frame_->EnuFromGeodetic(*item.geodetic);
   }
-  for (const SketchItem& item : items) {
-    const auto tag = network.world_from_tag.find(item.tag_id);
-    if (item.kind == "control" || item.kind == "check") {
-      if (tag == network.world_from_tag.end()) {
-        throw InputError(
-            fmt::format("{}: {} on tag {}, which is not among its tags", file.string(), item.kind, item.tag_id));
-      }
-      SurveyPoint point;
-      point.name = std::to_string(item.tag_id);
-      point.role = item.kind == "control" ? PointRole::kControl : PointRole::kCheck;
-      point.tag_id = item.tag_id;
-      point.world_m = tag->second.translation;
-      point.sigma_h_m = item.sigma_h_m;
-      point.sigma_v_m = item.sigma_v_m;
-      network.points.push_back(point);
+
+  void AddTag(const SketchItem& item) {
+    const Rigid3d pose = UprightTag(Place(item), *item.heading_rad);
+    if (item.kind == "candidate") {
+      plan_.candidates[item.name] = pose;
+      if (item.size_m > 0) plan_.candidate_size_m = item.size_m;
+      return;
     }
-    if (item.kind == "station") {
-      network.panoramas.push_back(
-          {item.name, {Eigen::Quaterniond::Identity(), place(item)}, item.sigma_h_m, item.sigma_v_m});
+    TagSizes& sizes = plan_.network.sizes;
+    plan_.network.world_from_tag[item.tag_id] = pose;
+    if (item.size_m > 0) sizes.sizes_m[item.tag_id] = item.size_m;
+    if (!(sizes.SizeOf(item.tag_id) > 0)) {
+      throw InputError(
+          fmt::format("{}: tag {} has no size; give size_mm, or its entry in tags.yaml", item.where, item.tag_id));
     }
-    if (item.kind == "station" && tag != network.world_from_tag.end()) {
-      plan.stations.push_back({item.name, item.tag_id, place(item) - tag->second.translation, 0.01});
-    } else if (item.kind == "station") {
-      plan.notes.push_back("station " + item.name + " has no tag_id of a tag beside it: no accuracy of its own");
-    }
+    plan_.candidate_size_m = std::max(plan_.candidate_size_m, sizes.SizeOf(item.tag_id));
   }
-  const std::vector<BodyCamera> cameras = CamerasOf(project, options);
-  for (const auto& [name, corners] : paths) {
+
+  void AddPoint(const SketchItem& item) {
+    const auto tag = plan_.network.world_from_tag.find(item.tag_id);
+    if (tag == plan_.network.world_from_tag.end()) {
+      throw InputError(fmt::format("{}: {} on tag {}, which is not among the tags; add a row 'tag,{},...'", item.where,
+                                   item.kind, item.tag_id, item.tag_id));
+    }
+    // What is planned for a tag replaces what the site had for it.
+    std::erase_if(plan_.network.points,
+                  [&](const SurveyPoint& p) { return p.tag_id == item.tag_id && p.role != PointRole::kGeotag; });
+    SurveyPoint point;
+    point.name = std::to_string(item.tag_id);
+    point.role = item.kind == "control" ? PointRole::kControl : PointRole::kCheck;
+    point.tag_id = item.tag_id;
+    point.world_m = tag->second.translation;
+    point.sigma_h_m = item.sigma_h_m;
+    point.sigma_v_m = item.sigma_v_m;
+    plan_.network.points.push_back(point);
+  }
+
+  void AddStation(const SketchItem& item) {
+    const Eigen::Vector3d at = Place(item);
+    plan_.network.panoramas.push_back(
+        {item.name, {Eigen::Quaterniond::Identity(), at}, item.sigma_h_m, item.sigma_v_m});
+    const auto tag = plan_.network.world_from_tag.find(item.tag_id);
+    if (tag != plan_.network.world_from_tag.end()) {
+      plan_.stations.push_back({item.name, item.tag_id, at - tag->second.translation, 0.01});
+      return;
+    }
+    plan_.notes.push_back("station " + item.name + " has no tag_id of a tag beside it: no accuracy of its own");
+  }
+
+  bool UsesSurveyedCameras() const { return plan_.learned && options_.camera.empty(); }
+
+  // A surveyed camera is carried as its run carried it; a sketched one looks along its way.
+  Eigen::Quaterniond WayFromCarrier() const {
+    if (!UsesSurveyedCameras()) return Eigen::Quaterniond::Identity();
+    const PlannedPass& like = plan_.network.passes.front();
+    if (const auto way_from_body = WayFromBody(like.world_from_body)) return *way_from_body;
+    throw InputError(
+        fmt::format("{}: the cameras of run {} do not keep one direction relative to its way, so a sketched path "
+                    "cannot repeat it; name a camera (--set camera=CALIBRATION)",
+                    file_.string(), like.name));
+  }
+
+  PlannedPass EmptyPass() const {
     PlannedPass pass;
-    pass.name = name;
-    pass.cameras = cameras;
-    pass.world_from_body = PosesAlong(corners, options.speed_m_s, options.rate_hz);
-    if (pass.world_from_body.size() < 2) {
-      throw InputError(file.string() + ": path " + name + " needs two corners that are apart");
+    if (!UsesSurveyedCameras()) {
+      pass.cameras = CamerasOf(project_, options_);
+      return pass;
     }
-    network.passes.push_back(std::move(pass));
+    const PlannedPass& like = plan_.network.passes.front();
+    pass.date = "planned";
+    pass.cameras = like.cameras;
+    pass.corner_factor = like.corner_factor;
+    pass.odometry_factor = like.odometry_factor;
+    pass.scale_sigma = like.scale_sigma;
+    return pass;
   }
-  if (network.world_from_tag.empty() || network.passes.empty()) {
-    throw InputError(file.string() + ": expected tags and at least one path, found " +
-                     std::to_string(network.world_from_tag.size()) + " tags and " +
-                     std::to_string(network.passes.size()) + " paths");
+
+  void AddPaths(const std::vector<SketchItem>& items, const std::string& kind, std::vector<PlannedPass>* passes) {
+    std::vector<std::pair<std::string, std::vector<Eigen::Vector3d>>> paths;
+    for (const SketchItem& item : items) {
+      if (item.kind != kind) continue;
+      if (paths.empty() || paths.back().first != item.name) paths.push_back({item.name, {}});
+      paths.back().second.push_back(Place(item));
+    }
+    for (const auto& [name, corners] : paths) {
+      PlannedPass pass = EmptyPass();
+      pass.name = name;
+      double length = 0;
+      for (size_t k = 1; k < corners.size(); ++k) length += (corners[k] - corners[k - 1]).norm();
+      const double pictures = length * options_.rate_hz / options_.speed_m_s;
+      if (pictures > kMostPictures) {
+        throw InputError(
+            fmt::format("{}: path {} of {:.0f} m takes {:.0f} pictures at {:g} m/s and {:g} Hz; expected at "
+                        "most {:.0f}: lower rate_hz",
+                        file_.string(), name, length, pictures, options_.speed_m_s, options_.rate_hz, kMostPictures));
+      }
+      pass.world_from_body = PosesAlong(corners, options_.speed_m_s, options_.rate_hz, WayFromCarrier());
+      if (pass.world_from_body.size() < 2) {
+        throw InputError(fmt::format(
+            "{}: path {} gives no two pictures: expected corners at least {:.2g} m apart "
+            "({:g} m/s at {:g} Hz)",
+            file_.string(), name, options_.speed_m_s / options_.rate_hz, options_.speed_m_s, options_.rate_hz));
+      }
+      passes->push_back(std::move(pass));
+    }
   }
-  return plan;
-}
+
+  const Project& project_;
+  const fs::path& file_;
+  const PlanOptions& options_;
+  PlanLayout& plan_;
+  std::optional<LocalFrame> frame_;
+};
 
 // Pictures between those that the map placed: along odometry, its drift spread over the gap.
 std::vector<TimedPose> AllPoses(const Run& run, const std::vector<TimedPose>& placed) {
@@ -191,7 +281,9 @@ void AddPanoramas(const Project& project, PlanLayout* plan) {
 }
 
 // The site as its survey runs show it: tags and odometry alone, which is enough to know where everything is.
-PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, StageContext& context) {
+// `to_add`: a sketch that is added to it, which takes a datum.
+PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, const fs::path& to_add,
+                          StageContext& context) {
   if (SurveyRuns(project).empty()) {
     throw InputError(project.dir().string() +
                      ": nothing to plan with; expected plan.csv or plan.geojson (docs/file_formats.md), or a site with "
@@ -207,7 +299,37 @@ PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, S
                      "in plan.csv");
   }
   const SurveyResult map = SurveyTags(job.input, survey.map, context.threads, context.progress, context.cancel);
-  return LayoutOfMap(project, job.input, map, noise);
+  PlanLayout plan = LayoutOfMap(project, job.input, map, noise);
+  AddPanoramas(project, &plan);
+  if (to_add.empty() || map.in_world) return plan;
+  throw InputError(to_add.string() +
+                   ": the site's survey has no datum, so a sketch cannot be added to it; add control or geotags to the "
+                   "site, or sketch its tags, too");
+}
+
+// A sketch without tags adds to the site as it was surveyed: paths, known points, places for tags.
+PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const PlanOptions& options,
+                          StageContext& context) {
+  const std::vector<SketchItem> items = ReadSiteSketch(file);
+  PlanLayout plan;
+  plan.noise = options.network;
+  if (AddsToSurvey(project, items)) {
+    plan = LayoutOfSurvey(project, options.network, file, context);
+    plan.source = file.filename().string() + " and " + plan.source;
+  } else {
+    plan.source = file.filename().string();
+    plan.network.sizes = project.site().tags;
+  }
+  const size_t surveyed = plan.network.passes.size();
+  SketchAdder(project, file, options, &plan).Add(items);
+  if (options.earlier_runs || surveyed == 0) return plan;
+  if (plan.network.passes.size() == surveyed) {
+    throw InputError(file.string() + ": earlier_runs is false, and no path is sketched; expected a path");
+  }
+  plan.network.passes.erase(plan.network.passes.begin(),
+                            plan.network.passes.begin() + static_cast<std::ptrdiff_t>(surveyed));
+  plan.source += ", its runs left out";
+  return plan;
 }
 
 }  // namespace
@@ -279,7 +401,24 @@ Rigid3d UprightTag(const Eigen::Vector3d& centre, double heading_rad) {
   return {Eigen::Quaterniond(columns), centre};
 }
 
-std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz) {
+std::optional<Eigen::Quaterniond> WayFromBody(const std::vector<TimedPose>& poses) {
+  constexpr double kKept = 0.5;  // length of the mean direction of each axis; 1: all are the same
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  double length = 0;
+  for (size_t k = 1; k < poses.size(); ++k) {
+    const Rigid3d& body = poses[k].target_from_body;
+    const Eigen::Vector2d step = (body.translation - poses[k - 1].target_from_body.translation).head<2>();
+    const Eigen::AngleAxisd way(std::atan2(step.y(), step.x()), Eigen::Vector3d::UnitZ());
+    sum += step.norm() * (way.inverse() * body.rotation).toRotationMatrix();
+    length += step.norm();
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (!(length > 0) || svd.singularValues()(2) < kKept * length) return std::nullopt;
+  return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * svd.matrixV().transpose()));
+}
+
+std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz,
+                                  const Eigen::Quaterniond& way_from_body) {
   std::vector<double> at = {0};
   for (size_t k = 1; k < corners.size(); ++k) at.push_back(at.back() + (corners[k] - corners[k - 1]).norm());
   const auto point = [&](double s) -> Eigen::Vector3d {
@@ -298,17 +437,15 @@ std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, d
     const Eigen::Vector3d ahead = point(std::min(at.back(), s + kTurn_m)) - point(std::max(0.0, s - kTurn_m));
     const double yaw = std::atan2(ahead.y(), ahead.x());
     poses.push_back({std::llround(1e9 * k / rate_hz),
-                     Rigid3d(Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ())), point(s))});
+                     Rigid3d(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * way_from_body, point(s))});
   }
   return poses;
 }
 
 PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context) {
   const fs::path file = SketchFile(project, options);
-  PlanLayout plan =
-      file.empty() ? LayoutOfSurvey(project, options.network, context) : LayoutOfSketch(project, file, options);
-  if (file.empty()) AddPanoramas(project, &plan);
-  return plan;
+  return file.empty() ? LayoutOfSurvey(project, options.network, file, context)
+                      : LayoutOfSketch(project, file, options, context);
 }
 
 std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& options) {
@@ -321,7 +458,11 @@ std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& opti
       const fs::path calibrated = project.results() / "calibrate" / options.camera / "camchain.yaml";
       inputs.push_back(fs::exists(calibrated) ? calibrated : project.dir() / options.camera);
     }
-    return inputs;
+    try {
+      if (!AddsToSurvey(project, ReadSiteSketch(file))) return inputs;
+    } catch (const InputError&) {  // is said when the plan is made
+      return inputs;
+    }
   }
   for (const char* table : {"control_points.csv", "distances.csv", "stations.csv", "panoramas.csv"}) {
     if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,8 @@ namespace trigpoint {
 
 struct PlanOptions {
   NetworkOptions network;
-  std::string sketch;   // plan.csv or plan.geojson of this name; empty: those, else the site as it was surveyed
+  std::string sketch;        // plan.csv or plan.geojson of this name; empty: those, else the site as it was surveyed
+  bool earlier_runs = true;  // where a sketch adds to a surveyed site: its runs count, too; else its tags' places alone
   std::string camera;   // of sketched paths: a calibration's name or a camchain file; empty: fov_deg, width, height
   double fov_deg = 90;  // horizontal field of view
   int width = 1920, height = 1080;
@@ -29,6 +31,8 @@ struct PlanOptions {
   static void Visit(Self& self, Visitor&& visit) {
     NetworkOptions::Visit(self.network, visit);
     visit(self.sketch, {"sketch", "", 0, 0, "the sketch; empty: plan.csv, plan.geojson, else the site as surveyed"});
+    visit(self.earlier_runs,
+          {"earlier_runs", "", 0, 0, "where a sketch adds to a surveyed site: use the observations of its runs, too"});
     visit(self.camera, {"camera", "", 0, 0, "of sketched paths: a calibration's name or a camchain file"});
     visit(self.fov_deg, {"fov_deg", "deg", 5.0, 170.0, "horizontal field of view, where no camera is named"});
     visit(self.width, {"width", "px", 16, 1e5, "width of a picture, where no camera is named"});
@@ -62,6 +66,7 @@ struct PlanLayout {
   std::string source;  // "plan.csv", "the survey of 2 runs"
   std::vector<PlanStationItem> stations;
   std::map<std::string, Rigid3d> candidates;  // places for tags that were sketched
+  std::vector<PlannedPass> candidate_passes;  // paths that were sketched, but are not planned
   double candidate_size_m = 0;
   bool learned = false;            // from an earlier survey, with its noise
   NetworkOptions noise;            // the options' own, or as that survey found it
@@ -79,7 +84,11 @@ std::vector<std::filesystem::path> PlanInputs(const Project& project, const Plan
 
 // world_from_tag of an upright tag whose printed side faces `heading_rad`, clockwise from north.
 Rigid3d UprightTag(const Eigen::Vector3d& centre, double heading_rad);
-// Poses of a body that moves along corners, x forward, z up, at constant speed.
-std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz);
+// Poses of a body that moves along corners at constant speed; `way_from_body`: how it is turned against its way (x
+// along it, level; z up).
+std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, double speed_m_s, double rate_hz,
+                                  const Eigen::Quaterniond& way_from_body = Eigen::Quaterniond::Identity());
+// The mean of way_from_body over a pass; none where it does not keep its attitude along its way.
+std::optional<Eigen::Quaterniond> WayFromBody(const std::vector<TimedPose>& poses);
 
 }  // namespace trigpoint

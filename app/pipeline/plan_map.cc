@@ -79,7 +79,7 @@ class MapPainter {
     double largest = 1e-6, room = 1e12;
     for (const TagPrediction& tag : findings_.prediction.tags) {
       if (!tag.tied) continue;
-      const Spread spread{tag.world_m.head<2>(), EllipseOf(tag.covariance.bottomRightCorner<3, 3>()).a};
+      const Spread spread{tag.world_m.head<2>(), kSigmas95 * EllipseOf(tag.covariance.bottomRightCorner<3, 3>()).a};
       largest = std::max(largest, spread.a);
       for (const Spread& other : spreads) {
         room = std::min(room, (spread.place - other.place).norm() / std::max(1e-9, spread.a + other.a));
@@ -88,7 +88,7 @@ class MapPainter {
     }
     std::vector<double> path;
     for (const BodyPrediction& body : findings_.prediction.bodies) {
-      path.push_back(EllipseOf(body.covariance.bottomRightCorner<3, 3>()).a);
+      path.push_back(kSigmas95 * EllipseOf(body.covariance.bottomRightCorner<3, 3>()).a);
     }
     const double widest = std::max(1e-6, Percentile(path, kShareOfPath));
     return RoundDown(std::min({kLargest / (scale_ * largest), std::max(room, kVisible / (scale_ * largest)),
@@ -102,7 +102,8 @@ class MapPainter {
     return {scale_ * (p.x() - low_.x()), scale_ * (high_.y() - p.y())};
   }
   Line EllipseLine(const Eigen::Vector3d& centre, const Matrix6d& covariance) const {
-    const HorizontalEllipse e = EllipseOf(covariance.bottomRightCorner<3, 3>());
+    HorizontalEllipse e = EllipseOf(covariance.bottomRightCorner<3, 3>());
+    e.a *= kSigmas95, e.b *= kSigmas95;
     const Eigen::Rotation2Dd turn(e.angle);
     Line line;
     for (int k = 0; k <= 48; ++k) {
@@ -312,7 +313,7 @@ class MapPainter {
       drawing_.Line({{u - 8, v}, {u + 8, v}}, kPath, 1.4);
     });
     entry(any_suggested_, words_.suggested, [&](double u, double v) { Disc(u, v, "1"); });
-    entry(any_control_ || any_seen_, fmt::format("1 sigma, {:g} times enlarged; stroke: the way a tag faces", factor_),
+    entry(any_control_ || any_seen_, fmt::format("95 %, {:g} times enlarged; stroke: the way a tag faces", factor_),
           [&](double u, double v) {
             Line line;
             for (int k = 0; k <= 24; ++k)

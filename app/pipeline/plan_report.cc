@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "app/pipeline/display_unit.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/report/document.h"
+#include "eval/report/plan.h"
 
 namespace trigpoint {
 namespace {
@@ -17,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMm = 1e3;
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 Eigen::Matrix3d Position(const Matrix6d& covariance) { return covariance.bottomRightCorner<3, 3>(); }
 
@@ -28,6 +31,9 @@ std::optional<Eigen::Matrix3d> StationCovariance(const PlanStationItem& station,
   }
   return std::nullopt;
 }
+
+// Of the long axis, deg from north, 0 to 180.
+double Bearing(const HorizontalEllipse& e) { return std::fmod(450 - e.angle * kRadToDeg, 180); }
 
 void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
   CsvWriter csv(
@@ -42,7 +48,7 @@ void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
       const HorizontalEllipse e = EllipseOf(Position(tag.covariance));
       for (int k = 0; k < 3; ++k) csv.Number(tag.Sigma()[k], 6);
       for (int k = 0; k < 3; ++k) csv.Number(std::sqrt(std::max(0.0, tag.covariance(k, k))) * kRadToDeg, 5);
-      csv.Number(e.a, 6).Number(e.b, 6).Number(std::fmod(450 - e.angle * kRadToDeg, 180), 1);
+      csv.Number(e.a, 6).Number(e.b, 6).Number(Bearing(e), 1);
     } else {
       csv.Empty(9);
     }
@@ -137,14 +143,26 @@ void WriteObservationTables(const PlanFindings& findings, const fs::path& folder
   points.Save(folder / "known_points.csv");
 }
 
-void WriteGains(const std::vector<PlanGain>& gains, double before, const fs::path& file) {
+void WriteDistances(const std::vector<DistancePrediction>& distances, const fs::path& file) {
+  CsvWriter csv({"from", "to", "sigma_m", "redundancy", "blunder_m", "effect_m"},
+                {"trigpoint plan distances 1; smallest blunder found with 80 % probability by a test at 0.1 % (empty: "
+                 "none is found), and how far one of that size moves the first tag"});
+  for (const DistancePrediction& d : distances) {
+    csv.Integer(d.distance.from).Integer(d.distance.to).Number(d.distance.sigma_m, 4);
+    csv.Number(d.reliability.redundancy, 4).Number(d.reliability.blunder, 4).Number(d.reliability.effect_m, 4);
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
+void WriteGains(const std::vector<PlanGain>& gains, const NetworkPrediction& plan, const fs::path& file) {
   CsvWriter csv(
       {"rank", "what", "rms_before_m", "rms_after_m", "x", "y", "z", "heading_deg"},
       {"trigpoint plan gains 1; root mean square 3D sigma of the tags; heading: the way a tag faces, clockwise "
-       "from north"});
+       "from north; empty rms: not determined"});
   int rank = 0;
   for (const PlanGain& gain : gains) {
-    csv.Integer(++rank).Text(gain.what).Number(before, 6).Number(gain.rms_after_m, 6);
+    csv.Integer(++rank).Text(gain.what).Number(gain.Before(plan), 6).Number(gain.rms_after_m, 6);
     if (gain.world_m) {
       for (int k = 0; k < 3; ++k) csv.Number((*gain.world_m)[k], 3);
     } else {
@@ -186,9 +204,11 @@ nlohmann::json SummaryOf(const PlanFindings& f) {
                          {"warnings", p.warnings},
                          {"suggestion_note", f.suggestion_note}};
   json["tags"] = std::count_if(p.tags.begin(), p.tags.end(), [](const TagPrediction& t) { return t.tied; });
-  json["tags_not_seen"] = nlohmann::json::array();
+  json["tags_not_seen"] = json["why_not_seen"] = nlohmann::json::array();
   for (const TagPrediction& tag : p.tags) {
-    if (!tag.tied) json["tags_not_seen"].push_back(tag.tag_id);
+    if (tag.tied) continue;
+    json["tags_not_seen"].push_back(tag.tag_id);
+    json["why_not_seen"].push_back(f.unseen.at(tag.tag_id));
   }
   const TagPrediction* weakest = Weakest(p);
   json["weakest_tag"] = weakest != nullptr ? nlohmann::json(weakest->tag_id) : nlohmann::json(nullptr);
@@ -208,7 +228,9 @@ nlohmann::json SummaryOf(const PlanFindings& f) {
   }
   json["gates"] = nlohmann::json::array();
   for (const PlanGate& gate : f.gates) {
-    json["gates"].push_back({{"gate", gate.gate}, {"value", Finite(gate.value)}, {"passed", gate.passed}});
+    json["gates"].push_back({{"gate", gate.gate},
+                             {"value", Finite(gate.value)},
+                             {"passed", gate.undecided ? nlohmann::json(nullptr) : nlohmann::json(gate.passed)}});
   }
   return json;
 }
@@ -219,11 +241,18 @@ TableCell Number(double value, int decimals, Tone tone = Tone::kPlain) {
 }
 TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text, std::nullopt, tone}; }
 
+// Of the horizontal part of a covariance (m^2).
+std::string Ellipse95(const Eigen::Matrix3d& covariance) {
+  const HorizontalEllipse e = EllipseOf(covariance);
+  return fmt::format("{:.1f} x {:.1f}, {:.0f} deg", kMm * kSigmas95 * e.a, kMm * kSigmas95 * e.b, Bearing(e));
+}
+
 Table TagTable(const PlanFindings& f) {
   Table table{
       "",
-      "Predicted standard deviations (1 sigma) of the tags' centres, site east-north-up. Needed: pictures, spread "
-      "as the planned ones, for the gate's sigma, or without a gate for one within 10 % of that predicted"};
+      "Predicted standard deviations (1 sigma) of the tags' centres, site east-north-up; horizontal 95 % ellipse with "
+      "the bearing of its long axis. Needed: pictures, spread as the planned ones, for the gate's sigma, or without a "
+      "gate for one within 10 % of that predicted"};
   constexpr const char* kUnseen = "no planned picture shows the tag";
   constexpr const char* kNotByPictures = "no planned picture shows the tag, or no number of pictures reaches the gate";
   table.columns = {{"tag", true},
@@ -234,7 +263,8 @@ Table TagTable(const PlanFindings& f) {
                    {"east (mm)", true, kUnseen},
                    {"north (mm)", true, kUnseen},
                    {"up (mm)", true, kUnseen},
-                   {"3D (mm)", true, kUnseen}};
+                   {"3D (mm)", true, kUnseen},
+                   {"95 % ellipse, half axes (mm)", false, kUnseen}};
   if (f.layout.learned) table.columns.push_back({"pictures in the survey", true, "the survey has not seen it"});
   for (const TagPrediction& tag : f.prediction.tags) {
     const Eigen::Vector3d sigma = kMm * tag.Sigma();
@@ -246,10 +276,33 @@ Table TagTable(const PlanFindings& f) {
     row.push_back(Number(tag.passes, 0));
     for (int k = 0; k < 3; ++k) row.push_back(tag.tied ? Number(sigma[k], 1) : Text(""));
     row.push_back(tag.tied ? Number(sigma.norm(), 1) : Text(""));
+    row.push_back(Text(tag.tied ? Ellipse95(Position(tag.covariance)) : ""));
     if (f.layout.learned) {
       const auto seen = f.layout.images_seen.find(tag.tag_id);
       row.push_back(seen != f.layout.images_seen.end() ? Number(seen->second, 0) : Text(""));
     }
+    table.rows.push_back(row);
+  }
+  return table;
+}
+
+Table StationTable(const PlanFindings& f) {
+  Table table{
+      "",
+      "Predicted standard deviations (1 sigma) of the stations' centres by their tags and measured offsets, site "
+      "east-north-up"};
+  constexpr const char* kUnseen = "no planned picture shows the station's tag";
+  table.columns = {{"station"},
+                   {"tag", true},
+                   {"east (mm)", true, kUnseen},
+                   {"north (mm)", true, kUnseen},
+                   {"up (mm)", true, kUnseen},
+                   {"95 % ellipse, half axes (mm)", false, kUnseen}};
+  for (const PlanStationItem& station : f.layout.stations) {
+    const auto covariance = StationCovariance(station, f.prediction);
+    std::vector<TableCell> row = {Text(station.name), Number(station.tag_id, 0)};
+    for (int k = 0; k < 3; ++k) row.push_back(covariance ? Number(kMm * std::sqrt((*covariance)(k, k)), 1) : Text(""));
+    row.push_back(Text(covariance ? Ellipse95(*covariance) : ""));
     table.rows.push_back(row);
   }
   return table;
@@ -303,12 +356,61 @@ Table PointTable(const PlanFindings& f) {
   return table;
 }
 
-Table GainTable(const std::vector<PlanGain>& gains, double before, const std::string& caption) {
+Table DistanceTable(const PlanFindings& f) {
+  Table table{"", "Control of measured distances, as of known points"};
+  table.columns = {{"from tag", true},
+                   {"to tag", true},
+                   {"redundancy", true},
+                   {"detectable (mm)", true, "no error of it would show"},
+                   {"effect (mm)", true, "no error of it would show"}};
+  for (const DistancePrediction& d : f.prediction.distances) {
+    const Reliability& r = d.reliability;
+    const bool shows = std::isfinite(r.blunder);
+    table.rows.push_back({Number(d.distance.from, 0), Number(d.distance.to, 0),
+                          Number(r.redundancy, 2, r.redundancy < 0.1 ? Tone::kBad : Tone::kPlain),
+                          shows ? Number(kMm * r.blunder, 0) : Text(""),
+                          shows ? Number(kMm * r.effect_m, 0) : Text("")});
+  }
+  return table;
+}
+
+// How well the tags' corners in the pictures are controlled.
+Paragraph SightParagraph(const std::vector<SightPrediction>& sights) {
+  std::vector<double> redundancies, blunders;
+  for (const SightPrediction& s : sights) {
+    redundancies.push_back(s.worst.redundancy);
+    blunders.push_back(s.worst.blunder);
+  }
+  return Paragraph{fmt::format(
+      "{} tags in pictures. Redundancy of the least controlled coordinate of each: median {:.2f}, least {:.2f}; an "
+      "error of {:.2f} px (median) in it is detected. All are in observations.csv.",
+      sights.size(), Percentile(redundancies, 0.5), Percentile(redundancies, 0), Percentile(blunders, 0.5))};
+}
+
+// What the prediction rests on.
+Paragraph AssumptionParagraph(const PlanFindings& f) {
+  const NetworkOptions& n = f.layout.noise;
+  return Paragraph{fmt::format(
+      "Visibility is computed from geometry alone, without occlusion. A tag is found in {:.0f} % of the pictures that "
+      "show it with a side of at least {:g} px, at most {:g} deg from its normal, and with at most {:g} px of motion "
+      "blur at an exposure of {:g} ms. Corners: {:.3f} px (1 sigma) for a sharp tag of 100 px, and {:g} px in "
+      "quadrature. Odometry: {:g} deg and {:g} m per square root of a metre, heading drift {:g} deg/m{}. {} scene "
+      "points a picture at {:g} to {:g} m, seen {:g} pictures on average, {:g} px; a panorama shares at most {}, {:g} "
+      "deg each. All sigmas are predicted, none is a measured accuracy.",
+      100 * n.detected, n.min_side_px, n.max_angle_deg, n.max_blur_px, n.exposure_ms, n.corner_sigma_px,
+      n.extra_sigma_px, n.odometry_rot_deg, n.odometry_m, n.heading_drift_deg_m,
+      f.layout.learned ? ", times the factors that the survey of the same site found" : "", n.ties_per_image,
+      n.tie_near_m, n.tie_far_m, n.tie_length, n.tie_sigma_px, n.panorama_points, n.panorama_sigma_deg)};
+}
+
+Table GainTable(const std::vector<PlanGain>& gains, const NetworkPrediction& plan, const std::string& caption) {
   Table table{"", caption};
   table.columns = {{"rank", true}, {"what"}, {"RMS of the tags (mm)", true}, {"gain (%)", true}};
   for (size_t k = 0; k < gains.size(); ++k) {
-    table.rows.push_back({Number(static_cast<double>(k) + 1, 0), Text(gains[k].what),
-                          Number(kMm * gains[k].rms_after_m, 2), Number(100 * (1 - gains[k].rms_after_m / before), 1)});
+    const double after = gains[k].rms_after_m, before = gains[k].Before(plan);
+    const TableCell rms = std::isfinite(after) ? Number(kMm * after, 2) : TableCell{"not determined", 1e99};
+    table.rows.push_back({Number(static_cast<double>(k) + 1, 0), Text(gains[k].what), rms,
+                          Number(std::isfinite(after / before) ? 100 * (1 - after / before) : kInfinite, 1)});
   }
   return table;
 }
@@ -333,17 +435,25 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
   page.blocks.push_back(facts);
   for (const PlanGate& gate : f.gates) {
     page.blocks.push_back(
-        Paragraph{fmt::format("Gate: {}: {:.4g}, {}", gate.gate, gate.value, gate.passed ? "passed" : "failed"),
+        Paragraph{fmt::format("Gate: {}: {:.4g}{}, {}", gate.gate, gate.value, gate.gate.ends_with(" m") ? " m" : "",
+                              gate.undecided ? "undecided: the plan has no datum in the world"
+                              : gate.passed  ? "passed"
+                                             : "failed"),
                   gate.passed ? Tone::kGood : Tone::kBad});
   }
   for (const std::string& warning : p.warnings) page.blocks.push_back(Paragraph{warning, Tone::kWarning});
-  for (const auto& id : summary["tags_not_seen"]) {
-    page.blocks.push_back(Paragraph{fmt::format("Tag {} is seen by no planned picture.", id.get<int>()), Tone::kBad});
+  for (const auto& [tag_id, why] : f.unseen) {
+    page.blocks.push_back(Paragraph{fmt::format("Tag {} has no prediction: {}.", tag_id, why), Tone::kBad});
   }
   page.blocks.push_back(Heading{2, "Map", "map"});
-  page.blocks.push_back(Figure{"map", "Tags, planned paths and ellipses of one standard deviation.", map});
+  page.blocks.push_back(Figure{"map", "Tags, planned paths and predicted 95 % ellipses.", map});
   page.blocks.push_back(Heading{2, "Tags", "tags"});
   page.blocks.push_back(TagTable(f));
+  page.blocks.push_back(SightParagraph(p.sights));
+  if (!f.layout.stations.empty()) {
+    page.blocks.push_back(Heading{2, "Stations", "stations"});
+    page.blocks.push_back(StationTable(f));
+  }
   if (!f.panoramas.empty()) {
     page.blocks.push_back(Heading{2, "Panoramas", "panoramas"});
     page.blocks.push_back(PanoramaTable(f));
@@ -352,27 +462,30 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
     page.blocks.push_back(Heading{2, "Known points", "points"});
     page.blocks.push_back(PointTable(f));
   }
+  if (!p.distances.empty()) {
+    page.blocks.push_back(Heading{2, "Distances", "distances"});
+    page.blocks.push_back(DistanceTable(f));
+  }
+  if (f.suggestions.empty() && !f.suggestion_note.empty()) {
+    page.blocks.push_back(Paragraph{"No suggestion: " + f.suggestion_note, Tone::kWarning});
+  }
   if (!f.suggestions.empty()) {
     page.blocks.push_back(Heading{2, "Suggestion", "suggestion"});
-    page.blocks.push_back(GainTable(f.suggestions, p.RmsSigma(), "After each, in this order; " + f.suggestion_note));
+    page.blocks.push_back(GainTable(f.suggestions, p, "After each, in this order; " + f.suggestion_note));
   }
   page.blocks.push_back(Heading{2, "Gain of one more tag, point or pass", "gains"});
   page.blocks.push_back(
-      GainTable(f.gains, p.RmsSigma(), fmt::format("Each alone, best first; now {:.2f} mm", kMm * p.RmsSigma())));
+      GainTable(f.gains, p, fmt::format("Each alone, best first; now {:.2f} mm", kMm * p.RmsSigma())));
   page.blocks.push_back(Heading{2, "Assumptions", "assumptions"});
-  const NetworkOptions& n = f.layout.noise;
-  page.blocks.push_back(Paragraph{fmt::format(
-      "Visibility is computed from geometry alone, without occlusion. Corners: {:.3f} px (1 sigma) for a "
-      "sharp "
-      "tag of 100 px; odometry: {:g} deg and {:g} m per square root of a metre{}; {} scene points a picture at {:g} to "
-      "{:g} m, seen {:g} pictures on average, {:g} px.",
-      n.corner_sigma_px, n.odometry_rot_deg, n.odometry_m,
-      f.layout.learned ? ", times the factors that the survey of the same site found" : "", n.ties_per_image,
-      n.tie_near_m, n.tie_far_m, n.tie_length, n.tie_sigma_px)});
+  page.blocks.push_back(AssumptionParagraph(f));
   return page;
 }
 
 }  // namespace
+
+double PlanGain::Before(const NetworkPrediction& plan) const {
+  return in_world == plan.in_world ? plan.RmsSigma() : kInfinite;
+}
 
 double TagSigma(const TagPrediction& tag) { return tag.Sigma().norm(); }
 double BodySigma(const BodyPrediction& body) {
@@ -391,9 +504,9 @@ void WritePlan(const PlanFindings& findings, const fs::path& folder) {
   WriteStationsTable(findings, folder / "stations.csv");
   WritePanoramasTable(findings, folder / "panoramas.csv");
   WriteObservationTables(findings, folder);
-  const double before = findings.prediction.RmsSigma();
-  WriteGains(findings.gains, before, folder / "gains.csv");
-  if (!findings.suggestions.empty()) WriteGains(findings.suggestions, before, folder / "suggestions.csv");
+  WriteDistances(findings.prediction.distances, folder / "distances.csv");
+  WriteGains(findings.gains, findings.prediction, folder / "gains.csv");
+  if (!findings.suggestions.empty()) WriteGains(findings.suggestions, findings.prediction, folder / "suggestions.csv");
   const nlohmann::json summary = SummaryOf(findings);
   WriteFileAtomically(folder / "summary.json", DumpJson(summary, 2) + "\n");
   const Drawing map = PlanMap(findings);
@@ -405,7 +518,8 @@ void WritePlan(const PlanFindings& findings, const fs::path& folder) {
 
 std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
   const auto length = [&](const nlohmann::json& metres) {
-    return metres.is_number() ? fmt::format("{:.4f} {}", metres.get<double>() / unit.metres, unit.name) : "unknown";
+    return metres.is_number() ? fmt::format("{:.4f} {}", metres.get<double>() / unit.metres, unit.name)
+                              : "not determined";
   };
   std::string text =
       fmt::format("Layout: {}; datum: {}\n", s.at("source").get<std::string>(), s.at("datum").get<std::string>());
@@ -419,24 +533,30 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
       all += (all.empty() ? "" : ", ") + (name.is_string() ? name.get<std::string>() : name.dump());
     return all;
   };
-  if (!s.at("tags_not_seen").empty())
-    text += "Unseen: tags in no planned picture: " + names(s.at("tags_not_seen")) + "\n";
+  constexpr size_t kShown = 3;
+  const nlohmann::json& unseen = s.at("tags_not_seen");
+  for (size_t k = 0; k < std::min(kShown, unseen.size()); ++k) {
+    text += fmt::format("Unseen: tag {}: {}\n", unseen[k].dump(), s.at("why_not_seen")[k].get<std::string>());
+  }
+  if (unseen.size() > kShown) text += fmt::format("Unseen: {} more tags, see the page\n", unseen.size() - kShown);
   text += fmt::format("Cameras: predicted 3D sigma, median {}, 95 % {}\n", length(s.at("camera_sigma_median_m")),
                       length(s.at("camera_sigma_p95_m")));
   if (!s.at("uncontrolled_points").empty()) {
-    text += "Unchecked: known points whose errors would not show: " + names(s.at("uncontrolled_points")) + "\n";
+    text += "Unchecked: no other measurement checks these known points: " + names(s.at("uncontrolled_points")) + "\n";
   }
   const nlohmann::json& suggestions = s.at("suggestions");
   const nlohmann::json& shown = suggestions.empty() ? s.at("gains") : suggestions;
-  constexpr size_t kShown = 3;
   for (size_t k = 0; k < std::min(kShown, shown.size()); ++k) {
     text += fmt::format("{} {}: {}: RMS {}\n", suggestions.empty() ? "Gain" : "Suggest", k + 1,
                         shown[k].at("what").get<std::string>(), length(shown[k].at("rms_after_m")));
   }
-  if (!suggestions.empty()) text += "Note: " + s.at("suggestion_note").get<std::string>() + "\n";
+  if (!s.at("suggestion_note").get<std::string>().empty())
+    text += "Note: " + s.at("suggestion_note").get<std::string>() + "\n";
   for (const nlohmann::json& gate : s.at("gates")) {
     text += fmt::format("Gate: {}: {}\n", gate.at("gate").get<std::string>(),
-                        gate.at("passed").get<bool>() ? "passed" : "failed");
+                        gate.at("passed").is_null()     ? "undecided: the plan has no datum in the world"
+                        : gate.at("passed").get<bool>() ? "passed"
+                                                        : "failed");
   }
   return text;
 }

@@ -13,15 +13,19 @@ namespace trigpoint {
 
 struct PlanGain {
   std::string what;        // "control on tag 12", "pass monday once more", "a tag at place A"
-  double rms_after_m = 0;  // RMS sigma of the tags that are there without it
+  double rms_after_m = 0;  // RMS sigma of the tags that are there without it; infinite: not determined
   std::optional<Eigen::Vector3d> world_m;
   std::optional<double> heading_rad;  // of a tag
+  bool in_world = true;               // rms_after_m; else it is relative to the first camera
+  // RMS before it, of the same frame; infinite: nothing held the plan in the world.
+  double Before(const NetworkPrediction& plan) const;
 };
 
 struct PlanGate {
   std::string gate;  // "3D sigma of the weakest tag <= 0.02 m"
   double value = 0;
   bool passed = false;
+  bool undecided = false;  // nothing holds the plan in the world
 };
 
 struct PlanFindings {
@@ -29,6 +33,7 @@ struct PlanFindings {
   NetworkPrediction prediction;
   std::vector<PanoramaPrediction> panoramas;
   std::map<int, int> images_needed;   // of each tag that is tied, for the sigma wanted; none: more pictures do not help
+  std::map<int, std::string> unseen;  // tags without a prediction, and why
   std::vector<PlanGain> gains;        // ranked, one more of each kind
   std::vector<PlanGain> suggestions;  // as asked for, one after the other
   std::string suggestion_note;        // how good they are among all choices

@@ -5,64 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "app/pipeline/plan_choices.h"
 #include "app/pipeline/plan_report.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr size_t kMostPlaces = 16;  // for tags, tried at a time
-constexpr double kAside_m = 4;      // of such a place from the path
-constexpr double kApart_m = 2;      // from the tags that are there
 constexpr int kFirstNewId = 1000000;
-
-// Sketched places, else places beside the paths, facing them, evenly spread.
-std::map<std::string, Rigid3d> Places(const PlanLayout& layout) {
-  if (!layout.candidates.empty()) return layout.candidates;
-  std::vector<double> heights;
-  for (const auto& [id, pose] : layout.network.world_from_tag) heights.push_back(pose.translation.z());
-  std::sort(heights.begin(), heights.end());
-  const double height = heights[heights.size() / 2];
-  std::map<std::string, Rigid3d> places;
-  for (const PlannedPass& pass : layout.network.passes) {
-    const size_t n = pass.world_from_body.size();
-    const size_t step = std::max<size_t>(1, n * layout.network.passes.size() * 2 / kMostPlaces);
-    for (size_t k = step / 2; k < n; k += step) {
-      const Rigid3d& body = pass.world_from_body[k].target_from_body;
-      for (const double side : {1.0, -1.0}) {
-        Eigen::Vector3d out = body.rotation * Eigen::Vector3d(0, side, 0);
-        out.z() = 0;
-        // Ahead of the body, where its cameras look at it from several places.
-        Eigen::Vector3d at =
-            body.translation + kAside_m * (out.normalized() + body.rotation * Eigen::Vector3d::UnitX());
-        at.z() = height;
-        const bool near = std::any_of(layout.network.world_from_tag.begin(), layout.network.world_from_tag.end(),
-                                      [&](const auto& t) { return (t.second.translation - at).norm() < kApart_m; });
-        if (near || places.size() >= kMostPlaces) continue;
-        const Eigen::Vector3d face = body.translation - at;
-        places[fmt::format("{:.1f}, {:.1f}, {:.1f}", at.x(), at.y(), at.z())] =
-            UprightTag(at, std::atan2(face.x(), face.y()));
-      }
-    }
-  }
-  return places;
-}
-
-// A pass once more, on another day; `back`: the other way round.
-PlannedPass Again(const PlannedPass& pass, bool back) {
-  PlannedPass again = pass;
-  again.name += back ? " (back)" : " (again)";
-  again.date += again.name;
-  if (!back) return again;
-  const int64_t begin = pass.world_from_body.front().stamp_ns, end = pass.world_from_body.back().stamp_ns;
-  std::reverse(again.world_from_body.begin(), again.world_from_body.end());
-  const Eigen::Quaterniond turn(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()));
-  for (TimedPose& pose : again.world_from_body) {
-    pose.stamp_ns = begin + end - pose.stamp_ns;
-    pose.target_from_body.rotation = pose.target_from_body.rotation * turn;
-  }
-  return again;
-}
 
 class Planner {
  public:
@@ -75,14 +25,18 @@ class Planner {
     for (const std::string& warning : findings_.prediction.warnings) {
       context_.progress.Log(LogLevel::kWarning, warning);
     }
+    for (const TagPrediction& tag : findings_.prediction.tags) {
+      if (!tag.tied) findings_.unseen[tag.tag_id] = WhyLost(tag.tag_id);
+    }
     CountImagesNeeded();
     findings_.panoramas =
         PredictPanoramas(layout_, findings_.layout.noise, context_.seed, context_.threads, context_.cancel);
     findings_.gains = OneMoreControl();
-    for (const PlanGain& gain : OneMore(PassChoices(), "passes")) findings_.gains.push_back(gain);
-    for (const PlanGain& gain : OneMore(TagChoices(), "places for tags")) findings_.gains.push_back(gain);
-    std::stable_sort(findings_.gains.begin(), findings_.gains.end(),
-                     [](const PlanGain& a, const PlanGain& b) { return a.rms_after_m < b.rms_after_m; });
+    for (const PlanGain& gain : OneMore(MorePasses(1), "passes")) findings_.gains.push_back(gain);
+    for (const PlanGain& gain : OneMore(MoreTags(), "places for tags")) findings_.gains.push_back(gain);
+    std::stable_sort(findings_.gains.begin(), findings_.gains.end(), [](const PlanGain& a, const PlanGain& b) {
+      return a.in_world != b.in_world ? a.in_world : a.rms_after_m < b.rms_after_m;
+    });
     Suggest();
     Gates();
   }
@@ -118,48 +72,73 @@ class Planner {
     }
   }
 
+  std::string WhyLost(int tag_id) const {
+    const auto pass = findings_.prediction.apart.find(tag_id);
+    if (pass != findings_.prediction.apart.end()) {
+      return fmt::format("only pass {} sees it, which shares no tag with the others", pass->second);
+    }
+    const std::string why = WhyUnseen(layout_, findings_.layout.noise, tag_id);
+    return "no planned picture sees it" + (why.empty() ? "" : ": " + why);
+  }
+
+  // Without a datum one point gains nothing: the smallest set that gives one is named.
   std::vector<PlanGain> OneMoreControl() const {
     std::vector<PlanGain> gains;
-    for (const TagPrediction& tag : findings_.prediction.tags) {
-      if (!tag.tied || tag.role == "control") continue;
-      NetworkPrediction only = findings_.prediction;
-      for (TagPrediction& t : only.tags) t.role = t.tag_id == tag.tag_id ? "free" : "control";
-      const ControlSuggestion s = SuggestControl(only, 1, options_.control_sigma_h_m, options_.control_sigma_v_m);
+    const ControlSuggestion s = Control(1);
+    if (!findings_.prediction.in_world) {
+      if (s.tag_ids.empty()) return gains;
       PlanGain gain;
-      gain.what = fmt::format("control on tag {}", tag.tag_id);
+      gain.what = "control on tags " + Names(s.tag_ids) + ", which together give a datum";
       gain.rms_after_m = s.rms_after_m;
-      gain.world_m = tag.world_m;
+      return {gain};
+    }
+    for (const auto& [tag_id, rms_m] : s.each) {
+      PlanGain gain;
+      gain.what = fmt::format("control on tag {}", tag_id);
+      gain.rms_after_m = rms_m;
+      gain.world_m = layout_.world_from_tag.at(tag_id).translation;
       gains.push_back(gain);
     }
     return gains;
   }
 
-  std::vector<Choice> PassChoices() const {
+  static std::string Names(const std::vector<int>& tag_ids) {
+    std::string names;
+    for (const int id : tag_ids) names += (names.empty() ? "" : ", ") + std::to_string(id);
+    return names;
+  }
+
+  ControlSuggestion Control(int count) const {
+    NetworkLayout without = findings_.layout.network;
+    without.points.clear();
+    return SuggestControl(findings_.prediction.in_world ? Predict(without) : findings_.prediction, layout_.points,
+                          count, options_.control_sigma_h_m, options_.control_sigma_v_m);
+  }
+
+  std::vector<Choice> MorePasses(int copy) const {
     std::vector<Choice> choices;
-    for (const PlannedPass& pass : findings_.layout.network.passes) {
-      for (const bool back : {false, true}) {
-        Choice choice;
-        choice.gain.what = fmt::format("pass {} once more{}", pass.name, back ? ", the other way round" : "");
-        choice.layout = layout_;
-        choice.layout.passes.push_back(Again(pass, back));
-        choices.push_back(std::move(choice));
-      }
+    for (const PassChoice& more : PassChoices(findings_.layout, copy)) {
+      Choice choice;
+      choice.gain.what = more.what;
+      choice.layout = layout_;
+      choice.layout.passes.push_back(more.pass);
+      choices.push_back(std::move(choice));
     }
     return choices;
   }
 
-  std::vector<Choice> TagChoices() const {
+  std::vector<Choice> MoreTags() const {
     std::vector<Choice> choices;
-    for (const auto& [name, pose] : Places(findings_.layout)) {
+    int id = kFirstNewId;  // of a place: what is drawn for it does not depend on what else was chosen
+    for (const auto& [name, pose] : TagPlaces(findings_.layout)) {
       const Eigen::Vector3d face = -(pose.rotation * Eigen::Vector3d::UnitZ());
       Choice choice;
       choice.gain.what = "a tag at " + name;
       choice.gain.world_m = pose.translation;
       choice.gain.heading_rad = std::atan2(face.x(), face.y());
       choice.layout = layout_;
-      const int id = kFirstNewId + static_cast<int>(layout_.world_from_tag.size());
       choice.layout.world_from_tag[id] = pose;
-      choice.layout.sizes.sizes_m[id] = findings_.layout.candidate_size_m;
+      choice.layout.sizes.sizes_m[id++] = findings_.layout.candidate_size_m;
       choices.push_back(std::move(choice));
     }
     return choices;
@@ -169,11 +148,17 @@ class Planner {
     context_.progress.Begin("one more of " + what, static_cast<int64_t>(choices.size()));
     std::vector<PlanGain> gains;
     for (Choice& choice : choices) {
-      choice.gain.rms_after_m = Predict(choice.layout).RmsSigmaOf(findings_.prediction);
+      Evaluate(&choice);
       gains.push_back(choice.gain);
       context_.progress.Advance(1);
     }
     return gains;
+  }
+
+  void Evaluate(Choice* choice) const {
+    const NetworkPrediction after = Predict(choice->layout);
+    choice->gain.rms_after_m = after.RmsSigmaOf(findings_.prediction);
+    choice->gain.in_world = after.in_world;
   }
 
   void Suggest() {
@@ -184,59 +169,84 @@ class Planner {
     }
     // One after the other: each is the best beside those before it.
     for (int step = 0; step < options_.count; ++step) {
-      std::vector<Choice> choices = options_.suggest == "tags" ? TagChoices() : PassChoices();
+      std::vector<Choice> choices = options_.suggest == "tags" ? MoreTags() : MorePasses(step + 1);
       double best = std::numeric_limits<double>::infinity();
       Choice* chosen = nullptr;
       for (Choice& choice : choices) {
         const bool taken = std::any_of(findings_.suggestions.begin(), findings_.suggestions.end(),
                                        [&](const PlanGain& g) { return g.what == choice.gain.what; });
         if (taken && options_.suggest == "tags") continue;
-        choice.gain.rms_after_m = Predict(choice.layout).RmsSigmaOf(findings_.prediction);
+        Evaluate(&choice);
         if (choice.gain.rms_after_m < best) best = choice.gain.rms_after_m, chosen = &choice;
       }
       if (chosen == nullptr) break;
       findings_.suggestions.push_back(chosen->gain);
       layout_ = chosen->layout;
     }
-    // All choices at once: what no selection of them can be below.
+    SayHowGood();
+  }
+
+  // Compared with all choices together, which bound every selection of them from below.
+  void SayHowGood() {
     NetworkLayout all = findings_.layout.network;
     layout_ = all;
-    int id = kFirstNewId;
-    for (const Choice& choice : options_.suggest == "tags" ? TagChoices() : PassChoices()) {
-      if (options_.suggest == "path") {
-        for (int k = 0; k < options_.count; ++k) all.passes.push_back(choice.layout.passes.back());
-        continue;
+    if (options_.suggest == "tags") {
+      for (const Choice& choice : MoreTags()) {
+        all.world_from_tag.insert(choice.layout.world_from_tag.begin(), choice.layout.world_from_tag.end());
+        all.sizes.sizes_m.insert(choice.layout.sizes.sizes_m.begin(), choice.layout.sizes.sizes_m.end());
       }
-      all.world_from_tag[id] = choice.layout.world_from_tag.rbegin()->second;
-      all.sizes.sizes_m[id++] = findings_.layout.candidate_size_m;
     }
-    findings_.suggestion_note = fmt::format(
-        "chosen one after the other among the {} tried; no choice of {} among them gives less than {:.1f} mm",
-        options_.suggest == "tags" ? "places" : "passes", options_.count,
-        1e3 * Predict(all).RmsSigmaOf(findings_.prediction));
+    for (int copy = 1; options_.suggest == "path" && copy <= options_.count; ++copy) {
+      for (const Choice& choice : MorePasses(copy)) all.passes.push_back(choice.layout.passes.back());
+    }
+    const std::string kind = options_.suggest == "tags" ? "places" : "passes";
+    const double bound = Predict(all).RmsSigmaOf(findings_.prediction);
+    findings_.suggestion_note = fmt::format("chosen one after the other among the {} tried", kind);
+    if (std::isfinite(bound)) {
+      findings_.suggestion_note +=
+          fmt::format("; no choice of {} among them gives less than {:.1f} mm", options_.count, 1e3 * bound);
+    }
+    if (!findings_.prediction.in_world) findings_.suggestion_note += "; relative to the first camera: no datum";
+    SayHowFew(findings_.suggestions.size(), "no other place or pass among those tried is left that helps");
+  }
+
+  void SayHowFew(size_t proposed, const std::string& why) {
+    if (proposed >= static_cast<size_t>(options_.count)) return;
+    findings_.suggestion_note += fmt::format("; {} asked for, {} proposed: {}", options_.count, proposed, why);
   }
 
   void SuggestKnownPoints() {
-    const ControlSuggestion s =
-        SuggestControl(findings_.prediction, options_.count, options_.control_sigma_h_m, options_.control_sigma_v_m);
+    const ControlSuggestion s = Control(options_.count);
+    if (!s.reachable) {
+      findings_.suggestion_note =
+          "no set of the tags that are seen, and are neither control nor check points, gives a datum: it takes three "
+          "that are not on one line; plan more tags, or paths that see more of them";
+      return;
+    }
+    if (static_cast<size_t>(options_.count) < s.needed) {
+      findings_.suggestion_note =
+          fmt::format("no choice of {} gives a datum, {} more are needed; the best: control on tags {}", options_.count,
+                      s.needed, Names(s.tag_ids));
+      return;
+    }
     for (size_t k = 0; k < s.tag_ids.size(); ++k) {
-      const Rigid3d& tag = layout_.world_from_tag.at(s.tag_ids[k]);
       PlanGain gain;
       gain.what = fmt::format("control on tag {}", s.tag_ids[k]);
       gain.rms_after_m = s.rms_steps_m[k];
-      gain.world_m = tag.translation;
+      gain.world_m = layout_.world_from_tag.at(s.tag_ids[k]).translation;
       findings_.suggestions.push_back(gain);
     }
     findings_.suggestion_note =
         s.exact ? "all choices were tried: none is better"
                 : fmt::format("chosen one after the other; no choice of {} gives less than {:.1f} mm", options_.count,
                               1e3 * s.bound_m);
+    SayHowFew(s.tag_ids.size(), "the other tags are control or check points already, or are not seen");
   }
 
   void Gates() {
     const NetworkPrediction& p = findings_.prediction;
     const auto add = [&](const std::string& gate, double value, bool passed) {
-      findings_.gates.push_back({gate, value, passed});
+      findings_.gates.push_back({gate, value, p.in_world && passed, !p.in_world});
     };
     if (options_.max_tag_sigma_m > 0) {
       double worst = 0;
@@ -249,12 +259,13 @@ class Planner {
     if (options_.max_camera_sigma_m > 0) {
       std::vector<double> sigmas;
       for (const BodyPrediction& body : p.bodies) sigmas.push_back(BodySigma(body));
-      const double p95 = Percentile(sigmas, 0.95);
+      // Cameras of a pass that is left out have no accuracy in this frame.
+      const double p95 = p.left_out.empty() ? Percentile(sigmas, 0.95) : std::numeric_limits<double>::infinity();
       add(fmt::format("95th percentile of the cameras' 3D sigma at most {:g} m", options_.max_camera_sigma_m), p95,
           p95 <= options_.max_camera_sigma_m);
     }
     if (options_.min_redundancy > 0) {
-      double least = p.in_world ? 1 : 0;
+      double least = 1;
       for (const PointPrediction& point : p.points) {
         if (point.used) least = std::min({least, point.horizontal.redundancy, point.vertical.redundancy});
       }
@@ -282,7 +293,7 @@ void MakePlan(const PlanOptions& options, StageContext& context) {
   if (findings.gates.empty()) return;
   const bool passed =
       std::all_of(findings.gates.begin(), findings.gates.end(), [](const PlanGate& g) { return g.passed; });
-  context.metrics["gates"] = passed ? "PASS" : "FAIL";
+  context.metrics["gates"] = passed ? "PASS" : findings.gates.front().undecided ? "UNDECIDED" : "FAIL";
 }
 
 }  // namespace
@@ -297,7 +308,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 3;
+    request.version = 4;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

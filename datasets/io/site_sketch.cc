@@ -1,7 +1,11 @@
 #include "datasets/io/site_sketch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
@@ -11,10 +15,16 @@
 namespace trigpoint {
 namespace {
 
-const std::vector<std::string> kKinds = {"tag", "candidate", "control", "check", "station", "path"};
+const std::vector<std::string> kKinds = {"tag", "candidate", "control", "check", "station", "path", "candidate_path"};
+constexpr double kLeastSize_m = 0.005, kMostSize_m = 5;  // of a tag: others are in another unit
+constexpr double kWidest_m = 20e3;                       // of a site: wider ones mix units, frames or axes
+constexpr double kMetresPerDegree = 111320;
+
+bool IsPath(const SketchItem& item) { return item.kind == "path" || item.kind == "candidate_path"; }
 
 // What holds for both forms of the file; `where` names the row or feature.
 void Check(SketchItem* item, const std::string& where) {
+  item->where = where;
   if (std::find(kKinds.begin(), kKinds.end(), item->kind) == kKinds.end()) {
     throw InputError(where + ": unknown kind '" + item->kind + "'; nearest known: '" + NearestName(item->kind, kKinds) +
                      "'");
@@ -35,7 +45,58 @@ void Check(SketchItem* item, const std::string& where) {
     throw InputError(where + ": expected heading_deg, the way its printed side faces (0 north, 90 east)");
   }
   if (!(item->sigma_h_m > 0 && item->sigma_v_m > 0)) throw InputError(where + ": expected sigmas above 0");
-  if (item->size_m < 0) throw InputError(where + ": expected a size above 0");
+  if (item->size_m != 0 && !(item->size_m >= kLeastSize_m && item->size_m <= kMostSize_m)) {
+    throw InputError(fmt::format("{}: size_mm {:g}: expected {:g} to {:g} mm", where, 1e3 * item->size_m,
+                                 1e3 * kLeastSize_m, 1e3 * kMostSize_m));
+  }
+  const auto& at = item->geodetic;
+  if (at && !(std::abs(at->latitude_deg) <= 90 && std::abs(at->longitude_deg) <= 360)) {
+    throw InputError(fmt::format("{}: latitude {:g}, longitude {:g}: expected degrees, latitude within -90 to 90",
+                                 where, at->latitude_deg, at->longitude_deg));
+  }
+}
+
+// Metres, roughly: good enough to tell a site from a mistake.
+Eigen::Vector2d RoughPlace(const SketchItem& item, const Geodetic& origin) {
+  if (item.local_m) return item.local_m->head<2>();
+  const double east = item.geodetic->longitude_deg - origin.longitude_deg;
+  return kMetresPerDegree * Eigen::Vector2d(east * std::cos(origin.latitude_deg * kDegToRad),
+                                            item.geodetic->latitude_deg - origin.latitude_deg);
+}
+
+void CheckExtent(const std::vector<SketchItem>& items) {
+  const SketchItem* first[2] = {nullptr, nullptr};  // in metres, in degrees
+  for (const SketchItem& item : items) {
+    if (!item.local_m && !item.geodetic) continue;
+    const SketchItem*& its = first[item.local_m ? 0 : 1];
+    if (its == nullptr) its = &item;
+    const Geodetic origin = its->geodetic.value_or(Geodetic());
+    const double away = (RoughPlace(item, origin) - RoughPlace(*its, origin)).norm();
+    if (away <= kWidest_m) continue;
+    throw InputError(
+        fmt::format("{}: {} {} is {:.0f} km from {} {} ({}); a site is at most {:.0f} km wide: check units, "
+                    "signs and swapped columns",
+                    item.where, item.kind, item.name, away / 1e3, its->kind, its->name, its->where, kWidest_m / 1e3));
+  }
+}
+
+// The corners of a path follow each other; everything else is there once.
+void CheckNames(const std::vector<SketchItem>& items) {
+  std::map<std::pair<std::string, std::string>, const SketchItem*> known;
+  const SketchItem* last = nullptr;
+  for (const SketchItem& item : items) {
+    const bool goes_on = last != nullptr && IsPath(item) && last->kind == item.kind && last->name == item.name;
+    last = &item;
+    if (goes_on) continue;
+    const bool surveyed = item.kind == "control" || item.kind == "check";
+    const std::string name = surveyed || item.kind == "tag" ? std::to_string(item.tag_id) : item.name;
+    const auto [before, fresh] = known.try_emplace({surveyed ? "surveyed" : item.kind, name}, &item);
+    if (fresh) continue;
+    throw InputError(
+        fmt::format("{}: {} {} is there already ({}); {}", item.where, item.kind, item.name, before->second->where,
+                    IsPath(item) ? "the corners of a path follow each other: give another path another name"
+                                 : "remove one, or give it another name"));
+  }
 }
 
 std::vector<SketchItem> ReadCsv(const std::filesystem::path& file) {
@@ -108,12 +169,16 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
     const nlohmann::json coordinates =
         geometry.is_object() ? geometry.value("coordinates", nlohmann::json::array()) : nlohmann::json::array();
     if (type == "LineString") {
+      if (item.name.empty()) item.name = "line " + std::to_string(index);
       for (const nlohmann::json& position : coordinates) {
         item.geodetic = GeodeticOf(position, height, where);
         Check(&item, where);
         items.push_back(item);
       }
       continue;
+    }
+    if (!type.empty() && type != "Point") {
+      throw InputError(where + ": geometry '" + type + "': expected a Point, or a LineString for a path");
     }
     if (type == "Point") item.geodetic = GeodeticOf(coordinates, height, where);
     Check(&item, where);
@@ -126,8 +191,11 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
 
 std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
-  if (extension == ".geojson" || extension == ".json") return ReadGeoJson(file);
-  return ReadCsv(file);
+  const bool json = extension == ".geojson" || extension == ".json";
+  std::vector<SketchItem> items = json ? ReadGeoJson(file) : ReadCsv(file);
+  CheckNames(items);
+  CheckExtent(items);
+  return items;
 }
 
 std::string SiteSketchCsv(const std::vector<SketchItem>& items) {

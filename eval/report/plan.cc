@@ -18,7 +18,6 @@ constexpr const char* kRunColours[] = {"#0072b2", "#a8420a", "#00694d", "#8c3a6e
 constexpr const char* kVector = "#000000";
 constexpr const char* kEllipse = "#6a1b9a";
 constexpr const char* kInk = "#1d2329";
-constexpr double kSigmas95 = 2.4477;  // radius of a 95 % ellipse in the plane, sigmas
 constexpr size_t kPathPoints = 400;
 
 class PlanPainter {

@@ -6,6 +6,9 @@
 
 namespace trigpoint {
 
+// Radius of a 95 % ellipse in the plane, in sigmas: root of chi-square's 95 % quantile of two degrees of freedom.
+inline constexpr double kSigmas95 = 2.4477;
+
 // 1, 2 or 5 times a power of ten at most `value` > 0: steps of grids and scales.
 double RoundDown(double value);
 

@@ -34,8 +34,7 @@ class SurveyPainter {
 
  private:
   static constexpr double kWidth = 700, kMost = 560, kLeft = 58, kRight = 14, kTop = 14, kBottom = 64;
-  static constexpr double kArrow = 46;         // px of a typical residual
-  static constexpr double kSigmas95 = 2.4477;  // radius of a 95 % ellipse in the plane, sigmas
+  static constexpr double kArrow = 46;  // px of a typical residual
   static constexpr const char* kControl = "#0072b2";
   static constexpr const char* kCheck = "#a8420a";
   static constexpr const char* kInk = "#1d2329";

@@ -30,6 +30,22 @@ Motion MotionAt(const std::vector<TimedPose>& poses, size_t k) {
   return motion;
 }
 
+// A number of its own for each of what is drawn, which does not depend on what else is drawn.
+uint64_t Mixed(uint64_t state, uint64_t value) { return Random(state ^ Random(value).Next()).Next(); }
+
+uint64_t SeedOf(const PlannedPass& pass, uint64_t seed) {
+  uint64_t state = Mixed(seed, pass.name.size());
+  for (const char c : pass.name) state = Mixed(state, static_cast<unsigned char>(c));
+  return state;
+}
+
+// Is a visible tag found? Whether other tags or passes are there changes nothing.
+bool IsFound(uint64_t pass_seed, const PlannedSight& sight, double detected) {
+  uint64_t state = Mixed(pass_seed, static_cast<uint64_t>(sight.frame));
+  state = Mixed(state, static_cast<uint64_t>(sight.camera));
+  return Random(Mixed(state, static_cast<uint64_t>(sight.tag_id))).Uniform() <= detected;
+}
+
 // How far a point moves in the picture during the exposure.
 double BlurPx(const Camera& camera, const Rigid3d& cam_from_body, const Rigid3d& world_from_body, const Motion& motion,
               const Eigen::Vector3d& world, double seconds) {
@@ -40,29 +56,38 @@ double BlurPx(const Camera& camera, const Rigid3d& cam_from_body, const Rigid3d&
   return before && after ? (*after - *before).norm() : 1e9;
 }
 
-// Is the tag seen, and how? False where it is not.
-bool SeeTag(const BodyCamera& camera, const Rigid3d& world_from_body, const Rigid3d& world_from_tag, double size_m,
-            const NetworkOptions& options, PlannedSight* sight) {
+// What keeps a tag from being found, in the order in which it is looked at.
+enum class Hidden { kOutside, kBehind, kOblique, kSmall, kBlurred, kNot };
+
+// The later part of `sight` is filled as far as it is looked at.
+Hidden SeeTag(const PlannedPass& pass, size_t frame, const Motion& motion, size_t camera_index,
+              const Rigid3d& world_from_tag, double size_m, const NetworkOptions& options, PlannedSight* sight) {
+  const BodyCamera& camera = pass.cameras[camera_index];
+  const Rigid3d& world_from_body = pass.world_from_body[frame].target_from_body;
   const Rigid3d cam_from_tag = camera.cam_from_body * world_from_body.Inverse() * world_from_tag;
-  const Eigen::Vector3d line = cam_from_tag.translation.normalized();
-  const double facing = (cam_from_tag.rotation * Eigen::Vector3d::UnitZ()).dot(line);
-  if (facing <= std::cos(options.max_angle_deg * kDegToRad)) return false;
-  sight->angle_deg = std::acos(std::min(1.0, facing)) * kRadToDeg;
   const double w = camera.camera.width(), h = camera.camera.height();
   for (int k = 0; k < 4; ++k) {
     const auto pixel = camera.camera.Project(cam_from_tag * TagCorner(size_m, k));
     if (!pixel || pixel->x() < kBorder_px || pixel->y() < kBorder_px || pixel->x() > w - 1 - kBorder_px ||
         pixel->y() > h - 1 - kBorder_px) {
-      return false;
+      return Hidden::kOutside;
     }
     sight->detection.corners[static_cast<size_t>(k)] = *pixel;
   }
+  const double facing =
+      (cam_from_tag.rotation * Eigen::Vector3d::UnitZ()).dot(Eigen::Vector3d(cam_from_tag.translation.normalized()));
+  sight->angle_deg = std::acos(std::clamp(facing, -1.0, 1.0)) * kRadToDeg;
+  if (facing <= 0) return Hidden::kBehind;
+  if (facing <= std::cos(options.max_angle_deg * kDegToRad)) return Hidden::kOblique;
   sight->side_px = 1e9;
   for (size_t k = 0; k < 4; ++k) {
     const double side = (sight->detection.corners[k] - sight->detection.corners[(k + 1) % 4]).norm();
     sight->side_px = std::min(sight->side_px, side);
   }
-  return sight->side_px >= options.min_side_px;
+  if (sight->side_px < options.min_side_px) return Hidden::kSmall;
+  sight->blur_px = BlurPx(camera.camera, camera.cam_from_body, world_from_body, motion, world_from_tag.translation,
+                          1e-3 * options.exposure_ms);
+  return sight->blur_px > options.max_blur_px ? Hidden::kBlurred : Hidden::kNot;
 }
 
 // An edge of n pixels is found as if by n / sigma of them; blur spreads it over more.
@@ -86,7 +111,7 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
   const TagFamilies families(layout.sizes.family);
   for (size_t p = 0; p < layout.passes.size(); ++p) {
     const PlannedPass& pass = layout.passes[p];
-    Random random(seed + 7919 * p);
+    const uint64_t pass_seed = SeedOf(pass, seed);
     if (pass.seen) {
       for (PlannedSight sight : *pass.seen) {
         sight.pass = static_cast<int>(p);
@@ -95,18 +120,15 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
       continue;
     }
     for (size_t f = 0; f < pass.world_from_body.size(); ++f) {
-      const Rigid3d& body = pass.world_from_body[f].target_from_body;
       const Motion motion = MotionAt(pass.world_from_body, f);
       for (size_t c = 0; c < pass.cameras.size(); ++c) {
         for (const auto& [id, tag] : layout.world_from_tag) {
           PlannedSight sight{static_cast<int>(p), static_cast<int>(f), static_cast<int>(c), id};
+          const Hidden hidden = SeeTag(pass, f, motion, c, tag, layout.sizes.SizeOf(id), options, &sight);
+          if (hidden != Hidden::kNot || !IsFound(pass_seed, sight, options.detected)) continue;
           sight.detection.id = id;
           sight.detection.family = families.Of(id);
           sight.detection.margin = 50;
-          if (!SeeTag(pass.cameras[c], body, tag, layout.sizes.SizeOf(id), options, &sight)) continue;
-          sight.blur_px = BlurPx(pass.cameras[c].camera, pass.cameras[c].cam_from_body, body, motion, tag.translation,
-                                 1e-3 * options.exposure_ms);
-          if (sight.blur_px > options.max_blur_px || random.Uniform() > options.detected) continue;
           sight.detection.corner_sigma_px.fill(pass.corner_factor * CornerSigma(sight, options));
           sight.detection.refined = true;
           sights.push_back(sight);
@@ -117,10 +139,47 @@ std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkO
   return sights;
 }
 
+std::string WhyUnseen(const NetworkLayout& layout, const NetworkOptions& options, int tag_id) {
+  const Rigid3d& tag = layout.world_from_tag.at(tag_id);
+  Hidden furthest = Hidden::kOutside;
+  double value = 1e9, distance = 1e9;  // of the nearest miss: deg, px; where all are alike the distance counts
+  for (const PlannedPass& pass : layout.passes) {
+    if (pass.seen) return {};
+    for (size_t f = 0; f < pass.world_from_body.size(); ++f) {
+      const Motion motion = MotionAt(pass.world_from_body, f);
+      const double away = (pass.world_from_body[f].target_from_body.translation - tag.translation).norm();
+      for (size_t c = 0; c < pass.cameras.size(); ++c) {
+        PlannedSight sight;
+        const Hidden hidden = SeeTag(pass, f, motion, c, tag, layout.sizes.SizeOf(tag_id), options, &sight);
+        const double miss = hidden == Hidden::kOblique   ? sight.angle_deg
+                            : hidden == Hidden::kSmall   ? -sight.side_px
+                            : hidden == Hidden::kBlurred ? sight.blur_px
+                                                         : away;
+        if (hidden < furthest || (hidden == furthest && miss >= value)) continue;
+        furthest = hidden, value = miss, distance = away;
+      }
+    }
+  }
+  switch (furthest) {
+    case Hidden::kOutside: return fmt::format("outside every picture; the path comes within {:.1f} m", distance);
+    case Hidden::kBehind: return fmt::format("in view from behind only, at {:.1f} m: turn it", distance);
+    case Hidden::kOblique:
+      return fmt::format("too oblique: at best {:.0f} deg from its normal, at most {:g} are decoded", value,
+                         options.max_angle_deg);
+    case Hidden::kSmall:
+      return fmt::format("too small or too far: at best {:.1f} px a side at {:.1f} m, at least {:g} are decoded",
+                         -value, distance, options.min_side_px);
+    case Hidden::kBlurred:
+      return fmt::format("blurred: at best {:.1f} px of motion, at most {:g} are decoded", value, options.max_blur_px);
+    case Hidden::kNot: break;
+  }
+  return options.detected < 1 ? "in so few pictures that none of them happens to be decoded" : "";
+}
+
 PassTies PlanTies(const PlannedPass& pass, const NetworkOptions& options, uint64_t seed) {
   PassTies result;
   if (options.ties_per_image <= 0 || pass.cameras.empty()) return result;
-  Random random(seed ^ 0x7469657321ULL);
+  Random random(SeedOf(pass, seed ^ 0x7469657321ULL));
   std::vector<int> seen(pass.world_from_body.size() * pass.cameras.size(), 0);
   const auto count = [&](size_t f, size_t c) -> int& { return seen[f * pass.cameras.size() + c]; };
   for (size_t f = 0; f + 1 < pass.world_from_body.size(); ++f) {
@@ -228,7 +287,7 @@ SurveyInput SimulateSurvey(const NetworkLayout& layout, const NetworkOptions& op
     run.max_gap_s = 1e6;
     run.odometry = SimulateOdometry(pass, options, noise);
     AddDetections(pass, p, sights, options.extra_sigma_px, noise, &run);
-    const PassTies ties = PlanTies(pass, options, seed + p);
+    const PassTies ties = PlanTies(pass, options, seed);
     if (!ties.ties.empty()) {
       run.start.poses = pass.world_from_body;
       run.tie_points = ties.points;

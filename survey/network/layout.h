@@ -75,7 +75,7 @@ struct NetworkOptions {
   double panorama_sigma_deg = 0.08;  // 1 sigma of one in a panorama, per axis
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "shortest side of a tag that is used"});
+    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "shortest side, in the picture, of a tag that is used"});
     visit(self.max_angle_deg,
           {"max_angle_deg", "deg", 1.0, 89.0, "largest angle between a tag's normal and the line of sight"});
     visit(self.max_blur_px, {"max_blur_px", "px", 0.1, 100.0, "motion blur beyond which a tag is not decoded"});
@@ -84,8 +84,10 @@ struct NetworkOptions {
     visit(self.corner_sigma_px,
           {"corner_sigma_px", "px", 0.001, 10.0, "1 sigma of a corner of a sharp tag of 100 px, per axis"});
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
-    visit(self.odometry_rot_deg, {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma per square root of a metre"});
-    visit(self.odometry_m, {"odometry_m", "m", 1e-5, 10.0, "1 sigma per square root of a metre"});
+    visit(self.odometry_rot_deg,
+          {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma of odometry's rotation per square root of a metre"});
+    visit(self.odometry_m,
+          {"odometry_m", "m", 1e-5, 10.0, "1 sigma of odometry's position per square root of a metre"});
     visit(self.heading_drift_deg_m, {"heading_drift_deg_m", "deg/m", 0.0, 10.0, "1 sigma of odometry's heading drift"});
     visit(self.ties_per_image, {"ties_per_image", "", 0, 2000, "scene points seen in a picture; 0: none"});
     visit(self.tie_sigma_px, {"tie_sigma_px", "px", 0.01, 100.0, "1 sigma of a scene point in a picture, per axis"});
@@ -111,8 +113,11 @@ struct PassTies {
 };
 
 // What each picture shows, from geometry alone: nothing hides anything. `seed` draws which visible tags are missed and
-// where scene points are.
+// where scene points are, by names of passes and ids of tags: what is added changes no draw of what is there.
 std::vector<PlannedSight> PlanSights(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed);
+// Why no picture shows a tag of which PlanSights gives none: what keeps it from the picture that comes nearest to
+// showing it. Empty where what pictures showed is given.
+std::string WhyUnseen(const NetworkLayout& layout, const NetworkOptions& options, int tag_id);
 PassTies PlanTies(const PlannedPass& pass, const NetworkOptions& options, uint64_t seed);
 
 // What a survey would be given: the observations of a layout, exact, or with noise of the stated sigmas if `noise`.

@@ -27,18 +27,35 @@ constexpr double kNonCentrality = 4.13;
 constexpr double kLeastRedundancy = 1e-4;
 constexpr size_t kLeastShared = 20;  // scene points, for a panorama to be answered
 constexpr double kNearest_m = 1;     // of them
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+// What holds the world, as the survey chooses: control where it is well spread or alone, else geotags beside it, whose
+// common shift is then unknown.
+struct Datum {
+  bool in_world = false, geotags = false, shift = false;
+};
+
+Datum DatumOf(const std::vector<Eigen::Vector3d>& control, const std::vector<Eigen::Vector3d>& geotags) {
+  Datum datum;
+  datum.geotags = !AreWellSpread(control) && !geotags.empty();
+  std::vector<Eigen::Vector3d> used = control;
+  if (datum.geotags) used.insert(used.end(), geotags.begin(), geotags.end());
+  datum.in_world = HoldAFrame(used);
+  datum.geotags = datum.geotags && datum.in_world;
+  datum.shift = datum.geotags && !control.empty();
+  return datum;
+}
 
 class Network {
  public:
   Network(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed)
       : layout_(layout), options_(options), sights_(PlanSights(layout, options, seed)) {
-    for (size_t p = 0; p < layout.passes.size(); ++p) ties_.push_back(PlanTies(layout.passes[p], options, seed + p));
+    for (size_t p = 0; p < layout.passes.size(); ++p) ties_.push_back(PlanTies(layout.passes[p], options, seed));
   }
 
   NetworkPrediction Predict(int threads, const CancelToken& cancel) {
     if (sights_.empty()) {
-      throw InputError(
-          "no planned picture sees a tag: look at sizes, distances and at which way tags and cameras face");
+      throw InputError("no planned picture sees a tag: check sizes, distances and which way tags and cameras face");
     }
     FindLinked();
     AddUnknowns();
@@ -139,9 +156,13 @@ class Network {
     for (size_t p = 0; p < layout_.passes.size(); ++p) {
       linked_.push_back(passes.Root(static_cast<int>(p)) == root);
       if (!linked_.back()) {
+        result_.left_out.push_back(layout_.passes[p].name);
         result_.warnings.push_back(
             fmt::format("pass {} shares no tag with the others and is left out", layout_.passes[p].name));
       }
+    }
+    for (const auto& [tag_id, pass] : seen_by) {
+      if (!linked_[static_cast<size_t>(pass)]) result_.apart[tag_id] = layout_.passes[static_cast<size_t>(pass)].name;
     }
     std::erase_if(sights_, [&](const PlannedSight& sight) { return !linked_[static_cast<size_t>(sight.pass)]; });
   }
@@ -217,33 +238,38 @@ class Network {
                         : TagCorner(layout_.sizes.SizeOf(p.tag_id), p.corner);
   }
 
-  // Control where it is well spread, else geotags beside it, else the first camera: as the survey chooses.
-  void AddDatum() {
-    std::vector<Eigen::Vector3d> control;
-    bool geotags = false;
+  void ChooseDatum() {
+    std::vector<Eigen::Vector3d> control, geotags;
     for (const SurveyPoint& p : layout_.points) {
       if (!Tied(p.tag_id)) continue;
       if (p.role == PointRole::kControl) control.push_back(p.world_m);
-      geotags = geotags || p.role == PointRole::kGeotag;
+      if (p.role == PointRole::kGeotag) geotags.push_back(p.world_m);
     }
-    const bool spread = AreWellSpread(control), use_geotags = !spread && geotags;
+    datum_ = DatumOf(control, geotags);
+    result_.in_world = datum_.in_world;
+    result_.datum = !datum_.in_world  ? "first camera"
+                    : !datum_.geotags ? "control"
+                    : control.empty() ? "geotags"
+                                      : "control and geotags";
+  }
+
+  void AddDatum() {
+    ChooseDatum();
     int shift = -1;
-    if (use_geotags && !control.empty()) {
+    if (datum_.shift) {
       shift = solver_.AddNumbers({0, 0, 0});
       solver_.AddFactor(new KnownPointCost(Eigen::Vector3d::Zero(), Eigen::Vector3d::Constant(kDatumShiftSigma)),
                         nullptr, {shift});
     }
-    std::vector<Eigen::Vector3d> used;
     for (const SurveyPoint& p : layout_.points) {
       PointPrediction point{p.name, p.tag_id, p.role};
-      point.used = Tied(p.tag_id) && (spread || use_geotags) &&
-                   (p.role == PointRole::kControl || (p.role == PointRole::kGeotag && use_geotags));
+      point.used = Tied(p.tag_id) && result_.in_world &&
+                   (p.role == PointRole::kControl || (p.role == PointRole::kGeotag && datum_.geotags));
       point_factor_.push_back(-1);
       if (point.used) {
         const Rigid3d& tag = layout_.world_from_tag.at(p.tag_id);
         const Eigen::Vector3d offset = OffsetInWorld(p, tag), at = tag * Lever(p) + offset;
         const Eigen::Vector3d sigma(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m);
-        used.push_back(at);
         point_factor_.back() =
             p.role == PointRole::kGeotag && shift >= 0
                 ? solver_.AddFactor(new ShiftedPointCost(Lever(p), offset, at, sigma), nullptr,
@@ -253,19 +279,13 @@ class Network {
       result_.points.push_back(point);
     }
     AddDistances();
-    result_.in_world = AreWellSpread(used);
-    result_.datum = !result_.in_world ? "first camera"
-                    : spread          ? "control"
-                    : control.empty() ? "geotags"
-                                      : "control and geotags";
     result_.gauge = "all six from " + result_.datum + ", weighted by stated sigmas";
     if (result_.in_world) return;
     result_.gauge = "the first camera's body: position and attitude, held";
-    if (!layout_.points.empty()) {
-      result_.warnings.push_back(
-          "expected three known points that are not on one line, found fewer: accuracy is relative to the first "
-          "camera");
-    }
+    result_.warnings.push_back(
+        std::string("expected three known points that are not on one line, found ") +
+        (layout_.points.empty() ? "none" : "fewer, or all on one line") +
+        ": accuracy is relative to the first camera, not to the world; add control (--suggest control 3)");
     Vector6d sigma;
     sigma << Eigen::Vector3d::Constant(kHeldRad), Eigen::Vector3d::Constant(kHeldM);
     const int first = sights_.front().pass;
@@ -324,7 +344,7 @@ class Network {
       if (tag.tied) tag.covariance = solver_.PoseCovariance(tag_unknown_.at(id));
       for (const PointPrediction& p : result_.points) {
         if (p.tag_id != id || p.role == PointRole::kGeotag) continue;
-        tag.role = p.used ? "control" : p.role == PointRole::kCheck ? "check" : tag.role;
+        tag.role = p.role == PointRole::kControl ? "control" : tag.role == "free" ? "check" : tag.role;
       }
       result_.tags.push_back(tag);
     }
@@ -402,18 +422,12 @@ class Network {
   std::map<int, int> tag_unknown_;
   int shift_ = -1;
   std::vector<int> sight_factor_, point_factor_, distance_factor_;
+  Datum datum_;
   NetworkPrediction result_;
 };
 
 double Rms(const Eigen::MatrixXd& joint) {
-  return joint.rows() > 0 ? std::sqrt(joint.trace() / (static_cast<double>(joint.rows()) / 3)) : 0;
-}
-
-// The joint covariance when the tag at `index` is observed with the given variances.
-Eigen::MatrixXd Observed(const Eigen::MatrixXd& joint, Eigen::Index index, const Eigen::Matrix3d& variance) {
-  const Eigen::MatrixXd columns = joint.middleCols(3 * index, 3);
-  const Eigen::Matrix3d own = columns.middleRows(3 * index, 3) + variance;
-  return joint - columns * own.ldlt().solve(columns.transpose());
+  return joint.rows() > 0 ? std::sqrt(joint.trace() / (static_cast<double>(joint.rows()) / 3)) : kInfinite;
 }
 
 }  // namespace
@@ -421,15 +435,17 @@ Eigen::MatrixXd Observed(const Eigen::MatrixXd& joint, Eigen::Index index, const
 double NetworkPrediction::RmsSigma() const { return Rms(joint); }
 
 double NetworkPrediction::RmsSigmaOf(const NetworkPrediction& before) const {
+  if (before.in_world && !in_world) return kInfinite;
   double sum = 0;
   int n = 0;
   for (const TagPrediction& tag : before.tags) {
     if (!tag.tied) continue;
-    for (const TagPrediction& now : tags) {
-      if (now.tag_id == tag.tag_id && now.tied) sum += now.covariance.diagonal().tail<3>().sum(), ++n;
-    }
+    const auto now =
+        std::find_if(tags.begin(), tags.end(), [&](const TagPrediction& t) { return t.tag_id == tag.tag_id; });
+    if (now == tags.end() || !now->tied) return kInfinite;
+    sum += now->covariance.diagonal().tail<3>().sum(), ++n;
   }
-  return n > 0 ? std::sqrt(sum / n) : 0;
+  return n > 0 ? std::sqrt(sum / n) : kInfinite;
 }
 
 NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptions& options, uint64_t seed, int threads,
@@ -459,20 +475,7 @@ std::vector<PanoramaPrediction> PredictPanoramas(const NetworkLayout& layout, co
 
 namespace {
 
-// The best set of `count` candidates, tried one and all; nothing is pruned.
-void TryAll(const std::vector<Eigen::Index>& candidates, size_t begin, size_t count, const Eigen::MatrixXd& joint,
-            const Eigen::Matrix3d& variance, std::vector<Eigen::Index>* chosen, double* best,
-            std::vector<Eigen::Index>* best_set) {
-  if (count == 0) {
-    if (Rms(joint) < *best) *best = Rms(joint), *best_set = *chosen;
-    return;
-  }
-  for (size_t k = begin; k + count <= candidates.size(); ++k) {
-    chosen->push_back(candidates[k]);
-    TryAll(candidates, k + 1, count - 1, Observed(joint, candidates[k], variance), variance, chosen, best, best_set);
-    chosen->pop_back();
-  }
-}
+constexpr double kMostTried = 20000;  // sets of which all are tried
 
 double Choices(size_t n, size_t k) {
   double choices = 1;
@@ -480,48 +483,206 @@ double Choices(size_t n, size_t k) {
   return choices;
 }
 
+// The tags' sigmas in the world with control on chosen ones (equations: network.h).
+class ControlChooser {
+ public:
+  using Set = std::vector<Eigen::Index>;  // of tags, in the order of the joint covariance
+
+  ControlChooser(const NetworkPrediction& free, const std::vector<SurveyPoint>& known, double sigma_h_m,
+                 double sigma_v_m)
+      : joint_(free.joint), variance_(Eigen::Vector3d(sigma_h_m, sigma_h_m, sigma_v_m).cwiseAbs2()) {
+    for (const TagPrediction& tag : free.tags) {
+      if (tag.tied) tags_.push_back(&tag);
+    }
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const TagPrediction* tag : tags_) middle += tag->world_m / static_cast<double>(tags_.size());
+    motion_.resize(joint_.rows(), 6);
+    for (size_t i = 0; i < tags_.size(); ++i) {
+      motion_.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << -Skew(tags_[i]->world_m - middle),
+          Eigen::Matrix3d::Identity();
+    }
+    std::set<int> taken;
+    for (const SurveyPoint& p : known) {
+      if (p.role != PointRole::kGeotag) taken.insert(p.tag_id);
+      const auto its = std::find_if(tags_.begin(), tags_.end(), [&](const auto* t) { return t->tag_id == p.tag_id; });
+      if (its == tags_.end() || p.role == PointRole::kCheck) continue;
+      const Eigen::Vector3d variance = Eigen::Vector3d(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m).cwiseAbs2();
+      (p.role == PointRole::kControl ? control_ : geotags_).push_back({its - tags_.begin(), p.world_m, variance});
+    }
+    for (size_t i = 0; i < tags_.size(); ++i) {
+      if (!taken.contains(tags_[i]->tag_id)) candidates_.push_back(static_cast<Eigen::Index>(i));
+    }
+  }
+
+  const Set& candidates() const { return candidates_; }
+  int TagId(Eigen::Index k) const { return tags_[static_cast<size_t>(k)]->tag_id; }
+
+  // Infinite without a datum.
+  double RmsWith(const Set& chosen) const {
+    std::vector<Observed> used = control_;
+    for (const Eigen::Index k : chosen) used.push_back({k, tags_[static_cast<size_t>(k)]->world_m, variance_});
+    const Datum datum = DatumOf(Places(used), Places(geotags_));
+    if (!datum.in_world) return kInfinite;
+    const size_t first_geotag = used.size();
+    if (datum.geotags) used.insert(used.end(), geotags_.begin(), geotags_.end());
+    return Rms(used, datum.shift ? first_geotag : used.size());
+  }
+  // With control on all candidates, and all geotags without a common shift: nothing more can be known.
+  double Bound() const {
+    std::vector<Observed> used = control_;
+    for (const Eigen::Index k : candidates_) used.push_back({k, tags_[static_cast<size_t>(k)]->world_m, variance_});
+    used.insert(used.end(), geotags_.begin(), geotags_.end());
+    return Rms(used, used.size());
+  }
+
+  // The best `count` of `from`; `exact` where all were tried, else exchanges of one no longer improve it.
+  Set Best(const Set& from, size_t count, bool* exact) const {
+    *exact = Choices(from.size(), count) <= kMostTried;
+    Set best(from.begin(), from.begin() + static_cast<std::ptrdiff_t>(count)), chosen;
+    double rms = kInfinite;
+    if (*exact) {
+      TryAll(from, 0, count, &chosen, &rms, &best);
+      return best;
+    }
+    best = FarApart(from, count);
+    rms = RmsWith(best);
+    for (bool better = true; better;) {
+      better = false;
+      for (size_t i = 0; i < count; ++i) {
+        for (const Eigen::Index k : from) {
+          if (std::find(best.begin(), best.end(), k) != best.end()) continue;
+          Set other = best;
+          other[i] = k;
+          const double its = RmsWith(other);
+          if (its < rms) rms = its, best = other, better = true;
+        }
+      }
+    }
+    return best;
+  }
+
+ private:
+  struct Observed {
+    Eigen::Index tag = 0;
+    Eigen::Vector3d world_m, variance;
+  };
+  static std::vector<Eigen::Vector3d> Places(const std::vector<Observed>& points) {
+    std::vector<Eigen::Vector3d> places;
+    for (const Observed& p : points) places.push_back(p.world_m);
+    return places;
+  }
+
+  // Points from `first_shifted` on have a shift in common.
+  double Rms(const std::vector<Observed>& used, size_t first_shifted) const {
+    const auto rows = static_cast<Eigen::Index>(3 * used.size());
+    Eigen::MatrixXd seen(rows, joint_.cols()), own(rows, rows), moved(rows, 6);
+    for (size_t i = 0; i < used.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(3 * i);
+      seen.middleRows<3>(row) = joint_.middleRows<3>(3 * used[i].tag);
+      moved.middleRows<3>(row) = motion_.middleRows<3>(3 * used[i].tag);
+    }
+    for (size_t i = 0; i < used.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(3 * i);
+      own.middleCols<3>(row) = seen.middleCols<3>(3 * used[i].tag);
+      own.diagonal().segment<3>(row) += used[i].variance;
+      for (size_t k = first_shifted; i >= first_shifted && k < used.size(); ++k) {
+        own.block<3, 3>(static_cast<Eigen::Index>(3 * k), row).diagonal().array() +=
+            kDatumShiftSigma * kDatumShiftSigma;
+      }
+    }
+    const Eigen::LLT<Eigen::MatrixXd> root(own);
+    const Eigen::MatrixXd white = root.matrixL().solve(seen), turned = root.matrixL().solve(moved);
+    const Eigen::MatrixXd left = motion_ - white.transpose() * turned;
+    const Eigen::LDLT<Eigen::MatrixXd> normal(turned.transpose() * turned);
+    if (normal.info() != Eigen::Success || !(normal.vectorD().minCoeff() > 0)) return kInfinite;
+    const double trace =
+        joint_.trace() - white.squaredNorm() + left.transpose().cwiseProduct(normal.solve(left.transpose())).sum();
+    return std::sqrt(std::max(0.0, trace) / static_cast<double>(tags_.size()));
+  }
+
+  void TryAll(const Set& from, size_t begin, size_t count, Set* chosen, double* rms, Set* best) const {
+    if (count == 0) {
+      if (const double its = RmsWith(*chosen); its < *rms) *rms = its, *best = *chosen;
+      return;
+    }
+    for (size_t k = begin; k + count <= from.size(); ++k) {
+      chosen->push_back(from[k]);
+      TryAll(from, k + 1, count - 1, chosen, rms, best);
+      chosen->pop_back();
+    }
+  }
+
+  // Each as far from a line through those before it as any: a start that holds a frame where one can.
+  Set FarApart(const Set& from, size_t count) const {
+    std::vector<Eigen::Vector3d> there = Places(control_);
+    Set set;
+    while (set.size() < count) {
+      const auto away = [&](Eigen::Index k) {
+        const Eigen::Vector3d& at = tags_[static_cast<size_t>(k)]->world_m;
+        double least = std::numeric_limits<double>::max();
+        for (size_t i = 0; i < there.size(); ++i) {
+          if (there.size() == 1) least = (at - there[0]).norm();
+          for (size_t j = 0; j < i; ++j) least = std::min(least, (there[i] - at).cross(there[j] - at).norm());
+        }
+        return std::find(set.begin(), set.end(), k) == set.end() ? least : -1;
+      };
+      set.push_back(*std::max_element(from.begin(), from.end(), [&](auto a, auto b) { return away(a) < away(b); }));
+      there.push_back(tags_[static_cast<size_t>(set.back())]->world_m);
+    }
+    return set;
+  }
+
+  const Eigen::MatrixXd& joint_;
+  Eigen::Vector3d variance_;
+  std::vector<const TagPrediction*> tags_;
+  Eigen::MatrixXd motion_;  // of the tags by a rigid motion: rotation, translation
+  std::vector<Observed> control_, geotags_;
+  Set candidates_;
+};
+
 }  // namespace
 
-ControlSuggestion SuggestControl(const NetworkPrediction& prediction, int count, double sigma_h_m, double sigma_v_m) {
-  constexpr double kExact = 20000;  // choices that are all tried
-  const Eigen::Matrix3d variance = Eigen::Vector3d(sigma_h_m, sigma_h_m, sigma_v_m).cwiseAbs2().asDiagonal();
-  std::vector<const TagPrediction*> tied;
-  std::vector<Eigen::Index> candidates;
-  for (const TagPrediction& tag : prediction.tags) {
-    if (!tag.tied) continue;
-    if (tag.role != "control") candidates.push_back(static_cast<Eigen::Index>(tied.size()));
-    tied.push_back(&tag);
-  }
+ControlSuggestion SuggestControl(const NetworkPrediction& free, const std::vector<SurveyPoint>& known, int count,
+                                 double sigma_h_m, double sigma_v_m) {
+  const ControlChooser chooser(free, known, sigma_h_m, sigma_v_m);
   ControlSuggestion suggestion;
-  suggestion.rms_before_m = prediction.RmsSigma();
-  const size_t wanted = std::min(static_cast<size_t>(std::max(0, count)), candidates.size());
-  std::vector<Eigen::Index> order;
-  suggestion.exact = Choices(candidates.size(), wanted) <= kExact;
-  std::vector<Eigen::Index> pool = candidates;
-  if (suggestion.exact) {
-    std::vector<Eigen::Index> chosen;
-    double best = std::numeric_limits<double>::infinity();
-    TryAll(candidates, 0, wanted, prediction.joint, variance, &chosen, &best, &pool);
+  ControlChooser::Set order, pool = chooser.candidates();
+  suggestion.rms_before_m = suggestion.rms_after_m = suggestion.bound_m = chooser.RmsWith({});
+  for (const Eigen::Index k : pool) suggestion.each.emplace_back(chooser.TagId(k), chooser.RmsWith({k}));
+  constexpr size_t kFrame = 3;  // points that hold a frame
+  while (!std::isfinite(chooser.RmsWith(order))) {
+    if (++suggestion.needed > std::min(kFrame, pool.size())) {
+      suggestion.reachable = false;
+      return suggestion;
+    }
+    order = chooser.Best(pool, suggestion.needed, &suggestion.exact);
   }
-  Eigen::MatrixXd joint = prediction.joint;
-  for (size_t step = 0; step < wanted; ++step) {
-    double best = std::numeric_limits<double>::infinity();
-    Eigen::Index at = -1;
+  const size_t wanted = std::min(std::max(static_cast<size_t>(std::max(0, count)), suggestion.needed), pool.size());
+  suggestion.exact = Choices(pool.size(), wanted) <= kMostTried;
+  if (suggestion.exact) {
+    pool = chooser.Best(pool, wanted, &suggestion.exact);
+    bool all_tried = false;
+    order = chooser.Best(pool, suggestion.needed, &all_tried);
+  }
+  while (order.size() < wanted) {
+    double best = kInfinite;
+    ControlChooser::Set next = order;
     for (const Eigen::Index k : pool) {
       if (std::find(order.begin(), order.end(), k) != order.end()) continue;
-      const double rms = Rms(Observed(joint, k, variance));
-      if (rms < best) best = rms, at = k;
+      ControlChooser::Set with = order;
+      with.push_back(k);
+      const double rms = chooser.RmsWith(with);
+      if (rms < best || next.size() == order.size()) best = rms, next = with;
     }
-    joint = Observed(joint, at, variance);
-    order.push_back(at);
-    suggestion.tag_ids.push_back(tied[static_cast<size_t>(at)]->tag_id);
-    suggestion.rms_steps_m.push_back(best);
+    order = next;
   }
-  suggestion.rms_after_m = Rms(joint);
-  // More observations never make it worse: all candidates at once are a bound for any choice among them.
-  Eigen::MatrixXd all = prediction.joint;
-  for (const Eigen::Index k : candidates) all = Observed(all, k, variance);
-  suggestion.bound_m = suggestion.exact ? suggestion.rms_after_m : Rms(all);
+  for (size_t k = 0; k < order.size(); ++k) {
+    suggestion.tag_ids.push_back(chooser.TagId(order[k]));
+    suggestion.rms_steps_m.push_back(
+        chooser.RmsWith({order.begin(), order.begin() + static_cast<std::ptrdiff_t>(k) + 1}));
+  }
+  if (!order.empty()) suggestion.rms_after_m = suggestion.rms_steps_m.back();
+  suggestion.bound_m = suggestion.exact ? suggestion.rms_after_m : chooser.Bound();
   return suggestion;
 }
 

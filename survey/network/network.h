@@ -63,10 +63,13 @@ struct NetworkPrediction {
   std::vector<DistancePrediction> distances;
   // Joint covariance of the positions of the tags that are tied, in the order of `tags`: three rows each, m^2.
   Eigen::MatrixXd joint;
+  std::vector<std::string> left_out;  // passes that share no tag with the others: nothing is predicted of them
+  std::map<int, std::string> apart;   // tags that only such passes see, with the name of one
   std::vector<std::string> warnings;
-  // Root mean square over tied tags of the 3D position sigma.
+  // Root mean square over tied tags of the 3D position sigma; infinite without one.
   double RmsSigma() const;
   // The same over the tags that `before` has tied, so that more tags are not counted as better or worse by themselves.
+  // Infinite where one of them, or the datum in the world, is lost.
   double RmsSigmaOf(const NetworkPrediction& before) const;
 };
 
@@ -89,14 +92,28 @@ struct PanoramaPrediction {
 std::vector<PanoramaPrediction> PredictPanoramas(const NetworkLayout& layout, const NetworkOptions& options,
                                                  uint64_t seed, int threads, const CancelToken& cancel);
 
-// What more known points would gain. Each candidate is a tag whose centre gets coordinates of the given sigmas.
+// What more known points would gain. Each candidate is the centre of a tag whose place gets the given sigmas.
 struct ControlSuggestion {
   std::vector<int> tag_ids;  // best first
+  // RMS sigma of the tags in the world; infinite where no datum holds it.
   double rms_before_m = 0, rms_after_m = 0;
-  std::vector<double> rms_steps_m;  // after each
-  double bound_m = 0;               // no choice of so many can be below this
-  bool exact = false;               // every choice was tried; else the best one after the other
+  std::vector<double> rms_steps_m;           // after each
+  double bound_m = 0;                        // no choice of so many can be below this
+  bool exact = false;                        // every choice was tried; else the best one after the other
+  std::vector<std::pair<int, double>> each;  // tags that could be control, RMS with each alone
+  size_t needed = 0;                         // fewest more points with which a datum is reached; 0 where there is one
+  bool reachable = true;                     // some choice of candidates reaches a datum
 };
-ControlSuggestion SuggestControl(const NetworkPrediction& prediction, int count, double sigma_h_m, double sigma_v_m);
+
+// `free`: prediction of the layout without its known points, so that its joint covariance is relative to a camera.
+// `known`: the layout's points; tags with control or check points are no candidates. The world's position and attitude
+// g are unknown without prior: positions are x = e + T g with cov(e) = free.joint and T of a rigid motion, observed
+// with variances V at the points, A x. By generalised least squares, with M = A C A' + V, H = A T, K = T - C A' M^-1 H:
+//   cov(x) = C - C A' M^-1 A C + K (H' M^-1 H)^-1 K'
+// (universal kriging: Cressie, "Statistics for Spatial Data", 1993, eq. 3.4.5). Offsets of known points from their
+// tags' centres are taken as exact. With fewer than `needed` asked for, tag_ids is the smallest set that reaches a
+// datum; where none does it is empty.
+ControlSuggestion SuggestControl(const NetworkPrediction& free, const std::vector<SurveyPoint>& known, int count,
+                                 double sigma_h_m, double sigma_v_m);
 
 }  // namespace trigpoint

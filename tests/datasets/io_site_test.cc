@@ -207,6 +207,35 @@ TEST_F(SiteTest, ReadsListsOfMasksAndBoxes) {
   EXPECT_THAT(Refusal(), HasSubstr("key 'masks.cam0': expected a box [u0, v0, u1, v1] with u0 <= u1"));
 }
 
+TEST_F(SiteTest, ASketchOfMistakesIsRefused) {
+  const std::string header = "kind,name,east_m,north_m,up_m,latitude_deg,longitude_deg,heading_deg,size_mm\n";
+  const std::string tag = "tag,7,1,2,1,,,90,160\n";
+  const std::vector<std::pair<std::string, std::string>> mistakes = {
+      {"tag,07,5,2,1,,,90,160\n", "plan.csv:3: tag 07 is there already"},
+      {"control,7,,,,,,,\ncheck,7,,,,,,,\n", "plan.csv:4: check 7 is there already"},
+      {"path,a,0,0,1,,,,\npath,b,0,0,1,,,,\npath,a,9,0,1,,,,\n", "corners of a path follow each other"},
+      {"tag,8,1,2,1,,,90,0.16\n", "size_mm 0.16: expected 5 to 5000 mm"},
+      {"tag,8,1,90000,1,,,90,160\n", "is 90 km from tag 7"},
+      {"tag,8,,,,148,7,90,160\n", "latitude within -90 to 90"},
+      {"path,a,,,,48,7,,\npath,a,,,,7,48,,\n", "swapped columns"},
+  };
+  for (const auto& [rows, expected] : mistakes) {
+    try {
+      ReadSiteSketch(Write("plan.csv", header + tag + rows));
+      ADD_FAILURE() << rows;
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr(expected));
+    }
+  }
+  const std::string lines =
+      R"({"features": [{"properties": {"kind": "path"}, "geometry": {"type": "LineString",
+          "coordinates": [[7.8, 48], [7.8001, 48]]}}, {"properties": {"kind": "path"}, "geometry": {"type":
+          "LineString", "coordinates": [[7.8, 48.0001], [7.8001, 48.0001]]}}]})";
+  const std::vector<SketchItem> read = ReadSiteSketch(Write("lines.geojson", lines));
+  ASSERT_EQ(read.size(), 4U);
+  EXPECT_NE(read[0].name, read[2].name);
+}
+
 TEST_F(SiteTest, WritesASketchAsItReadsIt) {
   const auto file =
       Write("plan.csv",
@@ -786,6 +815,10 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
   Write("tags.yaml", "family: tag36h11\nfamilies: {7: tag16h5, 9: tag25h9}\nsize_m: 0.5\n");
   EXPECT_EQ(Read().tags.family, "tag36h11,tag16h5:7,tag25h9:9");
   EXPECT_THAT(with("tags.yaml", "families: {7: tag16h6}\n"), HasSubstr("nearest known: 'tag16h5'"));
+  EXPECT_THAT(with("tags.yaml", "families:\n  7: tag16h5\n  07: tag25h9\n"),
+              AllOf(HasSubstr("tags.yaml:3: "), HasSubstr("tag 7 is listed on line 2, too")));
+  EXPECT_THAT(with("tags.yaml", "families:\n  7: tag16h5\n  8: tag16h5\n  7: tag25h9\n"),
+              AllOf(HasSubstr("tags.yaml:4: "), HasSubstr("stands twice, first on line 2")));
   EXPECT_THAT(with("tags.yaml", "families: {x: tag16h5}\n"), HasSubstr("expected 'ID: FAMILY'"));
   EXPECT_THAT(with("tags.yaml", "family: tag36h12\n"), HasSubstr("nearest known: 'tag36h11'"));
   EXPECT_THAT(with("tags.yaml", "size_m: big\n"), HasSubstr("tags.yaml:1: key 'size_m': expected a number"));
@@ -801,7 +834,19 @@ TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
   Write("panoramas.csv", header + own + later + over);
   Write("results/replaced/2026-panoramas.csv", header + over);
   const int64_t half_past_nine = *ParseUtcToNs("2026-05-12T09:30:00Z") / 1'000'000'000;
+  // What kills left of pictures being written; one is being written now.
+  const std::vector<const char*> old = {"panoramas/.c.jpg.12-3-4", "panoramas/.mine.jpg.bak", ".panoramas.csv.12-3-6",
+                                        "results/replaced/.2026-panoramas.csv.12-3-7"};
+  Write("panoramas/.b.jpg.12-3-5", "x");
+  for (const char* name : old) {
+    Write(name, "x");
+    std::filesystem::last_write_time(dir_ / name,
+                                     std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));
+  }
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine - 3600), 0);
+  for (const char* name : {old[0], old[2], old[3]}) EXPECT_FALSE(std::filesystem::exists(dir_ / name)) << name;
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/.b.jpg.12-3-5"));
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/.mine.jpg.bak"));
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 1);
   EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), header + own + later);
   EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/b.jpg"));

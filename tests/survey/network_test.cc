@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "survey/tags/control.h"
 #include "tests/survey/yard.h"
 
 namespace trigpoint {
@@ -69,6 +70,23 @@ TEST(Network, WithoutKnownPointsTheFirstCameraIsTheDatum) {
   EXPECT_EQ(predicted.datum, "first camera");
   EXPECT_FALSE(predicted.in_world);
   EXPECT_LT(BodyPrediction(predicted.bodies.front()).covariance.diagonal().maxCoeff(), 1e-9);
+}
+
+// Three points in a narrow triangle hold a survey, so they hold its prediction; two hold neither.
+TEST(Network, ChoosesTheDatumAsTheSurveyDoes) {
+  NetworkLayout layout = Yard(9, 3);
+  const auto shift = [](double x, double y) { return Eigen::Vector3d(x, y, 0); };
+  std::vector<SurveyPoint> points(layout.points.begin(), layout.points.begin() + 3);
+  for (const size_t count : {2, 3}) {
+    layout.points.assign(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(count));
+    const NetworkPrediction predicted = Predict(layout, Few());
+    const SurveyResult stated = Surveyed(SimulateSurvey(layout, Few(), 1, nullptr), Few());
+    EXPECT_EQ(predicted.datum, stated.datum) << count;
+    EXPECT_EQ(predicted.in_world, stated.in_world) << count;
+  }
+  EXPECT_TRUE(HoldAFrame({shift(0, 0), shift(10, 0), shift(5, 0.6)}));
+  EXPECT_FALSE(AreWellSpread({shift(0, 0), shift(10, 0), shift(5, 0.6)}));
+  EXPECT_FALSE(HoldAFrame({shift(0, 0), shift(10, 0), shift(5, 0.01), shift(2, 0)}));
 }
 
 // Over many layouts the errors found are as large as predicted.
@@ -162,7 +180,11 @@ TEST(Network, ABlunderInAKnownPointMovesItsTagAsPredicted) {
 TEST(Network, SuggestedControlGainsWhatIsFoundWithIt) {
   NetworkLayout layout = Yard(9, 7);
   const NetworkPrediction before = Predict(layout);
-  const ControlSuggestion suggestion = SuggestControl(before, 2, 0.01, 0.015);
+  NetworkLayout unknown = layout;
+  unknown.points.clear();
+  const NetworkPrediction free = Predict(unknown);
+  const ControlSuggestion suggestion = SuggestControl(free, layout.points, 2, 0.01, 0.015);
+  EXPECT_NEAR(before.RmsSigma() / suggestion.rms_before_m, 1, 1e-3);
   ASSERT_EQ(suggestion.tag_ids.size(), 2U);
   EXPECT_TRUE(suggestion.exact);
   EXPECT_LT(suggestion.rms_after_m, suggestion.rms_before_m);
@@ -177,8 +199,78 @@ TEST(Network, SuggestedControlGainsWhatIsFoundWithIt) {
   }
   EXPECT_NEAR(Predict(layout).RmsSigma() / suggestion.rms_after_m, 1, 1e-3);
   // What all candidates would give bounds any choice.
-  const ControlSuggestion all = SuggestControl(before, 100, 0.01, 0.015);
+  const ControlSuggestion all = SuggestControl(free, layout.points, 100, 0.01, 0.015);
   EXPECT_LE(all.rms_after_m, suggestion.rms_after_m);
+}
+
+TEST(Network, SuggestedControlReachesADatumFirst) {
+  NetworkLayout layout = Yard(8, 5);
+  layout.points.clear();
+  const NetworkPrediction free = Predict(layout);
+  const ControlSuggestion three = SuggestControl(free, {}, 3, 0.01, 0.015);
+  EXPECT_EQ(three.needed, 3U);
+  ASSERT_EQ(three.tag_ids.size(), 3U);
+  EXPECT_FALSE(std::isfinite(three.rms_before_m));
+  EXPECT_FALSE(std::isfinite(three.rms_steps_m[1]));
+  for (const int id : three.tag_ids) {
+    SurveyPoint point;
+    point.name = std::to_string(id), point.tag_id = id, point.world_m = layout.world_from_tag[id].translation;
+    point.sigma_h_m = 0.01, point.sigma_v_m = 0.015;
+    layout.points.push_back(point);
+  }
+  const NetworkPrediction held = Predict(layout);
+  EXPECT_TRUE(held.in_world);
+  EXPECT_NEAR(held.RmsSigma() / three.rms_after_m, 1, 1e-3);
+  // Neither control nor check points are offered again.
+  layout.points[2].role = PointRole::kCheck;
+  const ControlSuggestion one = SuggestControl(free, layout.points, 1, 0.01, 0.015);
+  EXPECT_EQ(one.needed, 1U);
+  ASSERT_EQ(one.tag_ids.size(), 1U);
+  for (const int id : three.tag_ids) EXPECT_NE(one.tag_ids.front(), id);
+  // Two tags give none.
+  while (layout.world_from_tag.size() > 2) layout.world_from_tag.erase(std::prev(layout.world_from_tag.end()));
+  EXPECT_FALSE(SuggestControl(Predict(layout), {}, 5, 0.01, 0.015).reachable);
+}
+
+TEST(Network, WhatIsLostIsNotDetermined) {
+  NetworkLayout layout = Yard(8, 5);
+  const NetworkPrediction before = Predict(layout);
+  layout.world_from_tag.erase(0);
+  EXPECT_FALSE(std::isfinite(Predict(layout).RmsSigmaOf(before)));
+  layout = Yard(8, 5);
+  layout.points.clear();
+  EXPECT_FALSE(std::isfinite(Predict(layout).RmsSigmaOf(before)));
+  EXPECT_THAT(Predict(layout).warnings, testing::Contains(HasSubstr("relative to the first camera")));
+}
+
+// Draws of what is there do not depend on what is added, so that all additions at once bound any choice of them.
+TEST(Network, AllPlacesTogetherBoundAnyChoice) {
+  NetworkOptions options = Few();
+  options.detected = 0.7;
+  options.ties_per_image = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    NetworkLayout all = Yard(9, 500 + seed);
+    NetworkLayout base = all;
+    for (const int id : {3, 5, 8}) base.world_from_tag.erase(id);
+    const auto sights_of_base = [&](const NetworkLayout& layout) {
+      std::vector<std::pair<int, int>> seen;
+      for (const PlannedSight& s : PlanSights(layout, options, seed)) {
+        if (base.world_from_tag.contains(s.tag_id)) seen.emplace_back(s.frame, s.tag_id);
+      }
+      return seen;
+    };
+    EXPECT_EQ(sights_of_base(base), sights_of_base(all));
+    const auto predict = [&](const NetworkLayout& layout) {
+      return PredictNetwork(layout, options, seed, 1, CancelToken());
+    };
+    const NetworkPrediction before = predict(base);
+    const double bound = predict(all).RmsSigmaOf(before);
+    for (const auto& pair : {std::pair{3, 5}, std::pair{3, 8}, std::pair{5, 8}}) {
+      NetworkLayout with = base;
+      for (const int id : {pair.first, pair.second}) with.world_from_tag[id] = all.world_from_tag.at(id);
+      EXPECT_GE(predict(with).RmsSigmaOf(before), bound * (1 - 1e-9)) << seed;
+    }
+  }
 }
 
 TEST(Network, SaysWhatNoPictureSees) {
@@ -187,6 +279,10 @@ TEST(Network, SaysWhatNoPictureSees) {
   const NetworkPrediction prediction = Predict(layout);
   EXPECT_FALSE(prediction.tags.back().tied);
   EXPECT_EQ(prediction.tags.back().images, 0);
+  EXPECT_THAT(WhyUnseen(layout, Few(), 99), HasSubstr("outside every picture"));
+  NetworkOptions large = Few();
+  large.min_side_px = 900;
+  EXPECT_THAT(WhyUnseen(layout, large, 0), HasSubstr("too small or too far"));
   layout.sizes.size_m = 0.01;
   EXPECT_THROW(Predict(layout), InputError);
 }

@@ -200,6 +200,59 @@ TEST(PlanCommand, SoManyPicturesAreNeeded) {
   EXPECT_EQ(plan({"rate_hz=8", "max_tag_sigma_m=0.001"}).needed, 0);
 }
 
+// Without a datum no gate passes, what is missing is said each time, and a wrong number leaves no project behind.
+TEST(PlanCommand, WithoutADatumGatesAreUndecided) {
+  const Wall wall;
+  fs::remove(fs::path(wall.dir()) / "trigpoint.yaml");
+  for (const char* count : {"0", "-1", "21"}) {
+    const Finished wrong = Trigpoint({"plan", wall.dir(), "--suggest", "control", count});
+    EXPECT_EQ(wrong.exit_code, 2) << wrong.err;
+    EXPECT_THAT(wrong.err, testing::HasSubstr("from 1 to 20"));
+  }
+  EXPECT_FALSE(fs::exists(fs::path(wall.dir()) / "trigpoint.yaml"));
+  wall.Write(
+      "plan.csv",
+      "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n"
+      "tag,0,0,12,1.5,180,160\ntag,1,14,3,1.5,270,160\ntag,2,7,12,1.5,180,160\ntag,3,14,9,1.5,270,160\n"
+      "path,lap,2,2,1.2,,\npath,lap,11,2,1.2,,\npath,lap,11,10,1.2,,\npath,lap,2,10,1.2,,\npath,lap,2,2,1.2,,\n");
+  for (int again = 0; again < 2; ++again) {
+    const Finished plan = Trigpoint({"plan", wall.dir(), "--gates", "--set", "max_tag_sigma_m=50"});
+    EXPECT_EQ(plan.exit_code, 3) << plan.err;
+    EXPECT_THAT(plan.out + plan.err, testing::HasSubstr("undecided"));
+    EXPECT_THAT(plan.out + plan.err, testing::HasSubstr("relative to the first camera")) << again;
+  }
+  const Finished few = Trigpoint({"plan", wall.dir(), "--suggest", "control", "1"});
+  EXPECT_EQ(few.exit_code, 0) << few.err;
+  EXPECT_THAT(few.out + few.err, testing::HasSubstr("no choice of 1 gives a datum, 3 more are needed"));
+  const Finished many = Trigpoint({"plan", wall.dir(), "--suggest", "control", "6"});
+  EXPECT_THAT(many.out + many.err, testing::HasSubstr("6 asked for, 4 proposed"));
+}
+
+// A sketch without tags adds to the site as it was surveyed: one more path lowers the sigmas, and without the earlier
+// runs it stands alone. Candidate paths are proposed.
+TEST(PlanCommand, ANewEpochOfASurveyedSite) {
+  const Wall wall;
+  const auto rms = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> command = {"plan", wall.dir()};
+    command.insert(command.end(), more.begin(), more.end());
+    const Finished done = Trigpoint(command);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    const json summary = json::parse(wall.Read("results/plan/summary.json"));
+    EXPECT_EQ(summary["tags"], kTags) << done.err;
+    return summary["rms_tag_sigma_m"].get<double>();
+  };
+  const double surveyed = rms({});
+  const std::string path = "path,new,-1,-0.5,1.5\npath,new,9,-0.5,1.5\n", header = "kind,name,east_m,north_m,up_m\n";
+  wall.Write("plan.csv", header + path);
+  const double added = rms({}), alone = rms({"--set", "earlier_runs=false"});
+  EXPECT_LT(added, surveyed);
+  EXPECT_GT(alone, added);
+  wall.Write("plan.csv", header + "candidate_path,wide,-1,-2,1.5\ncandidate_path,wide,9,-2,1.5\n");
+  rms({"--suggest", "path"});
+  EXPECT_THAT(wall.Read("results/plan/gains.csv"), HasSubstr("pass wide"));
+  EXPECT_THAT(wall.Read("results/plan/gains.csv"), testing::Not(HasSubstr("straight")));
+}
+
 // Two pillars are known; tags are read from one of them and from a place between, and are check points besides.
 TEST(SurveyCommand, ATotalStationHoldsTheMap) {
   const Wall wall;
