@@ -42,7 +42,7 @@ ActionDialog::ActionDialog(Workspace* workspace, Action action, QWidget* parent)
   status_->setWordWrap(true);
   outcome_ = new QPlainTextEdit;
   outcome_->setObjectName("action.outcome");
-  outcome_->setAccessibleName(tr("What came of it"));
+  outcome_->setAccessibleName(tr("Result"));
   outcome_->setReadOnly(true);
   outcome_->setMaximumHeight(8 * fontMetrics().height());
   outcome_->hide();

@@ -6,13 +6,11 @@
 #include <QCoreApplication>
 
 #include "app/pipeline/export.h"
-#include "app/pipeline/print.h"
 #include "app/pipeline/publish.h"
 #include "calib/base/counted.h"
 #include "datasets/import/import_files.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "survey/tags/tag_family.h"
 
 namespace trigpoint {
 
@@ -146,58 +144,6 @@ struct PublishForm {
   }
 };
 
-struct PrintForm {
-  std::string what = "tags", ids, family, paper = "A4", target, out;
-  double size_mm = 160, length_mm = 0, margin_mm = SheetOptions().margin_mm, measured_mm = 0, nominal_mm = 100;
-  int per_sheet = 0;
-  bool force = false;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& self, Visitor&& visit) {
-    visit(self.what, {"what", "", 0, 0, "what is printed"});
-    visit(self.ids, {"ids", "", 0, 0, "ids of the tags, as 0-9,12"});
-    visit(self.size_mm, {"size", "mm", 5, 5000, "size of a tag as tags.yaml declares it: the black square's edge"});
-    visit(self.family, {"family", "", 0, 0, "tag family; empty: that of tags.yaml, else tag36h11"});
-    visit(self.paper, {"paper", "", 0, 0, "A0 to A6, Letter, Legal, Tabloid, or WIDTHxHEIGHT in mm"});
-    visit(self.margin_mm, {"margin", "mm", 0, 100, "edge of the paper that the printer leaves white"});
-    visit(self.per_sheet, {"per_sheet", "", 0, 1000, "most tags on a sheet; 0: as many as fit"});
-    visit(self.target, {"target", "", 0, 0, "board: a file or one line, as calibrate takes it"});
-    visit(self.length_mm, {"length", "mm", 0, 20000, "scale bar: distance of the two tags' centres"});
-    visit(self.measured_mm,
-          {"measured", "mm", 0, 5000, "length of the printed bar as measured: corrects tags.yaml, prints nothing"});
-    visit(self.nominal_mm, {"nominal", "mm", 1, 5000, "length that the bar should have"});
-    visit(self.out, {"out", "", 0, 0, "the PDF; empty: below print/"});
-    visit(self.force, {"force", "", 0, 1, "replace a PDF that was changed since it was written"});
-  }
-  std::vector<std::string> Check() const {
-    std::vector<std::string> problems = CheckRanges(*this);
-    CheckWord("what", what, {"tags", "board", "scale-bar"}, &problems);
-    CheckWord("family", family, TagFamilyNames(), &problems);
-    return problems;
-  }
-  std::string Run(const fs::path& dir, ProgressSink&, const CancelToken&) const {
-    const std::vector<int> numbers = ids.empty() ? std::vector<int>() : ParseIds(ids);
-    if (measured_mm > 0) {
-      const MeasuredPrint entered = EnterMeasuredPrint(dir, numbers, {measured_mm}, nominal_mm);
-      return fmt::format("{}: {:.2f} % of the size asked for; the sizes are in {}\n{}",
-                         Counted(entered.ids.size(), "tag"), 100 * entered.factor, (dir / "tags.yaml").string(),
-                         fmt::join(entered.warnings, "\n"));
-    }
-    PrintRequest request;
-    request.dir = dir, request.what = what, request.family = family, request.ids = numbers;
-    request.size_mm = what == "board" ? 0 : size_mm;
-    request.length_mm = length_mm, request.target = target, request.out = out, request.force = force;
-    request.sheets.paper = PaperNamed(paper);
-    request.sheets.margin_mm = margin_mm, request.sheets.per_sheet = per_sheet;
-    const PrintOutcome outcome = PrintSheetsFor(request);
-    return fmt::format(
-        "{}: {}\nPrint at 100 %, not fitted to the page. Then measure:\nthe bars, {:g} mm, both "
-        "ways\n{}\n{} added to tags.yaml",
-        outcome.pdf.string(), Counted(outcome.sheets.pages, "page"), outcome.sheets.bar_mm,
-        fmt::join(outcome.checks, "\n"), Counted(outcome.entries_added, "entry", "entries"));
-  }
-};
-
 template <typename Form>
 std::vector<std::string> Fill(const nlohmann::json& values, Form* form) {
   std::vector<std::string> problems;
@@ -247,14 +193,6 @@ Action PublishAction() {
       Words(QT_TRANSLATE_NOOP("trigpoint::Action",
                               "Freezes map, tables and all they were computed from under a name. A release is never "
                               "overwritten; what is out of date is not published.")));
-}
-
-Action PrintAction() {
-  return ActionOf<PrintForm>(
-      "print", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Print tags and boards")),
-      Words(QT_TRANSLATE_NOOP("trigpoint::Action",
-                              "Sheets with tags, calibration boards or scale bars as PDF to scale; tags are noted in "
-                              "tags.yaml.")));
 }
 
 }  // namespace trigpoint

@@ -1,4 +1,4 @@
-// What the menus do beside stages, as forms: import, export, publish, print. The same as the commands of these names.
+// What the menus do beside stages, as forms: import, export, publish. The same as the commands of these names.
 #pragma once
 
 #include <QString>
@@ -28,6 +28,5 @@ struct Action {
 Action ImportAction();
 Action ExportAction();
 Action PublishAction();
-Action PrintAction();
 
 }  // namespace trigpoint

@@ -33,6 +33,7 @@
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/panorama_desk.h"
 #include "app/desktop/plan_desk.h"
+#include "app/desktop/print_desk.h"
 #include "app/desktop/problem_bar.h"
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
@@ -102,6 +103,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   panoramas_ = new PanoramaDesk(workspace_);
   calibration_ = new CalibrationDesk(workspace_);
   plan_ = new PlanDesk(workspace_, jobs_);
+  print_ = new PrintDesk(workspace_);
   check_ = new CheckDesk(workspace_);
   AddDesks();
   setCentralWidget(desks_);
@@ -181,6 +183,7 @@ void MainWindow::AddDesks() {
   AddDesk(panoramas_, "panoramas", tr("Panoramas"));
   AddDesk(calibration_, "calibration", tr("Calibration"));
   AddDesk(plan_, "plan", tr("Plan"));
+  AddDesk(print_, "print", tr("Print"));
   AddDesk(check_, "check", tr("Check"));
 }
 
@@ -368,8 +371,8 @@ void MainWindow::MakeRunMenu() {
   run->addAction(IconNamed("compare"), tr("Cross-check with COL&MAP ..."), this, [this] { ChooseStage("crosscheck"); });
   run->addSeparator();
   run->addAction(IconNamed("plan"), tr("&Plan a survey ..."), this, [this] { ShowDesk("plan"); });
+  run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowDesk("print"); });
   run->addAction(IconNamed("check"), tr("Chec&k what was recorded so far"), this, [this] { ShowDesk("check"); });
-  run->addAction(IconNamed("print"), tr("Print &tags and boards ..."), this, [this] { ShowAction(PrintAction()); });
 }
 
 void MainWindow::ChooseStage(const QString& stage) {

@@ -25,6 +25,7 @@ class ImagesDesk;
 class OverviewDesk;
 class PanoramaDesk;
 class PlanDesk;
+class PrintDesk;
 class ProblemBar;
 class ReviewDesk;
 class RunDesk;
@@ -66,9 +67,10 @@ class MainWindow : public QMainWindow {
   PanoramaDesk* panoramas() const { return panoramas_; }
   CalibrationDesk* calibration() const { return calibration_; }
   PlanDesk* plan() const { return plan_; }
+  PrintDesk* print() const { return print_; }
   CheckDesk* check() const { return check_; }
   // "overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas", "calibration",
-  // "plan", "check".
+  // "plan", "print", "check".
   void ShowDesk(const QString& name);
   QString desk() const;
   void SetTheme(const QString& name);  // "system", "dark", "light"
@@ -126,6 +128,7 @@ class MainWindow : public QMainWindow {
   PanoramaDesk* panoramas_;
   CalibrationDesk* calibration_;
   PlanDesk* plan_;
+  PrintDesk* print_;
   CheckDesk* check_;
   QMenu* recent_ = nullptr;
   QLabel* progress_;

@@ -25,7 +25,9 @@ namespace fs = std::filesystem;
 
 constexpr double kMmPerM = 1e3;
 constexpr int kMostTags = 2000;
+constexpr double kSame_mm = 1e-3;
 const std::vector<std::string> kRecordColumns = {"printed", "file", "family", "tag_id", "size_mm", "measured_mm"};
+constexpr const char* kBarColumn = "bar_mm";
 
 // A tag that was printed: DIR/print/printed.csv.
 struct PrintRecord {
@@ -33,31 +35,46 @@ struct PrintRecord {
   int tag_id = -1;
   double size_mm = 0;
   double measured_mm = 0;  // its size on the paper; 0: not measured yet
+  double bar_mm = 0;       // length of the sheet's measuring bars; 0: not noted
   double Declared() const { return (measured_mm > 0 ? measured_mm : size_mm) / kMmPerM; }
 };
 
 fs::path RecordFile(const fs::path& dir) { return dir / "print" / "printed.csv"; }
 
+fs::path Absolute(const fs::path& path) { return fs::absolute(path).lexically_normal(); }
+
+// As the record names a PDF: from the project's folder, so that the folder can be moved.
+std::string FromFolder(const fs::path& dir, const fs::path& file) {
+  const std::string relative = file.lexically_relative(Absolute(dir)).generic_string();
+  return relative.empty() ? file.generic_string() : relative;
+}
+
 std::vector<PrintRecord> ReadRecords(const fs::path& dir) {
   std::vector<PrintRecord> records;
   if (!fs::exists(RecordFile(dir))) return records;
-  const CsvTable table = CsvTable::Read(RecordFile(dir), kRecordColumns);
+  const CsvTable table = CsvTable::Read(RecordFile(dir), kRecordColumns, {kBarColumn});
   for (const CsvRow& row : table.rows()) {
-    records.push_back({row.Text("printed"), row.Text("file"), row.Text("family"),
-                       static_cast<int>(row.Integer("tag_id")), row.Number("size_mm"), row.Number("measured_mm", 0)});
+    const fs::path file = row.Text("file");
+    records.push_back({row.Text("printed"), file.is_absolute() ? FromFolder(dir, file) : file.generic_string(),
+                       row.Text("family"), static_cast<int>(row.Integer("tag_id")), row.Number("size_mm"),
+                       row.Number("measured_mm", 0), row.Number(kBarColumn, 0)});
   }
   return records;
 }
 
 void WriteRecords(const fs::path& dir, const std::vector<PrintRecord>& records) {
-  CsvWriter csv(kRecordColumns,
+  std::vector<std::string> columns = kRecordColumns;
+  columns.emplace_back(kBarColumn);
+  CsvWriter csv(columns,
                 {"trigpoint printed 1; sizes as asked for and as measured on the paper; `trigpoint print` adds rows"});
   for (const PrintRecord& r : records) {
     csv.Text(r.printed).Text(r.file).Text(r.family).Integer(r.tag_id).Number(r.size_mm, 3);
-    if (r.measured_mm > 0) {
-      csv.Number(r.measured_mm, 3);
-    } else {
-      csv.Empty();
+    for (const double length : {r.measured_mm, r.bar_mm}) {
+      if (length > 0) {
+        csv.Number(length, 3);
+      } else {
+        csv.Empty();
+      }
     }
     csv.EndRow();
   }
@@ -114,8 +131,14 @@ Pieces MakePieces(const PrintRequest& request, const std::string& family) {
     return pieces;
   }
   if (request.ids.empty()) throw OptionError("--ids: expected ids of tags, as 0-9,12");
-  if (!(request.size_mm > 0)) throw OptionError("--size: expected the size of a tag in mm, as 160");
+  if (!(request.size_mm > 0))
+    throw OptionError(
+        "--size: expected the size of a tag in mm, as tags.yaml declares it (edge of the black square), as 160");
   if (request.what == "scale-bar") {
+    if (!(request.length_mm > 0)) {
+      throw OptionError(
+          "--length: expected the distance of the scale bar's two tags, centre to centre, in mm, as 1000");
+    }
     if (request.ids.size() != 2) throw OptionError("--ids: a scale bar has two tags, as 100,101");
     pieces.artworks.push_back(
         ScaleBarArtwork(family, request.ids[0], request.ids[1], request.size_mm, request.length_mm));
@@ -131,6 +154,46 @@ Pieces MakePieces(const PrintRequest& request, const std::string& family) {
   return pieces;
 }
 
+std::string TagsText(const std::vector<int>& ids) {
+  return ids.size() == 1 ? fmt::format("tag {}", ids.front()) : fmt::format("tags {}", fmt::join(ids, ", "));
+}
+
+// The sizes to add to tags.yaml. Tags that it lists with another size than the sheet's keep theirs if they were printed
+// in the sheet's size before: it was measured, or entered by hand.
+std::map<int, double> SizesToAdd(const PrintRequest& request, const std::string& family,
+                                 const std::vector<PrintRecord>& before, const std::map<int, double>& sizes_m,
+                                 std::vector<std::string>* warnings) {
+  const fs::path file = request.dir / "tags.yaml";
+  if (!fs::exists(file)) return sizes_m;
+  const std::map<int, double> listed_m = ReadTagSizes(file).sizes_m;
+  std::map<int, double> add;
+  std::map<double, std::vector<int>> kept;
+  for (const auto& [id, size] : sizes_m) {
+    const auto listed = listed_m.find(id);
+    if (listed == listed_m.end() || std::abs(kMmPerM * (listed->second - size)) < kSame_mm) {
+      add[id] = size;
+      continue;
+    }
+    const bool printed = std::any_of(before.begin(), before.end(), [&, tag = id](const PrintRecord& r) {
+      return r.tag_id == tag && r.family == family && std::abs(r.size_mm - request.size_mm) < kSame_mm;
+    });
+    if (!printed) {
+      throw InputError(fmt::format(
+          "{}: tag {} is listed with {:.6g} m, the sheet would show {:g} mm; one id is one tag of one size: "
+          "take another id, or, if that tag is gone, remove its line from sizes_m",
+          file.string(), id, listed->second, request.size_mm));
+    }
+    kept[listed->second].push_back(id);
+  }
+  for (const auto& [listed, ids] : kept) {
+    warnings->push_back(
+        fmt::format("{}: tags.yaml has {:.6g} mm, entered after an earlier print, this sheet has {:g} mm. tags.yaml is "
+                    "not changed: measure this sheet and enter that",
+                    TagsText(ids), kMmPerM * listed, request.size_mm));
+  }
+  return add;
+}
+
 void WritePoints(const PrintedSheets& sheets, const fs::path& file) {
   CsvWriter csv({"page", "object", "point", "x_mm", "y_mm"},
                 {"trigpoint sheet points 1; mm on the paper from its upper left corner, x right, y down; of a tag: its "
@@ -140,6 +203,100 @@ void WritePoints(const PrintedSheets& sheets, const fs::path& file) {
     csv.EndRow();
   }
   csv.Save(file);
+}
+
+// size on the paper / size asked for, and what is doubtful about it.
+MeasuredPrint FactorOf(const std::vector<double>& measured_mm, double nominal_mm) {
+  constexpr double kLeastFactor = 0.8, kMostFactor = 1.25, kMostUneven = 0.01, kUneven = 0.002;
+  const double low = *std::min_element(measured_mm.begin(), measured_mm.end());
+  const double high = *std::max_element(measured_mm.begin(), measured_mm.end());
+  MeasuredPrint result;
+  result.factor = 0.5 * (low + high) / nominal_mm;
+  if (!(low > 0 && result.factor >= kLeastFactor && result.factor <= kMostFactor)) {
+    throw OptionError(
+        fmt::format("--measured {:g} --nominal {:g}: expected two lengths of the same bar or tag's edge in mm, as "
+                    "measured and as asked for, {:.0f} to {:.0f} % of each other",
+                    measured_mm.front(), nominal_mm, 100 * kLeastFactor, 100 * kMostFactor));
+  }
+  if (high - low > kMostUneven * nominal_mm) {
+    throw OptionError(
+        fmt::format("--measured {:g} {:g}: the print is stretched by {:.1f} % in one direction, its tags are not "
+                    "square; measure again, else print it again",
+                    measured_mm.front(), measured_mm.back(), 100 * (high - low) / nominal_mm));
+  }
+  if (high - low > kUneven * nominal_mm) {
+    result.warnings.push_back(
+        fmt::format("the lengths across and up differ by {:.2f} %; tags are taken as squares of "
+                    "the mean",
+                    100 * (high - low) / nominal_mm));
+  }
+  return result;
+}
+
+// The newest print of each of `ids`, or of each tag of the newest PDF.
+std::vector<PrintRecord*> NewestPrints(const fs::path& dir, std::vector<int> ids, std::vector<PrintRecord>* records) {
+  if (records->empty()) {
+    throw InputError(RecordFile(dir).string() + ": nothing was printed yet; print tags first, then enter the measure");
+  }
+  const auto earlier = [](const PrintRecord& a, const PrintRecord& b) { return a.printed <= b.printed; };
+  if (ids.empty()) {
+    const PrintRecord& newest = *std::max_element(records->begin(), records->end(), earlier);
+    std::set<int> of_file;
+    for (const PrintRecord& r : *records) {
+      if (r.printed == newest.printed && r.file == newest.file) of_file.insert(r.tag_id);
+    }
+    ids.assign(of_file.begin(), of_file.end());
+  }
+  std::vector<PrintRecord*> newest;
+  for (const int id : ids) {
+    PrintRecord* found = nullptr;
+    for (PrintRecord& r : *records) {
+      if (r.tag_id == id && (found == nullptr || earlier(*found, r))) found = &r;
+    }
+    if (found == nullptr) {
+      throw InputError(fmt::format("{}: tag {} was not printed here; see column tag_id", RecordFile(dir).string(), id));
+    }
+    newest.push_back(found);
+    if (found->family != newest.front()->family) {
+      throw OptionError(fmt::format("--ids: tag {} is of {}, tag {} of {}; enter one family at a time",
+                                    newest.front()->tag_id, newest.front()->family, id, found->family));
+    }
+  }
+  return newest;
+}
+
+// Lengths on the sheets that can be measured: "160 mm (the tags' edges) or 50 mm (the bars)".
+std::string LengthsText(const std::vector<PrintRecord*>& prints) {
+  std::set<double> sizes, bars;
+  for (const PrintRecord* r : prints) {
+    sizes.insert(r->size_mm);
+    if (r->bar_mm > 0) bars.insert(r->bar_mm);
+  }
+  const std::string edges = fmt::format("{:g} mm (the tags' edges)", fmt::join(sizes, ", "));
+  return bars.empty() ? edges : fmt::format("{:g} mm (the bars) or {}", fmt::join(bars, ", "), edges);
+}
+
+// What tags.yaml has for these tags and may be replaced: sizes that were asked for, or were entered by a measure.
+std::map<int, double> ReplaceableSizes(const fs::path& dir, const std::vector<PrintRecord*>& prints,
+                                       const std::vector<PrintRecord>& records) {
+  std::map<int, double> replaceable_m;
+  if (!fs::exists(dir / "tags.yaml")) return replaceable_m;
+  const std::map<int, double> listed_m = ReadTagSizes(dir / "tags.yaml").sizes_m;
+  for (const PrintRecord* print : prints) {
+    const auto listed = listed_m.find(print->tag_id);
+    if (listed == listed_m.end()) continue;
+    const bool ours = std::any_of(records.begin(), records.end(), [&](const PrintRecord& r) {
+      return r.tag_id == print->tag_id && std::abs(kMmPerM * (r.Declared() - listed->second)) < kSame_mm;
+    });
+    if (!ours) {
+      throw InputError(fmt::format(
+          "{}: tag {} is listed with {:.6g} m, which is neither the {:g} mm that were printed nor a measure "
+          "of it; an entry made by hand is not replaced: edit the file",
+          (dir / "tags.yaml").string(), print->tag_id, listed->second, print->size_mm));
+    }
+    replaceable_m[print->tag_id] = listed->second;
+  }
+  return replaceable_m;
 }
 
 }  // namespace
@@ -168,16 +325,21 @@ PrintOutcome PrintSheetsFor(const PrintRequest& request) {
   RequireFolder(request.dir);
   const std::string family = FamilyOf(request);
   const Pieces pieces = MakePieces(request, family);
-  const fs::path out = fs::absolute(request.out.empty() ? request.dir / "print" / (pieces.name + ".pdf") : request.out)
-                           .lexically_normal();
+  const fs::path out = Absolute(request.out.empty() ? request.dir / "print" / (pieces.name + ".pdf") : request.out);
+  if (out.extension() != ".pdf") {
+    throw OptionError(fmt::format("--out {}: expected the name of a file that ends in .pdf", request.out.string()));
+  }
   const ProjectLock lock(request.dir / "results");
   // What cannot be noted is not printed.
   const std::string old = OldTags(request.dir);
   const std::vector<PrintRecord> before = ReadRecords(request.dir);
-  TagsFileChange change;
-  if (!pieces.sizes_m.empty()) change = WithTagSizes(old, family, pieces.sizes_m, {}, request.dir / "tags.yaml");
-
   PrintOutcome outcome;
+  TagsFileChange change;
+  if (!pieces.sizes_m.empty()) {
+    const std::map<int, double> add = SizesToAdd(request, family, before, pieces.sizes_m, &outcome.warnings);
+    change = WithTagSizes(old, family, add, {}, request.dir / "tags.yaml");
+  }
+
   SheetOptions options = request.sheets;
   if (options.title.empty()) options.title = out.stem().string();
   for (const Artwork& artwork : pieces.artworks) {
@@ -198,7 +360,7 @@ PrintOutcome PrintSheetsFor(const PrintRequest& request) {
   std::vector<PrintRecord> records = before;
   const std::string now = UtcTimeText();
   for (const auto& [id, size] : pieces.sizes_m) {
-    records.push_back({now, RelativeTo(request.dir, out), family, id, kMmPerM * size, 0});
+    records.push_back({now, FromFolder(request.dir, out), family, id, kMmPerM * size, 0, outcome.sheets.bar_mm});
   }
   outcome.old = ReplaceInputFile(request.dir, "tags.yaml", change.text);
   outcome.entries_added = change.added;
@@ -208,57 +370,34 @@ PrintOutcome PrintSheetsFor(const PrintRequest& request) {
 
 MeasuredPrint EnterMeasuredPrint(const fs::path& dir, const std::vector<int>& ids,
                                  const std::vector<double>& measured_mm, double nominal_mm) {
-  constexpr double kLeastFactor = 0.8, kMostFactor = 1.25, kMostUneven = 0.01, kUneven = 0.002;
   RequireFolder(dir);
-  const double low = *std::min_element(measured_mm.begin(), measured_mm.end());
-  const double high = *std::max_element(measured_mm.begin(), measured_mm.end());
-  MeasuredPrint result;
-  result.factor = 0.5 * (low + high) / nominal_mm;
-  if (!(nominal_mm > 0 && low > 0) || result.factor < kLeastFactor || result.factor > kMostFactor) {
-    throw OptionError(
-        fmt::format("--measured {:g} --nominal {:g}: expected lengths of the same bar in mm, {:.0f} to "
-                    "{:.0f} % of each other",
-                    measured_mm.front(), nominal_mm, 100 * kLeastFactor, 100 * kMostFactor));
-  }
-  if (high - low > kMostUneven * nominal_mm) {
-    throw OptionError(
-        fmt::format("--measured {:g} {:g}: the print is stretched by {:.1f} % in one direction, its tags "
-                    "are not square; print it again",
-                    measured_mm.front(), measured_mm.back(), 100 * (high - low) / nominal_mm));
-  }
-  if (high - low > kUneven * nominal_mm) {
-    result.warnings.push_back(fmt::format("the bars differ by {:.2f} %; tags are taken as squares of the mean",
-                                          100 * (high - low) / nominal_mm));
-  }
   const ProjectLock lock(dir / "results");
   std::vector<PrintRecord> records = ReadRecords(dir);
-  if (records.empty()) {
-    throw InputError(RecordFile(dir).string() + ": nothing was printed yet; print tags first, then enter the measure");
+  const std::vector<PrintRecord*> prints = NewestPrints(dir, ids, &records);
+  const std::string lengths = LengthsText(prints);
+  if (!(nominal_mm > 0)) {
+    throw OptionError("--nominal: expected the length that was asked for of what was measured; on these sheets " +
+                      lengths);
   }
-  const PrintRecord newest = *std::max_element(records.begin(), records.end(),
-                                               [](const auto& a, const auto& b) { return a.printed <= b.printed; });
-  std::map<int, double> sizes_m, expected_m;
-  std::string family;
-  for (const int id : ids) {
-    if (std::none_of(records.begin(), records.end(), [&](const auto& r) { return r.tag_id == id; })) {
-      throw InputError(fmt::format("{}: tag {} was not printed here; see column tag_id", RecordFile(dir).string(), id));
-    }
+  MeasuredPrint result = FactorOf(measured_mm, nominal_mm);
+  const bool known = std::any_of(prints.begin(), prints.end(), [&](const PrintRecord* r) {
+    return r->bar_mm <= 0 || std::abs(r->bar_mm - nominal_mm) < kSame_mm ||
+           std::abs(r->size_mm - nominal_mm) < kSame_mm;
+  });
+  if (!known) {
+    result.warnings.push_back(fmt::format(
+        "--nominal {:g}: the sheets have {}; enter it again if another length was meant", nominal_mm, lengths));
   }
-  for (PrintRecord& r : records) {
-    const bool meant = ids.empty() ? r.printed == newest.printed && r.file == newest.file
-                                   : std::find(ids.begin(), ids.end(), r.tag_id) != ids.end();
-    if (!meant) continue;
-    if (!family.empty() && r.family != family) {
-      throw OptionError(fmt::format("--ids: tag {} is of {}, others are of {}; enter one family at a time", r.tag_id,
-                                    r.family, family));
-    }
-    family = r.family;
-    expected_m[r.tag_id] = r.Declared();
-    r.measured_mm = r.size_mm * result.factor;
-    sizes_m[r.tag_id] = r.Declared();
+  const std::map<int, double> replaceable_m = ReplaceableSizes(dir, prints, records);
+  std::map<int, double> sizes_m;
+  for (PrintRecord* print : prints) {
+    // To the digits that tags.yaml has.
+    const double steps_per_mm = print->size_mm * result.factor < 1000 ? 1000 : 100;
+    print->measured_mm = std::round(print->size_mm * result.factor * steps_per_mm) / steps_per_mm;
+    sizes_m[print->tag_id] = print->Declared();
   }
-  const std::string old = OldTags(dir);
-  const TagsFileChange change = WithTagSizes(old, family, sizes_m, expected_m, dir / "tags.yaml");
+  const TagsFileChange change =
+      WithTagSizes(OldTags(dir), prints.front()->family, sizes_m, replaceable_m, dir / "tags.yaml");
   result.old = ReplaceInputFile(dir, "tags.yaml", change.text);
   WriteRecords(dir, records);
   for (const auto& [id, size] : sizes_m) result.ids.push_back(id);

@@ -29,13 +29,15 @@ struct PrintOutcome {
   int entries_added = 0;      // to tags.yaml
   std::filesystem::path old;  // tags.yaml as it was, if it was there and changed
   std::vector<std::string> checks;
+  std::vector<std::string> warnings;  // where tags.yaml and the sheets differ
 };
 
 // "0-9,12" ascending and without repetition; throws OptionError.
 std::vector<int> ParseIds(const std::string& text);
 
-// Writes the PDF, then the entries of tags.yaml and a line for each tag in DIR/print/printed.csv. Throws OptionError,
-// InputError, IoError.
+// Writes the PDF, then the entries of tags.yaml and a line for each tag in DIR/print/printed.csv. A tag that was
+// printed in this size before keeps the entry it has, with a warning where that is another size (a measured one).
+// Throws OptionError, InputError (a tag that tags.yaml lists with another size), IoError.
 PrintOutcome PrintSheetsFor(const PrintRequest& request);
 
 struct MeasuredPrint {
@@ -46,8 +48,10 @@ struct MeasuredPrint {
 };
 
 // Writes what was measured on the paper into sizes_m: size = asked for * mean(measured) / nominal. `ids` empty: the
-// tags of the newest PDF. `measured_mm`: of the bar across, or of both bars. Throws OptionError (a factor nobody
-// prints with, bars that differ by over 1 %), InputError (nothing was printed, an entry that was changed by hand).
+// tags of the newest PDF; else the newest print of each. `measured_mm`: of a bar or tag's edge across, or across and
+// up. `nominal_mm`: of the same as printed; 0 throws OptionError naming the lengths on the sheets. Throws OptionError
+// (a factor nobody prints with, lengths that differ by over 1 %), InputError (nothing was printed, an entry that was
+// changed by hand).
 MeasuredPrint EnterMeasuredPrint(const std::filesystem::path& dir, const std::vector<int>& ids,
                                  const std::vector<double>& measured_mm, double nominal_mm);
 

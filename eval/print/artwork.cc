@@ -9,7 +9,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
 #include "eval/print/sheets.h"
-#include "eval/report/drawing.h"
+#include "eval/print/text_fit.h"
 #include "survey/tags/tag_family.h"
 
 namespace trigpoint {
@@ -18,11 +18,7 @@ namespace {
 constexpr double kMmPerM = 1e3;
 constexpr const char* kSoft = "#555555";
 
-// Letters so small that the text is no wider than `room`.
-double FittingSize(const std::string& text, double wanted, double room) {
-  constexpr double kSmallest = 0.9;
-  return std::max(kSmallest, std::min(wanted, wanted * room / std::max(1e-6, 1.12 * TextWidth(text, wanted))));
-}
+constexpr double kLineStep = 1.3;  // of lines of text, in letters
 
 // The printed cells of a tag and what white they need around them.
 struct TagPrint {
@@ -73,44 +69,80 @@ void AddTagInk(const TagPrint& print, const std::string& name, double x, double 
   }
 }
 
-// Above and below a tag's quiet zone (upper left corner at x, y): corner numbers, arrow, id, family and size.
+// What stands above and below a tag with its quiet zone: corner numbers, id between arrows; id in words, family, size.
 struct Labels {
+  double width = 0;  // of the tag's piece: wider than a tag that is narrower than its text
   double head = 0, foot = 0;
-  explicit Labels(double side) : head(std::clamp(0.055 * side, 6.0, 18.0)), foot(std::clamp(0.036 * side, 4.5, 12.0)) {}
+  double digit = 0, letters = 0;
+  bool beside = false;             // lines lie between the numbers of the lower corners, else below them
+  std::vector<std::string> lines;  // at the foot
+  double Edge() const { return 0.03 * width + 0.3; }
+  double Inset() const { return beside ? Edge() : 0.4; }  // of all text from the piece's left and right edge
+  double Between() const { return width - 2 * Edge() - 3 * digit; }
 };
 
-void AddLabels(const std::string& family, int id, double size_mm, double x, double y, double side, Artwork* artwork) {
-  const Labels labels(side);
-  const double digit = 0.42 * labels.head, centre = x + 0.5 * side, bottom = y + side;
-  const double edge = 0.03 * side + 0.3, room = side - 2 * edge - 3 * digit;
+Labels MakeLabels(const std::string& family, int id, double size_mm, double side) {
+  constexpr double kLeastWidth = 14, kLeastLetters = 1.4, kLeastBetween = 20;
+  Labels labels;
+  labels.width = std::max(side, kLeastWidth);
+  labels.head = std::clamp(0.055 * side, std::clamp(0.18 * side, 3.0, 6.0), 18.0);
+  labels.digit = std::max(kLeastLetters, 0.42 * labels.head);
+  labels.letters = std::clamp(0.02 * side, std::clamp(0.05 * side, kLeastLetters, 2.5), 6.6);
+  labels.beside = labels.Between() >= kLeastBetween;
+  const double room = labels.beside ? labels.Between() : labels.width - 2 * labels.Inset();
+  const std::string words = NumberInWords(id);
+  const std::string kind = fmt::format("{}   {:g}\u00a0mm   arrows\u00a0up", family, size_mm);
+  labels.lines = WrappedLines(words + "   " + kind, labels.letters, room);
+  if (labels.lines.size() > 1) {
+    labels.lines = WrappedLines(words, labels.letters, room);
+    for (const std::string& line : WrappedLines(kind, labels.letters, room)) labels.lines.push_back(line);
+  }
+  const double lines = kLineStep * labels.letters * static_cast<double>(labels.lines.size()) + 0.3 * labels.letters;
+  labels.foot = labels.beside ? std::max(1.3 * labels.digit, lines) : 1.2 * labels.digit + lines;
+  return labels;
+}
+
+// The id between two arrows, with y on its baseline, no wider than `room`.
+void AddName(int id, double centre, double base, double wanted, double room, Artwork* artwork) {
+  constexpr double kLeast = 1.4, kArrows = 2.7;  // width of both arrows, in letters
+  std::string name = fmt::format("tag {}", id);
+  const auto fitted = [&] { return FittedSize(name, wanted, room - kArrows * wanted, true); };
+  double letters = fitted();
+  if (letters < kLeast) {
+    name = std::to_string(id);
+    letters = fitted();
+  }
+  artwork->texts.push_back({centre, base, letters, 0, true, "#000000", name});
+  const double half = 0.5 * PrintedWidth(name, letters, true);
+  for (const double sign : {-1.0, 1.0}) {
+    const double x = centre + sign * (half + letters), tip = base - 0.78 * letters, w = 0.35 * letters;
+    artwork->areas.push_back({{x, tip},
+                              {x + w, tip + 1.2 * w},
+                              {x + 0.35 * w, tip + 1.2 * w},
+                              {x + 0.35 * w, base},
+                              {x - 0.35 * w, base},
+                              {x - 0.35 * w, tip + 1.2 * w},
+                              {x - w, tip + 1.2 * w}});
+  }
+}
+
+// x, y: upper left corner of the part of the piece between head and foot; `side` is its height.
+void AddLabels(int id, const Labels& labels, double x, double y, double side, Artwork* artwork) {
+  const double centre = x + 0.5 * labels.width, bottom = y + side, digit = labels.digit, edge = labels.Edge();
   const auto corner = [&](int k, bool right, bool upper) {
-    artwork->texts.push_back({right ? x + side - edge : x + edge, upper ? y - 0.25 * digit : bottom + digit, digit,
-                              right ? 1 : -1, false, kSoft, std::to_string(k)});
+    artwork->texts.push_back({right ? x + labels.width - edge : x + edge, upper ? y - 0.25 * digit : bottom + digit,
+                              digit, right ? 1 : -1, false, kSoft, std::to_string(k)});
   };
   corner(3, false, true);
   corner(2, true, true);
   corner(0, false, false);
   corner(1, true, false);
-  // Two lines above: the id with an arrow, and the id in words.
-  const std::string name = fmt::format("tag {}", id), words = NumberInWords(id);
-  const double name_size = FittingSize(name, 0.5 * labels.head, 0.7 * room);
-  const double words_size = FittingSize(words, 0.3 * labels.head, room);
-  const double base = y - 0.48 * labels.head, half = 0.5 * TextWidth(name, name_size);
-  artwork->texts.push_back({centre, base, name_size, 0, true, "#000000", name});
-  artwork->texts.push_back({centre, y - 0.12 * labels.head, words_size, 0, false, kSoft, words});
-  for (const double side_sign : {-1.0, 1.0}) {  // an arrow on either side of the id
-    const double ax = centre + side_sign * (half + name_size), tip = base - 0.78 * name_size, w = 0.35 * name_size;
-    artwork->areas.push_back({{ax, tip},
-                              {ax + w, tip + 1.2 * w},
-                              {ax + 0.35 * w, tip + 1.2 * w},
-                              {ax + 0.35 * w, base},
-                              {ax - 0.35 * w, base},
-                              {ax - 0.35 * w, tip + 1.2 * w},
-                              {ax - w, tip + 1.2 * w}});
+  AddName(id, centre, y - 0.25 * labels.head, 0.55 * labels.head, labels.Between(), artwork);
+  double base = bottom + (labels.beside ? 0 : 1.2 * digit) + labels.letters;
+  for (const std::string& line : labels.lines) {
+    artwork->texts.push_back({centre, base, labels.letters, 0, false, kSoft, line});
+    base += kLineStep * labels.letters;
   }
-  const std::string below = fmt::format("{}   {:g} mm   arrows up", family, size_mm);
-  artwork->texts.push_back(
-      {centre, bottom + 0.62 * labels.foot, FittingSize(below, 0.55 * labels.foot, room), 0, false, kSoft, below});
 }
 
 void RequireSize(double size_mm, const std::string& what) {
@@ -124,17 +156,21 @@ std::string TagName(int id) { return fmt::format("tag {}", id); }
 
 }  // namespace
 
-PaperSize PaperNamed(const std::string& text) {
+const std::vector<PaperSize>& KnownPapers() {
   static const std::vector<PaperSize> known = {
       {"A0", 841, 1189},       {"A1", 594, 841},         {"A2", 420, 594}, {"A3", 297, 420},
       {"A4", 210, 297},        {"A5", 148, 210},         {"A6", 105, 148}, {"Letter", 215.9, 279.4},
       {"Legal", 215.9, 355.6}, {"Tabloid", 279.4, 431.8}};
+  return known;
+}
+
+PaperSize PaperNamed(const std::string& text) {
   const auto lower = [](std::string s) {
     for (char& c : s) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
     return s;
   };
   std::vector<std::string> names;
-  for (const PaperSize& paper : known) {
+  for (const PaperSize& paper : KnownPapers()) {
     if (lower(paper.name) == lower(text)) return paper;
     names.push_back(paper.name);
   }
@@ -143,9 +179,11 @@ PaperSize PaperNamed(const std::string& text) {
     const auto width = ParseDouble(text.substr(0, cross)), height = ParseDouble(text.substr(cross + 1));
     constexpr double kLeast = 60, kMost = 5000;
     if (width && height && std::min(*width, *height) >= kLeast && std::max(*width, *height) <= kMost) {
-      return {text, *width, *height};
+      return {fmt::format("{:g}x{:g} mm", *width, *height), *width, *height};
     }
-    throw OptionError("paper '" + text + "': expected WIDTHxHEIGHT in mm, each 60 to 5000, as 600x900");
+    throw OptionError("paper '" + text +
+                      "': expected WIDTHxHEIGHT in mm, each 60 to 5000, as 600x900; the smallest paper with a name is "
+                      "A6, 105x148");
   }
   throw OptionError("paper '" + text +
                     "': expected A0 to A6, Letter, Legal, Tabloid, or WIDTHxHEIGHT in mm; nearest: '" +
@@ -176,14 +214,16 @@ Artwork TagArtwork(const std::string& family, int id, double size_mm) {
   RequireSize(size_mm, "size of a tag");
   const TagPrint print = MakeTagPrint(TagFamily(family), id, size_mm);
   const double side = print.Side();
-  const Labels labels(side);
+  const Labels labels = MakeLabels(family, id, size_mm, side);
   Artwork artwork;
   artwork.title = fmt::format("tag {} ({})", id, NumberInWords(id));
-  artwork.width_mm = side;
+  artwork.width_mm = labels.width;
   artwork.height_mm = labels.head + side + labels.foot;
-  artwork.white_mm = print.quiet_mm;
-  AddTagInk(print, TagName(id), print.quiet_mm, labels.head + print.quiet_mm, &artwork);
-  AddLabels(family, id, size_mm, 0, labels.head, side, &artwork);
+  artwork.edge_mm = size_mm;
+  const double x = 0.5 * (labels.width - print.Ink());
+  artwork.white_mm = std::min(x, labels.Inset());
+  AddTagInk(print, TagName(id), x, labels.head + print.quiet_mm, &artwork);
+  AddLabels(id, labels, 0, labels.head, side, &artwork);
   const char* what = print.first == 1 ? "edge of the black square" : "edge from corner 0 to corner 1";
   artwork.checks.push_back(
       fmt::format("{}: {:.1f} mm, diagonals both {:.1f} mm", what, size_mm, std::sqrt(2.0) * size_mm));
@@ -195,27 +235,33 @@ Artwork ScaleBarArtwork(const std::string& family, int first_id, int second_id, 
   const TagFamily codes(family);
   const TagPrint left = MakeTagPrint(codes, first_id, size_mm), right = MakeTagPrint(codes, second_id, size_mm);
   const double side = left.Side();
-  if (!(length_mm >= side)) {
-    throw OptionError(fmt::format("scale bar of {:g} mm: the tags' quiet zones overlap; expected at least {:.0f} mm",
-                                  length_mm, std::ceil(side)));
+  const Labels first = MakeLabels(family, first_id, size_mm, side);
+  const Labels second = MakeLabels(family, second_id, size_mm, side);
+  if (!(length_mm >= first.width)) {
+    throw OptionError(
+        fmt::format("scale bar of {:g} mm with tags of {:g} mm: expected at least {:.0f} mm from centre to centre, the "
+                    "tags' quiet zones overlap; take a longer bar (--length) or smaller tags (--size)",
+                    length_mm, size_mm, std::ceil(first.width)));
   }
-  const Labels labels(side);
+  constexpr double kLineStrip = 12, kTick = 4, kLetters = 3;
   Artwork artwork;
   artwork.title = fmt::format("scale bar, tags {} and {}", first_id, second_id);
-  artwork.width_mm = side + length_mm;
-  artwork.height_mm = labels.head + side + labels.foot + 12;
-  artwork.white_mm = left.quiet_mm;
-  const double y = labels.head + left.quiet_mm;
-  AddTagInk(left, TagName(first_id), left.quiet_mm, y, &artwork);
-  AddTagInk(right, TagName(second_id), left.quiet_mm + length_mm, y, &artwork);
-  AddLabels(family, first_id, size_mm, 0, labels.head, side, &artwork);
-  AddLabels(family, second_id, size_mm, length_mm, labels.head, side, &artwork);
+  artwork.width_mm = first.width + length_mm;
+  artwork.height_mm = first.head + side + std::max(first.foot, second.foot) + kLineStrip;
+  artwork.edge_mm = size_mm;
+  const double x = 0.5 * (first.width - left.Ink()), y = first.head + left.quiet_mm;
+  artwork.white_mm = std::min(x, first.Inset());
+  AddTagInk(left, TagName(first_id), x, y, &artwork);
+  AddTagInk(right, TagName(second_id), x + length_mm, y, &artwork);
+  AddLabels(first_id, first, 0, first.head, side, &artwork);
+  AddLabels(second_id, second, length_mm, first.head, side, &artwork);
   // The distance that is measured: from centre to centre, on a line below.
-  const double a = 0.5 * side, b = a + length_mm, line = artwork.height_mm - 5;
+  const double a = 0.5 * first.width, b = a + length_mm, line = artwork.height_mm - 5;
   artwork.lines.push_back({a, line, b, line});
-  for (const double x : {a, b}) artwork.lines.push_back({x, line - 4, x, line + 4});
-  artwork.texts.push_back({0.5 * (a + b), line - 1.5, 3, 0, false, kSoft,
-                           fmt::format("centre to centre {:g} mm   measured: ____________ mm", length_mm)});
+  for (const double end : {a, b}) artwork.lines.push_back({end, line - kTick, end, line + kTick});
+  const std::string text = fmt::format("centre to centre {:g} mm   measured: ____________ mm", length_mm);
+  artwork.texts.push_back(
+      {0.5 * (a + b), line - 1.5, FittedSize(text, kLetters, length_mm - 2), 0, false, kSoft, text});
   artwork.checks.push_back(fmt::format("distance of the centres: {:.1f} mm", length_mm));
   artwork.checks.push_back(fmt::format("edge of each tag: {:.1f} mm", size_mm));
   return artwork;
@@ -223,11 +269,13 @@ Artwork ScaleBarArtwork(const std::string& family, int first_id, int second_id, 
 
 Artwork BoardArtwork(const Target& target) {
   const BoardInk ink = InkOfBoard(target);
-  const double quiet = kMmPerM * ink.quiet_m, foot = 7;
+  constexpr double kLetters = 3.2;
+  const double quiet = kMmPerM * ink.quiet_m;
   Artwork artwork;
   artwork.title = target.Text();
   artwork.width_mm = kMmPerM * ink.width_m + 2 * quiet;
-  artwork.height_mm = kMmPerM * ink.height_m + 2 * quiet + foot;
+  const std::vector<std::string> lines = WrappedLines(target.Text(), kLetters, kMmPerM * ink.width_m);
+  artwork.height_mm = kMmPerM * ink.height_m + 2 * quiet + kLineStep * kLetters * static_cast<double>(lines.size()) + 2;
   artwork.white_mm = quiet;
   for (const InkBox& box : ink.boxes) {
     artwork.boxes.push_back(
@@ -240,8 +288,11 @@ Artwork BoardArtwork(const Target& target) {
     const Eigen::Vector2d p = kMmPerM * ink.points[k];
     artwork.points.push_back({"board", static_cast<int>(k), quiet + p.x(), quiet + p.y()});
   }
-  artwork.texts.push_back({0.5 * artwork.width_mm, artwork.height_mm - 2.5,
-                           FittingSize(target.Text(), 3.2, artwork.width_mm - 6), 0, false, kSoft, target.Text()});
+  double base = kMmPerM * ink.height_m + 2 * quiet + kLetters;
+  for (const std::string& line : lines) {
+    artwork.texts.push_back({0.5 * artwork.width_mm, base, kLetters, 0, false, kSoft, line});
+    base += kLineStep * kLetters;
+  }
   artwork.checks.push_back(
       fmt::format("width of the ink: {:.1f} mm, height: {:.1f} mm", kMmPerM * ink.width_m, kMmPerM * ink.height_m));
   return artwork;

@@ -15,7 +15,9 @@ struct PaperSize {
   std::string name = "A4";
   double width_mm = 210, height_mm = 297;
 };
-// A0 to A6, Letter, Legal, Tabloid (any case), or WIDTHxHEIGHT in mm. Throws OptionError.
+// A0 to A6, Letter, Legal, Tabloid.
+const std::vector<PaperSize>& KnownPapers();
+// One of these (any case), or WIDTHxHEIGHT in mm. Throws OptionError.
 PaperSize PaperNamed(const std::string& text);
 
 // "twelve", "three hundred and five": an id as it is read aloud. 0 to 999999.
@@ -46,6 +48,7 @@ struct Artwork {
   std::string title;  // "tag 12 (twelve)"
   double width_mm = 0, height_mm = 0;
   double white_mm = 0;  // at its left and right edge, that may lie where a printer cannot print
+  double edge_mm = 0;   // of a tag: its size, that a ruler can measure across and up; 0: none
   std::vector<InkBox> boxes;
   std::vector<InkCircle> circles;
   std::vector<ArtworkLine> lines;
@@ -84,6 +87,9 @@ struct PrintedSheets {
   int per_sheet = 0;  // pieces on a full sheet
   int tiles = 0;      // sheets of one piece, if one is larger than the paper
   double bar_mm = 0;  // length of the measuring bars
+  // What is measured across and up most exactly: the bars, or a tag's edges where these are longer.
+  double measure_mm = 0;
+  std::string one_sheet;  // where pieces are cut: the smallest paper with a name on which none is; empty: there is none
   std::vector<PrintedPoint> points;
 };
 
@@ -92,9 +98,14 @@ struct PlaceRow {
   std::string tag, family, size_mm;
 };
 
+// What a reading of a ruler to half a millimetre is of a length, in percent.
+double ReadingPercent(double length_mm);
+
 // Pieces that fit on the paper are laid out in a grid with lines to cut along, larger ones are cut into sheets with
-// crop marks after a sheet that shows how they go together; every sheet has a measuring bar both ways. The last pages
-// are a form for `places`, if there are any. Throws OptionError (paper too small for its margins), IoError.
+// crop marks after a sheet that shows how they go together. Every sheet has a measuring bar both ways, of the longest
+// multiple of 10 mm that fits both ways, at most 500 mm (of which half a millimetre is 0.1 %); of a cut sheet the
+// distances of its crop marks are stated. The last pages are a form for `places`, if there are any. Throws OptionError
+// (paper too small for its margins or for a piece in at most 200 sheets; the message names paper that is not), IoError.
 PrintedSheets WriteSheets(const std::vector<Artwork>& artworks, const std::vector<PlaceRow>& places,
                           const SheetOptions& options, const std::filesystem::path& file);
 

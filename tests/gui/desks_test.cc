@@ -309,7 +309,7 @@ TEST_F(DesksTest, OptionFormsSayRangesAndTheCommandLineFollows) {
 
 TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
   for (const char* desk : {"overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas",
-                           "calibration", "check"}) {
+                           "calibration", "print", "check"}) {
     window_->ShowDesk(desk);
     EXPECT_EQ(window_->desk(), desk);
     for (QWidget* widget : window_->findChildren<QWidget*>()) {
@@ -402,7 +402,8 @@ TEST(BrokenProjects, OpenAsFarAsTheyCan) {
   EXPECT_TRUE(WaitFor([&] { return window->problem()->isVisible(); }));
   EXPECT_THAT(window->problem()->sentence().toStdString(), HasSubstr("trigpoint.yaml:1"));
   EXPECT_FALSE(window->tree()->findItems("S2", Qt::MatchExactly | Qt::MatchRecursive).isEmpty());
-  for (const char* desk : {"scene", "images", "tables", "compare", "review", "panoramas", "calibration", "check"}) {
+  for (const char* desk :
+       {"scene", "images", "tables", "compare", "review", "panoramas", "calibration", "print", "check"}) {
     window->ShowDesk(desk);
     QTest::qWait(100);
   }

@@ -1,5 +1,5 @@
 // Forms: options in groups that are found by a word, choices as boxes, errors at the field, a question before something
-// long is computed again; exports, prints and help from the menus.
+// long is computed again; exports and help from the menus.
 #include <gmock/gmock.h>
 
 #include <QAction>
@@ -124,28 +124,6 @@ TEST_F(FormsTest, ResultsAreExportedFromTheMenu) {
   Click(dialog, "action.close");
 }
 
-TEST_F(FormsTest, SheetsArePrintedAndWhatIsWrongIsSaid) {
-  MenuAction("Print tags and boards ...")->trigger();
-  auto* dialog = Child<ActionDialog>(window_.get(), "action.print");
-  QSignalSpy done(dialog, &ActionDialog::Done);
-  Type(dialog, "option.ids", "60-61");
-  Type(dialog, "option.size", "500");  // as tags.yaml has it
-  Click(dialog, "action.run");
-  ASSERT_TRUE(WaitFor([&] { return done.count() == 1; }));
-  auto* outcome = Child<QPlainTextEdit>(dialog, "action.outcome");
-  EXPECT_TRUE(done[0][0].toBool()) << outcome->toPlainText().toStdString();
-  EXPECT_THAT(outcome->toPlainText().toStdString(), HasSubstr(".pdf"));
-  Type(dialog, "option.ids", "60-");
-  Click(dialog, "action.run");
-  ASSERT_TRUE(WaitFor([&] { return done.count() == 2; }));
-  EXPECT_FALSE(done[1][0].toBool());
-  EXPECT_THAT(outcome->toPlainText().toStdString(), HasSubstr("60-"));
-  Type(dialog, "option.size", "1");
-  EXPECT_FALSE(Child<QAbstractButton>(dialog, "action.run")->isEnabled());
-  Click(dialog, "action.close");
-  QFile::remove(Path("print/printed.csv"));
-}
-
 TEST_F(FormsTest, PhotosAreImportedFromTheMenu) {
   const QTemporaryDir photos;
   ASSERT_TRUE(QFile::copy(Path("panoramas/p000.jpg"), photos.filePath("a.jpg")));
@@ -176,6 +154,8 @@ TEST_F(FormsTest, PlansAndCrossChecksAreStagesOfTheRunDesk) {
   EXPECT_NE(qobject_cast<QComboBox*>(Option("suggest")), nullptr);
   MenuAction("Cross-check with COLMAP ...")->trigger();
   EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("trigpoint crosscheck"));
+  MenuAction("Print tags and boards ...")->trigger();
+  EXPECT_EQ(window_->desk(), "print");
 }
 
 TEST_F(FormsTest, HelpListsEveryShortcutOfTheMenus) {

@@ -23,7 +23,7 @@ namespace {
 using testing::HasSubstr;
 
 constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",      "tables", "charts",
-                                  "compare",  "review", "panoramas", "calibration", "check"};
+                                  "compare",  "review", "panoramas", "calibration", "print",  "check"};
 
 class MendedTest : public ResultsWindowTest {};
 

@@ -27,7 +27,7 @@ constexpr int kActions = 100;
 constexpr unsigned kSeed = 20260;
 constexpr double kRounding = 0.00056;  // three decimals on the card, four in the table
 constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",      "tables", "charts",
-                                  "compare",  "review", "panoramas", "calibration", "check"};
+                                  "compare",  "review", "panoramas", "calibration", "print",  "check"};
 
 class RandomSession : public testing::Test {
  protected:
