@@ -34,8 +34,8 @@ Sim3d Moved(const Sim3d& s, const Vector7d& d) {
 
 // Rows of one observation: position (3), then heading, pitch, roll. Sigma 0 marks a row that is not observed.
 struct Rows {
-  Vector6d r = Vector6d::Zero();                                        // predicted - said
-  Vector6d sigma = Vector6d::Zero();                                    // of what is said
+  Vector6d r = Vector6d::Zero();                                        // predicted - stated
+  Vector6d sigma = Vector6d::Zero();                                    // of what is stated
   Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();  // d r / d global
   Matrix6d jo = Matrix6d::Zero();                                       // d r / d odom_from_rig
 };
@@ -55,7 +55,7 @@ Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
   if (o.has_heading || o.has_tilt) {
     const Eigen::Quaterniond world_from_rig = s.rotation * o.odom_from_rig.rotation;
     const Attitude a = AttitudeOf(world_from_rig);
-    // Looking straight up or down there is no heading: such a view says nothing here.
+    // A view straight up or down has no heading: its attitude is not used.
     if (std::cos(a.pitch_rad) > 0.05) {
       const Eigen::Matrix3d ja = AttitudeJacobian(world_from_rig);
       rows.r.tail<3>() << WrapAngle(a.heading_rad - o.attitude.heading_rad),
@@ -69,8 +69,8 @@ Rows Evaluate(const GeoObservation& o, const Sim3d& s) {
   return rows;
 }
 
-// Dynamic covariance scaling: evidence within the knee keeps all its weight, so that the covariance of a fit without
-// outliers is that of least squares.
+// Dynamic covariance scaling: evidence below the threshold keeps its full weight, so that the covariance of a fit
+// without outliers is that of least squares.
 double RobustWeight(double s, double knee) { return s <= knee ? 1.0 : std::pow(2 * knee / (knee + s), 2); }
 
 // Dynamic covariance scaling's cost, whose weight is RobustWeight.
@@ -189,7 +189,7 @@ std::vector<Sim3d> EarthFit::Guesses() const {
   for (size_t a = 0; a < obs_.size(); ++a) {
     const GeoObservation& o = obs_[a];
     if (!o.has_position) continue;
-    // One reference with its attitude says it all.
+    // One reference with position and attitude fixes rotation and translation.
     if (o.has_heading) {
       Sim3d s;
       s.scale = scale_prior_;
@@ -395,7 +395,7 @@ std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution
 
 std::vector<EarthSolution> SolveFromStarts(const EarthFit& fit, const std::vector<Sim3d>& guesses,
                                            const std::vector<GeoObservation>& obs) {
-  // A geotag far off draws the first solution away if it has full weight; so every start weighs it by its own fit.
+  // At full weight a wrong geotag shifts the first solution, so every start weighs geotags by its own residuals.
   std::vector<EarthSolution> solutions = {fit.Solve(guesses.front(), false)};
   size_t starts = 0;
   for (const Sim3d& guess : guesses) {
@@ -421,13 +421,14 @@ struct OtherScale {
   // Too far off for drift, and surely so.
   bool IsUnit() const { return std::abs(std::log(factor)) > kMostScale && IsSure(); }
   bool IsSure() const { return Excess() > 5; }
+  double LeastSigma() const { return IsSure() ? 0.5 * std::abs(factor - 1) : 0; }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
   std::string Describe() const {
     const std::string unit = IsSure() ? UnitOfLength(factor, std::max(0.02, 3 * sigma / factor)) : "";
     return fmt::format(
-        "the geotags agree with each other if odometry is {:.4g} +- {:.2g} times as long as it states, which its "
-        "scale_sigma of {:g} does not allow{}state odometry: scale_sigma in run.yaml",
+        "the geotags agree with each other only if true lengths are {:.4g} +- {:.2g} times those of odometry, which "
+        "its scale_sigma of {:g} does not allow{}enter a larger odometry: scale_sigma in run.yaml",
         factor, sigma, stated_sigma,
         unit.empty() ? "; " : ": it seems to be in " + unit + "; convert its positions to metres, or ");
   }
@@ -457,9 +458,10 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   return scale;
 }
 
-// The scale's sigma becomes `times` as large; what depends on the scale follows.
-void WidenScale(double times, Matrix7d* covariance) {
+// The scale's sigma becomes `times` as large, and `least` at least; what depends on the scale follows.
+void WidenScale(double times, double least, Matrix7d* covariance) {
   const Vector7d scale = covariance->col(6);
+  times = std::max(times, least / std::sqrt(scale(6)));
   if (times > 1) *covariance += (times * times - 1) / scale(6) * scale * scale.transpose();
 }
 
@@ -469,8 +471,7 @@ std::string NoDirection(size_t geotags) {
   }
   return fmt::format(
       "none of {} localized geotags or GPS fixes has a heading, and they lie within {} m of each other: they do not "
-      "fix "
-      "the run's direction",
+      "fix the run's direction",
       geotags, kApart_m);
 }
 
@@ -525,13 +526,14 @@ std::string Remarks(const std::optional<OtherScale>& other, double excess, doubl
   if (other) {
     reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
                                                "geotags', and its sigma covers both"
-                                             : "; the scale is taken from the geotags");
+                                             : ", or check the geotags and the calibration; the scale is taken from "
+                                               "the geotags, with half of the disagreement as its sigma");
   }
   if (factor > 1) {
     reason += (reason.empty() ? "" : "; ") +
               fmt::format(
-                  "most geotags are farther off than their sigmas allow; the result's sigmas are {:.1f} "
-                  "times larger for it",
+                  "most geotags are farther off than their sigmas allow; the result's sigmas are "
+                  "multiplied by {:.1f}",
                   factor);
   }
   return reason;
@@ -573,7 +575,8 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return result;
   }
   // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the
-  // factor that makes them agree (Birge's ratio, as in adjustments of constants).
+  // factor that makes them agree (Birge's ratio, as in adjustments of constants). Where it is large, the geotags are
+  // believed, but a wrong calibration bends a run so that they seem to agree: the sigma still reaches half way back.
   const double excess = other && !other->IsSure() ? other->Excess() : 1;
   const double used_sigma = other && other->IsSure() ? scale_prior : excess * scale_sigma;
   const EarthFit used(obs, odom_covariance, scale_prior, used_sigma, tilt_sigma, options);
@@ -601,7 +604,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   result.reason = Remarks(other, excess, factor);
   result.solved = true;
   used.Describe(*best, &result);
-  WidenScale(excess, &result.covariance);
+  WidenScale(excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
   result.covariance *= factor * factor;
   return result;
 }
@@ -613,7 +616,7 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
                                 const GeoRegistrationOptions& options) {
   GeoRegistration result = Register(obs, odom_covariance, scale_prior, scale_sigma, levelled, options);
   if (result.tilts < 2 || 2 * result.wrong_tilts <= result.tilts) return result;
-  // One panorama may be wrong by accident; most of them are wrong because of how the table was made.
+  // A single wrong panorama may be chance; if most are wrong, the table was made with another convention.
   const std::string said = fmt::format(
       "pitch and roll of {} of {} geotags contradict the run and each other; pitch and roll are not used; check "
       "pitch_deg, roll_deg and sigma_tilt_deg",
@@ -711,7 +714,7 @@ std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& obse
   const Sim3d fit = AlignPoints(places, said, AlignmentKind::kYawTranslation);
   std::vector<double> off;
   for (size_t i = 0; i < said.size(); ++i) off.push_back((fit * places[i] - said[i]).head<2>().norm());
-  // A map that does not fit the places says nothing of the headings.
+  // A fit that does not match the positions cannot test the headings.
   if (Median(off) > 0.2 * ReachOf(said)) return std::nullopt;
   struct Reading {
     const char* what;
@@ -723,7 +726,7 @@ std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& obse
       {"counter-clockwise from north", -1, 0},
       {"counter-clockwise from east", -1, 0.5 * EIGEN_PI},
       {"clockwise from east", 1, 0.5 * EIGEN_PI},
-      {"clockwise from south (as of what lies behind)", 1, EIGEN_PI},
+      {"clockwise from south (the direction behind the camera)", 1, EIGEN_PI},
       {"clockwise from west", 1, -0.5 * EIGEN_PI},
       {"in radians", 1, 0, kRadToDeg},
   };

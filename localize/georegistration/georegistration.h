@@ -22,10 +22,11 @@ struct GeoRegistrationOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.use_gps, {"use_gps", "", 0, 0, "GPS: never, always, auto (only without geotagged references)"});
-    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "a geotag beyond it is an outlier: chi-square, 3 dof"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "a geotag above this chi-square (3 dof) is an outlier"});
     visit(self.loss_chi2, {"loss_chi2", "", 0.1, 10000, "scale of the robust kernel: chi-square, 3 dof"});
-    visit(self.tilt_sigma_deg, {"tilt_sigma_deg", "deg", 0.001, 90, "how level an undeclared odometry frame is"});
-    visit(self.gps_correlation_s, {"gps_correlation_s", "s", 0, 3600, "GPS fixes closer than this count once"});
+    visit(self.tilt_sigma_deg,
+          {"tilt_sigma_deg", "deg", 0.001, 90, "tilt of an odometry frame that is not declared level, 1 sigma"});
+    visit(self.gps_correlation_s, {"gps_correlation_s", "s", 0, 3600, "GPS fixes within this time count as one"});
     visit(self.iterations, {"iterations", "", 1, 1000, "iterations at most"});
   }
   std::vector<std::string> Check() const;

@@ -88,7 +88,7 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
   const std::vector<Offset> offsets = OffsetsOf(problem, gps, geo->world_from_odom);
   const double far = MedianOf(offsets, [](const Offset& o) { return o.difference.head<2>().norm(); });
   const double up = MedianOf(offsets, [](const Offset& o) { return o.difference.z(); });
-  // The places of the fit are known to its covariance, too.
+  // The run's positions have the fit's own uncertainty, too.
   const Eigen::Matrix3d own = geo->covariance.block<3, 3>(3, 3);
   const double sigma_h =
       std::hypot(MedianOf(offsets, [](const Offset& o) { return o.sigma_h_m; }), std::sqrt(own(0, 0) + own(1, 1)));
@@ -126,7 +126,7 @@ void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gp
   Say(fmt::format("{} GPS fixes contradict the run's shape, by {:.1f} times their sigmas in the median; {}", gps.size(),
                   misfit,
                   mirrored      ? "they fit if east and west are exchanged; check the longitudes and odometry"
-                  : geo->solved ? "the result's sigmas are that much larger for it"
+                  : geo->solved ? "the result's sigmas are multiplied by that factor"
                                 : "check latitude, longitude, sigmas, time and odometry"),
       geo);
 }

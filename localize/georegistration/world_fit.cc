@@ -97,7 +97,7 @@ class Fitter {
   void AddGeotags(const GeoStart& start, WorldFit* fit);
   void AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit);
   BundleSummary Solve() { return SolveBundle(p_, bundle_, progress_, cancel_); }
-  // Without robust kernels but those of geotags and GPS: what is right may be many sigmas off.
+  // With robust kernels for geotags and GPS only: at the start, correct observations may be many sigmas off.
   void SolveFromFarOff(const std::vector<PoseFactor>& links);
   // With the corners' own noise, and without tags that contradict the map.
   void SolveWithMap(WorldFit* fit, BundleSummary* summary);
@@ -143,7 +143,7 @@ class Fitter {
 
 void Fitter::AddFrame(const Rigid3d& world_from_odom, WorldFit* fit) {
   fit->frame = frame_ = AddPose(world_from_odom);
-  // What nothing shows stays within reach: the tilt as odometry has it, the height within 10 km.
+  // Weak priors for what no observation fixes: the tilt as in odometry, the height within 10 km.
   const Eigen::Matrix3d r = world_from_odom.rotation.toRotationMatrix();
   PoseFactor level;
   level.a = frame_;
@@ -288,8 +288,8 @@ void Fitter::SolveWithMap(WorldFit* fit, BundleSummary* summary) {
   }
   if (2 * fit->left_out.size() > fit->left_out.size() + fit->map_tags.size()) {
     fit->warnings.push_back(
-        fmt::format("{} of {} tags that the run shows stand elsewhere than in the map: is it this "
-                    "site's, and of this time?",
+        fmt::format("{} of {} tags in the run's images stand elsewhere than in the map: check that "
+                    "the map is of this site and that its tags were not moved since",
                     fit->left_out.size(), fit->left_out.size() + fit->map_tags.size()));
   }
   fit->solved = true;
@@ -343,7 +343,7 @@ void Fitter::WeighCorners() {
 }
 
 bool Fitter::LeaveOutWorst(WorldFit* fit) {
-  constexpr size_t kLeast = 2;  // of two that contradict each other nobody knows which
+  constexpr size_t kLeast = 2;  // if two contradict each other, the wrong one is unknown
   if (in_map_.size() <= kLeast) return false;
   // Residuals v of the map's tags with their cofactors (Baarda 1968): e = map - adjusted, Qvv = C - A Q A'. A fault of
   // one tag: T = (P v)' (P Qvv P)^-1 (P v), its six rows each.
@@ -367,8 +367,8 @@ bool Fitter::LeaveOutWorst(WorldFit* fit) {
   const int id = evidence_.tags[in_map_[which]].id;
   fit->left_out.push_back(id);
   fit->warnings.push_back(
-      fmt::format("tag {} does not stand where the map has it, by this run's images (chi-square {:.0f} of 6, limit "
-                  "{:.0f}): it is left out of the map",
+      fmt::format("this run's images show tag {} at another place than the map (chi-square {:.0f} with 6 degrees of "
+                  "freedom, limit {:.0f}): the tag is left out of the map",
                   id, worst, kMovedChi2));
   in_map_.erase(in_map_.begin() + static_cast<std::ptrdiff_t>(which));
   SetMap();

@@ -241,9 +241,8 @@ std::optional<std::string> FindJump(const LocalizeInput& input, const std::strin
   const Rigid3d step = input.odom_from_body[pose].Inverse() * input.odom_from_body[pose + 1];
   return fmt::format(
       "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
-      "contradict; "
-      "expected a continuous motion without corrections by GPS or loops. Option check_conventions=false goes on as it "
-      "is",
+      "contradict; expected a continuous motion without corrections by GPS or loops. Option check_conventions=false "
+      "skips this check",
       odometry, 1e-9 * static_cast<double>(input.pose_stamps[pose]),
       1e-9 * static_cast<double>(input.pose_stamps[pose + 1]), step.translation.norm(),
       AngleBetween(step.rotation, Eigen::Quaterniond::Identity()) * kRadToDeg);
@@ -268,10 +267,10 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
   }
   if (v.better.empty()) {
     text +=
-        "; no other order, axis, sign or inverse agrees, either: check the file, its time (odometry: "
+        "; no other order, axis, sign or inverse agrees: check the file, its time (odometry: "
         "time_offset_s in run.yaml) and T_cam_imu of camchain.yaml";
   }
-  return text + ". Option check_conventions=false goes on as it is";
+  return text + ". Option check_conventions=false skips this check";
 }
 
 // Odometry that turns as the images do, but at other times.
@@ -288,9 +287,10 @@ std::optional<OdometryClock> FindClock(const LocalizeInput& input, const Traject
 
 std::string OtherClock(const OdometryClock& clock, const std::string& odometry) {
   return fmt::format(
-      "{}: its clock is {:+.2f} s off the images' (1 sigma {:.2f} s): shifted so, it turns as the images do (median "
-      "difference {:.2f} deg, without {:.2f} deg); expected one clock: write odometry: {{time_offset_s: {:.2f}}} into "
-      "run.yaml, added to what stands there. Option check_conventions=false goes on as it is",
+      "{}: its clock is {:+.2f} s off the images' (1 sigma {:.2f} s): with its stamps corrected its rotations agree "
+      "with the images' (median difference {:.2f} deg, uncorrected {:.2f} deg); expected one clock for both: write "
+      "odometry: {{time_offset_s: {:.2f}}} into run.yaml (add it to an offset that is there already). Option "
+      "check_conventions=false skips this check",
       odometry, -clock.offset_s, clock.sigma_s, clock.off_after_rad * kRadToDeg, clock.off_before_rad * kRadToDeg,
       clock.offset_s);
 }
@@ -308,15 +308,16 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
     const std::optional<MountError> error = FindMountError(input.odom_from_body, its);
     if (!error) continue;
     const Eigen::Vector3d deg = error->rotation * kRadToDeg;
-    progress.Log(LogLevel::kInfo,
-                 fmt::format("{} against its T_cam_imu: {:.1f}, {:.1f}, {:.1f} deg (1 sigma {:.2f} deg)", camera.name,
-                             deg.x(), deg.y(), deg.z(), error->sigma_rad * kRadToDeg));
+    progress.Log(LogLevel::kInfo, fmt::format("{}: rotation against its T_cam_imu, by the images and odometry: {:.1f}, "
+                                              "{:.1f}, {:.1f} deg (1 sigma {:.2f} deg)",
+                                              camera.name, deg.x(), deg.y(), deg.z(), error->sigma_rad * kRadToDeg));
     if (error->rotation.norm() < std::max(kMost_rad, kSigmas * error->sigma_rad)) continue;
     return fmt::format(
-        "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from how the images of {} pairs move along "
-        "odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; expected the rotation "
-        "from the body (x forward, y left, z up) to the camera: calibrate it anew, or correct it. Option "
-        "check_conventions=false goes on as it is",
+        "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
+        "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
+        "expected the pose of the camera on the body (x forward, y left, z up); on a path that always turns alike a "
+        "wrong translation looks like this, too: calibrate it anew, or correct it. Option check_conventions=false "
+        "skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;
@@ -378,7 +379,7 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
     if (clock && clock->significant) return OtherClock(*clock, odometry);
   }
   if (verdict.kind == ReadingVerdict::Kind::kContradicted) return Contradiction(verdict, odometry);
-  progress.Log(LogLevel::kInfo, "odometry against images: pairs agree with " + Counts(verdict.as_read));
+  progress.Log(LogLevel::kInfo, "odometry against images: pairs of images agree with " + Counts(verdict.as_read));
   const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
   if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
   return FindJump(input, odometry, options, threads, seed, cancel);

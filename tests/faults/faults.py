@@ -572,7 +572,7 @@ def rotated(r):
 CAMERA = r"odometry|T_cam_imu|camera|calibration|focal|camchain"
 extrinsics("T_cam_imu inverted", np.linalg.inv, CAMERA, True)
 extrinsics("T_cam_imu identity", lambda m: np.eye(4), CAMERA, True)
-extrinsics("camera turned by 5 deg", lambda m: rotated(turn(1, 5)) @ m, None)
+extrinsics("camera turned by 5 deg", lambda m: rotated(turn(1, 5)) @ m, CAMERA)
 extrinsics("camera turned by 15 deg", lambda m: rotated(turn(1, 15)) @ m, None)
 extrinsics("camera turned by 45 deg", lambda m: rotated(turn(1, 45)) @ m, CAMERA)
 extrinsics("camera turned by 90 deg", lambda m: rotated(turn(1, 90)) @ m, CAMERA)
@@ -581,7 +581,7 @@ extrinsics("camera on its head", lambda m: rotated(turn(2, 180)) @ m, CAMERA)
 extrinsics("lever arm in millimetres", lambda m: m @ np.diag([1.0, 1, 1, 1]) + np.pad(999 * m[:3, 3:], ((0, 1), (3, 0))),
            CAMERA + "|lever|jump|metres", True)
 extrinsics("lever arm negated", lambda m: m - 2 * np.pad(m[:3, 3:], ((0, 1), (3, 0))), None)
-extrinsics("lever arm 3 m off", lambda m: m + np.pad(np.full((3, 1), 1.7), ((0, 1), (3, 0))), None)
+extrinsics("lever arm 3 m off", lambda m: m + np.pad(np.full((3, 1), 1.7), ((0, 1), (3, 0))), CAMERA)
 extrinsics("T_cam_imu left-handed", lambda m: rotated(MIRROR) @ m, r"T_cam_imu|rotation", True)
 extrinsics("T_cam_imu scaled", lambda m: 2 * m, r"T_cam_imu|rotation", True)
 camchain("T_cam_imu of three rows", lambda c: c.update(T_cam_imu=c["T_cam_imu"][:3]), r"T_cam_imu", True)
