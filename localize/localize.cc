@@ -112,8 +112,8 @@ PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, con
   return e;
 }
 
-// The photos of a hand-held set were taken within arm's reach: those that agree speak, the others are refused. A set
-// most of whose answers disagree, or of which a single photo answers, has no answer.
+// The photos of a hand-held set were taken within arm's reach of each other. Photos whose poses agree with that are
+// accepted, the others rejected. The whole set is rejected if most of its poses disagree or only one photo has a pose.
 void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<ReferenceAnswer>* answers) {
   std::map<int, std::vector<size_t>> sets;
   for (size_t i = 0; i < answers->size(); ++i) {
@@ -320,9 +320,9 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     for (GeoObservation& o : earth.observations) o.has_heading = o.has_tilt = false;
   };
   if (other_headings) {
-    progress.Log(LogLevel::kWarning, "the headings of the geotags seem to count " + *other_headings +
-                                         ", by where the panoramas lie; expected deg, clockwise from north. They are "
-                                         "left out: mend the table or the EXIF");
+    progress.Log(LogLevel::kWarning, "judging by their positions, the headings of the panoramas seem to be " +
+                                         *other_headings +
+                                         "; expected degrees clockwise from north; not used: correct table or EXIF");
     leave_out_headings();
   }
   auto local = std::make_unique<BundleCovariance>(p, threads, cancel);

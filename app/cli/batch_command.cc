@@ -223,18 +223,23 @@ void AddOptions(CLI::App& command, BatchArguments* a) {
       ->capture_default_str()
       ->each([a](const std::string&) { a->engine_given = true; });
   command.add_option("--out", a->out, "where the summary goes; default: beside the list, <list>-batch");
-  command.add_option("--jobs", s.jobs, "local: tasks at a time; 0: one a core")
+  command.add_option("--jobs", s.jobs, "local: number of tasks that run at the same time; 0: one per core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  command.add_option("--memory", s.memory,
-                     "local: limit of all tasks together, 4G or 800M; default: 80 % of what is free");
-  command.add_option("--task-memory", s.task_memory, "slurm: asked for where no earlier result shows what is needed")
+  command.add_option(
+      "--memory", s.memory,
+      "local: memory limit of all running tasks together, as 4G or 800M; default: 80 % of the free memory");
+  command
+      .add_option("--task-memory", s.task_memory,
+                  "slurm: memory to request for a task that no earlier result was measured for")
       ->capture_default_str();
-  command.add_option("--task-minutes", s.task_minutes, "slurm: the same for time; 0: the partition's own limit")
+  command
+      .add_option("--task-minutes", s.task_minutes,
+                  "slurm: minutes to request for such a task; 0: the partition's own limit")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command.add_option("--partition", s.partition, "slurm: where the tasks run");
-  command.add_option("--account", s.account, "slurm: who is charged");
+  command.add_option("--partition", s.partition, "slurm: partition that the tasks run in");
+  command.add_option("--account", s.account, "slurm: account that is charged");
   command.add_option("--container", s.container,
                      "slurm: image that Apptainer runs the tasks in (docs/guides/cluster.md)");
   command.add_option("--sbatch", s.sbatch, "slurm: a further option of sbatch, --sbatch=--qos=low (several times)")
@@ -247,15 +252,16 @@ void AddOptions(CLI::App& command, BatchArguments* a) {
 
 void AddBatchCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "batch", "run many projects, runs and variants with nobody watching, here or on a cluster",
+      app, session, "batch", "run many projects, runs and variants unattended, on this machine or on a cluster",
       "LIST is a file with one project a line (options of `trigpoint run` behind it), or a pattern of folders in\n"
-      "quotes. Every stage of every run is a task of its own, which waits for those it needs; one that fails does not\n"
-      "stop the others. One that is killed, or runs out of memory, is started once more: here alone, on a cluster\n"
-      "with twice the memory. summary.json, .csv and .md are in --out, and index.html, which links to all reports.\n\n"
-      "  batch status LIST   what is done, running, failed, and what it cost; writes the summary\n"
-      "  batch resume LIST   what is not done, once more; also after a kill or a full disk\n"
-      "  batch cancel LIST   stops; finished tasks are kept\n\n"
-      "The exit code is 1 if one failed, else 3 if a gate of one is not passed.\n\n"
+      "quotes. Every stage of every run is a task, which starts when those it needs have ended. A task that\n"
+      "fails does not stop the others. A task that is killed or runs out of memory is started once more: on this\n"
+      "machine with no other task beside it, on a cluster with twice the memory. --out receives summary.json, .csv\n"
+      "and .md, and index.html with links to all reports.\n\n"
+      "  batch status LIST   show which tasks are done, running or failed, and their cost; write the summary\n"
+      "  batch resume LIST   run the tasks that are not done, also after a kill or a full disk\n"
+      "  batch cancel LIST   stop the tasks; results of finished tasks are kept\n\n"
+      "The exit code is 1 if a task failed, else 3 if a quality gate did not pass.\n\n"
       "Examples:\n"
       "  trigpoint batch sites.txt --jobs 2 --memory 6G\n"
       "  trigpoint batch \"/data/sites/*\"\n"

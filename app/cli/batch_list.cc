@@ -208,7 +208,7 @@ Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& h
     ending.Row(fmt::format("{:<12}{}, {:.1f} s of CPU, at most {:.0f} MiB{}", c.stage,
                            Counted(c.tasks, "task", "tasks"), c.cpu_seconds,
                            static_cast<double>(c.peak_memory_bytes) / (1 << 20),
-                           c.repeated > 0 ? fmt::format(", {} begun again", c.repeated) : ""));
+                           c.repeated > 0 ? fmt::format(", {} restarted", c.repeated) : ""));
   }
   std::vector<std::pair<double, std::string>> medians;
   for (const BatchResult& r : results) {

@@ -1,4 +1,4 @@
-// The graph of a batch on this machine: a process for each task, so that whatever happens to one is kept apart.
+// Runs the graph of a batch on this machine, each task in its own process, so that a crash of one spares the others.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/prctl.h>
@@ -90,8 +90,8 @@ class LocalBatch {
     return std::all_of(after.begin(), after.end(), [&](size_t earlier) { return records_[earlier].Ended(); });
   }
 
-  // What a task is thought to need: what was measured before, else the most that any has needed, a fair share of the
-  // limit at first.
+  // Expected memory of a task: as measured before, else the largest of all tasks so far, at first an equal share of the
+  // limit.
   int64_t Expected(size_t task) const {
     if (plan_.tasks[task].memory_bytes > 0) return plan_.tasks[task].memory_bytes;
     return most_ > 0 ? most_ : limit_ / jobs_;
@@ -112,7 +112,8 @@ class LocalBatch {
     for (const size_t i : ready) {
       if (!running_.empty() && (alone_.count(i) > 0 || committed + Expected(i) > limit_)) continue;
       if (Skip(i)) return true;
-      // Threads for those that could run beside each other; results do not depend on their number.
+      // The cores are shared by the tasks that can run at the same time; results do not depend on the number of
+      // threads.
       const auto beside = std::min(static_cast<size_t>(jobs_), running_.size() + ready.size());
       Start(i, std::max(1, cores_ / static_cast<int>(beside)));
       return true;
@@ -120,7 +121,7 @@ class LocalBatch {
     return false;
   }
 
-  // Without a process where what it needs is not there.
+  // Ends a task without a process if results that it needs were not made.
   bool Skip(size_t task) {
     const std::vector<size_t>& needs = plan_.tasks[task].needs;
     if (std::all_of(needs.begin(), needs.end(), [&](size_t need) { return records_[need].Done(); })) return false;
@@ -185,7 +186,7 @@ class LocalBatch {
     const size_t task = child.task;
     TaskRecord record = ReadTaskRecord(folder_, task);
     most_ = std::max(most_, child.peak);
-    if (!record.Ended()) {  // it could not write it
+    if (!record.Ended()) {  // the process ended before it wrote its record
       if (record.attempts.empty() || !record.attempts.back().ended.empty()) record.attempts.emplace_back();
       TaskAttempt& attempt = record.attempts.back();
       attempt.ended = UtcTimeText();
@@ -199,12 +200,12 @@ class LocalBatch {
     }
     records_[task] = record;
     if (record.WantsMoreMemory() && alone_.insert(task).second) {  // once more, alone: all memory is its own
-      terminal_.Say(Name(task) + ": " + record.reason + "; begun again, alone");
+      terminal_.Say(Name(task) + ": " + record.reason + "; restarted with no other task beside it");
       SetRecord(task, record, "");
       started_.erase(task);
       return;
     }
-    if (record.end == "killed") record.reason += child.evicted ? ", even alone" : ", twice";
+    if (record.end == "killed") record.reason += child.evicted ? ", even with no other task beside it" : ", twice";
     SetRecord(task, record, record.end == "killed" ? "failed" : record.end);
     if (records_[task].end == "failed") terminal_.Say(Name(task) + ": failed: " + records_[task].reason);
     Tell(task);

@@ -166,15 +166,16 @@ class Doctor {
         missing.emplace_back(name);
       }
     }
-    const std::string use = ", needed for heights above the sea only (geographiclib-get-geoids egm96-5)";
+    const std::string use = "; only heights above sea level need them (geographiclib-get-geoids egm96-5)";
     Fact("Geoids", there.empty()     ? "none installed" + use
                    : missing.empty() ? Listed(there)
                                      : Listed(there) + "; not installed: " + Listed(missing));
     const ProjInstallation proj = FindProj();
     if (!proj.version.empty()) {
-      Fact("Grids", proj.grids > 0
-                        ? Counted(proj.grids, "grid", "grids") + " of PROJ"
-                        : "none of PROJ: changes of datum are good to about a metre (apt install proj-data)");
+      Fact("Grids",
+           proj.grids > 0
+               ? Counted(proj.grids, "grid", "grids") + " of PROJ"
+               : "no PROJ grids installed: datum transformations are accurate to about 1 m (apt install proj-data)");
     }
   }
 

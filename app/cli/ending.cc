@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 constexpr size_t kLabelWidth = 10;
 constexpr size_t kLeastProblems = 3;  // that are shown where facts compete with them for room
 
-// Line breaks within a text would be lines that nobody counts.
+// A line break within a text would add a line that the limit of lines does not count.
 std::string OneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
@@ -87,7 +87,7 @@ std::string Ending::Text(size_t lines) const {
   const size_t for_problems =
       std::min({problems_.size(), std::max(room > wanted ? room - wanted : 0, kLeastProblems), room});
   room -= for_problems;
-  // A table's rows say nothing if only one is left of them, so facts go first.
+  // One row of a table is of no use, so facts are kept before rows.
   const size_t for_facts = std::min(facts_.size(), room);
   room -= for_facts;
 

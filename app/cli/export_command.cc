@@ -64,11 +64,13 @@ void AddExportCommand(CLI::App& app, Session& session) {
   command.add_option("--crs", request->crs, "EPSG:N, or utm for the zone of the site; default: EPSG:4326 (WGS 84)");
   command.add_option("--heights", request->heights,
                      "ellipsoidal, or above a geoid: egm84, egm96, egm2008; default: ellipsoidal");
-  command.add_option("--frame", request->frame, "of scenes and trajectories: world (site ENU) or odom (the run's own)");
-  command.add_option("--confidence", request->confidence, "of the ellipses")
+  command.add_option("--frame", request->frame,
+                     "frame of scenes and trajectories: world (site ENU) or odom (the run's own)");
+  command.add_option("--confidence", request->confidence, "confidence of the error ellipses, 0.01 to 0.9999")
       ->check(CLI::Range(0.01, 0.9999))
       ->capture_default_str();
-  command.add_option("--ellipse-scale", request->ellipse_scale, "draw ellipses so many times larger")
+  command
+      .add_option("--ellipse-scale", request->ellipse_scale, "factor by which ellipses are drawn larger than they are")
       ->check(CLI::Range(0.001, 1e6))
       ->capture_default_str();
   command.add_option("--out", *out, "file (gpkg, geojson, kml, gpx) or folder; default: results/export/");

@@ -22,7 +22,7 @@ int Inspect(const Session& session, const InspectArguments& a) {
   const Project project = OpenProject(session, a.dir);
   RunInspector inspector(project, a.run, a.variant);
   if (const std::string older = OlderLocalization(project, a.run, a.variant); !older.empty()) {
-    session.MakeTerminal().Log(LogLevel::kWarning, older + "; shown is what its tables hold");
+    session.MakeTerminal().Log(LogLevel::kWarning, older + "; only the values of its tables are shown");
   }
   if (a.point >= 0) {
     const std::vector<std::string> images = inspector.ImagesOf(a.point);
@@ -147,7 +147,7 @@ void AddInspectCommand(CLI::App& app, Session& session) {
   image->add_option("--point", a->point, "a point of the run's sparse model, by its number: which images see it");
   image->require_option(1);
   command.add_option("--panorama", a->panorama, "match it with this panorama or photo");
-  command.add_option("--variant", a->variant, "of this set of results");
+  command.add_option("--variant", a->variant, "read the results of this variant");
   command.callback([&session, a] { session.action = [a](Session& s) { return Inspect(s, *a); }; });
 }
 
@@ -155,8 +155,8 @@ void AddMarkCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
       app, session, "mark", "mark a surveyed point in images, and compute where it lies in the others",
       "Marks are kept in control_observations.csv (point, image, u, v); pixels count from the centre of the first.\n"
-      "From two marks in localized images on, every other image that must show the point is listed, with the pixel to\n"
-      "confirm and its uncertainty (1 sigma, for marks good to 1 px).\n\n"
+      "Once a point is marked in two localized images, every other image that must show it is listed, with the\n"
+      "predicted pixel to confirm and its uncertainty (1 sigma, for marks with a sigma of 1 px).\n\n"
       "Examples:\n  trigpoint mark my_site P1 --image run1/images/000012.jpg --at 412.5,230\n"
       "  trigpoint mark my_site P1");
   const auto a = std::make_shared<MarkArguments>();
@@ -165,7 +165,7 @@ void AddMarkCommand(CLI::App& app, Session& session) {
   command.add_option("--image", a->image, "RUN/FILE, or the path below the project");
   command.add_option("--at", a->at, "U,V in pixels");
   command.add_flag("--remove", a->remove, "remove the mark in --image")->needs("--image");
-  command.add_option("--variant", a->variant, "with this set of results");
+  command.add_option("--variant", a->variant, "predict with the results of this variant");
   command.callback([&session, a] { session.action = [a](Session& s) { return Mark(s, *a); }; });
 }
 

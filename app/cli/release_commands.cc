@@ -273,8 +273,9 @@ int RerunRelease(const Session& session, const RerunOptions& options) {
 void AddRerunCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
       app, session, "rerun", "compute a release again from its own files, and list what differs",
-      "Puts the project together as it was, computes every result behind the release with the options and the seed of\n"
-      "then, and compares file by file: the same bytes, or by how much each column differs. Pictures that the release\n"
+      "Makes a copy of the project as it was published, computes every result behind the release with the same "
+      "options\n"
+      "and seed, and compares the files: same bytes, or how much each column differs. Pictures that the release\n"
       "has by hash alone are taken from the project it lies in, or from --inputs. Calibrations are taken over; the\n"
       "report is not made again. Exit code 0 if nothing differs by more than --tolerance, else 1.\n\n"
       "Examples:\n"
@@ -286,7 +287,8 @@ void AddRerunCommand(CLI::App& app, Session& session) {
                      "the project's folder with what the release has by hash alone; default: the one it lies in");
   command.add_option("--out", options->out, "keep the project that is made in this new folder");
   command
-      .add_option("--tolerance", options->tolerance, "largest difference of a number that counts as none, in its unit")
+      .add_option("--tolerance", options->tolerance,
+                  "numbers that differ by at most this, each in its own unit, count as equal")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   command.callback(
@@ -309,7 +311,9 @@ void AddCompareCommand(CLI::App& app, Session& session) {
   const auto arguments = std::make_shared<Arguments>();
   command.add_option("SIDE", arguments->sides, "two or more: PROJECT, PROJECT@VARIANT or PROJECT/releases/NAME")
       ->required();
-  command.add_option("--significance", arguments->significance, "of naming any tag as moved when none did")
+  command
+      .add_option("--significance", arguments->significance,
+                  "probability that a tag is reported as moved although none moved")
       ->check(CLI::Range(1e-9, 0.5))
       ->capture_default_str();
   command.callback([&session, arguments] {

@@ -116,11 +116,11 @@ int ReviewProject(Session& session, const ReviewArguments& arguments) {
 
 void AddReviewCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
-      app, session, "review", "leave out detections, images or stations, change roles, and take that back",
+      app, session, "review", "exclude detections, images or stations, change roles of points, and undo such decisions",
       "Each decision is appended to review.jsonl with its reason, user and time; nothing is ever removed from it.\n"
       "OBJECT: image:RUN/FILE, detection:RUN/FILE#TAG, tag:TAG (wherever it is seen), station:NAME (its errors),\n"
       "panorama:NAME (as a reference of localize), control:TAG[/CORNER] or control:POINT (for role). The kind may be\n"
-      "left away where only one thing has that name. undo takes an object (its last decision), an entry's number, or\n"
+      "omitted where the name is unique. undo takes an object (its last decision), an entry's number, or\n"
       "`last`. list prints the decisions; solve computes every result again that uses them, and prints what changed "
       "at\n"
       "stations and check points.\n\n"
@@ -134,12 +134,12 @@ void AddReviewCommand(CLI::App& app, Session& session) {
   command.add_option("ACTION", arguments->action, "exclude, restore, role, undo, list, solve")
       ->required()
       ->check(CLI::IsMember({"exclude", "restore", "role", "undo", "list", "solve"}));
-  command.add_option("OBJECT", arguments->object, "what it is about");
-  command.add_option("--reason", arguments->reason, "why, for those who come later");
+  command.add_option("OBJECT", arguments->object, "object of the decision, see below");
+  command.add_option("--reason", arguments->reason, "reason of the decision, kept in review.jsonl");
   command.add_option("--user", arguments->user, "who decided; default: the user of this process");
   command.add_option("--to", arguments->role, "role: control or check; default: the other one")
       ->check(CLI::IsMember({"control", "check"}));
-  command.add_option("--variant", arguments->variant, "solve: of this set of results");
+  command.add_option("--variant", arguments->variant, "solve: variant whose results are computed again");
   command.callback(
       [&session, arguments] { session.action = [arguments](Session& s) { return ReviewProject(s, *arguments); }; });
 }

@@ -248,8 +248,8 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
       app, session, "trajectory", "absolute and relative errors of trajectories against a reference",
       "Files are TUM, KITTI or EuRoC; REFERENCE may be a GPS track (CSV, NMEA, GPX). ATE and RPE are defined as in "
       "the\n"
-      "program evo. Nothing is aligned unless asked for: numbers are compared as they stand. Where the frames differ,\n"
-      "the ending proposes an alignment.\n\n"
+      "program evo. Without --align the coordinates are compared as given. Where the frames differ, the last lines\n"
+      "propose an alignment.\n\n"
       "Examples:\n"
       "  trigpoint trajectory truth.tum slam.tum --align se3 --plot slam.svg\n"
       "  trigpoint trajectory truth.tum a.tum b.tum --align sim3 --rpe 1m --rpe 10s --offset auto\n"
@@ -260,13 +260,15 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
   command.add_option("--align", a->align, "none, origin, yaw, se3 or sim3")->capture_default_str();
   command.add_option("--offset", a->offset, "seconds added to the estimates' stamps, or auto: what fits best")
       ->capture_default_str();
-  command.add_option("--max-difference", a->max_difference_s, "poses further apart in time are no pair, s")
+  command
+      .add_option("--max-difference", a->max_difference_s, "largest time difference of two poses that are paired, s")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_flag("--interpolate", a->interpolate, "interpolate the denser one instead of taking the nearest pose");
   command.add_option("--rpe", a->relative, "relative errors over 1f, 10m or 5s (may be given several times; 1f)")
       ->allow_extra_args(false);
-  command.add_flag("--all-pairs", a->all_pairs, "a piece from every pose, not one after the other");
+  command.add_flag("--all-pairs", a->all_pairs,
+                   "take a piece of the path from every pose on, instead of consecutive pieces");
   command
       .add_option("--lever-arm", a->lever_arm,
                   "X Y Z, m: where the reference's point lies in the estimate's body (the antenna, another camera)")

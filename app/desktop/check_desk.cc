@@ -117,8 +117,10 @@ void CheckDesk::MakeWidgets() {
                          tr("that show it"),
                          tr("its longest side in any of them"),
                          tr("distance of the nearest of them"),
-                         tr("leftmost direction of a picture from the tag's normal, as one faces the tag"),
-                         tr("rightmost direction of a picture from the tag's normal, as one faces the tag"),
+                         tr("leftmost direction that the tag was photographed from, as an angle from its normal, for a "
+                            "viewer who faces the tag"),
+                         tr("rightmost direction that the tag was photographed from, as an angle from its normal, for "
+                            "a viewer who faces the tag"),
                          tr("predicted, 1 sigma"),
                          tr("what the tag is needed for")};
   for (int c = 0; c < help.size(); ++c) tags_->horizontalHeaderItem(c)->setToolTip(help[c]);
@@ -235,10 +237,9 @@ void CheckDesk::Show() {
   for (QTableWidget* table : {next_, findings_}) table->setRowCount(0);
   if (!outcome_) {
     headline_->setStyleSheet("");
-    headline_->setText(workspace_->snapshot()
-                           ? tr("Is it enough, while one is still on site? Watch this folder while pictures are copied "
-                                "into it, or check it once.")
-                           : tr("Open the folder that the camera's pictures are copied to."));
+    headline_->setText(workspace_->snapshot() ? tr("Do the recordings suffice? Watch this folder while pictures are "
+                                                   "copied into it, or check it once, before you leave the site.")
+                                              : tr("Open the folder that the camera's pictures are copied to."));
     map_->SetMarks({});
     map_->SetPicture({}, tr("The map of the tags and of where to stand next is drawn here."));
     return ShowTags();
@@ -247,7 +248,8 @@ void CheckDesk::Show() {
   headline_->setStyleSheet(
       QString("color: %1;").arg(ReadableOn(palette().color(QPalette::Window), ColourOfLight(outcome_->light)).name()));
   for (const Advice& advice : outcome_->advice) AddRow(next_, {Text(advice.what), Text(advice.why)}, QColor());
-  if (outcome_->advice.empty()) AddRow(next_, {tr("Nothing more would gain much."), ""}, QColor());
+  if (outcome_->advice.empty())
+    AddRow(next_, {tr("No further picture would improve the predicted accuracy much."), ""}, QColor());
   for (const SiteFinding& f : outcome_->findings) {
     AddRow(findings_, {Text(LightName(f.light)), Text(f.topic), Text(f.text)},
            ReadableOn(ground, ColourOfLight(f.light)));

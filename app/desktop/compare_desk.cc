@@ -290,7 +290,7 @@ void CompareDesk::ShowScenes() {
     }
     const QString name =
         QString("%1: %2, %3").arg(i == 0 ? "A" : "B", side.result->currentText(), side.run->currentText());
-    side.title->setText(side.source ? name : tr("%1 (errors alone, no results to draw)").arg(name));
+    side.title->setText(side.source ? name : tr("%1 (has errors only, no results to draw)").arg(name));
     side.scene->setVisible(side.source.has_value());
     if (side.source) side.scene->ShowResults(*side.source, side.run->currentData().toString());
   }

@@ -146,8 +146,9 @@ QStringList Decisions::Reasons(const QString& action, const QString& kind) const
 
 void Decisions::AskReason(const QString& action, const QString& object) {
   bool ok = false;
-  const QString reason = QInputDialog::getText(nullptr, tr("Reason"), tr("Why? It stands in review.jsonl."),
-                                               QLineEdit::Normal, QString(), &ok);
+  const QString reason =
+      QInputDialog::getText(nullptr, tr("Reason"), tr("Reason of the decision; it is stored in review.jsonl."),
+                            QLineEdit::Normal, QString(), &ok);
   if (ok) Decide(action, object, reason);
 }
 

@@ -94,7 +94,7 @@ void ImagesDesk::MakeControls() {
   inliers_ = LayerBox(tr("inlier matches"), "images.inliers", true);
   outliers_ = LayerBox(tr("outlier matches"), "images.outliers", false);
   linked_ = LayerBox(tr("linked zoom"), "images.linked", false);
-  linked_->setToolTip(tr("What is looked at in one picture is looked at in the other, by the inlier matches"));
+  linked_->setToolTip(tr("Moves the other picture to the same place, by the inlier matches"));
   next_ = new QPushButton(tr("&Next image of the tag"));
   next_->setObjectName("images.next");
   next_->setShortcut(QKeySequence(tr("Ctrl+N")));

@@ -206,10 +206,11 @@ void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
   buttons->addWidget(example);
   column->addWidget(row);
   const QStringList recent = QSettings().value("recent").toStringList();
-  QString text = tr("A folder can also be dropped into the window. It is only read; what is written, is asked for.");
+  QString text =
+      tr("A folder can also be dropped into the window. It is only read; nothing is written without asking.");
   text += "<br><br><b>" + tr("Recent projects") + "</b>";
   if (recent.isEmpty()) {
-    text += "<br>" + tr("None yet. The example is a good beginning.");
+    text += "<br>" + tr("None yet. Begin with the example.");
   }
   text += "<table cellspacing=\"6\">";
   for (const QString& dir : recent) {

@@ -537,7 +537,7 @@ void SceneDesk::ShowSelected() {
     vtk_->highlighted << QString::fromStdString(object);
     const bool small = object.starts_with("image:") || object.starts_with("point:");
     for (const ScenePick& pick : found) {
-      // From inside a panorama its own mark would be a cage.
+      // From inside a panorama the ring of its own mark would surround the viewer.
       if (pick.layer != "errors" && !inside()) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
       const QString text = QString::fromStdString(pick.text);
       if (pick.layer != "errors" && !texts.contains(text)) texts << text;  // errors stand on the station's card

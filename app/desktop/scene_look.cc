@@ -49,7 +49,7 @@ void SceneDesk::MakeLook() {
   size_->setValue(2);
   runs_ = Named(new QListWidget, "scene.runs", tr("Runs that are shown, on all layers"));
   percentiles_ = Named(new QCheckBox(tr("by percentile")), "scene.percentiles",
-                       tr("Colours evenly over the points, so that outliers do not take them"));
+                       tr("Spreads the colours evenly over the points, so that outliers do not use up the scale"));
   edl_ = Named(new QCheckBox(tr("depth shading")), "scene.edl",
                tr("Outlines what stands before something else (eye-dome lighting), while the view rests"));
   least_images_ = Named(new QSpinBox, "scene.least_images", tr("Only points that at least so many images see"));

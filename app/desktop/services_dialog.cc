@@ -73,7 +73,7 @@ ServicesDialog::ServicesDialog(Workspace* workspace, QWidget* parent, Open open)
   command_->setObjectName("services.line");
   command_->setAccessibleName(tr("Equivalent command line"));
   command_->setReadOnly(true);
-  status_ = new QLabel(tr("Search shows what a service has along the run; nothing is loaded by it."));
+  status_ = new QLabel(tr("Search lists what a service has along the run; it downloads nothing."));
   status_->setObjectName("services.status");
   status_->setWordWrap(true);
   auto* buttons = new QHBoxLayout;
@@ -141,7 +141,7 @@ void ServicesDialog::MakeFields() {
   until_ = edit(since_->placeholderText());
   key_file_ = edit("");
   url_ = edit(tr("the public one"));
-  permitted_ = new QCheckBox(tr("My agreement with the service permits to compute from its pictures"));
+  permitted_ = new QCheckBox(tr("My agreement with the service permits computing from its pictures"));
   auto* form = new QFormLayout(fields);
   form->setContentsMargins(0, 0, 0, 0);
   const auto row = [&](const QString& label, const std::vector<std::pair<const char*, QWidget*>>& widgets) {

@@ -195,7 +195,7 @@ void SiteTree::ShowSelected() {
   showing_ = true;
   for (QTreeWidgetItemIterator it(this); *it != nullptr; ++it) {
     if ((*it)->data(0, kObject).toString() != object) continue;
-    // A group that is folded stays so: what is selected elsewhere unfolds no thousand images here.
+    // A folded group stays folded: a selection on another desk must not unfold a thousand images here.
     const bool folded = !(*it)->parent()->isExpanded();
     setAutoScroll(!folded);
     setCurrentItem(*it);

@@ -96,9 +96,10 @@ RunToAdjust ReadRun(const StageContext& context, const std::string& name, const 
   out.run.input = out.job.input;
   out.run.gps = out.job.gps;
   if (out.run.solution.mode == "paper") {
-    throw InputError("run " + name +
-                     " is localized as published (mode paper), whose panoramas are no part of one solution; adjust the "
-                     "results of mode trigpoint");
+    throw InputError(
+        "run " + name +
+        " is localized in mode paper, which gives no joint solution of images and panoramas; expected a result of "
+        "mode trigpoint");
   }
   return out;
 }

@@ -45,7 +45,7 @@ std::vector<HandEyeSight> Sights(const Project& project, const Run& run, const B
       const double size = sizes.SizeOf(tag.id);
       if (size <= 0) {
         throw InputError((project.dir() / "tags.yaml").string() + ": the size of tag " + std::to_string(tag.id) +
-                         " is missing (size_m); the camera's place is in metres by it");
+                         " is missing (size_m); it gives the scale of the camera's position");
       }
       HandEyeSight sight;
       sight.stamp_ns = image.stamp_ns;
@@ -86,7 +86,7 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
   }
   std::vector<BodyCamera> cameras = run.cameras;
   json documents = json::array();
-  std::string text = "# How the cameras sit on the body\n\n";
+  std::string text = "# Poses of the cameras on the body\n\n";
   for (BodyCamera& camera : cameras) {
     const HandEyeResult result = CalibrateHandEye(Sights(context.project, run, camera, context.progress), camera.camera,
                                                   camera.cam_from_body, options, context.progress, context.cancel);
@@ -106,19 +106,19 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
     std::string unseen;
     if (result.unseen_body.norm() > 0) {
       unseen = fmt::format(
-          "The body turned about one axis only: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
-          "the body cannot be seen and comes from its place before, with a sigma of {:g} m. Measure it "
-          "with a tape, or drive over a ramp.",
+          "The body turned about one axis only, so the camera's position along ({:.2f}, {:.2f}, {:.2f}) of the body "
+          "axes is not observable. The value from before the calibration was kept, with a sigma of {:g} m. Measure "
+          "it with a tape, or drive over a ramp.",
           result.unseen_body.x(), result.unseen_body.y(), result.unseen_body.z(), options.prior_m);
     } else if (hardly) {
       unseen = fmt::format(
-          "The body hardly turned about more than one axis: where the camera sits along ({:.2f}, {:.2f}, {:.2f}) of "
-          "the body is known to {:.3f} m only (1 sigma). Measure it with a tape, or drive over a ramp.",
+          "The body hardly turned about more than one axis, so the camera's position along ({:.2f}, {:.2f}, {:.2f}) of "
+          "the body axes is known to {:.3f} m only (1 sigma). Measure it with a tape, or drive over a ramp.",
           weak.x(), weak.y(), weak.z(), weak_m);
     }
     text += fmt::format(
         "{}: body_from_cam at ({:.4f}, {:.4f}, {:.4f}) m, sigma ({:.4f}, {:.4f}, {:.4f}) m; attitude known to ({:.3f}, "
-        "{:.3f}, {:.3f}) deg (1 sigma, about the body's axes); {:.2f} deg and {:.3f} m from the place it had before. "
+        "{:.3f}, {:.3f}) deg (1 sigma, about the body's axes); {:.2f} deg and {:.3f} m from its pose before. "
         "Odometry scale {:.4f}, sigma {:.4f}. Corners fit to {:.2f} px (rms, odometry's errors included); {} of {} "
         "detections in {} passes.\n{}\n",
         camera.name, t.x(), t.y(), t.z(), sigma[3], sigma[4], sigma[5], sigma[0] / kDegToRad, sigma[1] / kDegToRad,

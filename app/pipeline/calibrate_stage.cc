@@ -38,8 +38,12 @@ struct CalibrateStageOptions {
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.images, {"images", "", 0, 0, "the pictures: a file pattern, or camera=pattern for each camera, by ';'"});
     visit(self.target, {"target", "", 0, 0, "the board: a Kalibr target YAML, or as checkerboard:9x6:0.025"});
-    visit(self.hand_eye, {"hand_eye", "", 0, 0, "instead: a run whose odometry and tags show how its cameras sit"});
-    visit(self.from, {"from", "", 0, 0, "instead: a file to import (Kalibr, OpenCV, ROS camera_info, COLMAP, JSON)"});
+    visit(self.hand_eye,
+          {"hand_eye", "", 0, 0,
+           "instead of pictures of a board: a run whose odometry and tags give the poses of its cameras on the body"});
+    visit(self.from,
+          {"from", "", 0, 0,
+           "instead of pictures of a board: a file to import (Kalibr, OpenCV, ROS camera_info, COLMAP, JSON)"});
     visit(self.from_camera, {"from_camera", "", 0, 0, "only this camera of the file"});
     visit(self.from_width, {"from_width", "px", 0, 1e6, "size of the pictures, where the file lacks it"});
     visit(self.from_height, {"from_height", "px", 0, 1e6, "size of the pictures, where the file lacks it"});
@@ -47,7 +51,7 @@ struct CalibrateStageOptions {
     visit(self.accept, {"accept", "", 0, 1, "let runs use the result even if a gate refuses it"});
     CalibrateOptions::Visit(self.calibration, visit);
     visit(self.gates, {"gates", "", 0, 0, "limits beyond which a calibration gets a warning or is refused"});
-    visit(self.hand_eye_options, {"hand_eye_options", "", 0, 0, "of hand-eye calibration"});
+    visit(self.hand_eye_options, {"hand_eye_options", "", 0, 0, "options of hand-eye calibration"});
   }
   std::vector<std::string> Check() const {
     std::vector<std::string> problems = calibration.Check();
@@ -119,18 +123,18 @@ void ThrowNoBoard(const CalibrateStageOptions& options, const Target& target,
         const auto [cols, rows] = OtherCheckerboardIn(LoadBoardPicture(file, options.mirrored), target);
         if (cols == 0) continue;
         text += fmt::format(
-            "; in {} there is one of {} x {} inner corners (corners between squares are counted, not "
-            "squares): is the target's description right?",
+            "; {} shows a checkerboard of {} x {} inner corners: correct the target, whose numbers count the corners "
+            "between squares, not the squares",
             file.filename().string(), cols, rows);
         break;
-      } catch (const InputError&) {  // that picture is said to be unusable already
+      } catch (const InputError&) {  // the picture is already reported as unusable
       }
     }
   }
   throw InputError(text);
 }
 
-// A board that is described too small is found as any part of the one that is there. Throws InputError.
+// A target described with too few corners is found as part of the larger board. Throws InputError then.
 void RequireWholeBoard(const CalibrateStageOptions& options, const Target& target,
                        const std::vector<fs::path>& pictures) {
   if (target.kind != TargetKind::kCheckerboard) return;
@@ -142,8 +146,8 @@ void RequireWholeBoard(const CalibrateStageOptions& options, const Target& targe
     if (cols < target.cols || rows < target.rows || (cols == target.cols && rows == target.rows)) continue;
     if (++larger[{cols, rows}] < 2) continue;
     throw InputError(
-        fmt::format("the pictures, {} for one, show a checkerboard of {} x {} inner corners, of which the {} is a part "
-                    "(corners between squares are counted, not squares): is the target's description right?",
+        fmt::format("the pictures, {} for example, show a checkerboard of {} x {} inner corners, of which the {} is a "
+                    "part: correct the target, whose numbers count the corners between squares, not the squares",
                     file.filename().string(), cols, rows, target.Text()));
   }
 }
@@ -235,7 +239,7 @@ void Import(const CalibrateStageOptions& options, StageContext& context) {
     }
   } else if (!cameras.related) {
     throw InputError(file.string() + ": " + std::to_string(names.size()) +
-                     " cameras, but not how they sit to each other; import one by --set from_camera=" + names.front());
+                     " cameras without their poses to each other; import one by --set from_camera=" + names.front());
   }
   WriteCameraFiles(context.out, cameras.cameras,
                    {"imported by trigpoint from " + file.filename().string() + " (" + cameras.format + ")"}, false);
@@ -251,7 +255,7 @@ void Import(const CalibrateStageOptions& options, StageContext& context) {
                         CameraModelName(camera.camera.model()), camera.camera.width(), camera.camera.height(),
                         camera.camera.MeanFocal());
   }
-  text += "Its uncertainty is not known: a file of this kind doesn't hold it.\n";
+  text += "The uncertainty is unknown: a file of this kind doesn't hold it.\n";
   WriteFileAtomically(context.out / "calibration.json",
                       DumpJson({{"schema", 1}, {"kind", "import"}, {"cameras", list}, {"text", text}}, 2) + "\n");
   context.metrics["cameras"] = list;

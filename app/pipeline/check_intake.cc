@@ -199,7 +199,7 @@ void LookAtPictures(const std::vector<PendingPicture>& pending, const DetectTags
     } catch (const IoError&) {
       throw;
     } catch (const Error&) {
-      // One of them was too much for the detector: the others are looked at one by one.
+      // The detector failed on one of them, so the rest is processed one by one.
       log->Read();
       std::erase_if(pictures,
                     [&](const PendingPicture& p) { return log->Find(p.run->name, p.image->file, p.stamp) != nullptr; });

@@ -75,7 +75,7 @@ void SiteCheck::ReadReferences() {
   });
 }
 
-// A picture that is read once is not read again while it stays as it is.
+// A picture is read once, and again only after it changed.
 void SiteCheck::AddReferences(FieldFacts* facts) {
   for (const Reference& reference : project_->site().references) {
     if (reference.kind == ReferenceKind::kPhotoSet || reference.files.empty()) continue;
@@ -110,7 +110,7 @@ void SiteCheck::ReadSets() {
 
 void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) {
   for (const fs::path& dir : PhotoSetFolders(dir_)) {
-    std::string like;  // a set whose photos are as they were is as it was
+    std::string like;  // names, sizes and times of the photos: an unchanged set is not stitched again
     bool stable = true;
     for (const fs::path& photo : PicturesIn(dir)) {
       const FileStamp stamp = StampOf(photo);

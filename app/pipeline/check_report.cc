@@ -129,7 +129,8 @@ TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text
 TableCell Number(double value, int decimals) { return {fmt::format("{:.{}f}", value, decimals), value}; }
 
 Table FindingTable(const CheckOutcome& outcome) {
-  Table table{"", "Red: the site is not complete. Amber: look at it before leaving. Green: as it should be"};
+  Table table{
+      "", "Red: the recordings do not suffice yet. Amber: check it before you leave the site. Green: no problem found"};
   table.columns = {{"light"}, {"topic"}, {"finding"}};
   for (const SiteFinding& f : outcome.findings) {
     table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text)});
@@ -138,9 +139,10 @@ Table FindingTable(const CheckOutcome& outcome) {
 }
 
 Table TagTable(const CheckOutcome& outcome) {
-  Table table{"",
-              "Directions: of the pictures, from the tag's normal, to the right as one faces it. Sigmas: predicted, "
-              "1 sigma"};
+  Table table{
+      "",
+      "Directions: the directions that the tag was photographed from, as angles from its normal, positive to the right "
+      "for a viewer who faces the tag. Sigmas: predicted, 1 sigma"};
   constexpr const char* kUnplaced = "the tag has no place in the map yet";
   table.columns = {{"tag", true},
                    {"status"},
@@ -176,9 +178,8 @@ Document PageOf(const CheckOutcome& outcome) {
   few.facts.push_back({"Before leaving", LightName(outcome.light),
                        outcome.light == Light::kGreen ? "nothing to do" : "see what to do next",
                        ToneOf(outcome.light)});
-  few.facts.push_back(
-      {"Pictures", std::to_string(outcome.pictures),
-       outcome.waiting > 0 ? fmt::format("{} still to be looked at", outcome.waiting) : "all looked at"});
+  few.facts.push_back({"Pictures", std::to_string(outcome.pictures),
+                       outcome.waiting > 0 ? fmt::format("{} not yet processed", outcome.waiting) : "all processed"});
   few.facts.push_back({"Tags seen", std::to_string(outcome.planned_seen),
                        facts.planned.empty() ? "none is planned" : fmt::format("of {}", facts.planned.size())});
   if (facts.prediction) {
@@ -187,24 +188,28 @@ Document PageOf(const CheckOutcome& outcome) {
   }
   page.blocks.push_back(few);
   page.blocks.push_back(
-      Heading{2, outcome.light == Light::kGreen ? "What would still gain" : "What to do next", "next"});
-  if (outcome.advice.empty()) page.blocks.push_back(Paragraph{"Nothing more would gain much.", Tone::kGood});
+      Heading{2, outcome.light == Light::kGreen ? "What would still improve the survey" : "What to do next", "next"});
+  if (outcome.advice.empty())
+    page.blocks.push_back(Paragraph{"No further picture would improve the predicted accuracy much.", Tone::kGood});
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
     page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
                                     advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
   }
   if (const auto map = CheckMap(outcome)) {
-    page.blocks.push_back(Figure{"map",
-                                 "Tags, the way so far, and where to stand next (numbers; the arrow shows where "
-                                 "to look).",
-                                 *map});
+    page.blocks.push_back(
+        Figure{"map",
+               "Tags, the path so far, and where to photograph next (numbers; the arrow shows the viewing "
+               "direction).",
+               *map});
   }
   page.blocks.push_back(Heading{2, "Findings", "findings"});
   page.blocks.push_back(FindingTable(outcome));
   page.blocks.push_back(Heading{2, "Tags", "tags"});
   page.blocks.push_back(TagTable(outcome));
-  page.footer = "Predicted sigmas: tags as they were seen, odometry, and scene points as `trigpoint plan` takes them.";
+  page.footer =
+      "The sigmas are predicted from the tags as detected, the odometry, and scene points as `trigpoint plan` assumes "
+      "them.";
   return page;
 }
 

@@ -22,7 +22,7 @@ CheckOutcome CheckSite(SiteCheck& check, bool watched, ProgressSink& progress, c
   const auto begun = Clock::now();
   while (true) {
     if (check.Look(kAtATime, progress, cancel) > 0 || check.Compare(kAtATime, progress, cancel) > 0) continue;
-    // What was copied a moment ago is known to be whole a moment later.
+    // A file that changed a moment ago counts as complete only after a pause, so wait for it.
     if (watched || !check.Waits() || Seconds(begun) > kPatience_s) break;
     std::this_thread::sleep_for(kPause);
     cancel.ThrowIfCancelled();

@@ -159,8 +159,9 @@ bool ColmapRun::PickModel(ColmapSolution* solution, const fs::path& dir) {
   }
   solution->status = "done";
   if (solution->models > 1) {
-    solution->reason = fmt::format("COLMAP split the run into {} models; compared is the largest, with {} of {} images",
-                                   solution->models, solution->model.images.size(), solution->images);
+    solution->reason =
+        fmt::format("COLMAP split the run into {} models; the largest one, with {} of {} images, is compared",
+                    solution->models, solution->model.images.size(), solution->images);
   }
   return true;
 }
@@ -393,7 +394,7 @@ ColmapSolution ColmapRun::Panoramas(const ColmapSolution& images,
     solution.reason = reason;
     return solution;
   };
-  if (images.status != "done") return end("skipped", "depth b is not there to add panoramas to");
+  if (images.status != "done") return end("skipped", "depth b made no model to add panoramas to");
   const fs::path dir = work_ / "c", pictures = work_ / "images";
   fs::create_directories(dir / "registered");
   fs::create_directories(dir / "adjusted");

@@ -29,16 +29,21 @@ struct CrosscheckOptions {
   bool keep = false;                   // COLMAP's workspace
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.features, {"features", "", 0, 1, "depth a: our features and matches, our cameras to begin with"});
+    visit(self.features,
+          {"features", "", 0, 1, "depth a: Trigpoint's features and matches, with its cameras as initial values"});
     visit(self.images, {"images", "", 0, 1, "depth b: COLMAP's own features on the same images"});
     visit(self.panoramas, {"panoramas", "", 0, 1, "depth c: views of the panoramas registered into depth b"});
     visit(self.rig, {"rig", "", 0, 1, "depth c: the views of a panorama move as one rig in the last adjustment"});
-    visit(self.solver, {"solver", "", 0, 0, "of depth a: triangulate (and adjust, from our cameras) or mapper"});
-    visit(self.matcher, {"matcher", "", 0, 0, "of depth b: auto, exhaustive or sequential"});
-    visit(self.exhaustive_below, {"exhaustive_below", "", 2, 10000, "auto: exhaustive up to so many images"});
-    visit(self.spread, {"spread", "", 1, 1e5, "images over the whole run that a panorama's views are matched with"});
-    visit(self.candidates, {"candidates", "", 0, 1000, "and so many nearest to our answer, where there is one"});
-    visit(self.timeout_min, {"timeout_min", "min", 0, 1e5, "a COLMAP step that takes longer is ended; 0: any time"});
+    visit(self.solver, {"solver", "", 0, 0, "depth a: triangulate (and adjust, from Trigpoint's cameras) or mapper"});
+    visit(self.matcher, {"matcher", "", 0, 0, "depth b: auto, exhaustive or sequential"});
+    visit(self.exhaustive_below,
+          {"exhaustive_below", "", 2, 10000, "matcher auto is exhaustive up to this number of images"});
+    visit(self.spread,
+          {"spread", "", 1, 1e5, "number of images, spread over the run, that a panorama's views are matched with"});
+    visit(self.candidates,
+          {"candidates", "", 0, 1000, "number of further images, the nearest to Trigpoint's answer if there is one"});
+    visit(self.timeout_min,
+          {"timeout_min", "min", 0, 1e5, "time limit of a COLMAP step, which is ended after it; 0: no limit"});
     visit(self.keep, {"keep", "", 0, 1, "keep COLMAP's databases, images and models in work/"});
   }
   std::vector<std::string> Check() const;

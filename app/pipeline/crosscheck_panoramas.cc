@@ -102,9 +102,9 @@ std::string FormatPanoramaVerdicts(const std::vector<PanoramaJudgement>& judged,
                                    const std::vector<PanoramaResult>& answers) {
   if (judged.empty()) return "";
   std::string text =
-      "\nPanoramas, looked for over the whole run whether we localized them or not. *contradicts*: apart beyond 99.9 % "
-      "of "
-      "both sides' errors (chi-square, 3 degrees of freedom); *found by them alone*: perhaps wrongly refused by us.\n\n"
+      "\nCOLMAP looked for every panorama over the whole run, whether Trigpoint localized it or not. *contradicts*: "
+      "the two answers differ by more than both errors explain (99.9 % of chi-square, 3 degrees of freedom); *found "
+      "by them alone*: COLMAP alone found it, perhaps Trigpoint refused it wrongly.\n\n"
       "| panorama | verdict | ours | their views | their points | apart m | chi2 |\n|---|---|---|---|---|---|---|\n";
   for (const PanoramaJudgement& j : judged) {
     const auto length = Metres(j);
@@ -136,18 +136,18 @@ std::vector<std::string> PanoramaWarnings(const std::vector<PanoramaJudgement>& 
   for (const PanoramaJudgement& j : judged) {
     const std::string found = fmt::format("COLMAP registered {} of its views with {} points", j.views, j.points);
     if (j.verdict == CrossVerdict::kContradicts) {
-      warnings.push_back(fmt::format(
-          "panorama {}: COLMAP's answer is {:.3f} m from ours, beyond both errors (chi-square {:.0f}, 16.3 is 99.9 %): "
-          "one of the two is wrong; {}",
-          j.name, j.difference_m->norm(), *j.chi2, found));
+      warnings.push_back(
+          fmt::format("panorama {}: COLMAP's answer is {:.3f} m from Trigpoint's, beyond both errors (chi-square "
+                      "{:.0f}, 16.3 is 99.9 %): one of the two is wrong; {}",
+                      j.name, j.difference_m->norm(), *j.chi2, found));
     } else if (j.verdict == CrossVerdict::kChanged) {
       warnings.push_back("panorama " + j.name +
                          ": its answer in panoramas.csv is not the one that was computed (solution.db): the table was "
                          "changed since; compute it again by `trigpoint run`");
     } else if (j.verdict == CrossVerdict::kOnlyTheirs) {
       warnings.push_back(
-          fmt::format("panorama {}: COLMAP found it at {:.2f}, {:.2f}, {:.2f} m (odom), we have not ({}): perhaps a "
-                      "wrong refusal; {}",
+          fmt::format("panorama {}: COLMAP found it at {:.2f}, {:.2f}, {:.2f} m (odom), Trigpoint did not localize it "
+                      "({}), perhaps wrongly; {}",
                       j.name, j.theirs->x(), j.theirs->y(), j.theirs->z(), OursOf(j.name, answers), found));
     }
   }

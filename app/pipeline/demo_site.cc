@@ -22,7 +22,7 @@ fs::path EmbeddedSite() {
   for (const fs::path& place : places) {
     if (fs::is_directory(place, ignored)) return place;
   }
-  throw IoError("the embedded site is not there; expected " + places[0].string() + " or " + places[1].string() +
+  throw IoError("the embedded site was not found; expected " + places[0].string() + " or " + places[1].string() +
                 ": install trigpoint completely");
 }
 
@@ -48,7 +48,7 @@ void CopySite(const fs::path& from, const fs::path& to) {
 void MakeDemoSite(const fs::path& dir) {
   const bool there = fs::exists(dir) && !(fs::is_directory(dir) && fs::is_empty(dir));
   if (there && !fs::exists(dir / "trigpoint.yaml")) {
-    throw InputError(dir.string() + " is there and is no project; name a new folder: trigpoint demo DIR");
+    throw InputError(dir.string() + " exists and is not a project; name a new folder: trigpoint demo DIR");
   }
   if (there) return;
   CopySite(EmbeddedSite(), dir);

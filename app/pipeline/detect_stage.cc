@@ -239,13 +239,13 @@ void LeaveOutOtherFamilies(const Run& run, const std::string& families, StageCon
   if (others == 0) return;
   const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml has {}",
                                         run.detections.string(), others, all, other, families);
-  if (others == all) throw InputError(found + "; mend one of the two");
+  if (others == all) throw InputError(found + "; correct the family in one of the two");
   context.progress.Log(LogLevel::kWarning, found + "; they are left out");
 }
 
 DetectOptions OptionsFor(const Project& project, const StageTarget& target) {
   DetectOptions options = ResolveOptions<DetectOptions>(project, "detect", target);
-  // tags.yaml says which family is out there, unless an option does.
+  // The family is that of tags.yaml, unless an option names one.
   bool named = false;
   for (const OptionLayer& layer : OptionLayers(project, "detect", target)) named |= layer.values.contains("family");
   if (!named) options.detector.family = project.site().tags.family;

@@ -43,8 +43,9 @@ struct EvaluateStageOptions {
     EvaluateLimits::Visit(self.gates, visit);
     visit(self.estimates,
           {"estimates", "", 0, 0, "cameras and other systems' trajectories against the reference poses"});
-    visit(self.reference, {"reference", "", 0, 0,
-                           "only against this: self, control, survey, survey@V or a release; empty: the first three"});
+    visit(self.reference,
+          {"reference", "", 0, 0,
+           "compare with this reference only: self, control, survey, survey@V or a release; empty: the first three"});
     visit(self.offsets,
           {"offsets", "", 0, 0,
            "station offsets: stated (stations.csv), estimated by the tags that panoramas show (survey), or "
@@ -197,7 +198,7 @@ std::vector<ReferenceMap> ReferencesFor(const Project& project, const std::strin
     try {
       add("survey");
     } catch (const InputError& e) {
-      progress.Log(LogLevel::kWarning, std::string("the survey is no reference: ") + e.what());
+      progress.Log(LogLevel::kWarning, std::string("the survey cannot be used as reference: ") + e.what());
     }
   }
   return maps;

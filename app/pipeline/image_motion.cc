@@ -61,7 +61,7 @@ void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRu
   }
   const std::optional<double> length = LengthByGps(run, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
-  const std::string unit = length ? "m, by the run's GPS" : "unknown: points are 10 of it away in the median";
+  const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
   progress.Log(
       LogLevel::kWarning,
       fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
@@ -98,7 +98,7 @@ void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found
     const std::vector<double>& p = s.found.params();
     const BodyCamera& camera = run.cameras[static_cast<size_t>(s.camera)];
     comments.push_back(
-        fmt::format("{}: f {:.1f} +- {:.1f} px (begun with {:.1f}), principal point {:.1f}, {:.1f} +- {:.1f} px, k1 "
+        fmt::format("{}: f {:.1f} +- {:.1f} px (initial value {:.1f}), principal point {:.1f}, {:.1f} +- {:.1f} px, k1 "
                     "{:.4f} +- {:.4f}, k2 "
                     "{:.4f} +- {:.4f}",
                     camera.name, p[0], s.sigma_focal_px, camera.guessed_focal_px, p[2], p[3], s.sigma_centre_px, p[4],

@@ -25,7 +25,7 @@ bool Needs(const Project& project, const Job& job, const Job& earlier) {
   return TargetRead(project, *earlier.stage, job.stage->name, target).variant == earlier.target.variant;
 }
 
-// What goes on without some of the results it needs says whether it reads older ones.
+// A job that runs although results it needs were not made warns whether it reads older ones.
 void WarnOfEarlierResults(const Project& project, const Job& job, const std::vector<JobResult>& needed,
                           ProgressSink& progress) {
   for (const JobResult& other : needed) {
@@ -170,7 +170,7 @@ std::string_view JobEndName(JobEnd end) {
 std::vector<JobNeeds> NeedsOf(const Project& project, const std::vector<Job>& jobs) {
   std::vector<JobNeeds> all(jobs.size());
   for (size_t i = 0; i < jobs.size(); ++i) {
-    // What names no stage and is for all runs looks at whatever is there (gates, report).
+    // Gates and report read whatever results there are, so they come after all other jobs.
     const bool last = jobs[i].stage->name == "gates" || jobs[i].stage->name == "report";
     for (size_t k = 0; k < i; ++k) {
       const bool needs = Needs(project, jobs[i], jobs[k]);

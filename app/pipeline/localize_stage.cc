@@ -34,9 +34,10 @@ struct LocalizeStageOptions : LocalizeOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     LocalizeOptions::Visit(self, visit);
-    visit(self.rig, {"rig", "", 0, 0,
-                     "of a stitched photo set: fixed as stitched; scaled; prior: its photos move as far as stitching "
-                     "leaves open; free; auto: by hold-out error"});
+    visit(self.rig,
+          {"rig", "", 0, 0,
+           "rig of a stitched photo set: fixed (as stitched), scaled (its size is estimated), prior (its photos move "
+           "within the uncertainty of stitching), free, or auto (the one with the smallest hold-out error)"});
     visit(self.world.use, {"use", "", 0, 0,
                            "what georeferences the run besides geotags, in its bundle adjustment: control (points on "
                            "tags), tags (of the survey), gps (every fix), with commas between; empty: none"});

@@ -180,7 +180,10 @@ Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const LocalizedView* view : views) {
     const auto ray = view->camera->Unproject(*view->marked);
-    if (!ray) throw InputError(view->image + ": the mark lies where the camera has no rays");
+    if (!ray) {
+      throw InputError(view->image +
+                       ": the camera model is not defined at the mark's pixel; move the mark towards the image centre");
+    }
     const Eigen::Vector3d d = view->cam_from_world.rotation.conjugate() * ray->normalized();
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
     a += across;
@@ -234,7 +237,7 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
   }
   if (marked.size() < 2) {
     throw InputError("point '" + point + "' is marked in " + std::to_string(marked.size()) +
-                     " localized images; expected at least two, then it is predicted in the others");
+                     " localized images; expected at least two to predict it in the others");
   }
   PointSolution solution;
   solution.marks = static_cast<int>(marked.size());
@@ -248,7 +251,10 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
     for (const LocalizedView* view : marked) {
       Eigen::Matrix<double, 2, 3> j;
       const auto predicted = view->camera->Project(view->cam_from_world * x, &j);
-      if (!predicted) throw NumericError("the marks of point '" + point + "' don't meet before the cameras");
+      if (!predicted) {
+        throw NumericError("the rays of the marks of point '" + point +
+                           "' do not intersect in front of the cameras; check the marks");
+      }
       j = (j * view->cam_from_world.rotation.toRotationMatrix()).eval();
       const Eigen::Vector2d r = *predicted - *view->marked;
       information += j.transpose() * j;
@@ -257,7 +263,7 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
     }
     const Eigen::Vector3d step = information.ldlt().solve(gradient);
     x -= step;
-    if (!x.allFinite()) throw NumericError("the marks of point '" + point + "' have no common point");
+    if (!x.allFinite()) throw NumericError("the marks of point '" + point + "' do not fit one point; check the marks");
     if (step.norm() < 1e-9) break;
   }
   solution.world_m = x;

@@ -1,4 +1,4 @@
-// reconstruct: a run's images and odometry to its solution, without references and without the Earth.
+// reconstruct: a run's images and odometry to its solution, without references and georeferencing.
 #include "app/pipeline/reconstruct_stage.h"
 
 #include <fmt/format.h>

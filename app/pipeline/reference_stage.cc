@@ -25,8 +25,8 @@ struct ReferenceStageOptions {
     ReferencePoseOptions::Visit(self.poses, visit);
     visit(self.map, {"map", "", 0, 0, "the tag map: survey, survey@V or a release"});
     visit(self.motion, {"motion", "", 0, 0,
-                        "what bridges images without tags: odometry, or tracks (localize's own: no longer "
-                        "independent of it)"});
+                        "motion that bridges images without tags: odometry, or tracks (those of localize, so that the "
+                        "reference is not independent of localize)"});
   }
   std::vector<std::string> Check() const {
     std::vector<std::string> problems = poses.Check();
@@ -66,7 +66,7 @@ std::string Describe(const ReferencePoses& result, const std::vector<std::string
         unit.name);
   }
   text += fmt::format(
-      "{} pictures of {} tags, {} left out; corners {:.3f} px rms; motion's scale {:.5f} +- {:.5f} (1 "
+      "{} detections of {} tags, {} left out; corners {:.3f} px rms; motion's scale {:.5f} +- {:.5f} (1 "
       "sigma), its noise {:.2f} (rotation) and {:.2f} (position) times the stated\n",
       result.sights, result.tags_used.size(), result.rejected, result.rms_px, result.scale, result.scale_sigma,
       result.motion_rot_factor, result.motion_m_factor);

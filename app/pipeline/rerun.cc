@@ -200,7 +200,7 @@ RerunDifference CompareFiles(const fs::path& release, const Planned& planned, co
   const std::optional<fs::path> then =
       planned.copied_to.empty() ? std::nullopt : PlainFile(release, planned.copied_to + "/" + file);
   if (!then || !IsText(file) || fs::file_size(*then) > kLargestCompared || fs::file_size(now) > kLargestCompared) {
-    difference.text = then ? "other bytes" : "other bytes; the release has its hash alone";
+    difference.text = then ? "the bytes differ" : "the bytes differ; the release has only the hash of the file";
   } else {
     difference = CompareTexts(ReadTextFile(*then), ReadTextFile(now), fs::path(file).extension() == ".csv");
   }
@@ -230,7 +230,8 @@ void CompareResult(const RerunOptions& options, const Planned& planned, const St
   }
   const int then = planned.record.value("version", 0), now = outcome.manifest.value("version", 0);
   if (then != now)
-    result->notes.push_back(fmt::format("{}: version {} of the stage then, {} now", planned.key, then, now));
+    result->notes.push_back(
+        fmt::format("{}: the release has version {} of the stage, this program has {}", planned.key, then, now));
 }
 
 void CompareVersions(const ReleaseRecord& record, std::vector<std::string>* notes) {
@@ -295,11 +296,11 @@ RerunDifference CompareTexts(const std::string& then, const std::string& now, bo
   }
   const char* const comma = difference.text.empty() ? "" : "; ";
   if (a.size() != b.size()) {
-    difference.text += fmt::format("{}{} lines then, {} now", comma, a.size(), b.size());
+    difference.text += fmt::format("{}{} lines in the release, {} now", comma, a.size(), b.size());
   } else if (texts > 0) {
     difference.text += fmt::format("{}{} lines differ otherwise, first line {}", comma, texts, first_text);
   } else if (values == 0) {
-    difference.text += "other bytes, the same words and numbers";
+    difference.text += "the bytes differ, words and numbers are the same";
   }
   return difference;
 }

@@ -145,7 +145,7 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
             RefineRig(MakeInput(reconstruction, covariances, g, shape, stitched, scale), RigFreedom::kScaled);
         scale = std::clamp(scale * sized.scale, 0.02, 30.0);
         const Registration again = registrar.Register(Scaled(stitched, scale));
-        // A better size loses no points but by chance (3 sigma of a count): one that does has led to another place.
+        // A size that loses more points than chance explains (3 sigma of a count) has led to a wrong pose.
         if (again.status != AnswerStatus::kLocalized || again.support < g.support - 3 * std::sqrt(g.support)) break;
         g = again;
       }
@@ -159,13 +159,13 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
                                     other.agreeing, g.agreeing);
       }
       if (answer.status == AnswerStatus::kRejected) continue;
-      // At a wrong place the photos fit best with their centres drawn together: the size that stitching found decides.
+      // At a wrong pose the photos fit best with a small rig, so a size that stitching excludes is refused.
       const double possible = std::exp(kPossibleSize * shape.log_scale_sigma);
       if (scale > possible || scale < 1 / possible) {
         answer.status = AnswerStatus::kRejected;
         answer.reason = fmt::format(
-            "its photos would have been taken from {:.2g} times as far apart as stitched, where {:.2g} to {:.2g} times "
-            "is possible (3 sigma)",
+            "the distances between its photos would have to be {:.2g} times those found by stitching, expected {:.2g} "
+            "to {:.2g} times (3 sigma)",
             scale, 1 / possible, possible);
         continue;
       }

@@ -29,9 +29,9 @@ struct StitchStageOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.rig, {"rig", "", 0, 0, "how the photos are tied together"});
-    visit(self.panorama, {"panorama", "", 0, 0, "the picture made of them"});
-    visit(self.compose, {"compose", "", 0, 1, "also make the picture, not the rig alone"});
+    visit(self.rig, {"rig", "", 0, 0, "estimation of the rig: the poses of the photos to each other"});
+    visit(self.panorama, {"panorama", "", 0, 0, "composition of the panorama from the photos"});
+    visit(self.compose, {"compose", "", 0, 1, "compose the panorama; false: estimate the rig only"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
@@ -43,7 +43,7 @@ fs::path FolderOfSet(const Project& project, const std::string& name) {
   throw InputError("project " + project.dir().string() + " has no photo set '" + name + "'");
 }
 
-// Photos of a walk hang together by chance at most: what came out would look like a panorama and be none.
+// Photos taken along a walk match at most by chance; stitching them would give a panorama that is wrong.
 void RequireOneSpot(const PhotoSet& set, const fs::path& dir) {
   std::vector<PhotoMetadata> photos;
   for (const Photo& photo : set.photos) photos.push_back(photo.metadata);

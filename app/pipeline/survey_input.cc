@@ -177,7 +177,7 @@ void UseNewestEpochs(const Project& project, std::vector<ControlPoint>* points, 
       if (!d.Moved()) continue;
       job->warnings.push_back(fmt::format(
           "point {}: its coordinates of epoch {} are {:.3f} m from those of epoch {}, {:.1f} sigma: the newer ones are "
-          "used; look whether the point was moved, or its system is another one",
+          "used; check whether the point moved and whether both epochs have the same coordinate system",
           d.point, d.earlier, d.difference_m.norm(), d.used, std::sqrt(d.chi2)));
     }
   }
@@ -188,8 +188,8 @@ void UseNewestEpochs(const Project& project, std::vector<ControlPoint>* points, 
   }
   if (!years.empty() && years.rbegin()->first - years.begin()->first > kApart_years) {
     job->warnings.push_back(fmt::format(
-        "the surveyed points are of epochs {} to {}: they are used as stated, and in a frame that does not move with "
-        "its plate they are apart by centimetres a year; bring them to one epoch",
+        "the surveyed points are of epochs {} to {} and are used as stated; in a frame that does not move with the "
+        "site's plate their coordinates change by centimetres a year: transform them to one epoch",
         years.begin()->second, years.rbegin()->second));
   }
 }
@@ -524,8 +524,8 @@ void SetDatum(const Project& project, const SurveyStageOptions& options, const C
   }
 }
 
-// Surveyed points and satellites speak of the same site: not of another zone, hemisphere or unit of height. Throws
-// InputError.
+// Requires that surveyed points and satellite positions agree on the site: same zone, hemisphere and unit of height.
+// Throws InputError.
 void RequireOneSite(const Project& project, SurveyJob* job) {
   if (!project.has_frame()) return;
   const bool local = job->local_frame;
@@ -550,10 +550,10 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
       std::hypot(Median(surveyed.east) - Median(satellites.east), Median(surveyed.north) - Median(satellites.north));
   if (local && apart > kSameFrame_m && input.use_control) {
     job->local_frame = true;
-    job->warnings.push_back(fmt::format(
-        "control_points.csv: x_m, y_m, z_m lie {:.0f} m from where geotags and GPS have the site: they are a "
-        "local frame of their own, and so is the map; geotags and GPS take no part",
-        apart));
+    job->warnings.push_back(
+        fmt::format("control_points.csv: x_m, y_m, z_m are {:.0f} m from the site's position by geotags and GPS, so "
+                    "they are taken as coordinates of a local frame; the map is made in it, without geotags and GPS",
+                    apart));
     std::erase_if(input.points, [](const SurveyPoint& p) { return p.role == PointRole::kGeotag; });
     for (SurveyRun& run : input.runs) run.gps.clear();
     return;
@@ -561,8 +561,8 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
   if (apart > kOneSite_m) {
     throw InputError(
         fmt::format("control_points.csv: the surveyed points lie {:.0f} km from the geotags and GPS fixes: "
-                    "look for another zone or EPSG code, or for latitude and longitude in each other's "
-                    "place; check_conventions=false goes on as it is",
+                    "check the zone, the EPSG code, and whether latitude and longitude are swapped; "
+                    "check_conventions=false omits this check",
                     1e-3 * apart));
   }
   if (surveyed.height.empty() || satellites.height.empty()) return;
@@ -571,13 +571,12 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
   const bool feet = std::abs(theirs * kFoot_m - ours) < kGeoid_m,
              geotag_feet = std::abs(ours * kFoot_m - theirs) < kGeoid_m;
   throw InputError(
-      fmt::format("control_points.csv: the surveyed heights ({:.0f} m in the middle) differ from those of geotags and "
-                  "GPS ({:.0f} m) "
-                  "by more than any geoid does{}; check_conventions=false goes on as it is",
+      fmt::format("control_points.csv: the surveyed heights (median {:.0f} m) differ from those of geotags and GPS "
+                  "(median {:.0f} m) by more than any geoid height{}; check_conventions=false omits this check",
                   theirs, ours,
-                  feet          ? ": they are in feet, it seems, expected are metres"
-                  : geotag_feet ? ": those of the geotags are in feet, it seems, expected are metres"
-                                : ": look for a wrong unit, a wrong sign or heights above something else"));
+                  feet          ? ": they seem to be in feet, expected metres"
+                  : geotag_feet ? ": those of the geotags seem to be in feet, expected metres"
+                                : ": check the unit, the sign and the height system"));
 }
 
 }  // namespace

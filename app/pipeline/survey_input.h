@@ -30,14 +30,14 @@ struct SurveyStageOptions {
     visit(self.datum, {"datum", "", 0, 0,
                        "what fixes the map: auto (control, else geotags, else gps), control, geotags, gps, tag, plane, "
                        "gravity, none"});
-    visit(self.fixed_tag, {"fixed_tag", "", -1, 1e6, "datum tag: the id that is held"});
+    visit(self.fixed_tag, {"fixed_tag", "", -1, 1e6, "datum tag: id of the tag that is held fixed"});
     visit(self.fixed_pose, {"fixed_pose", "", 0, 0, "datum tag: its world_from_tag, \"x y z qx qy qz qw\""});
     visit(self.plane_tags, {"plane_tags", "", 0, 0, "datum plane: tags on one horizontal plane, \"3 6 9\""});
-    visit(self.tie_points, {"tie_points", "", 0, 1, "scene points seen in the pictures tie the cameras"});
-    visit(self.ties_per_image, {"ties_per_image", "", 10, 1e6, "scene points a picture, the longest tracks first"});
+    visit(self.tie_points, {"tie_points", "", 0, 1, "tie the cameras by scene points seen in several pictures"});
+    visit(self.ties_per_image, {"ties_per_image", "", 10, 1e6, "scene points per picture, the longest tracks first"});
     visit(self.nssda, {"nssda", "", 0, 1, "state 95 % values by the NSSDA's rule"});
     visit(self.repeatability, {"repeatability", "", 0, 1, "compare maps of fewer runs and of single days"});
-    visit(self.photo_sets, {"photo_sets", "", 0, 1, "photos of stitched sets take part in the map, too"});
+    visit(self.photo_sets, {"photo_sets", "", 0, 1, "use the photos of stitched sets for the map, too"});
     visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
     visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
   }
@@ -67,7 +67,7 @@ struct SurveyJob {
   SurveyInput input;
   ControlSystems control;
   bool has_check = false;    // some surveyed points take no part
-  bool local_frame = false;  // the surveyed points are in a frame of their own, which nothing ties to the Earth
+  bool local_frame = false;  // the surveyed points are in a local frame of their own, which is not georeferenced
   std::string check_note;    // how the check points were chosen, or why there are none
   std::map<std::string, ReferenceTags> sets;  // tags of the photo sets that take part, by name
   std::vector<std::string> warnings;

@@ -108,13 +108,13 @@ void Points(const SurveyResult& result, Report& out) {
   }
   if (left_out) {
     out.Line(
-        fmt::format("\n| control point | left out, the map would be off by: de, dn, du ({0}) | sigma ({0}, 1 sigma) "
+        fmt::format("\n| control point | map made without it, minus stated: de, dn, du ({0}) | sigma ({0}, 1 sigma) "
                     "| standardised residual |",
                     out.name()));
     out.Line("|---|---|---|---|");
     for (const PointAgreement& p : result.points) {
       if (!p.left_out_m) continue;
-      // Where the point alone holds a direction, the others say nothing about it.
+      // A direction that this point alone determines has no value without it.
       std::string off, sigma;
       for (int k = 0; k < 3; ++k) {
         const bool known = p.LeftOutKnown(k);
@@ -154,7 +154,8 @@ void Accuracies(const SurveyResult& result, const SurveyFindings& findings, Repo
         "RMS {}, largest {}",
         result.fit->n, out.With(result.fit->median_m), out.With(result.fit->rmse_m), out.With(result.fit->max_m)));
     for (const auto& [name, distance] : result.fit->worst) {
-      out.Line(fmt::format("  {}: {}, more than three times the median: look at its survey", name, out.With(distance)));
+      out.Line(fmt::format("  {}: {}, more than three times the median: check how it was surveyed", name,
+                           out.With(distance)));
     }
   }
   if (findings.repeatability && findings.repeatability->differences > 0) {
@@ -201,7 +202,7 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
   for (const PlaneAgreement& p : result.plane) {
     out.Line(fmt::format("Plane: tag {} lies {} above it{}", p.tag_id, out.With(p.height_m),
                          p.sigma_m > 0 ? fmt::format(", sigma of that {} (1 sigma)", out.With(p.sigma_m))
-                                       : ": nothing but the plane holds its height"));
+                                       : ": the plane alone determines its height"));
   }
   for (const DatumShift& s : result.shifts) {
     const Eigen::Vector3d &m = s.stated_minus_map_m, &e = s.sigma_m;
@@ -212,7 +213,7 @@ void Others(const SurveyResult& result, const SurveyFindings& findings, Report& 
                     "sigma){}",
                     s.of, s.n, out.Length(m.x()), out.Length(m.y()), out.Length(m.z()), out.name(), out.Length(e.x()),
                     out.Length(e.y()), out.Length(e.z()),
-                    real ? ": another datum or height system than the map's" : ": none to be seen"));
+                    real ? ": another datum or height system than the map's" : ": not significant"));
   }
   for (const RunAgreement& r : result.runs) {
     std::string line =

@@ -137,9 +137,9 @@ void WorldSources::ReadMap(const Project& project, const std::string& name) {
   }
   map_ = ReadReferenceMap(project, ReferenceMapFolder(project, name), name);
   if (std::find(map_.runs.begin(), map_.runs.end(), run_) != map_.runs.end()) {
-    warnings_.push_back("run " + run_ + " is one of those that the map '" + name +
-                        "' was made of: both rest on the same images, and sigmas in the world are somewhat too small; "
-                        "a map without it is independent (role: evaluation in its run.yaml)");
+    warnings_.push_back("run " + run_ + " took part in the map '" + name +
+                        "': both use the same images, so that the sigmas in world are somewhat too small; "
+                        "set role: evaluation in its run.yaml for a map without it");
   }
 }
 

@@ -192,7 +192,8 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
   const SparseSummary s =
       Minimise(&model, &system, {options.max_iterations, options.relative_cost_tolerance, 0, 1e-5}, workers, progress);
   if (s.singular) {
-    throw NumericError("bundle adjustment: the system is singular; something is not fixed by the data");
+    throw NumericError(
+        "bundle adjustment: the normal equations are singular: the data do not determine every pose, point and scale");
   }
   // Leave the factors' final weights for those who report which evidence was believed.
   system.EvaluateFactors(model, false, workers);
@@ -211,7 +212,8 @@ struct BundleCovariance::Impl {
 BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel)
     : impl_(std::make_unique<Impl>(problem, threads, cancel)) {
   if (!impl_->system.Linearise(impl_->model, false, impl_->workers)) {
-    throw NumericError("covariance: the system is singular; something is not fixed by the data");
+    throw NumericError(
+        "covariance: the normal equations are singular: the data do not determine every pose, point and scale");
   }
 }
 

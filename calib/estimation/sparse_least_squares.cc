@@ -12,7 +12,7 @@ namespace trigpoint {
 namespace {
 
 constexpr double kEnough = 1e-4;  // squared distance to the minimum, in standard deviations
-constexpr char kSingular[] = "the equations are singular: something shares no data with the rest";
+constexpr char kSingular[] = "the normal equations are singular: an unknown shares no observation with the others";
 
 }  // namespace
 

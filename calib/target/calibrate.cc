@@ -48,7 +48,7 @@ std::vector<std::string> SplitAtCommas(const std::string& text) {
   return parts;
 }
 
-// Of each camera; the last one named goes for the rest.
+// The model of each camera; the last one named holds for all further cameras.
 ModelChoice ModelOf(const CalibrateOptions& options, size_t camera) {
   const std::vector<std::string> names = SplitAtCommas(options.model);
   return ModelNamed(names[std::min(camera, names.size() - 1)]);
@@ -66,7 +66,7 @@ std::vector<int> FreeIntrinsics(const CameraState& camera) {
   return free;
 }
 
-// A camera as it stands; nothing if its parameters are none.
+// The camera with its present parameters; nothing if they are not valid.
 std::optional<Camera> AsCamera(const CameraState& state, int width, int height) {
   try {
     return Camera(state.model, width, height, state.params);
@@ -135,11 +135,12 @@ class Calibrator {
     problem_.free_extrinsics = free_cameras;
     problem_.free_shape = free_shape;
     report_ = SolveBoardProblem(problem_, nullptr, kIterations, cancel_);
-    if (!report_.usable) throw NumericError("the calibration did not converge; look at the pictures and the target");
+    if (!report_.usable)
+      throw NumericError("the calibration did not converge; check the pictures and the target's description");
     SetSigmas();
   }
 
-  // Robust solutions and what doesn't fit left out, until nothing changes.
+  // Solves with a robust loss and leaves out what doesn't fit, until nothing changes.
   void SolveAndReject(const std::vector<int>& free_shape, ProgressSink& progress) {
     for (CameraState& camera : problem_.cameras) camera.free = FreeIntrinsics(camera);
     problem_.free_extrinsics = true;
@@ -219,8 +220,8 @@ void Calibrator::StartOne(size_t c) {
       StartCamera(input_, static_cast<int>(c), fisheye ? CameraModel::kKannalaBrandt : CameraModel::kPinhole, board_);
   if (static_cast<int>(start.cam_from_board.size()) < kLeastViews) {
     throw NumericError(size.name +
-                       ": no focal length explains the board in three pictures; is the target's description "
-                       "right (rows, columns, kind)?");
+                       ": no focal length fits the board in three pictures; check the target's description "
+                       "(rows, columns, kind)");
   }
   BoardProblem one;
   one.board = &board_;
@@ -274,8 +275,8 @@ void Calibrator::StartOne(size_t c) {
   SolveBoardProblem(one, &loss, kIterations, cancel_);
   if (!AsCamera(camera, size.width, size.height)) {
     throw NumericError(size.name +
-                       ": no camera explains the pictures; is the target's description right, and are all "
-                       "pictures from one camera with one zoom?");
+                       ": no camera model fits the pictures; check the target's description, and that all "
+                       "pictures are from one camera with one zoom");
   }
   state.params = camera.params;
   for (size_t v : views) {

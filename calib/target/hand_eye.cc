@@ -324,7 +324,7 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
   if (result.turned_rad < kLeastTurn) {
     throw InputError("hand-eye calibration: the body rotates too little while it sees a tag (" +
                      std::to_string(static_cast<int>(std::lround(result.turned_rad * 180 / std::numbers::pi))) +
-                     " deg at most): where the camera sits cannot be seen; drive curves in front of tags");
+                     " deg at most) to determine the camera's position on it; drive curves in front of tags");
   }
   Solver solver(passes, camera, start, options, cancel);
   progress.Begin("hand-eye calibration", 24 + result.passes);

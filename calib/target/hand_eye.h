@@ -31,11 +31,11 @@ struct HandEyeOptions {
   double scale_sigma = 0.02;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.max_pass_s, {"max_pass_s", "s", 0.1, 1e4, "longest stretch over which the odometry is trusted"});
-    visit(self.max_pass_m, {"max_pass_m", "m", 0.1, 1e4, "longest way over which the odometry is trusted"});
+    visit(self.max_pass_s, {"max_pass_s", "s", 0.1, 1e4, "longest time over which the odometry is trusted"});
+    visit(self.max_pass_m, {"max_pass_m", "m", 0.1, 1e4, "longest path over which the odometry is trusted"});
     visit(self.max_gap_s, {"max_gap_s", "s", 0.01, 1e4, "a tag that was not seen for longer begins a new pass"});
     visit(self.prior_m,
-          {"prior_m", "m", 0.001, 100, "1 sigma of where the camera sits, around its place in camchain.yaml"});
+          {"prior_m", "m", 0.001, 100, "1 sigma of the camera's position about the one in camchain.yaml"});
     visit(self.scale_sigma, {"scale_sigma", "", 0, 1, "1 sigma of the odometry's scale; 0: it is exact"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }

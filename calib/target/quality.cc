@@ -77,7 +77,7 @@ void JudgeViews(const CalibrationInput& input, const Calibration& calibration, i
     judge.Add(many ? FindingLevel::kWarning : FindingLevel::kNote, camera.name, "outliers",
               fmt::format("{} of {} pictures don't fit the others and are left out: {}", outliers.size(), camera.views,
                           Join(outliers)),
-              "look at them: motion blur, a bent board, a reflection, a corner on the wrong square?");
+              "check them for motion blur, a bent board, reflections and corners on the wrong square");
   }
 }
 
@@ -91,7 +91,7 @@ void JudgeTilt(const CalibrationInput& input, const Calibration& calibration, in
     const ViewSummary& view = calibration.views[v];
     if (input.views[v].camera != c || !view.used) continue;
     tilts.push_back(view.tilt_rad * kRadToDeg);
-    // Leaning left and leaning right tell the same about the focal length: directions count modulo 180 deg.
+    // Tilts to the left and to the right determine the focal length alike: directions count modulo 180 deg.
     lean += view.tilt_rad * Eigen::Vector2d(std::cos(2 * view.azimuth_rad), std::sin(2 * view.azimuth_rad));
     weight += view.tilt_rad;
   }
@@ -178,7 +178,7 @@ void JudgeFit(const Calibration& calibration, const Quality& quality, int c, con
   }
 }
 
-// Frees what a wrong description would need, and sees whether the pictures want it.
+// Estimates the proportions of the board as well and tests whether they differ from its description.
 void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& calibration,
                 const CalibrationGates& gates, Judge& judge, Quality* quality, const CancelToken& cancel) {
   std::vector<int> free;
@@ -272,12 +272,11 @@ void JudgeHalves(const Calibration& calibration, const CalibrationGates& gates, 
                             rms),
                 "take more pictures, with more tilt and better coverage, and keep zoom and focus fixed");
     if (halves.ratio[c] > kOptimistic) {
-      judge.Add(
-          FindingLevel::kWarning, name, "halves",
-          fmt::format("two halves of the pictures differ {:.1f} times as much as the residuals predict, which are not "
-                      "only noise; all stated sigmas are {:.1f} times those of the residuals for that",
-                      halves.ratio[c], calibration.sigma_factor),
-          "a model or board that fits better makes the sigmas smaller; see the residual plots");
+      judge.Add(FindingLevel::kWarning, name, "halves",
+                fmt::format("two halves of the pictures differ {:.1f} times as much as the residuals predict: the "
+                            "residuals are not only noise; all stated sigmas are those of the residuals times {:.1f}",
+                            halves.ratio[c], calibration.sigma_factor),
+                "a model or board that fits better makes the sigmas smaller; see the residual plots");
     }
   }
 }
@@ -356,8 +355,9 @@ Quality JudgeCalibration(const CalibrationInput& input, const CalibrateOptions& 
             "measure the printed board over its whole length and compare");
   if (cameras > 1 && input.target.LooksTheSameTurned()) {
     judge.Add(FindingLevel::kNote, "", "board",
-              "the board looks the same when turned by half; which way each camera counted it was decided by agreement",
-              "a board with an odd and an even number of corners needs no such decision");
+              "the board looks the same when turned by 180 deg; of the two orders of its points, the one in which the "
+              "cameras agree was taken",
+              "a board with an odd number of corners along one side and an even number along the other is unambiguous");
   }
   std::stable_sort(quality.findings.begin(), quality.findings.end(),
                    [](const Finding& a, const Finding& b) { return a.level > b.level; });

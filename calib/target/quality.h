@@ -23,27 +23,35 @@ struct CalibrationGates {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.warn_views, {"warn_views", "", 0, 1e6, "warn below this many usable pictures of a camera"});
-    visit(self.refuse_views, {"refuse_views", "", 0, 1e6, "refuse below"});
-    visit(self.warn_coverage, {"warn_coverage", "", 0, 1, "warn if the board covers less of the picture"});
-    visit(self.refuse_coverage, {"refuse_coverage", "", 0, 1, "refuse below"});
+    visit(self.refuse_views, {"refuse_views", "", 0, 1e6, "refuse below this many usable pictures of a camera"});
+    visit(self.warn_coverage, {"warn_coverage", "", 0, 1, "warn if the board covers a smaller share of the picture"});
+    visit(self.refuse_coverage,
+          {"refuse_coverage", "", 0, 1, "refuse if the board covers a smaller share of the picture"});
     visit(self.warn_tilt_deg,
           {"warn_tilt_deg", "deg", 0, 90, "warn if fewer than three pictures are tilted this much"});
-    visit(self.refuse_tilt_deg, {"refuse_tilt_deg", "deg", 0, 90, "refuse if fewer than three are tilted this much"});
+    visit(self.refuse_tilt_deg,
+          {"refuse_tilt_deg", "deg", 0, 90, "refuse if fewer than three pictures are tilted this much"});
     visit(self.warn_focal_sigma_percent,
           {"warn_focal_sigma_percent", "%", 0, 100, "warn above this focal length sigma"});
-    visit(self.refuse_focal_sigma_percent, {"refuse_focal_sigma_percent", "%", 0, 100, "refuse above"});
+    visit(self.refuse_focal_sigma_percent,
+          {"refuse_focal_sigma_percent", "%", 0, 100, "refuse above this focal length sigma"});
     visit(self.warn_uncertainty_px,
           {"warn_uncertainty_px", "px", 0, 1e6, "warn above this projection sigma where the board was seen"});
-    visit(self.refuse_uncertainty_px, {"refuse_uncertainty_px", "px", 0, 1e6, "refuse above"});
+    visit(self.refuse_uncertainty_px,
+          {"refuse_uncertainty_px", "px", 0, 1e6, "refuse above this projection sigma where the board was seen"});
     visit(self.warn_rms_px, {"warn_rms_px", "px", 0, 1e6, "warn above this residual"});
-    visit(self.refuse_rms_px, {"refuse_rms_px", "px", 0, 1e6, "refuse above"});
+    visit(self.refuse_rms_px, {"refuse_rms_px", "px", 0, 1e6, "refuse above this residual"});
     visit(self.warn_pattern_px, {"warn_pattern_px", "px", 0, 1e6, "warn above this systematic part of the residuals"});
-    visit(self.refuse_pattern_px, {"refuse_pattern_px", "px", 0, 1e6, "refuse above"});
+    visit(self.refuse_pattern_px,
+          {"refuse_pattern_px", "px", 0, 1e6, "refuse above this systematic part of the residuals"});
     visit(self.warn_board_percent,
-          {"warn_board_percent", "%", 0, 100, "warn if the board's proportions differ more from its description"});
-    visit(self.refuse_board_percent, {"refuse_board_percent", "%", 0, 100, "refuse above"});
-    visit(self.warn_halves_px, {"warn_halves_px", "px", 0, 1e6, "warn if two halves of the pictures differ more"});
-    visit(self.refuse_halves_px, {"refuse_halves_px", "px", 0, 1e6, "refuse above"});
+          {"warn_board_percent", "%", 0, 100, "warn if the board's proportions differ by more from its description"});
+    visit(self.refuse_board_percent, {"refuse_board_percent", "%", 0, 100,
+                                      "refuse if the board's proportions differ by more from its description"});
+    visit(self.warn_halves_px,
+          {"warn_halves_px", "px", 0, 1e6, "warn if the cameras of two halves of the pictures differ by more"});
+    visit(self.refuse_halves_px,
+          {"refuse_halves_px", "px", 0, 1e6, "refuse if the cameras of two halves of the pictures differ by more"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -34,23 +34,25 @@ namespace trigpoint {
 struct EvaluateOptions {
   double passed_radius_m = 12;   // a station counts as passed by a run that came at least this near, m
   double confidence = 0.95;      // of intervals
-  int bootstrap_samples = 1000;  // redrawn campaigns behind every interval; 0: no intervals
-  // Structure further away than this says nothing about a panorama, m.
+  int bootstrap_samples = 1000;  // bootstrap samples of every interval; 0: no intervals
+  // Structure farther from a panorama than this is ignored, m.
   double structure_radius_m = 30;
   double ray_sigma_mrad = 1;  // 1 sigma of a ray to a feature: about half a pixel of a 1000 px wide image
-  // 'Do not trust': where the structure's depth is worse than this, m. On the rendered lot answers beyond it were more
-  // than twice as bad as the others.
+  // Answers are not trusted where the structure's depth has a larger sigma than this, m. On the rendered lot answers
+  // beyond it were more than twice as bad as the others.
   double trust_depth_sigma_m = 0.25;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.passed_radius_m, {"passed_radius_m", "m", 0.0, 1000.0, "a run passes a station it comes this near to"});
+    visit(self.passed_radius_m,
+          {"passed_radius_m", "m", 0.0, 1000.0, "largest distance at which a run counts as passing a station"});
     visit(self.confidence, {"confidence", "", 0.5, 0.999, "confidence of the intervals"});
     visit(self.bootstrap_samples,
-          {"bootstrap_samples", "", 0, 1000000, "redrawn campaigns behind every interval; 0: no intervals"});
-    visit(self.structure_radius_m, {"structure_radius_m", "m", 1.0, 1e4, "structure further away is not looked at"});
+          {"bootstrap_samples", "", 0, 1000000, "bootstrap samples of every interval; 0: no intervals"});
+    visit(self.structure_radius_m,
+          {"structure_radius_m", "m", 1.0, 1e4, "structure farther from a panorama is ignored"});
     visit(self.ray_sigma_mrad, {"ray_sigma_mrad", "mrad", 1e-3, 100.0, "1 sigma of a ray to a feature"});
-    visit(self.trust_depth_sigma_m,
-          {"trust_depth_sigma_m", "m", 1e-4, 1e4, "do not trust an answer where the structure's depth is worse"});
+    visit(self.trust_depth_sigma_m, {"trust_depth_sigma_m", "m", 1e-4, 1e4,
+                                     "an answer is not trusted if the structure's depth has a larger sigma"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

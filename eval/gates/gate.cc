@@ -33,7 +33,7 @@ std::string Hint(const GateResult& r) {
   }
   if (r.more_stations) return "; " + about(*r.more_stations, "station") + " would decide";
   if (r.more_runs) return "; " + about(*r.more_runs, "run") + " would decide";
-  return "; it lies too near the limit for more stations or runs to decide";
+  return "; the value is too near the limit for more stations or runs to decide";
 }
 
 std::string Message(const GateResult& r) {

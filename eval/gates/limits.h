@@ -89,7 +89,7 @@ struct GateLimits {
   CalibrationLimits calibration;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.confidence, {"confidence", "", 0.5, 0.999, "of the intervals that decide"});
+    visit(self.confidence, {"confidence", "", 0.5, 0.999, "confidence of the intervals that the gates are decided by"});
     visit(self.evaluate, {"evaluate", "", 0, 0, "errors of localized panoramas"});
     visit(self.survey, {"survey", "", 0, 0, "the tag map"});
     visit(self.localize, {"localize", "", 0, 0, "localized panoramas of each run"});

@@ -87,7 +87,7 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
   blocks->push_back(table);
 }
 
-// Whose difference a step of a curve is: a share of attempts has lost its name.
+// The station whose difference makes a step of a curve, which itself holds only shares of attempts.
 std::string StationOf(const ChapterContext& c, const nlohmann::json& group, double error_m) {
   constexpr double kWritten = 1e-6;  // m, to which tables are written
   for (const VariantData& v : c.data.variants) {
@@ -293,7 +293,7 @@ void AddEvidence(const std::vector<nlohmann::json>& groups, std::vector<Block>* 
 
 using GroupRecords = std::map<std::string, std::vector<const ErrorRecord*>>;
 
-// What right sigmas of errors in space would give, and what there is.
+// The distribution of the errors in space that right sigmas would give, and the one found.
 void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vector<Block>* blocks) {
   std::vector<Series> trust;
   std::vector<Sample> samples;
@@ -315,8 +315,8 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
   const std::string of = variant.empty() ? "" : " of variant " + variant;
   blocks->push_back(Figure{"trust_curve" + suffix,
                            "Trust curve" + of +
-                               ": of the errors, the share within the region that should hold the stated share (NEES "
-                               "against chi-square). Rows are taken as independent; few answers make coarse steps.",
+                               ": share of the errors inside the confidence region of the stated level (NEES against "
+                               "chi-square). Rows are taken as independent; few answers give coarse steps.",
                            LineChart(trust, "stated confidence", "share of errors inside", true, kHalfWidth), false,
                            true});
   Series expected{"chi-square, 3 dof", {}};
@@ -328,12 +328,12 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
   }
   blocks->push_back(Figure{"nees" + suffix,
                            "Normalised errors squared per degree of freedom" + of +
-                               "; the last bin holds everything beyond it. Dashed: what "
-                               "right sigmas would give.",
+                               "; the last bin holds everything beyond it. Dashed: "
+                               "expected if the sigmas are right.",
                            HistogramChart(samples, kBins, kLimit, "NEES / dof", &expected, kHalfWidth), false, true});
 }
 
-// How the error of what is kept falls with the share that is: the answers with the best supported depth come first.
+// The error of the kept answers against the share that is kept, those with the best supported depth first.
 void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
   std::map<std::string, std::vector<Series>> of_variant;
   for (const VariantData& v : c.data.variants) {
@@ -370,8 +370,8 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
         Figure{"coverage_risk" + (variant.empty() ? "" : "_" + Slug(variant)),
                "Coverage and risk" + (variant.empty() ? "" : " of variant " + variant) +
                    ": the 90th percentile of the 3D errors (" + c.unit.name +
-                   ") of the share of answers with the best supported depth. A rule that refuses the rest pays where "
-                   "the curve falls towards the left.",
+                   ") of the share of answers with the best supported depth. Where the curve falls towards "
+                   "the left, refusing the other answers reduces the error.",
                LineChart(series, "share of answers kept", "P90 of 3D error (" + c.unit.name + ")", false)});
     blocks->push_back(FoldEnd{});
   }
@@ -417,7 +417,7 @@ void AddAccuracy(const ChapterContext& c, std::vector<Block>* blocks) {
   }
   AddSummary(c, blocks);
   AddGroupTable(c, groups, blocks);
-  // On paper agreement gives way to accuracy where there is both.
+  // Charts of agreement are left out on paper if there are charts of accuracy.
   std::vector<nlohmann::json> first, others;
   const bool measured = std::any_of(groups.begin(), groups.end(), [](const nlohmann::json& g) {
     return TextAt(g, "kind") == "absolute" && !FlagAt(g, "shares_evidence");

@@ -23,9 +23,9 @@ TableCell ParameterCell(const nlohmann::json& camera, const char* name, int deci
 Table CrosscheckedPanoramas(const ChapterContext& c) {
   Table table{
       "crosscheck_panoramas",
-      "Panoramas that COLMAP looked for over the whole run, whether we localized them or not. Contradicts: apart "
-      "beyond 99.9 % of both sides' errors (chi-square, 3 degrees of freedom). Found by them alone: perhaps "
-      "refused wrongly.",
+      "COLMAP looked for every panorama over the whole run, whether Trigpoint localized it or not. Contradicts: the "
+      "two answers differ by more than both errors explain (99.9 % of chi-square, 3 degrees of freedom). Found by "
+      "them alone: COLMAP alone found it, perhaps Trigpoint refused it wrongly.",
       {{"run"},
        {"panorama"},
        {"verdict"},

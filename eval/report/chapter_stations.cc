@@ -116,9 +116,9 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   Table table{
       "station_answers",
       "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
-      "horizontal distance of the geotag from the answer. First matches: of the views by themselves, before "
-      "geometry; the guided search afterwards finds more, so that inliers may outnumber them; pictures of matches "
-      "count a feature once for each image.",
+      "horizontal distance of the geotag from the answer. First matches: matches of the views before any "
+      "geometric test; the guided search adds further ones, so that there may be more inliers than first matches; "
+      "pictures of matches count a feature once for each image.",
       {{"run"},
        {"panorama"},
        {"inliers", true},

@@ -23,12 +23,13 @@ struct ReportOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.pdf, {"pdf", "", 0, 1, "also report.pdf"});
-    visit(self.paper, {"paper", "", 0, 0, "of report.pdf: a4 or letter"});
-    visit(self.images, {"images", "", 0, 1, "photographs of the place; without them nothing shows what it looks like"});
-    visit(self.units, {"units", "", 0, 0, "of lengths: m, ft, us-ft"});
-    visit(self.max_pictures, {"max_pictures", "", 0, 10000, "pictures of matches, the worst cells first"});
-    visit(self.pictures_mb, {"pictures_mb", "MB", 0, 1000, "all photographs together, as stored"});
+    visit(self.pdf, {"pdf", "", 0, 1, "write report.pdf, too"});
+    visit(self.paper, {"paper", "", 0, 0, "paper size of report.pdf: a4 or letter"});
+    visit(self.images, {"images", "", 0, 1, "include photographs and the aerial image of the site"});
+    visit(self.units, {"units", "", 0, 0, "unit of lengths: m, ft, us-ft"});
+    visit(self.max_pictures,
+          {"max_pictures", "", 0, 10000, "largest number of pictures of matches; the worst cells come first"});
+    visit(self.pictures_mb, {"pictures_mb", "MB", 0, 1000, "largest size of all photographs together"});
     visit(self.scene_px, {"scene_px", "px", 160, 4096, "width of the scene's pictures"});
     visit(self.dated,
           {"dated", "", 0, 1, "state when it was written; without it the same results give the same bytes"});

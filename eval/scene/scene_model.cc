@@ -360,7 +360,7 @@ class Loader {
         const fs::path file = map / "tags.csv";
         if (!fs::exists(file)) continue;
         Guard("tags of survey", [&] {
-          // A map that nothing ties to the Earth has a place of its own.
+          // A map that is not georeferenced has a frame of its own.
           if (const std::string frame = TagMapFrame(file); frame.empty() || frame == "enu") add(file, "survey", {});
         });
       }

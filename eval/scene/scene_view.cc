@@ -234,7 +234,7 @@ void SceneView::SetOpacity(const std::string& layer, double opacity) {
     throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
   }
   for (const auto& prop : parts_->layers[layer]) {
-    // An ellipsoid is a veil already.
+    // Ellipsoids are translucent already.
     if (auto* actor = vtkActor::SafeDownCast(prop)) {
       actor->GetProperty()->SetOpacity(layer.ends_with("ellipsoids") ? kVeil * opacity : opacity);
     }
@@ -436,7 +436,7 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
   const auto small = [](const auto&) { return 0.0; };
   using Place = std::optional<Eigen::Vector3d>;
   const auto where = [&](const std::string& run, const Eigen::Vector3d& p) { return hidden(run) ? Place() : Place(p); };
-  // Small things first: a tag behind a veil of points is what was meant.
+  // Small objects come first, so that a tag among points can be picked.
   offer_all(
       "tags", model.tags, [](const auto& t) { return Place(t.world_from_tag.translation); },
       [](const auto& t) { return 0.5 * t.pattern_size_m; });

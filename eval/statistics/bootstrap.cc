@@ -130,7 +130,7 @@ std::optional<Interval> ClusteredQuantileInterval(const std::vector<ClusteredVal
   const CrossedModel model = FitModel(values, transform);
   if (!(model.variance > 0)) return std::nullopt;
 
-  // Beyond the median half of the values tell the spread.
+  // Beyond the median only half of the values determine the spread.
   const bool at_median = std::abs(q - 0.5) < 0.05;
   const double spread = std::sqrt(model.variance) * (at_median ? 1 : SideRatio(model.y, q > 0.5));
   const double dof = at_median ? model.dof : std::max(1.0, 0.5 * model.dof);

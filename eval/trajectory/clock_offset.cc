@@ -30,7 +30,7 @@ class Shifter {
     for (size_t i = 1; i < reference_.poses.size(); ++i) {
       gaps.push_back(static_cast<double>(reference_.poses[i].stamp_ns - reference_.poses[i - 1].stamp_ns));
     }
-    // The reference's own spacing tells what may be interpolated and what resolution there is.
+    // The spacing of the reference limits the interpolation and gives the resolution of the offset.
     if (!gaps.empty()) interval_ns_ = Quantile(gaps, 0.5);
     max_gap_ns_ = static_cast<int64_t>(std::max(1.0 * kNsPerS, 3 * interval_ns_));
   }

@@ -249,10 +249,10 @@ ClockFinding FindClock(const PoseSequence& truth, const PoseSequence& said, doub
 void AddNotes(bool or_shifted, EstimateReport* r) {
   if (r->time_offset && r->time_offset->significant && r->rmse_with_offset_m) {
     r->notes.push_back(
-        fmt::format("its clock is off: {:+.3f} s (sigma {:.3f} s) added to its stamps fit best, RMSE "
+        fmt::format("its clock is off: {:+.3f} s (sigma {:.3f} s) added to its stamps give an RMSE of "
                     "{:.3f} m instead of {:.3f} m{}",
                     r->time_offset->offset_s, r->time_offset->sigma_s, *r->rmse_with_offset_m, *r->rmse_m,
-                    or_shifted ? "; or it is shifted along its path, which is too straight to decide" : ""));
+                    or_shifted ? "; a shift along its path, which is nearly straight, would explain this, too" : ""));
   }
   if (InAnotherFrame(*r)) {
     r->notes.push_back(
@@ -264,7 +264,7 @@ void AddNotes(bool or_shifted, EstimateReport* r) {
     // Our own poses are those of the camera; what fits better there is the error that they share.
     const LeverArm& a = *r->lever_arm;
     r->notes.push_back(
-        fmt::format("it fits a point that lies at ({:.3f}, {:.3f}, {:.3f}) m in the camera's axes: RMSE "
+        fmt::format("its poses fit better as those of a point at ({:.3f}, {:.3f}, {:.3f}) m in the camera's axes: RMSE "
                     "{:.3f} m instead of {:.3f} m; set lever_arm_m in system.yaml",
                     a.arm_m.x(), a.arm_m.y(), a.arm_m.z(), a.rmse_after_m, a.rmse_before_m));
   }

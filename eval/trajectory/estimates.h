@@ -25,9 +25,9 @@ struct EstimateScoreOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.max_gap_s, {"max_gap_s", "s", 1e-3, 1e4, "an estimate is not interpolated across a longer gap"});
-    visit(self.max_offset_s, {"max_offset_s", "s", 1e-3, 1e4, "clocks are looked for within this"});
+    visit(self.max_offset_s, {"max_offset_s", "s", 1e-3, 1e4, "largest clock offset that is searched for"});
     visit(self.rpe_m, {"rpe_m", "m", 0.1, 1e5, "length of the pieces of path that relative errors are taken over"});
-    visit(self.block_s, {"block_s", "s", 1e-3, 1e4, "errors this near in time count once"});
+    visit(self.block_s, {"block_s", "s", 1e-3, 1e4, "errors closer in time than this count as one"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -146,7 +146,7 @@ class Solver {
       const double chi2 = solver_.Residual(static_cast<int>(i)).squaredNorm();
       double rho[3];
       huber_.Evaluate(chi2, rho);
-      square[0] += rho[1] * chi2;  // a gross error is none of the noise
+      square[0] += rho[1] * chi2;  // the loss keeps gross errors out of the noise
       redundancy[0] += 8 - solver_.AdjustedCovariance(static_cast<int>(i)).trace();
     }
     for (int i = static_cast<int>(p_.observations.size()); i < motion_end_; ++i) {
@@ -160,7 +160,7 @@ class Solver {
     double* const factors[3] = {&p_.corner_factor, &p_.motion_rot_factor, &p_.motion_m_factor};
     bool changed = false;
     for (int k = 0; k < 3; ++k) {
-      if (redundancy[k] < 10) continue;  // too little says too little
+      if (redundancy[k] < 10) continue;  // too few redundant observations for a factor
       const double before = *factors[k];
       *factors[k] *= std::clamp(std::sqrt(square[k] / redundancy[k]), 0.1, 10.0);
       if (k == 0) *factors[k] = std::max(1.0, *factors[k]);

@@ -149,8 +149,8 @@ class Builder {
     problem_.scale_sigma = input_.scale_sigma;
   }
 
-  // Each sight gives two poses of its body, each a guess of world_from_odom. The one that explains most of the sights
-  // around it is taken; bodies without a sight follow the motion from the nearest that has one.
+  // Each detection gives two poses of its body, each a guess of world_from_odom. The one that agrees with most of the
+  // detections around it is taken; bodies without a detection get the motion from the nearest body that has one.
   void Start() {
     struct Guess {
       size_t sight;
@@ -165,7 +165,7 @@ class Builder {
         guesses[static_cast<size_t>(seen[s].body)].push_back({s, body});
       }
     }
-    constexpr size_t kAround = 20;  // sights on each side
+    constexpr size_t kAround = 20;  // detections on each side
     constexpr double kAgreePx = 30;
     std::vector<std::optional<Rigid3d>> best(stamps_.size());
     for (size_t i = 0; i < stamps_.size(); ++i) {
@@ -206,7 +206,7 @@ class Builder {
         problem_.bodies[i] = problem_.bodies[i - 1];
       }
     }
-    // A body that nothing ties down is held where it is: it gets no pose in the end.
+    // A body that neither a tag nor the motion constrains is held fixed; it gets no pose in the result.
     const std::vector<double> bridge = Bridges();
     problem_.free.resize(stamps_.size());
     for (size_t i = 0; i < stamps_.size(); ++i) problem_.free[i] = std::isfinite(bridge[i]);

@@ -31,14 +31,18 @@ struct ReferencePoseOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
-    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "smaller pictures of a tag are not used"});
-    visit(self.motion_rot_deg, {"motion_rot_deg", "deg", 1e-4, 90.0, "1 sigma per square root of a metre"});
-    visit(self.motion_m, {"motion_m", "m", 1e-5, 10.0, "1 sigma per square root of a metre"});
-    visit(self.variance_rounds, {"variance_rounds", "", 0, 20, "rounds of variance components"});
-    visit(self.gate_chi2, {"gate_chi2", "", 1.0, 1e9, "pictures of a tag beyond it are rejected"});
+    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "detections with a shorter side are not used"});
+    visit(self.motion_rot_deg,
+          {"motion_rot_deg", "deg", 1e-4, 90.0, "1 sigma of the motion's rotation per square root of a metre"});
+    visit(self.motion_m, {"motion_m", "m", 1e-5, 10.0, "1 sigma of the motion's position per square root of a metre"});
+    visit(self.variance_rounds,
+          {"variance_rounds", "", 0, 20, "rounds of variance component estimation; 0: sigmas as stated"});
+    visit(self.gate_chi2,
+          {"gate_chi2", "", 1.0, 1e9, "detections with a larger chi-square (8 degrees of freedom) are rejected"});
     visit(self.max_gap_s, {"max_gap_s", "s", 0.01, 1000.0, "the motion is not interpolated across a longer gap"});
-    visit(self.max_bridge_m, {"max_bridge_m", "m", 0.0, 1e6, "images further from a tag along the path get no pose"});
-    visit(self.max_iterations, {"max_iterations", "", 1, 1000, "of each solve"});
+    visit(self.max_bridge_m,
+          {"max_bridge_m", "m", 0.0, 1e6, "images farther, along the path, from an image with a tag get no pose"});
+    visit(self.max_iterations, {"max_iterations", "", 1, 1000, "iterations of each solve"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -15,7 +15,7 @@ struct FeatureOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.max_features, {"max_features", "", 50, 50000, "features kept an image"});
+    visit(self.max_features, {"max_features", "", 50, 50000, "strongest features kept of each image"});
     visit(self.contrast_threshold, {"contrast_threshold", "", 0.001, 0.2, "SIFT contrast threshold"});
     visit(self.edge_threshold, {"edge_threshold", "", 1, 100, "SIFT edge threshold"});
   }

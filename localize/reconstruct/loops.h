@@ -24,12 +24,12 @@ struct LoopOptions {
     visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "largest distance between cameras of the two visits"});
     visit(self.drift_part, {"drift_part", "", 0, 1, "drift beyond the stated noise, share of the path, 1 sigma"});
     visit(self.drift_deg_m, {"drift_deg_m", "deg/m", 0, 1, "drift of directions beyond the stated noise, 1 sigma"});
-    visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "between the optical axes, at most"});
-    visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path between the images tried"});
-    visit(self.candidates, {"candidates", "images", 1, 100, "images of the earlier visit matched with each"});
+    visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "largest angle between the optical axes"});
+    visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path length between the images tried"});
+    visit(self.candidates, {"candidates", "images", 1, 100, "images of the earlier visit matched with each image"});
     visit(self.gate_chi2,
           {"gate_chi2", "", 1, 10000, "gate of a loop against odometry's prediction: chi-square, 6 dof"});
-    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "loops nearby that must agree with it"});
+    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "nearby loops that must agree with a loop"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -33,13 +33,13 @@ Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
 // Expectation-maximisation step for the odometry's noise: sigma^2 = mean(r^2 + posterior variance of r), a factor on
 // each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways). r^2 is
 // taken from the differences of successive residuals: what they have in common over a stretch is the slow drift of
-// scale and direction that images alone accumulate, and would be blamed on the odometry.
+// scale and direction that images alone accumulate; it is no noise of odometry.
 Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel) {
   std::vector<int> next(p.poses.size(), -1);
   for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
   std::vector<Matrix6d> diagonal, with_next;
   BundleCovariance(p, threads, cancel).PoseBlocks(next, &diagonal, &with_next);
-  // Squares of all components, normalised; the bulk decides (a slip is an outlier, not noise).
+  // Squares of all components, normalised; the largest 2 % are left out below (an outlier of odometry is not noise).
   std::array<std::vector<double>, 6> squares;
   Vector6d last = Vector6d::Zero();
   for (const PoseFactor& f : p.factors) {
@@ -75,7 +75,7 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
 // How far the way along the run strays from odometry's over long stretches, beyond what its noise from step to step
 // allows: mean over stretches of the squared sum of forward residuals, less the scale they share, over its expectation.
 // Images alone let the length of steps drift (forward motion, a distortion that isn't modelled); odometry doesn't, so
-// that an excess is the features' doing.
+// that an excess is caused by the features.
 double LongWaveExcess(const BundleProblem& p) {
   constexpr size_t kStretch = 10;
   std::vector<double> along, length, sigma;
@@ -117,8 +117,8 @@ Vector6d FactorToStated(const Vector6d& noise, const Vector6d& most, size_t step
 
 // By how much images contradict odometry, 1 where they do not: the larger of the mean squared odometry residual,
 // whitened, and of the noise factors that the data ask for (`wanted`: times the noise of the factors), which may not
-// grow. A step that slipped counts as kSlipped at most: one in a run is odometry's fault. Of a few steps some always
-// look better than `most` along some axes; what remains along the others would look like a contradiction.
+// grow. An outlier of odometry counts as kSlipped at most, so that a single one is no contradiction. Of a few steps
+// some always look better than `most` along some axes; what remains along the others would look like a contradiction.
 double Contradiction(const BundleProblem& p, const Vector6d& wanted, const Vector6d& noise, const Vector6d& most) {
   constexpr double kSlipped = 100;
   const Vector6d to_stated = FactorToStated(noise, most, p.factors.size());
@@ -208,7 +208,7 @@ void Triangulate(double chi2, Reconstruction* r, int threads, const CancelToken&
 
 // Which points are fit for the bundle, and their depths. Deactivates bad observations.
 void Gate(const ReconstructOptions& o, double chi2, Reconstruction* r) {
-  // Whether one observation belongs is judged by its own noise; the inflation is for what many of them know together.
+  // A single observation is judged by its own noise; the inflation is for the sum of correlated observations.
   chi2 /= r->correlation_inflation * r->correlation_inflation;
   BundleProblem& p = r->problem;
   r->point_valid.assign(p.points.size(), false);
@@ -257,7 +257,7 @@ void TriangulateInvalid(double chi2, Reconstruction* r, int threads, const Cance
   OptimizePoints(p, 5, threads, cancel);
 }
 
-// Tracks that earlier poses could not explain get another chance, with all of their observations.
+// Triangulates anew the points that did not fit the earlier poses, from all of their observations.
 void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const CancelToken& cancel) {
   for (BearingObservation& o : r->problem.observations) {
     if (!r->point_valid[static_cast<size_t>(o.point)]) o.active = true;
@@ -265,8 +265,8 @@ void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const Can
   TriangulateInvalid(chi2, r, threads, cancel);
 }
 
-// The first poses are many sigmas of an observation off: with its own kernel what is right would look wrong, and a
-// part of the observations that agree by chance would win. Kernel and gate begin wide and shrink together.
+// The first poses are many sigmas of an observation off: with the final kernel correct observations would be
+// rejected, and a subset that agrees by chance would be kept. Kernel and gate begin wide and shrink together.
 void SolveFromFarOff(const ReconstructOptions& options, BundleOptions bundle, Reconstruction* r, ProgressSink& progress,
                      const CancelToken& cancel) {
   BundleProblem& p = r->problem;
@@ -497,12 +497,12 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
   bundle.threads = threads;
 
   Vector6d noise_factor = FirstNoiseFactor(start);
-  // Never upwards: images that are wrong would have odometry, a measurement with stated noise, lose.
+  // An upper limit: with a larger noise of odometry, wrong images would outweigh a measurement whose noise is stated.
   const Vector6d most_noise = noise_factor;
   p.factors = OdometryFactors(input, options, noise_factor);
   if (paper) Triangulate(400 * options.outlier_chi2, &r, threads, cancel);
   const int rounds = paper ? 1 : options.rounds;
-  double long_wave = 1;  // how much wider the features' noise is for contradicting odometry
+  double long_wave = 1;  // factor on the features' noise because images contradict odometry
   double gate = paper ? 100 * options.outlier_chi2 : 13 * options.outlier_chi2;
   if (paper) {
     Gate(options, gate, &r);

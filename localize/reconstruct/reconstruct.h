@@ -33,13 +33,15 @@ struct ReconstructOptions {
     visit(self.estimate_sigma, {"estimate_sigma", "", 0, 1, "estimate the features' noise from the residuals"});
     visit(self.loss, {"loss", "", 0, 0, "robust kernel of observations: none, huber, cauchy, tukey, dcs"});
     visit(self.loss_chi2, {"loss_chi2", "", 0.1, 1000, "threshold of the kernel: chi-square, 2 degrees of freedom"});
-    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations beyond it are dropped: chi-square, 2 dof"});
-    visit(self.min_parallax_deg, {"min_parallax_deg", "deg", 0, 30, "points seen under less are kept out"});
-    visit(self.max_depth_m, {"max_depth_m", "m", 1, 1e6, "points farther away are kept out"});
-    visit(self.odometry_rotation_deg, {"odometry_rotation_deg", "deg", 1e-6, 90, "odometry noise a step, rotation"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations above this chi-square (2 dof) are dropped"});
+    visit(self.min_parallax_deg,
+          {"min_parallax_deg", "deg", 0, 30, "points with a smaller parallax angle are not used"});
+    visit(self.max_depth_m, {"max_depth_m", "m", 1, 1e6, "points farther away are not used"});
+    visit(self.odometry_rotation_deg, {"odometry_rotation_deg", "deg", 1e-6, 90, "odometry noise per step, rotation"});
     visit(self.odometry_rotation_deg_m,
           {"odometry_rotation_deg_m", "deg/m", 0, 90, "odometry noise per metre travelled, rotation"});
-    visit(self.odometry_translation_m, {"odometry_translation_m", "m", 1e-6, 10, "odometry noise a step, translation"});
+    visit(self.odometry_translation_m,
+          {"odometry_translation_m", "m", 1e-6, 10, "odometry noise per step, translation"});
     visit(self.odometry_translation_part,
           {"odometry_translation_part", "", 0, 1, "odometry noise as a part of the distance, translation"});
     visit(self.estimate_odometry, {"estimate_odometry", "", 0, 1, "scale both noises by factors from the data"});

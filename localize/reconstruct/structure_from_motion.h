@@ -19,12 +19,12 @@ struct StructureFromMotionOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.exhaustive, {"exhaustive", "images", 2, 1000, "runs of so many images: all pairs are tried"});
-    visit(self.retrieved, {"retrieved", "images", 1, 1000, "pairs of an image with those that look most like it"});
-    visit(self.neighbours, {"neighbours", "images", 0, 100, "pairs of an image with those that follow it in time"});
-    visit(self.min_matches, {"min_matches", "matches", 6, 1000, "matches with known points that place an image"});
+    visit(self.exhaustive, {"exhaustive", "images", 2, 1000, "runs of up to this many images: all pairs are tried"});
+    visit(self.retrieved, {"retrieved", "images", 1, 1000, "pairs of an image with the images most similar to it"});
+    visit(self.neighbours, {"neighbours", "images", 0, 100, "pairs of an image with the images that follow it"});
+    visit(self.min_matches, {"min_matches", "matches", 6, 1000, "matches with known points needed to place an image"});
     visit(self.min_share, {"min_share", "", 0, 1, "share of the matches that must agree on an image's place"});
-    visit(self.tracks_per_image, {"tracks_per_image", "tracks", 50, 100000, "tracks used of an image, the longest"});
+    visit(self.tracks_per_image, {"tracks_per_image", "tracks", 50, 100000, "longest tracks used of each image"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

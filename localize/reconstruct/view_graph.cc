@@ -288,7 +288,7 @@ void KeepAgreeingMatches(const LocalizeInput& input, const PreparedImage& a, con
   edge->candidates = {};
 }
 
-// What an edge says of two body poses. The calibration and the lens leave errors that its matches share: no edge is
+// The factor between two body poses that an edge gives. Calibration errors are common to its matches: no edge is
 // known better than `kLeast...`.
 PoseFactor EdgeFactor(const LocalizeInput& input, const ViewEdge& edge) {
   constexpr double kLeastRotation = 0.1 * kDegToRad, kLeastDirection = 0.3 * kDegToRad;
@@ -349,7 +349,7 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
   return errors;
 }
 
-// Squared errors that tell of a variance, at least, and the median of such with 5 dof.
+// Fewest squared errors from which a variance is estimated, and the median of chi-square with 5 dof.
 constexpr size_t kLeastErrors = 8;
 constexpr double kMedianChi2 = 4.35;
 
@@ -423,8 +423,8 @@ double MatchingVariance(const LocalizeInput& input, const std::vector<PoseFactor
 }
 
 // By how much the variance of odometry is larger than stated, by what neighbouring images see of each other without it.
-// Images may be wrong together: those count whose triangles close, and the median decides, as few steps do not make an
-// odometry bad. Nothing where it is not larger beyond chance, or too few speak.
+// Images may be wrong together: those count whose triangles close, and the median decides, as few bad steps do not make
+// the odometry bad. Nothing where the excess may be chance, or where too few images can be compared.
 std::optional<double> VarianceByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                        const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
                                        int threads, uint64_t seed, const CancelToken& cancel) {
@@ -535,7 +535,7 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
   graph.tried = static_cast<int>(pairs.size());
   graph.odom_from_body = input.odom_from_body;
   progress.Begin("pairs of images", graph.tried);
-  // Neighbours first: they tell how good odometry is, and that what the others may be.
+  // Neighbours first: they show the noise of odometry, from which the other pairs are predicted.
   std::vector<ImagePair> neighbours;
   for (const ImagePair& pair : pairs) {
     if (AreNeighbours(input, pair)) neighbours.push_back(pair);
@@ -560,8 +560,8 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
       graph.odometry_variance = *by_images;
       char text[200];
       std::snprintf(text, sizeof text,
-                    "odometry is about %.1f times as noisy as assumed, by pairs of neighbouring images that others "
-                    "confirm; it gets less weight",
+                    "odometry is about %.1f times as noisy as assumed, judging by pairs of neighbouring images "
+                    "that other pairs confirm; its weight is reduced",
                     std::sqrt(graph.odometry_variance));
       progress.Log(LogLevel::kWarning, text);
     }

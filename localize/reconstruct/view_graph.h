@@ -29,19 +29,22 @@ struct ViewGraphOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.video_step_m, {"video_step_m", "m", 0, 1000,
-                              "median step beyond which images are photos: neighbours in time are pairs as others"});
-    visit(self.neighbours, {"neighbours", "images", 0, 1000, "pairs an image asks for, at most; 0: none"});
-    visit(self.exhaustive, {"exhaustive", "images", 0, 1000, "runs of so many images: all pairs are tried"});
-    visit(self.spacing_m, {"spacing_m", "m", 0, 1000, "path between two images that ask for pairs"});
+    visit(self.video_step_m,
+          {"video_step_m", "m", 0, 1000,
+           "a run with a larger median step has photos, not video: neighbours in time are paired like others"});
+    visit(self.neighbours, {"neighbours", "images", 0, 1000, "most pairs proposed for each image; 0: none"});
+    visit(self.exhaustive, {"exhaustive", "images", 0, 1000, "runs of up to this many images: all pairs are tried"});
+    visit(self.spacing_m, {"spacing_m", "m", 0, 1000, "path length between images for which pairs are proposed"});
     visit(self.viewpoint_deg, {"viewpoint_deg", "deg", 5, 90, "largest change of viewpoint within a pair"});
-    visit(self.connected, {"connected", "tracks", 1, 100000, "tracks shared by two images that need no further pair"});
+    visit(self.connected,
+          {"connected", "tracks", 1, 100000, "images that share this many tracks are not paired again"});
     visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test: best / second-best distance"});
     visit(self.max_distance, {"max_distance", "", 0.1, 1.4, "largest distance of unit descriptors"});
     visit(self.inlier_px, {"inlier_px", "px", 0.2, 20, "largest distance from the epipolar line"});
     visit(self.drift_part, {"drift_part", "", 0, 1, "drift of odometry beyond its noise, part of the path, 1 sigma"});
     visit(self.drift_deg_m, {"drift_deg_m", "deg/m", 0, 10, "drift of odometry's directions, 1 sigma"});
-    visit(self.gate_chi2, {"gate_chi2", "", 1, 10000, "of a pair against odometry and other pairs, 5 dof"});
+    visit(self.gate_chi2,
+          {"gate_chi2", "", 1, 10000, "gate of a pair against odometry and other pairs: chi-square, 5 dof"});
     visit(self.min_parallax_deg, {"min_parallax_deg", "deg", 0, 30, "least parallax of a track of two images"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }

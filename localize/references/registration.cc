@@ -376,7 +376,7 @@ class Registrar {
   std::vector<Correspondence> MatchCandidates(const Job& job) const {
     std::vector<Correspondence> all;
     std::set<std::tuple<int, int, int>> seen;
-    std::map<int, int> times;  // a point is matched from at most two images: more say the same again
+    std::map<int, int> times;  // a point is matched from at most two images: further ones are no independent evidence
     for (const auto& [image, chosen] : job.candidates) {
       cancel_.ThrowIfCancelled();
       const DescriptorBlock& full = Image(job, image).descriptors;

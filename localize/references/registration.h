@@ -39,18 +39,19 @@ struct RegistrationOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.candidates, {"candidates", "images", 1, 1000, "images matched with a reference"});
-    visit(self.passage_m, {"passage_m", "m", 0.1, 1e6, "images of one traversal: longest path between them"});
+    visit(self.passage_m, {"passage_m", "m", 0.1, 1e6, "longest path between two images of one traversal"});
     visit(self.candidate_spacing, {"candidate_spacing", "images", 1, 1000,
                                    "images between two candidates of one camera that are close together"});
     visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test between image and view"});
     visit(self.max_distance, {"max_distance", "", 0.1, 1.4, "largest distance of unit descriptors"});
-    visit(self.ransac_px, {"ransac_px", "px", 0.5, 100, "threshold of the first pose"});
-    visit(self.ransac_iterations, {"ransac_iterations", "", 10, 1000000, "samples of the first pose, at most"});
+    visit(self.ransac_px, {"ransac_px", "px", 0.5, 100, "inlier threshold of the first pose"});
+    visit(self.ransac_iterations, {"ransac_iterations", "", 10, 1000000, "most RANSAC samples of the first pose"});
     visit(self.guided_px, {"guided_px", "px", 1, 200, "search radius about a predicted point"});
-    visit(self.guided_images, {"guided_images", "images", 1, 1000, "images whose points are searched for"});
+    visit(self.guided_images,
+          {"guided_images", "images", 1, 1000, "images near a reference whose points are searched for"});
     visit(self.sigma_px, {"sigma_px", "px", 0.01, 50, "noise of a point in a view, 1 sigma"});
-    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations beyond it are dropped: chi-square, 2 dof"});
-    visit(self.min_inliers, {"min_inliers", "", 6, 10000, "fewer inliers: not localized"});
+    visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations above this chi-square (2 dof) are dropped"});
+    visit(self.min_inliers, {"min_inliers", "", 6, 10000, "with fewer inliers a reference is not localized"});
     visit(self.min_matched_share, {"min_matched_share", "", 0, 1, "share of expected points that must be found"});
     visit(self.min_agreement, {"min_agreement", "", 0, 1, "share of the matches that must agree on the pose"});
     visit(self.rival_share,

@@ -21,8 +21,8 @@ struct RetrievalOptions {
     visit(self.words, {"words", "", 8, 1000000, "visual words in the codebook"});
     visit(self.training_descriptors,
           {"training_descriptors", "", 100, 10000000, "descriptors sampled for the codebook"});
-    visit(self.iterations, {"iterations", "", 1, 100, "k-means iterations a level"});
-    visit(self.top_k, {"top_k", "", 1, 1000, "views kept an image"});
+    visit(self.iterations, {"iterations", "", 1, 100, "k-means iterations per level"});
+    visit(self.top_k, {"top_k", "", 1, 1000, "most similar views kept of each image"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

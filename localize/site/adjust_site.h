@@ -27,7 +27,7 @@ struct SiteOptions {
     visit(self.registration, {"registration", "", 0, 0, "such images against the points of the other run"});
     visit(self.geo, {"geo", "", 0, 0, "geotags and GPS"});
     visit(self.outlier_chi2,
-          {"outlier_chi2", "", 1, 10000, "points of two runs are one within it: chi-square, 2 degrees of freedom"});
+          {"outlier_chi2", "", 1, 10000, "points of two runs are joined below this chi-square (2 degrees of freedom)"});
   }
   std::vector<std::string> Check() const;
 };

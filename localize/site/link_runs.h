@@ -18,12 +18,12 @@ struct LinkOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.images, {"images", "", 0, 1, "look for images of different runs that show the same"});
-    visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "between the cameras of such images, at most"});
-    visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "between their optical axes, at most"});
-    visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path between the images tried"});
-    visit(self.candidates, {"candidates", "images", 1, 100, "images of other runs matched with each"});
-    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "other links of the run that must agree"});
+    visit(self.images, {"images", "", 0, 1, "look for images of different runs that show the same place"});
+    visit(self.radius_m, {"radius_m", "m", 0.01, 1000, "largest distance between the cameras of such images"});
+    visit(self.angle_deg, {"angle_deg", "deg", 1, 180, "largest angle between their optical axes"});
+    visit(self.spacing_m, {"spacing_m", "m", 0.01, 1000, "path length between the images tried"});
+    visit(self.candidates, {"candidates", "images", 1, 100, "images of other runs matched with each image"});
+    visit(self.min_agreeing, {"min_agreeing", "", 0, 100, "other links of a run that must agree with a link"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

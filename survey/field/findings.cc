@@ -103,7 +103,7 @@ void FindBlurred(const CameraPictures& camera, std::vector<SiteFinding>* finding
                    camera.name, names.size(), camera.pictures.size(), limit, sharp, SomeOf(names, 3))});
 }
 
-// Of the latest pictures only: what was cleaned in between is clean.
+// The latest pictures only: the lens may have been cleaned since the earlier ones.
 std::vector<const FieldPicture*> Latest(const CameraPictures& camera) {
   const size_t n = std::min(kLatest, camera.pictures.size());
   return {camera.pictures.end() - static_cast<std::ptrdiff_t>(n), camera.pictures.end()};
@@ -138,7 +138,7 @@ bool FindBlurredLens(const CameraPictures& camera, const std::vector<CameraPictu
   if (against.empty()) return false;
   findings->push_back({Light::kAmber, "lens",
                        fmt::format("{}: the lens is smeared or out of focus: its latest pictures have a blur of {:.1f} "
-                                   "px ({}); clean it, look at the focus, and record again",
+                                   "px ({}); clean it, check the focus, and record again",
                                    camera.name, *now, against)});
   return true;
 }
@@ -194,7 +194,7 @@ void FindExposure(const CameraPictures& camera, std::vector<SiteFinding>* findin
   tell(bright, "bright", "expose shorter, with the sun behind you");
 }
 
-// What is as it should be is stated, too.
+// Also states what is in order.
 void StateQuality(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   if (camera.blurs.empty()) return;
   std::vector<double> means;

@@ -130,9 +130,9 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
     const double scale = std::abs(found.scale - 1);
     if (scale > 3 * run.run->config.odometry_scale_sigma && scale > 3 * found.scale_sigma) {
       add(Light::kAmber, "odometry",
-          fmt::format(
-              "odometry's metre is {:.3f} m by the tags, more than scale_sigma {:g} allows; check the tags' size",
-              found.scale, run.run->config.odometry_scale_sigma));
+          fmt::format("1 m of odometry is {:.3f} m by the tags, a difference larger than scale_sigma {:g} allows; "
+                      "check the tags' size",
+                      found.scale, run.run->config.odometry_scale_sigma));
     }
     if (!found.jumps_ns.empty()) {
       add(Light::kAmber, "odometry",
@@ -149,8 +149,8 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
               factor));
     } else {
       add(Light::kGreen, "odometry",
-          fmt::format("odometry agrees with the tags; by them its metre is {:.3f} m (1 sigma {:.3f} m)", found.scale,
-                      found.scale_sigma));
+          fmt::format("odometry agrees with the tags; by them 1 m of odometry is {:.3f} m (1 sigma {:.3f} m)",
+                      found.scale, found.scale_sigma));
     }
   }
 }
@@ -168,7 +168,8 @@ void FindInGps(const FieldRun& run, std::vector<SiteFinding>* findings) {
     return fix.stamp_ns > first - kSlack_ns && fix.stamp_ns < last + kSlack_ns;
   });
   if (within > 0) {
-    findings->push_back({Light::kGreen, "gps", fmt::format("{}: GPS is there, {} fixes", name, within)});
+    findings->push_back(
+        {Light::kGreen, "gps", fmt::format("{}: {} GPS fixes at the time of its pictures", name, within)});
   } else {
     findings->push_back({Light::kAmber, "gps",
                          name + ": none of its GPS fixes was taken while it recorded; check time_zero_utc and "

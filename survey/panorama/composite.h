@@ -29,16 +29,20 @@ struct CompositeOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.width, {"width", "px", 0, 16384, "of the full turn; 0: the photos' own resolution, at most 16384"});
-    visit(self.format, {"format", "", 0, 0, "jpg, or tif: holes are transparent"});
-    visit(self.quality, {"quality", "", 1, 100, "of a JPEG"});
-    visit(self.bands, {"bands", "", 0, 8, "of the blending pyramid; 0: hard seams"});
-    visit(self.seams, {"seams", "", 0, 0, "graphcut, dp, or none: the nearest photo"});
-    visit(self.exposure, {"exposure", "", 0, 0, "channels: a gain for each colour; gain; none"});
+    visit(self.width,
+          {"width", "px", 0, 16384, "width of the full turn; 0: the photos' own resolution, at most 16384"});
+    visit(self.format, {"format", "", 0, 0, "jpg (holes are black), or tif (holes are transparent)"});
+    visit(self.quality, {"quality", "", 1, 100, "quality of the JPEG"});
+    visit(self.bands, {"bands", "", 0, 8, "bands of the blending pyramid; 0: hard seams"});
+    visit(self.seams,
+          {"seams", "", 0, 0, "how seams are found: graphcut, dp, or none (each pixel from the nearest photo)"});
+    visit(self.exposure,
+          {"exposure", "", 0, 0, "exposure compensation: channels (a gain for each colour), gain (one for all), none"});
     visit(self.parallax,
-          {"parallax", "", 0, 1, "show each photo from the panorama's centre, by the points' distances"});
-    visit(self.seam_width, {"seam_width", "px", 256, 4096, "of the full turn at which seams are found"});
-    visit(self.memory_mb, {"memory_mb", "MiB", 64, 65536, "for decoded photos"});
+          {"parallax", "", 0, 1,
+           "correct parallax: draw each photo as seen from the panorama's centre, by the points' distances"});
+    visit(self.seam_width, {"seam_width", "px", 256, 4096, "width of the full turn at which seams are found"});
+    visit(self.memory_mb, {"memory_mb", "MiB", 64, 65536, "memory for decoded photos"});
   }
   std::vector<std::string> Check() const;
 };

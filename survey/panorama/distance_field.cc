@@ -30,8 +30,8 @@ DistanceField::DistanceField(const RigState& state) {
                        std::min(kHeight - 1, static_cast<int>((0.5 - elevation / kPi) * kHeight)),
                        std::clamp(p.inverse_distance, 0.0, kNearest), 1 / (p.sigma * p.sigma + kOwn * kOwn)});
   }
-  // Sums in cells of a degree, blurred from coarse to fine: where the fine one has nothing, the coarse speaks. A point
-  // far from what the coarser field says counts little: things that are near show many points, a wrong match is alone.
+  // Sums in cells of a degree, blurred from coarse to fine: where the fine one has no points, the coarse one is used.
+  // A point far from the coarser field counts little: a near object shows many points, a wrong match is alone.
   cv::Mat field = cv::Mat::zeros(kHeight, kWidth, CV_32F);
   for (const double sigma_deg : {30.0, 12.0, 5.0, 2.0}) {
     cv::Mat sums = cv::Mat::zeros(kHeight, kWidth, CV_64F), weights = cv::Mat::zeros(kHeight, kWidth, CV_64F);

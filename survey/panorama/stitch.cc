@@ -38,8 +38,7 @@ constexpr size_t kMostZooms = 4;      // more are no zooms, but something else
 constexpr double kFirstParallax = 0.01, kLeastParallax = 1e-4, kMostParallax = 0.05;
 // Observations are not believed to be better than this: what the model leaves out moves them together.
 constexpr double kLeastNoisePx = 0.1;
-// How well a detector places a feature, and how well the rig foretells where a point is seen, px of the feature's
-// scale.
+// 1 sigma of a detected feature, and of a point's position as predicted by the rig, px of the feature's scale.
 constexpr double kDetectorSigma = 0.5, kForetoldSigma = 2;
 constexpr double kAlignedShare = 0.4;    // of a photo's observations, else patches are no help there
 constexpr double kDetectorWeight = 0.3;  // against a patch's: a third of a pixel, a tenth
@@ -100,7 +99,7 @@ class Stitcher {
       }
       progress_.Advance(1);
     });
-    // Copies say nothing new, and would be overlaid on themselves.
+    // A copy adds no information and would be blended with its original.
     for (size_t b = 0; b < features.size(); ++b) {
       for (size_t a = 0; a < b && problem[b].empty(); ++a) {
         if (!problem[a].empty() || out_.photos[a].width != out_.photos[b].width ||
@@ -225,7 +224,7 @@ class Stitcher {
     }
     Verify();
     if (!any_missing) {
-      // EXIF may lie (a cropped or re-scaled copy): if rotations explain much more with another focal length, it does.
+      // EXIF may be wrong (a cropped or re-scaled copy): it is not used if another focal length fits far more matches.
       const double by_exif = TotalScore();
       const std::vector<FocalScore> found =
           SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_);
@@ -235,7 +234,7 @@ class Stitcher {
         const std::vector<LensPrior> priors = out_.state.lens_priors;
         const std::vector<PhotoPair> accepted = accepted_;
         const double exif_share = lenses.front().focal_px / LongSide(out_.views.front());
-        // Of a fisheye it says what happens on its axis; how far out the rim is taken is found by what fits there.
+        // EXIF holds for a fisheye's axis only; near the rim the focal length that fits there is taken.
         const bool rim = Fisheye();
         if ((rim || std::abs(std::log(*share / exif_share)) > 0.25) && lenses.size() == 1) {
           with_focal(false, *share);
@@ -446,7 +445,7 @@ class Stitcher {
       priors.push_back(shared.lens_priors[static_cast<size_t>(shared.photos[static_cast<size_t>(first)].lens)]);
       if (lenses.size() > 1) priors.back().focal_px = 0;
     }
-    for (RigPhoto& p : s.photos) p.lens = 0;  // of those that are not placed nobody knows
+    for (RigPhoto& p : s.photos) p.lens = 0;  // photos that are not placed: not known
     for (size_t z = 0; z < zooms.size(); ++z) {
       for (int i : zooms[z]) s.photos[static_cast<size_t>(i)].lens = static_cast<int>(z);
     }
@@ -584,8 +583,8 @@ class Stitcher {
     s.radius_m = o_.radius_m;
     b.max_iterations = 30;
     for (int round = 0; round < 4; ++round) {
-      // Wrong matches of what repeats are off by little, and there are many: once the photos stand about right, they
-      // must not pull any more.
+      // Repeated structure gives many wrong matches with small errors: once the photos are nearly aligned, a kernel
+      // that gives them no weight replaces Huber's.
       b.huber_px = round == 0 ? 4.0 : 0;
       if (round == 1) AlignPatches();
       if (round > 0) b.tukey_px = kTukey * NoisePx();
@@ -601,8 +600,8 @@ class Stitcher {
     RequireSupport();
   }
 
-  // What a detector sees in several photos, moved to where its surroundings are found again, each as well as they tell.
-  // Photos that this is no help for (too blurred, too noisy) keep the detector's places.
+  // Moves each observation to where the patch around it matches best, and weighs it by the covariance of that match.
+  // Photos with too few such matches (too blurred, too noisy) keep the detector's positions.
   void AlignPatches() {
     std::vector<RigPoint>& points = out_.state.points;
     std::vector<RigPoint> aligned = points;
@@ -739,9 +738,8 @@ class Stitcher {
     }
     for (const LeftOutPhoto& p : out_.left_out) out_.warnings.push_back(p.name + " is left out: " + p.reason);
     if (!out_.closure.full_turn && out_.closure.largest_gap_deg > 0) {
-      out_.warnings.push_back(
-          "the photos do not go all the way round: " + Degrees(out_.closure.largest_gap_deg * kDegToRad) +
-          " of the horizon are not seen in one piece");
+      out_.warnings.push_back("the photos do not cover the whole horizon: the largest gap is " +
+                              Degrees(out_.closure.largest_gap_deg * kDegToRad));
     }
   }
 
@@ -868,7 +866,7 @@ class Stitcher {
       double inverse_distance, sigma;
     };
     std::vector<std::vector<Seen>> seen(s.photos.size());
-    // What an observation says of where its photo stands, relative to others.
+    // An observation's information on its photo's position, relative to others.
     const auto pull = [](const RigPoint& p, const RigObservation& o) {
       return p.inverse_distance * p.inverse_distance * o.weight.squaredNorm();
     };
@@ -935,7 +933,7 @@ class Stitcher {
       if (p.a == i || p.b == i)
         return "fits " + Name(p.a == i ? p.b : p.a) + ", but neither overlaps the photos that are stitched";
     }
-    if (with < 0) return "nothing in it is found in another photo";
+    if (with < 0) return "none of its features is found in another photo";
     return "does not belong: at most " + std::to_string(best) + " features are found again (in " + Name(with) +
            "), and no turn of the camera explains them";
   }

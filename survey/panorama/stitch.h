@@ -32,24 +32,29 @@ struct StitchOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.max_features, {"max_features", "", 100, 50000, "features kept a photo, the strongest"});
+    visit(self.max_features, {"max_features", "", 100, 50000, "strongest features kept of each photo"});
     visit(self.feature_size_px, {"feature_size_px", "px", 200, 20000, "longer side at which features are looked for"});
     visit(self.ratio, {"ratio", "", 0.3, 1.0, "ratio test: best / second-best descriptor distance"});
     visit(self.all_pairs_up_to,
-          {"all_pairs_up_to", "photos", 2, 1000, "more photos: pairs by order and by similarity only"});
+          {"all_pairs_up_to", "photos", 2, 1000,
+           "sets of up to this many photos: all pairs are tried; else pairs by order and similarity"});
     visit(self.focal_sigma, {"focal_sigma", "", 0.0001, 10, "1 sigma of EXIF's focal length, share of it"});
     visit(self.distortion, {"distortion", "", 0, 1, "estimate radial distortion k1, k2"});
-    visit(self.lens, {"lens", "", 0, 0, "auto (by the picture's shape and what fits), rectilinear, fisheye"});
+    visit(self.lens,
+          {"lens", "", 0, 0, "kind of lens: auto (by the picture's shape and by which fits), rectilinear, fisheye"});
     visit(self.guided_share,
           {"guided_share", "", 0.001, 0.2, "largest displacement by parallax, share of the longer side"});
-    visit(self.radius_m, {"radius_m", "m", 0.001, 5, "circle about the holder on which the photos were taken"});
+    visit(self.radius_m,
+          {"radius_m", "m", 0.001, 5, "radius of the circle about the holder on which the photos were taken"});
     visit(self.radius_factor, {"radius_factor", "", 1, 100, "1 sigma of the radius, as a factor; 1: known exactly"});
     visit(self.circle_share,
           {"circle_share", "", 0, 10, "1 sigma of a photo's place off the circle, share of the radius; 0: no circle"});
-    visit(self.min_distance_m, {"min_distance_m", "m", 0.01, 100, "nearest point believed"});
-    visit(self.hold_out, {"hold_out", "", 0, 0.9, "share of the verified matches kept apart, to measure with"});
-    visit(self.level,
-          {"level", "", 0, 0, "auto, tags (EXIF), lines (vertical edges), horizon (photos held without roll), none"});
+    visit(self.min_distance_m, {"min_distance_m", "m", 0.01, 100, "points nearer than this are rejected"});
+    visit(self.hold_out,
+          {"hold_out", "", 0, 0.9, "share of the verified matches withheld to measure the result's errors"});
+    visit(self.level, {"level", "", 0, 0,
+                       "how the vertical is found: auto, tags (EXIF), lines (vertical edges), horizon (photos held "
+                       "without roll), none"});
   }
   std::vector<std::string> Check() const;
 };

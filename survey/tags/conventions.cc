@@ -79,10 +79,11 @@ void CheckPrincipalPoint(const SurveyRun& run, std::vector<ConventionFinding>* f
     const std::vector<double>& p = c.camera.params();
     if (p[2] != 0.5 * c.camera.width() || p[3] != 0.5 * c.camera.height()) continue;
     findings->push_back(
-        {false, fmt::format("run {}, {}: the principal point is exactly half the picture, {:g}, {:g}: either nobody "
-                            "measured it (calibrate the camera), or its pixels count from the corner of the first; "
-                            "expected from its centre, where the middle is {:g}, {:g}",
-                            run.name, c.name, p[2], p[3], p[2] - 0.5, p[3] - 0.5)});
+        {false,
+         fmt::format("run {}, {}: the principal point is exactly half the picture, {:g}, {:g}: either it was "
+                     "not calibrated (calibrate the camera), or its pixels count from the corner of the first "
+                     "pixel; expected pixels that count from its centre, where the picture's middle is {:g}, {:g}",
+                     run.name, c.name, p[2], p[3], p[2] - 0.5, p[3] - 0.5)});
   }
 }
 
@@ -92,10 +93,11 @@ void CheckOdometry(const SurveyRun& run, std::vector<ConventionFinding>* finding
   if (as_read >= 0 && as_read < 0.7 && w_first > 0.95) {
     findings->push_back(
         {true,
-         fmt::format("run {}: odometry turns as if its quaternions were written w x y z (its body then moves one "
-                     "way in {:.0f} % of the steps, as read in {:.0f} %); expected x y z w: reorder the columns of "
-                     "odometry.tum",
-                     run.name, 100 * w_first, 100 * as_read)});
+         fmt::format(
+             "run {}: odometry turns as if its quaternions were written w x y z (read so, the direction of motion in "
+             "the body's frame is the same in {:.0f} % of the steps, as read in {:.0f} %); expected x y z w: reorder "
+             "the columns of odometry.tum",
+             run.name, 100 * w_first, 100 * as_read)});
   }
 }
 
@@ -129,9 +131,9 @@ void CheckUpright(const SurveyInput& input, const SurveyRun& run, std::vector<Co
   }
   const auto most = std::max_element(down.begin(), down.end());
   if (wall >= kLeastSteps && most != down.begin() && *most > kMostlyShare * wall) {
-    const char* const how[] = {"upright", "on their right side", "on their head", "on their left side"};
+    const char* const how[] = {"upright", "on their right side", "upside down", "on their left side"};
     findings->push_back({false, fmt::format("run {}: {} of {} tags on walls stand {}: either they were mounted so, or "
-                                            "the corners begin at another one than bottom-left",
+                                            "their corners do not begin at bottom-left",
                                             run.name, *most, wall, how[most - down.begin()])});
   }
 }
@@ -215,9 +217,9 @@ void CheckSizes(const SurveyInput& input, const std::vector<std::map<int, std::v
   if (std::abs(middle - 1) < 2 * kSizesAlike || alike < 0.7 * static_cast<double>(ratios.size())) return;
   findings->push_back(
       {true,
-       fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far as their stated size makes them ({} of "
-                   "{} visits agree): either all were printed {:.2f} times as large as stated, or odometry is not "
-                   "in metres. Measure a printed tag; check_conventions=false goes on as it is",
+       fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far away as by their stated size ({} of {} "
+                   "visits agree): either all tags were printed {:.2f} times as large as stated, or odometry is not "
+                   "in metres. Measure a printed tag; check_conventions=false skips this check",
                    middle, alike, ratios.size(), middle)});
 }
 
@@ -256,10 +258,9 @@ void CheckAxes(const SurveyRun& run, const std::map<int, std::vector<CentreSight
   const size_t best = static_cast<size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
   if (best == 0 || errors[best] > 0.3 * errors[0] || errors[best] > kMostOff) return;
   findings->push_back(
-      {true,
-       fmt::format("run {}: while the body moves, tags in view wander by {:.0f} % of their distance as odometry.tum "
-                   "is read, but by {:.0f} % if {}: mend the file",
-                   run.name, 100 * errors[0], 100 * errors[best], readings[best].what)});
+      {true, fmt::format("run {}: with odometry.tum as read, tags in view move by {:.0f} % of their distance while the "
+                         "body passes, but only by {:.0f} % if {}; expected tags that stay in place: correct the file",
+                         run.name, 100 * errors[0], 100 * errors[best], readings[best].what)});
 }
 
 }  // namespace
@@ -321,14 +322,14 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
     // Three points fit a mirrored map as well as the true one: their plane hides it.
     if (rms < 0.2 * as_is && rms < 0.3 + 0.05 * extent) {
       findings.push_back({true, fmt::format("control_points.csv: the surveyed points fit the pictures only to {:.2f} m "
-                                            "as they stand, but to {:.2f} m if {}: mend the table",
+                                            "as they stand, but to {:.2f} m if {}: correct the table",
                                             as_is, rms, reading.what)});
       return findings;
     }
   }
   findings.push_back(
       {false, fmt::format("control_points.csv: the surveyed points fit the starting map only to {:.2f} m "
-                          "over {:.1f} m: look for a wrong id, a wrong tag size or poor odometry",
+                          "over {:.1f} m: check for a wrong id, a wrong tag size or poor odometry",
                           as_is, extent)});
   return findings;
 }

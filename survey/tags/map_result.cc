@@ -274,8 +274,8 @@ void MapSolver::CompareWithPoints() {
       result_.warnings.push_back(
           fmt::format("{} point {} is {:.3f} m off the map, {:.1f} sigma: {}", RoleName(p.role), p.name,
                       a.error_m.norm(), std::sqrt(a.chi2),
-                      a.excluded ? "taken out, since it contradicts the other control; look at its survey"
-                                 : "more than its sigma allows; look at its survey"));
+                      a.excluded ? "taken out, since it contradicts the other control; check its coordinates"
+                                 : "more than its sigma allows; check its coordinates"));
     }
     // The map has a tag that was moved at one place, and the surveyor saw it at one: they need not be the same.
     const bool elsewhere =
@@ -315,9 +315,8 @@ void MapSolver::CompareStations() {
     if (left > 1e-3) r.standardised = whitened / std::sqrt(left);
     if (std::abs(r.standardised) > kLargest) {
       result_.warnings.push_back(
-          fmt::format("total_station.csv, line {}: the {} from {} to {} contradicts the map by {:.1f} sigma; look at "
-                      "it, and whether "
-                      "the tag was moved between the survey and the run",
+          fmt::format("total_station.csv, line {}: the {} from {} to {} contradicts the map by {:.1f} sigma; check "
+                      "the reading, and whether the tag was moved between the survey and the run",
                       s.line, StationReadingName(reading), s.setup, s.target, std::abs(r.standardised)));
     }
     result_.station_residuals.push_back(r);
@@ -421,8 +420,7 @@ void MapSolver::CompareDatums() {
   }
 }
 
-// Where control contradicts what else is known of the site's place, nobody knows which is wrong: the difference becomes
-// part of the tags' sigmas.
+// If control contradicts geotags or GPS, it is unknown which is wrong: the difference becomes part of the tags' sigmas.
 void MapSolver::DoubtDatum() {
   if (!result_.in_world || result_.datum == "geotags" || result_.datum == "gps") return;
   constexpr double kSigmas = 5, kLeast_m = 10, kLeastHeight_m = 15;  // coarse: geotags and GPS are no survey

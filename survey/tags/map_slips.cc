@@ -21,8 +21,7 @@ constexpr size_t kMostInstead = 16;  // tags asked about jumps in a run
 std::string MoveOrJump::Text(const std::string& run_name) const {
   return fmt::format(
       "tag {} stood {:.2f} m from its place when {} passed it, or odometry of {} jumped at {} s: the pictures do not "
-      "tell "
-      "which",
+      "show which",
       tag_id, moved_m, run_name, run_name, FormatNsAsSeconds(jump_ns, 1));
 }
 
@@ -47,7 +46,7 @@ void MapSolver::Restore(const State& s) {
   run_states_ = s.runs, shift_ = s.shift, moved_ = s.moved, slipped_ = s.slipped;
 }
 
-// Steps of odometry that jump are hardly believed any more. True if there was one.
+// Marks steps at which odometry jumps: their sigma becomes kSlip times larger. True if there was one.
 bool MapSolver::SnoopOdometry() {
   bool any = false;
   for (size_t i = 0; i < observations_.size(); ++i) {

@@ -88,7 +88,7 @@ SurveyResult MapSolver::Run() {
   };
   heed(CheckInput(input_));
   start_ = CollectSights(input_, options_);
-  if (start_.sights.empty()) throw InputError("no tag is seen in any run: nothing to survey");
+  if (start_.sights.empty()) throw InputError("no run shows a tag: there is nothing to survey");
   heed(CheckSights(input_, start_));
   moved_ = SplitDuplicates(input_, &start_);
   for (const SplitPlace& split : moved_) duplicates_.insert(split.tag_id);
@@ -123,7 +123,7 @@ SurveyResult MapSolver::Run() {
     result_.cost_after = summary.cost_after;
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
-    // A wrong distance first: what bends to it would be blamed for it.
+    // Wrong distances first: a wrong one bends the map, and correct tags would be rejected in its place.
     const bool distances = may_reject && round > 0 && SnoopDistances();
     const bool tags = may_reject && round > 0 && !distances && SnoopTags();
     const bool sights = may_reject && !tags && !distances && SnoopSights(round);
@@ -131,7 +131,7 @@ SurveyResult MapSolver::Run() {
     const bool points = may_reject && round > 0 && !tags && !distances && !sights && !odometry && SnoopControl();
     const bool rejected = tags || distances || sights || odometry || points;
     const bool moves = last && may_reject && !rejected && ReplaceSlips();
-    // Weights that made room for a moved tag are found anew.
+    // The weights were widened by a tag that had moved: they are estimated again.
     if (tags || distances || moves) rounds = std::min(round + 3, options_.variance_rounds + kMostTagRounds);
     if (last && !rejected && !moves) break;
     if (!last) UpdateFactors();
@@ -142,7 +142,7 @@ SurveyResult MapSolver::Run() {
   return std::move(result_);
 }
 
-// What lost its hold on reality is no map, however small its residuals.
+// Throws if a tag lies farther than kFarthest_m from the site: such a map is wrong, however small its residuals.
 void MapSolver::RequireCredible() const {
   // A surveyor's grid may begin far away.
   Eigen::Vector3d site = Eigen::Vector3d::Zero();
@@ -152,8 +152,8 @@ void MapSolver::RequireCredible() const {
     if (tag_unknown_.count(place) == 0 || (pose.IsFinite() && (pose.translation - site).norm() < kFarthest_m)) continue;
     throw NumericError(fmt::format(
         "the tag map did not converge: tag {} is {:.3g} m from the site. Odometry, tag sizes and surveyed points "
-        "contradict each other: look at the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
-        "z up, as T_cam_imu of camchain.yaml has it), at tags.yaml and at control_points.csv",
+        "contradict each other: check the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
+        "z up, as in T_cam_imu of camchain.yaml), tags.yaml and control_points.csv",
         IdOf(place), (pose.translation - site).norm()));
   }
 }
@@ -272,8 +272,8 @@ std::vector<std::vector<MapSight*>> MapSolver::Visits() {
   return visits;
 }
 
-// What is far off from the start would only pull: it is looked at again after the first solution. Not so the pictures
-// of a whole visit that agree among themselves: there it is odometry that has come back elsewhere.
+// Leaves out pictures that the start contradicts by far; they are tested again after the first solution. Pictures of a
+// visit that agree among themselves are kept: there odometry has drifted.
 void MapSolver::GateStart() {
   const std::vector<std::vector<MapSight*>> visits = Visits();
   for (const std::vector<MapSight*>& visit : visits) {
@@ -554,7 +554,7 @@ void MapSolver::AddPoints() {
   AddStations();
 }
 
-// Fixes of a receiver share their error for a while: each counts as one of so many.
+// A receiver's errors are correlated over kGpsCorrelation_s: the fixes within that time together count as one.
 void MapSolver::AddFixes() {
   for (size_t r = 0; input_.use_gps && r < input_.runs.size(); ++r) {
     const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
@@ -683,7 +683,7 @@ void MapSolver::AddGauge() {
   }
 }
 
-// Solves from the present state and keeps what it finds; linearised there for what asks its covariances.
+// Solves from the present state and stores the result; `linearise`: prepares the covariances there.
 SparseLeastSquares::Summary MapSolver::Solve(bool linearise) {
   Build();
   const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
@@ -796,7 +796,7 @@ double MapSolver::SightChi2(const MapSight& s) const {
 
 // Pictures of tags whose residual is beyond the gate are rejected, rejected ones that fit come back. True if anything
 // changed. The gate is wide at first: where odometry has drifted or jumped, the pictures of the next tags are all far
-// off, and to reject them would be to believe odometry.
+// off although they are right.
 bool MapSolver::SnoopSights(int round) {
   std::vector<double> chi2(start_.sights.size(), -1), used;
   const double wide_px = round < std::ssize(kWideGatePx) ? kWideGatePx[static_cast<size_t>(round)] : 0;
@@ -812,7 +812,8 @@ bool MapSolver::SnoopSights(int round) {
   // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
   const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
   outvoted_ = false;
-  // What the rest of its visit contradicts is not odometry's fault, however little it is off.
+  // A picture that the rest of its visit contradicts is wrong by itself, not by odometry's drift, however small the
+  // error.
   std::vector<bool> outvoted(chi2.size(), false);
   const auto index = [&](const MapSight* s) { return static_cast<size_t>(s - start_.sights.data()); };
   // Wrong distances are looked for first.
@@ -854,7 +855,7 @@ bool MapSolver::SnoopControl() {
   for (const SurveyPoint& p : datum_points_) {
     if (p.role == PointRole::kControl && !Excluded(p)) used.push_back(p.world_m);
   }
-  if (used.size() < 4) return false;  // whichever of three is wrong cannot be told
+  if (used.size() < 4) return false;  // of three points the wrong one cannot be found
   for (size_t i = 0; i < observations_.size(); ++i) {
     const Observation& o = observations_[i];
     if (o.kind != Kind::kPoint || datum_points_[static_cast<size_t>(o.index)].role != PointRole::kControl) continue;
@@ -873,7 +874,7 @@ bool MapSolver::SnoopControl() {
   return true;
 }
 
-// Takes the measured distance out that contradicts the rest most. What it alone holds it cannot contradict.
+// Takes the measured distance out that contradicts the rest most. A distance that nothing else controls is kept.
 bool MapSolver::SnoopDistances() {
   int worst = -1;
   double most = kDistanceChi2;

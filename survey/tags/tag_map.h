@@ -134,21 +134,25 @@ struct SurveyOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
-    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "smaller pictures of a tag are not used"});
-    visit(self.odometry_rot_deg, {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma per square root of a metre"});
-    visit(self.odometry_m, {"odometry_m", "m", 1e-5, 10.0, "1 sigma per square root of a metre"});
+    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "tags with a shorter side in the picture are not used"});
+    visit(self.odometry_rot_deg,
+          {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma of odometry's rotation per square root of a metre"});
+    visit(self.odometry_m,
+          {"odometry_m", "m", 1e-5, 10.0, "1 sigma of odometry's position per square root of a metre"});
     visit(self.heading_drift_deg_m, {"heading_drift_deg_m", "deg/m", 0.0, 10.0, "1 sigma of odometry's heading drift"});
-    visit(self.gravity_deg, {"gravity_deg", "deg", 1e-3, 45.0, "1 sigma of what levelled odometry calls up"});
+    visit(self.gravity_deg, {"gravity_deg", "deg", 1e-3, 45.0, "1 sigma of the vertical of levelled odometry"});
     visit(self.corner_shift_px,
           {"corner_shift_px", "px", 0.0, 5.0,
            "1 sigma of a shift of corners towards the tag's centre, estimated for each camera; 0: none"});
     visit(self.variance_rounds, {"variance_rounds", "", 0, 20, "rounds of variance component estimation"});
-    visit(self.snooping_chi2, {"snooping_chi2", "", 1.0, 1e9, "pictures of a tag beyond this are rejected"});
-    visit(self.cross_covariances, {"cross_covariances", "", 0, 1, "covariances between all pairs of tags"});
+    visit(self.snooping_chi2, {"snooping_chi2", "", 1.0, 1e9,
+                               "pictures of a tag above this chi-square (8 degrees of freedom) are rejected"});
+    visit(self.cross_covariances, {"cross_covariances", "", 0, 1, "compute the covariances between all pairs of tags"});
     visit(self.self_calibrate,
-          {"self_calibrate", "", 0, 1, "focal length, principal point, k1 and k2 of every camera from the tags, too"});
+          {"self_calibrate", "", 0, 1,
+           "estimate focal length, principal point, k1 and k2 of every camera from the tags, too"});
     visit(self.check_conventions, {"check_conventions", "", 0, 1, "refuse input that follows other conventions"});
-    visit(self.max_iterations, {"max_iterations", "", 1, 1000, "of each solve"});
+    visit(self.max_iterations, {"max_iterations", "", 1, 1000, "most iterations of each solve"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -33,10 +33,12 @@ struct TagPosesOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
-    visit(self.gate_px, {"gate_px", "px", 0.1, 1000.0, "a picture whose corners are further off is of another place"});
-    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "smaller pictures of a tag are not used"});
-    visit(self.min_images, {"min_images", "", 1, 1000, "fewer pictures give status weak"});
-    visit(self.camera_correlation, {"camera_correlation", "", 0.0, 1.0, "of the camera errors of different pictures"});
+    visit(self.gate_px,
+          {"gate_px", "px", 0.1, 1000.0, "a picture with corners farther off shows the tag at another place"});
+    visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "tags with a shorter side in the picture are not used"});
+    visit(self.min_images, {"min_images", "", 1, 1000, "with fewer pictures the status of a tag is weak"});
+    visit(self.camera_correlation,
+          {"camera_correlation", "", 0.0, 1.0, "correlation of the camera errors of different pictures"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };

@@ -126,7 +126,7 @@ class Crosscheck(unittest.TestCase):
         done, rows = self.crosscheck("split")
         self.assertIn("split the run into 2 models", done.stderr)
         self.assertEqual(rows[0]["models"], "2")
-        self.assertIn("compared is the largest", rows[0]["reason"])
+        self.assertIn("the largest one, with ", rows[0]["reason"])
         self.assertEqual(int(rows[0]["registered"]), int(rows[0]["images"]) - 2)
 
     def write_panoramas(self, answers):

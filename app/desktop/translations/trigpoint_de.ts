@@ -44,14 +44,6 @@
         <translation>Hält Karte, Tabellen und alles, woraus sie berechnet wurden, unter einem Namen fest. Eine Veröffentlichung wird nie überschrieben; Veraltetes wird nicht veröffentlicht.</translation>
     </message>
     <message>
-        <source>Print tags and boards</source>
-        <translation>Marken und Tafeln drucken</translation>
-    </message>
-    <message>
-        <source>Sheets with tags, calibration boards or scale bars as PDF to scale; tags are noted in tags.yaml.</source>
-        <translation>Bögen mit Marken, Kalibriertafeln oder Maßstäben als maßstäbliches PDF; Marken werden in tags.yaml vermerkt.</translation>
-    </message>
-    <message>
         <source>Import</source>
         <translation>Importieren</translation>
     </message>
@@ -71,7 +63,7 @@
         <translation>Gleichwertige Befehlszeile</translation>
     </message>
     <message>
-        <source>What came of it</source>
+        <source>Result</source>
         <translation>Was daraus wurde</translation>
     </message>
     <message>
@@ -336,11 +328,11 @@
         <translation>Abstand des nächsten davon</translation>
     </message>
     <message>
-        <source>leftmost direction of a picture from the tag&apos;s normal, as one faces the tag</source>
+        <source>leftmost direction that the tag was photographed from, as an angle from its normal, for a viewer who faces the tag</source>
         <translation>am weitesten links liegende Richtung eines Bildes, von der Normalen der Marke aus, ihr gegenüber</translation>
     </message>
     <message>
-        <source>rightmost direction of a picture from the tag&apos;s normal, as one faces the tag</source>
+        <source>rightmost direction that the tag was photographed from, as an angle from its normal, for a viewer who faces the tag</source>
         <translation>am weitesten rechts liegende Richtung eines Bildes, von der Normalen der Marke aus, ihr gegenüber</translation>
     </message>
     <message>
@@ -380,7 +372,7 @@
         <translation>Kein Programm öffnet die Seite: %1</translation>
     </message>
     <message>
-        <source>Is it enough, while one is still on site? Watch this folder while pictures are copied into it, or check it once.</source>
+        <source>Do the recordings suffice? Watch this folder while pictures are copied into it, or check it once, before you leave the site.</source>
         <translation>Reicht es, solange man noch vor Ort ist? Diesen Ordner beobachten, während Bilder hineinkopiert werden, oder einmal prüfen.</translation>
     </message>
     <message>
@@ -392,7 +384,7 @@
         <translation>Hier wird die Karte der Marken und des nächsten Standorts gezeichnet.</translation>
     </message>
     <message>
-        <source>Nothing more would gain much.</source>
+        <source>No further picture would improve the predicted accuracy much.</source>
         <translation>Mehr brächte nicht viel.</translation>
     </message>
     <message>
@@ -547,7 +539,7 @@
         <translation>Status A / B</translation>
     </message>
     <message>
-        <source>%1 (errors alone, no results to draw)</source>
+        <source>%1 (has errors only, no results to draw)</source>
         <translation>%1 (nur Fehler, keine Ergebnisse zum Zeichnen)</translation>
     </message>
 </context>
@@ -642,7 +634,7 @@
         <translation>Grund</translation>
     </message>
     <message>
-        <source>Why? It stands in review.jsonl.</source>
+        <source>Reason of the decision; it is stored in review.jsonl.</source>
         <translation>Warum? Es steht in review.jsonl.</translation>
     </message>
     <message>
@@ -980,7 +972,7 @@
         <translation>gekoppelter Zoom</translation>
     </message>
     <message>
-        <source>What is looked at in one picture is looked at in the other, by the inlier matches</source>
+        <source>Moves the other picture to the same place, by the inlier matches</source>
         <translation>Was im einen Bild betrachtet wird, wird auch im anderen betrachtet, nach den passenden Zuordnungen</translation>
     </message>
     <message>
@@ -1370,6 +1362,10 @@
         <source>Ctrl+I</source>
         <translation>Ctrl+I</translation>
     </message>
+    <message>
+        <source>Print</source>
+        <translation>Drucken</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::MeasurementList</name>
@@ -1445,7 +1441,7 @@
         <translation>Projekt öf&amp;fnen ...</translation>
     </message>
     <message>
-        <source>A folder can also be dropped into the window. It is only read; what is written, is asked for.</source>
+        <source>A folder can also be dropped into the window. It is only read; nothing is written without asking.</source>
         <translation>Ein Ordner lässt sich auch ins Fenster ziehen. Er wird nur gelesen; geschrieben wird erst auf Nachfrage.</translation>
     </message>
     <message>
@@ -1541,7 +1537,7 @@
         <translation>Kopiert ein kleines Gelände mit zwei Fahrten in einen neuen Ordner und öffnet es</translation>
     </message>
     <message>
-        <source>None yet. The example is a good beginning.</source>
+        <source>None yet. Begin with the example.</source>
         <translation>Noch keine. Das Beispiel ist ein guter Anfang.</translation>
     </message>
 </context>
@@ -1922,8 +1918,8 @@
         <translation>lokales ENU, m, Norden oben</translation>
     </message>
     <message>
-        <source>; ellipses: predicted, 1 sigma, %1 times enlarged</source>
-        <translation>; Ellipsen: vorhergesagt, 1 Sigma, %1-fach vergrößert</translation>
+        <source>; ellipses: predicted, 95 %, %1 times enlarged</source>
+        <translation>; Ellipsen: vorhergesagt, 95 %, %1-fach vergrößert</translation>
     </message>
     <message>
         <source>; changed since the last prediction</source>
@@ -1976,6 +1972,377 @@
     <message>
         <source>gain (%)</source>
         <translation>Gewinn (%)</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::PrintDesk</name>
+    <message>
+        <source> mm</source>
+        <translation> mm</translation>
+    </message>
+    <message>
+        <source>What is printed</source>
+        <translation>Was gedruckt wird</translation>
+    </message>
+    <message>
+        <source>tags</source>
+        <translation>Marken</translation>
+    </message>
+    <message>
+        <source>calibration board</source>
+        <translation>Kalibriertafel</translation>
+    </message>
+    <message>
+        <source>scale bar</source>
+        <translation>Maßstab</translation>
+    </message>
+    <message>
+        <source>Tag family</source>
+        <translation>Markenfamilie</translation>
+    </message>
+    <message>
+        <source>as in tags.yaml, else tag36h11</source>
+        <translation>wie in tags.yaml, sonst tag36h11</translation>
+    </message>
+    <message>
+        <source>Ids of the tags</source>
+        <translation>Nummern der Marken</translation>
+    </message>
+    <message>
+        <source>As 0-9,12; a scale bar has two</source>
+        <translation>Wie 0-9,12; ein Maßstab hat zwei</translation>
+    </message>
+    <message>
+        <source>Size of a tag</source>
+        <translation>Größe einer Marke</translation>
+    </message>
+    <message>
+        <source>As tags.yaml declares it: the edge of the black square, corner 0 to corner 1</source>
+        <translation>Wie in tags.yaml: die Kante des schwarzen Quadrats, Ecke 0 bis Ecke 1</translation>
+    </message>
+    <message>
+        <source>Length of the scale bar</source>
+        <translation>Länge des Maßstabs</translation>
+    </message>
+    <message>
+        <source>Distance of the two tags&apos; centres</source>
+        <translation>Abstand der Mitten beider Marken</translation>
+    </message>
+    <message>
+        <source>Board</source>
+        <translation>Tafel</translation>
+    </message>
+    <message>
+        <source>A file, or one line:
+checkerboard:9x6:0.025 (inner corners, square in m)
+charuco:8x6:0.03:0.022:DICT_4X4_50 (squares, square and marker in m, dictionary)
+aprilgrid:6x6:0.088:0.3 (tags, tag in m, gap / tag)
+circles:4x11:0.02, asymmetric_circles:4x11:0.02 (columns x rows, spacing in m)</source>
+        <translation>Eine Datei oder eine Zeile:
+checkerboard:9x6:0.025 (innere Ecken, Quadrat in m)
+charuco:8x6:0.03:0.022:DICT_4X4_50 (Quadrate, Quadrat und Marke in m, Wörterbuch)
+aprilgrid:6x6:0.088:0.3 (Marken, Marke in m, Lücke / Marke)
+circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)</translation>
+    </message>
+    <message>
+        <source>Paper</source>
+        <translation>Papier</translation>
+    </message>
+    <message>
+        <source>A size by its name, or WIDTHxHEIGHT in mm as 300x500</source>
+        <translation>Eine Größe beim Namen oder BREITExHÖHE in mm wie 300x500</translation>
+    </message>
+    <message>
+        <source>Margin</source>
+        <translation>Rand</translation>
+    </message>
+    <message>
+        <source>Edge of the paper that the printer leaves white</source>
+        <translation>Rand des Papiers, den der Drucker weiß lässt</translation>
+    </message>
+    <message>
+        <source>Most tags on a sheet</source>
+        <translation>Höchstzahl der Marken auf einem Bogen</translation>
+    </message>
+    <message>
+        <source>as many as fit</source>
+        <translation>so viele wie passen</translation>
+    </message>
+    <message>
+        <source>File</source>
+        <translation>Datei</translation>
+    </message>
+    <message>
+        <source>The PDF, relative to the site&apos;s folder</source>
+        <translation>Das PDF, bezogen auf den Ordner des Projekts</translation>
+    </message>
+    <message>
+        <source>below print/, named by what it holds</source>
+        <translation>unter print/, nach dem Inhalt benannt</translation>
+    </message>
+    <message>
+        <source>Replace a changed PDF</source>
+        <translation>Ein geändertes PDF ersetzen</translation>
+    </message>
+    <message>
+        <source>Equivalent command line</source>
+        <translation>Gleichwertige Befehlszeile</translation>
+    </message>
+    <message>
+        <source>Print</source>
+        <translation>Drucken</translation>
+    </message>
+    <message>
+        <source>Ids</source>
+        <translation>Nummern</translation>
+    </message>
+    <message>
+        <source>Centre to centre</source>
+        <translation>Mitte zu Mitte</translation>
+    </message>
+    <message>
+        <source>Family</source>
+        <translation>Familie</translation>
+    </message>
+    <message>
+        <source>On a sheet</source>
+        <translation>Auf einem Bogen</translation>
+    </message>
+    <message>
+        <source>&amp;Write the PDF</source>
+        <translation>PDF &amp;schreiben</translation>
+    </message>
+    <message>
+        <source>And adds its tags to tags.yaml (trigpoint print)</source>
+        <translation>Und trägt die Marken in tags.yaml ein (trigpoint print)</translation>
+    </message>
+    <message>
+        <source>&amp;Open the PDF</source>
+        <translation>PDF ö&amp;ffnen</translation>
+    </message>
+    <message>
+        <source>Previous page</source>
+        <translation>Vorige Seite</translation>
+    </message>
+    <message>
+        <source>One page back</source>
+        <translation>Eine Seite zurück</translation>
+    </message>
+    <message>
+        <source>Next page</source>
+        <translation>Nächste Seite</translation>
+    </message>
+    <message>
+        <source>One page on</source>
+        <translation>Eine Seite weiter</translation>
+    </message>
+    <message>
+        <source>&amp;Enter</source>
+        <translation>&amp;Eintragen</translation>
+    </message>
+    <message>
+        <source>Corrects sizes_m in tags.yaml: size x measured / nominal</source>
+        <translation>Berichtigt sizes_m in tags.yaml: Größe x gemessen / Soll</translation>
+    </message>
+    <message>
+        <source>not measured</source>
+        <translation>nicht gemessen</translation>
+    </message>
+    <message>
+        <source>Printed for this site</source>
+        <translation>Für dieses Projekt gedruckt</translation>
+    </message>
+    <message>
+        <source>size (mm)</source>
+        <translation>Größe (mm)</translation>
+    </message>
+    <message>
+        <source>measured (mm)</source>
+        <translation>gemessen (mm)</translation>
+    </message>
+    <message>
+        <source>factor (%)</source>
+        <translation>Faktor (%)</translation>
+    </message>
+    <message>
+        <source>printed</source>
+        <translation>gedruckt</translation>
+    </message>
+    <message>
+        <source>family</source>
+        <translation>Familie</translation>
+    </message>
+    <message>
+        <source>file</source>
+        <translation>Datei</translation>
+    </message>
+    <message>
+        <source>ids</source>
+        <translation>Nummern</translation>
+    </message>
+    <message>
+        <source>that was asked for</source>
+        <translation>die verlangte</translation>
+    </message>
+    <message>
+        <source>size on the paper, from the bar&apos;s measured length; empty: not measured</source>
+        <translation>Größe auf dem Papier, aus der gemessenen Strecke; leer: nicht gemessen</translation>
+    </message>
+    <message>
+        <source>measured / asked for</source>
+        <translation>gemessen / verlangt</translation>
+    </message>
+    <message>
+        <source>when</source>
+        <translation>wann</translation>
+    </message>
+    <message>
+        <source>of the tags</source>
+        <translation>der Marken</translation>
+    </message>
+    <message>
+        <source>relative to the site&apos;s folder</source>
+        <translation>bezogen auf den Ordner des Projekts</translation>
+    </message>
+    <message>
+        <source>Page of the PDF</source>
+        <translation>Seite des PDF</translation>
+    </message>
+    <message>
+        <source>What to print</source>
+        <translation>Was zu drucken ist</translation>
+    </message>
+    <message>
+        <source>Measured on the paper</source>
+        <translation>Auf dem Papier gemessen</translation>
+    </message>
+    <message>
+        <source>Nominal</source>
+        <translation>Soll</translation>
+    </message>
+    <message>
+        <source>&amp;Enter for tags %1</source>
+        <translation>Für Marken %1 &amp;eintragen</translation>
+    </message>
+    <message>
+        <source>&amp;Enter for %1 tags</source>
+        <translation>Für %1 Marken &amp;eintragen</translation>
+    </message>
+    <message>
+        <source>No page; the form shows the reason.</source>
+        <translation>Keine Seite: der Grund steht im Formular.</translation>
+    </message>
+    <message>
+        <source>Open the folder of a site; its sheets are drawn here.</source>
+        <translation>Den Ordner eines Projekts öffnen; seine Bögen werden hier gezeichnet.</translation>
+    </message>
+    <message>
+        <source>Page %1 of %2, %3</source>
+        <translation>Seite %1 von %2, %3</translation>
+    </message>
+    <message>
+        <source>; at most %1 on a sheet</source>
+        <translation>; höchstens %1 auf einem Bogen</translation>
+    </message>
+    <message>
+        <source>; cut into %1 sheets</source>
+        <translation>; in %1 Bögen zerschnitten</translation>
+    </message>
+    <message>
+        <source>Nothing was printed.</source>
+        <translation>Nichts wurde gedruckt.</translation>
+    </message>
+    <message>
+        <source>Measure: %1.</source>
+        <translation>Messen: %1.</translation>
+    </message>
+    <message>
+        <source>Tags added to tags.yaml: %1.</source>
+        <translation>In tags.yaml eingetragene Marken: %1.</translation>
+    </message>
+    <message>
+        <source>For distances.csv, measured: %1,%2,DISTANCE_M,SIGMA_M,control.</source>
+        <translation>Für distances.csv, gemessen: %1,%2,ABSTAND_M,SIGMA_M,control.</translation>
+    </message>
+    <message>
+        <source>Tags %1: %2 % of the size asked for; entered in tags.yaml.</source>
+        <translation>Marken %1: %2 % der verlangten Größe; in tags.yaml eingetragen.</translation>
+    </message>
+    <message>
+        <source>No length was entered.</source>
+        <translation>Keine Länge wurde eingetragen.</translation>
+    </message>
+    <message>
+        <source>No program opens the PDF: %1</source>
+        <translation>Kein Programm öffnet das PDF: %1</translation>
+    </message>
+    <message>
+        <source>The PDF is not there any more: %1</source>
+        <translation>Das PDF ist nicht mehr da: %1</translation>
+    </message>
+    <message>
+        <source>As a ruler shows it</source>
+        <translation>Wie das Lineal es zeigt</translation>
+    </message>
+    <message>
+        <source>Measured across</source>
+        <translation>Waagerecht gemessen</translation>
+    </message>
+    <message>
+        <source>Measured up</source>
+        <translation>Senkrecht gemessen</translation>
+    </message>
+    <message>
+        <source>As it should be: of the bar, or of the tag&apos;s edge</source>
+        <translation>Wie es sein soll: die Strecke oder die Kante der Marke</translation>
+    </message>
+    <message>
+        <source>Across</source>
+        <translation>Waagerecht</translation>
+    </message>
+    <message>
+        <source>Up</source>
+        <translation>Senkrecht</translation>
+    </message>
+    <message>
+        <source>Nothing was printed yet.</source>
+        <translation>Noch nichts gedruckt.</translation>
+    </message>
+    <message>
+        <source>bars of %1 mm</source>
+        <translation>Strecken von %1 mm</translation>
+    </message>
+    <message>
+        <source>bars</source>
+        <translation>Strecken</translation>
+    </message>
+    <message>
+        <source>On these sheets: %1, tags of %2 mm. Half a millimetre on the ruler is %3 % of %4 mm.</source>
+        <translation>Auf diesen Bögen: %1, Marken von %2 mm. Ein halber Millimeter am Lineal ist %3 % von %4 mm.</translation>
+    </message>
+    <message>
+        <source> (one of %1)</source>
+        <translation> (einer von %1)</translation>
+    </message>
+    <message>
+        <source>%1, pages: %2. Print at 100 %, not fitted to the page. Bars: %3 mm.</source>
+        <translation>%1, Seiten: %2. Mit 100 % drucken, nicht an die Seite angepasst. Strecken: %3 mm.</translation>
+    </message>
+    <message>
+        <source>Sizes of the target for a calibration: times measured / nominal.</source>
+        <translation>Maße der Tafel für eine Kalibrierung: mal gemessen / Soll.</translation>
+    </message>
+    <message>
+        <source>One that was changed since it was written</source>
+        <translation>Eines, das seit dem Schreiben geändert wurde</translation>
+    </message>
+    <message>
+        <source>Drawing ...</source>
+        <translation>Wird gezeichnet ...</translation>
+    </message>
+    <message>
+        <source>The selected one, else the last one that was written</source>
+        <translation>Das ausgewählte, sonst das zuletzt geschriebene</translation>
     </message>
 </context>
 <context>
@@ -2650,7 +3017,7 @@
         <translation>nach Perzentil</translation>
     </message>
     <message>
-        <source>Colours evenly over the points, so that outliers do not take them</source>
+        <source>Spreads the colours evenly over the points, so that outliers do not use up the scale</source>
         <translation>Farben gleichmäßig über die Punkte, damit Ausreißer sie nicht aufbrauchen</translation>
     </message>
     <message>
@@ -2741,7 +3108,7 @@
         <translation>Gleichwertige Befehlszeile</translation>
     </message>
     <message>
-        <source>Search shows what a service has along the run; nothing is loaded by it.</source>
+        <source>Search lists what a service has along the run; it downloads nothing.</source>
         <translation>Die Suche zeigt, was ein Dienst entlang der Fahrt hat; geladen wird dabei nichts.</translation>
     </message>
     <message>
@@ -2777,7 +3144,7 @@
         <translation>der öffentliche</translation>
     </message>
     <message>
-        <source>My agreement with the service permits to compute from its pictures</source>
+        <source>My agreement with the service permits computing from its pictures</source>
         <translation>Meine Vereinbarung mit dem Dienst erlaubt es, mit seinen Bildern zu rechnen</translation>
     </message>
     <message>
