@@ -232,6 +232,7 @@ TEST(PlanCommand, WithoutADatumGatesAreUndecided) {
 // runs it stands alone. Candidate paths are proposed.
 TEST(PlanCommand, ANewEpochOfASurveyedSite) {
   const Wall wall;
+  ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);
   const auto rms = [&](const std::vector<std::string>& more) {
     std::vector<std::string> command = {"plan", wall.dir()};
     command.insert(command.end(), more.begin(), more.end());
