@@ -87,7 +87,7 @@ class Adviser {
                        "is closed",
                        set.name,
                        set.before_gap.empty() ? "" : fmt::format(" from {} to {}", set.before_gap, set.after_gap)),
-           fmt::format("{:.0f} deg of its horizon are not seen", set.gap_deg)});
+           WhyOpen(set)});
     }
     for (const TagCoverage& tag : tags_) {
       if (tag.pictures == 0 || (!facts_.planned.empty() && !facts_.planned.contains(tag.tag_id))) continue;

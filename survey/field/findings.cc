@@ -325,18 +325,25 @@ void FindInSets(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
       findings->push_back(
           {Light::kGreen, "photo sets", fmt::format("{}: the ring of {} photos is closed", name, set.placed)});
     } else {
-      findings->push_back(
-          {Light::kRed, "photo sets",
-           fmt::format(
-               "{}: the ring is open: {:.0f} deg of the horizon are not seen{}; photograph on "
-               "until the first photo overlaps with the last",
-               name, set.gap_deg,
-               set.before_gap.empty() ? "" : fmt::format(", between {} and {}", set.before_gap, set.after_gap))});
+      findings->push_back({Light::kRed, "photo sets",
+                           fmt::format("{}: the ring is open: {}; photograph on until the first photo overlaps with "
+                                       "the last",
+                                       name, WhyOpen(set))});
     }
   }
 }
 
 }  // namespace
+
+std::string WhyOpen(const FieldSet& set) {
+  const bool named = !set.before_gap.empty();
+  if (set.gap_deg >= 0.5) {
+    return fmt::format("{:.0f} deg of the horizon are not seen{}", set.gap_deg,
+                       named ? fmt::format(", between {} and {}", set.before_gap, set.after_gap) : "");
+  }
+  return fmt::format("{} do not match, though the photos see the whole horizon",
+                     named ? fmt::format("{} and {}", set.before_gap, set.after_gap) : "the first and the last photo");
+}
 
 const char* LightName(Light light) {
   return light == Light::kGreen ? "green" : light == Light::kAmber ? "amber" : "red";

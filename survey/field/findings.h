@@ -67,6 +67,8 @@ struct FieldSet {
   std::string before_gap, after_gap;  // the photos on its left and right; empty: no gap
   std::string problem;                // why nothing is known; empty: something is
 };
+// What keeps the ring of a set from being closed. Photos that see the whole horizon need not hang together all round.
+std::string WhyOpen(const FieldSet& set);
 
 // One camera of a run, calibrated anew by the tags.
 struct FieldCalibration {

@@ -31,6 +31,7 @@ NetworkLayout Yard() {
 NetworkOptions Options() {
   NetworkOptions options;
   options.ties_per_image = 0;
+  options.detected = 1;  // each tag is in as many pictures as geometry gives, whatever is drawn
   return options;
 }
 
@@ -213,6 +214,8 @@ TEST(Field, AnOpenRingOfPhotosIsNamed) {
   EXPECT_THAT(Wrong(scene->facts),
               testing::ElementsAre(HasSubstr("photo set S3: the ring is open: 42 deg of the "
                                              "horizon are not seen, between IMG_9.jpg and IMG_1")));
+  scene->facts.sets[0].gap_deg = 0;
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("IMG_9.jpg and IMG_1.jpg do not match")));
   scene->facts.sets[0].full_turn = true;
   EXPECT_THAT(Wrong(scene->facts), testing::IsEmpty());
 }
