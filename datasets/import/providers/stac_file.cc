@@ -50,7 +50,7 @@ class StacFile final : public ListingService {
     const std::string& href = found->second;
     if (IsAddress(href)) return GetPicture(client_, Name(), record.id, href, width, cancel);
     const fs::path folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
-    const fs::path picture = PictureFile(folder, href);
+    const fs::path picture = PictureFile(record.id, folder, href);
     std::error_code error;
     const auto size = fs::file_size(picture, error);
     if (error) {
@@ -66,12 +66,12 @@ class StacFile final : public ListingService {
 
  private:
   // An address's %20 is a space, unless there is a file of that very name.
-  fs::path PictureFile(const fs::path& folder, const std::string& href) const {
+  fs::path PictureFile(const std::string& id, const fs::path& folder, const std::string& href) const {
     const std::string plain = fs::exists(folder / href) ? href : Unescaped(href);
     try {
       return ResolveInside(folder, folder, plain, file_.string());
     } catch (const PathError&) {
-      throw InputError(file_.string() + ": names the picture " + Excerpt(href) +
+      throw InputError(file_.string() + ": panorama " + id + ": names the picture " + Excerpt(href) +
                        "; expected one in or below the file's folder, or an address that begins with https://");
     }
   }
