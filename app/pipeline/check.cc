@@ -391,13 +391,19 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   AddMap(&facts, progress, cancel);
   AddReferences(&facts);
   AddSets(&facts, progress, cancel);
+  for (const auto& [set, photos] : facts.sets_arriving) {
+    outcome.waiting += photos;
+    outcome.findings.push_back(
+        {Light::kAmber, "photo sets",
+         fmt::format("photo set {}: {} photos, still being copied; check again in some seconds", set, photos)});
+  }
   for (const auto& find : {FindInPictures, FindInMap}) {
     const std::vector<SiteFinding> found = find(facts);
     outcome.findings.insert(outcome.findings.end(), found.begin(), found.end());
   }
   if (facts.prediction) StateAccuracy(*facts.prediction, *facts.site, &outcome.findings);
   JudgeGates(&outcome);
-  if (outcome.pictures == 0 && facts.sets.empty()) {
+  if (outcome.pictures == 0 && facts.sets.empty() && facts.sets_arriving.empty()) {
     outcome.findings.push_back({Light::kRed, "files", "no picture has been copied here yet"});
   }
   std::stable_sort(outcome.findings.begin(), outcome.findings.end(),

@@ -8,6 +8,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
+#include "eval/errors/stations.h"
 #include "survey/panorama/stitch.h"
 
 namespace trigpoint {
@@ -78,6 +79,7 @@ void SiteCheck::ReadReferences() {
 // A picture is read once, and again only after it changed.
 void SiteCheck::AddReferences(FieldFacts* facts) {
   for (const Reference& reference : project_->site().references) {
+    facts->referenced.insert(StationNamed(reference.station, project_->site().stations));
     if (reference.kind == ReferenceKind::kPhotoSet || reference.files.empty()) continue;
     const fs::path& file = reference.files.front();
     const FileStamp stamp = StampOf(file);
@@ -112,7 +114,8 @@ void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelT
   for (const fs::path& dir : PhotoSetFolders(dir_)) {
     std::string like;  // names, sizes and times of the photos: an unchanged set is not stitched again
     bool stable = true;
-    for (const fs::path& photo : PicturesIn(dir)) {
+    const std::vector<fs::path> photos = PicturesIn(dir);
+    for (const fs::path& photo : photos) {
       const FileStamp stamp = StampOf(photo);
       like += fmt::format("{} {} {};", photo.filename().string(), stamp.size, stamp.changed_ns);
       stable = watch_.IsStable(photo, stamp) && stable;
@@ -132,8 +135,12 @@ void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelT
                 {"problem", set.problem}});
       ReadSets();
     }
-    if (const auto set = sets_.find(dir.filename().string()); set != sets_.end())
+    // What was found of other photos is not said of these.
+    if (const auto set = sets_.find(dir.filename().string()); set != sets_.end() && set->second.first == like) {
       facts->sets.push_back(set->second.second);
+    } else if (!photos.empty()) {
+      facts->sets_arriving[dir.filename().string()] = static_cast<int>(photos.size());
+    }
   }
 }
 

@@ -166,6 +166,11 @@ class SketchAdder {
       plan_.stations.push_back({item.name, item.tag_id, at - tag->second.translation, 0.01});
       return;
     }
+    if (item.tag_id >= 0) {
+      throw InputError(
+          fmt::format("{}: station {} is beside tag {}, which is not among the tags; add a row 'tag,{},...'",
+                      item.where, item.name, item.tag_id, item.tag_id));
+    }
     plan_.notes.push_back("station " + item.name + " has no tag_id of a tag beside it: no accuracy of its own");
   }
 

@@ -155,6 +155,9 @@ class Planner {
     return gains;
   }
 
+  // Of the plan without any choice; infinite where a choice may give it a datum.
+  double RmsBefore() const { return PlanGain{}.Before(findings_.prediction); }
+
   void Evaluate(Choice* choice) const {
     const NetworkPrediction after = Predict(choice->layout);
     choice->gain.rms_after_m = after.RmsSigmaOf(findings_.prediction);
@@ -170,7 +173,10 @@ class Planner {
     // One after the other: each is the best beside those before it.
     for (int step = 0; step < options_.count; ++step) {
       std::vector<Choice> choices = options_.suggest == "tags" ? MoreTags() : MorePasses(step + 1);
-      double best = std::numeric_limits<double>::infinity();
+      // What improves nothing is not proposed.
+      constexpr double kSame = 1 - 1e-4;
+      const double now = findings_.suggestions.empty() ? RmsBefore() : findings_.suggestions.back().rms_after_m;
+      double best = kSame * now;
       Choice* chosen = nullptr;
       for (Choice& choice : choices) {
         const bool taken = std::any_of(findings_.suggestions.begin(), findings_.suggestions.end(),

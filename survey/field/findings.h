@@ -5,6 +5,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -88,6 +89,8 @@ struct FieldFacts {
   const Site* site = nullptr;
   std::vector<FieldRun> runs;
   std::vector<FieldSet> sets;
+  std::map<std::string, int> sets_arriving;  // photos of sets that are still being copied
+  std::set<std::string> referenced;          // stations with a panorama, photo or photo set
   std::map<int, PlannedTag> planned;
   std::map<std::string, std::string> unreadable;  // panoramas and photos by name: why
   // The tag map of what was seen so far.

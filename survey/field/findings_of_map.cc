@@ -328,8 +328,7 @@ std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radiu
       }
     }
     coverage.sectors = static_cast<int>(sectors.size());
-    coverage.reference = std::any_of(facts.site->references.begin(), facts.site->references.end(),
-                                     [&](const Reference& r) { return r.station == station.name; });
+    coverage.reference = facts.referenced.contains(station.name);
     list.push_back(coverage);
   }
   return list;
