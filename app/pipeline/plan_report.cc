@@ -545,9 +545,11 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
     text += "Unchecked: no other measurement checks these known points: " + names(s.at("uncontrolled_points")) + "\n";
   }
   const nlohmann::json& suggestions = s.at("suggestions");
-  const nlohmann::json& shown = suggestions.empty() ? s.at("gains") : suggestions;
+  // Who asked for a suggestion is told why there is none, not what else would gain.
+  const bool asked = !s.at("suggestion_note").get<std::string>().empty();
+  const nlohmann::json& shown = asked ? suggestions : s.at("gains");
   for (size_t k = 0; k < std::min(kShown, shown.size()); ++k) {
-    text += fmt::format("{} {}: {}: RMS {}\n", suggestions.empty() ? "Gain" : "Suggest", k + 1,
+    text += fmt::format("{} {}: {}: RMS {}\n", asked ? "Suggest" : "Gain", k + 1,
                         shown[k].at("what").get<std::string>(), length(shown[k].at("rms_after_m")));
   }
   if (!s.at("suggestion_note").get<std::string>().empty())
