@@ -2,13 +2,13 @@
 #include "app/desktop/print_pages.h"
 
 #include <fmt/format.h>
-#include <gdal_priv.h>
 
 #include <algorithm>
 #include <memory>
 
 #include "calib/base/error.h"
 #include "datasets/calibration/target_file.h"
+#include "eval/scene/gdal_guards.h"
 
 namespace trigpoint {
 
@@ -18,17 +18,6 @@ namespace {
 
 constexpr double kMmPerInch = 25.4;
 constexpr double kMostDpi = 200;
-
-struct CloseDataset {
-  void operator()(GDALDataset* d) const { GDALClose(d); }
-};
-
-// GDAL prints to standard error by itself; here its last message goes into ours.
-class QuietGdal {
- public:
-  QuietGdal() { CPLPushErrorHandler(CPLQuietErrorHandler); }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-};
 
 std::string Replaced(std::string text, const std::string& from, const std::string& to) {
   for (size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
@@ -70,7 +59,7 @@ QImage PrintPages::Page(int page, int side_px) const {
   const std::string resolution = fmt::format("DPI={}", dpi);
   const char* const drivers[] = {"PDF", nullptr};
   const char* const options[] = {resolution.c_str(), nullptr};
-  const std::unique_ptr<GDALDataset, CloseDataset> data(
+  const GdalDataset data(
       static_cast<GDALDataset*>(GDALOpenEx(fmt::format("PDF:{}:{}", page + 1, outcome_.pdf.string()).c_str(),
                                            GDAL_OF_RASTER | GDAL_OF_READONLY, drivers, options, nullptr)));
   if (data) {

@@ -1,4 +1,3 @@
-#include <gdal_priv.h>
 #include <ogr_spatialref.h>
 
 #include <algorithm>
@@ -6,21 +5,11 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/base/error.h"
+#include "eval/scene/gdal_guards.h"
 #include "eval/scene/scene_model.h"
 
 namespace trigpoint {
 namespace {
-
-struct CloseDataset {
-  void operator()(GDALDataset* d) const { GDALClose(d); }
-};
-
-// GDAL prints to standard error by itself; here its last message goes into ours.
-class QuietGdal {
- public:
-  QuietGdal() { CPLPushErrorHandler(CPLQuietErrorHandler); }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-};
 
 // The bands as 8-bit BGR of the wanted size; other depths are stretched over their range.
 cv::Mat ReadBands(GDALDataset& data, const cv::Size& size, const std::string& file) {
@@ -56,7 +45,7 @@ SceneAerial ReadAerial(const std::filesystem::path& file, const LocalFrame& fram
   const QuietGdal quiet;
   GDALAllRegister();
   const char* const drivers[] = {"GTiff", nullptr};
-  const std::unique_ptr<GDALDataset, CloseDataset> data(static_cast<GDALDataset*>(
+  const GdalDataset data(static_cast<GDALDataset*>(
       GDALOpenEx(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, drivers, nullptr, nullptr)));
   if (!data) throw InputError(file.string() + ": is no GeoTIFF that can be read: " + CPLGetLastErrorMsg());
   double t[6];
