@@ -135,7 +135,7 @@ void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelT
                 {"problem", set.problem}});
       ReadSets();
     }
-    // What was found of other photos is not said of these.
+    // A verdict on an earlier state of the folder is not repeated.
     if (const auto set = sets_.find(dir.filename().string()); set != sets_.end() && set->second.first == like) {
       facts->sets.push_back(set->second.second);
     } else if (!photos.empty()) {

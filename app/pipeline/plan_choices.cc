@@ -36,7 +36,7 @@ PlannedPass Named(PlannedPass pass, int copy) {
   return pass;
 }
 
-// Each as far from those before it as any.
+// Points of the passes, each as far as possible from those chosen before it.
 std::vector<Eigen::Vector3d> FarthestPoints(const std::vector<PlannedPass>& passes) {
   std::vector<Eigen::Vector3d> ends = {passes.front().world_from_body.front().target_from_body.translation};
   while (ends.size() < kEnds) {
@@ -56,7 +56,7 @@ std::vector<Eigen::Vector3d> FarthestPoints(const std::vector<PlannedPass>& pass
   return ends;
 }
 
-// As fast and with as many pictures a second as the first pass.
+// These ways have the speed and the picture rate of the first pass.
 std::vector<PassChoice> WaysAcross(const PlanLayout& layout) {
   std::vector<PassChoice> ways;
   const PlannedPass& like = layout.network.passes.front();

@@ -19,8 +19,8 @@ struct PassChoice {
   PlannedPass pass;
 };
 // Each planned pass again and the other way round; sketched candidate paths, else straight ways across the site between
-// the planned paths' points that are farthest from each other. `copy`: the how many-th time each is chosen; its name
-// tells, so that each copy has draws of its own.
+// the planned paths' points that are farthest from each other. `copy`: 1 where a pass is added for the first
+// time, 2 for the second; it is part of the name, so that each copy has draws of its own.
 std::vector<PassChoice> PassChoices(const PlanLayout& layout, int copy);
 
 }  // namespace trigpoint

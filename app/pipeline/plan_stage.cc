@@ -155,7 +155,7 @@ class Planner {
     return gains;
   }
 
-  // Of the plan without any choice; infinite where a choice may give it a datum.
+  // RMS of the plan as it is; infinite without a datum, which a choice may bring.
   double RmsBefore() const { return PlanGain{}.Before(findings_.prediction); }
 
   void Evaluate(Choice* choice) const {

@@ -17,7 +17,7 @@ constexpr int kSymbols = 257;  // bytes and the end of the block
 constexpr int kEndOfBlock = 256;
 constexpr int kLongest = 15;  // bits of a code
 
-// Bytes of a file; the room for them is there.
+// Writes the bytes of a file into a buffer that is large enough.
 class ByteWriter {
  public:
   explicit ByteWriter(uint8_t* at) : at_(at) {}
@@ -44,7 +44,7 @@ class ByteWriter {
   uint8_t* chunk_ = nullptr;
 };
 
-// At least `size` bytes, without a copy or a second filling.
+// At least `size` bytes; a buffer that is larger is used as it is.
 uint8_t* Room(size_t size, std::vector<uint8_t>* buffer) {
   if (buffer->size() < size) {
     buffer->clear();

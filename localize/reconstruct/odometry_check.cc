@@ -315,8 +315,8 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
     return fmt::format(
         "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
         "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
-        "expected the pose of the camera on the body (x forward, y left, z up); on a path that always turns alike a "
-        "wrong translation looks like this, too: calibrate it anew, or correct it. Option check_conventions=false "
+        "expected the pose of the camera on the body (x forward, y left, z up); on a path of constant curvature a "
+        "wrong translation has the same effect: calibrate it anew, or correct it. Option check_conventions=false "
         "skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
