@@ -181,7 +181,9 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
     contents = "tag layout: " + Counted(ReadTagLayout(a.from).size(), "tag");
     needs_name = false;
   } else if (as == "dataset") {
-    contents = "data set of kind " + DatasetKind(a.from);
+    contents = DescribeDataset(a.from);
+  } else if (as == "video") {
+    contents = DescribeVideo(a.from);
   } else if (as == "gcp") {
     contents = "ground control points of OpenSfM";
     needs_name = false;

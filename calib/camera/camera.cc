@@ -187,6 +187,7 @@ Camera::Camera(CameraModel model, int width, int height, std::vector<double> par
   }
   for (double p : params_) {
     if (!std::isfinite(p)) fail("a parameter is not a finite number");
+    if (std::abs(p) > 1e9) fail("expected parameters up to 1e9, found one beyond");
   }
   if (least > 0 && (params_[0] <= 0 || params_[1] <= 0)) fail("focal lengths must be positive");
   max_theta_ = MaxTheta(model_, params_);

@@ -161,8 +161,9 @@ YAML::Node NodeOf(const cv::FileNode& stored) {
   return node;
 }
 
-// OpenCV's reader needs stack for each level: too deep a file would end the program.
-void CheckDepth(const fs::path& file, const std::string& text) {
+// OpenCV's reader needs stack for each level: too deep a file would end the program. A file that is cut off could pass
+// as one with fewer coefficients.
+void CheckElements(const fs::path& file, const std::string& text) {
   constexpr int kDeepest = 64;
   int depth = 0;
   for (size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at + 1)) {
@@ -175,10 +176,11 @@ void CheckDepth(const fs::path& file, const std::string& text) {
       throw InputError(fmt::format("{}: expected XML at most {} levels deep", file.string(), kDeepest));
     }
   }
+  if (depth > 0) throw InputError(file.string() + ": cut off: XML elements have no end; copy or export it again");
 }
 
 CameraFile ReadOpenCvXml(const fs::path& file, const std::string& text, int width, int height) {
-  CheckDepth(file, text);
+  CheckElements(file, text);
   YAML::Node node;
   try {
     const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_XML);
@@ -286,6 +288,7 @@ Camera AgisoftCamera(const std::string& where, const XmlPart& lens) {
 
 // The XML of one lens, or cameras.xml with the sensors of a project: of each the adjusted calibration, else the first.
 CameraFile ReadAgisoftCameras(const fs::path& file, const std::string& text) {
+  CheckElements(file, text);
   CameraFile result;
   result.format = "Agisoft";
   for (const XmlPart& sensor : XmlParts(text, "sensor")) {
@@ -402,7 +405,9 @@ Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std:
   if (k.size() != 9)
     throw InputError(where + ": expected a camera matrix of 3 x 3 numbers, found " + std::to_string(k.size()));
   if (width <= 0 || height <= 0) {
-    throw InputError(where + ": the size of the pictures is missing (image_width, image_height); add it to the file");
+    throw InputError(where +
+                     ": expected the size of the pictures (image_width, image_height) in whole px, 1 to 1000000; add "
+                     "it to the file");
   }
   if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
   std::vector<double> params = {k[0], k[4], k[2], k[5]};

@@ -248,7 +248,14 @@ Dataset ReadRecord3d(const fs::path& folder) {
   try {
     const auto k = metadata.at("K").get<std::vector<double>>();
     const auto poses = metadata.at("poses").get<std::vector<std::vector<double>>>();
-    const auto times = metadata.at("frameTimestamps").get<std::vector<double>>();
+    std::vector<double> times;
+    if (metadata.contains("frameTimestamps")) {
+      metadata.at("frameTimestamps").get_to(times);
+    } else {  // recordings of early versions
+      const auto fps = metadata.at("fps").get<double>();
+      if (!(fps > 0.01 && fps < 1000)) throw InputError(fmt::format("expected fps above 0, found {:g}", fps));
+      for (size_t i = 0; i < poses.size(); ++i) times.push_back(static_cast<double>(i) / fps);
+    }
     if (k.size() != 9 || times.size() != poses.size()) throw InputError("expected 9 numbers K, as many times as poses");
     camera.calibration = ForwardCamera(
         "cam0",
@@ -274,7 +281,7 @@ Dataset ReadRecord3d(const fs::path& folder) {
   } catch (const InputError& e) {
     throw InputError(file.string() + ": " + e.what());
   } catch (const nlohmann::json::exception&) {
-    throw InputError(file.string() + ": expected Record3D's metadata: K, w, h, poses, frameTimestamps");
+    throw InputError(file.string() + ": expected Record3D's metadata: K, w, h, poses, frameTimestamps or fps");
   }
   return dataset;
 }
@@ -333,16 +340,62 @@ std::string DatasetKind(const fs::path& folder) {
   return images && has(folder / "times.txt") && has(folder / "calib.txt") ? "kitti" : "";
 }
 
+namespace {
+
+Dataset ReadDataset(const fs::path& folder) {
+  const std::string kind = DatasetKind(folder);
+  if (kind.empty()) {
+    throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D, KITTI odometry or Record3D");
+  }
+  return kind == "euroc"      ? ReadEuroc(folder)
+         : kind == "kitti"    ? ReadKitti(folder)
+         : kind == "record3d" ? ReadRecord3d(folder)
+                              : ReadTumRgbd(folder);
+}
+
+void RefuseInsta360File(const fs::path& video) {
+  if (!IsInsta360File(video)) return;
+  throw InputError(video.string() +
+                   ": Insta360's own file holds two fisheye pictures and telemetry in a form that is not published; "
+                   "export the video (MP4) and its GPX from Insta360 Studio, put both beside each other under one "
+                   "name, and import the MP4");
+}
+
+fs::path TrackBeside(const fs::path& video) {
+  for (const char* ending : {".gpx", ".nmea"}) {
+    const fs::path beside = fs::path(video).replace_extension(ending);
+    if (fs::exists(beside)) return beside;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string DescribeDataset(const fs::path& folder) {
+  const Dataset dataset = ReadDataset(folder);
+  size_t images = 0, calibrated = 0;
+  for (const DatasetCamera& camera : dataset.cameras) {
+    images += camera.images.size();
+    calibrated += camera.calibration ? 1 : 0;
+  }
+  return fmt::format(
+      "{}: {} of {}, {} calibrated; odometry: {}{}", DatasetKind(folder), Counted(images, "image"),
+      Counted(dataset.cameras.size(), "camera"), calibrated,
+      dataset.poses.empty() ? "none in it, name a file of poses by --odometry" : Counted(dataset.poses.size(), "pose"),
+      fs::exists(dataset.truth) ? "; ground truth: " + dataset.truth.string() : "");
+}
+
+std::string DescribeVideo(const fs::path& video) {
+  RefuseInsta360File(video);
+  const fs::path track = TrackBeside(video);
+  return "video, " + (track.empty() ? "no track of its name beside it" : "track " + track.filename().string());
+}
+
 ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, const DatasetRunOptions& options) {
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
   RunFolder run(site, options.run);
   const std::string kind = DatasetKind(folder);
-  if (kind.empty())
-    throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D, KITTI odometry or Record3D");
-  Dataset dataset = kind == "euroc"      ? ReadEuroc(folder)
-                    : kind == "kitti"    ? ReadKitti(folder)
-                    : kind == "record3d" ? ReadRecord3d(folder)
-                                         : ReadTumRgbd(folder);
+  Dataset dataset = ReadDataset(folder);
   ImportReport report;
   std::vector<BodyCamera> cameras;
   if (!options.cameras.empty()) cameras = ReadCamerasFor(options.cameras, dataset.cameras.size(), folder.string());
@@ -415,20 +468,10 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
 
 ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const DatasetRunOptions& options) {
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
-  if (IsInsta360File(video)) {
-    throw InputError(
-        video.string() +
-        ": Insta360's own file holds two fisheye pictures and telemetry in a form that is not published; "
-        "export the video (MP4) and its GPX from Insta360 Studio, put both beside each other under one name, "
-        "and import the MP4");
-  }
+  RefuseInsta360File(video);
   RunFolder run(site, options.run);
   ImportReport report;
-  fs::path track;
-  for (const char* ending : {".gpx", ".nmea"}) {
-    const fs::path beside = fs::path(video).replace_extension(ending);
-    if (track.empty() && fs::exists(beside)) track = beside;
-  }
+  const fs::path track = TrackBeside(video);
   fs::create_symlink(fs::canonical(video), run.dir() / video.filename());
   if (!track.empty()) fs::copy_file(track, run.dir() / track.filename());
   WriteFileAtomically(run.dir() / "run.yaml", "# From " + video.filename().string() + ".\n" +

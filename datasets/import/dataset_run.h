@@ -12,6 +12,11 @@ namespace trigpoint {
 // image_0 or image_2), "record3d" (metadata, rgbd: the unpacked .r3d); "" for anything else.
 std::string DatasetKind(const std::filesystem::path& folder);
 
+// One line: kind, numbers of images, cameras and poses, ground truth. Throws InputError for what cannot be imported.
+std::string DescribeDataset(const std::filesystem::path& folder);
+// One line: the track that would be imported with it. Throws InputError for a file of Insta360.
+std::string DescribeVideo(const std::filesystem::path& video);
+
 // A file of Insta360's cameras as they write it: not published, not read.
 bool IsInsta360File(const std::filesystem::path& file);
 

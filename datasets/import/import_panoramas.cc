@@ -4,6 +4,7 @@
 #include <cctype>
 #include <chrono>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
@@ -73,14 +74,35 @@ std::string NameOf(const PanoramaProvider& provider, const PanoramaRecord& recor
   return "panoramas/" + provider.Prefix() + record.id + ".jpg";
 }
 
-void WritePicture(const PanoramaPicture& picture, const fs::path& file) {
+// In a JPEG comment behind the first segment, with the width: a wider picture may be had from the source.
+constexpr std::string_view kNarrowed = "trigpoint: narrowed to px ";
+
+// `width`: what was asked for, px; 0: as the source has it.
+void WritePicture(const PanoramaPicture& picture, int width, const fs::path& file) {
   if (!picture.jpeg.empty()) {
     WriteFileAtomically(file, picture.jpeg);
     return;
   }
   std::vector<uchar> bytes;
   cv::imencode(".jpg", picture.pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+  if (width > 0 && picture.pixels.cols >= width) {
+    std::string comment = fmt::format("{}{}", kNarrowed, picture.pixels.cols);
+    comment = std::string("\xFF\xFE\0", 3) + static_cast<char>(comment.size() + 2) + comment;
+    const int behind = 4 + 256 * bytes.at(4) + bytes.at(5);  // the start, and the JFIF segment
+    bytes.insert(bytes.begin() + behind, comment.begin(), comment.end());
+  }
   WriteFileAtomically(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+// Is it a picture that an import has narrowed, to less than what is asked for now?
+bool IsTooNarrow(const fs::path& file, int width) {
+  std::string begin(96, '\0');
+  std::ifstream(file, std::ios::binary).read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  size_t at = begin.find(kNarrowed);
+  if (at == std::string::npos) return false;
+  at += kNarrowed.size();
+  const auto narrowed = ParseInt(begin.substr(at, begin.find_first_not_of("0123456789", at) - at));
+  return narrowed && (width == 0 || *narrowed < width);
 }
 
 // The nearest first, as the options count it.
@@ -226,21 +248,23 @@ class PanoramaImport {
   // Throws what ends the import.
   void Take(const PanoramaRecord& record, bool last, const CancelToken& cancel) {
     const std::string name = NameOf(provider_, record);
+    const bool has_row = table_.Has(name) && !table_.IsBare(name), has_picture = fs::exists(site_ / name);
+    const bool widen = has_picture && IsTooNarrow(site_ / name, options_.width);
     // A row of a service's panorama without its picture is what an import that was killed has left.
-    if (table_.Has(name) && !table_.IsBare(name) && (!service_ || fs::exists(site_ / name))) {
+    if (has_row && !widen && (!service_ || has_picture)) {
       ++there_;
       return;
     }
     try {
-      Load(record, name, cancel);
+      Load(record, name, widen, cancel);
       failures_ = 0;
     } catch (const InputError& e) {
-      skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
+      Skip(e, has_row && widen);
       return;
     } catch (const NetworkError& e) {
       // One picture that a server fails on is skipped; a second one in a row is the server or the connection.
       if (++failures_ >= 2 || last) throw;
-      skipped_.push_back(std::string(e.what()) + "; the panorama is skipped");
+      Skip(e, has_row && widen);
       return;
     }
     report_.files.push_back(site_ / name);
@@ -250,7 +274,7 @@ class PanoramaImport {
   void KeepWhatCame() {
     if (service_) SaveTable();
   }
-  int arrived() const { return loaded_ + there_; }
+  int arrived() const { return loaded_ + widened_ + there_; }
 
   ImportReport Finish(size_t records) {
     SaveTable();
@@ -260,8 +284,15 @@ class PanoramaImport {
     if (arrived() == 0) {
       throw InputError(provider_.Name() + ": no panorama could be imported; the first problem: " + skipped_.front());
     }
-    report_.lines.push_back(fmt::format("{} of {}{}", arrived(), Counted(records, "panorama"),
-                                        there_ > 0 ? fmt::format(", {} of them were there already", there_) : ""));
+    report_.lines.push_back(fmt::format("{} of {}{}{}", arrived(), Counted(records, "panorama"),
+                                        there_ > 0 ? fmt::format(", {} of them were there already", there_) : "",
+                                        widened_ > 0 ? fmt::format(", {} replaced narrower pictures", widened_) : ""));
+    if (widened_ > 0) {
+      report_.warnings.push_back(
+          fmt::format("{}: {} replaced narrower pictures, whose rows of panoramas.csv stay as they are; masks and "
+                      "control_observations.csv of the narrower ones no longer fit",
+                      provider_.Name(), Counted(widened_, "wider picture")));
+    }
     if (ends_s_ != std::numeric_limits<int64_t>::max()) {
       report_.warnings.push_back(
           fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
@@ -272,30 +303,39 @@ class PanoramaImport {
   }
 
  private:
-  void Load(const PanoramaRecord& record, const std::string& name, const CancelToken& cancel) {
+  void Skip(const Error& e, bool has_narrower) {
+    skipped_.push_back(std::string(e.what()) +
+                       (has_narrower ? "; the narrower picture stays" : "; the panorama is skipped"));
+    if (has_narrower) ++there_;
+  }
+  void Load(const PanoramaRecord& record, const std::string& name, bool widen, const CancelToken& cancel) {
     cancel.ThrowIfCancelled();
     // A picture without a row is what an import that was killed had loaded. Of one with an end, that is not known.
-    if (!provider_.ForSessionOnly() && fs::exists(site_ / name)) {
+    if (!widen && !provider_.ForSessionOnly() && fs::exists(site_ / name)) {
       ++there_;
       table_.Put(RowOf(record, provider_, name, std::nullopt));
       return;
     }
     const PanoramaPicture picture = provider_.Load(record, options_.width, cancel);
-    if (table_.Has(name) && !table_.IsBare(name)) {  // may hold better values by now
-      table_.SetEnd(name, picture.keep_until_s ? UtcOfSeconds(*picture.keep_until_s) : "");
-    } else {
+    const std::string end = picture.keep_until_s ? UtcOfSeconds(*picture.keep_until_s) : "";
+    const bool has_row = table_.Has(name) && !table_.IsBare(name);
+    if (!has_row) {
       table_.Put(RowOf(record, provider_, name, picture.keep_until_s));
+    } else if (!widen) {  // the row may hold better values by now
+      table_.SetEnd(name, end);
     }
     try {
-      // The end of a picture is on the disk before the picture, so that a kill leaves none without an end.
+      // The end of a picture is on the disk before the picture, so that a kill leaves none without an end. A narrower
+      // picture that is there keeps its own, earlier one until it is replaced.
       if (picture.keep_until_s) SaveTable();
       if (!service_) made_.Making(site_ / name);
-      WritePicture(picture, site_ / name);
+      WritePicture(picture, options_.width, site_ / name);
     } catch (const Error&) {
-      table_.TakeBack();
+      if (!has_row || !widen) table_.TakeBack();
       throw;
     }
-    ++loaded_;
+    if (has_row && widen && picture.keep_until_s) table_.SetEnd(name, end);
+    ++(widen ? widened_ : loaded_);
     if (picture.keep_until_s) ends_s_ = std::min(ends_s_, *picture.keep_until_s);
     if (service_ && Clock::now() >= next_save_) SaveTable();
   }
@@ -321,7 +361,7 @@ class PanoramaImport {
   ImportReport report_;
   std::set<fs::path> tables_;
   Clock::time_point next_save_;  // of rows whose pictures have no end
-  int loaded_ = 0, there_ = 0, failures_ = 0;
+  int loaded_ = 0, widened_ = 0, there_ = 0, failures_ = 0;
   int64_t ends_s_ = std::numeric_limits<int64_t>::max();  // the first end of a picture
   std::vector<std::string> skipped_;
 };

@@ -96,8 +96,9 @@ std::vector<PanoramaRecord> ChoosePanoramas(PanoramaProvider& provider, const Pa
                                             const CancelToken& cancel);
 
 // Writes SITE/panoramas/<prefix><id>.jpg and adds their rows to SITE/panoramas.csv, whose old form is kept in
-// SITE/results/replaced/. A picture that is there is not loaded again; a row that is there is left as it is. When the
-// source fails on the way, what has arrived is kept and the error thrown.
+// SITE/results/replaced/. A picture that is there is not loaded again, unless an import narrowed it to less than
+// options.width: the wider one replaces it once it has arrived. A row that is there is left as it is. When the source
+// fails on the way, what has arrived is kept and the error thrown.
 ImportReport ImportPanoramas(const std::filesystem::path& site, PanoramaProvider& provider,
                              const PanoramaImportOptions& options, ProgressSink& progress, const CancelToken& cancel);
 

@@ -29,6 +29,15 @@ ImportReport ImportTagLayout(const std::filesystem::path& site, const std::files
     if (!(tag.size_m > 0)) {
       throw InputError(file.string() + ": the sizes of the tags are not stated; give them by --tag-size METRES");
     }
+    constexpr double kLeastSize_m = 0.001, kLargestSize_m = 100, kFarthest_m = 1e5;  // of anything on one site
+    if (tag.size_m < kLeastSize_m || tag.size_m > kLargestSize_m ||
+        tag.world_from_tag.translation.cwiseAbs().maxCoeff() > kFarthest_m) {
+      throw InputError(fmt::format(
+          "{}: tag {}: expected an edge from {:g} to {:g} m (an fmap states mm) and coordinates "
+          "up to {:g} m, found {:g} m at {:g}, {:g}, {:g} m",
+          file.string(), tag.id, kLeastSize_m, kLargestSize_m, kFarthest_m, tag.size_m,
+          tag.world_from_tag.translation.x(), tag.world_from_tag.translation.y(), tag.world_from_tag.translation.z()));
+    }
     kinds.insert(tag.family);
     if (tag.family != tags.front().family) families += fmt::format("  {}: {}\n", tag.id, tag.family);
     lengths += fmt::format("  {}: {:.6g}\n", tag.id, tag.size_m);

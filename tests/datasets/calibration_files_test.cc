@@ -186,6 +186,12 @@ TEST_F(CalibrationFiles, ReadsAgisoftsLens) {
   WriteFileAtomically(dir() / "lens.xml", refused.replace(refused.find("<k3>"), 4, "<k4>1</k4><k3>"));
   EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "lens.xml"); }),
               HasSubstr("k4, p3, p4 or b2 are not supported"));
+  // Without its last coefficients it would be another lens.
+  WriteFileAtomically(dir() / "lens.xml", xml.substr(0, xml.find("<k3>")));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "lens.xml"); }), HasSubstr("lens.xml: cut off"));
+  std::string huge = xml;
+  WriteFileAtomically(dir() / "lens.xml", huge.replace(huge.find("0.03"), 4, "1e308"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "lens.xml"); }), HasSubstr("parameters up to 1e9"));
 }
 
 // A project's sensors, each with the start and the adjusted calibration.
@@ -236,7 +242,7 @@ TEST_F(CalibrationFiles, ReadsOpenCvsXml) {
   const CameraFile file = ReadCameraFile(dir() / "cv.xml");
   EXPECT_THAT(file.cameras.at(0).camera.params(), ElementsAre(500.5, 501, 320, 240, -0.2, 0.05, 1e-3, -1e-3, 0.01));
   WriteFileAtomically(dir() / "cv.xml", xml.substr(0, xml.size() / 2));
-  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cv.xml"); }), HasSubstr("found a fault in it"));
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cv.xml"); }), HasSubstr("cut off"));
   std::string deep = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
   for (int k = 0; k < 100000; ++k) deep += "<a>";
   WriteFileAtomically(dir() / "cv.xml", deep);

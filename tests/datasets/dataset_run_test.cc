@@ -103,7 +103,9 @@ TEST(DatasetRun, KittiOdometry) {
   const fs::path poses = dir.Write("poses/00.txt",
                                    "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0.9\n1 0 0 0 0 1 0 0 0 0 1 1.8\n"),
                  site = dir / "site";
-  EXPECT_EQ(DatasetKind(dir / "00"), "kitti");
+  EXPECT_EQ(DescribeDataset(dir / "00"),
+            "kitti: 6 images of 2 cameras, 2 calibrated; odometry: none in it, name a file of poses by --odometry");
+  EXPECT_THAT(MessageOf<InputError>([&] { DescribeDataset(dir / "poses"); }), HasSubstr("expected a folder of EuRoC"));
   ImportDatasetRun(site, dir / "00", {"k0", poses, "", 1});
   const trigpoint::Run run = ReadRun(site / "runs/k0", site);
   ASSERT_EQ(run.images.size(), 6u);
@@ -121,6 +123,32 @@ TEST(DatasetRun, KittiOdometry) {
               }),
               HasSubstr("expected one time for each pose"));
   EXPECT_FALSE(fs::exists(site / "runs/k1"));
+}
+
+// The colour pair: calib.txt's P2 and P3 lie beside camera 0, whose poses the file gives.
+TEST(DatasetRun, KittiColourPairStandsBesideTheGreyOne) {
+  const TempDir dir;
+  dir.Write("01/calib.txt",
+            "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP1: 700 0 600 -378 0 700 180 0 0 0 1 0\n"
+            "P2: 700 0 600 42 0 700 180 -7 0 0 1 0\nP3: 700 0 600 -336 0 700 180 -7 0 0 1 0\n");
+  dir.Write("01/times.txt", "0\n1\n");
+  for (int i = 2; i < 4; ++i) {
+    for (int k = 0; k < 2; ++k)
+      WritePicture(dir / ("01/image_" + std::to_string(i) + "/00000" + std::to_string(k) + ".png"), 1241, 376);
+  }
+  // Camera 0 turns by 90 deg to the right where it stands: a body whose origin is elsewhere would move.
+  const fs::path poses = dir.Write("poses/01.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n0 0 1 0 0 1 0 0 -1 0 0 0\n"),
+                 site = dir / "site";
+  ImportDatasetRun(site, dir / "01", {"k", poses, "", 1});
+  const trigpoint::Run run = ReadRun(site / "runs/k", site);
+  ASSERT_EQ(run.cameras.size(), 2u);
+  // K t = (42, -7, 0): camera 0 is 0.06 m to the right and 0.01 m above in camera 2, 0.48 m to its left in camera 3.
+  EXPECT_LT((run.cameras[0].cam_from_body * Eigen::Vector3d::Zero() - Eigen::Vector3d(0.06, -0.01, 0)).norm(), 1e-9);
+  EXPECT_LT((run.cameras[1].cam_from_body * Eigen::Vector3d::Zero() - Eigen::Vector3d(-0.48, -0.01, 0)).norm(), 1e-9);
+  const Rigid3d turned =
+      run.odometry.poses.at(0).target_from_body.Inverse() * run.odometry.poses.at(1).target_from_body;
+  EXPECT_LT(turned.translation.norm(), 1e-9);
+  EXPECT_LT((turned.rotation * Eigen::Vector3d::UnitX() + Eigen::Vector3d::UnitY()).norm(), 1e-9);
 }
 
 // KITTI's own files in a run's folder.
@@ -143,6 +171,15 @@ TEST(RunFolder, KittiPosesAreOdometry) {
   // Ahead is the body's x, the camera's down its -z.
   const Rigid3d moved = run.odometry.poses[0].target_from_body.Inverse() * run.odometry.poses[2].target_from_body;
   EXPECT_LT((moved.translation - Eigen::Vector3d(1.8, 0, -0.1)).norm(), 1e-9);
+  // The first camera looks to the left, 1 m ahead of the body's origin: its way ahead is the body's y.
+  dir.Write(
+      "site/runs/k/camchain.yaml",
+      "cam0: {camera_model: pinhole, intrinsics: [50, 50, 32, 24], distortion_model: none, distortion_coeffs: [], "
+      "resolution: [64, 48], T_cam_imu: [[1, 0, 0, -1], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]}\n");
+  const trigpoint::Run sideways = ReadRun(dir / "site/runs/k", dir / "site");
+  const Rigid3d left =
+      sideways.odometry.poses[0].target_from_body.Inverse() * sideways.odometry.poses[2].target_from_body;
+  EXPECT_LT((left.translation - Eigen::Vector3d(0, 1.8, -0.1)).norm(), 1e-9) << left.translation.transpose();
   dir.Write("site/runs/k/times.txt", "0\n0.5\n");
   EXPECT_THAT(MessageOf<InputError>([&] { ReadRun(dir / "site/runs/k", dir / "site"); }),
               HasSubstr("expected one time for each pose"));
@@ -160,6 +197,7 @@ TEST(DatasetRun, Record3d) {
   for (const char* name : {"0.jpg", "1.jpg"}) WritePicture(dir / (std::string("walk/rgbd/") + name), 640, 480);
   const fs::path site = dir / "site";
   EXPECT_EQ(DatasetKind(dir / "walk"), "record3d");
+  EXPECT_EQ(DescribeDataset(dir / "walk"), "record3d: 2 images of 1 camera, 1 calibrated; odometry: 2 poses");
   ImportDatasetRun(site, dir / "walk", {"walk", "", "", 1});
   const trigpoint::Run run = ReadRun(site / "runs/walk", site);
   ASSERT_EQ(run.images.size(), 2u);
@@ -182,6 +220,17 @@ TEST(DatasetRun, Record3d) {
               HasSubstr("pose 1 of 2: expected a unit quaternion, found one of length 2"));
   EXPECT_THAT(problem("[[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0]]", "[7.5, 7.25]"),
               HasSubstr("pose 1 of 2: expected a time not before"));
+  // Recordings of early versions have a rate in place of times.
+  const std::string early = R"({"h": 480, "w": 640, "K": [500, 0, 0, 0, 501, 0, 320, 240, 1],
+    "poses": [[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0.5, -1]], "fps": )";
+  dir.Write("walk/metadata", early + "4}");
+  ImportDatasetRun(site, dir / "walk", {"early", "", "", 1});
+  EXPECT_EQ(ReadRun(site / "runs/early", site).images.at(1).stamp_ns, 250'000'000);
+  dir.Write("walk/metadata", early + "0}");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportDatasetRun(site, dir / "walk", {"w4", "", "", 1});
+              }),
+              HasSubstr("expected fps above 0, found 0"));
   dir.Write("walk/metadata", R"({"K": [1]})");
   EXPECT_THAT(MessageOf<InputError>([&] {
                 ImportDatasetRun(site, dir / "walk", {"w2", "", "", 1});
@@ -258,9 +307,13 @@ TEST(VideoRun, Insta360IsNotRead) {
                 ImportVideoRun(site, own, {"a", "", "", 1});
               }),
               HasSubstr("in a form that is not published"));
+  EXPECT_THAT(MessageOf<InputError>([&] { DescribeVideo(own); }), HasSubstr("in a form that is not published"));
   const fs::path exported = dir.Write("VID_1.mp4", "xxxx8db42d694ccc418790edff439fe026bf");
   EXPECT_THAT(Joined(ImportVideoRun(site, exported, {"b", "", "", 1}).warnings),
               HasSubstr("is not read; export the GPX"));
+  EXPECT_EQ(DescribeVideo(exported), "video, no track of its name beside it");
+  dir.Write("VID_1.gpx", "<gpx/>");
+  EXPECT_EQ(DescribeVideo(exported), "video, track VID_1.gpx");
 }
 
 TEST(VideoRun, TakesTheTrackBesideIt) {

@@ -93,6 +93,15 @@ TEST(TagLayout, DamageIsNamed) {
       message(
           R"({"fiducials": [{"id": 1, "family": "apriltag3_36h11_classic", "size": 165.1, "transform": [2,0,0,0,0,2,0,0,0,0,2,0,0,0,0,1]}]})"),
       HasSubstr("holds no rotation"));
+  // Values of no site: a number beyond any field, a size in metres where fmap states millimetres.
+  for (const auto& [size, x] : {std::pair{"165.1", "1e300"}, std::pair{"0.1651", "1"}, std::pair{"1e9", "1"}}) {
+    const std::string text = R"({"fiducials": [{"id": 1, "family": "apriltag3_36h11_classic", "size": )" +
+                             std::string(size) + R"(, "transform": [1,0,0,)" + x + "," +
+                             R"(0,1,0,0,0,0,1,0,0,0,0,1]}]})";
+    EXPECT_THAT(MessageOf<InputError>([&] { ImportTagLayout(dir / "site", dir.Write("far.fmap", text), 0); }),
+                HasSubstr("expected an edge from 0.001 to 100 m (an fmap states mm) and coordinates up to 100000 m"));
+    EXPECT_FALSE(std::filesystem::exists(dir / "site/control_points.csv"));
+  }
 }
 
 }  // namespace

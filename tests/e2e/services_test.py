@@ -408,13 +408,72 @@ class Services(unittest.TestCase):
 
     def test_rows_are_written_on_the_way(self):
         self.add(3)
-        self.server.delay_s = 1.2
+        self.server.delay_s = 1.2  # longer than the time between two saves of the table
         process = subprocess.Popen(self.command("--near", f"{NEAR[0]},{NEAR[1]}"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment)
+        deadline = time.time() + 60
         while len(self.server.paths("/files/")) < 3:
+            self.assertIsNone(process.poll(), "the import ended before its third picture")
+            self.assertLess(time.time(), deadline, "no request for the third picture within 60 s")
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
         process.wait()
         self.assertEqual([row["heading_deg"] for row in self.table()], ["90.0000", "91.0000"])
+
+    def test_a_larger_width_is_loaded_again(self):
+        self.add(3)
+        self.run_import("--width", "512")
+        rows = self.table()
+        files = [f"{self.site}/{row['file']}" for row in rows]
+        corrected = content(f"{self.site}/panoramas.csv").replace(b"91.0000", b"123.4000")
+        with open(f"{self.site}/panoramas.csv", "wb") as table:
+            table.write(corrected)
+        # A server error and a picture that is none: the narrower ones stay.
+        narrow, whole = [content(file) for file in files], dict(self.server.pictures)
+        self.server.faults = {"/files/0.jpg": [(500, b"", [("Retry-After", "0")])] * 5, "/files/2.jpg": ["cut"]}
+        self.server.pictures["/files/1.jpg"] = b"<html>sorry</html>"
+        done = self.run_import("--width", "1024")
+        self.assertEqual(done.stderr.count("; the narrower picture stays"), 2)
+        self.assertIn("3 of 3 panoramas, 2 of them were there already, 1 replaced narrower pictures", done.stdout)
+        self.assertEqual([content(file) for file in files[:2]], narrow[:2])
+        self.server.pictures = whole
+        done = self.run_import("--width", "1024")
+        self.assertIn("3 of 3 panoramas, 1 of them were there already, 2 replaced narrower pictures", done.stdout)
+        self.assertIn("masks and control_observations.csv of the narrower ones no longer fit", done.stderr)
+        self.assertEqual([size_of(file) for file in files], [(1024, 512)] * 3)
+        self.assertEqual(content(f"{self.site}/panoramas.csv"), corrected)
+        # As wide as asked for, or wider: nothing to do. As the source has it: its own bytes, which no width is wider than.
+        count = len(self.server.paths("/files/"))
+        for width in ["1024", "512"]:
+            self.assertIn("3 of them were there already", self.run_import("--width", width).stdout)
+        self.assertEqual(len(self.server.paths("/files/")), count)
+        self.run_import("--width", "0")
+        self.assertEqual([content(file) for file in files], [self.panorama] * 3)
+        count = len(self.server.paths("/files/"))
+        self.run_import("--width", "8192")
+        self.assertEqual(len(self.server.paths("/files/")), count)
+        # A kill while wider ones arrive leaves each file whole, of the one width or the other.
+        shutil.rmtree(self.site)
+        self.run_import("--width", "512")
+        self.server.delay_s, before = 0.3, len(self.server.paths("/files/"))
+        process = subprocess.Popen(self.command("--near", f"{NEAR[0]},{NEAR[1]}", "--width", "1024"), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment)
+        deadline = time.time() + 60
+        while len(self.server.paths("/files/")) < before + 2 and time.time() < deadline:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        self.assertEqual([size_of(file) for file in files], [(1024, 512), (512, 256), (512, 256)])
+        self.server.delay_s = 0
+        self.assertIn("1 of them were there already, 2 replaced narrower pictures", self.run_import("--width", "1024").stdout)
+
+    def test_google_in_a_larger_width_has_a_new_end(self):
+        self.serve_google(self.google("a"))
+        self.run_google("--width", "832")
+        ends = [self.table()[0]["keep_until"]]
+        self.server.cache_control = "private, max-age=7200"
+        self.run_google()
+        ends.append(self.table()[0]["keep_until"])
+        self.assertEqual(size_of(f"{self.site}/panoramas/google-a.jpg"), (1664, 832))
+        self.assertLess(ends[0], ends[1])
 
     def test_options_out_of_range_are_refused_before_any_request(self):
         self.add(1)
@@ -655,7 +714,7 @@ class Services(unittest.TestCase):
                     self.server.tiles[zoom][x, y] = data.getvalue()
 
     def run_google(self, *more, **options):
-        return self.run_import("--permitted", "--width", "1664", "--radius", "60", *more, service="google", GOOGLE_MAPS_API_KEY=KEY, **options)
+        return self.run_import("--permitted", *([] if "--width" in more else ["--width", "1664"]), "--radius", "60", *more, service="google", GOOGLE_MAPS_API_KEY=KEY, **options)
 
     def assert_no_secret(self, *texts):
         for text in texts:
