@@ -1,6 +1,7 @@
 // plan: the accuracy of a survey before the trip.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "app/cli/calibrate_command.h"
@@ -37,6 +38,66 @@ Ending PlanEnding(const StageOutcome& outcome, const std::string& summary, const
     }
   }
   return ending.Look("Page", outcome.dir / "index.html");
+}
+
+// "0-3,7" of ascending ids.
+std::string IdsText(const std::vector<int>& ids) {
+  std::string text;
+  for (size_t k = 0; k < ids.size();) {
+    size_t last = k;
+    while (last + 1 < ids.size() && ids[last + 1] == ids[last] + 1) ++last;
+    text += fmt::format("{}{}", text.empty() ? "" : ",", ids[k]);
+    if (last > k) text += fmt::format("-{}", ids[last]);
+    k = last + 1;
+  }
+  return text;
+}
+
+// The first sheets of a sketched site; a surveyed one has its tags.
+std::string NextOfAccepted(const nlohmann::json& summary, const std::string& dir) {
+  const nlohmann::json& sizes = summary.at("sketched_tags_mm");
+  if (sizes.empty()) return "survey it as planned; on site: trigpoint check " + dir + " --watch";
+  const double size_mm = sizes.front().at(1);
+  std::vector<int> ids;
+  for (const nlohmann::json& tag : sizes) {
+    if (tag.at(1) == size_mm) ids.push_back(tag.at(0));
+  }
+  return fmt::format("trigpoint print {} --ids {} --size {:g}{}", dir, IdsText(ids), size_mm,
+                     ids.size() < sizes.size() ? "   (then the tags of other sizes)" : "");
+}
+
+// What improves a plan whose gates are not reached.
+std::string NextOfRefused(const nlohmann::json& summary, const std::string& dir, bool undecided) {
+  if (undecided) return "trigpoint plan " + dir + " --suggest control 3   (gates take a datum in the world)";
+  const nlohmann::json& unseen = summary.at("tags_not_seen");
+  if (!unseen.empty()) {
+    return fmt::format("add a path past tag {} to the sketch, then trigpoint plan {}", unseen.front().dump(), dir);
+  }
+  const nlohmann::json& gains = summary.at("gains");
+  const std::string best = gains.empty() ? "" : gains.front().at("what").get<std::string>();
+  const char* kind = best.starts_with("control") ? "control" : best.starts_with("a tag") ? "tags" : "path";
+  return fmt::format("trigpoint plan {} --suggest {} 2   (the gates are not reached)", dir, kind);
+}
+
+// `suggest`: what was asked for, tags, control or path; empty: nothing.
+std::string NextStep(const nlohmann::json& summary, const std::filesystem::path& out, const std::string& dir,
+                     const std::string& suggest) {
+  if (!summary.at("suggestions").empty()) {
+    const std::string rows = suggest == "tags" ? "tag,ID,..." : suggest == "control" ? "control,ID" : "path,NAME,...";
+    return fmt::format("enter what you accept of {} in the sketch (rows {}), then trigpoint plan {}",
+                       ShownPath(out / "suggestions.csv"), rows, dir);
+  }
+  const nlohmann::json& gates = summary.at("gates");
+  const auto any = [&](const nlohmann::json& value) {
+    return std::any_of(gates.begin(), gates.end(), [&](const auto& gate) { return gate.at("passed") == value; });
+  };
+  if (!any(nullptr) && !any(false)) return NextOfAccepted(summary, dir);
+  if (suggest.empty()) return NextOfRefused(summary, dir, any(nullptr));
+  return fmt::format("sketch more {}, then trigpoint plan {}",
+                     suggest == "path"   ? "tags or known points"
+                     : suggest == "tags" ? "paths or known points"
+                                         : "tags, or paths that see them",
+                     dir);
 }
 
 // Of --suggest KIND N.
@@ -77,15 +138,15 @@ int PlanIn(Session& session, const Arguments& a) {
   terminal.Say(std::string("plan: ") + (outcome.computed ? "computed" : "up to date"));
   const nlohmann::json& metrics = outcome.manifest.at("metrics");
   const std::string dir = ShellWord(ShownPath(a.dir));
+  const nlohmann::json result = nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json"));
   const bool passed = !a.gates || metrics.value("gates", "PASS") == "PASS";
   session.End(PlanEnding(outcome, stage.summary(outcome, DisplayUnitNamed(session.options.units)), session.Taken())
-                  .Next(a.suggest.empty() ? "trigpoint plan " + dir + " --suggest control 1"
-                                          : "trigpoint print " + dir + " --ids IDS --size MM"));
+                  .Next(NextStep(result, outcome.dir, dir, a.suggest.empty() ? "" : a.suggest.front())));
   session.PrintJson({{"command", "plan"},
                      {"ok", passed},
                      {"dir", outcome.dir.string()},
                      {"metrics", metrics},
-                     {"summary", nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json"))},
+                     {"summary", result},
                      {"warnings", outcome.manifest.value("warnings", nlohmann::json::array())}});
   return passed ? 0 : kGateExitCode;
 }

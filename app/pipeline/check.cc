@@ -8,6 +8,7 @@
 
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/reference_tags.h"
+#include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
 #include "localize/reconstruct/odometry_unit.h"
@@ -115,10 +116,32 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   }
   waiting_.clear();
   std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
+  WatchVideos();
   for (size_t k = most; k < pending.size(); ++k) ++waiting_[pending[k].run->name];
   pending.resize(std::min(most, pending.size()));
   if (!pending.empty()) LookAtPictures(pending, options, log_.get(), threads_, progress, cancel);
   return pending.size();
+}
+
+// A video has its index at its end, so that no picture of it can be read before all of it is there.
+void SiteCheck::WatchVideos() {
+  videos_arriving_.clear();
+  videos_unreadable_.clear();
+  constexpr double kBytesPerMb = 1e6;
+  for (const auto& [run, why] : project_->site().broken_runs) {
+    std::error_code ignored;
+    for (fs::directory_iterator it(dir_ / "runs" / run, ignored), end; it != end; it.increment(ignored)) {
+      const std::string name = it->path().filename().string();
+      if (!IsVideoName(it->path()) || !it->is_regular_file(ignored)) continue;
+      const FileStamp stamp = StampOf(it->path());
+      const std::string text = fmt::format("{}, {:.1f} MB", name, static_cast<double>(stamp.size) / kBytesPerMb);
+      if (!watch_.IsStable(it->path(), stamp)) {
+        videos_arriving_[run] = text + " so far";
+      } else if (why.find(name + ": ") != std::string::npos) {
+        videos_unreadable_[run] = text;
+      }
+    }
+  }
 }
 
 std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
@@ -131,13 +154,15 @@ std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
   };
   add(dir_);
   for (const Run& run : project_->site().runs) add(run.dir);
+  for (const auto& [run, why] : project_->site().broken_runs) add(dir_ / "runs" / run);
   for (const fs::path& set : PhotoSetFolders(dir_)) add(set);
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   return files;
 }
 
 bool SiteCheck::Waits() const {
-  return std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; });
+  return !videos_arriving_.empty() ||
+         std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; });
 }
 
 bool SiteCheck::OthersChanged() const { return Others() != judged_; }
@@ -220,6 +245,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
     std::vector<SketchItem> sketch;
     try {
       sketch = ReadSiteSketch(dir_ / name);
+      RequireTagIds(sketch, site.tags.family);
     } catch (const InputError& e) {
       facts->plan_problem = e.what();
     }
@@ -386,6 +412,9 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
       outcome.findings.push_back({Light::kAmber, "files", warning});
     }
   }
+  facts.videos_arriving = videos_arriving_;
+  facts.videos_unreadable = videos_unreadable_;
+  outcome.waiting += static_cast<int>(videos_arriving_.size());
   AddPictures(&outcome);
   AddPlanned(&facts);
   AddMap(&facts, progress, cancel);

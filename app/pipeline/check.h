@@ -38,7 +38,7 @@ class SiteCheck {
   size_t Compare(size_t most, ProgressSink& progress, const CancelToken& cancel);
   // What all of it shows.
   CheckOutcome Judge(ProgressSink& progress, const CancelToken& cancel);
-  // Whether pictures are left that are still being copied.
+  // Whether pictures or videos are left that are still being copied.
   bool Waits() const;
   // Whether anything but pictures changed since the last Judge: tables, odometry, photos of sets.
   bool OthersChanged() const;
@@ -51,6 +51,7 @@ class SiteCheck {
   void ReadReferences();
   void AddReferences(FieldFacts* facts);
   void ReadSets();
+  void WatchVideos();
   void AddPlanned(FieldFacts* facts) const;
   DetectionsOfRuns DetectionsOf(const FieldFacts& facts) const;
   // Of the runs that can take part; the others' reasons go to facts->unmapped. Nothing: none can, see map_problem.
@@ -72,6 +73,7 @@ class SiteCheck {
   std::unique_ptr<JsonLines> set_lines_, reference_lines_;
   FolderWatch watch_;
   std::map<std::string, int> waiting_;
+  std::map<std::string, std::string> videos_arriving_, videos_unreadable_;  // as FieldFacts has them
   std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: what its photos were like, what they show
   std::map<std::string, std::pair<FileStamp, std::string>> references_;  // by name: as it was read, why it cannot be
   std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;
@@ -81,7 +83,7 @@ class SiteCheck {
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const std::filesystem::path& folder);
 // Tags, the way so far, and where to stand next; nothing: no map can be made of it yet.
 std::optional<Drawing> CheckMap(const CheckOutcome& outcome);
-// "amber: 382 pictures of 2 runs, 8 of 9 tags seen".
+// "amber: 382 pictures of 2 runs, 12 pictures of 1 photo set, 8 of 9 tags seen".
 std::string CheckHeadline(const CheckOutcome& outcome);
 
 }  // namespace trigpoint

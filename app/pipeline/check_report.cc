@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <set>
 
 #include "app/pipeline/check.h"
 #include "calib/base/counted.h"
@@ -22,6 +23,13 @@ Tone ToneOf(Light light) {
   return light == Light::kGreen ? Tone::kGood : light == Light::kAmber ? Tone::kWarning : Tone::kBad;
 }
 
+// Of the sets that were judged.
+int PhotosOfSets(const CheckOutcome& outcome) {
+  int photos = 0;
+  for (const FieldSet& set : outcome.facts.sets) photos += set.photos;
+  return photos;
+}
+
 PlanFindings MapFindings(const CheckOutcome& outcome) {
   PlanFindings findings;
   findings.layout.network = *outcome.facts.layout;
@@ -33,23 +41,28 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
     if (advice.from) gain.heading_rad = advice.heading_rad;
     findings.suggestions.push_back(gain);
   }
+  // Planned places are coordinates of the site: a map in a frame of its own has none of them.
+  std::set<int> unseen;
+  for (const auto& [id, planned] : outcome.facts.planned) {
+    if (!findings.prediction.in_world || !planned.world_m || findings.layout.network.world_from_tag.contains(id))
+      continue;
+    TagPrediction& tag = findings.prediction.tags.emplace_back();
+    tag.tag_id = id;
+    unseen.insert(id);
+    tag.world_m = *planned.world_m;
+    findings.layout.network.world_from_tag[id].translation = tag.world_m;  // which way it faces is not known
+  }
   for (const Station& station : outcome.facts.site->stations) {
     const auto tag = findings.layout.network.world_from_tag.find(station.tag_id);
     if (tag == findings.layout.network.world_from_tag.end()) continue;
     SurveyPoint point;
     point.offset_m = station.offset_m;
     point.offset_in_tag_frame = station.in_tag_frame;
-    findings.layout.stations.push_back(
-        {station.name, station.tag_id, OffsetInWorld(point, tag->second), station.sigma_m});
-  }
-  // Planned places are coordinates of the site: a map in a frame of its own has none of them.
-  if (!findings.prediction.in_world) return findings;
-  for (const auto& [id, planned] : outcome.facts.planned) {
-    if (!planned.world_m || findings.layout.network.world_from_tag.contains(id)) continue;
-    TagPrediction& tag = findings.prediction.tags.emplace_back();
-    tag.tag_id = id;
-    tag.world_m = *planned.world_m;
-    findings.layout.network.world_from_tag[id].translation = tag.world_m;  // which way it faces is not known
+    // In the frame of a tag of which only the place is known an offset has no direction: the tag's place stands for it.
+    const bool unknown = station.in_tag_frame && unseen.contains(station.tag_id);
+    findings.layout.stations.push_back({station.name, station.tag_id,
+                                        unknown ? Eigen::Vector3d(0, 0, 0) : OffsetInWorld(point, tag->second),
+                                        station.sigma_m});
   }
   return findings;
 }
@@ -109,6 +122,8 @@ nlohmann::json SummaryOf(const CheckOutcome& outcome) {
   nlohmann::json json = {{"schema", 1},
                          {"light", LightName(outcome.light)},
                          {"pictures", outcome.pictures},
+                         {"photo_sets", outcome.facts.sets.size()},
+                         {"photos_of_sets", PhotosOfSets(outcome)},
                          {"waiting", outcome.waiting},
                          {"planned_tags", outcome.facts.planned.size()},
                          {"planned_tags_seen", outcome.planned_seen},
@@ -178,7 +193,7 @@ Document PageOf(const CheckOutcome& outcome) {
   few.facts.push_back({"Before leaving", LightName(outcome.light),
                        outcome.light == Light::kGreen ? "nothing to do" : "see what to do next",
                        ToneOf(outcome.light)});
-  few.facts.push_back({"Pictures", std::to_string(outcome.pictures),
+  few.facts.push_back({"Pictures", std::to_string(outcome.pictures + PhotosOfSets(outcome)),
                        outcome.waiting > 0 ? fmt::format("{} not yet processed", outcome.waiting) : "all processed"});
   few.facts.push_back({"Tags seen", std::to_string(outcome.planned_seen),
                        facts.planned.empty() ? "none is planned" : fmt::format("of {}", facts.planned.size())});
@@ -224,11 +239,16 @@ std::optional<Drawing> CheckMap(const CheckOutcome& outcome) {
 std::string CheckHeadline(const CheckOutcome& outcome) {
   size_t runs = 0;
   for (const FieldRun& run : outcome.facts.runs) runs += run.pictures.empty() ? 0 : 1;
+  std::string judged;
+  if (runs > 0) judged = Counted(outcome.pictures, "picture") + " of " + Counted(runs, "run");
+  if (!outcome.facts.sets.empty()) {
+    judged += (judged.empty() ? "" : ", ") + Counted(PhotosOfSets(outcome), "picture") + " of " +
+              Counted(outcome.facts.sets.size(), "photo set");
+  }
   const std::string tags = outcome.facts.planned.empty()
                                ? Counted(outcome.planned_seen, "tag")
                                : fmt::format("{} of {} tags", outcome.planned_seen, outcome.facts.planned.size());
-  return fmt::format("{}: {} of {}, {} seen{}", LightName(outcome.light), Counted(outcome.pictures, "picture"),
-                     Counted(runs, "run"), tags,
+  return fmt::format("{}: {}, {} seen{}", LightName(outcome.light), judged.empty() ? "no picture" : judged, tags,
                      outcome.waiting > 0 ? fmt::format("; still to be looked at: {}", outcome.waiting) : "");
 }
 

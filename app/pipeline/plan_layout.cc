@@ -84,6 +84,7 @@ class SketchAdder {
 
   void Add(const std::vector<SketchItem>& items) {
     CheckFrames(items);
+    RequireTagIds(items, plan_.network.sizes.family);
     for (const SketchItem& item : items) {
       if (item.kind == "tag" || item.kind == "candidate") AddTag(item);
     }

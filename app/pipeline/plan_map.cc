@@ -254,7 +254,7 @@ class MapPainter {
     constexpr double kSize = 12, kBoldWider = 1.12;
     for (const Name& name : names_) {
       const double width = (name.bold ? kBoldWider : 1) * TextWidth(name.text, kSize) + 4;
-      auto box = places_.Place(name.mark, width, kSize + 3);
+      const auto box = PlaceName(name.mark, width, kSize + 3);
       if (!box) {
         ++left_out_;
         continue;
@@ -263,6 +263,47 @@ class MapPainter {
       drawing_.Text(box->x + 0.5 * width, box->y + kSize - 0.5, name.text, 0, kSize, name.order == 3 ? kPath : kInk,
                     name.bold);
     }
+  }
+
+  // Beside the mark, else the nearest free place farther away, with a line to the mark that crosses nothing.
+  std::optional<DrawnBox> PlaceName(const DrawnBox& mark, double width, double height) {
+    constexpr double kStep = 6, kFarthest = 180;
+    constexpr int kDirections = 24;
+    if (const auto box = places_.Place(mark, width, height)) return box;
+    const double x = mark.x + 0.5 * mark.width, y = mark.y + 0.5 * mark.height;
+    for (double away = kStep; away <= kFarthest; away += kStep) {
+      for (int k = 0; k < kDirections; ++k) {
+        const double c = std::cos(2 * M_PI * k / kDirections), s = std::sin(2 * M_PI * k / kDirections);
+        const DrawnBox box{x + c * (0.5 * (mark.width + width) + away) - 0.5 * width,
+                           y + s * (0.5 * (mark.height + height) + away) - 0.5 * height, width, height};
+        const Line line = Leader(mark, box);
+        if (!places_.IsFree(box) || !IsFree(line)) continue;
+        places_.Take(box);
+        places_.TakeLine(line);
+        drawing_.Line(line, kInk, 0.8);
+        return box;
+      }
+    }
+    return std::nullopt;
+  }
+  // From the edge of a mark to that of a name.
+  static Line Leader(const DrawnBox& mark, const DrawnBox& box) {
+    constexpr double kApart = 1.5;  // from both, which are taken
+    const auto nearest = [](double v, double low, double size) { return std::clamp(v, low, low + size); };
+    const double mx = nearest(box.x + 0.5 * box.width, mark.x - kApart, mark.width + 2 * kApart);
+    const double my = nearest(box.y + 0.5 * box.height, mark.y - kApart, mark.height + 2 * kApart);
+    return {
+        {mx, my},
+        {nearest(mx, box.x - kApart, box.width + 2 * kApart), nearest(my, box.y - kApart, box.height + 2 * kApart)}};
+  }
+  bool IsFree(const Line& line) const {
+    const auto [x0, y0] = line.front();
+    const double dx = line.back().first - x0, dy = line.back().second - y0;
+    const int steps = std::max(1, static_cast<int>(std::hypot(dx, dy)));
+    for (int k = 0; k <= steps; ++k) {
+      if (!places_.IsFree({x0 + k * dx / steps - 0.5, y0 + k * dy / steps - 0.5, 1, 1})) return false;
+    }
+    return true;
   }
 
   // Below the map; returns where it ends.

@@ -40,14 +40,17 @@ void WriteTagsTable(const PlanFindings& findings, const fs::path& file) {
       {"tag_id", "x", "y", "z", "sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_deg", "sigma_ry_deg", "sigma_rz_deg",
        "ellipse_a_m", "ellipse_b_m", "ellipse_bearing_deg", "images", "images_needed", "passes", "role", "status"},
       {"trigpoint plan tags 1; frame=enu; datum=" + findings.prediction.datum +
-       "; sigma=1, predicted; rotation about the world's axes; ellipse: horizontal, bearing of its long axis"});
+       "; sigma=1, predicted; rotation about the tag's axes; ellipse: horizontal, bearing of its long axis"});
+  const std::map<int, Rigid3d>& world_from_tag = findings.layout.network.world_from_tag;
   for (const TagPrediction& tag : findings.prediction.tags) {
     csv.Integer(tag.tag_id);
     for (int k = 0; k < 3; ++k) csv.Number(tag.world_m[k], 4);
     if (tag.tied) {
       const HorizontalEllipse e = EllipseOf(Position(tag.covariance));
       for (int k = 0; k < 3; ++k) csv.Number(tag.Sigma()[k], 6);
-      for (int k = 0; k < 3; ++k) csv.Number(std::sqrt(std::max(0.0, tag.covariance(k, k))) * kRadToDeg, 5);
+      const Eigen::Matrix3d r = world_from_tag.at(tag.tag_id).rotation.toRotationMatrix();
+      const Eigen::Matrix3d about_tag = r.transpose() * tag.covariance.topLeftCorner<3, 3>() * r;
+      for (int k = 0; k < 3; ++k) csv.Number(std::sqrt(std::max(0.0, about_tag(k, k))) * kRadToDeg, 5);
       csv.Number(e.a, 6).Number(e.b, 6).Number(Bearing(e), 1);
     } else {
       csv.Empty(9);
@@ -225,6 +228,10 @@ nlohmann::json SummaryOf(const PlanFindings& f) {
     for (const PlanGain& gain : std::string(list) == "gains" ? f.gains : f.suggestions) {
       json[list].push_back({{"what", gain.what}, {"rms_after_m", Finite(gain.rms_after_m)}});
     }
+  }
+  json["sketched_tags_mm"] = nlohmann::json::array();  // id and size; a surveyed site has its tags
+  for (const auto& [tag_id, pose] : f.layout.network.world_from_tag) {
+    if (!f.layout.learned) json["sketched_tags_mm"].push_back({tag_id, kMm * f.layout.network.sizes.SizeOf(tag_id)});
   }
   json["gates"] = nlohmann::json::array();
   for (const PlanGate& gate : f.gates) {

@@ -314,7 +314,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 4;
+    request.version = 5;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

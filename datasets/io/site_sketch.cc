@@ -10,6 +10,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -196,6 +197,16 @@ std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file) {
   CheckNames(items);
   CheckExtent(items);
   return items;
+}
+
+void RequireTagIds(const std::vector<SketchItem>& items, const std::string& family) {
+  const TagFamilies families(family);
+  for (const SketchItem& item : items) {
+    if (item.tag_id < 0) continue;
+    const std::string problem = TagIdProblem(families.Of(item.tag_id), item.tag_id);
+    if (problem.empty()) continue;
+    throw InputError(item.where + ": " + problem + "; take another id, or set the tag's family in tags.yaml");
+  }
 }
 
 std::string SiteSketchCsv(const std::vector<SketchItem>& items) {

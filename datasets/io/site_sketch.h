@@ -30,6 +30,8 @@ struct SketchItem {
 // sigma_h_m, sigma_v_m, tag_id. GeoJSON: points, and lines for paths, with these as properties. Throws InputError
 // naming file and row or feature; also for an object that is there twice, and for a site wider than 20 km.
 std::vector<SketchItem> ReadSiteSketch(const std::filesystem::path& file);
+// Throws InputError for the first item whose tag_id the site's families lack; `family`: as TagSizes has it.
+void RequireTagIds(const std::vector<SketchItem>& items, const std::string& family);
 // As plan.csv; ReadSiteSketch gives the same items back, positions to a millimetre.
 std::string SiteSketchCsv(const std::vector<SketchItem>& items);
 

@@ -220,9 +220,7 @@ std::vector<ControlPoint> AtNewestEpoch(const std::vector<ControlPoint>& points)
 TagSizes ReadTagSizes(const std::filesystem::path& file) {
   const YamlMap map(file, LoadYaml(file), {"family", "families", "size_m", "sizes_m"});
   TagSizes tags;
-  const std::vector<std::string> known = {"tag36h11",         "tag36h10",         "tag25h9",
-                                          "tag16h5",          "tagCircle21h7",    "tagCircle49h12",
-                                          "tagStandard41h12", "tagStandard52h13", "tagCustom48h12"};
+  const std::vector<std::string> known = KnownTagFamilies();
   const auto family = [&](const YamlMap& from, const std::string& key, const std::string& missing) {
     std::string name = from.Text(key, missing);
     if (std::find(known.begin(), known.end(), name) == known.end()) {
@@ -247,7 +245,13 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
   for (const std::string& key : families.Keys()) {
     others[id_of(families, key, "FAMILY', a tag's number and its family", &family_lines)] = family(families, key, "");
   }
-  tags.family = TagFamilies(tags.family, others).Text();
+  const TagFamilies all(tags.family, others);
+  const auto check = [&](const YamlMap& from, const std::string& key, int id) {
+    const std::string problem = TagIdProblem(all.Of(id), id);
+    if (!problem.empty()) from.Fail(key, problem + "; correct the id or the family");
+  };
+  for (const std::string& key : families.Keys()) check(families, key, static_cast<int>(*ParseInt(key)));
+  tags.family = all.Text();
   tags.size_m = map.Number("size_m", 0);
   if (map.Has("size_m") && tags.size_m <= 0) map.Fail("size_m", "expected a length above 0");
   const YamlMap sizes = map.MapOfAnyKeys("sizes_m");
@@ -255,6 +259,7 @@ TagSizes ReadTagSizes(const std::filesystem::path& file) {
     const int id = id_of(sizes, key, "SIZE', a tag's number and its size", &size_lines);
     const double size = sizes.Number(key, 0);
     if (size <= 0) sizes.Fail(key, "expected a length above 0");
+    check(sizes, key, id);
     tags.sizes_m[id] = size;
   }
   return tags;

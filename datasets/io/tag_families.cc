@@ -1,5 +1,7 @@
 #include "datasets/io/tag_families.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <sstream>
 
@@ -7,6 +9,37 @@
 #include "datasets/io/text.h"
 
 namespace trigpoint {
+namespace {
+
+struct Known {
+  const char* name;
+  int ids;  // as the library has them
+};
+constexpr Known kKnown[] = {{"tag36h11", 587},
+                            {"tag36h10", 2320},
+                            {"tag25h9", 35},
+                            {"tag16h5", 30},
+                            {"tagCircle21h7", 38},
+                            {"tagCircle49h12", 65535},
+                            {"tagStandard41h12", 2115},
+                            {"tagStandard52h13", 48714},
+                            {"tagCustom48h12", 42211}};
+
+}  // namespace
+
+std::vector<std::string> KnownTagFamilies() {
+  std::vector<std::string> names;
+  for (const Known& family : kKnown) names.emplace_back(family.name);
+  return names;
+}
+
+std::string TagIdProblem(const std::string& family, int id) {
+  for (const Known& known : kKnown) {
+    if (family != known.name || (id >= 0 && id < known.ids)) continue;
+    return fmt::format("tag {} is not in {}, which has the ids 0 to {}", id, family, known.ids - 1);
+  }
+  return "";
+}
 
 TagFamilies::TagFamilies(const std::string& text) {
   for (size_t begin = 0; begin <= text.size();) {

@@ -7,6 +7,12 @@
 
 namespace trigpoint {
 
+// The families of the AprilTag library, which a tags.yaml may name.
+std::vector<std::string> KnownTagFamilies();
+// "tag 999 is not in tag36h11, which has the ids 0 to 586": what is wrong with an id of a known family; empty: nothing,
+// or another library's family.
+std::string TagIdProblem(const std::string& family, int id);
+
 // "tag36h11", or "tag36h11,tag16h5:3:12", where the tags 3 and 12 are of tag16h5 and all others of the first. An id is
 // one tag of a site.
 class TagFamilies {

@@ -33,7 +33,8 @@ constexpr int kMostTiles = 200;
 constexpr const char* kInk = "#000000";
 constexpr const char* kSoft = "#555555";
 constexpr const char* kCut = "#9a9a9a";
-constexpr const char* kJoint = "#d55e00";
+constexpr const char* kJoint = "#a84a00";
+constexpr const char* kFaint = "#cccccc";  // ink of a small picture, under lines and numbers
 
 // Letters of the text of a sheet: on small paper small ones.
 double LettersOf(double width) { return std::clamp(width / 85, 1.7, 2.4); }
@@ -408,9 +409,9 @@ class Sheets {
   }
 
   // Everything black of one fill is one path: neighbouring boxes leave no hairline between them.
-  void Draw(const Artwork& piece, double x, double y, bool with_text = true) {
+  void Draw(const Artwork& piece, double x, double y, const char* ink = kInk) {
     cairo_t* cairo = cairo_.get();
-    SetColour(cairo, kInk, 1);
+    SetColour(cairo, ink, 1);
     cairo_new_path(cairo);
     for (const InkBox& box : piece.boxes) cairo_rectangle(cairo, x + box.x, y + box.y, box.width, box.height);
     cairo_fill(cairo);
@@ -424,9 +425,8 @@ class Sheets {
       cairo_fill(cairo);
     }
     for (const ArtworkLine& line : piece.lines) {
-      Line(x + line.x0_mm, y + line.y0_mm, x + line.x1_mm, y + line.y1_mm, kHair, kInk);
+      Line(x + line.x0_mm, y + line.y0_mm, x + line.x1_mm, y + line.y1_mm, kHair, ink);
     }
-    if (!with_text) return;
     for (const ArtworkText& text : piece.texts) {
       Text(x + text.x_mm, y + text.y_mm, text.size_mm, text.anchor, text.bold, text.colour, text.text);
     }
@@ -512,6 +512,7 @@ class Sheets {
     std::vector<std::string> words = {
         fmt::format("{} sheets: {} of {}. Cut each along its crop marks and put them edge to edge.", t.Count(),
                     Counted(t.rows, "row"), t.cols),
+        "Numbers in the picture: row, column, as below each sheet.",
         "Glue them to a flat, stiff plate, beginning with the sheet in the middle. Then measure:"};
     for (const std::string& check : piece.checks)
       words.push_back(check + "      measured:\u00a0______________\u00a0mm");
@@ -537,6 +538,15 @@ class Sheets {
     EndPage();
   }
 
+  // Around x, y, on white.
+  void Number(double x, double y, double letters, const std::string& text) {
+    const double w = PrintedWidth(text, letters, true) + 0.6 * letters, h = 1.6 * letters;
+    SetColour(cairo_.get(), "#ffffff", 1);
+    cairo_rectangle(cairo_.get(), x - 0.5 * w, y - 0.5 * h, w, h);
+    cairo_fill(cairo_.get());
+    Text(x, y + 0.36 * letters, letters, 0, true, kInk, text);
+  }
+
   // A piece in `width` x `height` mm, with its cuts and the numbers of its sheets.
   void DrawSmall(const Artwork& piece, const Tiling& t, double x, double y, double width, double height) {
     const double all_x = t.cols * t.trim_width, all_y = t.rows * t.trim_height;
@@ -544,15 +554,14 @@ class Sheets {
     cairo_save(cairo_.get());
     cairo_translate(cairo_.get(), x, y);
     cairo_scale(cairo_.get(), scale, scale);
-    Draw(piece, 0, 0, false);
+    Draw(piece, 0, 0, kFaint);
     for (int c = 0; c <= t.cols; ++c) Line(c * t.trim_width, 0, c * t.trim_width, all_y, thin, kJoint);
     for (int r = 0; r <= t.rows; ++r) Line(0, r * t.trim_height, all_x, r * t.trim_height, thin, kJoint);
     const std::string widest = fmt::format("{}, {}", t.rows, t.cols);
     const double letters = FittedSize(widest, std::min(3.4 / scale, 0.3 * t.trim_height), 0.85 * t.trim_width, true);
     for (int r = 0; r < t.rows; ++r) {
       for (int c = 0; c < t.cols; ++c) {
-        Text((c + 0.04) * t.trim_width, (r + 0.04) * t.trim_height + letters, letters, -1, true, kJoint,
-             fmt::format("{}, {}", r + 1, c + 1));
+        Number((c + 0.5) * t.trim_width, (r + 0.5) * t.trim_height, letters, fmt::format("{}, {}", r + 1, c + 1));
       }
     }
     cairo_restore(cairo_.get());

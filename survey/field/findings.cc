@@ -82,6 +82,19 @@ void FindUnusable(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
       findings->push_back({Light::kAmber, "files", run + ": none of the pictures of its list has been copied yet"});
       continue;
     }
+    if (const auto video = facts.videos_arriving.find(run); video != facts.videos_arriving.end()) {
+      findings->push_back(
+          {Light::kAmber, "files",
+           fmt::format("{}: video {}, still being copied: it is looked at when it is complete", run, video->second)});
+      continue;
+    }
+    if (const auto video = facts.videos_unreadable.find(run); video != facts.videos_unreadable.end()) {
+      findings->push_back({Light::kRed, "files",
+                           fmt::format("{}: video {}, cannot be read yet: its end is missing, or it is no MP4 (H.264); "
+                                       "wait until it is copied, else copy or convert it again",
+                                       run, video->second)});
+      continue;
+    }
     findings->push_back({Light::kRed, "files", fmt::format("{}: nothing of this run can be used: {}", run, why)});
   }
 }

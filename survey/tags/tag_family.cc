@@ -15,6 +15,7 @@
 #include <algorithm>
 
 #include "calib/base/error.h"
+#include "datasets/io/tag_families.h"
 
 namespace trigpoint {
 namespace {
@@ -69,10 +70,7 @@ int TagFamily::Correctable() const {
 }
 
 TagPattern TagFamily::Pattern(int id) const {
-  if (id < 0 || id >= size()) {
-    throw InputError("tag id " + std::to_string(id) + " is not in " + name_ + ", expected 0 to " +
-                     std::to_string(size() - 1));
-  }
+  if (id < 0 || id >= size()) throw InputError(TagIdProblem(name_, id));
   image_u8_t* image = apriltag_to_image(family_.get(), id);
   TagPattern pattern;
   pattern.total = family_->total_width;

@@ -1,4 +1,5 @@
 // The map of a plan: names and marks keep apart, the legend names what is there.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <set>
@@ -110,6 +111,20 @@ TEST(PlanMap, LegendNamesWhatIsThere) {
   for (const char* absent : {"control", "station", "camera path", "photograph next", "tag planned, not seen yet"}) {
     EXPECT_THAT(texts, Not(Contains(absent)));
   }
+}
+
+// Stations beside their tags, in a cluster: names that find no place beside their marks get a line to them.
+TEST(PlanMap, EveryTagAndStationHasAName) {
+  std::set<std::string> names;
+  PlanFindings crowded = Crowded();
+  for (int id = 0; id < 30; ++id) {
+    const std::string station = fmt::format("S{}", id);
+    names.insert({std::to_string(id), station});
+    if (id != 9) crowded.layout.stations.push_back({station, id, Eigen::Vector3d(0, 0, 1), 0.01});
+  }
+  const std::set<std::string> texts = TextsOf(PlanMap(crowded));
+  EXPECT_THAT(texts, IsSupersetOf(names));
+  EXPECT_THAT(texts, Not(Contains(HasSubstr("left out"))));
 }
 
 TEST(PlanMap, NorthIsDrawnOnlyWhereItIsKnown) {

@@ -6,9 +6,11 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
 #include <thread>
 
 #include "datasets/io/text.h"
+#include "datasets/project/files.h"
 #include "survey/tags/detection.h"
 #include "tests/e2e/program.h"
 #include "tests/synthetic/rendered_site.h"
@@ -253,6 +255,63 @@ TEST_F(FieldCheck, AnOpenRingIsNamed) {
   std::sort(photos.begin(), photos.end());
   for (size_t k = 7; k < photos.size(); ++k) fs::remove(photos[k]);
   EXPECT_THAT(Findings(Check()), Contains(HasSubstr("the ring is open")));
+}
+
+TEST_F(FieldCheck, TheHeadlineStatesWhatWasJudged) {
+  fs::remove_all(site_ / "runs");
+  BringPhotos();
+  const std::string out = Trigpoint({"check", site_.string()}).out;
+  EXPECT_THAT(out, HasSubstr(": 12 pictures of 1 photo set, "));
+  EXPECT_THAT(out, Not(HasSubstr("0 pictures")));
+}
+
+// A video has its index at the end: the half that is there cannot be read, and the rest of the site is judged.
+TEST_F(FieldCheck, AVideoThatIsStillBeingCopiedIsNamed) {
+  const fs::path run = site_ / "runs/run2", video = run / "clip.mp4";
+  fs::create_directories(run);
+  fs::copy(site_ / "runs/run1/camchain.yaml", run / "camchain.yaml");
+  const fs::path whole = base_ / "whole.mp4";
+  cv::VideoWriter writer(whole.string(), cv::VideoWriter::fourcc('m', 'p', '4', 'v'), 2, {480, 300});
+  ASSERT_TRUE(writer.isOpened());
+  for (const fs::path& image : images_) writer.write(cv::imread(image.string()));
+  writer.release();
+  const std::string bytes = ReadTextFile(whole);
+  WriteFileAtomically(video, bytes.substr(0, bytes.size() / 2));
+  fs::last_write_time(video, fs::file_time_type::clock::now() + std::chrono::hours(1));
+  const nlohmann::json copying = Check();
+  EXPECT_THAT(Findings(copying), Contains(HasSubstr("run2: video clip.mp4, ")));
+  EXPECT_THAT(Findings(copying), Contains(HasSubstr("MB so far, still being copied: it is looked at when it is")));
+  EXPECT_EQ(copying.at("pictures"), images_.size());
+  EXPECT_EQ(copying.at("waiting"), 1);
+  Age(video);
+  const Finished stopped = Trigpoint({"check", site_.string()});
+  EXPECT_THAT(stopped.out, HasSubstr("cannot be read yet: its end is missing"));
+  EXPECT_THAT(stopped.err, Not(HasSubstr("moov")));
+  // A watch takes it up when the rest arrives.
+  const Program watch({"check", site_.string(), "--watch"});
+  const auto wait_for = [&](const std::string& text) {
+    for (int k = 0; k < 600; ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      const fs::path file = site_ / "results/check/findings.csv";
+      if (fs::exists(file) && ReadTextFile(file).find(text) != std::string::npos) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(wait_for("its end is missing"));
+  WriteFileAtomically(video, bytes.substr(0, 3 * bytes.size() / 4));
+  EXPECT_TRUE(wait_for("still being copied"));
+  EXPECT_TRUE(wait_for("its end is missing"));
+  WriteFileAtomically(video, bytes);
+  EXPECT_TRUE(wait_for("run2: "));
+  for (int k = 0; k < 600 && ReadTextFile(site_ / "results/check/findings.csv").find("clip.mp4,") != std::string::npos;
+       ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  watch.Signal(SIGINT);
+  watch.Wait();
+  EXPECT_THAT(ReadTextFile(site_ / "results/check/findings.csv"), Not(HasSubstr("clip.mp4,")));
+  EXPECT_GT(nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json")).at("pictures").get<size_t>(),
+            images_.size());
 }
 
 TEST_F(FieldCheck, AKillLosesOnlyWhatWasInHand) {

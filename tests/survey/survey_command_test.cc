@@ -230,6 +230,86 @@ TEST(PlanCommand, WithoutADatumGatesAreUndecided) {
 
 // A sketch without tags adds to the site as it was surveyed: one more path lowers the sigmas, and without the earlier
 // runs it stands alone. Candidate paths are proposed.
+TEST(PlanCommand, TagsThatTheFamilyLacksAreRefused) {
+  const Wall wall;
+  const std::string header = "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n";
+  const std::string path = "path,lap,2,2,1.2,,\npath,lap,11,2,1.2,,\n";
+  wall.Write("plan.csv", header + "tag,0,0,12,1.5,180,160\ntag,999,14,3,1.5,270,160\n" + path);
+  for (const char* command : {"plan", "check"}) {
+    const Finished done = Trigpoint({command, wall.dir()});
+    EXPECT_NE(done.exit_code, 0) << command;
+    EXPECT_THAT(done.out + done.err, HasSubstr("plan.csv:3: tag 999 is not in tag36h11, which has the ids 0 to 586"));
+  }
+  wall.Write("tags.yaml", "size_m: 0.5\nsizes_m:\n  0: 0.5\n  30: 0.16\nfamilies: {30: tag16h5}\n");
+  for (const char* command : {"survey", "detect", "plan"}) {
+    const Finished done = Trigpoint({command, wall.dir()});
+    EXPECT_EQ(done.exit_code, 1) << command;
+    EXPECT_THAT(done.err, HasSubstr("tags.yaml:5: key 'families.30': tag 30 is not in tag16h5, which has the ids 0 "));
+  }
+}
+
+// Rotation sigmas are about the tags' own axes, as in the survey: the site turned by 90 degrees has the same.
+TEST(PlanCommand, ATurnedSiteHasTheSameRotationSigmas) {
+  const Wall wall;
+  const auto sigmas = [&](bool turned) {
+    std::string plan = "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n";
+    const auto row = [&](const std::string& name, double x, double y, const char* up, double heading) {
+      if (turned) std::swap(x, y), x = -x, heading -= 90;
+      plan += fmt::format("{},{:g},{:g},{}", name, x, y, up);
+      plan += name.starts_with("tag") ? fmt::format(",{:g},160\n", heading) : ",,\n";
+    };
+    row("tag,0", 0, 12, "1.5", 180), row("tag,1", 14, 3, "1.5", 270), row("tag,2", 7, 12, "1.5", 180);
+    row("tag,3", 14, 9, "1.5", 270);
+    plan += "control,0,,,,,\ncontrol,1,,,,,\ncontrol,2,,,,,\n";
+    for (const auto& [x, y] : {std::pair(2, 2), std::pair(11, 2), std::pair(11, 10), std::pair(2, 10)}) {
+      row("path,lap", x, y, "1.2", 0);
+    }
+    wall.Write("plan.csv", plan);
+    const Finished done = Trigpoint({"plan", wall.dir()});
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    std::vector<Eigen::Vector3d> rotation;
+    const CsvTable tags = CsvTable::Read(wall.dir() + "/results/plan/tags.csv", {});
+    for (const CsvRow& tag : tags.rows()) {
+      if (tag.Text("status") != "ok") continue;
+      rotation.emplace_back(tag.Number("sigma_rx_deg"), tag.Number("sigma_ry_deg"), tag.Number("sigma_rz_deg"));
+    }
+    return rotation;
+  };
+  const std::vector<Eigen::Vector3d> as_is = sigmas(false), turned = sigmas(true);
+  ASSERT_EQ(as_is.size(), turned.size());
+  ASSERT_GE(as_is.size(), 3U);
+  double apart = 1;  // of the axes that the turn exchanges in the world
+  for (size_t i = 0; i < as_is.size(); ++i) {
+    EXPECT_LT((as_is[i] - turned[i]).norm(), 0.01 * as_is[i].norm()) << as_is[i] << "\n" << turned[i];
+    apart = std::max(apart, as_is[i].x() / as_is[i].z());
+  }
+  EXPECT_GT(apart, 1.1);
+}
+
+// What to do next depends on what was asked for and on the gates.
+TEST(PlanCommand, NextFollowsFromTheResult) {
+  const Wall wall;
+  wall.Write(
+      "plan.csv",
+      "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n"
+      "tag,0,0,12,1.5,180,160\ntag,1,14,3,1.5,270,160\ntag,2,7,12,1.5,180,160\ntag,3,14,9,1.5,270,160\n"
+      "candidate,4,0,6,1.5,90,160\ncontrol,0,,,,,\ncontrol,1,,,,,\ncontrol,2,,,,,\n"
+      "path,lap,2,2,1.2,,\npath,lap,11,2,1.2,,\npath,lap,11,10,1.2,,\npath,lap,2,10,1.2,,\npath,lap,2,2,1.2,,\n");
+  const auto next = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"plan", wall.dir()});
+    const std::string out = Trigpoint(arguments).out;
+    return out.substr(std::min(out.size(), out.find("\nNext ")));
+  };
+  const std::string print = "--ids 0-3 --size 160", accept = "suggestions.csv in the sketch (rows ";
+  EXPECT_THAT(next({}), HasSubstr("trigpoint print"));
+  EXPECT_THAT(next({}), HasSubstr(print));
+  EXPECT_THAT(next({"--gates", "--set", "max_tag_sigma_m=0.5"}), HasSubstr(print));
+  EXPECT_THAT(next({"--suggest", "tags", "1"}), HasSubstr(accept + "tag,ID,...), then trigpoint plan"));
+  EXPECT_THAT(next({"--suggest", "control", "1"}), HasSubstr(accept + "control,ID)"));
+  EXPECT_THAT(next({"--set", "max_tag_sigma_m=0.001"}), HasSubstr("--suggest control 2   (the gates are not reached)"));
+  EXPECT_THAT(next({"--suggest", "control", "1", "--set", "max_tag_sigma_m=0.001"}), HasSubstr(accept));
+}
+
 TEST(PlanCommand, ANewEpochOfASurveyedSite) {
   const Wall wall;
   ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);

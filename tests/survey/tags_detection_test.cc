@@ -1,4 +1,4 @@
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 #include <set>
@@ -135,6 +135,16 @@ TEST(Detection, ALargeTagUnderDistortionNeedsTheCamera) {
   EXPECT_LT(std::abs(with.radial), 0.05);
   EXPECT_LT(std::sqrt(with.square), 0.1);
   EXPECT_GT(std::sqrt(without.square), 2 * std::sqrt(with.square));
+}
+
+// The ids that files may name are those of the library.
+TEST(Detection, KnownIdsAreThoseOfTheLibrary) {
+  EXPECT_THAT(KnownTagFamilies(), testing::UnorderedElementsAreArray(TagFamilyNames()));
+  for (const std::string& name : TagFamilyNames()) {
+    const int size = TagFamily(name).size();
+    EXPECT_EQ(TagIdProblem(name, size - 1), "") << name;
+    EXPECT_THAT(TagIdProblem(name, size), testing::HasSubstr("the ids 0 to " + std::to_string(size - 1))) << name;
+  }
 }
 
 // The families of more than 41 bits take seconds and gigabytes to set up.
