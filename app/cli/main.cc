@@ -100,7 +100,9 @@ int Launch(int argc, char** argv) {
     std::cout.flush();
     return std::cout.good() ? CheckPrinted(code) : CheckPrinted(1);
   } catch (const CLI::ParseError& e) {
-    return Fail(session, std::string(e.what()) + "; see trigpoint --help", 2);
+    const std::vector<CLI::App*> parsed = app.get_subcommands();
+    const std::string command = parsed.empty() ? "" : parsed.front()->get_name() + " ";
+    return Fail(session, std::string(e.what()) + "; see trigpoint " + command + "--help", 2);
   }
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);

@@ -116,8 +116,9 @@ std::string ZshCompletion(const CLI::App& root) {
          commands +
          "  )\n  if (( CURRENT == 2 )); then\n    _describe command commands\n    return\n  fi\n  case $words[2] in\n" +
          cases +
-         "  esac\n  if [[ $PREFIX == -* ]]; then\n    compadd -- $options\n  else\n    _files\n  fi\n}\n_trigpoint "
-         "\"$@\"\n";
+         "  esac\n  if [[ $PREFIX == -* ]]; then\n    compadd -- $options\n  else\n    _files\n  fi\n}\n"
+         // As a file of fpath it is called by its name; sourced, it registers itself.
+         "if [[ $funcstack[1] == _trigpoint ]]; then\n  _trigpoint \"$@\"\nelse\n  compdef _trigpoint trigpoint\nfi\n";
 }
 
 std::string FishCompletion(const CLI::App& root) {

@@ -241,8 +241,8 @@ void AddNext(const std::string& command, const Project& project, const RunReport
     ending->Next("trigpoint init my_site      (docs/guides/own_run.md)");
   } else if (command == "run" || command == "evaluate" || command == "report") {
     ending->Next("trigpoint-desktop " + dir + (command == "report" ? "" : ", or trigpoint report " + dir + " --pdf"));
-  } else {
-    ending->Next("trigpoint run " + dir);
+  } else {  // a project of photos is complete without a run
+    ending->Next((project.site().runs.empty() ? "trigpoint report " : "trigpoint run ") + dir);
   }
 }
 

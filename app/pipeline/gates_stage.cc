@@ -287,7 +287,9 @@ json DefaultGates(const Project& project) {
   for (const GateLimit& limit : SetLimits(limits)) stages.insert(MeasuredBy(limit.section, limit.name));
   std::vector<JudgedResult> results = ResultsFor(project, {}, stages);
   std::erase_if(results, [](const JudgedResult& result) { return !result.problem.empty(); });
-  const std::vector<GateResult> verdicts = JudgeResults(SetLimits(limits), results, "", limits.confidence);
+  std::vector<GateResult> verdicts = JudgeResults(SetLimits(limits), results, "", limits.confidence);
+  // What the project has no result for is no finding: nobody asked for it.
+  std::erase_if(verdicts, [](const GateResult& verdict) { return !verdict.measure.value; });
   return verdicts.empty() ? json() : GatesJson(verdicts);
 }
 

@@ -278,9 +278,10 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
       }
       if (state.state == StageState::kDone) {
         for (const JobState& earlier : states) {
-          // A variant that was never made is no reason: this one was made without it.
-          if (earlier.state == StageState::kMissing && !job.stage->variants && !earlier.job.target.variant.empty())
-            continue;
+          // What is made on request only, or a variant that was never made, is no reason: this one was made without it.
+          const bool optional =
+              earlier.job.stage->first_on_request || (!job.stage->variants && !earlier.job.target.variant.empty());
+          if (earlier.state == StageState::kMissing && optional) continue;
           if (earlier.needed && Needs(project, job, earlier.job) && earlier.state != StageState::kDone) {
             state.state = StageState::kOutOfDate;
             state.reason = earlier.job.Title() + " is " + std::string(StageStateName(earlier.state));

@@ -56,8 +56,10 @@ std::string Describe(const ReferencePoses& result, const std::vector<std::string
     none += pose.status == "none";
     if (pose.world_from_cam) sigmas.push_back(std::sqrt(pose.covariance.bottomRightCorner<3, 3>().trace()));
   }
-  std::string text = fmt::format("{} images: {} see tags, {} bridged by the run's motion, {} without a pose\n",
-                                 result.poses.size(), tags, bridged, none);
+  std::string text = fmt::format("{} images: {} see tags", result.poses.size(), tags);
+  if (bridged > 0) text += fmt::format(", {} bridged by the run's motion", bridged);
+  if (none > 0) text += fmt::format(", {} without a pose", none);
+  text += "\n";
   if (!sigmas.empty()) {
     text += fmt::format(
         "1 sigma in space (east, north, up; the map's datum included): median {:.4f}, P90 {:.4f}, max "

@@ -75,7 +75,7 @@ class Page {
   json Data() const { return data_; }
 
  private:
-  void Chapter(const char* title, const char* anchor) { blocks_.push_back(Heading{2, title, anchor, false}); }
+  void Chapter(const char* title, const char* anchor) { blocks_.push_back(Heading{2, title, anchor}); }
   void Say(const std::string& text, Tone tone = Tone::kPlain) { blocks_.push_back(Paragraph{text, tone, ""}); }
   // Rows of a name and a value, also kept for programs.
   void Values(const char* section, const std::vector<std::pair<std::string, std::string>>& rows) {

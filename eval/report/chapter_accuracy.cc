@@ -217,11 +217,11 @@ void AddMatrix(const ChapterContext& c, const nlohmann::json& group, std::vector
   if (seen.empty()) return;
   Table table{"matrix_" + Slug(GroupName(group)),
               "3D differences, " + GroupTitle(group) + ", in " + c.unit.name +
-                  "; a row a station, a column a run; -: nothing was reported or there is no reference; of several "
-                  "answers at a station the worst, with their number in brackets.",
+                  "; a row a station, a column a run; of several answers at a station the worst, with their number "
+                  "in brackets.",
               {{"station"}},
               {}};
-  for (const auto& [run, row] : cells) table.columns.push_back({run, true});
+  for (const auto& [run, row] : cells) table.columns.push_back({run, true, "no answer, or no reference"});
   for (const std::string& station : c.data.stations) {
     if (seen.count(station) == 0) continue;
     TableCell name{station};
@@ -388,7 +388,13 @@ void AddFurtherTable(const FurtherTable& f, const std::string& variant, std::vec
                                : ""),
               {},
               {}};
-  for (const std::string& column : f.columns) table.columns.push_back({column});
+  for (size_t k = 0; k < f.columns.size(); ++k) {
+    const bool number = std::all_of(f.rows.begin(), f.rows.end(), [&](const auto& row) {
+      return k >= row.size() || row[k].empty() || ParseDouble(row[k]).has_value();
+    });
+    table.columns.push_back(
+        {f.columns[k], number, f.columns[k] == "variant" ? "the default results" : "the evaluation has no value"});
+  }
   const auto shown = [](const std::string& text) {  // the file has all digits
     constexpr size_t kLong = 6;
     const auto number = text.size() > kLong && text.find('.') != std::string::npos ? ParseDouble(text) : std::nullopt;

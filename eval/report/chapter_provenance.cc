@@ -21,13 +21,13 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
               "Every result of the project. Times are UTC.",
               {{"result"},
                {"state"},
-               {"version"},
-               {"seed", true},
-               {"threads", true},
-               {"finished"},
-               {"wall time (s)", true},
-               {"peak memory (MiB)", true},
-               {"warnings and reasons"}},
+               {"version", false, "no result"},
+               {"seed", true, "no result"},
+               {"threads", true, "no result"},
+               {"finished", false, "no result"},
+               {"wall time (s)", true, "no result"},
+               {"peak memory (MiB)", true, "no result"},
+               {"warnings and reasons", false, "none"}},
               {}};
   for (const ResultRecord& s : c.input.stages) {
     const nlohmann::json& m = s.manifest;
@@ -136,7 +136,7 @@ void AddOptions(const ChapterContext& c, std::vector<Block>* blocks) {
   if (sets.empty()) return;
   Table table{"options",
               "Every option in force. Results with the same options share lines.",
-              {{"stage"}, {"results"}, {"option"}, {"value"}},
+              {{"stage"}, {"results"}, {"option"}, {"value", false, "empty"}},
               {}};
   for (const auto& [stage, of_options] : sets) {
     for (const auto& [text, names] : of_options) {

@@ -146,7 +146,7 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
 }  // namespace
 
 void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Appendix: stations", "stations", true});
+  blocks->push_back(Heading{2, "Appendix: stations", "stations"});
   std::map<std::string, StationPart> parts;
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) parts[e.station].errors.push_back(&e);

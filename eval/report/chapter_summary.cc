@@ -213,7 +213,14 @@ void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
         "Each gate is decided by the confidence interval, not by the value alone: passed if all of it is within "
         "the limit, failed if all of it is beyond, else undecided, as is what was not evaluated. Complete: "
         "every item was looked at, so that the value decides.",
-        {{"gate"}, {"of"}, {"verdict"}, {"value", true}, {"interval"}, {"limit", true}, {"n", true}, {"reason"}},
+        {{"gate"},
+         {"of", false, "the whole project"},
+         {"verdict"},
+         {"value", true, "not evaluated"},
+         {"interval", false, "none can be computed"},
+         {"limit", true},
+         {"n", true},
+         {"reason", false, "the numbers decide"}},
         {}};
     for (const nlohmann::json& gate : *rows) {
       const std::string its = TextAt(gate, "verdict");

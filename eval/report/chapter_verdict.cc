@@ -63,10 +63,11 @@ class VerdictChapter {
     text += " localized against " + Counted(site().references.size(), "panorama or photo", "panoramas and photos");
     const size_t tags = std::set<std::string>(c_.data.stations.begin(), c_.data.stations.end()).size();
     text += verdict_.Best() != nullptr
-                ? fmt::format(". The answers are compared with AprilTags at {}{}.", Counted(tags, "station"),
-                              site().control_points.empty()
-                                  ? ""
-                                  : " and " + Counted(site().control_points.size(), "surveyed point"))
+                ? fmt::format(
+                      ". An answer is the pose of a whole panorama (G2); it is compared with AprilTags at {}{}.",
+                      Counted(tags, "station"),
+                      site().control_points.empty() ? ""
+                                                    : " and " + Counted(site().control_points.size(), "surveyed point"))
                 : ". There is no reference to compare the answers with, so their accuracy is not measured here.";
     blocks_.push_back(Paragraph{text});
   }
@@ -95,14 +96,14 @@ class VerdictChapter {
     }
     const size_t all = verdict_.gate_results.size();
     std::string text = verdict_.default_gates ? "Default gates (trigpoint.yaml sets none): " : "Quality gates: ";
-    text += verdict_.gates;
+    if (all != 1) text += verdict_.gates;
     if (all > 1) text += fmt::format(", {} of {} passed", all - others.size(), all);
-    text += ".";
     // Of the default ones the first, so that the screen has room; all of a project's own.
     const size_t shown = verdict_.default_gates ? std::min(size_t{1}, others.size()) : others.size();
-    for (size_t i = 0; i < shown; ++i) text += " " + others[i] + ".";
+    for (size_t i = 0; i < shown; ++i) text += (i > 0 || all > 1 ? "; " : "") + others[i];
+    text += ".";
     if (shown < others.size()) text += fmt::format(" And {} more.", others.size() - shown);
-    blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), "accuracy"});
+    blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), site().runs.empty() ? "" : "accuracy"});
   }
 
   Fact ErrorFact(const std::string& label, const VerdictErrors& e, const std::string& meaning) const {
@@ -117,7 +118,7 @@ class VerdictChapter {
     const int asked = verdict_.Asked();
     if (asked > 0) {
       facts.facts.push_back({"Located", fmt::format("{} of {}", verdict_.Localized(), asked),
-                             "pairs of a run and a panorama; the others were refused or not matched",
+                             "pairs of a run and a panorama; others: refused or no match",
                              verdict_.Localized() > 0 ? Tone::kPlain : Tone::kBad, "stations"});
     }
     if (verdict_.relative) {
@@ -144,8 +145,8 @@ class VerdictChapter {
                               : sources == std::set<std::string>{"gps"}   ? "the GPS's own error"
                                                                           : "the georeference";
     return {"Common shift", c_.LengthUnit(e.common_shift_m, 2),
-            "length of the mean absolute error: a shift of all answers together, by " + cause, Tone::kPlain,
-            "accuracy"};
+            "part of the absolute error that all answers share, by " + cause + " (length of the mean error)",
+            Tone::kPlain, "accuracy"};
   }
 
   // What can be said without tags.
@@ -172,13 +173,12 @@ class VerdictChapter {
     if (best == nullptr) return;
     const std::optional<SigmaTest> test = best->Sigmas();
     if (!test) return;
-    facts->facts.push_back(
-        {"Stated sigmas", test->Words(),
-         fmt::format(
-             "sigma: standard deviation. ANEES (mean squared error in units of its own covariance) is {:.2f}; right "
-             "sigmas give {:.2f} to {:.2f}",
-             test->anees, test->low, test->high),
-         !test->Consistent() ? Tone::kWarning : Tone::kGood, "consistency"});
+    facts->facts.push_back({"Stated sigmas", test->Words(),
+                            fmt::format("sigma: standard deviation. ANEES (mean squared error over its stated "
+                                        "variance) {:.2f}; right sigmas: {:.2f} "
+                                        "to {:.2f}",
+                                        test->anees, test->low, test->high),
+                            !test->Consistent() ? Tone::kWarning : Tone::kGood, "consistency"});
   }
 
   // A tile a run.
@@ -200,7 +200,7 @@ class VerdictChapter {
     for (size_t i = 0; i < std::min(kTiles, runs.size()); ++i) {
       const VerdictRun& run = *runs[i];
       const auto value = median(&run);
-      std::string detail = fmt::format("{} of {} located", run.localized, run.Asked());
+      std::string detail = value ? fmt::format("{} of {} located", run.localized, run.Asked()) : "panoramas located";
       if (best != nullptr && value) detail += ", median " + best->kind + " error";
       if (!run.georeferenced) detail += "; not georeferenced";
       tiles.facts.push_back({run.run,

@@ -15,8 +15,7 @@ enum class Tone { kPlain, kGood, kWarning, kBad };
 struct Heading {
   int level = 2;  // 2: a chapter, in the table of contents; 3: a section
   std::string text;
-  std::string anchor;     // unique, [a-z0-9-]
-  bool new_page = false;  // on paper
+  std::string anchor;  // unique, [a-z0-9-]
 };
 
 struct Paragraph {

@@ -13,14 +13,16 @@ constexpr std::string_view kStyle = R"css(
 html{scroll-padding-top:3.2rem}
 body{margin:0;background:var(--ground);color:var(--ink);font:16px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
 header,main,footer{max-width:74rem;margin:0 auto;padding:0 1.25rem}
-header{padding-top:1.75rem}
-h1{font-size:1.9rem;line-height:1.2;margin:0 0 .3rem;overflow-wrap:anywhere}
+header{padding-top:.9rem}
+h1{font-size:1.6rem;line-height:1.2;margin:0 0 .2rem;overflow-wrap:anywhere}
 h2{font-size:1.4rem;line-height:1.25;margin:2.6rem 0 .7rem;padding-top:.7rem;border-top:2px solid var(--ink);overflow-wrap:anywhere}
 h3{font-size:1.1rem;margin:1.9rem 0 .5rem;overflow-wrap:anywhere}
 p{margin:.5rem 0;max-width:46rem;overflow-wrap:anywhere}
 a{color:var(--accent)}
-.sub{color:var(--soft);margin:0}
-nav{position:sticky;top:0;z-index:2;background:var(--ground);border-bottom:1px solid var(--line);margin-top:1rem}
+.sub{color:var(--soft);margin:0;max-width:none}
+/* The first chapter is a screen of its own: little air, sentences over both columns. */
+main>h2:first-child{margin-top:0;border-top:0;padding-top:.5rem}main>h2:first-child~p{max-width:none}main>h2:first-child~.columns~p{max-width:46rem}
+nav{position:sticky;top:0;z-index:2;background:var(--ground);border-bottom:1px solid var(--line);margin-top:.5rem}
 nav div{max-width:74rem;margin:0 auto;padding:.45rem 1.25rem;display:flex;gap:1.1rem;overflow-x:auto;white-space:nowrap;font-size:.92rem}
 nav a{text-decoration:none}
 .facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(11rem,1fr));gap:.8rem;margin:1rem 0}
@@ -39,8 +41,9 @@ figcaption{font-size:.9rem;color:var(--soft);margin-top:.45rem;max-width:52rem;o
 .table{overflow-x:auto;margin:.7rem 0 1.4rem;border:1px solid var(--line);border-radius:3px;max-height:max(40rem,85vh);overflow-y:auto}
 caption{caption-side:top;text-align:left;font-size:.9rem;color:var(--soft);padding:.45rem .55rem;overflow-wrap:anywhere}
 .columns{display:grid;grid-template-columns:minmax(0,1fr) minmax(0,1fr);gap:0 1.6rem;align-items:start}
-.columns figure{margin:.4rem 0 .6rem}.columns figure svg{min-width:0;max-height:34rem}.columns .facts{margin:.5rem 0}
-.columns h3{margin:.9rem 0 .3rem}.columns p{margin:.3rem 0}
+.columns figure{margin:.3rem 0 .5rem}.columns figure svg{min-width:0;max-height:20rem;padding:.2rem}.columns figcaption{font-size:.78rem;line-height:1.35;margin-top:.2rem}
+.columns .facts{margin:.3rem 0 .5rem;gap:.5rem;grid-template-columns:repeat(auto-fit,minmax(10rem,1fr))}.columns .fact{padding:.3rem .6rem}.columns .fact b{font-size:1.2rem}.columns .fact span{font-size:.78rem;line-height:1.35}
+.columns h3{margin:.6rem 0 .2rem}.columns p{margin:.2rem 0;font-size:.92rem}
 figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - .9rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
 figure.thumb figcaption{font-size:.8rem}
 figure.half{display:inline-block;vertical-align:top;width:calc(50% - .6rem);margin-right:.5rem}figure.half svg{min-width:0}

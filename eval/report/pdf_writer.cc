@@ -107,7 +107,6 @@ class Pages {
 
   void operator()(const Heading& h) {
     const double size = h.level == 2 ? 15 : 11.5;
-    if (h.new_page && y_ > kMargin + 60) Turn();
     Need(size * 2 + (h.level == 2 ? 60 : 110));
     y_ += y_ > kMargin ? (h.level == 2 ? 16 : 10) : 0;
     if (h.level == 2) {
@@ -135,7 +134,7 @@ class Pages {
   void operator()(const Columns&) {}
 
   void operator()(const Facts& facts) {
-    const int columns = std::clamp(static_cast<int>(facts.facts.size()), 1, 4);
+    const int columns = std::clamp(static_cast<int>(facts.facts.size()), 1, 5);
     const double gap = 8, w = (Room() - gap * (columns - 1)) / columns;
     for (size_t begin = 0; begin < facts.facts.size(); begin += static_cast<size_t>(columns)) {
       const size_t end = std::min(facts.facts.size(), begin + static_cast<size_t>(columns));
@@ -266,8 +265,9 @@ class Pages {
   double LeastBelow(const Block& next) const {
     constexpr double kHeading = 60;
     if (const auto* table = std::get_if<Table>(&next)) {
-      constexpr double kSomeRows = 80;
-      return kHeading + painter_->Height(table->caption, 8, false, Room()) + kSomeRows;
+      constexpr double kRow = 12, kSomeRows = 80;
+      const double rows = std::min(kSomeRows, kRow * static_cast<double>(table->rows.size() + 2));
+      return kHeading + painter_->Height(table->caption, 8, false, Room()) + rows;
     }
     const auto* figure = std::get_if<Figure>(&next);
     if (figure == nullptr) return 0;

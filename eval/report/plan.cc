@@ -122,6 +122,7 @@ class PlanPainter {
       if (line.empty()) continue;
       drawing_.Line(line, "#ffffff", 5);
       drawing_.Line(line, ColourOf(path.run), 2.5);
+      lines_.push_back(std::move(line));
     }
   }
 
@@ -136,10 +137,12 @@ class PlanPainter {
           ellipse.emplace_back(x + dx + size * e.sigma_m->x() * std::cos(a),
                                y + dy + size * e.sigma_m->y() * std::sin(a));
         }
-        drawing_.Line(ellipse, kEllipse, 1, true);
+        drawing_.Line(ellipse, "#ffffff", 3);
+        drawing_.Line(ellipse, kEllipse, 1.4, true);
       }
       drawing_.Line({{x, y}, {x + dx, y + dy}}, "#ffffff", 4);
       drawing_.Line({{x, y}, {x + dx, y + dy}}, kVector, 1.8);
+      lines_.push_back({{x, y}, {x + dx, y + dy}});
       const double length = std::hypot(dx, dy);
       if (length < 4) continue;
       const double ux = dx / length, uy = dy / length, head = std::min(8.0, 0.5 * length);
@@ -175,6 +178,7 @@ class PlanPainter {
     std::vector<DrawnBox> marks;
     for (const auto& [x, y] : dots) marks.push_back({x - kDot, y - kDot, 2 * kDot, 2 * kDot});
     for (const DrawnBox& mark : marks) places.Take(mark);
+    for (const auto& line : lines_) places.AvoidLine(line);
     size_t i = 0;
     for (const auto& [name, place] : stations) {
       const auto box = places.Place(marks[i++], TextWidth(name, kSize) + 6, kSize + 5);
@@ -197,11 +201,12 @@ class PlanPainter {
     for (const std::string& run : scene_.runs) entry(run, ColourOf(run), 3, false);
     if (scene_.errors.empty()) return;
     entry(fmt::format("difference x {:g}", enlarged_), kVector, 1.8, false);
-    entry("95 % of it", kEllipse, 1, true);
+    entry("95 % of it", kEllipse, 1.4, true);
   }
 
   const SceneModel& scene_;
   Drawing drawing_;
+  std::vector<std::vector<std::pair<double, double>>> lines_;  // that names keep clear of
   Eigen::Vector2d low_, high_;
   double scale_ = 1, enlarged_ = 1;
 };

@@ -114,10 +114,16 @@ void WriteFigures(const Document& document, const fs::path& out, ReportSummary* 
 
 void AddChapters(const ChapterContext& context, bool images, Scenes scenes, std::vector<Block>* blocks) {
   AddVerdict(context, std::move(scenes.plan), blocks);
+  if (context.input.project->site().runs.empty()) {  // photos only: chapters about runs would be empty
+    AddStitched(context, images, blocks);
+    AddCalibrations(context, blocks);
+    AddProvenance(context, blocks);
+    return;
+  }
   AddAccuracy(context, blocks);
   AddConsistency(context, blocks);
-  AddCameras(context, blocks);
   AddSurvey(context, blocks);
+  AddCameras(context, blocks);
   AddRuns(context, blocks);
   blocks->push_back(Heading{2, "Pictures", "map"});
   blocks->insert(blocks->end(), std::make_move_iterator(scenes.pictures.begin()),

@@ -62,12 +62,21 @@ class MarkdownWriter {
 
 std::string CaptionOf(const Table& table) {
   std::string text = table.caption;
+  std::vector<std::pair<std::string, std::string>> reasons;  // and the columns they are for
   for (size_t k = 0; k < table.columns.size(); ++k) {
     const TableColumn& column = table.columns[k];
     const bool any = std::any_of(table.rows.begin(), table.rows.end(),
                                  [&](const auto& row) { return k < row.size() && row[k].text.empty(); });
-    if (any && !column.missing.empty()) text += " - under " + column.name + ": " + column.missing + ".";
+    if (!any || column.missing.empty()) continue;
+    const auto same =
+        std::find_if(reasons.begin(), reasons.end(), [&](const auto& r) { return r.first == column.missing; });
+    if (same == reasons.end()) {
+      reasons.emplace_back(column.missing, column.name);
+    } else {
+      same->second += ", " + column.name;
+    }
   }
+  for (const auto& [reason, columns] : reasons) text += " - under " + columns + ": " + reason + ".";
   return text;
 }
 

@@ -21,20 +21,23 @@ struct ImageDetections;  // survey/tags/tag_files.h
 struct ReferencePoseOptions {
   double extra_sigma_px = 0.05;  // added to each corner's sigma in quadrature, px
   double min_side_px = 12;       // smaller pictures of a tag are not used, px
-  double motion_rot_deg = 0.3;   // 1 sigma of the motion per square root of a metre (and of a second, a tenth of it)
-  double motion_m = 0.02;        // the same for position, m
-  int variance_rounds = 3;       // rounds of variance components; 0: the sigmas above are believed
-  double gate_chi2 = 31.8;       // a picture of a tag beyond it (8 degrees of freedom) is rejected: 99.99 %
-  double max_gap_s = 2;          // motion is not interpolated across a longer gap, s
-  double max_bridge_m = 50;      // an image further from the next one with a tag, along the path, gets no pose, m
+  // 1 sigma of the motion after 1 m, growing with the square root of the distance; a tenth of it after 1 s.
+  double motion_rot_deg = 0.3;
+  double motion_m = 0.02;    // the same for position, m
+  int variance_rounds = 3;   // rounds of variance components; 0: the sigmas above are believed
+  double gate_chi2 = 31.8;   // a picture of a tag beyond it (8 degrees of freedom) is rejected: 99.99 %
+  double max_gap_s = 2;      // motion is not interpolated across a longer gap, s
+  double max_bridge_m = 50;  // an image further from the next one with a tag, along the path, gets no pose, m
   int max_iterations = 30;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
     visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "detections with a shorter side are not used"});
     visit(self.motion_rot_deg,
-          {"motion_rot_deg", "deg", 1e-4, 90.0, "1 sigma of the motion's rotation per square root of a metre"});
-    visit(self.motion_m, {"motion_m", "m", 1e-5, 10.0, "1 sigma of the motion's position per square root of a metre"});
+          {"motion_rot_deg", "deg", 1e-4, 90.0,
+           "1 sigma of the motion's rotation after 1 m; grows with the square root of the distance"});
+    visit(self.motion_m, {"motion_m", "m", 1e-5, 10.0,
+                          "1 sigma of the motion's position after 1 m; grows with the square root of the distance"});
     visit(self.variance_rounds,
           {"variance_rounds", "", 0, 20, "rounds of variance component estimation; 0: sigmas as stated"});
     visit(self.gate_chi2,

@@ -118,10 +118,10 @@ struct SurveyInput {
 };
 
 struct SurveyOptions {
-  double extra_sigma_px = 0.05;       // added to each corner's sigma in quadrature
-  double min_side_px = 12;            // smaller pictures of a tag are not used
-  double odometry_rot_deg = 0.3;      // 1 sigma per square root of a metre (and of a second, a tenth of it)
-  double odometry_m = 0.02;           // the same for position, m
+  double extra_sigma_px = 0.05;   // added to each corner's sigma in quadrature
+  double min_side_px = 12;        // smaller pictures of a tag are not used
+  double odometry_rot_deg = 0.3;  // 1 sigma after 1 m, growing with the root of the distance; a tenth of it after 1 s
+  double odometry_m = 0.02;       // the same for position, m
   double heading_drift_deg_m = 0.05;  // 1 sigma of a constant drift of odometry's heading, estimated for each run
   double gravity_deg = 0.5;           // 1 sigma of what levelled odometry calls up, a common error of a run
   double corner_shift_px = 0;         // 1 sigma of a shift of all corners towards the tag's centre; 0: there is none
@@ -136,9 +136,10 @@ struct SurveyOptions {
     visit(self.extra_sigma_px, {"extra_sigma_px", "px", 0.0, 10.0, "added to each corner's sigma in quadrature"});
     visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "tags with a shorter side in the picture are not used"});
     visit(self.odometry_rot_deg,
-          {"odometry_rot_deg", "deg", 1e-4, 90.0, "1 sigma of odometry's rotation per square root of a metre"});
-    visit(self.odometry_m,
-          {"odometry_m", "m", 1e-5, 10.0, "1 sigma of odometry's position per square root of a metre"});
+          {"odometry_rot_deg", "deg", 1e-4, 90.0,
+           "1 sigma of odometry's rotation after 1 m; grows with the square root of the distance"});
+    visit(self.odometry_m, {"odometry_m", "m", 1e-5, 10.0,
+                            "1 sigma of odometry's position after 1 m; grows with the square root of the distance"});
     visit(self.heading_drift_deg_m, {"heading_drift_deg_m", "deg/m", 0.0, 10.0, "1 sigma of odometry's heading drift"});
     visit(self.gravity_deg, {"gravity_deg", "deg", 1e-3, 45.0, "1 sigma of the vertical of levelled odometry"});
     visit(self.corner_shift_px,

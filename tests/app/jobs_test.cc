@@ -122,6 +122,16 @@ TEST_F(JobsTest, WhatIsOutOfDateMakesWhatFollowsOutOfDate) {
                                     "second/run2 out of date", "all out of date"));
 }
 
+TEST_F(JobsTest, WhatIsMadeOnRequestIsNotMissed) {
+  Run();
+  StageInfo extra = ToyStage("extra", {"second"}, false, true);
+  all_.needs = {"second", "extra"};
+  jobs_.insert(jobs_.end() - 1, {&extra, {"", "", {}}});
+  EXPECT_EQ(States().back(), "all out of date");
+  extra.first_on_request = true;
+  EXPECT_EQ(States().back(), "all done");
+}
+
 TEST_F(JobsTest, NotNeededIsNoFailure) {
   second_.not_needed = [](const Project&, const StageTarget&) { return "no panoramas"; };
   EXPECT_THAT(Run(), ElementsAre("first/run1 computed", "first/run2 computed", "second/run1 not needed",

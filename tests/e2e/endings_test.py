@@ -126,6 +126,10 @@ class Endings(unittest.TestCase):
                      r"^Relative  median \d\.\d+ m, worst \d\.\d+ m   \(\d", r"^Absolute  median ", r"^Report    .*results/report/index\.html$", r"^Next      trigpoint"):
             self.assertRegex(self.first, re.compile(part, re.M))
 
+    def test_the_report_of_a_run_is_of_its_own_results(self):
+        with open(os.path.join(self.site, "results/report/index.html"), encoding="utf-8") as file:
+            self.assertNotIn("out of date", file.read().partition('id="accuracy"')[0])
+
     def test_numbers_are_those_of_the_files(self):
         with open(os.path.join(self.site, "results/evaluate/summary.json"), encoding="utf-8") as file:
             groups = json.load(file)["groups"]

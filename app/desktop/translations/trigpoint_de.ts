@@ -64,7 +64,7 @@
     </message>
     <message>
         <source>Result</source>
-        <translation>Was daraus wurde</translation>
+        <translation>Ergebnis</translation>
     </message>
     <message>
         <source>Cancel</source>
@@ -373,7 +373,7 @@
     </message>
     <message>
         <source>Do the recordings suffice? Watch this folder while pictures are copied into it, or check it once, before you leave the site.</source>
-        <translation>Reicht es, solange man noch vor Ort ist? Diesen Ordner beobachten, während Bilder hineinkopiert werden, oder einmal prüfen.</translation>
+        <translation>Reichen die Aufnahmen? Diesen Ordner beobachten, während Bilder hineinkopiert werden, oder ihn einmal prüfen, bevor man den Ort verlässt.</translation>
     </message>
     <message>
         <source>Open the folder that the camera&apos;s pictures are copied to.</source>
@@ -385,7 +385,7 @@
     </message>
     <message>
         <source>No further picture would improve the predicted accuracy much.</source>
-        <translation>Mehr brächte nicht viel.</translation>
+        <translation>Kein weiteres Bild würde die vorhergesagte Genauigkeit wesentlich verbessern.</translation>
     </message>
     <message>
         <source>tags, the way so far, where to stand next</source>
@@ -416,15 +416,15 @@
     </message>
     <message>
         <source>Run of the first</source>
-        <translation>Lauf der ersten</translation>
+        <translation>Fahrt der ersten</translation>
     </message>
     <message>
         <source>Run of the second</source>
-        <translation>Lauf der zweiten</translation>
+        <translation>Fahrt der zweiten</translation>
     </message>
     <message>
         <source>Other &amp;project or release ...</source>
-        <translation>Anderes &amp;Projekt oder Release ...</translation>
+        <translation>Anderes &amp;Projekt oder Veröffentlichung ...</translation>
     </message>
     <message>
         <source>Errors side by side</source>
@@ -456,7 +456,7 @@
     </message>
     <message>
         <source>A project, a release, or a folder of errors.csv</source>
-        <translation>Ein Projekt, ein Release oder ein Ordner mit errors.csv</translation>
+        <translation>Ein Projekt, eine Veröffentlichung oder ein Ordner mit errors.csv</translation>
     </message>
     <message>
         <source>%1: found no errors.csv there, nor in results/evaluate</source>
@@ -468,11 +468,11 @@
     </message>
     <message>
         <source>release %1</source>
-        <translation>Release %1</translation>
+        <translation>Veröffentlichung %1</translation>
     </message>
     <message>
         <source>all runs</source>
-        <translation>alle Läufe</translation>
+        <translation>alle Fahrten</translation>
     </message>
     <message>
         <source>Nothing to compare yet: no evaluation is there. Run evaluate first.</source>
@@ -480,11 +480,11 @@
     </message>
     <message>
         <source>One side is %1 alone: of the other side&apos;s runs only %1 is compared.</source>
-        <translation>Auf einer Seite steht nur %1: Von den Läufen der anderen Seite wird nur %1 verglichen.</translation>
+        <translation>Auf einer Seite steht nur %1: Von den Fahrten der anderen Seite wird nur %1 verglichen.</translation>
     </message>
     <message>
         <source>A and B are the same results: choose another variant, run, release or project for B.</source>
-        <translation>A und B sind dieselben Ergebnisse: für B eine andere Variante, einen anderen Lauf, ein Release oder Projekt wählen.</translation>
+        <translation>A und B sind dieselben Ergebnisse: für B eine andere Variante, eine andere Fahrt, eine Veröffentlichung oder ein anderes Projekt wählen.</translation>
     </message>
     <message>
         <source>Comparing ...</source>
@@ -512,7 +512,7 @@
     </message>
     <message>
         <source>run</source>
-        <translation>Lauf</translation>
+        <translation>Fahrt</translation>
     </message>
     <message>
         <source>station</source>
@@ -635,7 +635,7 @@
     </message>
     <message>
         <source>Reason of the decision; it is stored in review.jsonl.</source>
-        <translation>Warum? Es steht in review.jsonl.</translation>
+        <translation>Grund der Entscheidung; er wird in review.jsonl gespeichert.</translation>
     </message>
     <message>
         <source>Exclude %1</source>
@@ -702,7 +702,7 @@
     </message>
     <message>
         <source>Ctrl+N</source>
-        <translation>Ctrl+N</translation>
+        <translation>Strg+N</translation>
     </message>
     <message>
         <source>images: the next image of the selected tag</source>
@@ -762,7 +762,7 @@
     </message>
     <message>
         <source>compared in site coordinates: the georeference&apos;s error is part of it</source>
-        <translation>in Koordinaten des Geländes verglichen: der Fehler der Georeferenz ist enthalten</translation>
+        <translation>in Koordinaten des Messgebiets verglichen: der Fehler der Georeferenz ist enthalten</translation>
     </message>
     <message>
         <source>answer minus reference, east, north, up</source>
@@ -786,7 +786,7 @@
     </message>
     <message>
         <source>control, check</source>
-        <translation>Passpunkt, Prüfpunkt</translation>
+        <translation>Passpunkt, Kontrollpunkt</translation>
     </message>
     <message>
         <source>a surveyed point that the map is fitted to; one that only tests it</source>
@@ -861,7 +861,7 @@
     </message>
     <message>
         <source>Images of the run</source>
-        <translation>Bilder des Laufs</translation>
+        <translation>Bilder der Fahrt</translation>
     </message>
     <message>
         <source>Image by time</source>
@@ -885,7 +885,7 @@
     </message>
     <message>
         <source>tracks, errors x 10</source>
-        <translation>Tracks, Fehler x 10</translation>
+        <translation>Spuren, Fehler x 10</translation>
     </message>
     <message>
         <source>inlier matches</source>
@@ -897,7 +897,7 @@
     </message>
     <message>
         <source>Name of the surveyed point</source>
-        <translation>Name des vermessenen Punkts</translation>
+        <translation>Name des eingemessenen Punkts</translation>
     </message>
     <message>
         <source>Mar&amp;k by click</source>
@@ -929,7 +929,7 @@
     </message>
     <message>
         <source>tags: %1, points: %2</source>
-        <translation>Tags: %1, Punkte: %2</translation>
+        <translation>Marken: %1, Punkte: %2</translation>
     </message>
     <message>
         <source>, reprojection RMS %1 px</source>
@@ -965,7 +965,7 @@
     </message>
     <message>
         <source>Tag %1 was detected in no image.</source>
-        <translation>Tag %1 wurde in keinem Bild gefunden.</translation>
+        <translation>Marke %1 wurde in keinem Bild gefunden.</translation>
     </message>
     <message>
         <source>linked zoom</source>
@@ -973,7 +973,7 @@
     </message>
     <message>
         <source>Moves the other picture to the same place, by the inlier matches</source>
-        <translation>Was im einen Bild betrachtet wird, wird auch im anderen betrachtet, nach den passenden Zuordnungen</translation>
+        <translation>Verschiebt das andere Bild an dieselbe Stelle, anhand der richtigen Zuordnungen</translation>
     </message>
     <message>
         <source>&amp;Next image of the tag</source>
@@ -985,7 +985,7 @@
     </message>
     <message>
         <source>Goes through all images that show the selected station&apos;s tag (Ctrl+N)</source>
-        <translation>Geht durch alle Bilder, die die Marke der gewählten Station zeigen (Ctrl+N)</translation>
+        <translation>Geht durch alle Bilder, die die Marke der gewählten Station zeigen (Strg+N)</translation>
     </message>
     <message>
         <source>Order of the images of a tag</source>
@@ -1236,7 +1236,7 @@
     </message>
     <message>
         <source>Stopping the run ...</source>
-        <translation>Der Lauf wird angehalten ...</translation>
+        <translation>Die Berechnung wird angehalten ...</translation>
     </message>
     <message>
         <source>Charts</source>
@@ -1434,7 +1434,7 @@
     </message>
     <message>
         <source>Localizes panoramas and photos against a camera&apos;s run, surveys tags, and measures how good the answers are.</source>
-        <translation>Bestimmt Panoramen und Fotos in der Aufnahme einer Kamera, vermisst Tags und misst, wie gut die Antworten sind.</translation>
+        <translation>Bestimmt die Lage von Panoramen und Fotos aus der Fahrt einer Kamera, vermisst Marken und prüft, wie genau die Ergebnisse sind.</translation>
     </message>
     <message>
         <source>&amp;Open a project ...</source>
@@ -1466,7 +1466,7 @@
     </message>
     <message>
         <source>Errors by station and run</source>
-        <translation>Fehler nach Station und Lauf</translation>
+        <translation>Fehler nach Station und Fahrt</translation>
     </message>
     <message>
         <source>Warnings (%1)</source>
@@ -1534,11 +1534,11 @@
     </message>
     <message>
         <source>Copies a small site with two runs into a new folder and opens it</source>
-        <translation>Kopiert ein kleines Gelände mit zwei Fahrten in einen neuen Ordner und öffnet es</translation>
+        <translation>Kopiert ein kleines Messgebiet mit zwei Fahrten in einen neuen Ordner und öffnet es</translation>
     </message>
     <message>
         <source>None yet. Begin with the example.</source>
-        <translation>Noch keine. Das Beispiel ist ein guter Anfang.</translation>
+        <translation>Noch keine. Mit dem Beispiel beginnen.</translation>
     </message>
 </context>
 <context>
@@ -1659,7 +1659,7 @@
     </message>
     <message>
         <source>Tag</source>
-        <translation>Tag</translation>
+        <translation>Marke</translation>
     </message>
     <message>
         <source>Click where it is, then where its printed side faces</source>
@@ -1667,11 +1667,11 @@
     </message>
     <message>
         <source>Place for a tag</source>
-        <translation>Platz für ein Tag</translation>
+        <translation>Platz für eine Marke</translation>
     </message>
     <message>
         <source>A place where one more tag could be: Suggest chooses among them</source>
-        <translation>Ein Platz für ein weiteres Tag: Vorschläge werden unter diesen gewählt</translation>
+        <translation>Ein Platz für eine weitere Marke: Vorschläge werden unter diesen gewählt</translation>
     </message>
     <message>
         <source>Control</source>
@@ -1679,15 +1679,15 @@
     </message>
     <message>
         <source>Click on a tag that is surveyed and used as control</source>
-        <translation>Auf ein Tag klicken, das eingemessen ist und als Passpunkt dient</translation>
+        <translation>Auf eine Marke klicken, die eingemessen ist und als Passpunkt dient</translation>
     </message>
     <message>
         <source>Check point</source>
-        <translation>Prüfpunkt</translation>
+        <translation>Kontrollpunkt</translation>
     </message>
     <message>
         <source>Click on a tag that is surveyed and kept apart as check point</source>
-        <translation>Auf ein Tag klicken, das eingemessen ist und als Prüfpunkt zurückgehalten wird</translation>
+        <translation>Auf eine Marke klicken, die eingemessen ist und als Kontrollpunkt zurückgehalten wird</translation>
     </message>
     <message>
         <source>Station</source>
@@ -1711,7 +1711,7 @@
     </message>
     <message>
         <source>The selected item; a tag with its control and check points</source>
-        <translation>Das gewählte Objekt; ein Tag samt seinen Pass- und Prüfpunkten</translation>
+        <translation>Das gewählte Objekt; eine Marke samt ihren Pass- und Kontrollpunkten</translation>
     </message>
     <message>
         <source>Undo</source>
@@ -1759,7 +1759,7 @@
     </message>
     <message>
         <source>Puts the selected place into the sketch as a tag</source>
-        <translation>Nimmt den gewählten Platz als Tag in die Skizze auf</translation>
+        <translation>Nimmt den gewählten Platz als Marke in die Skizze auf</translation>
     </message>
     <message>
         <source>What to propose</source>
@@ -1771,7 +1771,7 @@
     </message>
     <message>
         <source>propose tags</source>
-        <translation>Tags vorschlagen</translation>
+        <translation>Marken vorschlagen</translation>
     </message>
     <message>
         <source>propose control</source>
@@ -1807,7 +1807,7 @@
     </message>
     <message>
         <source>Black square of a tag that is added next and is not in tags.yaml</source>
-        <translation>Schwarzes Quadrat des nächsten Tags, wenn es nicht in tags.yaml steht</translation>
+        <translation>Schwarzes Quadrat der nächsten Marke, wenn sie nicht in tags.yaml steht</translation>
     </message>
     <message>
         <source>Items of the sketch</source>
@@ -1815,7 +1815,7 @@
     </message>
     <message>
         <source>Predicted sigmas of the tags</source>
-        <translation>Vorhergesagte Sigmas der Tags</translation>
+        <translation>Vorhergesagte Sigmas der Marken</translation>
     </message>
     <message>
         <source>Gain of one more</source>
@@ -1839,7 +1839,7 @@
     </message>
     <message>
         <source>Click on a tag: control and check points are tags that are surveyed.</source>
-        <translation>Auf ein Tag klicken: Pass- und Prüfpunkte sind eingemessene Tags.</translation>
+        <translation>Auf eine Marke klicken: Pass- und Kontrollpunkte sind eingemessene Marken.</translation>
     </message>
     <message>
         <source>&apos;%1&apos; does not fit: expected %2.</source>
@@ -1847,7 +1847,7 @@
     </message>
     <message>
         <source>a name, or a tag&apos;s id</source>
-        <translation>ein Name oder die Nummer eines Tags</translation>
+        <translation>ein Name oder die Nummer einer Marke</translation>
     </message>
     <message>
         <source>a number, sizes and sigmas above 0</source>
@@ -1907,11 +1907,11 @@
     </message>
     <message>
         <source>tag</source>
-        <translation>Tag</translation>
+        <translation>Marke</translation>
     </message>
     <message>
         <source>Open a project, then draw its tags and paths here.</source>
-        <translation>Ein Projekt öffnen, dann seine Tags und Wege hier zeichnen.</translation>
+        <translation>Ein Projekt öffnen, dann seine Marken und Wege hier zeichnen.</translation>
     </message>
     <message>
         <source>site ENU, m, north up</source>
@@ -1967,7 +1967,7 @@
     </message>
     <message>
         <source>RMS of the tags (mm)</source>
-        <translation>RMS der Tags (mm)</translation>
+        <translation>RMS der Marken (mm)</translation>
     </message>
     <message>
         <source>gain (%)</source>
@@ -2250,7 +2250,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Nothing was printed.</source>
-        <translation>Nichts wurde gedruckt.</translation>
+        <translation>Es wurde nichts gedruckt.</translation>
     </message>
     <message>
         <source>Measure: %1.</source>
@@ -2270,7 +2270,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>No length was entered.</source>
-        <translation>Keine Länge wurde eingetragen.</translation>
+        <translation>Es wurde keine Länge eingetragen.</translation>
     </message>
     <message>
         <source>No program opens the PDF: %1</source>
@@ -2416,7 +2416,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Control point to check point, or back</source>
-        <translation>Passpunkt zum Prüfpunkt oder zurück</translation>
+        <translation>Passpunkt zum Kontrollpunkt oder zurück</translation>
     </message>
     <message>
         <source>&amp;Undo last</source>
@@ -2472,7 +2472,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>run</source>
-        <translation>Lauf</translation>
+        <translation>Fahrt</translation>
     </message>
     <message>
         <source>station</source>
@@ -2496,7 +2496,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Re-solve to see what the review changes at stations and check points.</source>
-        <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Prüfpunkten ändert.</translation>
+        <translation>Neu lösen, um zu sehen, was die Prüfung an Stationen und Kontrollpunkten ändert.</translation>
     </message>
     <message>
         <source>Cancelled.</source>
@@ -2520,11 +2520,11 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Nothing changed at stations and check points.</source>
-        <translation>An Stationen und Prüfpunkten hat sich nichts geändert.</translation>
+        <translation>An Stationen und Kontrollpunkten hat sich nichts geändert.</translation>
     </message>
     <message>
         <source>Take the last decision back (Ctrl+Z, where no text is written)</source>
-        <translation>Die letzte Entscheidung zurücknehmen (Ctrl+Z, wo kein Text geschrieben wird)</translation>
+        <translation>Die letzte Entscheidung zurücknehmen (Strg+Z, wo kein Text geschrieben wird)</translation>
     </message>
     <message>
         <source>Re&amp;do</source>
@@ -2532,7 +2532,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Make the decision again that was taken back last (Ctrl+Shift+Z)</source>
-        <translation>Die zuletzt zurückgenommene Entscheidung erneut treffen (Ctrl+Umschalt+Z)</translation>
+        <translation>Die zuletzt zurückgenommene Entscheidung erneut treffen (Strg+Umschalt+Z)</translation>
     </message>
     <message>
         <source>answer</source>
@@ -2563,7 +2563,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Runs</source>
-        <translation>Läufe</translation>
+        <translation>Fahrten</translation>
     </message>
     <message>
         <source>Variant</source>
@@ -2619,7 +2619,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Cancel the run</source>
-        <translation>Den Lauf abbrechen</translation>
+        <translation>Die Berechnung abbrechen</translation>
     </message>
     <message>
         <source>Reset options</source>
@@ -2635,7 +2635,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>State of the run</source>
-        <translation>Stand des Laufs</translation>
+        <translation>Stand der Berechnung</translation>
     </message>
     <message>
         <source>Log</source>
@@ -2806,7 +2806,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>tags</source>
-        <translation>Tags</translation>
+        <translation>Marken</translation>
     </message>
     <message>
         <source>errors</source>
@@ -2854,7 +2854,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>points by track length</source>
-        <translation>Punkte nach Tracklänge</translation>
+        <translation>Punkte nach Länge der Spur</translation>
     </message>
     <message>
         <source>points by uncertainty</source>
@@ -2866,7 +2866,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Run to move along</source>
-        <translation>Lauf, an dem man entlanggeht</translation>
+        <translation>Fahrt, der man folgt</translation>
     </message>
     <message>
         <source>Layers</source>
@@ -2890,7 +2890,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Stand in the selected panorama and see points and tags drawn over it</source>
-        <translation>Im gewählten Panorama stehen und Punkte und Tags darübergezeichnet sehen</translation>
+        <translation>Im gewählten Panorama stehen und darübergezeichnete Punkte und Marken sehen</translation>
     </message>
     <message>
         <source>Screen&amp;shot ...</source>
@@ -2898,7 +2898,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Place along the run</source>
-        <translation>Ort entlang des Laufs</translation>
+        <translation>Ort entlang der Fahrt</translation>
     </message>
     <message>
         <source>Coordinates under the mouse</source>
@@ -2930,7 +2930,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Select a localized panorama first.</source>
-        <translation>Zuerst ein bestimmtes Panorama wählen.</translation>
+        <translation>Zuerst ein lokalisiertes Panorama wählen.</translation>
     </message>
     <message>
         <source>Screenshot</source>
@@ -2982,7 +2982,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others</source>
-        <translation>in %1, wie von %2 bestimmt; Ziehen: umsehen, Mausrad: Zoom, Bild auf und Bild ab: die anderen</translation>
+        <translation>in %1, wie von %2 lokalisiert; Ziehen: umsehen, Mausrad: Zoom, Bild auf und Bild ab: die anderen</translation>
     </message>
     <message>
         <source>gps</source>
@@ -3054,7 +3054,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>The run by which this panorama is localized</source>
-        <translation>Die Fahrt, durch die dieses Panorama verortet ist</translation>
+        <translation>Die Fahrt, durch die dieses Panorama lokalisiert ist</translation>
     </message>
     <message>
         <source>size</source>
@@ -3090,7 +3090,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>site, E and N in %1</source>
-        <translation>Gelände, E und N in %1</translation>
+        <translation>Messgebiet, E und N in %1</translation>
     </message>
     <message>
         <source>x and y in %1</source>
@@ -3263,7 +3263,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>runs (%1)</source>
-        <translation>Läufe (%1)</translation>
+        <translation>Fahrten (%1)</translation>
     </message>
     <message>
         <source>%1 images</source>
@@ -3291,11 +3291,11 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>tag %1</source>
-        <translation>Tag %1</translation>
+        <translation>Marke %1</translation>
     </message>
     <message>
         <source>tags (%1)</source>
-        <translation>Tags (%1)</translation>
+        <translation>Marken (%1)</translation>
     </message>
     <message>
         <source>control (%1)</source>
@@ -3401,7 +3401,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>run, and what was answered</source>
-        <translation>Fahrt, und was geantwortet wurde</translation>
+        <translation>Fahrt und Ergebnis</translation>
     </message>
     <message>
         <source>error in space (%1)</source>
@@ -3437,7 +3437,7 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
     <message>
         <source>Lengths in %1. Absolute: in site coordinates (east, north, up), with the georeference&apos;s error. Relative: in the run&apos;s own frame.</source>
-        <translation>Längen in %1. Absolut: in Koordinaten des Geländes (Ost, Nord, oben), mit dem Fehler der Georeferenz. Relativ: im eigenen System der Fahrt.</translation>
+        <translation>Längen in %1. Absolut: in Koordinaten des Messgebiets (Ost, Nord, oben), mit dem Fehler der Georeferenz. Relativ: im eigenen System der Fahrt.</translation>
     </message>
     <message>
         <source>none</source>

@@ -25,7 +25,7 @@ Document Evil() {
   Document d;
   d.title = d.subtitle = d.footer = kEvil;
   d.date = "2026-05-12T09:43:20Z";
-  d.blocks.push_back(Heading{2, kEvil, "one", true});
+  d.blocks.push_back(Heading{2, kEvil, "one"});
   d.blocks.push_back(Paragraph{kEvil, Tone::kBad});
   d.blocks.push_back(Facts{{{kEvil, kEvil, kEvil, Tone::kGood}}});
   TableCell link{kEvil};

@@ -169,6 +169,11 @@ TEST_F(ReportTest, ShowsAStitchedPanorama) {
   EXPECT_THAT(html, HasSubstr("Panorama of the photo set corner"));
   EXPECT_THAT(html, HasSubstr("<td>11"));
   EXPECT_THAT(html, Not(HasSubstr("Next: trigpoint run")));
+  // No chapters about runs, and no links to them.
+  for (const char* chapter : {"accuracy", "consistency", "runs", "map", "stations"}) {
+    EXPECT_THAT(html, Not(HasSubstr("id=\"" + std::string(chapter) + "\"")));
+    EXPECT_THAT(html, Not(HasSubstr("href=\"#" + std::string(chapter) + "\"")));
+  }
   EXPECT_TRUE(fs::exists(site_ / "out/figures/stitched_1.png"));
 }
 
