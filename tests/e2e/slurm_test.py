@@ -16,6 +16,7 @@ import tempfile
 import time
 import unittest
 
+import guides_test
 import slurm_cluster
 
 PROGRAM, SOURCE = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
@@ -211,6 +212,25 @@ class Slurm(unittest.TestCase):
             called = log.read().splitlines()
         self.assertTrue(all(line.startswith("exec --bind ") and f" {image} trigpoint batch " in line for line in called))
         self.assertTrue(any(f"--bind {site}" in line for line in called))
+        self.assert_same_as_local(site)
+
+    def test_the_guide_works_as_written(self):
+        folder = os.path.join(self.dir, "guide")
+        os.makedirs(folder)
+        site = self.make_site("guide/my_site")
+        with open(f"{folder}/sites.txt", "w", encoding="utf-8") as file:
+            file.write("my_site\n")
+        ran = 0
+        for language, needs, text, line in guides_test.blocks(os.path.join(SOURCE, "docs/guides/cluster.md")):
+            if language == "sh" and needs == "a Slurm cluster":
+                path = os.path.dirname(PROGRAM) + os.pathsep + os.environ["PATH"]
+                done = subprocess.run(["bash", "-e", "-c", text], cwd=folder, env={**os.environ, "PATH": path},
+                                      capture_output=True, text=True, check=False)
+                self.assertEqual(done.returncode, 0, f"cluster.md:{line}\n{done.stdout}\n{done.stderr}")
+                ran += 1
+        self.assertEqual(ran, 2)
+        self.finish(f"{folder}/sites-batch", 600)
+        self.assertEqual(self.summary(f"{folder}/sites-batch")["done"], 1)
         self.assert_same_as_local(site)
 
     def finish(self, batch, seconds):
