@@ -223,6 +223,42 @@ void SiteCheck::AddPictures(CheckOutcome* outcome) const {
   }
 }
 
+namespace {
+
+// Where a sketch says which tags are put up, others that are printed (tags.yaml) are spares until a picture shows them.
+void EraseSpares(FieldFacts* facts) {
+  std::set<int> seen;
+  for (const FieldRun& run : facts->runs) {
+    for (const FieldPicture& picture : run.pictures) {
+      for (const TagDetection& d : picture.tags) seen.insert(d.id);
+    }
+  }
+  std::erase_if(facts->planned, [&](const auto& tag) { return tag.second.what.empty() && !seen.contains(tag.first); });
+}
+
+// What reading the site warned of, pictures that are not copied yet in one sentence.
+std::vector<SiteFinding> FindInFiles(const Site& site) {
+  std::vector<SiteFinding> findings;
+  std::vector<std::string> absent;
+  for (const std::string& warning : site.warnings) {
+    // Runs that cannot be used are named by FindInPictures.
+    if (warning.find("is left out") != std::string::npos && warning.find("run '") != std::string::npos) continue;
+    if (warning.find(": there is no file ") != std::string::npos) {
+      absent.push_back(warning);
+    } else {
+      findings.push_back({Light::kAmber, "files", warning});
+    }
+  }
+  if (absent.size() == 1) findings.push_back({Light::kAmber, "files", absent.front()});
+  if (absent.size() > 1) {
+    findings.push_back(
+        {Light::kAmber, "files", "tables name files that are not copied yet, the first: " + absent.front()});
+  }
+  return findings;
+}
+
+}  // namespace
+
 void SiteCheck::AddPlanned(FieldFacts* facts) const {
   const auto add = [&](int id, const std::string& what) {
     if (id < 0) return;
@@ -240,6 +276,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
       facts->planned[point.tag_id].world_m = project_->frame().EnuFromGeodetic(*point.geodetic);
     }
   }
+  bool sketched = false;
   for (const char* name : {"plan.csv", "plan.geojson"}) {
     if (!fs::is_regular_file(dir_ / name)) continue;
     std::vector<SketchItem> sketch;
@@ -251,6 +288,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
     }
     for (const SketchItem& item : sketch) {
       if (item.kind != "tag") continue;
+      sketched = true;
       add(item.tag_id, "in " + std::string(name));
       std::optional<Eigen::Vector3d>& at = facts->planned[item.tag_id].world_m;
       if (!at) at = item.local_m;
@@ -258,6 +296,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
     }
     break;
   }
+  if (sketched) EraseSpares(facts);
 }
 
 // Of tags with a size, by runs with a camera.
@@ -406,12 +445,8 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   FieldFacts& facts = outcome.facts;
   facts.site = &project_->site();
   for (const std::string& problem : problems_) outcome.findings.push_back({Light::kRed, "files", problem});
-  for (const std::string& warning : facts.site->warnings) {
-    // Runs that cannot be used are named by FindInPictures.
-    if (warning.find("is left out") == std::string::npos || warning.find("run '") == std::string::npos) {
-      outcome.findings.push_back({Light::kAmber, "files", warning});
-    }
-  }
+  const std::vector<SiteFinding> of_files = FindInFiles(*facts.site);
+  outcome.findings.insert(outcome.findings.end(), of_files.begin(), of_files.end());
   facts.videos_arriving = videos_arriving_;
   facts.videos_unreadable = videos_unreadable_;
   outcome.waiting += static_cast<int>(videos_arriving_.size());

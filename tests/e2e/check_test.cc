@@ -167,6 +167,16 @@ TEST_F(FieldCheck, AHiddenTagIsNamed) {
   EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 2 (")));
 }
 
+// Sheets are printed in stock: where a sketch says what is put up, the others are missed by nobody.
+TEST_F(FieldCheck, PrintedSparesAreNotMissing) {
+  std::ofstream(site_ / "tags.yaml", std::ios::app) << "sizes_m: {30: 0.16}\n";
+  EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 30 is planned and in no picture")));
+  std::ofstream(site_ / "plan.csv") << "kind,name,east_m,north_m,up_m\ntag,0,0,0,1\ntag,31,5,0,1\n";
+  const std::vector<std::string> findings = Findings(Check());
+  EXPECT_THAT(findings, Contains(HasSubstr("tag 31 (in plan.csv) is planned and in no picture")));
+  EXPECT_THAT(findings, Not(Contains(HasSubstr("tag 30"))));
+}
+
 TEST_F(FieldCheck, WhatAMaskIgnoresIsNoTagOfTheSite) {
   const nlohmann::json before = Check();
   const std::string yaml = ReadTextFile(site_ / "runs/run1/run.yaml");
