@@ -7,6 +7,7 @@
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/solution/solution_file.h"
+#include "localize/reconstruct/lens_check.h"
 #include "localize/reconstruct/odometry_check.h"
 #include "localize/reconstruct/odometry_unit.h"
 #include "localize/run_solution.h"
@@ -75,6 +76,13 @@ void RequireConventions(const Run& run, const LocalizeInput& input, StageContext
   if (contradiction) throw InputError(*contradiction);
 }
 
+// Refuses a calibration that the images contradict.
+void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
+  const LensCheck check = CheckLenses(input, run.reconstruction, context.threads);
+  context.metrics["lens_residuals_removed"] = check.better;
+  if (const auto contradiction = Contradiction(input, check)) throw InputError(*contradiction);
+}
+
 fs::path FeaturesOf(const Project& project, const StageTarget& target) {
   return ResultOf(project, "features", Plain(target)) / "features.db";
 }
@@ -141,6 +149,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                         ? ReconstructOnce(options, mode, target, run, context, &result)
                         : ReconstructWithItsCameras(options, mode, target, run, context, &result);
   if (!calibrated) check(job);
+  if (calibrated && options.check_conventions && mode != "paper") RequireCalibration(job.input, result, context);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
   context.progress.Begin("writing the solution", 0);
@@ -184,7 +193,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 6;
+    request.version = 7;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -1,10 +1,12 @@
-// The lens of a camera that nobody calibrated, from a reconstruction that was made with a guess of it.
+// The lens of a camera, from a reconstruction that was made with a guess or a calibration of it.
 #include "localize/reconstruct/self_calibration.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "calib/estimation/random.h"
 #include "calib/geometry/so3.h"
+#include "localize/reconstruct/lens_check.h"
 
 namespace trigpoint {
 namespace {
@@ -19,11 +21,11 @@ struct Scene {
   Reconstruction reconstruction;
 };
 
-Scene MakeScene(uint64_t seed) {
+Scene MakeScene(uint64_t seed, const Camera& used = {CameraModel::kPinhole, 640, 480, {530, 530, 319.5, 239.5}}) {
   Scene scene;
   Random random(seed);
   BodyCamera guess;
-  guess.camera = Camera(CameraModel::kPinhole, 640, 480, {530, 530, 319.5, 239.5});
+  guess.camera = used;
   guess.focal_sigma_share = 0.1;
   guess.guessed_focal_px = 530;
   scene.input.cameras = {guess};
@@ -89,6 +91,31 @@ TEST(SelfCalibrate, LeavesCalibratedCamerasAlone) {
   Scene scene = MakeScene(1);
   scene.input.cameras[0].focal_sigma_share = 0;
   EXPECT_TRUE(SelfCalibrate(scene.input, scene.reconstruction, 1).empty());
+}
+
+TEST(CheckLenses, ACalibrationThatFitsIsNotContradicted) {
+  for (uint64_t seed = 1; seed <= 5; ++seed) {
+    const Scene scene = MakeScene(seed, TrueCamera());
+    const LensCheck check = CheckLenses(scene.input, scene.reconstruction, 1);
+    ASSERT_EQ(check.errors.size(), 1U);
+    EXPECT_LT(check.better, 0.01);
+    EXPECT_FALSE(Contradiction(scene.input, check).has_value());
+  }
+}
+
+TEST(CheckLenses, AnotherLensIsNamed) {
+  const auto check_of = [](std::vector<double> params, LensCheck* check) {
+    Scene scene = MakeScene(1, {CameraModel::kRadtan, 640, 480, std::move(params)});
+    scene.input.cameras[0].name = "cam7";
+    *check = CheckLenses(scene.input, scene.reconstruction, 1);
+    return Contradiction(scene.input, *check).value_or("");
+  };
+  LensCheck check;
+  EXPECT_THAT(check_of({515, 515, 324, 236, -0.1, 0.02, 0, 0}, &check), testing::HasSubstr("cam7: focal length about"));
+  EXPECT_NEAR(check.errors[0].focal, 500.0 / 515 - 1, 0.005);
+  EXPECT_THAT(check_of({500, 500, 344, 236, -0.1, 0.02, 0, 0}, &check), testing::HasSubstr("principal point -"));
+  EXPECT_NEAR(check.errors[0].centre_px.x(), -20, 2);
+  EXPECT_NE(check_of({500, 500, 324, 236, -0.3, 0.09, 0, 0}, &check), "");
 }
 
 }  // namespace

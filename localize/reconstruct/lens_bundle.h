@@ -1,0 +1,59 @@
+// A part of a reconstruction, adjusted with parameters of its cameras' lenses free.
+#pragma once
+
+#include <ceres/ceres.h>
+#include <ceres/rotation.h>
+
+#include <array>
+#include <functional>
+#include <vector>
+
+#include "localize/reconstruct/reconstruct.h"
+
+namespace trigpoint {
+
+inline constexpr int kLensParameters = 5;
+using LensParameters = std::array<double, kLensParameters>;
+using PoseParameters = std::array<double, 6>;  // angle axis and translation (m) of body_from_odom
+
+// Images, points and odometry of a reconstruction as a problem of Ceres, which points into it: it stays where it is.
+class LensBundle {
+ public:
+  LensBundle(const Reconstruction& reconstruction, std::vector<LensParameters> lenses);
+  LensBundle(const LensBundle&) = delete;
+  LensBundle& operator=(const LensBundle&) = delete;
+
+  // The cost of an observation: two residuals of its pose, its point and the lens of its camera; nullptr leaves it out.
+  using ObservationCost = std::function<ceres::CostFunction*(const BearingObservation&)>;
+  // Observations of the points that most images show, `points_per_image` in each; of a long run some stretches. Errors
+  // beyond a few sigmas count less.
+  void AddImages(int points_per_image, const ObservationCost& cost);
+  // Odometry between the poses of the images added; the first pose of each stretch is held.
+  void AddMotion();
+
+  // Half the sum of squares that is left. Throws NumericError.
+  double Solve(int threads, int max_iterations);
+  // Of the lenses that are free, in order; empty where images do not determine them.
+  Eigen::MatrixXd CovarianceOfLenses();
+
+  bool HasLens(size_t camera) { return problem.HasParameterBlock(lenses[camera].data()); }
+
+  std::vector<LensParameters> lenses;  // of each camera
+  ceres::Problem problem;
+
+ private:
+  const Reconstruction& reconstruction_;
+  ceres::CauchyLoss loss_;
+  std::vector<PoseParameters> poses_;
+  std::vector<Eigen::Vector3d> points_;
+};
+
+// A point (odometry's frame, m) in the frame of the body.
+template <typename T>
+Eigen::Matrix<T, 3, 1> InBody(const T* pose, const T* point) {
+  Eigen::Matrix<T, 3, 1> out;
+  ceres::AngleAxisRotatePoint(pose, point, out.data());
+  return out + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(pose + 3);
+}
+
+}  // namespace trigpoint

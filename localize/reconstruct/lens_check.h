@@ -1,0 +1,34 @@
+// Does a calibration fit the images of a run? Its lenses are estimated from them, too.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "localize/reconstruct/reconstruct.h"
+
+namespace trigpoint {
+
+// What a run's images say of a lens against its calibration.
+struct LensError {
+  int camera = 0;                                       // index into LocalizeInput::cameras
+  double focal = 0;                                     // share of the focal length
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the principal point, right and down
+  double rms_px = 0;                                    // shift of a pixel, RMS over the picture
+};
+
+struct LensCheck {
+  std::vector<LensError> errors;  // of the cameras whose images were used
+  double better = 0;              // share of the squared residuals that goes where lenses are free
+};
+
+// Bundle adjustment of a part of the reconstruction with the lenses of all cameras free, to first order in their
+// errors: focal length, principal point, radial distortion.
+LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads);
+
+// What to say of a calibration that cannot be right; nothing where it may be. A lens that is found far from its
+// calibration says little by itself: a run straight ahead hardly knows its lens, and takes up odometry's errors. That
+// the images fit much better with another lens says that it is another.
+std::optional<std::string> Contradiction(const LocalizeInput& input, const LensCheck& check);
+
+}  // namespace trigpoint
