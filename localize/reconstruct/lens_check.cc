@@ -13,9 +13,9 @@ constexpr int kPointsPerImage = 60;
 constexpr int kIterations = 10;
 // 1 sigma of each parameter about none: wide, so that what images do not determine stays as calibrated.
 constexpr double kSigmaShare = 0.3, kSigmaCentre = 0.1;  // the centre's: share of half the diagonal
-// A calibration is contradicted beyond both: of the squared residuals, and of half the picture's diagonal. Short runs
-// straight ahead lose up to a tenth with a good calibration.
-constexpr double kMuchBetter = 0.25, kFarOff = 0.01;
+// A calibration is contradicted beyond both: of the squared residuals, and of half the picture's diagonal. Runs
+// straight ahead lose a tenth to a third of them with a calibration as good as real ones are.
+constexpr double kMuchBetter = 0.5, kFarOff = 0.01;
 
 using Lens = Eigen::Map<const Eigen::Matrix<double, kLensParameters, 1>>;
 using Shift = Eigen::Matrix<double, 2, kLensParameters>;

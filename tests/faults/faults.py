@@ -591,10 +591,9 @@ def intrinsics(name, change, cause, quick=False):
     camchain(name, lambda c: c.update(intrinsics=[float(v) for v in change(list(c["intrinsics"]))]), cause, quick)
 
 
-for percent in (2, 10, 50):
+for percent, cause in ((2, None), (10, r"calibration"), (50, CAMERA + "|feature|pixel|sigma")):
     intrinsics(f"focal length {percent} % off",
-               lambda v, f=1 + percent / 100: [f * v[0], f * v[1], v[2], v[3]],
-               None if percent <= 10 else CAMERA + "|feature|pixel|sigma")
+               lambda v, f=1 + percent / 100: [f * v[0], f * v[1], v[2], v[3]], cause)
 intrinsics("focal length halved", lambda v: [v[0] / 2, v[1] / 2, v[2], v[3]], CAMERA + "|feature|pixel|sigma")
 intrinsics("focal length in millimetres", lambda v: [4.2, 4.2, v[2], v[3]], r"focal", True)
 intrinsics("focal length negative", lambda v: [-v[0], v[1], v[2], v[3]], r"intrinsics|focal", True)
@@ -602,9 +601,9 @@ intrinsics("all of half the size", lambda v: [x / 2 for x in v], CAMERA + "|prin
 intrinsics("principal point at 0, 0", lambda v: [v[0], v[1], 0, 0], r"principal")
 intrinsics("principal point swapped", lambda v: [v[0], v[1], v[3], v[2]], CAMERA + "|principal|feature|pixel")
 intrinsics("principal point 4795", lambda v: [v[0], v[1], 4795, v[3]], r"principal")
-intrinsics("principal point 20 px off", lambda v: [v[0], v[1], v[2] + 20, v[3]], None)
+intrinsics("principal point 20 px off", lambda v: [v[0], v[1], v[2] + 20, v[3]], r"calibration")
 camchain("distortion -0.9", lambda c: c.update(distortion_coeffs=[-0.9, 0, 0, 0]), r"distortion")
-camchain("distortion of another lens", lambda c: c.update(distortion_coeffs=[-0.2, 0.05, 0, 0]), None)
+camchain("distortion of another lens", lambda c: c.update(distortion_coeffs=[-0.2, 0.05, 0, 0]), r"calibration")
 camchain("fisheye named radtan", lambda c: c.update(distortion_model="equidistant"), None)
 camchain("resolution swapped", lambda c: c.update(resolution=c["resolution"][::-1]), r"resolution|px|size|expected", True)
 camchain("resolution halved", lambda c: c.update(resolution=[v // 2 for v in c["resolution"]]),
