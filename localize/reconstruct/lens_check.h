@@ -23,7 +23,8 @@ struct LensCheck {
 };
 
 // Bundle adjustment of a part of the reconstruction with the lenses of all cameras free, to first order in their
-// errors: focal length, principal point, radial distortion.
+// errors: focal length, principal point, radial distortion. No errors where the images have too few points in common.
+// Throws NumericError.
 LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads);
 
 // What to say of a calibration that cannot be right; nothing where it may be. A lens that is found far from its
