@@ -16,7 +16,7 @@ constexpr int kLeastRedundancy = 200;  // with less, five more parameters remove
 constexpr double kSigmaShare = 0.3, kSigmaCentre = 0.1;  // the centre's: share of half the diagonal
 // A calibration is contradicted beyond both: of the squared residuals, and of half the picture's diagonal. Runs
 // straight ahead lose a tenth to a third of them with a calibration as good as real ones are.
-constexpr double kMuchBetter = 0.5, kFarOff = 0.01;
+constexpr double kMuchBetter = 0.4, kFarOff = 0.01;
 
 using Lens = Eigen::Map<const Eigen::Matrix<double, kLensParameters, 1>>;
 using Shift = Eigen::Matrix<double, 2, kLensParameters>;

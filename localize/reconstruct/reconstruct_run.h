@@ -15,7 +15,7 @@ struct ReconstructRunOptions {
   ViewGraphOptions pairs;
   ReconstructOptions reconstruct;
   LoopOptions loops;
-  bool check_conventions = true;  // refuse odometry that the images contradict; for the caller
+  bool check_conventions = true;  // refuse odometry and calibrations that images contradict; for the caller
 
   StructureFromMotionOptions motion;
 
@@ -27,8 +27,10 @@ struct ReconstructRunOptions {
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
     visit(self.pairs, {"pairs", "", 0, 0, "pairs of images beyond neighbours in time"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
-    visit(self.check_conventions, {"check_conventions", "", 0, 1,
-                                   "refuse odometry that images or GPS contradict: order, signs, axes, unit, jumps"});
+    visit(self.check_conventions,
+          {"check_conventions", "", 0, 1,
+           "refuse odometry that images or GPS contradict (order, signs, axes, unit, jumps) and "
+           "calibrations that images contradict"});
     visit(self.motion, {"motion", "", 0, 0, "motion of runs without odometry, from images alone"});
     visit(self.loops, {"loops", "", 0, 0, "places that the run comes back to"});
   }

@@ -171,7 +171,7 @@ TEST_F(FieldCheck, AHiddenTagIsNamed) {
 TEST_F(FieldCheck, PrintedSparesAreNotMissing) {
   std::ofstream(site_ / "tags.yaml", std::ios::app) << "sizes_m: {30: 0.16}\n";
   EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 30 is planned and in no picture")));
-  std::ofstream(site_ / "plan.csv") << "kind,name,east_m,north_m,up_m\ntag,0,0,0,1\ntag,31,5,0,1\n";
+  std::ofstream(site_ / "plan.csv") << "kind,name,east_m,north_m,up_m,heading_deg\ntag,0,0,0,1,0\ntag,31,5,0,1,0\n";
   const std::vector<std::string> findings = Findings(Check());
   EXPECT_THAT(findings, Contains(HasSubstr("tag 31 (in plan.csv) is planned and in no picture")));
   EXPECT_THAT(findings, Not(Contains(HasSubstr("tag 30"))));
@@ -309,7 +309,9 @@ TEST_F(FieldCheck, AVideoThatIsStillBeingCopiedIsNamed) {
   };
   EXPECT_TRUE(wait_for("its end is missing"));
   WriteFileAtomically(video, bytes.substr(0, 3 * bytes.size() / 4));
+  fs::last_write_time(video, fs::file_time_type::clock::now() + std::chrono::hours(1));
   EXPECT_TRUE(wait_for("still being copied"));
+  Age(video);
   EXPECT_TRUE(wait_for("its end is missing"));
   WriteFileAtomically(video, bytes);
   EXPECT_TRUE(wait_for("run2: "));
