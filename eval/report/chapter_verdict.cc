@@ -96,11 +96,12 @@ class VerdictChapter {
     }
     const size_t all = verdict_.gate_results.size();
     std::string text = verdict_.default_gates ? "Default gates (trigpoint.yaml sets none): " : "Quality gates: ";
-    if (all != 1) text += verdict_.gates;
+    const bool repeats = all == 1 && !others.empty() && others.front().starts_with(verdict_.gates);
+    if (!repeats) text += verdict_.gates;
     if (all > 1) text += fmt::format(", {} of {} passed", all - others.size(), all);
     // Of the default ones the first, so that the screen has room; all of a project's own.
     const size_t shown = verdict_.default_gates ? std::min(size_t{1}, others.size()) : others.size();
-    for (size_t i = 0; i < shown; ++i) text += (i > 0 || all > 1 ? "; " : "") + others[i];
+    for (size_t i = 0; i < shown; ++i) text += (i > 0 || !repeats ? "; " : "") + others[i];
     text += ".";
     if (shown < others.size()) text += fmt::format(" And {} more.", others.size() - shown);
     blocks_.push_back(Paragraph{text, GateTone(verdict_.gates), site().runs.empty() ? "" : "accuracy"});
