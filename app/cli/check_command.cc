@@ -63,7 +63,7 @@ void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, std::s
 int Check(Session& session, const Arguments& a) {
   Terminal terminal = session.MakeTerminal();
   terminal.SetTitle("check");
-  // FFmpeg reports a video whose end has not arrived at each look; the findings name it once.
+  // Of a video that is still being copied FFmpeg complains at each look; the findings name it once.
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   SiteCheck check(a.dir, session.options.threads, session.options.seed);
   CheckOutcome outcome = CheckSite(check, a.watch, terminal, *session.cancel);

@@ -68,14 +68,13 @@ std::string NextOfAccepted(const nlohmann::json& summary, const std::string& dir
 
 // What improves a plan whose gates are not reached.
 std::string NextOfRefused(const nlohmann::json& summary, const std::string& dir, bool undecided) {
-  if (undecided) return "trigpoint plan " + dir + " --suggest control 3   (gates take a datum in the world)";
+  if (undecided) return "trigpoint plan " + dir + " --suggest control 3   (gates need a datum: known points)";
   const nlohmann::json& unseen = summary.at("tags_not_seen");
   if (!unseen.empty()) {
     return fmt::format("add a path past tag {} to the sketch, then trigpoint plan {}", unseen.front().dump(), dir);
   }
   const nlohmann::json& gains = summary.at("gains");
-  const std::string best = gains.empty() ? "" : gains.front().at("what").get<std::string>();
-  const char* kind = best.starts_with("control") ? "control" : best.starts_with("a tag") ? "tags" : "path";
+  const std::string kind = gains.empty() ? "path" : gains.front().at("kind").get<std::string>();
   return fmt::format("trigpoint plan {} --suggest {} 2   (the gates are not reached)", dir, kind);
 }
 

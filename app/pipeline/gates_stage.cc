@@ -288,8 +288,13 @@ json DefaultGates(const Project& project) {
   std::vector<JudgedResult> results = ResultsFor(project, {}, stages);
   std::erase_if(results, [](const JudgedResult& result) { return !result.problem.empty(); });
   std::vector<GateResult> verdicts = JudgeResults(SetLimits(limits), results, "", limits.confidence);
-  // What the project has no result for is no finding: nobody asked for it.
-  std::erase_if(verdicts, [](const GateResult& verdict) { return !verdict.measure.value; });
+  // Parts that a project need not have (a survey, photo sets, a calibration; of photos alone: runs) are no finding.
+  // Where runs are, accuracy that nothing measures is one: undecided.
+  const bool has_runs = !project.site().runs.empty();
+  std::erase_if(verdicts, [&](const GateResult& verdict) {
+    const std::string& part = verdict.limit.section;
+    return !verdict.measure.value && !(has_runs && (part == "localize" || part == "evaluate"));
+  });
   return verdicts.empty() ? json() : GatesJson(verdicts);
 }
 

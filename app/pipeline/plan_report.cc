@@ -226,7 +226,7 @@ nlohmann::json SummaryOf(const PlanFindings& f) {
   for (const char* list : {"gains", "suggestions"}) {
     json[list] = nlohmann::json::array();
     for (const PlanGain& gain : std::string(list) == "gains" ? f.gains : f.suggestions) {
-      json[list].push_back({{"what", gain.what}, {"rms_after_m", Finite(gain.rms_after_m)}});
+      json[list].push_back({{"kind", gain.kind}, {"what", gain.what}, {"rms_after_m", Finite(gain.rms_after_m)}});
     }
   }
   json["sketched_tags_mm"] = nlohmann::json::array();  // id and size; a surveyed site has its tags

@@ -17,6 +17,7 @@ struct PlanGain {
   std::optional<Eigen::Vector3d> world_m;
   std::optional<double> heading_rad;  // of a tag
   bool in_world = true;               // rms_after_m; else it is relative to the first camera
+  std::string kind = {};              // control, path or tags, as --suggest names them
   // RMS before it, of the same frame; infinite: nothing held the plan in the world.
   double Before(const NetworkPrediction& plan) const;
 };

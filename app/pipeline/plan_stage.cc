@@ -88,12 +88,14 @@ class Planner {
     if (!findings_.prediction.in_world) {
       if (s.tag_ids.empty()) return gains;
       PlanGain gain;
+      gain.kind = "control";
       gain.what = "control on tags " + Names(s.tag_ids) + ", which together give a datum";
       gain.rms_after_m = s.rms_after_m;
       return {gain};
     }
     for (const auto& [tag_id, rms_m] : s.each) {
       PlanGain gain;
+      gain.kind = "control";
       gain.what = fmt::format("control on tag {}", tag_id);
       gain.rms_after_m = rms_m;
       gain.world_m = layout_.world_from_tag.at(tag_id).translation;
@@ -119,6 +121,7 @@ class Planner {
     std::vector<Choice> choices;
     for (const PassChoice& more : PassChoices(findings_.layout, copy)) {
       Choice choice;
+      choice.gain.kind = "path";
       choice.gain.what = more.what;
       choice.layout = layout_;
       choice.layout.passes.push_back(more.pass);
@@ -133,6 +136,7 @@ class Planner {
     for (const auto& [name, pose] : TagPlaces(findings_.layout)) {
       const Eigen::Vector3d face = -(pose.rotation * Eigen::Vector3d::UnitZ());
       Choice choice;
+      choice.gain.kind = "tags";
       choice.gain.what = "a tag at " + name;
       choice.gain.world_m = pose.translation;
       choice.gain.heading_rad = std::atan2(face.x(), face.y());
@@ -237,6 +241,7 @@ class Planner {
     }
     for (size_t k = 0; k < s.tag_ids.size(); ++k) {
       PlanGain gain;
+      gain.kind = "control";
       gain.what = fmt::format("control on tag {}", s.tag_ids[k]);
       gain.rms_after_m = s.rms_steps_m[k];
       gain.world_m = layout_.world_from_tag.at(s.tag_ids[k]).translation;
@@ -314,7 +319,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 5;
+    request.version = 6;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

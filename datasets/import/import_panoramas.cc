@@ -74,7 +74,7 @@ std::string NameOf(const PanoramaProvider& provider, const PanoramaRecord& recor
   return "panoramas/" + provider.Prefix() + record.id + ".jpg";
 }
 
-// In a JPEG comment behind the first segment, with the width: a wider picture may be had from the source.
+// Begins the JPEG comment of a narrowed picture; its width follows. The source may have a wider one.
 constexpr std::string_view kNarrowed = "trigpoint: narrowed to px ";
 
 // `width`: what was asked for, px; 0: as the source has it.

@@ -37,6 +37,15 @@ struct BetweenCost {
   }
 };
 
+struct PriorCost {
+  LensParameters value, sigma;
+  template <typename T>
+  bool operator()(const T* lens, T* residual) const {
+    for (size_t k = 0; k < value.size(); ++k) residual[k] = (lens[k] - value[k]) / sigma[k];
+    return true;
+  }
+};
+
 // Poses that take part: all, or some stretches of a long run.
 std::vector<bool> PosesToUse(size_t poses) {
   constexpr size_t kMost = 150, kStretches = 5;
@@ -125,6 +134,12 @@ void LensBundle::AddMotion() {
     if (follows[k] || !problem.HasParameterBlock(poses_[k].data())) continue;
     problem.SetParameterBlockConstant(poses_[k].data());
   }
+}
+
+void LensBundle::AddPrior(size_t camera, const LensParameters& value, const LensParameters& sigma) {
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<PriorCost, kLensParameters, kLensParameters>(new PriorCost{value, sigma}),
+      nullptr, lenses[camera].data());
 }
 
 double LensBundle::Solve(int threads, int max_iterations) {

@@ -30,6 +30,8 @@ class LensBundle {
   void AddImages(int points_per_image, const ObservationCost& cost);
   // Odometry between the poses of the images added; the first pose of each stretch is held.
   void AddMotion();
+  // What is known of a camera's lens without the images; `sigma`: 1 sigma of each parameter.
+  void AddPrior(size_t camera, const LensParameters& value, const LensParameters& sigma);
 
   // Half the sum of squares that is left. Throws NumericError.
   double Solve(int threads, int max_iterations);
@@ -48,12 +50,13 @@ class LensBundle {
   std::vector<Eigen::Vector3d> points_;
 };
 
-// A point (odometry's frame, m) in the frame of the body.
+// A point (odometry's frame, m) in the frame of a camera of the body.
 template <typename T>
-Eigen::Matrix<T, 3, 1> InBody(const T* pose, const T* point) {
-  Eigen::Matrix<T, 3, 1> out;
-  ceres::AngleAxisRotatePoint(pose, point, out.data());
-  return out + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(pose + 3);
+Eigen::Matrix<T, 3, 1> InCamera(const Rigid3d& cam_from_body, const T* pose, const T* point) {
+  Eigen::Matrix<T, 3, 1> in_body;
+  ceres::AngleAxisRotatePoint(pose, point, in_body.data());
+  in_body += Eigen::Map<const Eigen::Matrix<T, 3, 1>>(pose + 3);
+  return cam_from_body.rotation.cast<T>() * in_body + cam_from_body.translation.cast<T>();
 }
 
 }  // namespace trigpoint

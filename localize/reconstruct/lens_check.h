@@ -19,7 +19,7 @@ struct LensError {
 
 struct LensCheck {
   std::vector<LensError> errors;  // of the cameras whose images were used
-  double better = 0;              // share of the squared residuals that goes where lenses are free
+  double better = 0;              // share of the squared residuals that another lens removes
 };
 
 // Bundle adjustment of a part of the reconstruction with the lenses of all cameras free, to first order in their
@@ -27,9 +27,9 @@ struct LensCheck {
 // Throws NumericError.
 LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads);
 
-// What to say of a calibration that cannot be right; nothing where it may be. A lens that is found far from its
-// calibration says little by itself: a run straight ahead hardly knows its lens, and takes up odometry's errors. That
-// the images fit much better with another lens says that it is another.
+// The message for a calibration that cannot be right; nothing where it can. How far the lens found is from the
+// calibrated one decides little: in a run straight ahead it takes up odometry's errors. How much better the images fit
+// it decides.
 std::optional<std::string> Contradiction(const LocalizeInput& input, const LensCheck& check);
 
 }  // namespace trigpoint

@@ -26,23 +26,13 @@ struct PixelCost {
   double inverse_sigma;
   template <typename T>
   bool operator()(const T* pose, const T* point, const T* lens, T* residual) const {
-    const Eigen::Matrix<T, 3, 1> in_cam =
-        cam_from_body.rotation.cast<T>() * InBody(pose, point) + cam_from_body.translation.cast<T>();
+    const Eigen::Matrix<T, 3, 1> in_cam = InCamera(cam_from_body, pose, point);
     if (in_cam.z() < T(1e-6)) return false;
     const Eigen::Matrix<T, 2, 1> x = in_cam.template head<2>() / in_cam.z();
     const T r2 = x.squaredNorm();
     const Eigen::Matrix<T, 2, 1> predicted =
         lens[0] * (T(1) + r2 * (lens[1] + r2 * lens[2])) * x + Eigen::Matrix<T, 2, 1>(lens[3], lens[4]);
     Eigen::Map<Eigen::Matrix<T, 2, 1>>{residual} = T(inverse_sigma) * (predicted - pixel.cast<T>());
-    return true;
-  }
-};
-
-struct LensPrior {
-  Lens value, inverse_sigma;
-  template <typename T>
-  bool operator()(const T* lens, T* residual) const {
-    for (size_t k = 0; k < value.size(); ++k) residual[k] = (lens[k] - value[k]) * inverse_sigma[k];
     return true;
   }
 };
@@ -83,12 +73,9 @@ void AddLenses(const LocalizeInput& input, LensBundle* bundle) {
       continue;
     }
     const int width = camera.camera.width(), height = camera.camera.height();
-    const double centre = 1 / (kSigmaCentre * std::max(width, height));
-    const Lens value = {camera.guessed_focal_px, 0, 0, 0.5 * (width - 1), 0.5 * (height - 1)};
-    const Lens inverse = {1 / (camera.focal_sigma_share * camera.guessed_focal_px), 1 / kSigmaK1, 1 / kSigmaK2, centre,
-                          centre};
-    bundle->problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<LensPrior, kLens, kLens>(new LensPrior{value, inverse}), nullptr, lens);
+    const double centre = kSigmaCentre * std::max(width, height);
+    bundle->AddPrior(c, {camera.guessed_focal_px, 0, 0, 0.5 * (width - 1), 0.5 * (height - 1)},
+                     {camera.focal_sigma_share * camera.guessed_focal_px, kSigmaK1, kSigmaK2, centre, centre});
     bundle->problem.SetParameterLowerBound(lens, 0, 0.2 * camera.guessed_focal_px);
   }
 }

@@ -90,10 +90,9 @@ struct FieldFacts {
   std::vector<FieldRun> runs;
   std::vector<FieldSet> sets;
   std::map<std::string, int> sets_arriving;  // photos of sets that are still being copied
-  // Of runs that cannot be used because of it: the video that is still being copied, and what it has so far.
-  std::map<std::string, std::string> videos_arriving;
-  std::map<std::string, std::string> videos_unreadable;  // the same of a video that no longer grows
-  std::set<std::string> referenced;                      // stations with a panorama, photo or photo set
+  // Runs whose video cannot be read yet: its name and size. It is still being copied, or no longer grows.
+  std::map<std::string, std::string> videos_arriving, videos_unreadable;
+  std::set<std::string> referenced;  // stations with a panorama, photo or photo set
   std::map<int, PlannedTag> planned;
   std::map<std::string, std::string> unreadable;  // panoramas and photos by name: why
   // The tag map of what was seen so far.

@@ -228,8 +228,6 @@ TEST(PlanCommand, WithoutADatumGatesAreUndecided) {
   EXPECT_THAT(many.out + many.err, testing::HasSubstr("6 asked for, 4 proposed"));
 }
 
-// A sketch without tags adds to the site as it was surveyed: one more path lowers the sigmas, and without the earlier
-// runs it stands alone. Candidate paths are proposed.
 TEST(PlanCommand, TagsThatTheFamilyLacksAreRefused) {
   const Wall wall;
   const std::string header = "kind,name,east_m,north_m,up_m,heading_deg,size_mm\n";
@@ -310,6 +308,8 @@ TEST(PlanCommand, NextFollowsFromTheResult) {
   EXPECT_THAT(next({"--suggest", "control", "1", "--set", "max_tag_sigma_m=0.001"}), HasSubstr(accept));
 }
 
+// A sketch without tags adds to the site as it was surveyed: one more path lowers the sigmas, and without the earlier
+// runs it stands alone. Candidate paths are proposed.
 TEST(PlanCommand, ANewEpochOfASurveyedSite) {
   const Wall wall;
   ASSERT_EQ(Trigpoint({"survey", wall.dir(), "--threads", "1"}).exit_code, 0);
