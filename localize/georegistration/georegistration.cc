@@ -20,10 +20,11 @@ constexpr size_t kStarts = 12;          // the most plausible ones
 constexpr double kDifferent = 5;        // solutions farther apart than so many sigmas are two
 constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves which headings are wrong
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
-constexpr double kMostScale = 0.15;     // logarithm: a scale farther off is a wrong unit, not drift
-constexpr double kLessCost = 5;         // another scale is looked at if the fit is better by this
-constexpr double kUnknownScale = 0.5;   // sigmas of the scale from here on: it is measured, not known
-constexpr double kMostSigmaFactor = 5;  // sigmas too small by more than this are a contradiction
+constexpr double kMostScale = 0.15;   // logarithm: a scale farther off is a wrong unit, not drift
+constexpr double kDiscordant = 1.96;  // 95 %: two scales farther apart do not have their stated sigmas
+constexpr double kLessCost = kDiscordant * kDiscordant;  // another scale is looked at if the fit is better by this
+constexpr double kUnknownScale = 0.5;                    // sigmas of the scale from here on: it is measured, not known
+constexpr double kMostSigmaFactor = 5;                   // sigmas too small by more than this are a contradiction
 
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
@@ -421,6 +422,8 @@ struct OtherScale {
   // Too far off for drift, and surely so.
   bool IsUnit() const { return std::abs(std::log(factor)) > kMostScale && IsSure(); }
   bool IsSure() const { return Excess() > 5; }
+  // Beyond 99 % it is said; beyond 95 % the sigmas already cover it.
+  bool IsSaid() const { return Excess() > 2.58; }
   double LeastSigma() const { return IsSure() ? 0.5 * std::abs(factor - 1) : 0; }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
@@ -438,7 +441,6 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
                                          const std::vector<GeoObservation>& obs, double scale_prior, double scale_sigma,
                                          const GeoRegistrationOptions& options) {
   constexpr int kLeastPositions = 3;
-  constexpr double kSigmas = 2.5;  // beyond them the stated sigma is not believed
   if (free.empty()) return std::nullopt;
   const EarthSolution& other = *Best(free);
   if (!other.good || !(other.s.scale > 0)) return std::nullopt;
@@ -454,7 +456,7 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   scale.factor = other.s.scale / scale_prior;
   scale.sigma = std::sqrt(other.h.ldlt().solve(Matrix7d::Identity())(6, 6)) / scale_prior;
   scale.stated_sigma = scale_sigma;
-  if (scale.Excess() < kSigmas) return std::nullopt;
+  if (scale.Excess() < kDiscordant) return std::nullopt;
   return scale;
 }
 
@@ -523,7 +525,7 @@ std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) 
 // What is to be known about a fit that is used.
 std::string Remarks(const std::optional<OtherScale>& other, double excess, double factor) {
   std::string reason;
-  if (other) {
+  if (other && other->IsSaid()) {
     reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
                                                "geotags', and its sigma covers both"
                                              : ", or check the geotags and the calibration; the scale is taken from "
@@ -614,8 +616,25 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
 GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
                                 double scale_prior, double scale_sigma, bool levelled,
                                 const GeoRegistrationOptions& options) {
+  const auto contradicted = [](const GeoRegistration& fit) {
+    return fit.tilts >= 2 && 2 * fit.wrong_tilts > fit.tilts;
+  };
+  const auto say = [](const std::string& said, GeoRegistration fit) {
+    fit.reason = fit.reason.empty() ? said : said + "; " + fit.reason;
+    return fit;
+  };
   GeoRegistration result = Register(obs, odom_covariance, scale_prior, scale_sigma, levelled, options);
-  if (result.tilts < 2 || 2 * result.wrong_tilts <= result.tilts) return result;
+  if (!contradicted(result)) return result;
+  if (levelled) {
+    const GeoRegistration tilted = Register(obs, odom_covariance, scale_prior, scale_sigma, false, options);
+    if (tilted.solved && !contradicted(tilted)) {
+      const Eigen::Vector3d up = tilted.world_from_odom.rotation * Eigen::Vector3d::UnitZ();
+      return say(fmt::format("pitch and roll of the geotags agree if the run's frame is tilted by {:.2f} deg, but "
+                             "run.yaml says odometry: levelled; the frame is taken as tilted; check levelled",
+                             std::acos(std::min(1.0, up.z())) * kRadToDeg),
+                 tilted);
+    }
+  }
   // A single wrong panorama may be chance; if most are wrong, the table was made with another convention.
   const std::string said = fmt::format(
       "pitch and roll of {} of {} geotags contradict the run and each other; pitch and roll are not used; check "
@@ -623,9 +642,7 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
       result.wrong_tilts, result.tilts);
   std::vector<GeoObservation> without = obs;
   for (GeoObservation& o : without) o.has_tilt = false;
-  result = Register(without, odom_covariance, scale_prior, scale_sigma, levelled, options);
-  result.reason = result.reason.empty() ? said : said + "; " + result.reason;
-  return result;
+  return say(said, Register(without, odom_covariance, scale_prior, scale_sigma, levelled, options));
 }
 
 namespace {

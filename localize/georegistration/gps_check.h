@@ -15,7 +15,9 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
 
 // Of GPS that the fit is from, of which correlated fixes take no part: the run's plan is laid over all of them. Where
 // they are farther off than twice their sigmas in the median, the fit's covariance grows by the square of that ratio;
-// beyond five times, or where a mirrored plan fits, it is withheld. The reason says so.
-void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps, GeoRegistration* geo);
+// beyond five times it is withheld. So it is where another reading of GPS, mirrored or at another time, is a thousand
+// times as likely, given errors that wander in `wander_s` (a Gauss-Markov process). The reason says so.
+void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps, double wander_s,
+                   GeoRegistration* geo);
 
 }  // namespace trigpoint

@@ -1,6 +1,7 @@
 // What a solved tag map says: tags, runs, points and distances against it.
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -442,9 +443,11 @@ void MapSolver::DoubtDatum() {
   // The smallest error of one point that explains all of it: what is found by leaving out another point than the wrong
   // one is many times that error where few points are left.
   double most = 0, single = std::numeric_limits<double>::infinity();
+  Eigen::AlignedBox3d extent;
   for (const PointAgreement& p : result_.points) {
     if (p.role == PointRole::kGeotag || p.excluded) continue;
     ++points;
+    extent.extend(p.stated_m);
     if (p.chi2 <= kPointChi2) continue;
     ++wrong;
     most = std::max(most, p.error_m.norm());
@@ -452,7 +455,10 @@ void MapSolver::DoubtDatum() {
   }
   if (std::isfinite(single)) most = std::max(most, single);
   if (points >= 3 && 2 * wrong > points) {
-    bent = most * most * Eigen::Matrix3d::Identity();
+    // Exchanged points turn a site by any angle.
+    constexpr double kTurned = 0.1;  // rad
+    const double size = extent.diagonal().norm(), sigma = most > kTurned * size ? std::max(most, size) : most;
+    bent = sigma * sigma * Eigen::Matrix3d::Identity();
     result_.warnings.push_back(
         fmt::format("{} of {} control and check points contradict each other, by up to {:.3g} m, and the pictures do "
                     "not show which is wrong: the difference is part of the tags' sigmas; check their coordinates and "

@@ -77,6 +77,9 @@ class Truth:
         for name in ("panoramas.tum", "photos.tum"):
             if (folder / name).exists():
                 self.panoramas.update(self.poses(folder / name))
+        # A picture was taken where it was taken, whatever a faulty table says of it.
+        table = site / "panoramas.csv"
+        self.stations = {row["file"]: row.get("station", "") for row in rows_of(table)} if table.exists() else {}
         if (folder / "tags.csv").exists():
             for row in rows_of(folder / "tags.csv"):
                 self.tags[row["tag_id"]] = np.array([float(row[k]) for k in "xyz"])
@@ -117,7 +120,8 @@ def judge_localize(project, run, truth, positions):
         if at is not None and row.get("latitude_deg"):
             positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "enu"])
     for row in rows_of(folder / "panoramas.csv"):
-        at = truth.panoramas.get(row["station"].lstrip("S"), truth.panoramas.get(row["station"]))
+        station = truth.stations.get(row["panorama"], row["station"])
+        at = truth.panoramas.get(station.lstrip("S"), truth.panoramas.get(station))
         if row["status"] == "localized" and at is not None and row.get("latitude_deg"):
             positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "xyz"])
     return ""

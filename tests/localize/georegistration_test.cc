@@ -279,6 +279,23 @@ TEST(GeoRegistration, CovarianceIsThatOfRedraws) {
   EXPECT_NEAR(MeanNees(GeoRegistrationOptions().loss_chi2, kRedraws), 1, band);
 }
 
+TEST(GeoRegistration, ARunThatIsNotLevelIsNotTakenAsLevel) {
+  Site site = MakeSite(5, 0);  // its frame is tilted by 0.022 rad
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, true, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_NE(geo.reason.find("tilted by 1."), std::string::npos) << geo.reason;
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 4 * std::sqrt(geo.covariance(k, k))) << k;
+  // One that is level is taken as level, without a word.
+  for (GeoObservation& o : site.observations) {
+    o.odom_from_rig.rotation = ExpSO3({0.01, -0.02, 1.1}) * o.odom_from_rig.rotation;
+    o.odom_from_rig.translation = ExpSO3({0.01, -0.02, 1.1}) * o.odom_from_rig.translation;
+  }
+  const GeoRegistration level = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, true, {});
+  EXPECT_TRUE(level.solved);
+  EXPECT_EQ(level.reason, "");
+}
+
 TEST(GeoRegistration, AHeightThatNobodyTellsIsAssumedAndUnknown) {
   Site site = MakeSite(3, 0);
   for (GeoObservation& o : site.observations) o.has_height = false, o.position.z() = 100;
