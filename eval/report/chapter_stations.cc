@@ -143,23 +143,30 @@ Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   return table;
 }
 
-}  // namespace
-
-void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Appendix: stations", "stations"});
-  std::map<std::string, StationPart> parts;
-  for (const VariantData& v : c.data.variants) {
-    for (const ErrorRecord& e : v.errors) parts[e.station].errors.push_back(&e);
+// Pictures of the worst answers' matches, each station once.
+void AddWorstMatches(const ChapterContext& c, std::vector<Block>* blocks) {
+  constexpr size_t kShown = 4;
+  std::vector<const Figure*> figures;
+  std::set<std::string> stations;
+  for (const ErrorRecord* e : WorstFirst(c.data)) {
+    const auto it = c.match_figures.find(CellKey(e->run, e->variant, e->panorama));
+    if (it == c.match_figures.end() || figures.size() == kShown || !stations.insert(e->station).second) continue;
+    figures.push_back(&it->second);
   }
-  for (const RunData& run : c.data.runs) {
-    for (const RunData::Answer& a : run.answers) {
-      if (c.station_anchor.count(a.station) > 0) parts[a.station].answers.emplace_back(&run, &a);
+  if (figures.empty()) {  // nothing to hold them against
+    for (const auto& [key, figure] : c.match_figures) {
+      if (figures.size() < kShown) figures.push_back(&figure);
     }
   }
-  if (c.data.stations.empty()) {
-    blocks->push_back(Paragraph{"There are no stations."});
-    return;
-  }
+  if (figures.empty()) return;
+  blocks->push_back(
+      Paragraph{"Matches of the answers with the largest differences. Every station with its numbers and pictures: in "
+                "index.html below, in report.pdf in the appendix."});
+  for (const Figure* figure : figures) blocks->push_back(*figure);
+}
+
+// A row a station.
+Table IndexOf(const ChapterContext& c, std::map<std::string, StationPart>& parts) {
   const std::string u = " (" + c.unit.name + ")";
   // Numbers are the first variant's, or those of the only ones there are.
   bool has_first = false;
@@ -220,34 +227,59 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
     }
     index.rows.push_back(std::move(row));
   }
-  blocks->push_back(index);
-  const bool many = c.data.stations.size() > kOpenStations;
-  for (const std::string& station : c.data.stations) {
-    const StationPart& part = parts[station];
-    std::vector<Block> body;
-    std::vector<const Figure*> figures;
-    for (const auto& [run, a] : part.answers) {
-      const auto it = c.match_figures.find(CellKey(run->run, run->variant, a->panorama));
-      if (it != c.match_figures.end()) figures.push_back(&it->second);
-    }
-    blocks->push_back(Heading{3, "Station " + station, c.station_anchor.at(station)});
-    for (const Station& s : c.input.project->site().stations) {
-      if (s.name != station) continue;
-      blocks->push_back(Paragraph{fmt::format(
-          "Tag {}; offset of the panorama's centre from the tag's centre: {} {} {} {} ({}), 1 sigma {} per axis.",
-          s.tag_id, c.Length(s.offset_m.x()), c.Length(s.offset_m.y()), c.Length(s.offset_m.z()), c.unit.name,
-          s.in_tag_frame ? "right, out, up in the tag's levelled frame" : "east, north, up", c.LengthUnit(s.sigma_m))});
-    }
-    if (many)
-      blocks->push_back(FoldBegin{fmt::format("Numbers of {}: {}, {}", station, Counted(part.answers.size(), "answer"),
-                                              Counted(part.errors.size(), "comparison"))});
-    if (Table errors = ErrorsOf(c, part); !errors.rows.empty()) blocks->push_back(std::move(errors));
-    AddReasons(c, part, blocks);
-    if (!part.answers.empty()) blocks->push_back(AnswersOf(c, part));
-    if (part.errors.empty() && part.answers.empty()) blocks->push_back(Paragraph{"No run has a result for it."});
-    if (many) blocks->push_back(FoldEnd{});
-    for (const Figure* figure : figures) blocks->push_back(*figure);
+  return index;
+}
+
+// Its numbers, and the pictures of its matches. `folded`: the numbers are closed at first.
+void AddStation(const ChapterContext& c, const std::string& station, const StationPart& part, bool folded,
+                std::vector<Block>* blocks) {
+  std::vector<const Figure*> figures;
+  for (const auto& [run, a] : part.answers) {
+    const auto it = c.match_figures.find(CellKey(run->run, run->variant, a->panorama));
+    if (it != c.match_figures.end()) figures.push_back(&it->second);
   }
+  blocks->push_back(Heading{3, "Station " + station, c.station_anchor.at(station)});
+  for (const Station& s : c.input.project->site().stations) {
+    if (s.name != station) continue;
+    blocks->push_back(Paragraph{fmt::format(
+        "Tag {}; offset of the panorama's centre from the tag's centre: {} {} {} {} ({}), 1 sigma {} per axis.",
+        s.tag_id, c.Length(s.offset_m.x()), c.Length(s.offset_m.y()), c.Length(s.offset_m.z()), c.unit.name,
+        s.in_tag_frame ? "right, out, up in the tag's levelled frame" : "east, north, up", c.LengthUnit(s.sigma_m))});
+  }
+  if (folded)
+    blocks->push_back(FoldBegin{fmt::format("Numbers of {}: {}, {}", station, Counted(part.answers.size(), "answer"),
+                                            Counted(part.errors.size(), "comparison"))});
+  if (Table errors = ErrorsOf(c, part); !errors.rows.empty()) blocks->push_back(std::move(errors));
+  AddReasons(c, part, blocks);
+  if (!part.answers.empty()) blocks->push_back(AnswersOf(c, part));
+  if (part.errors.empty() && part.answers.empty()) blocks->push_back(Paragraph{"No run has a result for it."});
+  if (folded) blocks->push_back(FoldEnd{});
+  for (const Figure* figure : figures) blocks->push_back(*figure);
+}
+
+}  // namespace
+
+void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
+  blocks->push_back(Heading{2, "Panoramas with matches", "stations"});
+  std::map<std::string, StationPart> parts;
+  for (const VariantData& v : c.data.variants) {
+    for (const ErrorRecord& e : v.errors) parts[e.station].errors.push_back(&e);
+  }
+  for (const RunData& run : c.data.runs) {
+    for (const RunData::Answer& a : run.answers) {
+      if (c.station_anchor.count(a.station) > 0) parts[a.station].answers.emplace_back(&run, &a);
+    }
+  }
+  if (c.data.stations.empty()) {
+    blocks->push_back(Paragraph{"There are no stations."});
+    return;
+  }
+  blocks->push_back(IndexOf(c, parts));
+  AddWorstMatches(c, blocks);
+  blocks->push_back(AppendixBegin{"stations", "stations-each"});
+  const bool many = c.data.stations.size() > kOpenStations;
+  for (const std::string& station : c.data.stations) AddStation(c, station, parts[station], many, blocks);
+  blocks->push_back(AppendixEnd{});
 }
 
 }  // namespace trigpoint

@@ -81,7 +81,16 @@ struct FoldEnd {};
 // Two columns on a wide screen: kBegin, the left one, kNext, the right one, kEnd. On paper one follows the other.
 enum class Columns { kBegin, kNext, kEnd };
 
-using Block = std::variant<Heading, Paragraph, Facts, Table, Figure, FoldBegin, FoldEnd, Columns>;
+// What stands between the two is an appendix on paper, with its own heading behind everything else; elsewhere it stays
+// where it is, without that heading.
+struct AppendixBegin {
+  std::string title;   // "stations": "Appendix: stations"
+  std::string anchor;  // as a heading's
+};
+struct AppendixEnd {};
+
+using Block =
+    std::variant<Heading, Paragraph, Facts, Table, Figure, FoldBegin, FoldEnd, Columns, AppendixBegin, AppendixEnd>;
 
 struct Document {
   std::string title, subtitle;
@@ -100,8 +109,9 @@ std::string MarkdownOf(const Document& document);
 std::string CsvOf(const Table& table);
 
 enum class Paper { kA4, kLetter };
-// Set with Cairo and Pango. Throws IoError naming the file.
-void WritePdf(const Document& document, Paper paper, const std::string& file);
+// Set with Cairo and Pango. Figures may go to the next page, so that text fills this one. Returns how far down each
+// page is filled, from 0 to 1. Throws IoError naming the file.
+std::vector<double> WritePdf(const Document& document, Paper paper, const std::string& file);
 
 // A chart as PNG, `scale` pixels a unit.
 std::string PngOf(const Drawing& drawing, double scale);

@@ -179,6 +179,8 @@ class HtmlWriter {
     html_ += "</div><figcaption>" + Escape(figure.caption) + "</figcaption></figure>\n";
   }
   void operator()(const FoldBegin& fold) const { html_ += "<details><summary>" + Escape(fold.title) + "</summary>\n"; }
+  void operator()(const AppendixBegin&) const {}
+  void operator()(const AppendixEnd&) const {}
   void operator()(const FoldEnd&) const { html_ += "</details>\n"; }
   void operator()(const Columns& columns) const {
     html_ += columns == Columns::kBegin  ? "<div class=\"columns\"><div>\n"

@@ -11,6 +11,7 @@
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "calib/base/error.h"
 #include "eval/report/document.h"
@@ -86,24 +87,27 @@ class Pages {
     y_ = kMargin;
     Words(document_.title, 20, true, kInk, 0, "H1");
     Words(document_.subtitle, kTextPt, false, kSoft, 10);
-    const std::vector<Block>& blocks = document_.blocks;
+    const std::vector<Block> blocks = OnPaper(document_.blocks);
     for (size_t i = 0; i < blocks.size(); ++i) {
       if (const auto* fold = std::get_if<FoldBegin>(&blocks[i]); fold != nullptr && !fold->on_paper) {
         LeaveOut(blocks, &i);
       } else if (std::holds_alternative<Figure>(blocks[i])) {
-        DrawFigures(blocks, &i);
+        PlaceFigures(blocks, &i);
       } else {
         // A heading stays with the pictures below it.
         if (std::holds_alternative<Heading>(blocks[i]) && i + 1 < blocks.size()) Need(LeastBelow(blocks[i + 1]));
         std::visit(*this, blocks[i]);
       }
     }
+    while (!waiting_.empty()) Turn();
     Foot();
     cairo_show_page(cairo_.get());
     cairo_surface_finish(surface_.get());
     CheckWritten();
     MarkAsTagged(file_);
   }
+
+  std::vector<double> filled() const { return filled_; }
 
   void operator()(const Heading& h) {
     const double size = h.level == 2 ? 15 : 11.5;
@@ -132,6 +136,9 @@ class Pages {
   }
   void operator()(const FoldEnd&) {}
   void operator()(const Columns&) {}
+  void operator()(const AppendixBegin&) {}
+  void operator()(const AppendixEnd&) {}
+  void operator()(const Figure&) {}  // PlaceFigures
 
   void operator()(const Facts& facts) {
     const int columns = std::clamp(static_cast<int>(facts.facts.size()), 1, 5);
@@ -146,14 +153,6 @@ class Pages {
         DrawFact(facts.facts[i], kMargin + static_cast<double>(i - begin) * (w + gap), w, h);
       y_ += h + gap;
     }
-  }
-
-  void operator()(const Figure& figure) {
-    const auto [w, h] = SizeOf(figure, shrink_);
-    Need(h + CaptionRoom(figure));
-    DrawContent(figure, kMargin + 0.5 * (Room() - w), w);
-    y_ += h + 5;
-    Words(figure.caption, 8, false, kSoft, 9, "Caption");
   }
 
   void operator()(const Table& table) {
@@ -191,8 +190,25 @@ class Pages {
   }
 
  private:
-  static constexpr double kLeastShrink = 0.6;
-  static constexpr double kMostBlank = 0.3;  // of a page, for figures as large as they can be
+  static constexpr double kLeastShrink = 0.6, kLeastShrinkOfPairs = 0.75;
+
+  // The blocks with appendices at the end.
+  static std::vector<Block> OnPaper(const std::vector<Block>& blocks) {
+    std::vector<Block> all, later;
+    bool appendix = false;
+    for (const Block& block : blocks) {
+      if (const auto* begin = std::get_if<AppendixBegin>(&block)) {
+        appendix = true;
+        later.push_back(Heading{2, "Appendix: " + begin->title, begin->anchor});
+      } else if (std::holds_alternative<AppendixEnd>(block)) {
+        appendix = false;
+      } else {
+        (appendix ? later : all).push_back(block);
+      }
+    }
+    std::move(later.begin(), later.end(), std::back_inserter(all));
+    return all;
+  }
 
   // Width and height on the page, points.
   std::pair<double, double> SizeOf(const Figure& figure, double shrink) const {
@@ -212,58 +228,104 @@ class Pages {
   }
   double CaptionRoom(const Figure& figure) const { return painter_->Height(figure.caption, 8, false, Room()) + 16; }
 
-  // Pages that figures take, one below the other, and the most room that is left blank at the end of one of them.
-  struct Turns {
-    int count = 0;
-    double blank = 0;
+  // A figure, or two side by side (one in the left half).
+  struct Row {
+    const Figure* left = nullptr;
+    const Figure* right = nullptr;
+    bool Pair() const { return InPairs(*left); }
   };
-  Turns TurnsOf(const std::vector<const Figure*>& figures, double shrink) const {
-    Turns turns;
-    double y = y_;
-    const double end = height_ - kMargin - 6;
-    for (const Figure* figure : figures) {
-      const double need = SizeOf(*figure, shrink).second + CaptionRoom(*figure);
-      if (y + need > end && y > kMargin) {
-        ++turns.count;
-        turns.blank = std::max(turns.blank, end - y);
-        y = kMargin;
-      }
-      y += need;
+  double RowCaption(const Row& row) const {
+    if (!row.Pair()) return CaptionRoom(*row.left);
+    double text = 0;
+    for (const Figure* figure : {row.left, row.right}) {
+      if (figure != nullptr) text = std::max(text, painter_->Height(figure->caption, 7.5, false, HalfWidth()));
     }
-    return turns;
+    return text + 14;
+  }
+  double RowPicture(const Row& row) const {
+    if (!row.Pair()) return SizeOf(*row.left, 1).second;
+    return std::max(HalfHeight(*row.left), row.right == nullptr ? 0 : HalfHeight(*row.right));
   }
 
-  // Figures that follow each other are drawn as large as they can be without taking a page more than smaller ones
-  // would, or leaving more of one blank. `i`: the first; on return the last of them.
-  void DrawFigures(const std::vector<Block>& blocks, size_t* i) {
-    std::vector<const Figure*> figures;
-    for (size_t k = *i; k < blocks.size() && std::holds_alternative<Figure>(blocks[k]); ++k) {
-      figures.push_back(&std::get<Figure>(blocks[k]));
-      if (InPairs(*figures.back()) != InPairs(*figures.front())) {
-        figures.pop_back();
-        break;
-      }
-    }
-    *i += figures.size() - 1;
-    if (InPairs(*figures.front())) {
-      for (size_t k = 0; k < figures.size(); k += 2)
-        DrawPair(*figures[k], k + 1 < figures.size() ? figures[k + 1] : nullptr);
+  // How much smaller the rows must be to stand on what is left of the page, at most 1; nothing if that is too small.
+  std::optional<double> ShrinkToFit(const std::vector<Row>& rows) const {
+    double captions = 0, pictures = 0;
+    for (const Row& row : rows) captions += RowCaption(row), pictures += RowPicture(row);
+    const double shrink = std::min(1.0, (End() - y_ - captions) / std::max(1.0, pictures));
+    if (shrink < (rows.front().Pair() ? kLeastShrinkOfPairs : kLeastShrink)) return std::nullopt;
+    return shrink;
+  }
+
+  void DrawRow(const Row& row, double shrink) {
+    if (row.Pair()) {
+      DrawPair(row, shrink);
       return;
     }
-    const Turns least = TurnsOf(figures, kLeastShrink);
-    const double blank = std::max(kMostBlank * (height_ - 2 * kMargin), least.blank);
-    for (shrink_ = 1; shrink_ > kLeastShrink; shrink_ -= 0.04) {
-      const Turns turns = TurnsOf(figures, shrink_);
-      if (turns.count <= least.count && turns.blank <= blank) break;
-    }
-    shrink_ = std::max(shrink_, kLeastShrink);
-    for (const Figure* figure : figures) (*this)(*figure);
-    shrink_ = 1;
+    const auto [w, h] = SizeOf(*row.left, shrink);
+    DrawContent(*row.left, kMargin + 0.5 * (Room() - w), w);
+    y_ += h + 5;
+    Words(row.left->caption, 8, false, kSoft, 9, "Caption");
   }
 
-  // A heading and the least of a figure or table that follows it; nothing for other blocks.
+  void DrawPair(const Row& row, double shrink) {
+    const double above = y_, h = shrink * RowPicture(row), all = h + RowCaption(row);
+    double x = kMargin;
+    for (const Figure* figure : {row.left, row.right}) {
+      if (figure == nullptr) continue;
+      DrawContent(*figure, x, shrink * HalfWidth());
+      const Tagged tag(cairo_.get(), "Caption");
+      painter_->Draw(figure->caption, x, y_ + h + 4, 7.5, false, kSoft, HalfWidth(), -1, 0);
+      x += HalfWidth() + kHalfGap;
+    }
+    y_ = above + all;
+  }
+
+  // Figures that follow each other go together on what is left of the page, a little smaller if need be, else one by
+  // one. What has no room waits for the next page; the text that follows fills this one. `i`: the first; on return the
+  // last of them.
+  void PlaceFigures(const std::vector<Block>& blocks, size_t* i) {
+    std::vector<Row> rows;
+    const bool pairs = InPairs(std::get<Figure>(blocks[*i]));
+    size_t k = *i;
+    for (; k < blocks.size(); ++k) {
+      const auto* figure = std::get_if<Figure>(&blocks[k]);
+      if (figure == nullptr || InPairs(*figure) != pairs) break;
+      if (pairs && !rows.empty() && rows.back().right == nullptr) {
+        rows.back().right = figure;
+      } else {
+        rows.push_back({figure});
+      }
+    }
+    *i = k - 1;
+    if (waiting_.empty()) {
+      if (const auto shrink = ShrinkToFit(rows)) {
+        for (const Row& row : rows) DrawRow(row, *shrink);
+        return;
+      }
+    }
+    waiting_.insert(waiting_.end(), rows.begin(), rows.end());
+    PlaceWaiting();
+    constexpr double kWorthFilling = 0.12;  // of a page
+    if (!waiting_.empty() && End() - y_ < kWorthFilling * End()) Turn();
+  }
+
+  // In their order, as far as there is room.
+  void PlaceWaiting() {
+    while (!waiting_.empty()) {
+      const Row row = waiting_.front();
+      auto shrink = ShrinkToFit({row});
+      // On a page of its own anything is drawn.
+      if (!shrink && y_ <= kMargin) shrink = std::min(1.0, (End() - y_ - RowCaption(row)) / RowPicture(row));
+      if (!shrink) return;
+      waiting_.erase(waiting_.begin());
+      DrawRow(row, std::max(*shrink, 0.1));
+    }
+  }
+
+  // A heading and the least of a figure, table or section that follows it; nothing for other blocks.
   double LeastBelow(const Block& next) const {
-    constexpr double kHeading = 60;
+    constexpr double kHeading = 60, kSection = 130;
+    if (std::holds_alternative<Heading>(next)) return kHeading + kSection;
     if (const auto* table = std::get_if<Table>(&next)) {
       constexpr double kRow = 12, kSomeRows = 80;
       const double rows = std::min(kSomeRows, kRow * static_cast<double>(table->rows.size() + 2));
@@ -282,24 +344,6 @@ class Pages {
       return HalfWidth() * drawing->height / drawing->width;
     const Picture& picture = std::get<Picture>(figure.content);
     return HalfWidth() * picture.height / std::max(1, picture.width);
-  }
-
-  // Two side by side, or one in the left half.
-  void DrawPair(const Figure& left, const Figure* right) {
-    const double gap = kHalfGap, w = HalfWidth();
-    const auto caption = [&](const Figure& figure) { return painter_->Height(figure.caption, 7.5, false, w); };
-    double h = HalfHeight(left), text = caption(left);
-    if (right != nullptr) h = std::max(h, HalfHeight(*right)), text = std::max(text, caption(*right));
-    Need(h + text + 14);
-    double x = kMargin;
-    for (const Figure* figure : {&left, right}) {
-      if (figure == nullptr) continue;
-      DrawContent(*figure, x, w);
-      const Tagged tag(cairo_.get(), "Caption");
-      painter_->Draw(figure->caption, x, y_ + h + 4, 7.5, false, kSoft, w, -1, 0);
-      x += w + gap;
-    }
-    y_ += h + text + 14;
   }
 
   // Folds that aren't for paper and follow each other: what they hold is named. `i`: the first one's beginning; on
@@ -386,8 +430,11 @@ class Pages {
     }
   }
 
+  double End() const { return height_ - kMargin - 6; }
+
   void Foot() {
     ++page_;
+    filled_.push_back((y_ - kMargin) / (End() - kMargin));
     painter_->Draw(document_.title, kMargin, height_ - kFoot, 7.5, false, kSoft, Room() - 60, -1, 1);
     painter_->Draw(std::to_string(page_), width_ - kMargin - 60, height_ - kFoot, 7.5, false, kSoft, 60, 1, 1);
   }
@@ -395,9 +442,10 @@ class Pages {
     Foot();
     cairo_show_page(cairo_.get());
     y_ = kMargin;
+    PlaceWaiting();
   }
   void Need(double height) {
-    if (y_ + height > height_ - kMargin - 6 && y_ > kMargin) Turn();
+    while (y_ + height > End() && y_ > kMargin) Turn();
   }
 
   void Words(const std::string& text, double size, bool bold, const char* colour, double after, const char* tag = "P") {
@@ -511,9 +559,10 @@ class Pages {
           h = std::max(h, painter_->Height(row[k].text, size, false, widths[k]) + 0.2 * size);
         }
       }
-      if (y_ + h > height_ - kMargin - 6) {
+      if (y_ + h > End()) {
         cairo_tag_end(cairo_.get(), "Table");
         Turn();
+        Need(3 * 1.6 * size + h);  // below figures that waited
         cairo_tag_begin(cairo_.get(), "Table", nullptr);
         Header(table, part, widths, size, gap);
       }
@@ -550,12 +599,17 @@ class Pages {
   std::unique_ptr<cairo_t, void (*)(cairo_t*)> cairo_{nullptr, cairo_destroy};
   std::unique_ptr<TextPainter> painter_;
   double y_ = kMargin;
-  double shrink_ = 1;  // of the figures being drawn
+  std::vector<Row> waiting_;    // figures for the next page
+  std::vector<double> filled_;  // share of each page
   int page_ = 0;
 };
 
 }  // namespace
 
-void WritePdf(const Document& document, Paper paper, const std::string& file) { Pages(document, paper, file).Write(); }
+std::vector<double> WritePdf(const Document& document, Paper paper, const std::string& file) {
+  Pages pages(document, paper, file);
+  pages.Write();
+  return pages.filled();
+}
 
 }  // namespace trigpoint

@@ -4,10 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
+
+#include "calib/base/counted.h"
+#include "calib/base/median.h"
 
 namespace trigpoint {
 namespace {
@@ -19,6 +23,7 @@ constexpr const char* kVector = "#000000";
 constexpr const char* kEllipse = "#6a1b9a";
 constexpr const char* kInk = "#1d2329";
 constexpr size_t kPathPoints = 400;
+constexpr double kArrow = 34;  // units, of a typical difference
 
 class PlanPainter {
  public:
@@ -39,6 +44,10 @@ class PlanPainter {
           " Arrows: from the reference to the answer, horizontally, {:g} times enlarged; dashed ellipses: 95 % of the "
           "difference at the same enlargement.",
           enlarged_);
+      if (cut_ > 0) {
+        caption += fmt::format(" Without ellipse or head: {} that {} too far for this enlargement.",
+                               Counted(cut_, "difference"), cut_ == 1 ? "reaches" : "reach");
+      }
     }
     return {std::move(drawing_), caption};
   }
@@ -58,12 +67,23 @@ class PlanPainter {
     low_.x() -= wider, high_.x() += wider;
     drawing_.width = kWidth;
     drawing_.height = kTop + scale_ * (high_.y() - low_.y()) + kBottom + 20;
-    std::vector<double> lengths;
-    for (const SceneError& e : scene_.errors) lengths.push_back(e.difference.head<2>().norm());
-    if (lengths.empty()) return;
-    std::sort(lengths.begin(), lengths.end());
-    const double typical = std::max(1e-4, lengths[lengths.size() / 2]);
-    enlarged_ = std::max(1.0, RoundDown(std::max(1.0, 34 / scale_ / typical)));
+    Enlarge();
+  }
+
+  void Enlarge() {
+    std::vector<EnlargedMark> marks;
+    for (const SceneError& e : scene_.errors) marks.push_back(MarkOf(e));
+    if (marks.empty()) return;
+    enlarged_ = EnlargementOf(marks, low_, high_, kArrow / scale_);
+  }
+
+  // The ellipse lies around the arrow's end.
+  static EnlargedMark MarkOf(const SceneError& e) {
+    const Eigen::Vector2d difference = e.difference.head<2>();
+    const Eigen::Vector2d axes =
+        e.sigma_m ? Eigen::Vector2d(kSigmas95 * e.sigma_m->head<2>()) : Eigen::Vector2d(Eigen::Vector2d::Zero());
+    return {e.reference_position.head<2>(), (difference - axes).cwiseMin(0), (difference + axes).cwiseMax(0),
+            difference.norm(), axes.maxCoeff()};
   }
 
   // Bright, so that lines and words stand out.
@@ -128,30 +148,42 @@ class PlanPainter {
 
   void Errors() {
     for (const SceneError& e : scene_.errors) {
-      const double x = X(e.reference_position.x()), y = Y(e.reference_position.y());
-      const double dx = scale_ * enlarged_ * e.difference.x(), dy = -scale_ * enlarged_ * e.difference.y();
-      if (e.sigma_m) {
-        std::vector<std::pair<double, double>> ellipse;
-        for (int k = 0; k <= 40; ++k) {
-          const double a = 2 * M_PI * k / 40, size = scale_ * enlarged_ * kSigmas95;
-          ellipse.emplace_back(x + dx + size * e.sigma_m->x() * std::cos(a),
-                               y + dy + size * e.sigma_m->y() * std::sin(a));
-        }
-        drawing_.Line(ellipse, "#ffffff", 3);
-        drawing_.Line(ellipse, kEllipse, 1.4, true);
-      }
-      drawing_.Line({{x, y}, {x + dx, y + dy}}, "#ffffff", 4);
-      drawing_.Line({{x, y}, {x + dx, y + dy}}, kVector, 1.8);
-      lines_.push_back({{x, y}, {x + dx, y + dy}});
-      const double length = std::hypot(dx, dy);
-      if (length < 4) continue;
-      const double ux = dx / length, uy = dy / length, head = std::min(8.0, 0.5 * length);
-      const double bx = x + dx - head * ux, by = y + dy - head * uy;
-      drawing_.Area({{x + dx, y + dy},
-                     {bx - 0.4 * head * uy, by + 0.4 * head * ux},
-                     {bx + 0.4 * head * uy, by - 0.4 * head * ux}},
-                    kVector);
+      const EnlargedMark mark = MarkOf(e);
+      const bool whole = MostEnlarged(mark, low_, high_) >= enlarged_;
+      if (whole && e.sigma_m) Ellipse(e);
+      if (!whole) ++cut_;
+      // One that leaves the frame ends there.
+      const Eigen::Vector2d d = e.difference.head<2>();
+      const double inside = MostEnlarged({mark.place_m, d.cwiseMin(0), d.cwiseMax(0), d.norm(), 0}, low_, high_);
+      if (inside > 0) Arrow(e, std::min(enlarged_, inside), inside >= enlarged_);
     }
+  }
+
+  void Ellipse(const SceneError& e) {
+    const double x = X(e.reference_position.x()), y = Y(e.reference_position.y()), size = scale_ * enlarged_;
+    std::vector<std::pair<double, double>> ellipse;
+    for (int k = 0; k <= 40; ++k) {
+      const double a = 2 * M_PI * k / 40;
+      ellipse.emplace_back(x + size * (e.difference.x() + kSigmas95 * e.sigma_m->x() * std::cos(a)),
+                           y - size * (e.difference.y() + kSigmas95 * e.sigma_m->y() * std::sin(a)));
+    }
+    drawing_.Line(ellipse, "#ffffff", 3);
+    drawing_.Line(ellipse, kEllipse, 1.4, true);
+  }
+
+  void Arrow(const SceneError& e, double enlarged, bool head_too) {
+    const double x = X(e.reference_position.x()), y = Y(e.reference_position.y());
+    const double dx = scale_ * enlarged * e.difference.x(), dy = -scale_ * enlarged * e.difference.y();
+    drawing_.Line({{x, y}, {x + dx, y + dy}}, "#ffffff", 4);
+    drawing_.Line({{x, y}, {x + dx, y + dy}}, kVector, 1.8);
+    lines_.push_back({{x, y}, {x + dx, y + dy}});
+    const double length = std::hypot(dx, dy);
+    if (length < 4 || !head_too) return;
+    const double ux = dx / length, uy = dy / length, head = std::min(8.0, 0.5 * length);
+    const double bx = x + dx - head * ux, by = y + dy - head * uy;
+    drawing_.Area(
+        {{x + dx, y + dy}, {bx - 0.4 * head * uy, by + 0.4 * head * ux}, {bx + 0.4 * head * uy, by - 0.4 * head * ux}},
+        kVector);
   }
 
   void Panoramas() {
@@ -198,10 +230,13 @@ class PlanPainter {
       drawing_.Text(x + 29, y, name, -1, 12, kInk);
       x += room;
     };
+    if (!scene_.errors.empty()) {  // before the runs, of which there may be too many
+      entry(fmt::format("difference x {:g}", enlarged_), kVector, 1.8, false);
+      const bool ellipses =
+          std::any_of(scene_.errors.begin(), scene_.errors.end(), [](const SceneError& e) { return e.sigma_m; });
+      if (ellipses) entry(fmt::format("its 95 % ellipse x {:g}", enlarged_), kEllipse, 1.4, true);
+    }
     for (const std::string& run : scene_.runs) entry(run, ColourOf(run), 3, false);
-    if (scene_.errors.empty()) return;
-    entry(fmt::format("difference x {:g}", enlarged_), kVector, 1.8, false);
-    entry("95 % of it", kEllipse, 1.4, true);
   }
 
   const SceneModel& scene_;
@@ -209,6 +244,7 @@ class PlanPainter {
   std::vector<std::vector<std::pair<double, double>>> lines_;  // that names keep clear of
   Eigen::Vector2d low_, high_;
   double scale_ = 1, enlarged_ = 1;
+  int cut_ = 0;  // differences that leave the frame
 };
 
 }  // namespace
@@ -219,6 +255,50 @@ double RoundDown(double value) {
     if (factor * decade <= value) return factor * decade;
   }
   return decade;
+}
+
+double MostEnlarged(const EnlargedMark& mark, const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m,
+                    double apart_m) {
+  constexpr double kShare = 0.5, kNone = std::numeric_limits<double>::infinity();
+  double most = mark.half_axis_m > 0 ? kShare * apart_m / mark.half_axis_m : kNone;
+  for (int k = 0; k < 2; ++k) {
+    const double right = high_m[k] - mark.place_m[k], left = mark.place_m[k] - low_m[k];
+    if (right <= 0 || left <= 0) return 0;
+    if (mark.high_m[k] > 0) most = std::min(most, right / mark.high_m[k]);
+    if (mark.low_m[k] < 0) most = std::min(most, left / -mark.low_m[k]);
+  }
+  return most;
+}
+
+double ApartOf(const std::vector<EnlargedMark>& marks, const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m) {
+  const double same = 0.02 * (high_m - low_m).maxCoeff();
+  std::vector<double> nearest;
+  for (const EnlargedMark& a : marks) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const EnlargedMark& b : marks) {
+      const double d = (a.place_m - b.place_m).norm();
+      if (d > same) least = std::min(least, d);
+    }
+    if (std::isfinite(least)) nearest.push_back(least);
+  }
+  return nearest.empty() ? (high_m - low_m).minCoeff() : Median(std::move(nearest));
+}
+
+double EnlargementOf(const std::vector<EnlargedMark>& marks, const Eigen::Vector2d& low_m,
+                     const Eigen::Vector2d& high_m, double arrow_m) {
+  constexpr double kGross = 0.2, kShortest = 1e-5;
+  constexpr size_t kOneIn = 8;
+  if (marks.empty()) return 1;
+  const double apart = ApartOf(marks, low_m, high_m);
+  std::vector<double> arrows, most;
+  for (const EnlargedMark& mark : marks) {
+    arrows.push_back(mark.arrow_m);
+    most.push_back(MostEnlarged(mark, low_m, high_m, apart));
+  }
+  std::sort(most.begin(), most.end());
+  const double gross = kGross * most[most.size() / 2];
+  const double all = most[most.size() / kOneIn] < gross ? most.front() : std::max(most.front(), gross);
+  return std::max(1.0, RoundDown(std::max(1.0, std::min(all, arrow_m / std::max(kShortest, Median(arrows))))));
 }
 
 Plan PlanOf(const SceneModel& scene) { return PlanPainter(scene).Draw(); }

@@ -125,13 +125,18 @@ void AddChapters(const ChapterContext& context, bool images, Scenes scenes, std:
   AddSurvey(context, blocks);
   AddCameras(context, blocks);
   AddRuns(context, blocks);
-  blocks->push_back(Heading{2, "Pictures", "map"});
+  blocks->push_back(Heading{2, "Scene", "map"});
+  if (scenes.pictures.size() > 1) {
+    blocks->push_back(
+        Paragraph{"The site in three dimensions as the results have it: from above, from the side, and the stations "
+                  "with the largest differences."});
+  }
   blocks->insert(blocks->end(), std::make_move_iterator(scenes.pictures.begin()),
                  std::make_move_iterator(scenes.pictures.end()));
+  AddStations(context, blocks);
   AddStitched(context, images, blocks);
   AddCalibrations(context, blocks);
   AddCrosschecks(context, blocks);
-  AddStations(context, blocks);
   AddProvenance(context, blocks);
 }
 

@@ -19,7 +19,9 @@ class SurveyPainter {
     Frame();
     Grid();
     for (const Eigen::Vector2d& tag : tags_) drawing_.Circle(X(tag.x()), Y(tag.y()), 2.5, kFaint);
-    for (const SurveyPlanPoint& p : points_) Ellipse(p);
+    for (size_t i = 0; i < points_.size(); ++i) {
+      if (MostEnlarged(marks_[i], low_, high_) >= enlarged_) Ellipse(points_[i]);
+    }
     for (const SurveyPlanPoint& p : points_) Arrow(p);
     for (const SurveyPlanPoint& p : points_) Mark(p);
     Legend();
@@ -63,11 +65,13 @@ class SurveyPainter {
     low_.x() -= wider, high_.x() += wider;
     drawing_.width = kWidth;
     drawing_.height = kTop + scale_ * (high_.y() - low_.y()) + kBottom;
-    std::vector<double> sizes;
-    for (const SurveyPlanPoint& p : points_) sizes.push_back(std::max(p.residual_m.norm(), HalfAxis(p)));
-    std::sort(sizes.begin(), sizes.end());
-    const double typical = std::max(1e-5, sizes[sizes.size() * 3 / 4]);
-    enlarged_ = std::max(1.0, RoundDown(std::max(1.0, kArrow / scale_ / typical)));
+    for (const SurveyPlanPoint& p : points_) {
+      // The ellipse lies around the point.
+      const Eigen::Vector2d axes = kSigmas95 * p.covariance_m2.diagonal().cwiseMax(0).cwiseSqrt();
+      marks_.push_back(
+          {p.place_m, p.residual_m.cwiseMin(-axes), p.residual_m.cwiseMax(axes), p.residual_m.norm(), HalfAxis(p)});
+    }
+    enlarged_ = EnlargementOf(marks_, low_, high_, kArrow / scale_);
   }
 
   void Grid() {
@@ -101,10 +105,13 @@ class SurveyPainter {
 
   void Arrow(const SurveyPlanPoint& p) {
     const double x = X(p.place_m.x()), y = Y(p.place_m.y());
-    const double dx = scale_ * enlarged_ * p.residual_m.x(), dy = -scale_ * enlarged_ * p.residual_m.y();
+    // One that leaves the frame ends there, without a head.
+    const Eigen::Vector2d d = p.residual_m;
+    const double most = MostEnlarged({p.place_m, d.cwiseMin(0), d.cwiseMax(0), d.norm(), 0}, low_, high_);
+    const double size = scale_ * std::min(enlarged_, most), dx = size * d.x(), dy = -size * d.y();
     const double length = std::hypot(dx, dy);
     drawing_.Line({{x, y}, {x + dx, y + dy}}, kInk, 1.8);
-    if (length < 4) return;
+    if (length < 4 || most < enlarged_) return;
     const double ux = dx / length, uy = dy / length, head = std::min(8.0, 0.5 * length);
     const double bx = x + dx - head * ux, by = y + dy - head * uy;
     drawing_.Area(
@@ -154,6 +161,7 @@ class SurveyPainter {
   const double metres_;
   Drawing drawing_;
   Eigen::Vector2d low_, high_;
+  std::vector<EnlargedMark> marks_;  // of the points
   double scale_ = 1, enlarged_ = 1;
 };
 

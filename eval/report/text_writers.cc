@@ -51,6 +51,8 @@ class MarkdownWriter {
     text_ += "![" + Plain(figure.caption) + "](figures/" + figure.name + ".png)\n\n" + Plain(figure.caption) + "\n\n";
   }
   void operator()(const FoldBegin& fold) const { text_ += "**" + Plain(fold.title) + "**\n\n"; }
+  void operator()(const AppendixBegin&) const {}
+  void operator()(const AppendixEnd&) const {}
   void operator()(const FoldEnd&) const {}
   void operator()(const Columns&) const {}
 

@@ -11,6 +11,7 @@
 #include "datasets/io/text.h"
 #include "eval/report/charts.h"
 #include "eval/report/paint.h"
+#include "eval/report/plan.h"
 
 namespace trigpoint {
 namespace {
@@ -25,6 +26,20 @@ double RoundedStep(double range) {
     if (factor * decade >= raw) return factor * decade;
   }
   return 10 * decade;
+}
+
+// The largest round step of which at least three multiples lie from `low` to `high`.
+double TickStep(double low, double high) {
+  constexpr double kLess = 0.6;  // 5, 2, 1: each at least 0.6 times the next larger one, rounded down
+  double step = RoundDown(high - low);
+  while (std::floor(high / step) - std::ceil(low / step) < 2) step = RoundDown(kLess * step);
+  return step;
+}
+
+// With the decimals that tell neighbours apart.
+std::string TickText(double value, double step) {
+  return fmt::format("{:.{}f}", std::abs(value) < 1e-9 * step ? 0 : value,
+                     static_cast<int>(std::max(0.0, -std::floor(std::log10(step) + 1e-9))));
 }
 
 const char* ColourOf(size_t estimate) { return kLineColours[estimate % kLineColours.size()]; }
@@ -174,10 +189,11 @@ Drawing TrajectoryAxesChart(const std::vector<PlottedTrajectory>& estimates, con
     const auto at = [&](double way, double value) {
       return std::pair(kLeft + (right - kLeft) * way / along, top + kPanel * (high - value) / (high - low));
     };
-    const double step = 2 * RoundedStep(high - low);
-    for (double v = std::ceil(low / step) * step; v <= high; v += step) {
+    const double step = TickStep(low, high);
+    for (double k = std::ceil(low / step); k <= std::floor(high / step); ++k) {
+      const double v = k * step;
       drawing.Line({at(0, v), at(along, v)}, "#e3e3e3");
-      drawing.Text(kLeft - 6, at(0, v).second + 4, fmt::format("{:g}", std::abs(v) < 1e-9 * step ? 0 : v), 1);
+      drawing.Text(kLeft - 6, at(0, v).second + 4, TickText(v, step), 1);
     }
     drawing.Line({at(0, high), at(0, low), at(along, low)}, "#333333");
     drawing.Text(14, top + 0.5 * kPanel, std::string(1, "xyz"[axis]) + ", " + unit, 0, 12, "#333333", false, true);

@@ -135,6 +135,49 @@ TEST_F(PdfTest, IsRepeatableInBothSizes) {
   EXPECT_THAT(Read(dir_ / "c.pdf"), HasSubstr("0 0 612 792"));
 }
 
+// Whatever the order of figures, text and tables: what does not fit goes on, and no page stays half empty.
+// The air below the last table of a page may reach into the margin.
+TEST_F(PdfTest, TextFillsWhatAFigureLeaves) {
+  Drawing large = DotChart({"a"}, {{"b", {{0, 1.0}}}}, "c");
+  for (const double tall : {300.0, 520.0, 760.0}) {
+    Document d;
+    d.title = "t";
+    large.height = tall;
+    Table table{"t", "a table", {{"a"}, {"b", true}}, {}};
+    for (int r = 0; r < 14; ++r) table.rows.push_back({{"row"}, {"1.5", 1.5}});
+    for (int k = 0; k < 24; ++k) {
+      if (k % 6 == 0) d.blocks.push_back(Heading{2, "chapter", "c" + std::to_string(k)});
+      for (int p = 0; p < k % 5; ++p) d.blocks.push_back(Paragraph{std::string(300 + 40 * k, 'x')});
+      d.blocks.push_back(Figure{"f" + std::to_string(k), "a figure", large, false, k % 4 == 3});
+      if (k % 3 == 0) d.blocks.push_back(table);
+      d.blocks.push_back(Paragraph{"Some words."});
+    }
+    const std::vector<double> filled = WritePdf(d, Paper::kA4, (dir_ / "f.pdf").string());
+    ASSERT_GT(filled.size(), 5u);
+    for (size_t page = 0; page + 1 < filled.size(); ++page) {
+      EXPECT_GT(filled[page], 0.7) << "page " << page + 1 << ", figures of " << tall;
+      EXPECT_LE(filled[page], 1.02) << "page " << page + 1 << ", figures of " << tall;
+    }
+  }
+}
+
+TEST_F(PdfTest, AnAppendixComesLast) {
+  Document d;
+  d.title = "t";
+  d.blocks = {Heading{2, "First", "first"},   AppendixBegin{"details", "details"},
+              Paragraph{"All of it."},        AppendixEnd{},
+              Heading{2, "Second", "second"}, Paragraph{"More."}};
+  WritePdf(d, Paper::kA4, (dir_ / "p.pdf").string());
+  const std::string pdf = Read(dir_ / "p.pdf");
+  const size_t first = pdf.find("(First)"), second = pdf.find("(Second)"), details = pdf.find("(Appendix: details)");
+  ASSERT_NE(details, std::string::npos);
+  EXPECT_LT(first, second);
+  EXPECT_LT(second, details);
+  const std::string html = HtmlOf(d);
+  EXPECT_LT(html.find("All of it."), html.find("id=\"second\""));
+  EXPECT_THAT(html, Not(HasSubstr("Appendix: details")));
+}
+
 TEST_F(PdfTest, SaysWhereItCannotWrite) {
   try {
     WritePdf(Evil(), Paper::kA4, (dir_ / "no" / "such" / "a.pdf").string());

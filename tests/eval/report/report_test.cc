@@ -140,6 +140,9 @@ TEST_F(ReportTest, BeginsWithTheVerdict) {
   }
   // Rendered scenes are thumbnails, behind the numbers.
   EXPECT_GT(html.find("id=\"map\""), html.find("id=\"runs\""));
+  // Panoramas with their matches: a chapter in its place, not behind everything.
+  EXPECT_GT(html.find("id=\"stations\""), html.find("id=\"map\""));
+  EXPECT_GT(html.find("id=\"provenance\""), html.find("id=\"station-2\""));
   EXPECT_THAT(html, HasSubstr("<caption>"));
   EXPECT_THAT(html, HasSubstr("<th scope=col>"));
 }
