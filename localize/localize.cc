@@ -332,11 +332,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     const auto fit = [&](double scale_prior) {
       GeoRegistration geo = RegisterBySources(&earth.observations, PlacesCovariance(p, earth.poses, *local),
                                               scale_prior, input.scale_sigma, input.levelled, options.geo);
-      if (earth.gps) {
-        CheckGpsShape(p, gps, options.geo.gps_correlation_s, &geo);
-      } else {
-        HeedGps(p, gps, &geo);
-      }
+      earth.gps ? CheckGpsShape(p, gps, options.geo.gps_correlation_s, &geo) : HeedGps(p, gps, &geo);
       return geo;
     };
     result.geo = fit(1);

@@ -33,11 +33,9 @@ CLI::Validator Millimetres(double least, double most) {
 int EnterMeasured(const Session& session, const Arguments& a) {
   const std::vector<int> ids = a.ids.empty() ? std::vector<int>() : ParseIds(a.ids);
   const MeasuredPrint entered = EnterMeasuredPrint(a.dir, ids, a.measured, a.nominal_mm);
-  Terminal terminal = session.MakeTerminal();
-  for (const std::string& warning : entered.warnings) terminal.Log(LogLevel::kWarning, warning);
-  terminal.ClearProgress();
   Ending ending(fmt::format("Entered the measured size of {}: {:.2f} % of the size asked for",
                             Counted(entered.ids.size(), "tag"), 100 * entered.factor));
+  for (const std::string& warning : entered.warnings) ending.Problem("Warning", warning);
   ending.Look("Sizes", std::filesystem::path(a.dir) / "tags.yaml");
   if (!entered.old.empty()) ending.Look("Old file", entered.old);
   ending.Fact("Reading", fmt::format("half a millimetre on the ruler is {:.2g} % of {:g} mm",

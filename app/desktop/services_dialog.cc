@@ -67,8 +67,7 @@ ServicesDialog::ServicesDialog(Workspace* workspace, QWidget* parent, Open open)
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(map_);
   split->addWidget(table_);
-  split->setStretchFactor(0, 3);
-  split->setStretchFactor(1, 2);
+  split->setSizes({3000, 2000});  // a ratio: the splitter scales them to its height
   command_ = new QLineEdit;
   command_->setObjectName("services.line");
   command_->setAccessibleName(tr("Equivalent command line"));
@@ -181,6 +180,7 @@ void ServicesDialog::MakeTable() {
   table_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   table_->setSelectionBehavior(QAbstractItemView::SelectRows);
   table_->verticalHeader()->hide();
+  table_->verticalHeader()->setDefaultSectionSize(table_->fontMetrics().height() + 8);
   table_->horizontalHeader()->setStretchLastSection(true);
   connect(table_, &QTableWidget::itemChanged, this, [this](QTableWidgetItem* item) {
     if (!filling_ && item->column() == kPicked) Pick(item->row(), item->checkState() == Qt::Checked);

@@ -110,13 +110,14 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   const DetectTagsOptions options = DetectorOptions(*project_, {});
   if (!log_) {
     log_ = std::make_unique<PictureLog>(
-        out_ / "pictures.jsonl", nlohmann::json{{"schema", 2}, {"blur", 3}, {"detector", JsonFromOptions(options)}});
+        out_ / "pictures.jsonl", nlohmann::json{{"schema", 2}, {"blur", 4}, {"detector", JsonFromOptions(options)}});
     pairs_ = std::make_unique<PairLog>(out_ / "pairs.jsonl");
     OpenReferenceLines();
   }
   waiting_.clear();
   std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
   WatchVideos();
+  WatchSets(progress);
   for (size_t k = most; k < pending.size(); ++k) ++waiting_[pending[k].run->name];
   pending.resize(std::min(most, pending.size()));
   if (!pending.empty()) LookAtPictures(pending, options, log_.get(), threads_, progress, cancel);
@@ -156,13 +157,17 @@ std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
   for (const Run& run : project_->site().runs) add(run.dir);
   for (const auto& [run, why] : project_->site().broken_runs) add(dir_ / "runs" / run);
   for (const fs::path& set : PhotoSetFolders(dir_)) add(set);
+  for (const Reference& reference : project_->site().references) {
+    for (const fs::path& file : reference.files) files.emplace_back(file, StampOf(file));
+  }
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   return files;
 }
 
 bool SiteCheck::Waits() const {
   return !videos_arriving_.empty() ||
-         std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; });
+         std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; }) ||
+         std::any_of(watched_sets_.begin(), watched_sets_.end(), [](const auto& set) { return !set.stable; });
 }
 
 bool SiteCheck::OthersChanged() const { return Others() != judged_; }
@@ -453,13 +458,14 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   AddPictures(&outcome);
   AddPlanned(&facts);
   AddMap(&facts, progress, cancel);
-  AddReferences(&facts);
-  AddSets(&facts, progress, cancel);
+  AddReferences(&outcome);
+  AddSets(&facts);
   for (const auto& [set, photos] : facts.sets_arriving) {
     outcome.waiting += photos;
-    outcome.findings.push_back(
-        {Light::kAmber, "photo sets",
-         fmt::format("photo set {}: {} photos, still being copied; check again in some seconds", set, photos)});
+    outcome.findings.push_back({Light::kAmber, "photo sets",
+                                fmt::format("photo set {}: {} photos, still being copied or not matched yet; check "
+                                            "again in some seconds",
+                                            set, photos)});
   }
   for (const auto& find : {FindInPictures, FindInMap}) {
     const std::vector<SiteFinding> found = find(facts);

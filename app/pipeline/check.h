@@ -12,6 +12,7 @@
 #include "app/pipeline/check_pairs.h"
 #include "app/pipeline/plan_report.h"
 #include "app/pipeline/survey_input.h"
+#include "datasets/project/forked.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
 
@@ -38,9 +39,12 @@ class SiteCheck {
   size_t Compare(size_t most, ProgressSink& progress, const CancelToken& cancel);
   // What all of it shows.
   CheckOutcome Judge(ProgressSink& progress, const CancelToken& cancel);
-  // Whether pictures or videos are left that are still being copied.
+  // Whether files are left that are still being copied.
   bool Waits() const;
-  // Whether anything but pictures changed since the last Judge: tables, odometry, photos of sets.
+  // Whether a photo set is being matched, in a process of its own: Look takes what it finds.
+  bool MatchesSet() const { return matching_ != nullptr; }
+  // Whether anything but a run's pictures changed since the last Judge: tables, odometry, panoramas, photos of sets, or
+  // what a set shows.
   bool OthersChanged() const;
   const std::filesystem::path& out() const { return out_; }
 
@@ -49,8 +53,9 @@ class SiteCheck {
   void AddPictures(CheckOutcome* outcome) const;
   void OpenReferenceLines();
   void ReadReferences();
-  void AddReferences(FieldFacts* facts);
+  void AddReferences(CheckOutcome* outcome);
   void ReadSets();
+  void WatchSets(ProgressSink& progress);
   void WatchVideos();
   void AddPlanned(FieldFacts* facts) const;
   DetectionsOfRuns DetectionsOf(const FieldFacts& facts) const;
@@ -58,9 +63,21 @@ class SiteCheck {
   std::optional<SurveyJob> JobOf(const SurveyStageOptions& survey, StageContext& context, DetectionsOfRuns* detections,
                                  FieldFacts* facts) const;
   void AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const;
-  void AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel);
+  void AddSets(FieldFacts* facts) const;
   void JudgeGates(CheckOutcome* outcome) const;
   std::vector<std::pair<std::filesystem::path, FileStamp>> Others() const;
+
+  // A photo set as the last Look found it.
+  struct WatchedSet {
+    std::string name;
+    std::string like;  // names, sizes and times of its photos: an unchanged set is not matched again
+    int photos = 0;
+    bool stable = false;  // no photo of it is being copied
+  };
+  struct Matching {
+    WatchedSet set;
+    ForkedTask task;
+  };
 
   std::filesystem::path dir_, out_;
   int threads_;
@@ -74,7 +91,9 @@ class SiteCheck {
   FolderWatch watch_;
   std::map<std::string, int> waiting_;
   std::map<std::string, std::string> videos_arriving_, videos_unreadable_;  // as FieldFacts has them
-  std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: what its photos were like, what they show
+  std::vector<WatchedSet> watched_sets_;
+  std::unique_ptr<Matching> matching_;
+  std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: WatchedSet::like, what its photos show
   std::map<std::string, std::pair<FileStamp, std::string>> references_;  // by name: as it was read, why it cannot be
   std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;
 };

@@ -22,10 +22,29 @@ using nlohmann::json;
 constexpr int64_t kStable_ns = 1'000'000'000;
 constexpr double kSearched_px = 2400;  // longer side of what is searched for tags: keeps up with a camera
 
+// Short: there are hundreds a picture.
+json HundredthsOf(const std::vector<float>& values) {
+  json list = json::array();
+  for (const float value : values) list.push_back(std::lround(100 * value));
+  return list;
+}
+
+std::vector<float> FromHundredths(const json& list) {
+  std::vector<float> values;
+  for (const json& value : list) values.push_back(value.get<float>() / 100);
+  return values;
+}
+
 json JsonOfQuality(const PictureQuality& q) {
   json cells = json::array();
   for (const auto& cell : q.cell_blur_px) cells.push_back(cell ? json(*cell) : json());
-  return {q.mean, q.dark, q.bright, q.blur_px ? json(*q.blur_px) : json(), cells};
+  return {q.mean,
+          q.dark,
+          q.bright,
+          q.blur_px ? json(*q.blur_px) : json(),
+          cells,
+          HundredthsOf(q.energy.sharp),
+          HundredthsOf(q.energy.reblurred)};
 }
 
 PictureQuality QualityOf(const json& j) {
@@ -36,6 +55,9 @@ PictureQuality QualityOf(const json& j) {
   q.bright = j.at(2);
   q.blur_px = blur(j.at(3));
   for (size_t k = 0; k < q.cell_blur_px.size(); ++k) q.cell_blur_px[k] = blur(j.at(4).at(k));
+  q.energy.sharp = FromHundredths(j.at(5));
+  q.energy.reblurred = FromHundredths(j.at(6));
+  q.energy.rows = static_cast<int>(q.energy.sharp.size()) / kEnergyColumns;
   return q;
 }
 

@@ -74,11 +74,11 @@ const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
 
 }  // namespace
 
-PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 3}, {"features", 1}}) { Read(); }
+PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 4}, {"features", 1}}) { Read(); }
 
 void PairLog::Read() {
   lines_.Read([&](const nlohmann::json& j) {
-    SharedView view{j.at("shared"), std::nullopt};
+    SharedView view{j.at("shared"), std::nullopt, j.at("matches")};
     if (!j.at("turn").is_null()) {
       const std::array<double, 4> q = j.at("turn");
       view.b_from_a = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized();
@@ -99,7 +99,8 @@ std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log) {
     double tried = -1e9;
     const auto add = [&](const Keyframe& a, const Keyframe& b, bool loop) {
       const SharedView* shared = log.Find(run.run->name, *a.picture, *b.picture);
-      pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? shared->features : -1, loop, b.way_m});
+      pairs.push_back({a.picture->image, b.picture->image, shared != nullptr ? shared->features : -1, loop, b.way_m,
+                       shared != nullptr ? shared->matches : 0});
     };
     for (size_t k = 1; k < keyframes.size(); ++k) {
       add(keyframes[k - 1], keyframes[k], false);
@@ -172,6 +173,7 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
                   {"b", pair.to},
                   {"versions", VersionsOf(*seen.at(pair.from), *seen.at(pair.to))},
                   {"shared", shared.features},
+                  {"matches", shared.matches},
                   {"turn", shared.b_from_a ? turn() : nlohmann::json()}});
   });
   log->Read();

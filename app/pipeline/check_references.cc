@@ -1,11 +1,14 @@
 // The panoramas, photos and photo sets of a folder that still grows, for SiteCheck of check.h.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "app/pipeline/check.h"
 #include "calib/base/error.h"
+#include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
 #include "eval/errors/stations.h"
@@ -15,24 +18,51 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 
 // Photo sets are looked at coarsely: whether the ring is closed shows at any size.
 constexpr int kSetFeatures = 1200, kSetSide_px = 1000;
+constexpr int kLessUrgent = 10;  // niceness of matching them: pictures of runs go first
 
-// The widest part of the horizon without an optical axis, and the photos on either side of it.
-void FindGap(const StitchedRig& rig, FieldSet* set) {
-  std::vector<std::pair<double, std::string>> axes;
+// The axis of a photo, as seen from the middle of its set, rad.
+struct PhotoAxis {
+  double azimuth = 0, elevation = 0, height = 0;  // height: of its field of view
+  std::string photo;
+};
+
+std::vector<PhotoAxis> AxesOf(const StitchedRig& rig) {
+  std::vector<PhotoAxis> axes;
   for (size_t i = 0; i < rig.photos.size(); ++i) {
-    if (!rig.state.photos[i].placed) continue;
-    const Eigen::Vector3d axis = rig.state.photos[i].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
-    axes.emplace_back(std::atan2(axis.x(), axis.z()), rig.photos[i].name);
+    const RigPhoto& p = rig.state.photos[i];
+    if (!p.placed) continue;
+    const PairView& view = rig.views[i];
+    const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
+    const auto ray = [&](double y) { return RayOfPixel(view, lens, {0.5 * view.width, y * view.height}); };
+    const Eigen::Vector3d axis = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    axes.push_back({std::atan2(axis.x(), axis.z()), std::asin(std::clamp(-axis.y(), -1.0, 1.0)),
+                    AngleBetween(ray(0), ray(1)), rig.photos[i].name});
   }
-  std::sort(axes.begin(), axes.end());
+  return axes;
+}
+
+// The widest part of a row of photos without an axis, and the photos on either side of it. Rows lie one above the
+// other: what one lacks does not hide in the other.
+void FindGap(const StitchedRig& rig, FieldSet* set) {
+  constexpr double kRow = 0.25;  // of a photo's height, between rows
+  std::vector<PhotoAxis> axes = AxesOf(rig);
+  std::sort(axes.begin(), axes.end(), [](const auto& a, const auto& b) { return a.elevation < b.elevation; });
   double widest = 0;
-  for (size_t k = 0; k < axes.size(); ++k) {
-    const auto& next = axes[(k + 1) % axes.size()];
-    const double gap = next.first - axes[k].first + (k + 1 == axes.size() ? 2 * M_PI : 0);
-    if (gap > widest) widest = gap, set->before_gap = axes[k].second, set->after_gap = next.second;
+  for (size_t begin = 0, end = 0; begin < axes.size(); begin = end) {
+    for (end = begin + 1; end < axes.size(); ++end) {
+      if (axes[end].elevation - axes[end - 1].elevation > kRow * axes[end].height) break;
+    }
+    std::sort(axes.begin() + static_cast<std::ptrdiff_t>(begin), axes.begin() + static_cast<std::ptrdiff_t>(end),
+              [](const auto& a, const auto& b) { return a.azimuth < b.azimuth; });
+    for (size_t k = begin; k < end; ++k) {
+      const PhotoAxis& next = axes[k + 1 < end ? k + 1 : begin];
+      const double gap = next.azimuth - axes[k].azimuth + (k + 1 < end ? 0 : 2 * std::numbers::pi);
+      if (gap > widest) widest = gap, set->before_gap = axes[k].photo, set->after_gap = next.photo;
+    }
   }
 }
 
@@ -60,24 +90,36 @@ FieldSet LookAtSet(const fs::path& dir, int threads, uint64_t seed, ProgressSink
   return set;
 }
 
+json JsonOf(const FieldSet& set) {
+  return {{"name", set.name},           {"photos", set.photos},   {"placed", set.placed},
+          {"full_turn", set.full_turn}, {"gap_deg", set.gap_deg}, {"before_gap", set.before_gap},
+          {"after_gap", set.after_gap}, {"problem", set.problem}};
+}
+
+FieldSet SetOf(const json& j) {
+  return {j.at("name"),    j.at("photos"),     j.at("placed"),    j.at("full_turn"),
+          j.at("gap_deg"), j.at("before_gap"), j.at("after_gap"), j.at("problem")};
+}
+
 }  // namespace
 
 void SiteCheck::OpenReferenceLines() {
-  set_lines_ = std::make_unique<JsonLines>(
-      out_ / "sets.jsonl", nlohmann::json{{"schema", 1}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});
+  set_lines_ = std::make_unique<JsonLines>(out_ / "sets.jsonl",
+                                           json{{"schema", 2}, {"features", kSetFeatures}, {"side_px", kSetSide_px}});
   ReadSets();
-  reference_lines_ = std::make_unique<JsonLines>(out_ / "panoramas.jsonl", nlohmann::json{{"schema", 1}});
+  reference_lines_ = std::make_unique<JsonLines>(out_ / "panoramas.jsonl", json{{"schema", 1}});
   ReadReferences();
 }
 
 void SiteCheck::ReadReferences() {
-  reference_lines_->Read([&](const nlohmann::json& j) {
+  reference_lines_->Read([&](const json& j) {
     references_[j.at("name").get<std::string>()] = {FileStamp{j.at("size"), j.at("changed_ns")}, j.at("problem")};
   });
 }
 
 // A picture is read once, and again only after it changed.
-void SiteCheck::AddReferences(FieldFacts* facts) {
+void SiteCheck::AddReferences(CheckOutcome* outcome) {
+  FieldFacts* facts = &outcome->facts;
   for (const Reference& reference : project_->site().references) {
     facts->referenced.insert(StationNamed(reference.station, project_->site().stations));
     if (reference.kind == ReferenceKind::kPhotoSet || reference.files.empty()) continue;
@@ -85,7 +127,10 @@ void SiteCheck::AddReferences(FieldFacts* facts) {
     const FileStamp stamp = StampOf(file);
     const auto known = references_.find(reference.name);
     if (known == references_.end() || known->second.first != stamp) {
-      if (!watch_.IsStable(file, stamp) && stamp.size > 0) continue;  // still being copied
+      if (!watch_.IsStable(file, stamp) && stamp.size > 0) {  // still being copied
+        ++outcome->waiting;
+        continue;
+      }
       std::string problem;
       try {
         reference.kind == ReferenceKind::kPanorama ? LoadPanorama(file, true) : LoadPicture(file, true);
@@ -103,43 +148,61 @@ void SiteCheck::AddReferences(FieldFacts* facts) {
 }
 
 void SiteCheck::ReadSets() {
-  set_lines_->Read([&](const nlohmann::json& j) {
-    const FieldSet set{j.at("name"),    j.at("photos"),     j.at("placed"),    j.at("full_turn"),
-                       j.at("gap_deg"), j.at("before_gap"), j.at("after_gap"), j.at("problem")};
+  set_lines_->Read([&](const json& j) {
+    const FieldSet set = SetOf(j);
     sets_[set.name] = {j.at("like"), set};
   });
 }
 
-void SiteCheck::AddSets(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) {
+// Sets are matched one after the other, beside the pictures, which a camera goes on copying meanwhile.
+void SiteCheck::WatchSets(ProgressSink& progress) {
+  if (matching_ && matching_->task.Listen(progress, std::chrono::milliseconds(0))) {
+    const std::unique_ptr<Matching> ended = std::move(matching_);
+    json line;
+    try {
+      line = json::parse(ended->task.Take().bytes);
+    } catch (const MemoryError& e) {
+      FieldSet set;
+      set.name = ended->set.name;
+      set.photos = ended->set.photos;
+      set.problem = e.what();
+      line = JsonOf(set);
+    }
+    line["like"] = ended->set.like;
+    JsonAppender(set_lines_->file()).Add(line);
+    ReadSets();
+    judged_.clear();  // it is news
+  }
+  watched_sets_.clear();
   for (const fs::path& dir : PhotoSetFolders(dir_)) {
-    std::string like;  // names, sizes and times of the photos: an unchanged set is not stitched again
-    bool stable = true;
-    const std::vector<fs::path> photos = PicturesIn(dir);
-    for (const fs::path& photo : photos) {
+    WatchedSet set{dir.filename().string(), "", 0, true};
+    for (const fs::path& photo : PicturesIn(dir)) {
       const FileStamp stamp = StampOf(photo);
-      like += fmt::format("{} {} {};", photo.filename().string(), stamp.size, stamp.changed_ns);
-      stable = watch_.IsStable(photo, stamp) && stable;
+      set.like += fmt::format("{} {} {};", photo.filename().string(), stamp.size, stamp.changed_ns);
+      set.stable = watch_.IsStable(photo, stamp) && set.stable;
+      ++set.photos;
     }
-    const auto known = sets_.find(dir.filename().string());
-    if (stable && (known == sets_.end() || known->second.first != like)) {
-      const FieldSet set = LookAtSet(dir, threads_, seed_, progress, cancel);
-      JsonAppender(set_lines_->file())
-          .Add({{"name", set.name},
-                {"like", like},
-                {"photos", set.photos},
-                {"placed", set.placed},
-                {"full_turn", set.full_turn},
-                {"gap_deg", set.gap_deg},
-                {"before_gap", set.before_gap},
-                {"after_gap", set.after_gap},
-                {"problem", set.problem}});
-      ReadSets();
+    const auto known = sets_.find(set.name);
+    const bool news = set.photos > 0 && (known == sets_.end() || known->second.first != set.like);
+    if (news && set.stable && !matching_) {
+      const auto body = [&](ProgressSink& its) {
+        if (nice(kLessUrgent) < 0) its.Log(LogLevel::kDebug, "nice: refused");
+        return JsonOf(LookAtSet(dir, threads_, seed_, its, {})).dump();
+      };
+      matching_.reset(new Matching{set, {"photo set " + set.name + ": matching its photos", body}});
     }
-    // A verdict on an earlier state of the folder is not repeated.
-    if (const auto set = sets_.find(dir.filename().string()); set != sets_.end() && set->second.first == like) {
-      facts->sets.push_back(set->second.second);
-    } else if (!photos.empty()) {
-      facts->sets_arriving[dir.filename().string()] = static_cast<int>(photos.size());
+    watched_sets_.push_back(std::move(set));
+  }
+}
+
+// A verdict on an earlier state of the folder is not repeated.
+void SiteCheck::AddSets(FieldFacts* facts) const {
+  for (const WatchedSet& set : watched_sets_) {
+    const auto known = sets_.find(set.name);
+    if (known != sets_.end() && known->second.first == set.like) {
+      facts->sets.push_back(known->second.second);
+    } else if (set.photos > 0) {
+      facts->sets_arriving[set.name] = set.photos;
     }
   }
 }

@@ -23,7 +23,8 @@ CheckOutcome CheckSite(SiteCheck& check, bool watched, ProgressSink& progress, c
   while (true) {
     if (check.Look(kAtATime, progress, cancel) > 0 || check.Compare(kAtATime, progress, cancel) > 0) continue;
     // A file that changed a moment ago counts as complete only after a pause, so wait for it.
-    if (watched || !check.Waits() || Seconds(begun) > kPatience_s) break;
+    const bool waits = check.MatchesSet() || (check.Waits() && Seconds(begun) <= kPatience_s);
+    if (watched || !waits) break;
     std::this_thread::sleep_for(kPause);
     cancel.ThrowIfCancelled();
   }

@@ -457,7 +457,9 @@ PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, St
 std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& options) {
   std::vector<fs::path> inputs;
   const fs::path file = SketchFile(project, options);
-  if (fs::exists(project.dir() / "tags.yaml")) inputs.push_back(project.dir() / "tags.yaml");
+  for (const char* always : {"tags.yaml", "aerial.tif"}) {
+    if (fs::exists(project.dir() / always)) inputs.push_back(project.dir() / always);
+  }
   if (!file.empty()) {
     inputs.push_back(file);
     if (!options.camera.empty()) {

@@ -9,6 +9,7 @@
 #include "app/pipeline/plan_report.h"
 #include "calib/base/counted.h"
 #include "eval/report/plan.h"
+#include "eval/scene/ground_picture.h"
 
 namespace trigpoint {
 namespace {
@@ -22,12 +23,14 @@ constexpr const char* kFaint = "#6b7680";
 constexpr const char* kInk = "#1d2329";
 constexpr double kWidth = 760, kMost = 620;
 constexpr double kMark = 6, kFacing = 13, kDisc = 8;  // half a mark's width, a tag's stroke, a number's disc
+constexpr double kRim = 1.3;                          // of white around what is drawn on an aerial image
 
 using Line = std::vector<std::pair<double, double>>;
 
 class MapPainter {
  public:
   MapPainter(const PlanFindings& findings, const MapWords& words) : findings_(findings), words_(words) {
+    Rank();
     Frame();
     factor_ = Enlargement();
   }
@@ -35,7 +38,9 @@ class MapPainter {
   Drawing Draw() {
     // The height is known when the legend is.
     drawing_.Rectangle(0, 0, kWidth, height_, "#ffffff");
+    Aerial();
     Paths();
+    Ways();
     for (const PlanStationItem& station : findings_.layout.stations) Mark(station);
     for (const TagPrediction& tag : findings_.prediction.tags) Mark(tag);
     Suggestions();
@@ -47,6 +52,25 @@ class MapPainter {
   }
 
  private:
+  // A suggestion or gain that is drawn, with its number.
+  struct Ranked {
+    int rank = 0;
+    const PlanGain* gain = nullptr;
+  };
+
+  void Rank() {
+    constexpr int kOfEachKind = 3;
+    ranked_by_gain_ = findings_.suggestions.empty();
+    std::map<std::string, int> of_kind;
+    int rank = 0;
+    for (const PlanGain& gain : ranked_by_gain_ ? findings_.gains : findings_.suggestions) {
+      ++rank;
+      if (!gain.world_m && gain.way_m.empty()) continue;
+      if (ranked_by_gain_ && (!gain.Helps(findings_.prediction) || ++of_kind[gain.kind] > kOfEachKind)) continue;
+      ranked_.push_back({rank, &gain});
+    }
+  }
+
   void Frame() {
     const auto extend = [&](const Eigen::Vector3d& p) {
       low_ = low_.cwiseMin(p.head<2>());
@@ -55,8 +79,9 @@ class MapPainter {
     for (const auto& [id, pose] : findings_.layout.network.world_from_tag) extend(pose.translation);
     for (const PlanStationItem& station : findings_.layout.stations) extend(Centre(station));
     for (const BodyPrediction& body : findings_.prediction.bodies) extend(body.world_from_body.translation);
-    for (const PlanGain& suggestion : findings_.suggestions) {
-      if (suggestion.world_m) extend(*suggestion.world_m);
+    for (const Ranked& ranked : ranked_) {
+      if (ranked.gain->world_m) extend(*ranked.gain->world_m);
+      for (const Eigen::Vector3d& at : ranked.gain->way_m) extend(at);
     }
     const double pad = 0.07 * std::max({high_.x() - low_.x(), high_.y() - low_.y(), 5.0}) + 0.5;
     low_.array() -= pad;
@@ -65,7 +90,36 @@ class MapPainter {
     const double wider = 0.5 * (kWidth / scale_ - (high_.x() - low_.x()));  // the width is used in full
     low_.x() -= wider, high_.x() += wider;
     height_ = scale_ * (high_.y() - low_.y());
-    places_ = LabelPlaces({0, 0, kWidth, height_});
+    places_ = solid_ = LabelPlaces({0, 0, kWidth, height_});
+  }
+
+  void Aerial() {
+    constexpr double kDetail = 1.5;  // pixels a unit
+    if (!findings_.aerial) return;
+    drawing_.Photograph(0, 0, kWidth, height_, GroundPicture(*findings_.aerial, low_, high_, kDetail * scale_));
+  }
+
+  // A line with a white rim where there is a picture under it.
+  void Stroke(const Line& line, const char* colour, double width, bool dashed = false) {
+    if (findings_.aerial) drawing_.Line(line, "#ffffff", width + 2 * kRim);
+    drawing_.Line(line, colour, width, dashed);
+  }
+  void Dot(double x, double y, double radius, const char* colour) {
+    if (findings_.aerial) drawing_.Circle(x, y, radius + kRim, "#ffffff");
+    drawing_.Circle(x, y, radius, colour);
+  }
+  void Filled(const Line& corners, const char* colour) {
+    if (findings_.aerial) {
+      Line rim = corners;
+      rim.push_back(corners.front());
+      drawing_.Line(rim, "#ffffff", 2 * kRim);
+    }
+    drawing_.Area(corners, colour);
+  }
+  // A mark or a number: neither names nor their lines cover it.
+  void TakeMark(const DrawnBox& box) {
+    places_.Take(box);
+    solid_.Take(box);
   }
 
   // A round factor at which the largest ellipse can be seen and neighbours keep apart as far as both go together.
@@ -129,7 +183,7 @@ class MapPainter {
       lines[body.pass].push_back(At(body.world_from_body.translation));
     }
     for (const auto& [pass, line] : lines) {
-      drawing_.Line(line, kPath, 1.4);
+      Stroke(line, kPath, 1.4);
       places_.AvoidLine(line);
     }
     // As many ellipses along the way as keep apart from each other and from the tags' ones.
@@ -146,28 +200,59 @@ class MapPainter {
       }
       if (std::any_of(drawn.begin(), drawn.end(), [&](const DrawnBox& b) { return b.Overlaps(box); })) continue;
       drawn.push_back(box);
-      drawing_.Line(line, kFaint, 0.9);
+      Stroke(line, kFaint, 0.9);
       places_.AvoidLine(line);
     }
+  }
+
+  // Of a planned pass, either way round: its number on the path is enough.
+  bool IsPlanned(const std::vector<Eigen::Vector3d>& way) const {
+    const auto same = [](const Eigen::Vector3d& a, const TimedPose& b) {
+      return a.isApprox(b.target_from_body.translation);
+    };
+    return std::any_of(findings_.layout.network.passes.begin(), findings_.layout.network.passes.end(),
+                       [&](const PlannedPass& pass) {
+                         const std::vector<TimedPose>& planned = pass.world_from_body;
+                         return std::equal(way.begin(), way.end(), planned.begin(), planned.end(), same) ||
+                                std::equal(way.begin(), way.end(), planned.rbegin(), planned.rend(), same);
+                       });
+  }
+
+  // Other passes, suggested or ranked.
+  void Ways() {
+    for (const Ranked& ranked : ranked_) {
+      if (ranked.gain->way_m.size() < 2 || IsPlanned(ranked.gain->way_m)) continue;
+      Line line;
+      for (const Eigen::Vector3d& at : ranked.gain->way_m) line.push_back(At(at));
+      Stroke(line, kGreen, 2, true);
+      places_.AvoidLine(line);
+      any_way_ = true;
+    }
+  }
+
+  // Beside which the names of what is at a tag find their places.
+  DrawnBox MarkOf(const TagPrediction& tag) const {
+    const auto [x, y] = At(tag.world_m);
+    const DrawnBox mark = Around(x, y, kMark);
+    if (!tag.tied) return mark;
+    const DrawnBox bounds = BoundsOf(EllipseLine(tag.world_m, tag.covariance));
+    return bounds.width > mark.width && bounds.height > mark.height ? bounds : mark;
   }
 
   // The stroke shows which way the printed side faces.
   void Mark(const TagPrediction& tag) {
     const auto [x, y] = At(tag.world_m);
-    DrawnBox mark = Around(x, y, kMark);
     if (tag.tied) {
       const Line ellipse = EllipseLine(tag.world_m, tag.covariance);
-      drawing_.Line(ellipse, kTag, 1.6);
+      Stroke(ellipse, kTag, 1.6);
       places_.TakeLine(ellipse);
-      const DrawnBox bounds = BoundsOf(ellipse);
-      if (bounds.width > mark.width && bounds.height > mark.height) mark = bounds;
     }
     const Rigid3d& pose = findings_.layout.network.world_from_tag.at(tag.tag_id);
     const Eigen::Vector2d out = -(pose.rotation * Eigen::Vector3d::UnitZ()).head<2>();
     if (out.norm() > 1e-3) {
       const Eigen::Vector2d end = kFacing * out.normalized();
       const Line stroke = {{x, y}, {x + end.x(), y - end.y()}};
-      drawing_.Line(stroke, tag.tied ? kTag : kUnseen, 2);
+      Stroke(stroke, tag.tied ? kTag : kUnseen, 2);
       places_.TakeLine(stroke);
     }
     if (!tag.tied) {
@@ -177,63 +262,68 @@ class MapPainter {
       ControlMark(x, y);
       any_control_ = true;
     } else {
-      drawing_.Circle(x, y, 3.5, kTag);
+      Dot(x, y, 3.5, kTag);
       any_seen_ = true;
     }
-    places_.Take(Around(x, y, kMark));
+    TakeMark(Around(x, y, kMark));
     drawing_.spots.push_back({x, y, "tag:" + std::to_string(tag.tag_id)});
-    names_.push_back({tag.role == "control" || !tag.tied ? 0 : 1, std::to_string(tag.tag_id), true, mark});
+    names_.push_back({tag.role == "control" || !tag.tied ? 0 : 1, std::to_string(tag.tag_id), true, MarkOf(tag)});
   }
-  void ControlMark(double x, double y) { drawing_.Area({{x, y - 6.5}, {x + 6, y + 4.5}, {x - 6, y + 4.5}}, kTag); }
+  void ControlMark(double x, double y) { Filled({{x, y - 6.5}, {x + 6, y + 4.5}, {x - 6, y + 4.5}}, kTag); }
   void UnseenMark(double x, double y) {
-    drawing_.Line({{x - 5, y - 5}, {x + 5, y + 5}}, kUnseen, 2.6);
-    drawing_.Line({{x - 5, y + 5}, {x + 5, y - 5}}, kUnseen, 2.6);
+    Stroke({{x - 5, y - 5}, {x + 5, y + 5}, {x, y}, {x - 5, y + 5}, {x + 5, y - 5}}, kUnseen, 2.6);
   }
   void Mark(const PlanStationItem& station) {
     const auto [x, y] = At(Centre(station));
     StationMark(x, y);
-    places_.Take(Around(x, y, kMark));
+    TakeMark(Around(x, y, kMark));
     drawing_.spots.push_back({x, y, "station:" + station.name});
-    names_.push_back({2, station.name, false, Around(x, y, kMark + 1)});
+    names_.push_back({2, station.name, false, WithTags(Around(x, y, kMark + 1))});
+  }
+  // Inside a tag's ellipse there is no room for a name or number: it is placed beside both.
+  DrawnBox WithTags(DrawnBox mark) const {
+    const DrawnBox alone = mark;
+    for (const TagPrediction& tag : findings_.prediction.tags) {
+      if (const DrawnBox its = MarkOf(tag); its.Overlaps(alone)) mark = Joined(mark, its);
+    }
+    return mark;
+  }
+  static DrawnBox Joined(const DrawnBox& a, const DrawnBox& b) {
+    const double x = std::min(a.x, b.x), y = std::min(a.y, b.y);
+    return {x, y, std::max(a.x + a.width, b.x + b.width) - x, std::max(a.y + a.height, b.y + b.height) - y};
   }
   // Open: a station often is where its tag is.
   void StationMark(double x, double y) {
     const double h = kMark;
-    drawing_.Line({{x - h, y - h}, {x + h, y - h}, {x + h, y + h}, {x - h, y + h}, {x - h, y - h}}, kGreen, 1.8);
+    Stroke({{x - h, y - h}, {x + h, y - h}, {x + h, y + h}, {x - h, y + h}, {x - h, y - h}}, kGreen, 1.8);
   }
 
   void Arrow(double x, double y, double dx, double dy, const char* colour, double width) {
     constexpr double kHead = 7;
     const double length = std::hypot(dx, dy), ux = dx / length, uy = dy / length;
     const double bx = x + dx - kHead * ux, by = y + dy - kHead * uy;
-    drawing_.Line({{x, y}, {bx, by}}, colour, width);
-    drawing_.Area({{x + dx, y + dy},
-                   {bx - 0.5 * kHead * uy, by + 0.5 * kHead * ux},
-                   {bx + 0.5 * kHead * uy, by - 0.5 * kHead * ux}},
-                  colour);
+    Stroke({{x, y}, {bx, by}}, colour, width);
+    Filled({{x + dx, y + dy},
+            {bx - 0.5 * kHead * uy, by + 0.5 * kHead * ux},
+            {bx + 0.5 * kHead * uy, by - 0.5 * kHead * ux}},
+           colour);
   }
   void Disc(double x, double y, const std::string& number) {
-    drawing_.Circle(x, y, kDisc, kGreen);
+    Dot(x, y, kDisc, kGreen);
     drawing_.Text(x, y + 4, number, 0, 11, "#ffffff", true);
   }
 
   void Suggestions() {
     constexpr double kLength = 26;
-    int rank = 0;
-    for (const PlanGain& gain : findings_.suggestions) {
-      ++rank;
-      if (!gain.world_m) continue;
-      any_suggested_ = true;
-      const auto [x, y] = At(*gain.world_m);
+    for (const auto& [rank, gain] : ranked_) {
+      const auto [x, y] = gain->world_m ? At(*gain->world_m) : At(gain->way_m[gain->way_m.size() / 2]);
       DrawnBox disc = Around(x, y, kDisc);
-      if (places_.IsFree(disc)) {
-        places_.Take(disc);
-      } else if (const auto beside = places_.Place(disc, 2 * kDisc, 2 * kDisc)) {
-        disc = *beside;
-        drawing_.Line({{x, y}, {disc.x + kDisc, disc.y + kDisc}}, kGreen, 1);
+      if (!places_.IsFree(disc)) {
+        if (const auto beside = PlaceName(WithTags(disc), 2 * kDisc, 2 * kDisc)) disc = *beside;
       }
-      if (gain.heading_rad) {
-        const double dx = kLength * std::sin(*gain.heading_rad), dy = -kLength * std::cos(*gain.heading_rad);
+      TakeMark(disc);
+      if (gain->heading_rad) {
+        const double dx = kLength * std::sin(*gain->heading_rad), dy = -kLength * std::cos(*gain->heading_rad);
         Arrow(x, y, dx, dy, kGreen, 3);
         places_.TakeLine({{x, y}, {x + dx, y + dy}});
       }
@@ -265,24 +355,34 @@ class MapPainter {
     }
   }
 
-  // Beside the mark, else the nearest free place farther away, with a line to the mark that crosses nothing.
+  // Beside the mark, else the nearest free place farther away, with a line to the mark that crosses nothing, else one
+  // that crosses other lines, but neither marks nor names.
   std::optional<DrawnBox> PlaceName(const DrawnBox& mark, double width, double height) {
     constexpr double kStep = 6, kFarthest = 180;
-    constexpr int kDirections = 24;
-    if (const auto box = places_.Place(mark, width, height)) return box;
-    const double x = mark.x + 0.5 * mark.width, y = mark.y + 0.5 * mark.height;
-    for (double away = kStep; away <= kFarthest; away += kStep) {
-      for (int k = 0; k < kDirections; ++k) {
-        const double c = std::cos(2 * M_PI * k / kDirections), s = std::sin(2 * M_PI * k / kDirections);
-        const DrawnBox box{x + c * (0.5 * (mark.width + width) + away) - 0.5 * width,
-                           y + s * (0.5 * (mark.height + height) + away) - 0.5 * height, width, height};
-        const Line line = Leader(mark, box);
-        if (!places_.IsFree(box) || !IsFree(line)) continue;
-        places_.Take(box);
-        places_.TakeLine(line);
-        drawing_.Line(line, kInk, 0.8);
-        return box;
+    auto box = places_.Place(mark, width, height);
+    for (const LabelPlaces* free_of : {&places_, &solid_}) {
+      for (double away = kStep; !box && away <= kFarthest; away += kStep) {
+        box = PlaceAway(mark, width, height, away, *free_of);
       }
+    }
+    if (box) solid_.Take(*box);
+    return box;
+  }
+  std::optional<DrawnBox> PlaceAway(const DrawnBox& mark, double width, double height, double away,
+                                    const LabelPlaces& free_of) {
+    constexpr int kDirections = 24;
+    const double x = mark.x + 0.5 * mark.width, y = mark.y + 0.5 * mark.height;
+    for (int k = 0; k < kDirections; ++k) {
+      const double c = std::cos(2 * M_PI * k / kDirections), s = std::sin(2 * M_PI * k / kDirections);
+      const DrawnBox box{x + c * (0.5 * (mark.width + width) + away) - 0.5 * width,
+                         y + s * (0.5 * (mark.height + height) + away) - 0.5 * height, width, height};
+      const Line line = Leader(mark, box);
+      // solid_ holds least, so it is asked first.
+      if (!IsFree(line, solid_) || !places_.IsFree(box) || !IsFree(line, free_of)) continue;
+      places_.Take(box);
+      places_.TakeLine(line);
+      Stroke(line, kInk, 0.8);
+      return box;
     }
     return std::nullopt;
   }
@@ -296,12 +396,12 @@ class MapPainter {
         {mx, my},
         {nearest(mx, box.x - kApart, box.width + 2 * kApart), nearest(my, box.y - kApart, box.height + 2 * kApart)}};
   }
-  bool IsFree(const Line& line) const {
+  static bool IsFree(const Line& line, const LabelPlaces& places) {
     const auto [x0, y0] = line.front();
     const double dx = line.back().first - x0, dy = line.back().second - y0;
     const int steps = std::max(1, static_cast<int>(std::hypot(dx, dy)));
     for (int k = 0; k <= steps; ++k) {
-      if (!places_.IsFree({x0 + k * dx / steps - 0.5, y0 + k * dy / steps - 0.5, 1, 1})) return false;
+      if (!places.IsFree({x0 + k * dx / steps - 0.5, y0 + k * dy / steps - 0.5, 1, 1})) return false;
     }
     return true;
   }
@@ -314,7 +414,7 @@ class MapPainter {
     for (const double x : {12.0, 12 + metres * scale_}) drawing_.Line({{x, y - 4}, {x, y + 4}}, kInk, 2);
     drawing_.Text(12, y - 8, fmt::format("{:g} m", metres), -1, 12, kInk);
     const double x = kWidth - 40;
-    if (findings_.prediction.in_world) {
+    if (findings_.prediction.in_world || findings_.aerial) {
       drawing_.Text(x, y - 16, "N", 0, 12, kInk, true);
       Arrow(x, y + 8, 0, -22, kInk, 1.8);
     } else {
@@ -353,7 +453,15 @@ class MapPainter {
     entry(!findings_.prediction.bodies.empty(), words_.path, [&](double u, double v) {
       drawing_.Line({{u - 8, v}, {u + 8, v}}, kPath, 1.4);
     });
-    entry(any_suggested_, words_.suggested, [&](double u, double v) { Disc(u, v, "1"); });
+    const bool passes = !ranked_.empty() && !ranked_.front().gain->world_m;
+    entry(!ranked_.empty(),
+          ranked_by_gain_ ? "one more tag, control or pass: its rank by gain"
+          : passes        ? "suggested pass"
+                          : words_.suggested,
+          [&](double u, double v) { Disc(u, v, "1"); });
+    entry(any_way_, "pass not planned yet", [&](double u, double v) {
+      drawing_.Line({{u - 8, v}, {u + 8, v}}, kGreen, 2, true);
+    });
     entry(any_control_ || any_seen_, fmt::format("95 %, {:g} times enlarged; stroke: the way a tag faces", factor_),
           [&](double u, double v) {
             Line line;
@@ -376,9 +484,11 @@ class MapPainter {
   Drawing drawing_;
   Eigen::Vector2d low_{1e12, 1e12}, high_{-1e12, -1e12};
   double scale_ = 1, height_ = 0, factor_ = 1;
-  LabelPlaces places_{{}};
+  LabelPlaces places_{{}}, solid_{{}};  // solid_: marks, numbers and names alone
+  std::vector<Ranked> ranked_;
+  bool ranked_by_gain_ = false;
   std::vector<Name> names_;
-  bool any_control_ = false, any_seen_ = false, any_unseen_ = false, any_suggested_ = false;
+  bool any_control_ = false, any_seen_ = false, any_unseen_ = false, any_way_ = false;
   int left_out_ = 0, beyond_ = 0;
 };
 

@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMm = 1e3;
+constexpr size_t kShown = 3;  // of each kind, in a summary
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 Eigen::Matrix3d Position(const Matrix6d& covariance) { return covariance.bottomRightCorner<3, 3>(); }
@@ -101,15 +102,23 @@ void WriteStationsTable(const PlanFindings& findings, const fs::path& file) {
   csv.Save(file);
 }
 
+std::string MatchWords(const NetworkOptions& noise) {
+  return fmt::format(
+      "expected, that is scene points seen from at most {:g} m away, {:g} deg from the panorama's direction and {:g} "
+      "times as near or as far; {} are needed",
+      noise.match_reach_m, noise.match_angle_deg, noise.match_ratio, kMatchesNeeded);
+}
+
 void WritePanoramasTable(const PlanFindings& findings, const fs::path& file) {
   CsvWriter csv(
-      {"pass", "station", "sigma_x_m", "sigma_y_m", "sigma_z_m", "points"},
-      {"trigpoint plan panoramas 1; frame=enu; sigma=1, as `localize` would state it from this pass by itself, "
-       "held by the panoramas' geotags; points: of the scene, shared with the pass"});
+      {"pass", "station", "sigma_x_m", "sigma_y_m", "sigma_z_m", "points", "matches"},
+      {"trigpoint plan panoramas 1; frame=enu; sigma=1, as `localize` would state it from this pass by itself if it "
+       "finds the panorama, held by the panoramas' geotags; points: of the scene, shared with the pass; matches: " +
+       MatchWords(findings.layout.noise)});
   for (const PanoramaPrediction& panorama : findings.panoramas) {
     csv.Text(findings.layout.network.passes[static_cast<size_t>(panorama.pass)].name).Text(panorama.name);
     for (int k = 0; k < 3; ++k) csv.Number(panorama.Sigma()[k], 6);
-    csv.Integer(panorama.points);
+    csv.Integer(panorama.points).Integer(panorama.matches);
     csv.EndRow();
   }
   csv.Save(file);
@@ -233,6 +242,16 @@ nlohmann::json SummaryOf(const PlanFindings& f) {
   for (const auto& [tag_id, pose] : f.layout.network.world_from_tag) {
     if (!f.layout.learned) json["sketched_tags_mm"].push_back({tag_id, kMm * f.layout.network.sizes.SizeOf(tag_id)});
   }
+  // The panoramas least likely to be found.
+  std::vector<PanoramaPrediction> by_matches = f.panoramas;
+  std::stable_sort(by_matches.begin(), by_matches.end(),
+                   [](const auto& a, const auto& b) { return a.matches < b.matches; });
+  json["fewest_matches"] = nlohmann::json::array();
+  for (size_t k = 0; k < std::min(kShown, by_matches.size()); ++k) {
+    json["fewest_matches"].push_back(fmt::format("{}/{} {}",
+                                                 f.layout.network.passes[static_cast<size_t>(by_matches[k].pass)].name,
+                                                 by_matches[k].name, by_matches[k].matches));
+  }
   json["gates"] = nlohmann::json::array();
   for (const PlanGate& gate : f.gates) {
     json["gates"].push_back({{"gate", gate.gate},
@@ -317,16 +336,20 @@ Table StationTable(const PlanFindings& f) {
 
 Table PanoramaTable(const PlanFindings& f) {
   Table table{"",
-              "Predicted standard deviations (1 sigma) of panoramas as `localize` would find them from one pass by "
-              "itself, site east-north-up, held by their geotags"};
-  table.columns = {{"pass"},          {"station"},       {"east (mm)", true},   {"north (mm)", true},
-                   {"up (mm)", true}, {"3D (mm)", true}, {"scene points", true}};
+              "Predicted standard deviations (1 sigma) of panoramas as `localize` would state them from one pass by "
+              "itself if it finds them, site east-north-up, held by their geotags. Matches: " +
+                  MatchWords(f.layout.noise) +
+                  ". They must also agree on a pose, which changed light, moved cars and repeated structure prevent: "
+                  "this is not predicted"};
+  table.columns = {{"pass"},          {"station"},       {"east (mm)", true},    {"north (mm)", true},
+                   {"up (mm)", true}, {"3D (mm)", true}, {"scene points", true}, {"matches", true}};
   for (const PanoramaPrediction& p : f.panoramas) {
     const Eigen::Vector3d sigma = kMm * p.Sigma();
     std::vector<TableCell> row = {Text(f.layout.network.passes[static_cast<size_t>(p.pass)].name), Text(p.name)};
     for (int k = 0; k < 3; ++k) row.push_back(Number(sigma[k], 1));
     row.push_back(Number(sigma.norm(), 1));
     row.push_back(Number(p.points, 0));
+    row.push_back(Number(p.matches, 0, p.matches < kMatchesNeeded ? Tone::kWarning : Tone::kPlain));
     table.rows.push_back(row);
   }
   return table;
@@ -422,6 +445,12 @@ Table GainTable(const std::vector<PlanGain>& gains, const NetworkPrediction& pla
   return table;
 }
 
+std::string Joined(const nlohmann::json& names) {
+  std::string all;
+  for (const nlohmann::json& name : names) all += (all.empty() ? "" : ", ") + name.get<std::string>();
+  return all;
+}
+
 Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json& summary) {
   const NetworkPrediction& p = f.prediction;
   Document page;
@@ -494,6 +523,8 @@ double PlanGain::Before(const NetworkPrediction& plan) const {
   return in_world == plan.in_world ? plan.RmsSigma() : kInfinite;
 }
 
+bool PlanGain::Helps(const NetworkPrediction& plan) const { return rms_after_m < kSameRms * Before(plan); }
+
 double TagSigma(const TagPrediction& tag) { return tag.Sigma().norm(); }
 double BodySigma(const BodyPrediction& body) {
   return std::sqrt(std::max(0.0, body.covariance.diagonal().tail<3>().sum()));
@@ -534,13 +565,6 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
       fmt::format("Tags: {} seen, RMS of the predicted 3D sigma {}; weakest: {} with {}\n", s.at("tags").get<int>(),
                   length(s.at("rms_tag_sigma_m")), s.at("weakest_tag").is_null() ? "none" : s.at("weakest_tag").dump(),
                   length(s.at("weakest_tag_sigma_m")));
-  const auto names = [](const nlohmann::json& list) {
-    std::string all;
-    for (const nlohmann::json& name : list)
-      all += (all.empty() ? "" : ", ") + (name.is_string() ? name.get<std::string>() : name.dump());
-    return all;
-  };
-  constexpr size_t kShown = 3;
   const nlohmann::json& unseen = s.at("tags_not_seen");
   for (size_t k = 0; k < std::min(kShown, unseen.size()); ++k) {
     text += fmt::format("Unseen: tag {}: {}\n", unseen[k].dump(), s.at("why_not_seen")[k].get<std::string>());
@@ -549,7 +573,11 @@ std::string PlanSummary(const nlohmann::json& s, const DisplayUnit& unit) {
   text += fmt::format("Cameras: predicted 3D sigma, median {}, 95 % {}\n", length(s.at("camera_sigma_median_m")),
                       length(s.at("camera_sigma_p95_m")));
   if (!s.at("uncontrolled_points").empty()) {
-    text += "Unchecked: no other measurement checks these known points: " + names(s.at("uncontrolled_points")) + "\n";
+    text += "Unchecked: no other measurement checks these known points: " + Joined(s.at("uncontrolled_points")) + "\n";
+  }
+  if (!s.at("fewest_matches").empty()) {
+    text += fmt::format("Matches: fewest expected of panoramas: {}; their sigmas hold if {} or more agree\n",
+                        Joined(s.at("fewest_matches")), kMatchesNeeded);
   }
   const nlohmann::json& suggestions = s.at("suggestions");
   // Who asked for a suggestion is told why there is none, not what else would gain.

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,15 +12,19 @@
 
 namespace trigpoint {
 
+struct SceneAerial;
+
 struct PlanGain {
   std::string what;        // "control on tag 12", "pass monday once more", "a tag at place A"
   double rms_after_m = 0;  // RMS sigma of the tags that are there without it; infinite: not determined
   std::optional<Eigen::Vector3d> world_m;
-  std::optional<double> heading_rad;  // of a tag
-  bool in_world = true;               // rms_after_m; else it is relative to the first camera
-  std::string kind = {};              // control, path or tags, as --suggest names them
+  std::optional<double> heading_rad;        // of a tag
+  bool in_world = true;                     // rms_after_m; else it is relative to the first camera
+  std::string kind = {};                    // control, path or tags, as --suggest names them
+  std::vector<Eigen::Vector3d> way_m = {};  // of a pass, in its direction; world
   // RMS before it, of the same frame; infinite: nothing held the plan in the world.
   double Before(const NetworkPrediction& plan) const;
+  bool Helps(const NetworkPrediction& plan) const;
 };
 
 struct PlanGate {
@@ -39,7 +44,11 @@ struct PlanFindings {
   std::vector<PlanGain> suggestions;  // as asked for, one after the other
   std::string suggestion_note;        // how good they are among all choices
   std::vector<PlanGate> gates;
+  std::shared_ptr<const SceneAerial> aerial;  // under the map; none: white
 };
+
+// Of an RMS, so much or more left of it is no gain.
+inline constexpr double kSameRms = 1 - 1e-4;
 
 // 3D sigmas.
 double TagSigma(const TagPrediction& tag);
@@ -60,7 +69,8 @@ struct MapWords {
   std::string seen = "tag", unseen = "tag in no planned picture", path = "planned path";
   std::string suggested = "suggested place; arrow: the way it faces";
 };
-// The site from above with its ellipses, numbers where suggestions are, and a legend of what is there (plan_map.cc).
+// The site from above with its ellipses, over the aerial image, and a legend of what is there (plan_map.cc). Numbers:
+// suggestions in their order; without any, the ranks of the best gains, three of each kind.
 Drawing PlanMap(const PlanFindings& findings, const MapWords& words = {});
 // At most 12 lines.
 std::string PlanSummary(const nlohmann::json& summary, const DisplayUnit& unit);

@@ -8,6 +8,7 @@
 #include "app/pipeline/plan_choices.h"
 #include "app/pipeline/plan_report.h"
 #include "datasets/io/text.h"
+#include "eval/scene/scene_model.h"
 
 namespace trigpoint {
 namespace {
@@ -123,6 +124,9 @@ class Planner {
       Choice choice;
       choice.gain.kind = "path";
       choice.gain.what = more.what;
+      for (const TimedPose& pose : more.pass.world_from_body) {
+        choice.gain.way_m.push_back(pose.target_from_body.translation);
+      }
       choice.layout = layout_;
       choice.layout.passes.push_back(more.pass);
       choices.push_back(std::move(choice));
@@ -177,10 +181,8 @@ class Planner {
     // One after the other: each is the best beside those before it.
     for (int step = 0; step < options_.count; ++step) {
       std::vector<Choice> choices = options_.suggest == "tags" ? MoreTags() : MorePasses(step + 1);
-      // What improves nothing is not proposed.
-      constexpr double kSame = 1 - 1e-4;
       const double now = findings_.suggestions.empty() ? RmsBefore() : findings_.suggestions.back().rms_after_m;
-      double best = kSame * now;
+      double best = kSameRms * now;  // what improves nothing is not proposed
       Choice* chosen = nullptr;
       for (Choice& choice : choices) {
         const bool taken = std::any_of(findings_.suggestions.begin(), findings_.suggestions.end(),
@@ -291,11 +293,26 @@ class Planner {
   NetworkLayout layout_;  // with what was chosen so far
 };
 
+// Under a map in the site's frame. A sketch is drawn in it; what was surveyed without a datum is not.
+std::shared_ptr<const SceneAerial> AerialUnder(const PlanFindings& findings, StageContext& context) {
+  constexpr int kMost_px = 2048;
+  const Project& project = context.project;
+  if (project.site().aerial.empty() || !project.has_frame()) return nullptr;
+  if (findings.layout.learned && !findings.prediction.in_world) return nullptr;
+  try {
+    return std::make_shared<const SceneAerial>(ReadAerial(project.site().aerial, project.frame(), 0, kMost_px));
+  } catch (const InputError& e) {
+    context.progress.Log(LogLevel::kWarning, std::string("no aerial image under the map: ") + e.what());
+    return nullptr;
+  }
+}
+
 void MakePlan(const PlanOptions& options, StageContext& context) {
   PlanFindings findings;
   findings.layout = MakePlanLayout(context.project, options, context);
   for (const std::string& note : findings.layout.notes) context.progress.Log(LogLevel::kWarning, note);
   Planner(options, &findings, context).Run();
+  findings.aerial = AerialUnder(findings, context);
   WritePlan(findings, context.out);
   const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(context.out / "summary.json"));
   for (const char* key : {"source", "tags", "rms_tag_sigma_m", "weakest_tag", "datum"}) {
@@ -319,7 +336,7 @@ StageInfo PlanStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<PlanOptions>(project, "plan", target);
     StageRequest request;
-    request.version = 6;
+    request.version = 7;
     request.options = JsonFromOptions(options);
     request.inputs = PlanInputs(project, options);
     if (project.has_frame()) {

@@ -98,53 +98,6 @@ ErrorKind KindOf(const Error& error) {
   _exit(0);
 }
 
-// The child's side of the conversation, read until it ends.
-class Listener {
- public:
-  Listener(int fd, ProgressSink& progress) : fd_(fd), progress_(progress) {}
-
-  // False at the end.
-  bool ReadSome() {
-    char buffer[1 << 16];
-    const ssize_t got = read(fd_, buffer, sizeof buffer);
-    if (got < 0 && errno == EINTR) return true;
-    if (got <= 0) return false;
-    waiting_.append(buffer, static_cast<size_t>(got));
-    size_t at = 0;
-    FrameHead head;
-    while (waiting_.size() - at >= sizeof head) {
-      std::memcpy(&head, waiting_.data() + at, sizeof head);
-      if (waiting_.size() - at - sizeof head < head.size) break;
-      Take(head, waiting_.substr(at + sizeof head, head.size));
-      at += sizeof head + head.size;
-    }
-    waiting_.erase(0, at);
-    return true;
-  }
-  char end() const { return end_; }  // kind of the last frame, 0 without one
-  int64_t error_kind() const { return error_kind_; }
-  std::string& text() { return text_; }
-
- private:
-  void Take(const FrameHead& head, std::string text) {
-    switch (head.kind) {
-      case kBegin: progress_.Begin(text, head.number); break;
-      case kAdvance: progress_.Advance(head.number); break;
-      case kLog: progress_.Log(static_cast<LogLevel>(head.number), text); break;
-      default:
-        end_ = head.kind;
-        error_kind_ = head.number;
-        text_ = std::move(text);
-    }
-  }
-
-  int fd_;
-  ProgressSink& progress_;
-  std::string waiting_, text_;
-  char end_ = 0;
-  int64_t error_kind_ = 0;
-};
-
 // The child and the end of its pipe to read from. A lock that another thread holds during the fork stays locked in the
 // child, and a library's handler may wait for it for ever (PROJ's does): a child that does not start is replaced.
 std::pair<pid_t, int> Start(const std::string& what, const std::function<std::string(ProgressSink&)>& body) {
@@ -175,31 +128,109 @@ std::pair<pid_t, int> Start(const std::string& what, const std::function<std::st
 
 }  // namespace
 
-ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
-                       ProgressSink& progress, const CancelToken& cancel) {
-  const auto [child, answers] = Start(what, body);
-  Listener listener(answers, progress);
-  pollfd waiting{answers, POLLIN, 0};
-  constexpr int kPoll_ms = 50;
-  while (true) {
-    if (cancel.IsCancelled()) kill(child, SIGKILL);
-    if (poll(&waiting, 1, kPoll_ms) > 0 && !listener.ReadSome()) break;
+// The child's side of the conversation, read until it ends.
+class ForkedTask::Listener {
+ public:
+  explicit Listener(int fd) : fd_(fd) {}
+  ~Listener() { close(fd_); }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  bool IsReady(std::chrono::milliseconds patience) const {
+    pollfd waiting{fd_, POLLIN, 0};
+    return poll(&waiting, 1, static_cast<int>(patience.count())) > 0;
   }
-  close(answers);
+  // False at the end.
+  bool ReadSome(ProgressSink& progress) {
+    char buffer[1 << 16];
+    const ssize_t got = read(fd_, buffer, sizeof buffer);
+    if (got < 0 && errno == EINTR) return true;
+    if (got <= 0) return false;
+    waiting_.append(buffer, static_cast<size_t>(got));
+    size_t at = 0;
+    FrameHead head;
+    while (waiting_.size() - at >= sizeof head) {
+      std::memcpy(&head, waiting_.data() + at, sizeof head);
+      if (waiting_.size() - at - sizeof head < head.size) break;
+      Take(progress, head, waiting_.substr(at + sizeof head, head.size));
+      at += sizeof head + head.size;
+    }
+    waiting_.erase(0, at);
+    return true;
+  }
+  char end() const { return end_; }  // kind of the last frame, 0 without one
+  int64_t error_kind() const { return error_kind_; }
+  std::string& text() { return text_; }
+
+ private:
+  void Take(ProgressSink& progress, const FrameHead& head, std::string text) {
+    switch (head.kind) {
+      case kBegin: progress.Begin(text, head.number); break;
+      case kAdvance: progress.Advance(head.number); break;
+      case kLog: progress.Log(static_cast<LogLevel>(head.number), text); break;
+      default:
+        end_ = head.kind;
+        error_kind_ = head.number;
+        text_ = std::move(text);
+    }
+  }
+
+  int fd_;
+  std::string waiting_, text_;
+  char end_ = 0;
+  int64_t error_kind_ = 0;
+};
+
+ForkedTask::ForkedTask(std::string what, const std::function<std::string(ProgressSink&)>& body)
+    : what_(std::move(what)) {
+  const auto [child, answers] = Start(what_, body);
+  child_ = child;
+  listener_ = std::make_unique<Listener>(answers);
+}
+
+ForkedTask::~ForkedTask() {
+  if (child_ < 0) return;
+  Kill();
+  while (waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
+bool ForkedTask::Listen(ProgressSink& progress, std::chrono::milliseconds patience) {
+  while (listener_->IsReady(patience)) {
+    if (!listener_->ReadSome(progress)) return true;
+    patience = std::chrono::milliseconds(0);
+  }
+  return false;
+}
+
+void ForkedTask::Kill() { kill(child_, SIGKILL); }
+
+ForkedResult ForkedTask::Take() {
   int status = 0;
   rusage usage{};
-  while (wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
+  while (wait4(child_, &status, 0, &usage) < 0 && errno == EINTR) {
   }
-  cancel.ThrowIfCancelled();
-  if (listener.end() == kError) ThrowAs(listener.error_kind(), listener.text());
-  if (listener.end() == kNoMemory) throw std::bad_alloc();
-  if (listener.end() != kResult) {
+  child_ = -1;
+  if (listener_->end() == kError) ThrowAs(listener_->error_kind(), listener_->text());
+  if (listener_->end() == kNoMemory) throw std::bad_alloc();
+  if (listener_->end() != kResult) {
     const std::string end = WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "without a result";
     throw MemoryError(
-        what + ": its process ended (" + end +
+        what_ + ": its process ended (" + end +
         "), most likely for lack of memory; use fewer --threads, smaller images, or a machine with more memory");
   }
-  return {std::move(listener.text()), static_cast<int64_t>(usage.ru_maxrss) * 1024};
+  return {std::move(listener_->text()), static_cast<int64_t>(usage.ru_maxrss) * 1024};
+}
+
+ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
+                       ProgressSink& progress, const CancelToken& cancel) {
+  ForkedTask task(what, body);
+  constexpr std::chrono::milliseconds kPoll(50);
+  while (!task.Listen(progress, kPoll)) {
+    if (cancel.IsCancelled()) task.Kill();
+  }
+  cancel.ThrowIfCancelled();
+  return task.Take();
 }
 
 }  // namespace trigpoint

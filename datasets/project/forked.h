@@ -1,7 +1,11 @@
 // A computation in a process of its own, for libraries that end the process where memory runs out.
 #pragma once
 
+#include <sys/types.h>
+
+#include <chrono>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "calib/base/error.h"
@@ -20,10 +24,32 @@ struct ForkedResult {
   int64_t peak_memory_bytes = 0;  // resident
 };
 
-// Runs `body` in a forked process and returns what it returns. Its progress and its errors arrive here as if it had
-// run in this process. Where a signal ends it, an Error names `what`, the signal and what to do. Throws Cancelled
-// after ending it. It ends with this process, however sudden. `body` may start threads, but must not touch what other
-// threads of this process may hold locked.
+// A computation in a forked process, while this one goes on. It ends with this process, however sudden. `body` may
+// start threads, but must not touch what other threads of this process may hold locked.
+class ForkedTask {
+ public:
+  // `what` names it in errors. Throws IoError where no process can be started.
+  ForkedTask(std::string what, const std::function<std::string(ProgressSink&)>& body);
+  ~ForkedTask();  // ends it
+  ForkedTask(const ForkedTask&) = delete;
+  ForkedTask& operator=(const ForkedTask&) = delete;
+
+  // Hands on its progress; waits for it at most `patience`. True once it has ended.
+  bool Listen(ProgressSink& progress, std::chrono::milliseconds patience);
+  void Kill();
+  // What it returned, once it has ended. Its errors arrive here as if it had run in this process. Where a signal ended
+  // it, an Error names `what`, the signal and what to do.
+  ForkedResult Take();
+
+ private:
+  class Listener;
+
+  std::string what_;
+  pid_t child_ = -1;
+  std::unique_ptr<Listener> listener_;
+};
+
+// Waits for a ForkedTask. Throws Cancelled after ending it.
 ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
                        ProgressSink& progress, const CancelToken& cancel);
 

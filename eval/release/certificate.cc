@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -67,6 +68,7 @@ class Page {
     Accuracy();
     Gates();
     Limits();
+    ToSign();
     document.blocks = std::move(blocks_);
     return document;
   }
@@ -150,9 +152,9 @@ class Page {
       largest = std::max(largest, Eigen::Vector3d(v[0], v[1], v[2]).norm());
     }
     return fmt::format(
-        "{} differences between the newest epoch of a point and earlier ones, largest {:.3f} m, {} "
-        "beyond 99.9 %; the newest is used",
-        differences.size(), largest, moved);
+        "{} between the newest epoch of a point and earlier ones, largest {:.3f} m, {} beyond 99.9 %; the newest is "
+        "used",
+        Counted(differences.size(), "difference"), largest, moved);
   }
 
   void Method() {
@@ -179,7 +181,8 @@ class Page {
       ++all;
       if (input.value("copied", false)) ++copied;
     }
-    return fmt::format("{} files, {} of them in the release, {} by SHA-256 alone", all, copied, all - copied);
+    return fmt::format("{}, {} of them in the release, {} by SHA-256 alone", Counted(all, "file"), copied,
+                       all - copied);
   }
 
   void Accuracy() {
@@ -200,15 +203,15 @@ class Page {
       return;
     }
     Say(
-        fmt::format("At {} check points, which took no part in the adjustment. RMSE with the check points' own sigma "
+        fmt::format("At {}, which took no part in the adjustment. RMSE with the check points' own sigma "
                     "in quadrature: horizontal {}, vertical {}, in space {}. Differences alone: {}, {}, {}.",
-                    n, Millimetres(check["rmse_h_m"]), Millimetres(check["rmse_v_m"]), Millimetres(check["rmse_3d_m"]),
-                    Millimetres(check["differences_rmse_h_m"]), Millimetres(check["differences_rmse_v_m"]),
-                    Millimetres(check["differences_rmse_3d_m"])));
+                    Counted(n, "check point"), Millimetres(check["rmse_h_m"]), Millimetres(check["rmse_v_m"]),
+                    Millimetres(check["rmse_3d_m"]), Millimetres(check["differences_rmse_h_m"]),
+                    Millimetres(check["differences_rmse_v_m"]), Millimetres(check["differences_rmse_3d_m"])));
     if (!check.value("conformant", false)) {
       Say(fmt::format(
               "No class of the ASPRS Positional Accuracy Standards (edition 2) is stated: they ask for 30 check "
-              "points, here are {}.",
+              "points, this map has {}.",
               n),
           Tone::kWarning);
     }
@@ -245,9 +248,9 @@ class Page {
     std::sort(sigmas.begin(), sigmas.end());
     data_["predicted"] = {{"tags", sigmas.size()}, {"median_m", Median(sigmas)}, {"largest_m", sigmas.back()}};
     Say(
-        fmt::format("Predicted by the adjustment, for {} tags in space (1 sigma, its datum included): median {:.3f} m, "
+        fmt::format("Predicted by the adjustment, for {} in space (1 sigma, its datum included): median {:.3f} m, "
                     "largest {:.3f} m. A prediction, not a test.",
-                    sigmas.size(), Median(sigmas), sigmas.back()));
+                    Counted(sigmas.size(), "tag"), Median(sigmas), sigmas.back()));
   }
 
   // Of positions of panoramas and cameras, where they were held against something independent.
@@ -335,7 +338,7 @@ class Page {
     }
     if (!f_.tags.empty() && n < 30) {
       limits.push_back(n == 0 ? "The accuracy was not tested by check points; it must not be stated as tested."
-                              : fmt::format("The accuracy was tested at {} check points only.", n));
+                              : fmt::format("The accuracy was tested at {} only.", Counted(n, "check point")));
     }
     AddGateLimits(&limits);
     AddExtent(&limits);
@@ -347,14 +350,32 @@ class Page {
       limits.push_back("Not to be used, status " + status + ": tags " + Joined(tags) + ".");
     AddSystemLimits(&limits);
     if (!f_.project.review().entries().empty()) {
-      limits.push_back(
-          fmt::format("{} decisions of a review hold, see site/review.jsonl: what they exclude took no part.",
-                      f_.project.review().entries().size()));
+      limits.push_back(fmt::format(
+          "{}, see site/review.jsonl: what a decision excludes took no part.",
+          Counted(f_.project.review().entries().size(), "decision of a review holds", "decisions of a review hold")));
     }
     AddWarnings(&limits);
     Chapter("Limits of use", "limits");
     for (const std::string& limit : limits) Say("- " + limit);
     data_["limits"] = limits;
+  }
+
+  // Ruled lines to write on, by hand; the caption states whom the release names as responsible.
+  void ToSign() {
+    constexpr double kWidth = 720, kHeight = 84, kLine = 60, kGap = 24;
+    Drawing lines;
+    lines.width = kWidth, lines.height = kHeight;
+    double x = 0;
+    const std::pair<const char*, double> columns[] = {{"Name", 0.38}, {"Date", 0.2}, {"Signature", 0.42}};
+    for (const auto& [label, share] : columns) {
+      const double end = x + share * (kWidth + kGap) - kGap;
+      lines.Line({{x, kLine}, {end, kLine}}, "#1d2329");
+      lines.Text(x, kLine + 16, label, -1, 12, "#1d2329");
+      x = end + kGap;
+    }
+    Chapter("Signature", "signature");
+    const std::string author = f_.statement.author.empty() ? kNotStated : f_.statement.author;
+    blocks_.push_back(Figure{"signature", "To be signed by the person responsible (" + author + ").", lines});
   }
 
   // Tags beyond the control are extrapolated.
@@ -425,7 +446,7 @@ class Page {
       limits->push_back("Warning of " + warning);
     }
     if (warnings.size() > kMost)
-      limits->push_back(fmt::format("{} more warnings, see release.json.", warnings.size() - kMost));
+      limits->push_back(fmt::format("{}, see release.json.", Counted(warnings.size() - kMost, "more warning")));
   }
 
   // Runs behind the release that can still be asked for.

@@ -168,13 +168,10 @@ void AddWorstMatches(const ChapterContext& c, std::vector<Block>* blocks) {
 // A row a station.
 Table IndexOf(const ChapterContext& c, std::map<std::string, StationPart>& parts) {
   const std::string u = " (" + c.unit.name + ")";
-  // Numbers are the first variant's, or those of the only ones there are.
-  bool has_first = false;
-  for (const RunData& run : c.data.runs) has_first = has_first || run.variant.empty();
   std::set<std::string> others;
-  for (const RunData& run : c.data.runs) {
-    if (has_first && !run.variant.empty()) others.insert(run.variant);
-  }
+  for (const RunData& run : c.data.runs) others.insert(run.variant);
+  const bool has_first = others.erase("") > 0;  // numbers are the first variant's, or those of the only ones there are
+  if (!has_first) others.clear();
   Table index{
       "stations",
       "Every station, over all runs; the largest 3D differences of our own answers (not G1), absolute in site ENU "

@@ -6,12 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
+#include "eval/scene/ground_picture.h"
 
 namespace trigpoint {
 namespace {
@@ -86,27 +85,10 @@ class PlanPainter {
             difference.norm(), axes.maxCoeff()};
   }
 
-  // Bright, so that lines and words stand out.
   void Aerial() {
-    const SceneAerial& a = *scene_.aerial;
-    const double w = X(high_.x()) - kLeft, h = Y(low_.y()) - kTop;
     constexpr double kDetail = 1.5;  // pixels a unit
-    const auto at = [&](int r, int c) {
-      const Eigen::Vector3d& p = a.vertices[static_cast<size_t>(r * a.columns + c)];
-      return cv::Point2f(static_cast<float>(kDetail * (X(p.x()) - kLeft)),
-                         static_cast<float>(kDetail * (Y(p.y()) - kTop)));
-    };
-    const auto cols = static_cast<float>(a.picture.cols), rows = static_cast<float>(a.picture.rows);
-    const cv::Point2f from[] = {{0, 0}, {cols, 0}, {cols, rows}, {0, rows}};
-    const cv::Point2f to[] = {at(0, 0), at(0, a.columns - 1), at(a.rows - 1, a.columns - 1), at(a.rows - 1, 0)};
-    cv::Mat plan;
-    cv::warpPerspective(a.picture, plan, cv::getPerspectiveTransform(from, to),
-                        {static_cast<int>(kDetail * w), static_cast<int>(kDetail * h)}, cv::INTER_AREA,
-                        cv::BORDER_CONSTANT, {255, 255, 255});
-    plan.convertTo(plan, -1, 0.38, 0.62 * 255);
-    std::vector<uchar> bytes;
-    cv::imencode(".jpg", plan, bytes, {cv::IMWRITE_JPEG_QUALITY, 80});
-    drawing_.Photograph(kLeft, kTop, w, h, std::string(bytes.begin(), bytes.end()));
+    drawing_.Photograph(kLeft, kTop, X(high_.x()) - kLeft, Y(low_.y()) - kTop,
+                        GroundPicture(*scene_.aerial, low_, high_, kDetail * scale_));
   }
 
   void Grid() {

@@ -98,6 +98,26 @@ class Halos {
   std::vector<vtkSmartPointer<vtkActor>> actors_;
 };
 
+// Stations of the largest differences, then others; no more than are shown, each once.
+std::vector<std::string> WorstStations(const SceneModel& model) {
+  std::vector<const SceneError*> worst;
+  for (const SceneError& e : model.errors) worst.push_back(&e);
+  std::stable_sort(worst.begin(), worst.end(),
+                   [](const auto* a, const auto* b) { return a->difference.norm() > b->difference.norm(); });
+  // An errors.csv that is older than the answers may name stations that have none now.
+  std::set<std::string> answered, seen;
+  for (const ScenePanorama& p : model.panoramas) answered.insert(p.station);
+  std::vector<std::string> stations;
+  const auto add = [&](const std::string& station) {
+    if (stations.size() < kStations && seen.insert(station).second) stations.push_back(station);
+  };
+  for (const SceneError* e : worst) {
+    if (answered.count(e->station) > 0) add(e->station);
+  }
+  for (const ScenePanorama& p : model.panoramas) add(p.station);
+  return stations;
+}
+
 }  // namespace
 
 Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
@@ -179,25 +199,12 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
     cancel.ThrowIfCancelled();
   }
   show({"points", "ellipsoids", "geotags", "axes"});
-  // Those that went worst, each once.
-  std::vector<const SceneError*> worst;
-  for (const SceneError& e : model.errors) worst.push_back(&e);
-  std::stable_sort(worst.begin(), worst.end(),
-                   [](const auto* a, const auto* b) { return a->difference.norm() > b->difference.norm(); });
-  // An errors.csv that is older than the answers may name stations that have none now.
-  std::set<std::string> answered, seen;
-  for (const ScenePanorama& p : model.panoramas) answered.insert(p.station);
-  std::vector<std::string> stations;
-  for (const SceneError* e : worst) {
-    if (answered.count(e->station) > 0) stations.push_back(e->station);
-  }
-  for (const ScenePanorama& p : model.panoramas) stations.push_back(p.station);
-  for (const std::string& station : stations) {
-    if (seen.size() == kStations || !seen.insert(station).second) continue;
-    view.LookAtStation(window->renderer(), station);
+  const std::vector<std::string> stations = WorstStations(model);
+  for (size_t k = 0; k < stations.size(); ++k) {
+    view.LookAtStation(window->renderer(), stations[k]);
     blocks.push_back(Figure{
-        fmt::format("station_view_{}", seen.size()),
-        "Station " + station +
+        fmt::format("station_view_{}", k + 1),
+        "Station " + stations[k] +
             " with its surroundings: the panorama as it was taken, the tag at its real size, frusta of the cameras." +
             errors + " " + frame + ".",
         Photograph(*window, width, height), true});

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/geometry/bearing.h"
 #include "localize/reconstruct/features.h"
 #include "localize/reconstruct/two_view.h"
 
@@ -12,6 +13,7 @@ namespace {
 constexpr double kContrast = 0.02;     // of shrunk pictures
 constexpr double kMostDistance = 0.8;  // of unit descriptors
 constexpr double kInlier_px = 1.5;     // of the shrunk picture
+constexpr double kStill_px = 3;        // of it: a feature that stays where it was, its noise in both pictures included
 
 }  // namespace
 
@@ -44,18 +46,31 @@ QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const 
 
 SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
   const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, kMostDistance);
-  if (static_cast<int>(matches.size()) < kLeastMatches) return {};
+  SharedView view;
+  view.matches = static_cast<int>(matches.size());
+  if (view.matches < kLeastMatches) return view;
   std::vector<Eigen::Vector3d> rays_a, rays_b;
   for (const auto& [i, j] : matches) {
     rays_a.push_back(a.rays[static_cast<size_t>(i)]);
     rays_b.push_back(b.rays[static_cast<size_t>(j)]);
   }
   WideBaselineOptions verify;
-  verify.inlier_rad = kInlier_px * std::max(a.pixel_rad, b.pixel_rad);
+  const double pixel = std::max(a.pixel_rad, b.pixel_rad);
+  verify.inlier_rad = kInlier_px * pixel;
   verify.ransac_iterations = options.ransac_iterations;
-  const WideBaselineResult found = VerifyWideBaseline(rays_a, rays_b, {}, verify);
-  if (!found.verified) return {};
-  return {static_cast<int>(found.inliers.size()), found.b_from_a.rotation};
+  WideBaselineResult found = VerifyWideBaseline(rays_a, rays_b, {}, verify);
+  // A short way with a turn has several minima, one of them behind the views.
+  if (!found.verified) found = EstimateRelativePose(rays_a, rays_b, verify).best;
+  if (found.verified) {
+    view.features = static_cast<int>(found.inliers.size());
+    view.b_from_a = found.b_from_a.rotation;
+    return view;
+  }
+  // A camera that stands still sees no parallax, which a relative pose needs.
+  int still = 0;
+  for (size_t k = 0; k < rays_a.size(); ++k) still += AngleBetween(rays_a[k], rays_b[k]) < kStill_px * pixel ? 1 : 0;
+  if (still >= kLeastMatches && 2 * still >= view.matches) view.features = still;
+  return view;
 }
 
 }  // namespace trigpoint

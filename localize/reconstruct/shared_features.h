@@ -28,8 +28,11 @@ QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const 
                                 const SharedFeatureOptions& options);
 
 struct SharedView {
-  int features = 0;  // matches that agree with one relative pose; 0 where chance could have made them
-  std::optional<Eigen::Quaterniond> b_from_a;  // rotation of that pose; none without features
+  // Matches that agree with one relative pose, or, where none is found, that lie where they lay; 0 where chance could
+  // have made them.
+  int features = 0;
+  std::optional<Eigen::Quaterniond> b_from_a;  // rotation of that pose; none without one
+  int matches = 0;                             // mutual and distinct, whether they agree with a pose or not
 };
 // Deterministic; thread safe.
 SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);

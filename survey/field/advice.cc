@@ -139,18 +139,30 @@ class Adviser {
   }
   bool InWorld() const { return facts_.prediction && facts_.prediction->in_world; }
 
+  // As surveyed or planned, else by the geotag of its station's panorama, m, world.
+  std::optional<Eigen::Vector3d> PlaceOf(int tag_id) const {
+    if (const auto& planned = facts_.planned.at(tag_id).world_m) return planned;
+    if (!facts_.input) return std::nullopt;
+    for (const SurveyPoint& point : facts_.input->points) {
+      if (point.tag_id != tag_id) continue;
+      // The direction of an offset in the frame of a tag is not known before the tag is: it is short.
+      return point.offset_in_tag_frame ? point.world_m : Eigen::Vector3d(point.world_m - point.offset_m);
+    }
+    return std::nullopt;
+  }
+
   Advice MissingTag(int tag_id) const {
     const PlannedTag& planned = facts_.planned.at(tag_id);
-    Advice advice{fmt::format("Photograph tag {}", tag_id),
-                  fmt::format("tag {}{} is in no picture", tag_id, planned.what.empty() ? "" : ", " + planned.what)};
-    advice.at = InWorld() ? planned.world_m : std::nullopt;
+    const std::string what = planned.what.empty() ? "" : " (" + planned.what + ")";
+    Advice advice{fmt::format("Photograph tag {}{}", tag_id, what), "it is in no picture"};
+    advice.at = InWorld() ? PlaceOf(tag_id) : std::nullopt;
     if (advice.at) {
       // Where it is, by the nearest tag that was found.
       double nearest = 1e9;
       std::string where;
       for (const auto& [id, pose] : facts_.layout->world_from_tag) {
         const Eigen::Vector3d away = *advice.at - pose.translation;
-        if (away.norm() >= nearest) continue;
+        if (id == tag_id || away.norm() >= nearest) continue;
         nearest = away.norm();
         where = fmt::format(", {:.0f} m {} of tag {}", nearest, CompassText(std::atan2(away.x(), away.y())), id);
       }

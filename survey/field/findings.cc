@@ -20,6 +20,15 @@ constexpr double kLeastSmear_px = 1;   // a lens is not called smeared below thi
 constexpr double kTooMany = 0.1;       // share of pictures that is worth a finding
 constexpr size_t kLeastPictures = 8;   // of a camera, before its lens is judged
 constexpr size_t kLatest = 12;         // pictures that show what the lens is like now
+// A spot of the picture that is never sharp, though its surroundings are. In fewer pictures a cell may have seen
+// nothing but the sky or a smooth car.
+constexpr size_t kLatestOfSpots = 36, kLeastOfSpots = 24;
+constexpr double kSpotTimes = 2.5;    // against its surroundings
+constexpr float kLeastEnergy = 0.5F;  // below it a cell shows nothing but noise and slow changes of brightness
+// Cells: from the middle cell of a disc of 20 % and of 40 % of the width to what lies outside it. Larger ones show in
+// the parts of the picture.
+constexpr double kRingsFrom[] = {1.9, 3.8}, kRingWidth = 1.4;
+constexpr double kLeastRing = 0.4;  // share of the ring with texture; a corner's ring is cut to 46 %
 constexpr double kDarkMean = 40, kBrightMean = 215, kMostDark = 0.5, kMostBright = 0.3;
 constexpr size_t kTagsNamed = 8;     // of one finding
 constexpr int kRealId = 3;           // pictures of an id that nobody planned, before it counts as being there
@@ -117,8 +126,8 @@ void FindBlurred(const CameraPictures& camera, std::vector<SiteFinding>* finding
 }
 
 // The latest pictures only: the lens may have been cleaned since the earlier ones.
-std::vector<const FieldPicture*> Latest(const CameraPictures& camera) {
-  const size_t n = std::min(kLatest, camera.pictures.size());
+std::vector<const FieldPicture*> Latest(const CameraPictures& camera, size_t most = kLatest) {
+  const size_t n = std::min(most, camera.pictures.size());
   return {camera.pictures.end() - static_cast<std::ptrdiff_t>(n), camera.pictures.end()};
 }
 
@@ -156,8 +165,78 @@ bool FindBlurredLens(const CameraPictures& camera, const std::vector<CameraPictu
   return true;
 }
 
+// Blur of each cell, px, of all these pictures together: one that shows something sharp there decides. 0: no texture.
+std::vector<double> PooledBlurs(const std::vector<const FieldPicture*>& pictures, int* rows) {
+  std::vector<double> sharp, reblurred;
+  double count = 0;
+  for (const FieldPicture* picture : pictures) {
+    const GradientEnergy& energy = picture->quality->energy;
+    if (sharp.empty()) sharp.resize(energy.sharp.size()), reblurred.resize(energy.sharp.size());
+    if (energy.sharp.empty() || energy.sharp.size() != sharp.size()) continue;
+    for (size_t k = 0; k < sharp.size(); ++k) sharp[k] += energy.sharp[k], reblurred[k] += energy.reblurred[k];
+    *rows = energy.rows;
+    ++count;
+  }
+  std::vector<double> blurs(sharp.size(), 0);
+  if (count < kLeastOfSpots) return blurs;
+  for (size_t k = 0; k < sharp.size(); ++k) {
+    if (!(reblurred[k] > kLeastEnergy * count)) continue;
+    const double ratio = sharp[k] / reblurred[k];
+    blurs[k] = kReblur_px / std::sqrt(std::max(1e-4, ratio * ratio - 1));
+  }
+  return blurs;
+}
+
+// A blur that a tenth of the cells round this one exceed; 0: too few of them have texture.
+double BlurAround(const std::vector<double>& blurs, int rows, int row, int column, double from) {
+  std::vector<double> around;
+  int ring = 0;
+  const double to = from + kRingWidth;
+  const int reach = static_cast<int>(to);
+  for (int dy = -reach; dy <= reach; ++dy) {
+    for (int dx = -reach; dx <= reach; ++dx) {
+      const double away = std::hypot(dx, dy);
+      if (away < from || away > to) continue;
+      ++ring;
+      const int y = row + dy, x = column + dx;
+      if (y < 0 || y >= rows || x < 0 || x >= kEnergyColumns) continue;
+      const double blur = blurs[static_cast<size_t>(kEnergyColumns * y + x)];
+      if (blur > 0) around.push_back(blur);
+    }
+  }
+  return static_cast<double>(around.size()) < kLeastRing * ring ? 0 : Quantile(std::move(around), 0.9);
+}
+
+// A drop or a fingerprint: too small to show in the parts of the picture.
+void FindSmearedSpot(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
+  int rows = 0;
+  const std::vector<double> blurs = PooledBlurs(Latest(camera, kLatestOfSpots), &rows);
+  double most = kSpotTimes, blur = 0, around = 0;
+  int at = -1;
+  for (int k = 0; k < static_cast<int>(blurs.size()); ++k) {
+    const double its = blurs[static_cast<size_t>(k)];
+    if (its < kLeastSmear_px) continue;
+    for (const double from : kRingsFrom) {
+      const double its_around = BlurAround(blurs, rows, k / kEnergyColumns, k % kEnergyColumns, from);
+      if (!(its_around > 0) || its < most * its_around) continue;
+      most = its / its_around, blur = its, around = its_around, at = k;
+    }
+  }
+  if (at < 0) return;
+  const double right = (at % kEnergyColumns + 0.5) / kEnergyColumns, down = (at / kEnergyColumns + 0.5) / rows;
+  const auto third = [](double share) { return static_cast<size_t>(std::min(2.0, std::floor(3 * share))); };
+  static constexpr const char* kPlaces[] = {"at the upper left", "at the top",      "at the upper right",
+                                            "at the left",       "near the centre", "at the right",
+                                            "at the lower left", "at the bottom",   "at the lower right"};
+  findings->push_back(
+      {Light::kAmber, "lens",
+       fmt::format("{}: the lens is smeared in a spot {} of the picture ({:.0f} % of its width from the left, {:.0f} % "
+                   "of its height from the top): a blur of {:.1f} px, around it {:.1f} px; clean it and record again",
+                   camera.name, kPlaces[3 * third(down) + third(right)], 100 * right, 100 * down, blur, around)});
+}
+
 // A part of the picture that is always less sharp than the rest.
-void FindSmearedPart(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
+bool FindSmearedPart(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
   static constexpr const char* kParts[] = {"upper left",   "upper middle", "upper right",  "middle left", "middle",
                                            "middle right", "lower left",   "lower middle", "lower right"};
   const std::vector<const FieldPicture*> latest = Latest(camera);
@@ -182,11 +261,12 @@ void FindSmearedPart(const CameraPictures& camera, std::vector<SiteFinding>* fin
     parts.emplace_back(kParts[k]);
     if (Median(blurs) > worst) worst = Median(blurs), rest = worst / Median(ratios);
   }
-  if (parts.empty()) return;
+  if (parts.empty()) return false;
   findings->push_back({Light::kAmber, "lens",
                        fmt::format("{}: the lens is smeared in the {} of the picture: a blur of {:.1f} px, elsewhere "
                                    "{:.1f} px; clean it and record again",
                                    camera.name, SomeOf(parts), worst, rest)});
+  return true;
 }
 
 void FindExposure(const CameraPictures& camera, std::vector<SiteFinding>* findings) {
@@ -220,19 +300,29 @@ void StateQuality(const CameraPictures& camera, std::vector<SiteFinding>* findin
 // Pictures in a row that share too little: walked or turned too fast, nothing but a bare wall.
 void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
   std::vector<double> shared;
-  std::vector<std::string> broken;
+  std::vector<std::string> broken, unexplained;
   for (const FieldPair& pair : run.pairs) {
     if (pair.loop || pair.shared < 0) continue;
     shared.push_back(pair.shared);
-    if (pair.shared < kLeastShared) broken.push_back(pair.from + " to " + pair.to);
+    if (pair.shared >= kLeastShared) continue;
+    (pair.matched < kLeastShared ? broken : unexplained).push_back(pair.from + " to " + pair.to);
   }
   if (shared.empty()) return;
-  if (broken.empty()) {
+  if (!unexplained.empty()) {
+    findings->push_back({Light::kAmber, "overlap",
+                         fmt::format("{}: at {} of {} pictures at least {} features match those of the one before, but "
+                                     "no motion of the camera explains {} of them ({}); is there traffic or a repeated "
+                                     "pattern? Pass there again",
+                                     run.run->name, unexplained.size(), shared.size(), kLeastShared, kLeastShared,
+                                     SomeOf(unexplained, 2))});
+  }
+  if (broken.empty() && unexplained.empty()) {
     findings->push_back({Light::kGreen, "overlap",
                          fmt::format("{}: pictures in a row share {:.0f} features (median), {:.0f} at least",
                                      run.run->name, Median(shared), *std::min_element(shared.begin(), shared.end()))});
     return;
   }
+  if (broken.empty()) return;
   findings->push_back({Light::kAmber, "overlap",
                        fmt::format("{}: at {} of {} pictures fewer than {} features are shared with the one before "
                                    "({}); walk and turn slower there",
@@ -375,7 +465,7 @@ std::vector<SiteFinding> FindInPictures(const FieldFacts& facts) {
   for (const CameraPictures& camera : cameras) {
     if (!FindBlurredLens(camera, cameras, &findings)) {
       FindBlurred(camera, &findings);
-      FindSmearedPart(camera, &findings);
+      if (!FindSmearedPart(camera, &findings)) FindSmearedSpot(camera, &findings);
     }
     FindExposure(camera, &findings);
     StateQuality(camera, &findings);

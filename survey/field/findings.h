@@ -48,6 +48,7 @@ struct FieldPair {
   int shared = -1;       // features that agree with one relative pose; -1: not compared yet
   bool loop = false;     // `from` is of an earlier traversal
   double way_m = 0;      // along the run, at `to`
+  int matched = 0;       // features that look alike, whether they agree with a pose or not
 };
 
 struct FieldRun {

@@ -71,6 +71,75 @@ void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   }
 }
 
+// What the map warns of. Tags are named one by one already, and one that moved or stands twice takes surveyed points
+// with it: their residuals are its consequences until it is mended.
+void FindInWarnings(const SurveyResult& map, std::vector<SiteFinding>* findings) {
+  std::vector<std::string> causes, off;
+  std::set<int> ids;
+  for (const TagEstimate& tag : map.tags) {
+    if (tag.status != "moved" && tag.status != "duplicate") continue;
+    ids.insert(tag.tag_id);
+    causes.push_back(std::to_string(tag.tag_id));
+  }
+  std::set<std::string> own;  // points on such tags: no news
+  for (const PointAgreement& point : map.points) {
+    const char* role = point.role == PointRole::kCheck ? "check" : "control";
+    const std::string its = fmt::format("{} point {}", role, point.name);
+    if (ids.contains(point.tag_id)) own.insert(its);
+  }
+  for (const std::string& warning : map.warnings) {
+    const auto has = [&](const char* text) { return warning.find(text) != std::string::npos; };
+    if (has("no picture shows its tag") || has("its tag's id is seen at several places")) continue;
+    if (warning.starts_with("tag ") && (has(" (moved): ") || has(" (duplicate): "))) continue;
+    const size_t begin = warning.find(" is ");
+    if (!ids.empty() && has(" m off the map, ")) {
+      const std::string point = warning.substr(0, begin);
+      if (!own.contains(point)) off.push_back(point + warning.substr(begin, warning.find(" off the map") - begin));
+    } else {
+      findings->push_back({Light::kAmber, "map", warning});
+    }
+  }
+  if (off.empty()) return;
+  findings->push_back({Light::kAmber, "map",
+                       fmt::format("{} off the map, which may follow from {} {}: mend that first, then check again",
+                                   SomeOf(off), causes.size() == 1 ? "tag" : "tags", SomeOf(causes))});
+}
+
+// A map that fewer than three control points hold is no better than the geotags beside them.
+void FindInDatum(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
+  constexpr size_t kLeastControl = 3;
+  size_t given = 0, used = 0;
+  std::vector<std::string> unseen;
+  std::set<int> seen;
+  for (const FieldRun& run : facts.runs) {
+    for (const FieldPicture& picture : run.pictures) {
+      for (const TagDetection& d : picture.tags) seen.insert(d.id);
+    }
+  }
+  for (const SurveyPoint& point : facts.input->points) {
+    if (point.role != PointRole::kControl) continue;
+    ++given;
+    if (point.tag_id >= 0 && !seen.contains(point.tag_id)) unseen.push_back(point.name);
+  }
+  for (const PointAgreement& point : facts.map->points) {
+    used += point.role == PointRole::kControl && point.used && !point.excluded ? 1 : 0;
+  }
+  if (given == 0 || used >= kLeastControl) return;
+  const std::string held = fmt::format("{} of {} {} the map, three are needed to fix it", used,
+                                       Counted(given, "control point"), used == 1 ? "holds" : "hold");
+  if (!unseen.empty()) {
+    const bool one = unseen.size() == 1;
+    findings->push_back(
+        {Light::kAmber, "datum",
+         fmt::format("{}: no picture shows the {} of control {} {}; photograph {}", held, one ? "tag" : "tags",
+                     one ? "point" : "points", SomeOf(unseen, 8), one ? "it" : "them")});
+  } else if (given < kLeastControl) {
+    findings->push_back(
+        {Light::kAmber, "datum",
+         fmt::format("{}; measure {} more, not on one line with the others", held, kLeastControl - given)});
+  }
+}
+
 void FindInCalibration(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   for (const FieldCalibration& c : facts.calibrations) {
     const double sigmas = c.focal_sigma > 0 ? std::abs(c.focal_change) / c.focal_sigma : 0;
@@ -216,9 +285,14 @@ void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFind
                          fmt::format("{}: {:.0f} m, loop closed: {}{}{}{}", run.run->name, length, tags,
                                      returns > 0 && again > 0 ? ", " : "", places, others)});
   } else if (length > kLoopWanted_m) {
-    findings->push_back({shared >= 2 ? Light::kGreen : Light::kAmber, "loops",
-                         fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}{}", run.run->name,
-                                     length, others, shared >= 2 ? "" : "; pass the first tags again at the end")});
+    const bool held = shared >= 2;
+    findings->push_back(
+        {held ? Light::kGreen : Light::kAmber, "loops",
+         held ? fmt::format("{}: {:.0f} m, held by {} that other runs share; it needs no loop of its own",
+                            run.run->name, length, Counted(shared, "tag"))
+              : fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}; pass the first tags again "
+                            "at the end",
+                            run.run->name, length, others)});
   }
 }
 
@@ -347,11 +421,8 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
   }
   if (facts.map) {
     FindInTags(facts, &findings);
-    for (const std::string& warning : facts.map->warnings) {
-      // Tags that are missing are named one by one.
-      if (warning.find("no picture shows its tag") != std::string::npos) continue;
-      findings.push_back({Light::kAmber, "map", warning});
-    }
+    FindInWarnings(*facts.map, &findings);
+    FindInDatum(facts, &findings);
     FindInCalibration(facts, &findings);
     FindInStations(facts, &findings);
   }

@@ -14,7 +14,6 @@ constexpr int kDark = 8, kBright = 250;                // grey values
 constexpr float kLowGradient = 4, kHighGradient = 12;  // grey values a pixel: what counts as an edge at least
 constexpr float kNoises = 4;                           // and in sigmas of the gradient where there is none
 constexpr size_t kLeastEdges = 100, kLeastCellEdges = 30;
-constexpr double kReblur_px = 1;
 constexpr int kMaskedEdge_px = 2;  // a mask's own edge, and what the blur carries over it
 // Variance of a pixel's square, and of the difference over two pixels, px^2.
 constexpr double kPixelVariance = 1.0 / 12, kDifferenceVariance = 4.0 / 12;
@@ -92,6 +91,35 @@ double SampledBlur(double found) {
   return sampled(low);
 }
 
+GradientEnergy EnergyOf(const cv::Mat& picture, const cv::Mat& reblurred, const cv::Mat& mask) {
+  GradientEnergy energy;
+  energy.rows = std::max(1, cvRound(static_cast<double>(kEnergyColumns) * picture.rows / picture.cols));
+  const auto cells = static_cast<size_t>(energy.rows * kEnergyColumns);
+  energy.sharp.assign(cells, 0);
+  energy.reblurred.assign(cells, 0);
+  std::vector<float> pixels(cells, 0);
+  const auto squared = [](const cv::Mat& p, int y, int x) {
+    const float across = 0.5F * (p.at<float>(y, x + 1) - p.at<float>(y, x - 1));
+    const float down = 0.5F * (p.at<float>(y + 1, x) - p.at<float>(y - 1, x));
+    return across * across + down * down;
+  };
+  for (int y = 1; y + 1 < picture.rows; ++y) {
+    for (int x = 1; x + 1 < picture.cols; ++x) {
+      const auto cell =
+          static_cast<size_t>(kEnergyColumns * (energy.rows * y / picture.rows) + kEnergyColumns * x / picture.cols);
+      ++pixels[cell];
+      if (!mask.empty() && mask.at<uint8_t>(y, x) == 0) continue;
+      energy.sharp[cell] += squared(picture, y, x);
+      energy.reblurred[cell] += squared(reblurred, y, x);
+    }
+  }
+  for (size_t k = 0; k < cells; ++k) {
+    energy.sharp[k] /= std::max(1.F, pixels[k]);
+    energy.reblurred[k] /= std::max(1.F, pixels[k]);
+  }
+  return energy;
+}
+
 size_t Transposed(size_t cell) { return kQualityCells * (cell % kQualityCells) + cell / kQualityCells; }
 
 }  // namespace
@@ -116,6 +144,7 @@ PictureQuality MeasurePicture(const cv::Mat& grey, const cv::Mat& mask) {
   cv::Mat picture, reblurred;
   small.convertTo(picture, CV_32F);
   cv::GaussianBlur(picture, reblurred, {}, kReblur_px);
+  quality.energy = EnergyOf(picture, reblurred, counts);
   const EdgeBlurs upright = BlursAlongRows(picture, reblurred, counts);
   const EdgeBlurs level = BlursAlongRows(picture.t(), reblurred.t(), counts.empty() ? counts : counts.t());
   for (const EdgeBlurs* edges : {&upright, &level}) {

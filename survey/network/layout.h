@@ -73,6 +73,11 @@ struct NetworkOptions {
   // Of these points, what a panorama shows.
   int panorama_points = 100;         // at most
   double panorama_sigma_deg = 0.08;  // 1 sigma of one in a panorama, per axis
+  // With which of them `localize` can match a panorama: it searches for points that one of the pictures shows from much
+  // the same direction and distance, as descriptors stand no larger change.
+  double match_angle_deg = 40;  // between the directions in which picture and panorama see the point
+  double match_ratio = 2.5;     // of their distances from it
+  double match_reach_m = 30;    // of the picture from the panorama
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.min_side_px, {"min_side_px", "px", 1.0, 1000.0, "shortest side, in the picture, of a tag that is used"});
@@ -98,6 +103,12 @@ struct NetworkOptions {
           {"panorama_points", "", 10, 10000, "most scene points that a panorama shares with a pass"});
     visit(self.panorama_sigma_deg,
           {"panorama_sigma_deg", "deg", 0.001, 10.0, "1 sigma of a scene point in a panorama, per axis"});
+    visit(self.match_angle_deg, {"match_angle_deg", "deg", 1.0, 180.0,
+                                 "largest angle between the directions in which picture and panorama see a match"});
+    visit(self.match_ratio,
+          {"match_ratio", "", 1.0, 1000.0, "largest ratio of the distances of picture and panorama from a match"});
+    visit(self.match_reach_m,
+          {"match_reach_m", "m", 0.1, 10000.0, "largest distance of a picture from a panorama that it matches"});
   }
   std::vector<std::string> Check() const;
 };

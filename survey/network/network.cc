@@ -25,8 +25,7 @@ constexpr double kDatumShiftSigma = 10;           // m, as in the survey
 // Non-centrality of a test of one quantity at 0.1 % (two-sided) with a power of 80 %: 3.29 + 0.84.
 constexpr double kNonCentrality = 4.13;
 constexpr double kLeastRedundancy = 1e-4;
-constexpr size_t kLeastShared = 20;  // scene points, for a panorama to be answered
-constexpr double kNearest_m = 1;     // of them
+constexpr double kNearest_m = 1;  // scene points of a panorama
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 // What holds the world, as the survey chooses: control where it is well spread or alone, else geotags beside it, whose
@@ -80,7 +79,7 @@ class Network {
     for (const PlannedPanorama& panorama : layout_.panoramas) {
       const int shared = AddPanorama(panorama);
       if (shared == 0) continue;
-      predictions.push_back({0, panorama.name, shared});
+      predictions.push_back({0, panorama.name, shared, Matches(panorama.world_from_pano.translation)});
       unknowns.push_back(static_cast<int>(solver_.unknowns.size()) - 1);
     }
     if (predictions.empty()) return predictions;
@@ -110,7 +109,7 @@ class Network {
       if (away > kNearest_m && away < options_.tie_far_m) near.push_back(static_cast<int>(k));
     }
     const auto count = std::min(near.size(), static_cast<size_t>(options_.panorama_points));
-    if (count < kLeastShared) return 0;
+    if (count < static_cast<size_t>(kMatchesNeeded)) return 0;
     const int pose = solver_.AddPose(panorama.world_from_pano);
     const int view = static_cast<int>(solver_.views.size());
     solver_.views.push_back({Rigid3d(), nullptr});
@@ -126,6 +125,24 @@ class Network {
         panorama.sigma_h_m, panorama.sigma_v_m;
     solver_.AddFactor(new PosePriorCost(panorama.world_from_pano, sigma), nullptr, {pose});
     return static_cast<int>(count);
+  }
+
+  // Scene points of the one pass that a panorama at `centre` sees much as one of the pictures does.
+  int Matches(const Eigen::Vector3d& centre) const {
+    const PlannedPass& pass = layout_.passes.front();
+    const double least_cosine = std::cos(options_.match_angle_deg * kDegToRad);
+    std::set<int> matched;
+    for (const PlannedTie& tie : ties_.front().ties) {
+      const Eigen::Vector3d& point = ties_.front().points[static_cast<size_t>(tie.point)];
+      const Eigen::Vector3d camera = pass.world_from_body[static_cast<size_t>(tie.frame)].target_from_body *
+                                     pass.cameras[static_cast<size_t>(tie.camera)].cam_from_body.TargetOriginInSource();
+      const Eigen::Vector3d from_camera = point - camera, from_pano = point - centre;
+      const double near = std::min(from_camera.norm(), from_pano.norm()),
+                   far = std::max(from_camera.norm(), from_pano.norm());
+      if ((camera - centre).norm() > options_.match_reach_m || far > options_.match_ratio * near) continue;
+      if (from_camera.dot(from_pano) >= least_cosine * near * far) matched.insert(tie.point);
+    }
+    return static_cast<int>(matched.size());
   }
 
   int Frame(int pass, int frame) const { return first_frame_[static_cast<size_t>(pass)] + frame; }

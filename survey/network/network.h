@@ -81,14 +81,19 @@ NetworkPrediction PredictNetwork(const NetworkLayout& layout, const NetworkOptio
 struct PanoramaPrediction {
   int pass = 0;
   std::string name;
-  int points = 0;                          // scene points that it shares with the pass
+  int points = 0;                          // scene points that it shares with the pass, and its covariance rests on
+  int matches = 0;                         // all scene points of the pass with which it can be matched
   Matrix6d covariance = Matrix6d::Zero();  // left tangent, world axes, rotation first
   Eigen::Vector3d Sigma() const { return covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt(); }
 };
 
-// What `localize` would state of the layout's panoramas, from each pass by itself and without tags: odometry and scene
-// points, held to the world by the panoramas' geotags. Panoramas that share too few scene points with a pass are left
-// out. Throws as PredictNetwork does.
+// Matches that `localize` needs for an answer. They must agree on a pose, which changed light, moved cars and repeated
+// structure prevent: this is not predicted.
+inline constexpr int kMatchesNeeded = 20;
+
+// What `localize` would state of the layout's panoramas if it finds them, from each pass by itself and without tags:
+// odometry and scene points, held to the world by the panoramas' geotags. Panoramas that share too few scene points
+// with a pass are left out. Throws as PredictNetwork does.
 std::vector<PanoramaPrediction> PredictPanoramas(const NetworkLayout& layout, const NetworkOptions& options,
                                                  uint64_t seed, int threads, const CancelToken& cancel);
 

@@ -2,9 +2,11 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <opencv2/imgcodecs.hpp>
 #include <set>
 
 #include "app/pipeline/plan_report.h"
+#include "eval/scene/scene_model.h"
 
 namespace trigpoint {
 namespace {
@@ -145,19 +147,111 @@ TEST(PlanMap, NamesThatFindNoPlaceAreCounted) {
   EXPECT_THAT(texts, Contains(HasSubstr("names left out for want of room")));
 }
 
-TEST(PlanMap, ColoursAreReadableOnWhite) {
-  const auto luminance = [](const std::string& colour) {
-    double sum = 0;
-    for (size_t k = 0; k < 3; ++k) {
-      const double c = std::stoi(colour.substr(1 + 2 * k, 2), nullptr, 16) / 255.0;
-      sum += std::array{0.2126, 0.7152, 0.0722}[k] * (c <= 0.03928 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
+// Station centres are inside the ellipses of their tags: names go beside these, without a line across.
+TEST(PlanMap, NamesOfStationsFindARoomOnAnEmptyMap) {
+  PlanFindings findings;
+  for (int id = 100; id < 109; ++id) {
+    const double a = 2 * M_PI * (id - 100) / 9;
+    AddTag(id, {20 * std::cos(a), 12 * std::sin(a), 1}, "free", true, &findings);
+    findings.layout.stations.push_back({fmt::format("S{}", id), id, Eigen::Vector3d(0, 0, 1), 0.01});
+  }
+  const Drawing map = PlanMap(findings);
+  EXPECT_THAT(TextsOf(map), Not(Contains(HasSubstr("left out"))));
+  for (const Shape& s : map.shapes) EXPECT_NE(s.width, 0.8) << "a line to a name at " << s.points.front().first;
+}
+
+PlanGain Gain(const std::string& kind, double rms_m, const Eigen::Vector3d& at) {
+  PlanGain gain{kind, rms_m, at};
+  gain.kind = kind;
+  return gain;
+}
+
+// White numbers in discs.
+std::set<std::string> NumbersOf(const Drawing& drawing) {
+  std::set<std::string> numbers;
+  for (const Shape& s : drawing.shapes) {
+    if (s.kind == Shape::Kind::kText && s.fill == "#ffffff") numbers.insert(s.text);
+  }
+  return numbers;
+}
+
+TEST(PlanMap, BestGainsHaveTheirRankWithoutSuggestions) {
+  PlanFindings findings;
+  findings.prediction.in_world = true;
+  AddTag(100, {0, 0, 1}, "free", true, &findings);
+  AddTag(101, {20, 10, 1}, "free", true, &findings);
+  findings.prediction.joint = 1e-4 * Eigen::MatrixXd::Identity(6, 6);  // RMS 17.3 mm
+  findings.gains = {Gain("control", 0.010, {0, 0, 1}),
+                    Gain("tags", 0.011, {5, 2, 1}),
+                    Gain("tags", 0.012, {8, 2, 1}),
+                    Gain("tags", 0.013, {11, 2, 1}),
+                    Gain("tags", 0.014, {14, 2, 1}),
+                    Gain("path", 0.015, {0, 0, 0}),
+                    Gain("path", 0.1 * std::sqrt(0.03), {2, 2, 2})};
+  for (const size_t k : {5, 6}) {
+    findings.gains[k].world_m.reset();
+    findings.gains[k].way_m = {{0, 5, 1}, {10, 5, 1}, {20, 5, 1}};
+  }
+  const Drawing map = PlanMap(findings);
+  // Of each kind the best three; "1" is in the legend, too; the last gains nothing.
+  EXPECT_EQ(NumbersOf(map), (std::set<std::string>{"1", "2", "3", "4", "6"}));
+  EXPECT_THAT(TextsOf(map),
+              IsSupersetOf({"one more tag, control or pass: its rank by gain", "pass not planned yet", "100", "101"}));
+  findings.suggestions = {Gain("tags", 0.012, {8, 2, 1})};
+  EXPECT_EQ(NumbersOf(PlanMap(findings)), std::set<std::string>{"1"});
+  EXPECT_THAT(TextsOf(PlanMap(findings)), Contains("suggested place; arrow: the way it faces"));
+}
+
+double Luminance(const std::array<double, 3>& rgb) {
+  double sum = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    const double c = rgb[k] / 255;
+    sum += std::array{0.2126, 0.7152, 0.0722}[k] * (c <= 0.03928 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
+  }
+  return sum;
+}
+double LuminanceOf(const std::string& colour) {
+  const auto channel = [&](size_t k) { return std::stoi(colour.substr(1 + 2 * k, 2), nullptr, 16); };
+  return Luminance({1.0 * channel(0), 1.0 * channel(1), 1.0 * channel(2)});
+}
+
+// The worst picture is black.
+TEST(PlanMap, LinesAndNamesStandOutOnTheAerialImage) {
+  PlanFindings findings = Crowded();
+  SceneAerial aerial;
+  aerial.picture = cv::Mat(40, 60, CV_8UC3, cv::Scalar(0, 0, 0));
+  aerial.columns = aerial.rows = 2;
+  aerial.vertices = {{-100, 100, 0}, {100, 100, 0}, {-100, -100, 0}, {100, -100, 0}};
+  findings.aerial = std::make_shared<const SceneAerial>(aerial);
+  const Drawing map = PlanMap(findings);
+  const Shape& picture = map.shapes.at(1);
+  ASSERT_EQ(picture.kind, Shape::Kind::kPicture);
+  const std::vector<uchar> bytes(picture.picture->begin(), picture.picture->end());
+  double darkest = 0, brightest = 0;
+  cv::minMaxLoc(cv::imdecode(bytes, cv::IMREAD_GRAYSCALE), &darkest, &brightest);
+  EXPECT_LT(brightest, 170);  // all of it is the image
+  int names = 0;
+  for (size_t i = 2; i < map.shapes.size(); ++i) {
+    const Shape &s = map.shapes[i], &before = map.shapes[i - 1];
+    if (s.points.front().second >= picture.extent.second) break;  // the legend, on white
+    if (s.kind == Shape::Kind::kText && s.fill != "#ffffff") {
+      ++names;
+      ASSERT_EQ(before.fill, "#ffffff") << s.text;
+      const double paper = before.opacity * 255 + (1 - before.opacity) * darkest;
+      EXPECT_GE((Luminance({paper, paper, paper}) + 0.05) / (LuminanceOf(s.fill) + 0.05), 4.5) << s.text;
+    } else if (s.kind == Shape::Kind::kPath && !s.stroke.empty() && s.stroke != "#ffffff") {
+      EXPECT_EQ(before.stroke, "#ffffff");
+      EXPECT_GT(before.width, s.width + 2);
     }
-    return sum;
-  };
+  }
+  EXPECT_GE(names, 30);
+}
+
+TEST(PlanMap, ColoursAreReadableOnWhite) {
   for (const Shape& s : PlanMap(Crowded()).shapes) {
     for (const std::string& colour : {s.stroke, s.fill}) {
       if (colour.empty() || colour == "#ffffff" || colour == "#d5dade") continue;  // paper; a rule that separates
-      EXPECT_GE(1.05 / (luminance(colour) + 0.05), 4.5) << colour;
+      EXPECT_GE(1.05 / (LuminanceOf(colour) + 0.05), 4.5) << colour;
     }
   }
 }

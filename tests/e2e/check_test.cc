@@ -52,10 +52,8 @@ class FieldCheck : public testing::Test {
     for (const fs::path& image : images_) Age(image);
     fs::remove_all(site_ / "photos");
   }
-  void BringPhotos() const {
-    fs::copy(base_ / "whole" / "photos", site_ / "photos", fs::copy_options::recursive);
-    for (const auto& photo : fs::recursive_directory_iterator(site_ / "photos")) Age(photo.path());
-  }
+  // A moment ago: check has to wait until it knows that they are complete.
+  void BringPhotos() const { fs::copy(base_ / "whole" / "photos", site_ / "photos", fs::copy_options::recursive); }
 
   // As if it had been copied a while ago.
   static void Age(const fs::path& file) {
@@ -315,15 +313,16 @@ TEST_F(FieldCheck, AVideoThatIsStillBeingCopiedIsNamed) {
   EXPECT_TRUE(wait_for("its end is missing"));
   WriteFileAtomically(video, bytes);
   EXPECT_TRUE(wait_for("run2: "));
-  for (int k = 0; k < 600 && ReadTextFile(site_ / "results/check/findings.csv").find("clip.mp4,") != std::string::npos;
-       ++k) {
+  const auto pictures = [&] {
+    return nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json")).at("pictures").get<size_t>();
+  };
+  for (int k = 0; k < 600 && pictures() <= images_.size(); ++k) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   watch.Signal(SIGINT);
   watch.Wait();
   EXPECT_THAT(ReadTextFile(site_ / "results/check/findings.csv"), Not(HasSubstr("clip.mp4,")));
-  EXPECT_GT(nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json")).at("pictures").get<size_t>(),
-            images_.size());
+  EXPECT_GT(pictures(), images_.size());
 }
 
 TEST_F(FieldCheck, AKillLosesOnlyWhatWasInHand) {
@@ -356,12 +355,12 @@ TEST_F(FieldCheck, AKillLosesOnlyWhatWasInHand) {
 TEST_F(FieldCheck, TheWatchedPageFollowsTheFolder) {
   for (size_t i = 20; i < images_.size(); ++i) fs::remove(images_[i]);
   const Program watch({"check", site_.string(), "--watch"});
-  const auto wait_for = [&](size_t pictures) {
+  const auto wait_for = [&](size_t number, const std::string& of = "pictures") {
     for (int k = 0; k < 600; ++k) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const fs::path file = site_ / "results/check/summary.json";
       if (!fs::exists(file)) continue;
-      if (nlohmann::json::parse(ReadTextFile(file)).at("pictures") == pictures) return true;
+      if (nlohmann::json::parse(ReadTextFile(file)).at(of) == number) return true;
     }
     return false;
   };
@@ -374,6 +373,8 @@ TEST_F(FieldCheck, TheWatchedPageFollowsTheFolder) {
     fs::copy(base_ / "whole/runs/run1/images" / images_[i].filename(), images_[i]);
   }
   EXPECT_TRUE(wait_for(images_.size()));
+  BringPhotos();
+  EXPECT_TRUE(wait_for(12, "photos_of_sets"));
   watch.Signal(SIGINT);
   const Finished ended = watch.Wait();
   const auto last = nlohmann::json::parse(ReadTextFile(site_ / "results/check/summary.json"));

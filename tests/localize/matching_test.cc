@@ -3,13 +3,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <map>
 #include <opencv2/core.hpp>
+#include <random>
 
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "localize/reconstruct/features.h"
+#include "localize/reconstruct/shared_features.h"
 #include "localize/reconstruct/two_view.h"
 #include "tests/localize/test_scene.h"
 
@@ -201,6 +204,33 @@ TEST(WideBaseline, FindsThePoseWithoutAPriorAndStatesItsInformation) {
   EXPECT_LT(AngleBetween(result.b_from_a.rotation, pair.b_from_a.rotation), 0.2 * kDegToRad);
   EXPECT_LT(AngleBetween(result.b_from_a.translation, pair.b_from_a.translation), 2 * kDegToRad);
   EXPECT_GT(result.information.diagonal().minCoeff(), 0);
+}
+
+// Pictures of a camera that stands still have no parallax, and share what they see nevertheless.
+TEST(SharedFeatures, AreThoseOfACameraThatStandsStill) {
+  QuickFeatures a, b;
+  cv::Mat descriptors(60, DescriptorBlock::kDim, CV_8U);
+  cv::RNG noise(3);
+  noise.fill(descriptors, cv::RNG::UNIFORM, 0, 120);
+  a.descriptors = b.descriptors = DescriptorBlock(descriptors);
+  a.pixel_rad = b.pixel_rad = 2e-3;
+  Random random(5);
+  for (int k = 0; k < descriptors.rows; ++k) {
+    const Eigen::Vector3d ray(random.Uniform(-0.8, 0.8), random.Uniform(-0.5, 0.5), 1);
+    const auto seen = [&] {
+      return (ray + a.pixel_rad * Eigen::Vector3d(random.Uniform(-2, 2), random.Uniform(-2, 2), 0)).normalized();
+    };
+    a.rays.push_back(ray.normalized());
+    b.rays.push_back(seen());
+  }
+  const SharedView still = CompareViews(a, b, {});
+  EXPECT_EQ(still.matches, descriptors.rows);
+  EXPECT_GT(still.features, 40);
+  // Elsewhere without a pose: alike, and nothing shared.
+  std::shuffle(b.rays.begin(), b.rays.end(), std::mt19937(7));
+  const SharedView other = CompareViews(a, b, {});
+  EXPECT_EQ(other.matches, descriptors.rows);
+  EXPECT_EQ(other.features, 0);
 }
 
 TEST(WideBaseline, RefusesWhatChanceMakes) {

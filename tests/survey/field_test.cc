@@ -117,7 +117,7 @@ TEST(Field, ATagInNoPictureIsNamedAndComesFirst) {
   EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("tag 5 (station S5) is planned and in no picture")));
   const std::vector<Advice> advice = WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken());
   ASSERT_FALSE(advice.empty());
-  EXPECT_THAT(advice[0].what, HasSubstr("Photograph tag 5, "));
+  EXPECT_THAT(advice[0].what, HasSubstr("Photograph tag 5 (station S5), "));
   EXPECT_THAT(advice[0].why, HasSubstr("in no picture"));
 }
 
@@ -170,6 +170,38 @@ TEST(Field, ATagThatMovedBetweenDaysIsNamed) {
   input.runs[1] = Recorded(second).runs[1];
   const auto scene = SceneOf(input, first);
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("tag 5 moved")));
+  // One cause, one finding: what points say on and beside it follows from it.
+  EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("(moved)"))));
+  ASSERT_TRUE(scene->facts.map);
+  PointAgreement on_it;
+  on_it.role = PointRole::kCheck;
+  on_it.tag_id = 5;
+  on_it.name = "5";
+  scene->facts.map->points.push_back(on_it);
+  const size_t before = Wrong(scene->facts).size();
+  scene->facts.map->warnings.push_back(
+      "check point 5 is 0.500 m off the map, 25.0 sigma: more than its sigma allows; check its coordinates");
+  EXPECT_EQ(Wrong(scene->facts).size(), before);
+  scene->facts.map->warnings.push_back(
+      "check point 8 is 0.200 m off the map, 4.5 sigma: more than its sigma allows; check its coordinates");
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains("check point 8 is 0.200 m off the map, which may follow from tag "
+                                                     "5: mend that first, then check again"));
+  EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("check its coordinates"))));
+}
+
+TEST(Field, ARunThatOthersHoldHasNoOpenLoop) {
+  NetworkLayout layout = TwoDays();
+  for (PlannedPass& pass : layout.passes) pass.world_from_body.resize(pass.world_from_body.size() * 3 / 4);
+  const auto scene = SceneOf(Recorded(layout), layout);
+  for (trigpoint::Run& run : scene->site.runs) {
+    for (TimedPose& pose : run.odometry.poses) pose.target_from_body.translation *= 2;
+  }
+  std::vector<std::string> green;
+  for (const SiteFinding& f : FindInMap(scene->facts)) {
+    if (f.light == Light::kGreen) green.push_back(f.text);
+  }
+  EXPECT_THAT(green, testing::Contains(HasSubstr("that other runs share; it needs no loop of its own")));
+  EXPECT_THAT(green, testing::Not(testing::Contains(HasSubstr("the loop is open"))));
 }
 
 TEST(Field, ARunThatNeverLooksBackIsNamed) {
@@ -197,6 +229,59 @@ TEST(Field, ASmearedLensIsNamed) {
     p.quality->cell_blur_px[8] = 1.5;
   }
   EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("second: the lens is smeared in the lower right")));
+}
+
+TEST(Field, PicturesOfACameraThatStandsStillOrOfTrafficAreNotTooFast) {
+  const auto scene = SceneOf(Recorded(TwoDays()), TwoDays());
+  std::vector<FieldPair>& pairs = scene->facts.runs[0].pairs;
+  pairs = {{"1.jpg", "2.jpg", 80, false, 0, 90}, {"2.jpg", "3.jpg", 0, false, 0, 40}};
+  EXPECT_THAT(Wrong(scene->facts),
+              testing::ElementsAre(testing::AllOf(HasSubstr("no motion of the camera explains"),
+                                                  HasSubstr("2.jpg to 3.jpg"), testing::Not(HasSubstr("slower")))));
+  pairs[1].matched = 15;
+  EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("walk and turn slower")));
+  pairs[1].shared = 60;
+  EXPECT_THAT(Wrong(scene->facts), testing::IsEmpty());
+}
+
+// The panorama's geotag says where its station's tag is to be found.
+TEST(Field, ATagInNoPictureHasThePlaceOfItsStation) {
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
+  }
+  const auto scene = SceneOf(input, Yard());
+  scene->facts.prediction->in_world = true;
+  const Eigen::Vector3d at = *scene->facts.planned[5].world_m;
+  scene->facts.planned[5].world_m.reset();
+  scene->facts.layout->world_from_tag.erase(5);
+  const auto first = [&] { return WhatNext(scene->facts, Options(), 1, 1, 1, CancelToken()).at(0); };
+  EXPECT_FALSE(first().at);
+  SurveyPoint point;
+  point.role = PointRole::kGeotag;
+  point.tag_id = 5;
+  point.offset_m = Eigen::Vector3d(0, 0, 0.8);
+  point.world_m = at + point.offset_m;
+  scene->facts.input->points.push_back(point);
+  ASSERT_TRUE(first().at);
+  EXPECT_LT((*first().at - at).norm(), 1e-9);
+  EXPECT_THAT(first().what, testing::MatchesRegex("Photograph tag 5 \\(station S5\\), [0-9]+ m .* of tag [46], .*"));
+}
+
+TEST(Field, ControlThatNoPictureShowsIsNamed) {
+  SurveyInput input = Recorded(Yard());
+  ASSERT_EQ(input.points.size(), 3U);
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 4; });
+  }
+  EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
+              testing::Contains(HasSubstr("of 3 control points hold the map, three are needed to fix it: no picture "
+                                          "shows the tag of control point 4; photograph it")));
+  input = Recorded(Yard());
+  input.points.pop_back();
+  EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
+              testing::Contains(HasSubstr("of 2 control points hold the map, three are needed to fix it; measure 1 "
+                                          "more")));
 }
 
 TEST(Field, ExposureAndUnreadablePicturesAreNamed) {
@@ -315,6 +400,47 @@ TEST(PictureQuality, MaskedPartsDoNotCount) {
   EXPECT_GT(MeasurePicture(other).dark, 0.02);
   for (size_t k = 0; k < 3; ++k) EXPECT_FALSE(masked.cell_blur_px[k]);
   EXPECT_FALSE(MeasurePicture(picture, cv::Mat::zeros(picture.size(), CV_8U)).blur_px);
+}
+
+// A disc of a fifth of the width that is never sharp is named with its place, wherever it is.
+TEST(PictureQuality, ASmearedSpotIsNamed) {
+  cv::RNG random(4);
+  const auto found = [&](cv::Point at, double sigma_px) {
+    Site site;
+    trigpoint::Run run;
+    run.name = "walk";
+    FieldFacts facts;
+    facts.site = &site;
+    facts.runs.push_back({&run});
+    for (int k = 0; k < 24; ++k) {
+      // Gravel: most edges of a third of the picture are sharp, even where the spot is.
+      cv::Mat stones(150, 240, CV_8U), picture;
+      random.fill(stones, cv::RNG::UNIFORM, 40, 200);
+      cv::resize(stones, picture, {960, 600}, 0, 0, cv::INTER_NEAREST);
+      if (sigma_px > 0) {
+        cv::Mat smeared, disc = cv::Mat::zeros(picture.size(), CV_8U);
+        cv::GaussianBlur(picture, smeared, {}, sigma_px);
+        cv::circle(disc, at, picture.cols / 10, 255, cv::FILLED);
+        smeared.copyTo(picture, disc);
+      }
+      FieldPicture seen;
+      seen.image = std::to_string(k);
+      seen.quality = MeasurePicture(picture);
+      facts.runs[0].pictures.push_back(seen);
+    }
+    std::vector<std::string> texts;
+    for (const SiteFinding& f : FindInPictures(facts)) {
+      if (f.topic == "lens") texts.push_back(f.text);
+    }
+    return texts;
+  };
+  EXPECT_THAT(found({}, 0), testing::IsEmpty());
+  for (const double sigma_px : {3.0, 8.0}) {
+    EXPECT_THAT(found({500, 330}, sigma_px),
+                testing::ElementsAre(HasSubstr("walk: the lens is smeared in a spot near the centre of the picture")));
+  }
+  EXPECT_THAT(found({150, 130}, 5), testing::ElementsAre(HasSubstr("at the upper left")));
+  EXPECT_THAT(found({840, 450}, 5), testing::ElementsAre(HasSubstr("at the lower right")));
 }
 
 TEST(PictureQuality, DarkAndBrightPixelsAreCounted) {

@@ -136,7 +136,7 @@ TEST(Network, PanoramasAreHeldByTheMeanOfTheirGeotags) {
   NetworkLayout layout = Yard(9, 3);
   for (int k = 0; k < 9; ++k) {
     const double a = 2 * M_PI * k / 9;
-    PlannedPanorama panorama{"P" + std::to_string(k),
+    PlannedPanorama panorama{std::to_string(k),
                              {Eigen::Quaterniond::Identity(), {3 * std::cos(a), 3 * std::sin(a), 0}}};
     panorama.sigma_h_m = 0.3, panorama.sigma_v_m = 0.6;
     layout.panoramas.push_back(panorama);
@@ -153,6 +153,26 @@ TEST(Network, PanoramasAreHeldByTheMeanOfTheirGeotags) {
   }
   layout.panoramas[0].sigma_h_m = 0.01;
   EXPECT_LT(PredictPanoramas(layout, Few(), 1, 1, CancelToken())[0].Sigma().x(), 0.01);
+}
+
+// A panorama from which the scene looks different shares points, and still cannot be matched with them.
+TEST(Network, ExpectsMatchesOnlyOfMuchTheSameView) {
+  NetworkLayout layout = Yard(9, 3);
+  layout.panoramas = {{"near", {Eigen::Quaterniond::Identity(), {3, 0, 0}}},
+                      {"facing", {Eigen::Quaterniond::Identity(), {28, 0, 0}}}};
+  const auto predict = [&](const NetworkOptions& options) {
+    return PredictPanoramas(layout, options, 1, 1, CancelToken());
+  };
+  const std::vector<PanoramaPrediction> found = predict(Few());
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_GT(found[0].matches, kMatchesNeeded);
+  EXPECT_GE(found[1].points, kMatchesNeeded);
+  EXPECT_LT(found[1].matches, kMatchesNeeded);
+  NetworkOptions any = Few();
+  any.match_angle_deg = 180, any.match_ratio = 1000, any.match_reach_m = 1000;
+  EXPECT_GE(predict(any)[1].matches, found[1].points);
+  any.match_reach_m = 10;
+  EXPECT_EQ(predict(any)[1].matches, 0);
 }
 
 TEST(Network, ABlunderInAKnownPointMovesItsTagAsPredicted) {

@@ -672,6 +672,10 @@ TEST(PrintCommand, NotesWhatWasPrintedAndMeasured) {
   EXPECT_EQ(ReadTextFile(measured.Json()["old"].get<std::string>()), before);
   // Measured again: the size asked for is what counts.
   ASSERT_EQ(Trigpoint({"print", dir, "--ids", "9", "--measured", "99.5", "99.6", "--nominal", "100"}).exit_code, 0);
+  const Finished uneven = Trigpoint({"print", dir, "--ids", "2", "--measured", "99.4", "99.8", "--nominal", "100"});
+  const std::string said = uneven.out + uneven.err;
+  EXPECT_THAT(said, HasSubstr("the lengths across and up differ by 0.40 %"));
+  EXPECT_EQ(said.find("the lengths across"), said.rfind("the lengths across"));  // once
   EXPECT_NEAR(ReadTagSizes(folder / "tags.yaml").sizes_m.at(9), 0.09955, 1e-9);
   EXPECT_EQ(ReadTagSizes(folder / "tags.yaml").sizes_m.at(0), 0.0997);
 
