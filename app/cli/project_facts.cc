@@ -31,8 +31,8 @@ class VerdictFacts {
         ending_.Problem("Frame", run.run + " is not georeferenced: " + run.source);
     }
     for (const VerdictGeotag& g : verdict_.geotags) {
-      ending_.Problem("Warning", fs::path(g.panorama).filename().string() + ": geotag off by " + Length(g.off_m) +
-                                     (g.sigmas ? fmt::format(" ({:.1f} sigma)", *g.sigmas) : ""));
+      ending_.Problem("Warning", fs::path(g.panorama).filename().string() + ": geotag off by " + Length(g.off_m) + " " +
+                                     g.direction + (g.sigmas ? fmt::format(" ({:.1f} sigma)", *g.sigmas) : ""));
     }
   }
 

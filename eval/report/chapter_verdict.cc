@@ -288,7 +288,7 @@ class VerdictChapter {
     if (!verdict_.geotags.empty()) {
       const VerdictGeotag& g = verdict_.geotags.front();
       std::string text = "Outlying geotag: " + std::filesystem::path(g.panorama).filename().string() + ", " +
-                         c_.LengthUnit(g.off_m, 2) + " horizontally from the answer";
+                         c_.LengthUnit(g.off_m, 2) + " " + g.direction + " from the answer";
       if (g.sigmas) text += fmt::format(" ({:.1f} sigma)", *g.sigmas);
       things.push_back({text, Tone::kPlain, AnchorOf(g.station)});
     }

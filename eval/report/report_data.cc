@@ -239,6 +239,8 @@ class Reader {
             {Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m"), Number(table, row, "sigma_z_m")});
         const auto de = Number(table, row, "geotag_de_m"), dn = Number(table, row, "geotag_dn_m");
         if (de && dn) a.geotag_off_m = std::hypot(*de, *dn);
+        a.geotag_up_m = Number(table, row, "geotag_du_m");
+        a.sigma_v_m = Number(table, row, "sigma_z_m");
         const auto x = Number(table, row, "x"), y = Number(table, row, "y"), z = Number(table, row, "z");
         if (x && y && z) a.place_m = {*x, *y, *z};
         a.sigma_h_m = Largest({Number(table, row, "sigma_x_m"), Number(table, row, "sigma_y_m")});

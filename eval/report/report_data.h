@@ -66,9 +66,11 @@ struct RunData {
   struct Answer {
     std::string panorama, station, status, reason, geotag_status;
     int inliers = 0, matches = 0, views = 0;
-    std::optional<double> sigma_m;           // largest axis
-    std::optional<double> geotag_off_m;      // geotag minus estimate, horizontal
-    std::optional<double> sigma_h_m;         // of the estimate, larger horizontal axis
+    std::optional<double> sigma_m;       // largest axis
+    std::optional<double> geotag_off_m;  // geotag minus estimate, horizontal
+    std::optional<double> geotag_up_m;   // the same, up
+    std::optional<double> sigma_h_m;     // of the estimate, larger horizontal axis
+    std::optional<double> sigma_v_m;
     std::optional<Eigen::Vector3d> place_m;  // in site ENU
   };
   std::vector<Answer> answers;

@@ -77,18 +77,27 @@ void FindGeotags(const ReportInput& input, const ReportData& data, const std::st
     for (const RunData::Answer& a : run.answers) {
       if (a.geotag_status != "outlier" || !a.geotag_off_m) continue;
       VerdictGeotag& g = worst[a.panorama];
-      if (*a.geotag_off_m <= g.off_m) continue;
-      g = {a.panorama, a.station, run.run, *a.geotag_off_m, {}};
-      for (const Reference& reference : input.project->site().references) {
-        if (reference.name != a.panorama || !a.sigma_h_m) continue;
-        const double sigma = std::hypot(reference.geotag.sigma_h_m, *a.sigma_h_m);
-        if (sigma > 0) g.sigmas = g.off_m / sigma;
+      const auto consider = [&](const char* direction, double off_m, std::optional<double> sigmas) {
+        const bool more = g.sigmas && sigmas ? *sigmas > *g.sigmas : off_m > g.off_m;
+        if (more) g = {a.panorama, a.station, run.run, off_m, direction, sigmas};
+      };
+      const Reference* reference = nullptr;
+      for (const Reference& its : input.project->site().references) {
+        if (its.name == a.panorama) reference = &its;
       }
+      const auto in_sigmas = [&](double off_m, const std::optional<double>& own, double GeoTag::*stated) {
+        const double sigma = own && reference != nullptr ? std::hypot(reference->geotag.*stated, *own) : 0;
+        return sigma > 0 ? std::optional<double>(off_m / sigma) : std::nullopt;
+      };
+      consider("horizontally", *a.geotag_off_m, in_sigmas(*a.geotag_off_m, a.sigma_h_m, &GeoTag::sigma_h_m));
+      if (!a.geotag_up_m || reference == nullptr || !reference->geotag.has_height) continue;
+      const double up = std::abs(*a.geotag_up_m);
+      consider("vertically", up, in_sigmas(up, a.sigma_v_m, &GeoTag::sigma_v_m));
     }
   }
   for (const auto& [name, geotag] : worst) verdict->geotags.push_back(geotag);
   std::stable_sort(verdict->geotags.begin(), verdict->geotags.end(),
-                   [](const auto& a, const auto& b) { return a.off_m > b.off_m; });
+                   [](const auto& a, const auto& b) { return a.sigmas.value_or(0) > b.sigmas.value_or(0); });
 }
 
 // Sigmas, and how far apart runs put the same panorama.

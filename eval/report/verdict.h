@@ -55,10 +55,11 @@ struct VerdictRefusal {
   std::string run, panorama, station, status, reason;
 };
 
-// A geotag that the runs contradict: the largest horizontal offset over the runs.
+// A geotag that the runs contradict: its largest offset over the runs, horizontal or vertical, in sigmas.
 struct VerdictGeotag {
   std::string panorama, station, run;
   double off_m = 0;
+  std::string direction = "horizontally";
   std::optional<double> sigmas;  // off_m in the combined 1 sigma of geotag and estimate
 };
 
