@@ -1,21 +1,16 @@
 #include "eval/report/scenes.h"
 
 #include <fmt/format.h>
-#include <vtkCamera.h>
-#include <vtkRenderer.h>
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "eval/report/plan.h"
+#include "eval/scene/halos.h"
 #include "eval/scene/offscreen.h"
-#include "eval/scene/props.h"
-#include "eval/scene/scene_parts.h"
 #include "eval/scene/scene_view.h"
 
 namespace trigpoint {
@@ -23,6 +18,7 @@ namespace {
 
 constexpr int kSamples = 2;      // a picture is drawn so many times larger and averaged
 constexpr size_t kStations = 4;  // that get a view of their own
+constexpr double kHalo_px = 6;   // width of what stands behind lines
 
 Picture Photograph(OffscreenWindow& window, int width, int height) {
   cv::Mat picture;
@@ -37,66 +33,6 @@ std::string ErrorsCaption(double scale, double confidence) {
       " Red: differences from references, {:g} times enlarged, with {:.0f} % ellipsoids at the same scale.", scale,
       100 * confidence);
 }
-
-// Of a colour "#rrggbb", as WCAG 2 has it: 0 is black, 1 white.
-double Luminance(const std::string& colour) {
-  constexpr double kShares[] = {0.2126, 0.7152, 0.0722};
-  double luminance = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    const double c = std::stoi(colour.substr(1 + 2 * k, 2), nullptr, 16) / 255.0;
-    luminance += kShares[k] * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
-  }
-  return luminance;
-}
-
-// Broader lines behind the visible paths as the camera sees them from above, white behind dark ones and black behind
-// light ones, so that they stand out from any ground. Taken away with the object.
-class Halos {
- public:
-  Halos(const SceneModel& model, const SceneView& view, vtkRenderer* renderer)
-      : renderer_(renderer), camera_(renderer->GetActiveCamera()) {
-    std::vector<const ScenePath*> paths;
-    double level = std::numeric_limits<double>::infinity();
-    for (const ScenePath& path : model.paths) {
-      if (path.poses.size() < 2 || SceneView::ColourOfLayer(LayerOf(path.kind)).empty()) continue;
-      if (!view.Visible(LayerOf(path.kind))) continue;
-      paths.push_back(&path);
-      for (const TimedPose& pose : path.poses) level = std::min(level, pose.target_from_body.translation.z());
-    }
-    level = std::max(level, model.ground_z + 3 * kBelow);  // else the ground hides them
-    for (const ScenePath* path : paths) {
-      const bool light = Luminance(SceneView::ColourOfLayer(LayerOf(path->kind))) > kLight;
-      std::vector<Eigen::Vector3d> line;
-      for (const TimedPose& pose : path->poses)
-        line.push_back(Behind(pose.target_from_body.translation, level - (light ? 2 : 1) * kBelow));
-      actors_.push_back(FlatActor(Lines({line}), light ? kBlack : kWhite, kSamples * kWidth));
-      renderer_->AddViewProp(actors_.back());
-    }
-  }
-  ~Halos() {
-    for (const auto& actor : actors_) renderer_->RemoveViewProp(actor);
-  }
-  Halos(const Halos&) = delete;
-  Halos& operator=(const Halos&) = delete;
-
- private:
-  static constexpr double kLight = 0.3;
-  static constexpr double kBelow = 0.05;  // m
-  static constexpr double kWidth = 6;     // pixels of the picture
-
-  // Where the ray through a point reaches the height `z`: the same pixel, behind all paths.
-  Eigen::Vector3d Behind(const Eigen::Vector3d& point, double z) const {
-    Eigen::Vector3d ray(camera_->GetDirectionOfProjection());
-    if (camera_->GetParallelProjection() == 0) ray = point - Eigen::Vector3d(camera_->GetPosition());
-    constexpr double kSteep = 0.05;  // of a ray that reaches the ground near the site
-    if (ray.z() > -kSteep * ray.norm() || point.z() <= z) return point;
-    return point + (z - point.z()) / ray.z() * ray;
-  }
-
-  vtkRenderer* renderer_;
-  vtkCamera* camera_;
-  std::vector<vtkSmartPointer<vtkActor>> actors_;
-};
 
 // Stations of the largest differences, then others; no more than are shown, each once.
 std::vector<std::string> WorstStations(const SceneModel& model) {
@@ -167,7 +103,7 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
   };
   show({"points", "cameras"});
   view.LookDown(window->renderer());
-  auto halos = std::make_unique<Halos>(model, view, window->renderer());
+  auto halos = std::make_unique<Halos>(model, view, window->renderer(), kSamples * kHalo_px);
   blocks.push_back(Figure{"plan_rendered",
                           "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
                               ". Panoramas as spheres at their estimated places, geotags as pale dots." + lines +
@@ -188,7 +124,7 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
     }
     view.ColourPointsBy(colours[i].first);
     view.LookOblique(window->renderer());
-    const Halos behind(model, view, window->renderer());
+    const Halos behind(model, view, window->renderer(), kSamples * kHalo_px);
     blocks.push_back(
         Figure{names[i],
                "From the south-west, 33 degrees above the horizon. Points by " + std::string(colours[i].second) +
