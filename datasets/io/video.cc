@@ -91,7 +91,9 @@ cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) {
   return video->Frame(index);
 }
 
-std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
+namespace {
+
+std::vector<int64_t> ReadFrameTimes(const std::filesystem::path& file) {
   cv::VideoCapture video = Open(file);
   const double fps = video.get(cv::CAP_PROP_FPS);
   const auto count = static_cast<int64_t>(video.get(cv::CAP_PROP_FRAME_COUNT));
@@ -119,6 +121,31 @@ std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
     }
   }
   if (times.empty()) throw InputError(file.string() + ": no frame of the video can be read");
+  return times;
+}
+
+}  // namespace
+
+// A folder that is watched is read again and again: what did not change is not decoded again.
+std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
+  struct Known {
+    std::uintmax_t size = 0;
+    std::filesystem::file_time_type changed;
+    std::vector<int64_t> times;
+  };
+  static std::mutex mutex;
+  static std::map<std::filesystem::path, Known> known;
+  std::error_code ignored;
+  const std::uintmax_t size = std::filesystem::file_size(file, ignored);
+  const auto changed = std::filesystem::last_write_time(file, ignored);
+  {
+    const std::lock_guard<std::mutex> lock(mutex);
+    const auto it = known.find(file);
+    if (it != known.end() && it->second.size == size && it->second.changed == changed) return it->second.times;
+  }
+  std::vector<int64_t> times = ReadFrameTimes(file);
+  const std::lock_guard<std::mutex> lock(mutex);
+  known[file] = {size, changed, times};
   return times;
 }
 
