@@ -3,15 +3,16 @@
 
 #include <QColor>
 #include <algorithm>
-#include <cmath>
+
+#include "eval/text/luminance.h"
 
 namespace trigpoint {
 
-// Of WCAG 2.1: relative luminance, and the ratio of two, 1 to 21.
 inline double Luminance(const QColor& colour) {
-  const auto part = [](double c) { return c <= 0.03928 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); };
-  return 0.2126 * part(colour.redF()) + 0.7152 * part(colour.greenF()) + 0.0722 * part(colour.blueF());
+  return Luminance(std::array{colour.redF(), colour.greenF(), colour.blueF()});
 }
+
+// The ratio of two luminances as WCAG 2.1 has it, 1 to 21.
 inline double ContrastOf(const QColor& a, const QColor& b) {
   const double high = std::max(Luminance(a), Luminance(b)), low = std::min(Luminance(a), Luminance(b));
   return (high + 0.05) / (low + 0.05);

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/imgproc.hpp>
 
 #include "datasets/project/project.h"
 #include "eval/report/plan.h"
+#include "eval/scene/ground_picture.h"
 #include "eval/scene/scene_model.h"
 
 namespace trigpoint {
@@ -21,29 +21,11 @@ constexpr int kAerial_px = 2048;       // as read
 constexpr int kGridText_px = 40;
 constexpr double kFacing_px = 70;       // stroke that shows where a tag faces
 constexpr double kEllipseShare = 0.04;  // of the picture's longer side: the largest ellipse
-constexpr double kPaper = 0.45;         // share of white over the aerial image, so that lines stand out
 const QColor kInk(29, 35, 41), kBlue(0, 90, 150), kGreen(0, 110, 80), kOrange(180, 70, 0), kGrey(95, 105, 115),
     kPurple(140, 60, 120);
 
 QPointF Towards(double heading_rad, double length) {  // in a picture whose north is up
   return {length * std::sin(heading_rad), -length * std::cos(heading_rad)};
-}
-
-void DrawAerial(const SceneAerial& aerial, PlanGround* ground) {
-  const auto at = [&](int r, int c) {
-    const Eigen::Vector3d& p = aerial.vertices[static_cast<size_t>(r * aerial.columns + c)];
-    const QPointF pixel = ground->PixelOf(p.head<2>());
-    return cv::Point2f(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
-  };
-  const auto w = static_cast<float>(aerial.picture.cols), h = static_cast<float>(aerial.picture.rows);
-  const cv::Point2f from[] = {{0, 0}, {w, 0}, {w, h}, {0, h}};
-  const cv::Point2f to[] = {at(0, 0), at(0, aerial.columns - 1), at(aerial.rows - 1, aerial.columns - 1),
-                            at(aerial.rows - 1, 0)};
-  QImage& picture = ground->picture;
-  cv::Mat plan(picture.height(), picture.width(), CV_8UC3, picture.bits(), static_cast<size_t>(picture.bytesPerLine()));
-  cv::warpPerspective(aerial.picture, plan, cv::getPerspectiveTransform(from, to), plan.size(), cv::INTER_AREA,
-                      cv::BORDER_CONSTANT, {255, 255, 255});
-  plan.convertTo(plan, -1, 1 - kPaper, 255 * kPaper);
 }
 
 void DrawGrid(PlanGround* ground) {
@@ -136,10 +118,15 @@ PlanGround MakePlanGround(const Project& project, const Sketch& sketch, QString*
   }
   const Eigen::Vector2d size = ground.high_m - ground.low_m;
   ground.px_per_m = kLonger_px / size.maxCoeff();
-  ground.picture = QImage(std::max(1, static_cast<int>(ground.px_per_m * size.x())),
-                          std::max(1, static_cast<int>(ground.px_per_m * size.y())), QImage::Format_BGR888);
-  ground.picture.fill(Qt::white);
-  if (aerial) DrawAerial(*aerial, &ground);
+  if (aerial) {
+    const cv::Mat image = GroundImage(*aerial, ground.low_m, ground.high_m, ground.px_per_m);
+    ground.picture =
+        QImage(image.data, image.cols, image.rows, static_cast<int>(image.step), QImage::Format_BGR888).copy();
+  } else {
+    ground.picture = QImage(std::max(1, static_cast<int>(ground.px_per_m * size.x())),
+                            std::max(1, static_cast<int>(ground.px_per_m * size.y())), QImage::Format_BGR888);
+    ground.picture.fill(Qt::white);
+  }
   DrawGrid(&ground);
   return ground;
 }

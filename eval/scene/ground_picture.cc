@@ -7,8 +7,8 @@
 
 namespace trigpoint {
 
-std::string GroundPicture(const SceneAerial& aerial, const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m,
-                          double px_per_m) {
+cv::Mat GroundImage(const SceneAerial& aerial, const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m,
+                    double px_per_m) {
   constexpr double kContrast = 0.38;
   const auto at = [&](int r, int c) {
     const Eigen::Vector3d& p = aerial.vertices[static_cast<size_t>(r * aerial.columns + c)];
@@ -25,8 +25,13 @@ std::string GroundPicture(const SceneAerial& aerial, const Eigen::Vector2d& low_
                       {std::max(1, static_cast<int>(size.x())), std::max(1, static_cast<int>(size.y()))},
                       cv::INTER_AREA, cv::BORDER_CONSTANT, {255, 255, 255});
   ground.convertTo(ground, -1, kContrast, 255 * (1 - kContrast));
+  return ground;
+}
+
+std::string GroundPicture(const SceneAerial& aerial, const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m,
+                          double px_per_m) {
   std::vector<uchar> bytes;
-  cv::imencode(".jpg", ground, bytes, {cv::IMWRITE_JPEG_QUALITY, 80});
+  cv::imencode(".jpg", GroundImage(aerial, low_m, high_m, px_per_m), bytes, {cv::IMWRITE_JPEG_QUALITY, 80});
   return {bytes.begin(), bytes.end()};
 }
 

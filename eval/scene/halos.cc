@@ -6,30 +6,19 @@
 #include <vtkSmartPointer.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "eval/scene/props.h"
 #include "eval/scene/scene_parts.h"
+#include "eval/text/luminance.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kLight = 0.3;   // luminance
 constexpr double kBelow = 0.05;  // m
-
-// Of a colour "#rrggbb", as WCAG 2 has it: 0 is black, 1 white.
-double Luminance(const std::string& colour) {
-  constexpr double kShares[] = {0.2126, 0.7152, 0.0722};
-  double luminance = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    const double c = std::stoi(colour.substr(1 + 2 * k, 2), nullptr, 16) / 255.0;
-    luminance += kShares[k] * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
-  }
-  return luminance;
-}
 
 // Where the ray of a camera through a point reaches the height `z`: the same pixel, behind all paths.
 Eigen::Vector3d Behind(vtkCamera* camera, const Eigen::Vector3d& point, double z) {
