@@ -170,7 +170,7 @@ bool SiteCheck::Waits() const {
          std::any_of(watched_sets_.begin(), watched_sets_.end(), [](const auto& set) { return !set.stable; });
 }
 
-bool SiteCheck::OthersChanged() const { return Others() != judged_; }
+bool SiteCheck::OthersChanged() const { return set_matched_ || Others() != judged_; }
 
 size_t SiteCheck::Compare(size_t most, ProgressSink& progress, const CancelToken& cancel) {
   size_t compared = 0;
@@ -361,7 +361,7 @@ void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelTo
     facts->map = SurveyTags(job.input, survey.map, threads_, progress, cancel);
     facts->input = job.input;
     for (const std::string& warning : job.warnings) {
-      if (warning.find("has no detections") == std::string::npos) facts->map->warnings.push_back(warning);
+      if (warning.find("has no detections") == std::string::npos) facts->map->warnings.push_back({warning, -1, ""});
     }
     FindCalibrations(job.input, survey.map, threads_, cancel, facts);
     const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
@@ -488,6 +488,7 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
   const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
   outcome.advice = WhatNext(facts, plan.network, kAdvice, seed_, threads_, cancel);
   judged_ = Others();
+  set_matched_ = false;
   return outcome;
 }
 

@@ -95,7 +95,8 @@ class SiteCheck {
   std::unique_ptr<Matching> matching_;
   std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: WatchedSet::like, what its photos show
   std::map<std::string, std::pair<FileStamp, std::string>> references_;  // by name: as it was read, why it cannot be
-  std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;
+  std::vector<std::pair<std::filesystem::path, FileStamp>> judged_;      // Others at the last judgement
+  bool set_matched_ = false;                                             // since the last judgement
 };
 
 // findings.csv, tags.csv, next.csv, summary.json, map.svg, index.html; `refresh_s`: the page reloads itself, 0: never.

@@ -171,7 +171,7 @@ void SiteCheck::WatchSets(ProgressSink& progress) {
     line["like"] = ended->set.like;
     JsonAppender(set_lines_->file()).Add(line);
     ReadSets();
-    judged_.clear();  // it is news
+    set_matched_ = true;
   }
   watched_sets_.clear();
   for (const fs::path& dir : PhotoSetFolders(dir_)) {

@@ -290,10 +290,11 @@ void AddPanoramas(const Project& project, PlanLayout* plan) {
 // `to_add`: a sketch that is added to it, which takes a datum.
 PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, const fs::path& to_add,
                           StageContext& context) {
-  if (SurveyRuns(project).empty()) {
+  const TagSizes& tags = project.site().tags;
+  if (SurveyRuns(project).empty() || (tags.size_m <= 0 && tags.sizes_m.empty())) {
     throw InputError(project.dir().string() +
                      ": nothing to plan with; expected plan.csv or plan.geojson (docs/file_formats.md), or a site with "
-                     "survey runs whose tags are detected");
+                     "tags (tags.yaml) and survey runs in which they are detected");
   }
   SurveyStageOptions survey;
   survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;

@@ -16,15 +16,6 @@ constexpr int kConformantChecks = 30;  // ASPRS Positional Accuracy Standards, e
 // NSSDA (FGDC-STD-007.3): 95 % values from RMSE_r (both axes alike) and RMSE_z.
 constexpr double kNssdaHorizontal = 1.7308, kNssdaVertical = 1.9600;
 
-std::string_view RoleName(PointRole role) {
-  switch (role) {
-    case PointRole::kControl: return "control";
-    case PointRole::kCheck: return "check";
-    case PointRole::kGeotag: return "geotag";
-  }
-  return "";
-}
-
 json Vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 // The accuracy that is reported: differences at check points and the check points' own uncertainty in quadrature.
@@ -353,7 +344,7 @@ json RunJson(const RunAgreement& r, const SurveyFindings& findings) {
 
 json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
   json tags = json::array(), points = json::array(), runs = json::array(), distances = json::array();
-  json shifts = json::array(), plane = json::array();
+  json shifts = json::array(), plane = json::array(), warnings = json::array();
   for (const TagEstimate& t : result.tags) {
     json tag = {{"tag_id", t.tag_id}, {"status", t.status},     {"reason", t.reason},
                 {"images", t.images}, {"rejected", t.rejected}, {"role", t.role}};
@@ -388,6 +379,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                       {"stated_minus_map_m", Vector(s.stated_minus_map_m)},
                       {"sigma_m", Vector(s.sigma_m)}});
   }
+  for (const MapWarning& w : result.warnings) warnings.push_back(w.text);
   json summary = {{"schema", "trigpoint survey 1"},
                   {"datum", result.datum},
                   {"gauge", result.gauge},
@@ -401,7 +393,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
                   {"runs", runs},
                   {"photo_sets", findings.photo_sets},
                   {"iterations", result.iterations},
-                  {"warnings", result.warnings}};
+                  {"warnings", warnings}};
   summary["control"] = ControlJson(findings.control);
   if (result.fit) {
     summary["rigid_fit_to_points"] = {{"n", result.fit->n},

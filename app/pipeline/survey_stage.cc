@@ -160,7 +160,7 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   const SurveyJob job = MakeSurveyJob(context.project, target, options, context);
   for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
   const SurveyResult result = SurveyTags(job.input, options.map, context.threads, context.progress, context.cancel);
-  for (const std::string& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning);
+  for (const MapWarning& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning.text);
   SurveyFindings findings;
   findings.frame = !result.in_world ? "map" : context.project.has_frame() && !job.local_frame ? "enu" : "local";
   const std::string& frame = findings.frame;

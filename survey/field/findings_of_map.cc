@@ -74,35 +74,33 @@ void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
 // What the map warns of. Tags are named one by one already, and one that moved or stands twice takes surveyed points
 // with it: their residuals are its consequences until it is mended.
 void FindInWarnings(const SurveyResult& map, std::vector<SiteFinding>* findings) {
-  std::vector<std::string> causes, off;
-  std::set<int> ids;
+  std::set<int> wrong;
+  std::vector<std::string> causes, follow;
   for (const TagEstimate& tag : map.tags) {
     if (tag.status != "moved" && tag.status != "duplicate") continue;
-    ids.insert(tag.tag_id);
+    wrong.insert(tag.tag_id);
     causes.push_back(std::to_string(tag.tag_id));
   }
-  std::set<std::string> own;  // points on such tags: no news
-  for (const PointAgreement& point : map.points) {
-    const char* role = point.role == PointRole::kCheck ? "check" : "control";
-    const std::string its = fmt::format("{} point {}", role, point.name);
-    if (ids.contains(point.tag_id)) own.insert(its);
-  }
-  for (const std::string& warning : map.warnings) {
-    const auto has = [&](const char* text) { return warning.find(text) != std::string::npos; };
-    if (has("no picture shows its tag") || has("its tag's id is seen at several places")) continue;
-    if (warning.starts_with("tag ") && (has(" (moved): ") || has(" (duplicate): "))) continue;
-    const size_t begin = warning.find(" is ");
-    if (!ids.empty() && has(" m off the map, ")) {
-      const std::string point = warning.substr(0, begin);
-      if (!own.contains(point)) off.push_back(point + warning.substr(begin, warning.find(" off the map") - begin));
-    } else {
-      findings->push_back({Light::kAmber, "map", warning});
+  for (const MapWarning& warning : map.warnings) {
+    if (wrong.contains(warning.tag_id)) continue;
+    if (warning.point.empty()) {
+      findings->push_back({Light::kAmber, "map", warning.text});
+      continue;
+    }
+    for (const PointAgreement& point : map.points) {  // one that is not among them has an unseen tag, named elsewhere
+      if (point.name != warning.point) continue;
+      if (wrong.empty()) {
+        findings->push_back({Light::kAmber, "map", warning.text});
+      } else if (!wrong.contains(point.tag_id)) {
+        follow.push_back(
+            fmt::format("{} point {} is {:.3f} m", RoleName(point.role), point.name, point.error_m.norm()));
+      }
     }
   }
-  if (off.empty()) return;
+  if (follow.empty()) return;
   findings->push_back({Light::kAmber, "map",
                        fmt::format("{} off the map, which may follow from {} {}: mend that first, then check again",
-                                   SomeOf(off), causes.size() == 1 ? "tag" : "tags", SomeOf(causes))});
+                                   SomeOf(follow), causes.size() == 1 ? "tag" : "tags", SomeOf(causes))});
 }
 
 // A map that fewer than three control points hold is no better than the geotags beside them.
@@ -246,6 +244,33 @@ void FindInGps(const FieldRun& run, std::vector<SiteFinding>* findings) {
   }
 }
 
+// A site that is localized by panoramas, photos or GPS alone has no tags, and misses none.
+bool HasTags(const FieldFacts& facts) {
+  const auto shows_tags = [](const FieldRun& run) {
+    return std::any_of(run.pictures.begin(), run.pictures.end(), [](const FieldPicture& p) { return !p.tags.empty(); });
+  };
+  const TagSizes& sizes = facts.site->tags;
+  return sizes.size_m > 0 || !sizes.sizes_m.empty() || !facts.planned.empty() ||
+         std::any_of(facts.runs.begin(), facts.runs.end(), shows_tags);
+}
+
+// The loop of a run on a site without tags.
+SiteFinding UntaggedLoop(const FieldFacts& facts, const FieldRun& run, double length_m) {
+  const std::vector<Reference>& references = facts.site->references;
+  const auto geotags =
+      std::count_if(references.begin(), references.end(), [](const Reference& r) { return r.geotag.has_position; });
+  if (geotags == 0 && run.run->gps.empty()) {
+    return {
+        Light::kAmber, "loops",
+        fmt::format("{}: {:.0f} m without coming back to a place that was passed before: the loop is open; pass the "
+                    "beginning again at the end",
+                    run.run->name, length_m)};
+  }
+  return {Light::kGreen, "loops",
+          fmt::format("{}: {:.0f} m, the loop is open, but {} along the way {} the drift of odometry", run.run->name,
+                      length_m, geotags > 0 ? Counted(geotags, "geotag") : "GPS", geotags > 1 ? "limit" : "limits")};
+}
+
 void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
   if (run.run->odometry.poses.size() < 2 || run.pictures.empty()) return;
   const Way way(run.run->odometry);
@@ -284,6 +309,8 @@ void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFind
     findings->push_back({Light::kGreen, "loops",
                          fmt::format("{}: {:.0f} m, loop closed: {}{}{}{}", run.run->name, length, tags,
                                      returns > 0 && again > 0 ? ", " : "", places, others)});
+  } else if (length > kLoopWanted_m && !HasTags(facts)) {
+    findings->push_back(UntaggedLoop(facts, run, length));
   } else if (length > kLoopWanted_m) {
     const bool held = shared >= 2;
     findings->push_back(
@@ -414,7 +441,9 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
   for (const std::string& why : facts.unmapped) {
     findings.push_back({Light::kRed, "map", "one run takes no part in the map: " + why});
   }
-  if (!facts.map && facts.map_problem.empty()) {
+  if (!facts.map && facts.map_problem.empty() && !HasTags(facts)) {
+    findings.push_back({Light::kGreen, "map", "no tags: neither tags.yaml nor a plan nor a picture has one"});
+  } else if (!facts.map && facts.map_problem.empty()) {
     findings.push_back({Light::kAmber, "map",
                         "there is no tag map yet: no tag with a size is in any picture of a run "
                         "with a camera"});

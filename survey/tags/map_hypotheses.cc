@@ -196,8 +196,8 @@ void MapSolver::LeaveOutControlOn(int tag_id) {
     if (AreWellSpread(left)) {
       excluded_.insert(p.name);
     } else {
-      result_.warnings.push_back(fmt::format(
-          "control point {}: its tag stands at several places; it is used as nothing else holds the map", p.name));
+      Warn(fmt::format("control point {}: its tag stands at several places; it is used as nothing else holds the map",
+                       p.name));
     }
   }
 }
@@ -270,7 +270,7 @@ void MapSolver::JudgeCommonSize() {
     return;
   }
   result_.common_size = CommonSize{log_ratio, sigma};
-  result_.warnings.push_back(fmt::format(
+  Warn(fmt::format(
       "tags.yaml: all tags are {:.1f} % {} than stated (1 sigma {:.1f} %) by {}: measure the black square of a printed "
       "tag and correct the sizes",
       100 * std::abs(std::expm1(log_ratio)), log_ratio < 0 ? "smaller" : "larger", 100 * sigma,

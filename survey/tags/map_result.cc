@@ -19,10 +19,6 @@ constexpr double kDistanceSigmas = 3.3;   // 99.9 % of a normal
 constexpr double kLeastRedundant = 1e-3;  // share of an observation's variance that others must leave to judge it by
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 
-std::string_view RoleName(PointRole role) {
-  return role == PointRole::kControl ? "control" : role == PointRole::kCheck ? "check" : "geotag";
-}
-
 Eigen::Matrix3d Stated(const SurveyPoint& p) {
   return Eigen::Vector3d(p.sigma_h_m, p.sigma_h_m, p.sigma_v_m).cwiseAbs2().asDiagonal();
 }
@@ -56,6 +52,10 @@ DatumShift RobustMean(const std::vector<Eigen::Vector3d>& values, const std::vec
 }
 
 }  // namespace
+
+std::string_view RoleName(PointRole role) {
+  return role == PointRole::kControl ? "control" : role == PointRole::kCheck ? "check" : "geotag";
+}
 
 void MapSolver::Collect() {
   CollectRuns();
@@ -103,8 +103,7 @@ void MapSolver::CollectRuns() {
     result_.runs.push_back(run);
   }
   result_.undecided = undecided_;
-  for (const MoveOrJump& u : undecided_)
-    result_.warnings.push_back(u.Text(input_.runs[static_cast<size_t>(u.run)].name));
+  for (const MoveOrJump& u : undecided_) Warn(u.Text(input_.runs[static_cast<size_t>(u.run)].name));
   for (int f : slipped_) {
     const MapFrame& frame = start_.frames[static_cast<size_t>(f)];
     result_.runs[static_cast<size_t>(frame.run)].jumps_ns.push_back(frame.stamp_ns);
@@ -174,7 +173,7 @@ void MapSolver::CollectTags() {
     JudgeShape(&tag);
     JudgePlaces(&tag);
     if (!tag.reason.empty()) {
-      result_.warnings.push_back(fmt::format("tag {} ({}): {}", id, tag.status, tag.reason));
+      result_.warnings.push_back({fmt::format("tag {} ({}): {}", id, tag.status, tag.reason), id, ""});
     }
     for (const SurveyPoint& p : input_.points) {
       if (p.tag_id != id || p.role == PointRole::kGeotag) continue;
@@ -273,10 +272,11 @@ void MapSolver::CompareWithPoints() {
     }
     if (a.chi2 > kPointChi2) {
       result_.warnings.push_back(
-          fmt::format("{} point {} is {:.3f} m off the map, {:.1f} sigma: {}", RoleName(p.role), p.name,
-                      a.error_m.norm(), std::sqrt(a.chi2),
-                      a.excluded ? "taken out, since it contradicts the other control; check its coordinates"
-                                 : "more than its sigma allows; check its coordinates"));
+          {fmt::format("{} point {} is {:.3f} m off the map, {:.1f} sigma: {}", RoleName(p.role), p.name,
+                       a.error_m.norm(), std::sqrt(a.chi2),
+                       a.excluded ? "taken out, since it contradicts the other control; check its coordinates"
+                                  : "more than its sigma allows; check its coordinates"),
+           -1, p.name});
     }
     // The map has a tag that was moved at one place, and the surveyor saw it at one: they need not be the same.
     const bool elsewhere =
@@ -315,7 +315,7 @@ void MapSolver::CompareStations() {
     NetworkResidual r{sighting, reading, whitened * ReadingOf(s, reading).second, 0, false};
     if (left > 1e-3) r.standardised = whitened / std::sqrt(left);
     if (std::abs(r.standardised) > kLargest) {
-      result_.warnings.push_back(
+      Warn(
           fmt::format("total_station.csv, line {}: the {} from {} to {} contradicts the map by {:.1f} sigma; check "
                       "the reading, and whether the tag was moved between the survey and the run",
                       s.line, StationReadingName(reading), s.setup, s.target, std::abs(r.standardised)));
@@ -329,7 +329,7 @@ void MapSolver::CompareDistances() {
     const SurveyDistance& d = input_.distances[i];
     const auto a = tag_unknown_.find(d.from), b = tag_unknown_.find(d.to);
     if (a == tag_unknown_.end() || b == tag_unknown_.end() || d.from == d.to) {
-      result_.warnings.push_back(fmt::format("distance {} - {}: the map does not have both tags", d.from, d.to));
+      Warn(fmt::format("distance {} - {}: the map does not have both tags", d.from, d.to));
       continue;
     }
     const Eigen::Vector3d along = TagPose(d.to).translation - TagPose(d.from).translation;
@@ -351,10 +351,9 @@ void MapSolver::CompareDistances() {
     agreement.sigma_m = std::sqrt(std::max(1e-12, d.check || agreement.excluded ? stated + map : stated - map));
     const double off = agreement.map_m - d.distance_m;
     if (std::abs(off) > kDistanceSigmas * agreement.sigma_m) {
-      result_.warnings.push_back(fmt::format("distance {} - {}: measured {:.4f} m, map {:.4f} m, {:.1f} sigma apart{}",
-                                             d.from, d.to, d.distance_m, agreement.map_m,
-                                             std::abs(off) / agreement.sigma_m,
-                                             agreement.excluded ? ": taken out; measure it again" : ""));
+      Warn(fmt::format("distance {} - {}: measured {:.4f} m, map {:.4f} m, {:.1f} sigma apart{}", d.from, d.to,
+                       d.distance_m, agreement.map_m, std::abs(off) / agreement.sigma_m,
+                       agreement.excluded ? ": taken out; measure it again" : ""));
     }
     result_.distances.push_back(agreement);
   }
@@ -372,7 +371,7 @@ void MapSolver::ComparePlane() {
     const double left = stated - solver_.PoseCovariance(tag->second)(5, 5);
     a.sigma_m = left > kLeastRedundant * stated ? std::sqrt(left) : 0;
     if (a.sigma_m > 0 && std::abs(a.height_m) > kDistanceSigmas * a.sigma_m) {
-      result_.warnings.push_back(
+      Warn(
           fmt::format("tag {} lies {:.3f} m {} the plane of plane_tags, {:.1f} sigma: it or another of them does not "
                       "belong to that plane; measure their heights, or leave one out",
                       id, std::abs(a.height_m), a.height_m > 0 ? "above" : "below", std::abs(a.height_m) / a.sigma_m));
@@ -431,7 +430,7 @@ void MapSolver::DoubtDatum() {
     const bool far = d.head<2>().norm() > std::max(kLeast_m, kSigmas * s.sigma_m.head<2>().norm());
     if (!far && std::abs(d.z()) <= std::max(kLeastHeight_m, kSigmas * s.sigma_m.z())) continue;
     shifted += d * d.transpose();
-    result_.warnings.push_back(
+    Warn(
         fmt::format("{} lie {:.1f} m {} the site as control places it: one of the two is wrong, and the difference is "
                     "part of the tags' sigmas; check coordinates, heights (above the ellipsoid) and crs",
                     s.of == "gps" ? "GPS fixes" : s.of, far ? d.head<2>().norm() : std::abs(d.z()),
@@ -459,7 +458,7 @@ void MapSolver::DoubtDatum() {
     constexpr double kTurned = 0.1;  // rad
     const double size = extent.diagonal().norm(), sigma = most > kTurned * size ? std::max(most, size) : most;
     bent = sigma * sigma * Eigen::Matrix3d::Identity();
-    result_.warnings.push_back(
+    Warn(
         fmt::format("{} of {} control and check points contradict each other, by up to {:.3g} m, and the pictures do "
                     "not show which is wrong: the difference is part of the tags' sigmas; check their coordinates and "
                     "tags",

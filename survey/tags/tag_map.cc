@@ -83,7 +83,7 @@ SurveyResult MapSolver::Run() {
   const auto heed = [&](const std::vector<ConventionFinding>& findings) {
     for (const ConventionFinding& f : findings) {
       if (f.refuse && options_.check_conventions) throw InputError(f.text);
-      result_.warnings.push_back(f.text);
+      Warn(f.text);
     }
   };
   heed(CheckInput(input_));
@@ -95,7 +95,7 @@ SurveyResult MapSolver::Run() {
   ChooseDatum();
   progress_.Begin("starting values of the tag map", 0);
   FindStart(input_, datum_points_, threads_, cancel_, &start_);
-  result_.warnings.insert(result_.warnings.end(), start_.warnings.begin(), start_.warnings.end());
+  for (const std::string& warning : start_.warnings) Warn(warning);
   heed(CheckPoints(input_, start_, datum_points_));
   if (!input_.fixed && !start_.in_world) {
     if (!datum_points_.empty()) {
@@ -103,7 +103,7 @@ SurveyResult MapSolver::Run() {
       if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
         throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
       }
-      result_.warnings.push_back(problem + ": the map stays in a frame of its own");
+      Warn(problem + ": the map stays in a frame of its own");
     }
     datum_points_.clear();
     use_shift_ = false;
@@ -171,9 +171,10 @@ void MapSolver::ChooseDatum() {
   for (const SurveyPoint& p : input_.points) {
     if (!IsSeen(p)) {
       if (p.role != PointRole::kGeotag) {
-        result_.warnings.push_back(fmt::format(
-            "{} point {}: {}; it takes no part", p.role == PointRole::kCheck ? "check" : "control", p.name,
-            duplicates_.count(p.tag_id) > 0 ? "its tag's id is seen at several places" : "no picture shows its tag"));
+        const char* why =
+            duplicates_.count(p.tag_id) > 0 ? "its tag's id is seen at several places" : "no picture shows its tag";
+        result_.warnings.push_back(
+            {fmt::format("{} point {}: {}; it takes no part", RoleName(p.role), p.name, why), -1, p.name});
       }
       continue;
     }
@@ -219,7 +220,7 @@ void MapSolver::LoadState() {
   int lost = 0;
   for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
   if (lost > 0) {
-    result_.warnings.push_back(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
+    Warn(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
   }
   PlaceSplit();
   GateStart();

@@ -67,6 +67,7 @@ struct SurveyMark {
 };
 
 enum class PointRole { kControl, kCheck, kGeotag };
+std::string_view RoleName(PointRole role);  // control, check, geotag
 
 // Known coordinates of something fixed to a tag: its centre or corner (control, check), or what stands at a measured
 // offset from its centre (the geotag of a station's panorama).
@@ -259,6 +260,13 @@ struct CommonSize {
   double log_ratio = 0, sigma = 0;  // logarithm of the size found over the one stated; 1 sigma
 };
 
+// One sentence, and what it is about.
+struct MapWarning {
+  std::string text;
+  int tag_id = -1;    // the tag whose status it explains
+  std::string point;  // the surveyed point that contradicts the map, or that the map does not have
+};
+
 struct SurveyResult {
   std::vector<TagEstimate> tags;  // ascending id
   TagCrossCovariances cross;      // if asked for
@@ -277,7 +285,7 @@ struct SurveyResult {
   std::vector<RunAgreement> runs;
   std::vector<MoveOrJump> undecided;
   std::optional<CommonSize> common_size;  // where the sizes stated are contradicted (0.1 %)
-  std::vector<std::string> warnings;
+  std::vector<MapWarning> warnings;
   int iterations = 0;
   double cost_before = 0, cost_after = 0;
 };

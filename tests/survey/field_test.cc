@@ -173,17 +173,19 @@ TEST(Field, ATagThatMovedBetweenDaysIsNamed) {
   // One cause, one finding: what points say on and beside it follows from it.
   EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("(moved)"))));
   ASSERT_TRUE(scene->facts.map);
-  PointAgreement on_it;
-  on_it.role = PointRole::kCheck;
-  on_it.tag_id = 5;
-  on_it.name = "5";
-  scene->facts.map->points.push_back(on_it);
   const size_t before = Wrong(scene->facts).size();
-  scene->facts.map->warnings.push_back(
-      "check point 5 is 0.500 m off the map, 25.0 sigma: more than its sigma allows; check its coordinates");
+  const auto off = [&](int tag_id, double metres) {
+    PointAgreement point;
+    point.role = PointRole::kCheck;
+    point.tag_id = tag_id;
+    point.name = std::to_string(tag_id);
+    point.error_m.x() = metres;
+    scene->facts.map->points.push_back(point);
+    scene->facts.map->warnings.push_back({"more than its sigma allows; check its coordinates", -1, point.name});
+  };
+  off(5, 0.5);
   EXPECT_EQ(Wrong(scene->facts).size(), before);
-  scene->facts.map->warnings.push_back(
-      "check point 8 is 0.200 m off the map, 4.5 sigma: more than its sigma allows; check its coordinates");
+  off(8, 0.2);
   EXPECT_THAT(Wrong(scene->facts), testing::Contains("check point 8 is 0.200 m off the map, which may follow from tag "
                                                      "5: mend that first, then check again"));
   EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("check its coordinates"))));
@@ -217,6 +219,25 @@ TEST(Field, ARunThatNeverLooksBackIsNamed) {
   std::vector<std::string> texts;
   for (const SiteFinding& f : FindInMap(closed->facts)) texts.push_back(f.text);
   EXPECT_THAT(texts, testing::Contains(HasSubstr("loop closed")));
+}
+
+TEST(Field, ASiteWithoutTagsMissesNone) {
+  NetworkLayout layout = Yard();
+  auto& poses = layout.passes[0].world_from_body;
+  poses.resize(poses.size() * 3 / 4);
+  const auto scene = SceneOf(Recorded(layout), layout);
+  for (TimedPose& pose : scene->site.runs[0].odometry.poses) pose.target_from_body.translation *= 2;
+  scene->site.tags = {};
+  scene->facts.planned.clear();
+  scene->facts.layout.reset();
+  scene->facts.prediction.reset();
+  scene->facts.map.reset();
+  for (FieldPicture& picture : scene->facts.runs[0].pictures) picture.tags.clear();
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("pass the beginning again at the end")));
+  EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("tag"))));
+  scene->site.references.resize(2);
+  for (Reference& panorama : scene->site.references) panorama.geotag.has_position = true;
+  EXPECT_THAT(Wrong(scene->facts), testing::Not(testing::Contains(HasSubstr("loop"))));
 }
 
 TEST(Field, ASmearedLensIsNamed) {

@@ -18,6 +18,11 @@ namespace {
 
 const Camera kCamera(CameraModel::kPinhole, 960, 600, {400, 400, 479.5, 299.5});
 
+template <typename Matcher>
+auto Says(const Matcher& text) {
+  return testing::Field(&MapWarning::text, text);
+}
+
 Eigen::Vector3d RandomVector(Random* random, double size) {
   return size * Eigen::Vector3d(random->Normal(), random->Normal(), random->Normal());
 }
@@ -324,8 +329,9 @@ TEST(TagMap, WhereATagMayHaveMovedOrOdometryJumpedBothAreNamed) {
   ASSERT_EQ(map.undecided.size(), 1U);
   EXPECT_EQ(map.undecided[0].tag_id, id);
   EXPECT_NEAR(map.undecided[0].moved_m, 1, 0.2);
-  EXPECT_THAT(map.warnings, testing::Contains(testing::AllOf(testing::HasSubstr("m from its place when run2 passed it"),
-                                                             testing::HasSubstr("odometry of run2 jumped at"))));
+  EXPECT_THAT(map.warnings,
+              testing::Contains(Says(testing::AllOf(testing::HasSubstr("m from its place when run2 passed it"),
+                                                    testing::HasSubstr("odometry of run2 jumped at")))));
 }
 
 TEST(TagMap, AnIdAtTwoPlacesIsNamedAndHoldsNothing) {
@@ -347,8 +353,8 @@ TEST(TagMap, AnIdAtTwoPlacesIsNamedAndHoldsNothing) {
   const SurveyResult map = Survey(yard.input);
   EXPECT_EQ(map.tags[0].status, "duplicate") << map.tags[0].reason;
   ExpectOthersRight(map, yard, {0, 4});
-  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
-    return w.find("control point P0") != std::string::npos && w.find("several places") != std::string::npos;
+  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const MapWarning& w) {
+    return w.point == "P0" && w.text.find("several places") != std::string::npos;
   });
   EXPECT_TRUE(named);
 }
@@ -378,8 +384,8 @@ TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
   const SurveyResult map = Survey(yard.input);
   EXPECT_EQ(map.datum, "control and geotags");
   EXPECT_TRUE(map.in_world);
-  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
-    return w.find("control point P0: no picture shows its tag") != std::string::npos;
+  const bool named = std::any_of(map.warnings.begin(), map.warnings.end(), [](const MapWarning& w) {
+    return w.text.find("control point P0: no picture shows its tag") != std::string::npos;
   });
   EXPECT_TRUE(named);
 }
@@ -419,7 +425,7 @@ TEST(TagMap, OneWrongFactorOnAllSizesIsNamed) {
   ASSERT_TRUE(map.common_size);
   EXPECT_NEAR(map.common_size->log_ratio, std::log(0.97), 4 * map.common_size->sigma);
   EXPECT_LT(map.common_size->sigma, 0.01);
-  EXPECT_THAT(map.warnings, testing::Contains(testing::HasSubstr("smaller than stated")));
+  EXPECT_THAT(map.warnings, testing::Contains(Says(testing::HasSubstr("smaller than stated"))));
 }
 
 TEST(TagMap, WrongControlIsTakenOutAndNamed) {
@@ -525,7 +531,7 @@ TEST(TagMap, ATagThatWasMovedAfterItWasReadIsNamedByItsLine) {
   }
   const SurveyResult map = Survey(yard.input);
   std::string all;
-  for (const std::string& w : map.warnings) all += w + "\n";
+  for (const MapWarning& w : map.warnings) all += w.text + "\n";
   for (const StationSighting& s : yard.input.stations->sightings) {
     if (s.target != "tag:2") continue;
     EXPECT_NE(all.find("total_station.csv, line " + std::to_string(s.line) + ":"), std::string::npos) << all;
@@ -542,7 +548,7 @@ TEST(TagMap, DistancesAreHeldOrOnlyCompared) {
   EXPECT_NEAR(map.distances[1].map_m, (yard.tags[2].translation - yard.tags[6].translation).norm(), 0.08);
   const std::string all = [&] {
     std::string text;
-    for (const std::string& w : map.warnings) text += w + "\n";
+    for (const MapWarning& w : map.warnings) text += w.text + "\n";
     return text;
   }();
   EXPECT_NE(all.find("distance 2 - 6"), std::string::npos) << all;
@@ -590,7 +596,7 @@ TEST(TagMap, TagsThatAreOnNoPlaneAreNamed) {
   for (const PlaneAgreement& p : three.plane) EXPECT_EQ(p.sigma_m, 0) << p.tag_id;  // three always have a plane
   for (const int off : {1, 2}) {                                                    // half a metre, a metre higher
     yard.input.level_tags = {0, 3, 6, off};
-    EXPECT_THAT(Survey(yard.input).warnings, testing::Contains(testing::HasSubstr("the plane of plane_tags")));
+    EXPECT_THAT(Survey(yard.input).warnings, testing::Contains(Says(testing::HasSubstr("the plane of plane_tags"))));
   }
 }
 
@@ -661,8 +667,8 @@ TEST(TagMap, APrincipalPointThatNobodyMeasuredIsAskedAbout) {
   Yard yard = MakeYard(13);
   BodyCamera& camera = yard.input.runs[0].cameras[0];
   const auto asked = [](const SurveyResult& map) {
-    return std::any_of(map.warnings.begin(), map.warnings.end(), [](const std::string& w) {
-      return w.find("principal point is exactly half the picture") != std::string::npos;
+    return std::any_of(map.warnings.begin(), map.warnings.end(), [](const MapWarning& w) {
+      return w.text.find("principal point is exactly half the picture") != std::string::npos;
     });
   };
   EXPECT_FALSE(asked(Survey(yard.input)));
