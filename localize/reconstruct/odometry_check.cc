@@ -15,6 +15,7 @@
 #include "calib/geometry/bearing.h"
 #include "localize/reconstruct/camera_mount.h"
 #include "localize/reconstruct/odometry_clock.h"
+#include "localize/reconstruct/odometry_stretch.h"
 #include "localize/reconstruct/prepared_image.h"
 #include "localize/reconstruct/two_view.h"
 
@@ -323,6 +324,23 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
   return std::nullopt;
 }
 
+// Positions in which a metre is not equally long in all directions.
+std::optional<std::string> FindWrongStretch(const LocalizeInput& input, const std::vector<MeasuredMotion>& motions,
+                                            const std::string& odometry, ProgressSink& progress) {
+  constexpr double kMost_rad = 3 * kDegToRad, kSigmas = 5;
+  const std::optional<OdometryStretch> stretch = FindStretch(input.odom_from_body, motions);
+  if (!stretch) return std::nullopt;
+  const std::string found = fmt::format("{:.2f} (1 sigma {:.2f}) at {:.0f} deg from x towards y", stretch->ratio,
+                                        stretch->sigma_ratio, stretch->axis_rad * kRadToDeg);
+  progress.Log(LogLevel::kInfo, "odometry's stretch by the directions that images show: " + found);
+  if (stretch->turned_rad < std::max(kMost_rad, kSigmas * stretch->sigma_rad)) return std::nullopt;
+  return fmt::format(
+      "{}: contradicts the images: along one axis its positions are longer than across it by {}: the directions of "
+      "motion of {} pairs of images show it; expected metres along all axes: correct the positions. Option "
+      "check_conventions=false skips this check",
+      odometry, found, stretch->motions);
+}
+
 }  // namespace
 
 std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std::vector<int>& first_images,
@@ -382,6 +400,7 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
   progress.Log(LogLevel::kInfo, "odometry against images: pairs of images agree with " + Counts(verdict.as_read));
   const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
   if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
+  if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return wrong;
   return FindJump(input, odometry, options, threads, seed, cancel);
 }
 
