@@ -67,6 +67,18 @@ class OpenVideo {
   std::deque<std::pair<int, cv::Mat>> kept_;
 };
 
+// A folder that is watched is read again and again: what did not change is not opened again.
+struct FileVersion {
+  std::uintmax_t size = 0;
+  std::filesystem::file_time_type changed;
+  bool operator==(const FileVersion&) const = default;
+};
+
+FileVersion VersionOf(const std::filesystem::path& file) {
+  std::error_code ignored;  // opening the file says what is wrong
+  return {std::filesystem::file_size(file, ignored), std::filesystem::last_write_time(file, ignored)};
+}
+
 constexpr size_t kProbed = 60;
 
 // Is frame count - 1 the last one, and at this time?
@@ -80,12 +92,13 @@ bool EndsAt(const std::filesystem::path& file, int64_t count, double last_ms) {
 
 cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) {
   static std::mutex mutex;
-  static std::map<std::filesystem::path, std::shared_ptr<OpenVideo>> open;
+  static std::map<std::filesystem::path, std::pair<FileVersion, std::shared_ptr<OpenVideo>>> open;
   std::shared_ptr<OpenVideo> video;
   {
+    const FileVersion version = VersionOf(file);
     const std::lock_guard<std::mutex> lock(mutex);
-    auto& slot = open[file];
-    if (!slot) slot = std::make_shared<OpenVideo>(file);
+    auto& [known, slot] = open[file];
+    if (!slot || known != version) slot = std::make_shared<OpenVideo>(file), known = version;
     video = slot;
   }
   return video->Frame(index);
@@ -126,26 +139,18 @@ std::vector<int64_t> ReadFrameTimes(const std::filesystem::path& file) {
 
 }  // namespace
 
-// A folder that is watched is read again and again: what did not change is not decoded again.
 std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
-  struct Known {
-    std::uintmax_t size = 0;
-    std::filesystem::file_time_type changed;
-    std::vector<int64_t> times;
-  };
   static std::mutex mutex;
-  static std::map<std::filesystem::path, Known> known;
-  std::error_code ignored;
-  const std::uintmax_t size = std::filesystem::file_size(file, ignored);
-  const auto changed = std::filesystem::last_write_time(file, ignored);
+  static std::map<std::filesystem::path, std::pair<FileVersion, std::vector<int64_t>>> known;
+  const FileVersion version = VersionOf(file);
   {
     const std::lock_guard<std::mutex> lock(mutex);
     const auto it = known.find(file);
-    if (it != known.end() && it->second.size == size && it->second.changed == changed) return it->second.times;
+    if (it != known.end() && it->second.first == version) return it->second.second;
   }
   std::vector<int64_t> times = ReadFrameTimes(file);
   const std::lock_guard<std::mutex> lock(mutex);
-  known[file] = {size, changed, times};
+  known[file] = {version, times};
   return times;
 }
 

@@ -12,7 +12,9 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/run_parts.h"
 #include "datasets/io/text.h"
+#include "datasets/io/video.h"
 #include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
@@ -363,6 +365,24 @@ TEST(Pictures, ComeInTheOrderOfTheirNumbers) {
   for (const auto& file : PicturesIn(dir.path())) names.push_back(file.filename().string());
   EXPECT_EQ(names, (std::vector<std::string>{"IMG_2.tiff", "IMG_2b.png", "IMG_9.JPG", "IMG_10.jpg"}));
   EXPECT_TRUE(PicturesIn(dir / "none").empty());
+}
+
+// As a card reader copies it: the same name, more frames.
+TEST(Video, OneThatGrewIsOpenedAgain) {
+  const TempDir dir;
+  const std::filesystem::path file = dir / "clip.avi";
+  const auto write = [&](int count) {
+    cv::VideoWriter writer(file.string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 25, {64, 48});
+    if (!writer.isOpened()) return false;
+    for (int i = 0; i < count; ++i) writer.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(5 * i)));
+    return true;
+  };
+  if (!write(10)) GTEST_SKIP() << "this OpenCV writes no videos";
+  EXPECT_EQ(VideoFrameTimes(file).size(), 10U);
+  EXPECT_NEAR(cv::mean(ReadVideoFrameGrey(file, 8))[0], 40, 3);
+  ASSERT_TRUE(write(30));
+  EXPECT_EQ(VideoFrameTimes(file).size(), 30U);
+  EXPECT_NEAR(cv::mean(ReadVideoFrameGrey(file, 25))[0], 125, 3);
 }
 
 class VideoTest : public testing::TestWithParam<int> {};
