@@ -10,6 +10,7 @@
 #include "app/pipeline/measured_offsets.h"
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/stage_list.h"
+#include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
@@ -21,6 +22,7 @@
 #include "eval/trajectory/score_estimates.h"
 #include "eval/truth/truth.h"
 #include "survey/tags/tag_files.h"
+#include "survey/tags/tag_shape.h"
 
 namespace trigpoint {
 namespace {
@@ -224,8 +226,21 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
   LeaveOutExcluded(context.project.review(), run.name, images);
   const OwnViews own = TagViews(run, evaluated->result, images);
-  const std::vector<TagEstimate> tags = EstimateTagPoses(own.views, context.project.site().tags, options.tags,
-                                                         context.threads, context.progress, context.cancel);
+  const auto estimate = [&](const TagSizes& sizes) {
+    return EstimateTagPoses(own.views, sizes, options.tags, context.threads, context.progress, context.cancel);
+  };
+  std::vector<TagEstimate> tags = estimate(context.project.site().tags);
+  constexpr double kUnknown = 10;  // without odometry the frame has no scale of its own
+  const CommonRatio metre = CommonSizeRatio(MeasureTagShapes(own.views, tags, options.tags.extra_sigma_px),
+                                            run.odometry.poses.empty() ? kUnknown : run.config.odometry_scale_sigma);
+  context.progress.Log(LogLevel::kInfo, fmt::format("{}: by its {} a metre is {:.4f} m (1 sigma {:.4f} m) in its frame",
+                                                    run.name, Counted(metre.tags, "tag"), metre.ratio, metre.sigma));
+  TagSizes sizes = context.project.site().tags;
+  sizes.size_m *= metre.ratio;
+  for (auto& [id, size] : sizes.sizes_m) size *= metre.ratio;
+  tags = estimate(sizes);
+  for (TagEstimate& tag : tags) tag.size_m /= metre.ratio;
+  evaluated->self_metre = metre.ratio;
   WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
             "cameras of " + run.name);
   for (const TagEstimate& tag : tags) evaluated->self_tags.push_back(ToTagResult(tag));
@@ -482,7 +497,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 8;
+    request.version = 9;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

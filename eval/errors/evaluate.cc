@@ -30,6 +30,7 @@ struct MapView {
   std::map<int, const TagResult*> tags;
   std::optional<Eigen::Matrix3d> enu_from_map;
   std::optional<Eigen::Vector3d> up_in_map;
+  double metre = 1;                                 // its length in the map
   const std::vector<TimedPose>* cameras = nullptr;  // in the map's frame
   const ReferenceMap* map = nullptr;                // null: self
   bool shares_evidence = false;
@@ -147,12 +148,14 @@ void AddUncertainty(const Answer& answer, const Station& station, const TagResul
 
 // Fills the errors of a localized row; turns it into no_reference where there is nothing to hold it against.
 // False: the reference doesn't say where the station's centre is.
-bool Score(const Answer& answer, const Station* station, const MapView& map, double passed_radius_m,
+bool Score(const Answer& answer, const Station* given, const MapView& map, double passed_radius_m,
            double stitch_sigma_m, ErrorRow* row) {
+  std::optional<Station> station;  // in units of the map
+  if (given != nullptr) station = *given, station->offset_m *= map.metre;
   std::optional<Eigen::Vector3d> centre;
   const TagResult* tag = nullptr;
   std::string reason;
-  if (station == nullptr) {
+  if (!station) {
     reason = "station " + row->station + " is not in stations.csv";
   } else if (const auto it = map.tags.find(station->tag_id); it == map.tags.end()) {
     reason = "tag " + std::to_string(station->tag_id) + " has no pose in reference " + map.reference;
@@ -180,7 +183,7 @@ bool Score(const Answer& answer, const Station* station, const MapView& map, dou
     row->reason = reason;
     return false;
   }
-  const Eigen::Vector3d difference = *position - *centre;
+  const Eigen::Vector3d difference = (*position - *centre) / map.metre;
   row->error_3d_m = difference.norm();
   if (map.up_in_map) {
     const double vertical = difference.dot(*map.up_in_map);
@@ -428,6 +431,7 @@ std::vector<MapView> MapsOf(const EvaluatedRun& run, const std::vector<Reference
     MapView self{.reference = "self",
                  .kind = "relative",
                  .tags = UsableTags(run.self_tags),
+                 .metre = run.self_metre,
                  .cameras = &run.result.cameras_odom,
                  .shares_evidence = true,
                  .rests_on = {"tags:" + run.run}};

@@ -3,7 +3,8 @@
 //
 // Two kinds of number, never mixed:
 //   relative  in the run's own optimised frame, against tags estimated from that run's own cameras
-//             (reference = self): the common error of cameras and tags cancels, as in the paper.
+//             (reference = self): the common error of cameras and tags cancels, as in the paper. So does the run's
+//             scale, which the tags' edges show; these errors are in metres of the tags.
 //   absolute  in site ENU (world), against a tag map, error of the global fit included.
 //
 // The pipeline's use:
@@ -66,6 +67,7 @@ struct EvaluatedRun {
   LocalizeResult result;
   // odom_from_tag, estimated from `result.cameras_odom` and the run's detections; empty: no relative errors.
   std::vector<TagResult> self_tags;
+  double self_metre = 1;  // length of a metre in that frame, by these tags
   // What the global fit rests on, one name each ("geotag:S57", "gps:run1", "control:57", "tags:run3"); decides what is
   // shared with a map.
   std::vector<std::string> evidence;

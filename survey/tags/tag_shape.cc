@@ -4,6 +4,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "calib/base/median.h"
+
 namespace trigpoint {
 namespace {
 
@@ -118,6 +120,28 @@ std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const 
     shapes.push_back(result);
   }
   return shapes;
+}
+
+CommonRatio CommonSizeRatio(const std::vector<TagShape>& shapes, double prior_sigma) {
+  constexpr double kHuber = 1.5, kMedianOfNormal = 0.6745;
+  constexpr int kRounds = 20;
+  std::vector<double> logs;
+  for (const TagShape& shape : shapes) logs.push_back(std::log(shape.size_ratio));
+  double mean = logs.empty() ? 0 : Median(logs), noise = 1, information = 0;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<double> sizes;
+    information = 1 / (prior_sigma * prior_sigma);
+    double sum = 0;
+    for (size_t i = 0; i < shapes.size(); ++i) {
+      const double sigma = noise * shapes[i].size_sigma / shapes[i].size_ratio, off = std::abs(logs[i] - mean) / sigma;
+      const double weight = (off > kHuber ? kHuber / off : 1) / (sigma * sigma);
+      sum += weight * logs[i], information += weight;
+      sizes.push_back(noise * off);
+    }
+    mean = sum / information;
+    if (!sizes.empty()) noise = std::max(1.0, Median(std::move(sizes)) / kMedianOfNormal);
+  }
+  return {std::exp(mean), std::exp(mean) / std::sqrt(information), static_cast<int>(shapes.size())};
 }
 
 }  // namespace trigpoint

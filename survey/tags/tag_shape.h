@@ -25,4 +25,15 @@ struct TagShape {
 std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const std::vector<TagEstimate>& tags,
                                        double extra_sigma_px);
 
+// One factor on the edges of all tags: how long a metre is in the frame of the cameras, whose distances images alone do
+// not fix.
+struct CommonRatio {
+  double ratio = 1, sigma = 0;  // 1 sigma; from the tags' scatter where that is larger
+  int tags = 0;
+};
+
+// The weighted mean of the tags' size ratios and a prior of 1 with `prior_sigma`, with Huber's weights: single tags of
+// another size than stated do not move it.
+CommonRatio CommonSizeRatio(const std::vector<TagShape>& shapes, double prior_sigma);
+
 }  // namespace trigpoint

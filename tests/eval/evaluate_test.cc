@@ -156,6 +156,23 @@ TEST(Evaluate, IsInvariantToTheRunsOwnFrame) {
   EXPECT_LT((*after.rows[0].error_enu_m - *before.rows[0].error_enu_m).norm(), 1e-9);
 }
 
+// A run whose metre is 1.02 m long: its cameras, tags and answers are, and the tape is not.
+TEST(Evaluate, RelativeErrorsAreInMetresOfTheTags) {
+  Scene scene;
+  scene.Answer(0, {0.03, -0.04, 0.12});
+  scene.Answer(1, {0.03, -0.04, 0.12});
+  static constexpr double kMetre = 1.02;
+  const auto longer = [](Rigid3d pose) {
+    pose.translation *= kMetre;
+    return pose;
+  };
+  for (TagResult& tag : scene.run.self_tags) tag.map_from_tag = longer(*tag.map_from_tag);
+  for (TimedPose& pose : scene.run.result.cameras_odom) pose.target_from_body = longer(pose.target_from_body);
+  for (PanoramaResult& row : scene.run.result.panoramas) row.odom_from_pano = longer(*row.odom_from_pano);
+  scene.run.self_metre = kMetre;
+  for (const ErrorRow& row : scene.Evaluate().rows) EXPECT_NEAR(*row.error_3d_m, 0.13, 1e-9) << row.station;
+}
+
 TEST(Evaluate, WithoutAGlobalFitUsesALevelledOdometryForTheVertical) {
   Scene scene;
   scene.Answer(1, {0.3, 0.4, 0.1});

@@ -9,6 +9,7 @@
 #include "survey/tags/planar_pose.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
+#include "survey/tags/tag_shape.h"
 
 namespace trigpoint {
 namespace {
@@ -117,6 +118,28 @@ TagEstimate Estimate(const std::vector<TagView>& views, const TagPosesOptions& o
   ProgressSink progress;
   const CancelToken cancel;
   return EstimateTagPoses(views, Sizes(), options, 1, progress, cancel).at(0);
+}
+
+// Cameras whose distances are 1.5 % too long; one of nine tags is printed 4 % too large.
+TEST(TagShape, TagsShowTheScaleOfTheirCameras) {
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    Random random(seed);
+    std::vector<TagView> views;
+    for (int id = 0; id < 9; ++id) {
+      for (TagView view : Arc({kNoTurn, {5.0 * id, 0, 0}}, 12, 0.1, &random, id)) {
+        view.world_from_cam.translation *= id == 4 ? 0.96 * 1.015 : 1.015;
+        views.push_back(view);
+      }
+    }
+    ProgressSink progress;
+    const std::vector<TagEstimate> tags = EstimateTagPoses(views, Sizes(), {}, 1, progress, CancelToken());
+    const CommonRatio found = CommonSizeRatio(MeasureTagShapes(views, tags, 0.1), 0.02);
+    EXPECT_EQ(found.tags, 9);
+    EXPECT_NEAR(found.ratio, 1.015, 4 * found.sigma + 0.0005);
+    EXPECT_LT(found.sigma, 0.002);
+  }
+  EXPECT_EQ(CommonSizeRatio({}, 0.02).ratio, 1);
+  EXPECT_NEAR(CommonSizeRatio({}, 0.02).sigma, 0.02, 1e-12);
 }
 
 TEST(TagPoses, StateHowTheyFollowTheirCameras) {
