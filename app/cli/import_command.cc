@@ -195,6 +195,12 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
         const std::string ending = entry.path().extension().string();
         pictures += IsPictureName(entry.path()) || ending == ".heic" || ending == ".HEIC";
       }
+      if (pictures == 0) {
+        throw InputError(a.from +
+                         ": found none of what import takes in: expected photos, panoramas with metadata JSON, "
+                         "a COLMAP model, a bag, or a folder of EuRoC, TUM RGB-D, KITTI odometry (with image_0/) or "
+                         "Record3D");
+      }
       contents = "folder of " + Counted(pictures, "photo");
     }
   }

@@ -85,10 +85,10 @@ class VerdictFacts {
         refused.push_back(r.run + "/" + place + (r.status == "unmatched" ? " (no match)" : " (refused)"));
       }
     }
-    ending_.Fact("Located", fmt::format("{} of {}, {} by {}", verdict_.Localized(), verdict_.Asked(),
-                                        Counted(verdict_.panoramas, "panorama", "panoramas"),
-                                        Counted(static_cast<int64_t>(verdict_.runs.size()), "run", "runs")) +
-                                (refused.empty() ? "" : "; not " + Listed(refused, 3)));
+    ending_.Fact("Located",
+                 fmt::format("{} of {}, {} by {}", verdict_.Localized(), verdict_.Asked(), verdict_.CountedReferences(),
+                             Counted(static_cast<int64_t>(verdict_.runs.size()), "run", "runs")) +
+                     (refused.empty() ? "" : "; not " + Listed(refused, 3)));
   }
 
   void Errors(const std::string& label, const VerdictErrors& e) {
@@ -157,7 +157,8 @@ class VerdictFacts {
     if (!test) return;
     ending_.Fact("Sigmas",
                  fmt::format("{} (ANEES, squared errors over their variances, {:.2f}; right sigmas: {:.2f} to {:.2f})",
-                             test->Words(), test->anees, test->low, test->high));
+                             test->Words(), test->anees, test->low, test->high) +
+                     (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()));
   }
 
   const ProjectVerdict& verdict_;

@@ -21,7 +21,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
               "Every result of the project. Times are UTC.",
               {{"result"},
                {"state"},
-               {"version", false, "no result"},
+               {"version", true, "no result"},
                {"seed", true, "no result"},
                {"threads", true, "no result"},
                {"finished", false, "no result"},
@@ -35,6 +35,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
       const auto v = At(m, {key});
       return v ? TableCell{fmt::format("{:.0f}", *v / unit), *v / unit} : TableCell{};
     };
+    const std::string end = TextAt(m, "end");  // its Z says what the caption says
     std::string notes = s.reason;
     if (m.is_object() && m.contains("warnings") && m["warnings"].is_array()) {
       for (const nlohmann::json& w : m["warnings"]) {
@@ -54,7 +55,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
                           whole("version", 1),
                           whole("seed", 1),
                           whole("threads", 1),
-                          {TextAt(m, "end")},
+                          {end.substr(0, end.find('Z'))},
                           {wall ? fmt::format("{:.1f}", *wall) : "", wall},
                           whole("peak_memory_bytes", 1024.0 * 1024.0),
                           {notes}});

@@ -43,23 +43,18 @@ std::vector<const ErrorRecord*> OwnFirst(std::vector<const ErrorRecord*> errors)
 
 Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
-  Table table{
-      "station_errors",
-      "Differences of the answers from their references. Against the run's own tags: as its cameras see them, in the "
-      "run's "
-      "own frame; others: absolute, in site ENU. Sigma: 1 sigma of the difference; east, north, up. Largest part: of "
-      "its "
-      "error budget. NEES: squared error in its own sigmas, 3 on average where these are right.",
-      {{"run"},
-       {"method"},
-       {"against"},
-       {"3D" + u, true},
-       {"horizontal" + u, true},
-       {"vertical" + u, true},
-       {"sigma e n u" + u, false, "the answer has no covariance, as each view (G1)"},
-       {"NEES", true, "the answer has no covariance, as each view (G1)"},
-       {"largest part"}},
-      {}};
+  Table table{"station_errors",
+              "Differences of the answers from their references.",
+              {{"run"},
+               {"method"},
+               {"against"},
+               {"3D" + u, true},
+               {"horizontal" + u, true},
+               {"vertical" + u, true},
+               {"sigma e n u" + u, false, "the answer has no covariance, as each view (G1)"},
+               {"NEES", true, "the answer has no covariance, as each view (G1)"},
+               {"largest part"}},
+              {}};
   // A station may have a panorama and photo sets.
   std::set<std::string> panoramas;
   for (const ErrorRecord* e : part.errors) panoramas.insert(e->panorama);
@@ -113,22 +108,18 @@ void AddReasons(const ChapterContext& c, const StationPart& part, std::vector<Bl
 
 Table AnswersOf(const ChapterContext& c, const StationPart& part) {
   const std::string u = " (" + c.unit.name + ")";
-  Table table{
-      "station_answers",
-      "What localize answered, before any comparison. Sigma: 1 sigma of the largest axis in site ENU. Geotag: "
-      "horizontal distance of the geotag from the answer. First matches: matches of the views before any "
-      "geometric test; the guided search adds further ones, so that there may be more inliers than first matches; "
-      "pictures of matches count a feature once for each image.",
-      {{"run"},
-       {"panorama"},
-       {"inliers", true},
-       {"first matches", true},
-       {"views", true},
-       {"sigma" + u, true, "no answer in the site's frame"},
-       {"geotag off" + u, true, "no answer, or no geotag"},
-       {"geotag"},
-       {"answer"}},
-      {}};
+  Table table{"station_answers",
+              "What localize answered, before any comparison.",
+              {{"run"},
+               {"panorama"},
+               {"inliers", true},
+               {"first matches", true},
+               {"views", true},
+               {"sigma" + u, true, "no answer in the site's frame"},
+               {"geotag off" + u, true, "no answer, or no geotag"},
+               {"geotag"},
+               {"answer"}},
+              {}};
   for (const auto& [run, a] : part.answers) {
     table.rows.push_back({{c.RunName(run->run, run->variant)},
                           {a->panorama},
@@ -153,15 +144,17 @@ void AddWorstMatches(const ChapterContext& c, std::vector<Block>* blocks) {
     if (it == c.match_figures.end() || figures.size() == kShown || !stations.insert(e->station).second) continue;
     figures.push_back(&it->second);
   }
-  if (figures.empty()) {  // nothing to hold them against
+  const bool compared = !figures.empty();
+  if (!compared) {
     for (const auto& [key, figure] : c.match_figures) {
       if (figures.size() < kShown) figures.push_back(&figure);
     }
   }
   if (figures.empty()) return;
   blocks->push_back(
-      Paragraph{"Matches of the answers with the largest differences. Every station with its numbers and pictures: in "
-                "index.html below, in report.pdf in the appendix."});
+      Paragraph{std::string(compared ? "Matches of the answers with the largest differences."
+                                     : "Matches of the first answers; nothing was surveyed to compare them with.") +
+                " Every station with its numbers and pictures: in index.html below, in report.pdf in the appendix."});
   for (const Figure* figure : figures) blocks->push_back(*figure);
 }
 
@@ -254,10 +247,32 @@ void AddStation(const ChapterContext& c, const std::string& station, const Stati
   for (const Figure* figure : figures) blocks->push_back(*figure);
 }
 
+// What the columns of each station's tables are, once.
+void Explain(const std::map<std::string, StationPart>& parts, std::vector<Block>* blocks) {
+  const bool compared = std::any_of(parts.begin(), parts.end(), [](const auto& p) { return !p.second.errors.empty(); });
+  if (compared) {
+    blocks->push_back(Paragraph{
+        "In the tables of differences, those against the run's own tags are in the run's own frame, as its cameras see "
+        "the tags; others are absolute, in site ENU. Sigma is 1 sigma of the difference: east, north, up. The largest "
+        "part is that of its error budget. NEES is the squared error in its own sigmas, 3 on average where these are "
+        "right."});
+  }
+  blocks->push_back(Paragraph{
+      "In the tables of answers, sigma is 1 sigma of the largest axis in site ENU, and geotag off is the horizontal "
+      "distance of the geotag from the answer. First matches are those of the views before any geometric test; the "
+      "guided search adds further ones, so that there may be more inliers than first matches. Pictures of matches "
+      "count a feature once for each image."});
+}
+
 }  // namespace
 
 void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
-  blocks->push_back(Heading{2, "Panoramas with matches", "stations"});
+  const std::vector<Reference>& references = c.input.project->site().references;
+  if (references.empty() && c.data.stations.empty()) return;
+  const bool photos = !references.empty() && std::all_of(references.begin(), references.end(), [](const Reference& r) {
+    return r.kind == ReferenceKind::kPhoto;
+  });
+  blocks->push_back(Heading{2, photos ? "Photos with matches" : "Panoramas with matches", "stations"});
   std::map<std::string, StationPart> parts;
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) parts[e.station].errors.push_back(&e);
@@ -274,6 +289,7 @@ void AddStations(const ChapterContext& c, std::vector<Block>* blocks) {
   blocks->push_back(IndexOf(c, parts));
   AddWorstMatches(c, blocks);
   blocks->push_back(AppendixBegin{"stations", "stations-each"});
+  Explain(parts, blocks);
   const bool many = c.data.stations.size() > kOpenStations;
   for (const std::string& station : c.data.stations) AddStation(c, station, parts[station], many, blocks);
   blocks->push_back(AppendixEnd{});

@@ -280,9 +280,8 @@ void AddSummary(const ChapterContext& c, std::vector<Block>* blocks) {
     AddHeadline(c, headline, blocks);
     AddOtherMethods(c, headline, blocks);
   } else if (c.data.variants.empty()) {
-    blocks->push_back(
-        Paragraph{"Nothing was evaluated: there is no result of `trigpoint evaluate`, so the accuracy is unknown.",
-                  Tone::kWarning});
+    blocks->push_back(Paragraph{"Nothing was evaluated: trigpoint evaluate has no result, so the accuracy is unknown.",
+                                Tone::kWarning});
   } else {
     blocks->push_back(
         Paragraph{"No answer could be compared with a reference: their accuracy is unknown. The reasons are listed "

@@ -60,7 +60,13 @@ class VerdictChapter {
     }
     std::string text = Counted(verdict_.runs.size(), "run");
     if (verdict_.Images() > 0) text += " (" + Counted(verdict_.Images(), "image") + ")";
-    text += " localized against " + Counted(site().references.size(), "panorama or photo", "panoramas and photos");
+    if (verdict_.Asked() == 0) {
+      blocks_.push_back(Paragraph{text +
+                                  " without panoramas or photos of known position: there is nothing to localize. "
+                                  "The poses of the images are in results/localize/<run>/cameras_odom.tum."});
+      return;
+    }
+    text += " localized against " + verdict_.CountedReferences();
     const size_t tags = std::set<std::string>(c_.data.stations.begin(), c_.data.stations.end()).size();
     text += verdict_.Best() != nullptr
                 ? fmt::format(
@@ -162,9 +168,9 @@ class VerdictChapter {
                               fmt::format("median distance between the places that two runs give a panorama, {}",
                                           Counted(verdict_.agreeing_pairs, "pair"))});
     }
-    if (!verdict_.runs.empty()) {
+    if (verdict_.Asked() > 0) {
       facts->facts.push_back({"Outlying geotags", std::to_string(verdict_.geotags.size()),
-                              "panoramas whose geotag the runs contradict",
+                              verdict_.ReferenceWord() + " whose geotag the runs contradict",
                               verdict_.geotags.empty() ? Tone::kGood : Tone::kWarning, "stations"});
     }
   }
@@ -178,8 +184,10 @@ class VerdictChapter {
                             fmt::format("sigma: standard deviation. ANEES (mean squared error over its stated "
                                         "variance) {:.2f}; right sigmas: {:.2f} "
                                         "to {:.2f}",
-                                        test->anees, test->low, test->high),
-                            !test->Consistent() ? Tone::kWarning : Tone::kGood, "consistency"});
+                                        test->anees, test->low, test->high) +
+                                (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()),
+                            !test->Consistent() || !verdict_.RelativeSigmas().empty() ? Tone::kWarning : Tone::kGood,
+                            "consistency"});
   }
 
   // A tile a run.
@@ -201,12 +209,18 @@ class VerdictChapter {
     for (size_t i = 0; i < std::min(kTiles, runs.size()); ++i) {
       const VerdictRun& run = *runs[i];
       const auto value = median(&run);
-      std::string detail = value ? fmt::format("{} of {} located", run.localized, run.Asked()) : "panoramas located";
+      std::string detail =
+          value ? fmt::format("{} of {} located", run.localized, run.Asked()) : verdict_.ReferenceWord() + " located";
+      if (run.Asked() == 0) detail = "reconstructed";
       if (best != nullptr && value) detail += ", median " + best->kind + " error";
       if (!run.georeferenced) detail += "; not georeferenced";
-      tiles.facts.push_back({run.run,
-                             value ? c_.LengthUnit(value, 2) : fmt::format("{} of {}", run.localized, run.Asked()),
-                             detail, run.localized == 0 || !run.georeferenced ? Tone::kWarning : Tone::kPlain, "runs"});
+      tiles.facts.push_back(
+          {run.run,
+           value              ? c_.LengthUnit(value, 2)
+           : run.Asked() == 0 ? Counted(run.images, "image")
+                              : fmt::format("{} of {}", run.localized, run.Asked()),
+           detail, (run.Asked() > 0 && run.localized == 0) || !run.georeferenced ? Tone::kWarning : Tone::kPlain,
+           "runs"});
     }
     blocks_.push_back(tiles);
     if (runs.size() > kTiles)

@@ -44,9 +44,9 @@ caption{caption-side:top;text-align:left;font-size:.9rem;color:var(--soft);paddi
 .columns figure{margin:.3rem 0 .5rem}.columns figure svg{min-width:0;max-height:20rem;padding:.2rem}.columns figcaption{font-size:.78rem;line-height:1.35;margin-top:.2rem}
 .columns .facts{margin:.3rem 0 .5rem;gap:.5rem;grid-template-columns:repeat(auto-fit,minmax(10rem,1fr))}.columns .fact{padding:.3rem .6rem}.columns .fact b{font-size:1.2rem}.columns .fact span{font-size:.78rem;line-height:1.35}
 .columns h3{margin:.6rem 0 .2rem}.columns p{margin:.2rem 0;font-size:.92rem}
-figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - .9rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
+figure.thumb{display:inline-block;vertical-align:top;width:calc(25% - 1.3rem);min-width:13rem;margin:.3rem .8rem .6rem 0}
 figure.thumb figcaption{font-size:.8rem}
-figure.half{display:inline-block;vertical-align:top;width:calc(50% - .6rem);margin-right:.5rem}figure.half svg{min-width:0}
+figure.half{display:inline-block;vertical-align:top;width:calc(50% - 1rem);margin-right:.5rem}figure.half svg{min-width:0}
 figure.large{position:fixed;inset:0;z-index:9;margin:0;padding:1rem;width:auto;background:#fff;overflow:auto}
 figure.large div{border:0}figure.large img{width:100%;max-height:86vh;object-fit:contain}
 table{border-collapse:collapse;font-size:.88rem;width:100%;font-variant-numeric:tabular-nums}

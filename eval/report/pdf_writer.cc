@@ -94,8 +94,7 @@ class Pages {
       } else if (std::holds_alternative<Figure>(blocks[i])) {
         PlaceFigures(blocks, &i);
       } else {
-        // A heading stays with the pictures below it.
-        if (std::holds_alternative<Heading>(blocks[i]) && i + 1 < blocks.size()) Need(LeastBelow(blocks[i + 1]));
+        KeepWithNext(blocks, i);
         std::visit(*this, blocks[i]);
       }
     }
@@ -322,9 +321,26 @@ class Pages {
     }
   }
 
+  // A heading stays with what is below it. A sentence stays with the pictures in pairs that it is about, where that
+  // leaves no more than a quarter of the page empty.
+  void KeepWithNext(const std::vector<Block>& blocks, size_t i) {
+    constexpr double kMostEmpty = 0.25;
+    if (i + 1 >= blocks.size()) return;
+    const bool heading = std::holds_alternative<Heading>(blocks[i]);
+    if (heading && !std::holds_alternative<Paragraph>(blocks[i + 1])) Need(LeastBelow(blocks, i + 1));
+    const size_t sentence = heading ? i + 1 : i;
+    if (sentence + 1 >= blocks.size() || !IsPair(blocks[sentence + 1]) || End() - y_ > kMostEmpty * End()) return;
+    if (std::holds_alternative<Paragraph>(blocks[sentence])) Need(LeastBelow(blocks, sentence));
+  }
+
   // A heading and the least of a figure, table or section that follows it; nothing for other blocks.
-  double LeastBelow(const Block& next) const {
+  double LeastBelow(const std::vector<Block>& blocks, size_t i) const {
     constexpr double kHeading = 60, kSection = 130;
+    if (i >= blocks.size()) return 0;
+    const Block& next = blocks[i];
+    if (const auto* text = std::get_if<Paragraph>(&next)) {
+      return painter_->Height(text->text, kTextPt, false, Room()) + 5 + LeastBelow(blocks, i + 1);
+    }
     if (std::holds_alternative<Heading>(next)) return kHeading + kSection;
     if (const auto* table = std::get_if<Table>(&next)) {
       constexpr double kRow = 12, kSomeRows = 80;
@@ -337,6 +353,10 @@ class Pages {
     return kHeading + HalfHeight(*figure) + painter_->Height(figure->caption, 7.5, false, HalfWidth()) + 14;
   }
   static bool InPairs(const Figure& figure) { return figure.thumbnail || figure.half; }
+  static bool IsPair(const Block& block) {
+    const auto* figure = std::get_if<Figure>(&block);
+    return figure != nullptr && InPairs(*figure);
+  }
   static constexpr double kHalfGap = 12;
   double HalfWidth() const { return 0.5 * (Room() - kHalfGap); }
   double HalfHeight(const Figure& figure) const {

@@ -16,10 +16,11 @@ namespace trigpoint {
 namespace {
 
 constexpr double kWidth = 760, kMost = 620, kLeft = 52, kRight = 12, kTop = 12, kBottom = 40;
-// Okabe and Ito's colours that are dark enough for lines on a light picture.
-constexpr const char* kRunColours[] = {"#0072b2", "#a8420a", "#00694d", "#8c3a6e", "#5a4a00", "#1d2329"};
+// All at least 4.5 : 1 on white, and at least 27 apart (CIE 1976) from each other with normal and with protanopic,
+// deuteranopic and tritanopic sight (Machado, Oliveira, Fernandes 2009). Further runs are dashed.
+constexpr const char* kRunColours[] = {"#0072b2", "#a8420a", "#786060", "#4800a8"};
 constexpr const char* kVector = "#000000";
-constexpr const char* kEllipse = "#6a1b9a";
+constexpr const char* kEllipse = "#600060";
 constexpr const char* kInk = "#1d2329";
 constexpr size_t kPathPoints = 400;
 constexpr double kArrow = 34;  // units, of a typical difference
@@ -107,10 +108,11 @@ class PlanPainter {
     drawing_.Text(14, 0.5 * (kTop + bottom), scene_.on_earth ? "north (m)" : "y (m)", 0, 12, kInk, false, true);
   }
 
-  const char* ColourOf(const std::string& run) const {
-    const auto it = std::find(scene_.runs.begin(), scene_.runs.end(), run);
-    return kRunColours[static_cast<size_t>(it - scene_.runs.begin()) % std::size(kRunColours)];
+  size_t IndexOf(const std::string& run) const {
+    return static_cast<size_t>(std::find(scene_.runs.begin(), scene_.runs.end(), run) - scene_.runs.begin());
   }
+  const char* ColourOf(const std::string& run) const { return kRunColours[IndexOf(run) % std::size(kRunColours)]; }
+  bool Dashed(const std::string& run) const { return IndexOf(run) / std::size(kRunColours) % 2 == 1; }
 
   void Paths() {
     for (const ScenePath& path : scene_.paths) {
@@ -123,7 +125,7 @@ class PlanPainter {
       }
       if (line.empty()) continue;
       drawing_.Line(line, "#ffffff", 5);
-      drawing_.Line(line, ColourOf(path.run), 2.5);
+      drawing_.Line(line, ColourOf(path.run), 2.5, Dashed(path.run));
       lines_.push_back(std::move(line));
     }
   }
@@ -218,7 +220,7 @@ class PlanPainter {
           std::any_of(scene_.errors.begin(), scene_.errors.end(), [](const SceneError& e) { return e.sigma_m; });
       if (ellipses) entry(fmt::format("its 95 % ellipse x {:g}", enlarged_), kEllipse, 1.4, true);
     }
-    for (const std::string& run : scene_.runs) entry(run, ColourOf(run), 3, false);
+    for (const std::string& run : scene_.runs) entry(run, ColourOf(run), 3, Dashed(run));
   }
 
   const SceneModel& scene_;

@@ -127,9 +127,9 @@ void AddChapters(const ChapterContext& context, bool images, Scenes scenes, std:
   AddRuns(context, blocks);
   blocks->push_back(Heading{2, "Scene", "map"});
   if (scenes.pictures.size() > 1) {
-    blocks->push_back(
-        Paragraph{"The site in three dimensions as the results have it: from above, from the side, and the stations "
-                  "with the largest differences."});
+    blocks->push_back(Paragraph{
+        "The site in three dimensions as the results have it: from above, from the side, and single stations, "
+        "those with the largest differences first."});
   }
   blocks->insert(blocks->end(), std::make_move_iterator(scenes.pictures.begin()),
                  std::make_move_iterator(scenes.pictures.end()));

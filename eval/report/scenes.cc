@@ -105,7 +105,8 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
   view.LookDown(window->renderer());
   auto halos = std::make_unique<Halos>(model, view, window->renderer(), kSamples * kHalo_px);
   blocks.push_back(Figure{"plan_rendered",
-                          "Plan, north up" + std::string(model.aerial ? ", over the project's aerial image" : "") +
+                          std::string(model.on_earth ? "Plan, north up" : "From above") +
+                              (model.aerial ? ", over the project's aerial image" : "") +
                               ". Panoramas as spheres at their estimated places, geotags as pale dots." + lines +
                               errors + " " + frame + ".",
                           Photograph(*window, width, height), true});
@@ -138,12 +139,12 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
   const std::vector<std::string> stations = WorstStations(model);
   for (size_t k = 0; k < stations.size(); ++k) {
     view.LookAtStation(window->renderer(), stations[k]);
-    blocks.push_back(Figure{
-        fmt::format("station_view_{}", k + 1),
-        "Station " + stations[k] +
-            " with its surroundings: the panorama as it was taken, the tag at its real size, frusta of the cameras." +
-            errors + " " + frame + ".",
-        Photograph(*window, width, height), true});
+    blocks.push_back(Figure{fmt::format("station_view_{}", k + 1),
+                            "Station " + stations[k] +
+                                " with its surroundings: the panorama or photo as it was taken, " +
+                                (model.tags.empty() ? "" : "the tag at its real size, ") + "frusta of the cameras." +
+                                errors + " " + frame + ".",
+                            Photograph(*window, width, height), true});
     cancel.ThrowIfCancelled();
   }
   view.RemoveFrom(window->renderer());

@@ -1,9 +1,12 @@
 #include "eval/report/verdict.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <tuple>
 
+#include "calib/base/counted.h"
 #include "eval/statistics/statistics.h"
 #include "eval/text/method_name.h"
 
@@ -153,6 +156,23 @@ std::optional<SigmaTest> VerdictErrors::Sigmas() const { return SigmasOf(group);
 
 std::string VerdictErrors::Against() const { return ReferenceName(reference); }
 
+std::string ProjectVerdict::ReferenceWord() const {
+  return photos == 0 ? "panoramas" : panoramas == 0 ? "photos" : "panoramas and photos";
+}
+
+std::string ProjectVerdict::RelativeSigmas() const {
+  if (!relative || Best() == &*relative) return "";
+  const std::optional<SigmaTest> test = relative->Sigmas();
+  if (!test || test->Consistent()) return "";
+  return fmt::format("in the runs' own frames they are {} ({:.2f}; right: {:.2f} to {:.2f})", test->Words(),
+                     test->anees, test->low, test->high);
+}
+
+std::string ProjectVerdict::CountedReferences() const {
+  const std::string of_panoramas = Counted(panoramas, "panorama"), of_photos = Counted(photos, "photo");
+  return photos == 0 ? of_panoramas : panoramas == 0 ? of_photos : of_panoramas + " and " + of_photos;
+}
+
 int ProjectVerdict::Images() const {
   int sum = 0;
   for (const VerdictRun& run : runs) sum += run.images;
@@ -177,7 +197,9 @@ Tone GateTone(const std::string& verdict) {
 
 ProjectVerdict MakeVerdict(const ReportInput& input, const ReportData& data, const std::string& variant) {
   ProjectVerdict verdict;
-  verdict.panoramas = static_cast<int>(input.project->site().references.size());
+  for (const Reference& reference : input.project->site().references) {
+    ++(reference.kind == ReferenceKind::kPhoto ? verdict.photos : verdict.panoramas);
+  }
   for (const RunData& run : data.runs) {
     if (run.variant != variant) continue;
     VerdictRun& r = verdict.runs.emplace_back();

@@ -65,7 +65,7 @@ struct VerdictGeotag {
 
 struct ProjectVerdict {
   std::vector<VerdictRun> runs;
-  int panoramas = 0;
+  int panoramas = 0, photos = 0;  // that are localized; photo sets count as panoramas
   std::vector<VerdictRefusal> refused;
   std::optional<VerdictErrors> relative, absolute, g1_relative, g1_absolute;
   std::optional<VerdictErrors> paper_relative, paper_absolute;  // beside the default results: of the variant paper
@@ -79,6 +79,10 @@ struct ProjectVerdict {
   std::vector<std::pair<std::string, std::string>> gate_results;  // verdict, message
 
   int Images() const;
+  std::string ReferenceWord() const;  // panoramas, photos, panoramas and photos
+  // Where absolute sigmas are judged and relative ones are not consistent, what these are; else empty.
+  std::string RelativeSigmas() const;
+  std::string CountedReferences() const;  // "3 panoramas and 1 photo"
   int Localized() const;
   int Asked() const;
   // Accuracy where there is one, else agreement.

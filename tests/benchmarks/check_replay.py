@@ -112,7 +112,7 @@ def main():
                     if time.time() - begun_waiting > 300:
                         raise SystemExit("the photo sets were not judged within 300 s")
                     time.sleep(0.5)
-                    summary = wait_for_summary(os.path.join(out, "summary.json"), done, 10)
+                    summary = wait_for_summary(os.path.join(out, "summary.json"), done, 300)
                 print(f"photo sets judged after {time.time() - begun_waiting:.1f} s")
             show("end", summary)
             for finding in summary["findings"]:
