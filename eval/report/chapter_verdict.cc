@@ -180,14 +180,13 @@ class VerdictChapter {
     if (best == nullptr) return;
     const std::optional<SigmaTest> test = best->Sigmas();
     if (!test) return;
-    facts->facts.push_back({"Stated sigmas", test->Words(),
-                            fmt::format("sigma: standard deviation. ANEES (mean squared error over its stated "
-                                        "variance) {:.2f}; right sigmas: {:.2f} "
-                                        "to {:.2f}",
-                                        test->anees, test->low, test->high) +
-                                (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()),
-                            !test->Consistent() || !verdict_.RelativeSigmas().empty() ? Tone::kWarning : Tone::kGood,
-                            "consistency"});
+    facts->facts.push_back(
+        {"Stated sigmas", test->Words(),
+         fmt::format("sigma: standard deviation. ANEES (mean squared error over variance) {:.2f}, right: "
+                     "{:.2f} to {:.2f}",
+                     test->anees, test->low, test->high) +
+             (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()),
+         !test->Consistent() || !verdict_.RelativeSigmas().empty() ? Tone::kWarning : Tone::kGood, "consistency"});
   }
 
   // A tile a run.

@@ -164,8 +164,7 @@ std::string ProjectVerdict::RelativeSigmas() const {
   if (!relative || Best() == &*relative) return "";
   const std::optional<SigmaTest> test = relative->Sigmas();
   if (!test || test->Consistent()) return "";
-  return fmt::format("in the runs' own frames they are {} ({:.2f}; right: {:.2f} to {:.2f})", test->Words(),
-                     test->anees, test->low, test->high);
+  return fmt::format("in runs' own frames {:.2f}: {}", test->anees, test->Words());
 }
 
 std::string ProjectVerdict::CountedReferences() const {
