@@ -90,7 +90,8 @@ class Planner {
       if (s.tag_ids.empty()) return gains;
       PlanGain gain;
       gain.kind = "control";
-      gain.what = "control on tags " + Names(s.tag_ids) + ", which together give a datum";
+      gain.what = s.tag_ids.size() == 1 ? "control on tag " + Names(s.tag_ids) + ", which gives a datum with the others"
+                                        : "control on tags " + Names(s.tag_ids) + ", which together give a datum";
       gain.rms_after_m = s.rms_after_m;
       return {gain};
     }
