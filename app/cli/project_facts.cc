@@ -155,10 +155,11 @@ class VerdictFacts {
     if (best == nullptr) return;
     const std::optional<SigmaTest> test = best->Sigmas();
     if (!test) return;
+    const std::string relative = verdict_.RelativeSigmas();
     ending_.Fact("Sigmas",
                  fmt::format("{} (ANEES, squared errors over their variances, {:.2f}; right sigmas: {:.2f} to {:.2f})",
                              test->Words(), test->anees, test->low, test->high) +
-                     (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()));
+                     (relative.empty() ? "" : "; " + relative));
   }
 
   const ProjectVerdict& verdict_;

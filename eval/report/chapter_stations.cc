@@ -253,9 +253,9 @@ void Explain(const std::map<std::string, StationPart>& parts, std::vector<Block>
   if (compared) {
     blocks->push_back(Paragraph{
         "In the tables of differences, those against the run's own tags are in the run's own frame, as its cameras see "
-        "the tags; others are absolute, in site ENU. Sigma is 1 sigma of the difference: east, north, up. The largest "
-        "part is that of its error budget. NEES is the squared error in its own sigmas, 3 on average where these are "
-        "right."});
+        "the tags; others are absolute, in site ENU. Sigma is 1 sigma of the difference: east, north, up. Largest part "
+        "names what contributes most to this sigma. NEES is the squared error in its own sigmas, 3 on average where "
+        "these are right."});
   }
   blocks->push_back(Paragraph{
       "In the tables of answers, sigma is 1 sigma of the largest axis in site ENU, and geotag off is the horizontal "

@@ -180,13 +180,14 @@ class VerdictChapter {
     if (best == nullptr) return;
     const std::optional<SigmaTest> test = best->Sigmas();
     if (!test) return;
+    const std::string relative = verdict_.RelativeSigmas();
     facts->facts.push_back(
         {"Stated sigmas", test->Words(),
          fmt::format("sigma: standard deviation. ANEES (mean squared error over variance) {:.2f}, right: "
                      "{:.2f} to {:.2f}",
                      test->anees, test->low, test->high) +
-             (verdict_.RelativeSigmas().empty() ? "" : "; " + verdict_.RelativeSigmas()),
-         !test->Consistent() || !verdict_.RelativeSigmas().empty() ? Tone::kWarning : Tone::kGood, "consistency"});
+             (relative.empty() ? "" : "; " + relative),
+         !test->Consistent() || !relative.empty() ? Tone::kWarning : Tone::kGood, "consistency"});
   }
 
   // A tile a run.
