@@ -360,9 +360,7 @@ void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelTo
     const SurveyJob& job = *made;
     facts->map = SurveyTags(job.input, survey.map, threads_, progress, cancel);
     facts->input = job.input;
-    for (const std::string& warning : job.warnings) {
-      if (warning.find("has no detections") == std::string::npos) facts->map->warnings.push_back({warning, -1, ""});
-    }
+    for (const std::string& warning : job.warnings) facts->map->warnings.push_back({warning, -1, ""});
     FindCalibrations(job.input, survey.map, threads_, cancel, facts);
     const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
     PlanLayout layout = LayoutOfMap(*project_, job.input, *facts->map, plan.network);

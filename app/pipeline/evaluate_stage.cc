@@ -229,18 +229,20 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   const auto estimate = [&](const TagSizes& sizes) {
     return EstimateTagPoses(own.views, sizes, options.tags, context.threads, context.progress, context.cancel);
   };
-  std::vector<TagEstimate> tags = estimate(context.project.site().tags);
-  constexpr double kUnknown = 10;  // without odometry the frame has no scale of its own
-  const CommonRatio metre = CommonSizeRatio(MeasureTagShapes(own.views, tags, options.tags.extra_sigma_px),
-                                            run.odometry.poses.empty() ? kUnknown : run.config.odometry_scale_sigma);
+  // Without odometry the frame has no scale of its own, and the fit to the Earth says roughly how long a metre is.
+  const bool scaled = !run.odometry.poses.empty();
+  const double about = scaled || !evaluated->result.world_from_odom ? 1 : 1 / evaluated->result.world_from_odom->scale;
+  const TagSizes& stated = context.project.site().tags;
+  std::vector<TagEstimate> tags = estimate(stated.Scaled(about));
+  constexpr double kUnknown = 10;
+  const CommonRatio ratio = CommonSizeRatio(MeasureTagShapes(own.views, tags, options.tags.extra_sigma_px),
+                                            scaled ? run.config.odometry_scale_sigma : kUnknown);
+  const double metre = about * ratio.ratio;
   context.progress.Log(LogLevel::kInfo, fmt::format("{}: by its {} a metre is {:.4f} m (1 sigma {:.4f} m) in its frame",
-                                                    run.name, Counted(metre.tags, "tag"), metre.ratio, metre.sigma));
-  TagSizes sizes = context.project.site().tags;
-  sizes.size_m *= metre.ratio;
-  for (auto& [id, size] : sizes.sizes_m) size *= metre.ratio;
-  tags = estimate(sizes);
-  for (TagEstimate& tag : tags) tag.size_m /= metre.ratio;
-  evaluated->self_metre = metre.ratio;
+                                                    run.name, Counted(ratio.tags, "tag"), metre, about * ratio.sigma));
+  tags = estimate(stated.Scaled(metre));
+  for (TagEstimate& tag : tags) tag.size_m /= metre;
+  evaluated->self_metre = metre;
   WriteTags(context.out / ("tags_" + ResultName(StageNamed("localize"), target) + ".csv"), tags, "odom",
             "cameras of " + run.name);
   for (const TagEstimate& tag : tags) evaluated->self_tags.push_back(ToTagResult(tag));
@@ -497,7 +499,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 9;
+    request.version = 10;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

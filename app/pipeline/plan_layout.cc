@@ -291,7 +291,7 @@ void AddPanoramas(const Project& project, PlanLayout* plan) {
 PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, const fs::path& to_add,
                           StageContext& context) {
   const TagSizes& tags = project.site().tags;
-  if (SurveyRuns(project).empty() || (tags.size_m <= 0 && tags.sizes_m.empty())) {
+  if (SurveyRuns(project).empty() || !tags.Given()) {
     throw InputError(project.dir().string() +
                      ": nothing to plan with; expected plan.csv or plan.geojson (docs/file_formats.md), or a site with "
                      "tags (tags.yaml) and survey runs in which they are detected");

@@ -128,9 +128,15 @@ struct TagSizes {
   std::string family = "tag36h11";
   double size_m = 0;  // edge of the black square; 0: unknown
   std::map<int, double> sizes_m;
+  bool Given() const { return size_m > 0 || !sizes_m.empty(); }
   double SizeOf(int id) const {
     const auto it = sizes_m.find(id);
     return it == sizes_m.end() ? size_m : it->second;
+  }
+  TagSizes Scaled(double factor) const {
+    TagSizes scaled{family, factor * size_m, sizes_m};
+    for (auto& [id, size] : scaled.sizes_m) size *= factor;
+    return scaled;
   }
 };
 

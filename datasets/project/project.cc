@@ -212,7 +212,7 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
   if (kinds[1] > 0) report.found.push_back(Count(kinds[1], "geotagged photo", "geotagged photos"));
   if (kinds[2] > 0) report.found.push_back(Count(kinds[2], "hand-held photo set", "hand-held photo sets"));
   if (!site.stations.empty()) report.found.push_back(Count(site.stations.size(), "station", "stations"));
-  if (site.tags.size_m > 0 || !site.tags.sizes_m.empty()) {
+  if (site.tags.Given()) {
     report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
   }
@@ -232,7 +232,7 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     report.missing.push_back("positions of the panoramas: without them the results are not georeferenced");
   }
   if (!origin) report.missing.push_back("an origin: no control point, panorama or GPS fix georeferences this site");
-  if (site.stations.empty() || (site.tags.size_m <= 0 && site.tags.sizes_m.empty())) {
+  if (site.stations.empty() || !site.tags.Given()) {
     report.missing.push_back("stations.csv and tags.yaml: `evaluate` needs tags at the stations as ground truth");
   }
   for (const std::string& warning : site.warnings) report.warnings.push_back(warning);

@@ -63,7 +63,7 @@ Answer OwnAnswer(const EvaluatedRun& run, const PanoramaResult& row) {
   if (!answer.covariance && row.sigma_m) answer.covariance = Diagonal(*row.sigma_m);
   if (!answer.relative_covariance && row.odom_sigma_m && run.result.world_from_odom) {
     const Eigen::Matrix3d enu = run.result.world_from_odom->rotation.toRotationMatrix();
-    answer.relative_covariance = enu * Diagonal(*row.odom_sigma_m) * enu.transpose();
+    answer.relative_covariance = enu * Diagonal(*row.odom_sigma_m / run.self_metre) * enu.transpose();
   }
   return answer;
 }
@@ -127,7 +127,8 @@ void AddUncertainty(const Answer& answer, const Station& station, const TagResul
   row->sigma_station_offset_m = std::sqrt(3.0) * station.sigma_m;
   const std::optional<Matrix6d> tag_covariance = CovarianceOf(tag);
   if (tag_covariance && tag_covariance->allFinite()) {
-    const Eigen::Matrix3d c = row->centre_from_tag * *tag_covariance * row->centre_from_tag.transpose();
+    const Eigen::Matrix3d c =
+        row->centre_from_tag * *tag_covariance * row->centre_from_tag.transpose() / (map.metre * map.metre);
     row->sigma_tag_map_m = InSpace(c);
     row->reference_covariance_m2 =
         enu * (c + Eigen::Matrix3d::Identity() * station.sigma_m * station.sigma_m) * enu.transpose();

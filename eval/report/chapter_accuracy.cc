@@ -454,8 +454,6 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
       }
     }
   }
-  bool further = false;
-  for (const VariantData& v : c.data.variants) further = further || !v.further.empty();
   blocks->push_back(Heading{2, "Consistency", "consistency"});
   if (of_group.empty()) {
     blocks->push_back(
@@ -475,10 +473,12 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
     }
   }
   AddCoverageRisk(c, blocks);
-  if (!further) return;
-  blocks->push_back(Heading{3, "Further tables of the evaluation", "further"});
+  bool begun = false;
   for (const VariantData& v : c.data.variants) {
     for (const FurtherTable& f : v.further) {
+      if (f.name == kCoverageRisk) continue;  // drawn above
+      if (!begun) blocks->push_back(Heading{3, "Further tables of the evaluation", "further"});
+      begun = true;
       AddFurtherTable(f, v.variant, blocks);
     }
   }

@@ -125,7 +125,8 @@ class VerdictChapter {
     const int asked = verdict_.Asked();
     if (asked > 0) {
       facts.facts.push_back({"Located", fmt::format("{} of {}", verdict_.Localized(), asked),
-                             "pairs of a run and a panorama; others: refused or no match",
+                             fmt::format("{} by {}; others: refused or no match", verdict_.CountedReferences(),
+                                         Counted(verdict_.runs.size(), "run")),
                              verdict_.Localized() > 0 ? Tone::kPlain : Tone::kBad, "stations"});
     }
     if (verdict_.relative) {

@@ -65,7 +65,7 @@ struct VerdictGeotag {
 
 struct ProjectVerdict {
   std::vector<VerdictRun> runs;
-  int panoramas = 0, photos = 0;  // that are localized; photo sets count as panoramas
+  int panoramas = 0, photos = 0;  // of the site; photo sets count as panoramas
   std::vector<VerdictRefusal> refused;
   std::optional<VerdictErrors> relative, absolute, g1_relative, g1_absolute;
   std::optional<VerdictErrors> paper_relative, paper_absolute;  // beside the default results: of the variant paper

@@ -3,7 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "calib/base/median.h"
+#include "calib/estimation/huber_by_median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/so3.h"
 
@@ -13,9 +13,7 @@ namespace {
 constexpr size_t kLeastMotions = 8;
 constexpr int kIterations = 10;
 constexpr double kLeastRotation_rad = 0.3 * kDegToRad, kLeastDirection_rad = 1 * kDegToRad;  // sigmas, with odometry's
-constexpr double kHuber = 1.5;                                                               // sigmas
 constexpr double kKnown_rad = 1 * kDegToRad;  // 1 sigma of an axis that counts
-constexpr double kMedianOfNormal = 0.6745;
 
 // One vector by odometry and as it was measured, camera axes: a rotation vector or a unit direction.
 struct VectorPair {
@@ -48,24 +46,22 @@ std::optional<MountError> FindMountError(const std::vector<Rigid3d>& odom_from_b
   if (pairs.empty()) return std::nullopt;
   Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();  // true_cam_from_stated_cam
   Eigen::Matrix3d normal;
-  double noise = 1;
+  HuberByMedian huber;
   for (int k = 0; k < kIterations; ++k) {
     normal.setZero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    std::vector<double> sizes;
     for (const VectorPair& pair : pairs) {
       const Eigen::Vector3d predicted = turn * pair.predicted, off = (pair.measured - predicted) / pair.sigma;
       const Eigen::Matrix3d j = -Skew(predicted) / pair.sigma;  // of Exp(d) predicted
-      const double size = off.norm() / noise, weight = size > kHuber ? kHuber / size : 1;
+      const double weight = huber.Weight(off.norm());
       normal += weight * j.transpose() * j;
       right += weight * j.transpose() * off;
-      sizes.push_back(off.norm());
     }
-    noise = std::max(1.0, Median(std::move(sizes)) / kMedianOfNormal);
+    huber.EndRound();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
     Eigen::Vector3d step = Eigen::Vector3d::Zero();
     for (int i = 0; i < 3; ++i) {  // axes that the motions do not show stay as stated
-      const double sigma = noise / std::sqrt(std::max(1e-12, eigen.eigenvalues()(i)));
+      const double sigma = huber.noise() / std::sqrt(std::max(1e-12, eigen.eigenvalues()(i)));
       if (sigma < kKnown_rad) {
         step += eigen.eigenvectors().col(i) * (eigen.eigenvectors().col(i).dot(right) / eigen.eigenvalues()(i));
       }
@@ -78,7 +74,7 @@ std::optional<MountError> FindMountError(const std::vector<Rigid3d>& odom_from_b
   error.motions = static_cast<int>(motions.size());
   double variance = 0;
   for (int i = 0; i < 3; ++i) {
-    const double axis = noise * noise / std::max(1e-12, eigen.eigenvalues()(i));
+    const double axis = huber.noise() * huber.noise() / std::max(1e-12, eigen.eigenvalues()(i));
     if (std::sqrt(axis) < kKnown_rad) variance = std::max(variance, axis);
   }
   if (!(variance > 0)) return std::nullopt;

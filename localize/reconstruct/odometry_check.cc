@@ -335,8 +335,8 @@ std::optional<std::string> FindWrongStretch(const LocalizeInput& input, const st
   progress.Log(LogLevel::kInfo, "odometry's stretch by the directions that images show: " + found);
   if (stretch->turned_rad < std::max(kMost_rad, kSigmas * stretch->sigma_rad)) return std::nullopt;
   return fmt::format(
-      "{}: contradicts the images: along one axis its positions are longer than across it by {}: the directions of "
-      "motion of {} pairs of images show it; expected metres along all axes: correct the positions. Option "
+      "{}: contradicts the images: its lengths are too long in one direction by a factor of {}, as the directions of "
+      "motion in {} pairs of images show. Expected metres in all directions: correct the positions. Option "
       "check_conventions=false skips this check",
       odometry, found, stretch->motions);
 }

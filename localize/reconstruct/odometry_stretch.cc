@@ -3,7 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "calib/base/median.h"
+#include "calib/estimation/huber_by_median.h"
 #include "calib/geo/geodetic.h"
 
 namespace trigpoint {
@@ -12,9 +12,7 @@ namespace {
 constexpr size_t kLeastMotions = 12;
 constexpr int kIterations = 10;
 constexpr double kLeastDirection_rad = 1 * kDegToRad;  // 1 sigma, with odometry's own
-constexpr double kHuber = 1.5;                         // sigmas
-constexpr double kMedianOfNormal = 0.6745;
-constexpr double kKnown_rad = 2 * kDegToRad;  // 1 sigma beyond which nothing is known
+constexpr double kKnown_rad = 2 * kDegToRad;           // 1 sigma beyond which nothing is known
 
 // Of odometry's displacement v, the part across the direction that the images show is zero after the stretch:
 // n (I + a diag(1, -1) + b antidiag(1, 1) + c turn) v = 0.
@@ -52,19 +50,16 @@ std::optional<OdometryStretch> FindStretch(const std::vector<Rigid3d>& odom_from
   if (rows.size() < kLeastMotions) return std::nullopt;
   Eigen::Vector3d abc = Eigen::Vector3d::Zero();
   Eigen::Matrix3d normal;
-  double noise = 1;
+  HuberByMedian huber;
   for (int k = 0; k < kIterations; ++k) {
     normal.setZero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    std::vector<double> sizes;
     for (const Row& row : rows) {
-      const double size = std::abs(row.of_abc.dot(abc) + row.rest), scaled = size / noise;
-      const double weight = scaled > kHuber ? kHuber / scaled : 1;
+      const double weight = huber.Weight(std::abs(row.of_abc.dot(abc) + row.rest));
       normal += weight * row.of_abc * row.of_abc.transpose();
       right -= weight * row.rest * row.of_abc;
-      sizes.push_back(size);
     }
-    noise = std::max(1.0, Median(std::move(sizes)) / kMedianOfNormal);
+    huber.EndRound();
     const Eigen::LDLT<Eigen::Matrix3d> ldlt(normal);
     if (ldlt.info() != Eigen::Success || ldlt.rcond() < 1e-12) return std::nullopt;
     abc = ldlt.solve(right);
@@ -73,7 +68,7 @@ std::optional<OdometryStretch> FindStretch(const std::vector<Rigid3d>& odom_from
   if (!(r > 0) || r >= 1) return std::nullopt;
   const Eigen::Vector3d along(abc.x() / r, abc.y() / r, 0);
   OdometryStretch found;
-  found.sigma_rad = noise * std::sqrt(along.dot(normal.ldlt().solve(along)));
+  found.sigma_rad = huber.noise() * std::sqrt(along.dot(normal.ldlt().solve(along)));
   if (!(found.sigma_rad < kKnown_rad)) return std::nullopt;
   found.ratio = (1 + r) / (1 - r);
   found.sigma_ratio = 2 * found.sigma_rad / ((1 - r) * (1 - r));

@@ -249,8 +249,7 @@ bool HasTags(const FieldFacts& facts) {
   const auto shows_tags = [](const FieldRun& run) {
     return std::any_of(run.pictures.begin(), run.pictures.end(), [](const FieldPicture& p) { return !p.tags.empty(); });
   };
-  const TagSizes& sizes = facts.site->tags;
-  return sizes.size_m > 0 || !sizes.sizes_m.empty() || !facts.planned.empty() ||
+  return facts.site->tags.Given() || !facts.planned.empty() ||
          std::any_of(facts.runs.begin(), facts.runs.end(), shows_tags);
 }
 

@@ -29,6 +29,7 @@ class MapSolver {
 
  private:
   void Warn(std::string text) { result_.warnings.push_back({std::move(text), -1, ""}); }
+
   // What a factor observes; `index`: sight, frame, point, distance, reading of a total station.
   enum class Kind { kTag, kOdometry, kPoint, kDistance, kStation, kOther };
   struct Observation {

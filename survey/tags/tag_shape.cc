@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/base/median.h"
+#include "calib/estimation/huber_by_median.h"
 
 namespace trigpoint {
 namespace {
@@ -123,23 +124,21 @@ std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const 
 }
 
 CommonRatio CommonSizeRatio(const std::vector<TagShape>& shapes, double prior_sigma) {
-  constexpr double kHuber = 1.5, kMedianOfNormal = 0.6745;
   constexpr int kRounds = 20;
   std::vector<double> logs;
   for (const TagShape& shape : shapes) logs.push_back(std::log(shape.size_ratio));
-  double mean = logs.empty() ? 0 : Median(logs), noise = 1, information = 0;
+  double mean = logs.empty() ? 0 : Median(logs), information = 0;
+  HuberByMedian huber;
   for (int round = 0; round < kRounds; ++round) {
-    std::vector<double> sizes;
     information = 1 / (prior_sigma * prior_sigma);
     double sum = 0;
     for (size_t i = 0; i < shapes.size(); ++i) {
-      const double sigma = noise * shapes[i].size_sigma / shapes[i].size_ratio, off = std::abs(logs[i] - mean) / sigma;
-      const double weight = (off > kHuber ? kHuber / off : 1) / (sigma * sigma);
+      const double stated = shapes[i].size_sigma / shapes[i].size_ratio, sigma = huber.noise() * stated;
+      const double weight = huber.Weight(std::abs(logs[i] - mean) / stated) / (sigma * sigma);
       sum += weight * logs[i], information += weight;
-      sizes.push_back(noise * off);
     }
     mean = sum / information;
-    if (!sizes.empty()) noise = std::max(1.0, Median(std::move(sizes)) / kMedianOfNormal);
+    huber.EndRound();
   }
   return {std::exp(mean), std::exp(mean) / std::sqrt(information), static_cast<int>(shapes.size())};
 }

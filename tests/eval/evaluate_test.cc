@@ -156,21 +156,37 @@ TEST(Evaluate, IsInvariantToTheRunsOwnFrame) {
   EXPECT_LT((*after.rows[0].error_enu_m - *before.rows[0].error_enu_m).norm(), 1e-9);
 }
 
-// A run whose metre is 1.02 m long: its cameras, tags and answers are, and the tape is not.
-TEST(Evaluate, RelativeErrorsAreInMetresOfTheTags) {
+// A run whose metre is 0.3 m long: its cameras, tags, answers and their sigmas are, and the tape is not.
+TEST(Evaluate, RelativeErrorsAndTheirSigmasAreInMetresOfTheTags) {
   Scene scene;
   scene.Answer(0, {0.03, -0.04, 0.12});
   scene.Answer(1, {0.03, -0.04, 0.12});
-  static constexpr double kMetre = 1.02;
+  for (PanoramaResult& row : scene.run.result.panoramas) row.odom_sigma_m = Eigen::Vector3d(0.01, 0.02, 0.03);
+  for (TagResult& tag : scene.run.self_tags) tag.sigma_m = Eigen::Vector3d(0.02, 0.01, 0.01);
+  const Evaluation in_metres = scene.Evaluate();
+  static constexpr double kMetre = 0.3;
   const auto longer = [](Rigid3d pose) {
     pose.translation *= kMetre;
     return pose;
   };
-  for (TagResult& tag : scene.run.self_tags) tag.map_from_tag = longer(*tag.map_from_tag);
+  for (TagResult& tag : scene.run.self_tags) {
+    tag.map_from_tag = longer(*tag.map_from_tag);
+    *tag.sigma_m *= kMetre;
+  }
   for (TimedPose& pose : scene.run.result.cameras_odom) pose.target_from_body = longer(pose.target_from_body);
-  for (PanoramaResult& row : scene.run.result.panoramas) row.odom_from_pano = longer(*row.odom_from_pano);
+  for (PanoramaResult& row : scene.run.result.panoramas) {
+    row.odom_from_pano = longer(*row.odom_from_pano);
+    *row.odom_sigma_m *= kMetre;
+  }
   scene.run.self_metre = kMetre;
-  for (const ErrorRow& row : scene.Evaluate().rows) EXPECT_NEAR(*row.error_3d_m, 0.13, 1e-9) << row.station;
+  const Evaluation in_frame = scene.Evaluate();
+  ASSERT_EQ(in_frame.rows.size(), 2u);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_NEAR(*in_frame.rows[i].error_3d_m, 0.13, 1e-9);
+    EXPECT_NEAR(*in_frame.rows[i].nees, *in_metres.rows[i].nees, 1e-9);
+    EXPECT_NEAR(*in_frame.rows[i].sigma_tag_map_m, *in_metres.rows[i].sigma_tag_map_m, 1e-12);
+    EXPECT_NEAR(*in_frame.rows[i].sigma_localization_m, *in_metres.rows[i].sigma_localization_m, 1e-12);
+  }
 }
 
 TEST(Evaluate, WithoutAGlobalFitUsesALevelledOdometryForTheVertical) {

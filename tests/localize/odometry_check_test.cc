@@ -186,7 +186,7 @@ TEST(OdometryCheck, NamesPositionsStretchedAlongAnAxis) {
   const std::string found = WrittenAs([](const Rigid3d& p) {
     return Rigid3d(p.rotation, {1.3 * p.translation.x(), p.translation.y(), p.translation.z()});
   });
-  const std::string said = "along one axis its positions are longer than across it by ";
+  const std::string said = "its lengths are too long in one direction by a factor of ";
   ASSERT_NE(found.find(said), std::string::npos) << found;
   EXPECT_NEAR(std::stod(found.substr(found.find(said) + said.size())), 1.3, 0.03);
 }
