@@ -41,7 +41,7 @@ void AddReferences(const std::vector<ReferenceViews>& references, const std::vec
       o.pose = joint->pose_of_reference[i];
       o.view = first_view + v.view;
       o.ray = camera.Unproject(v.pixel.cast<double>())->cast<float>();
-      o.w = camera.BearingSqrtInfo(v.pixel.cast<double>(), sigma_px).cast<float>();
+      o.w = (std::sqrt(v.weight) * camera.BearingSqrtInfo(v.pixel.cast<double>(), sigma_px)).cast<float>();
       // image -1 - reference, feature within its view: told apart from the run's own
       rows.push_back({o, -1 - static_cast<int>(i), v.feature});
     }
@@ -291,8 +291,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
         if (!IsOf(r, k, taken)) continue;
         o.w /= static_cast<float>(factor);
         o.active =
-            r.point_valid[static_cast<size_t>(o.point)] &&
-            SquaredError(p, o) < result.references[static_cast<size_t>(-1 - r.image_of[k])].registration.outlier_chi2;
+            r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
       }
       r.summary = SolveBundle(p, bundle, progress, cancel);
     };

@@ -69,22 +69,6 @@ ViewRig Scaled(ViewRig rig, double factor) {
   return rig;
 }
 
-// Covariance of every point by the run's rays, cameras held: a point far along its rays says little about a photo that
-// sees it from the side.
-std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p) {
-  std::vector<Eigen::Matrix3d> information(p.points.size(), Eigen::Matrix3d::Identity() * 1e-6);
-  for (const BearingObservation& o : p.observations) {
-    if (!o.active) continue;
-    const Rigid3d view_from_world = p.views[static_cast<size_t>(o.view)] * p.poses[static_cast<size_t>(o.pose)];
-    const Eigen::Vector3d in_view = view_from_world * p.points[static_cast<size_t>(o.point)];
-    const Eigen::Matrix<double, 2, 3> j =
-        o.w.cast<double>() * view_from_world.rotation.toRotationMatrix() / in_view.norm();
-    information[static_cast<size_t>(o.point)] += j.transpose() * j;
-  }
-  for (Eigen::Matrix3d& m : information) m = m.inverse().eval();
-  return information;
-}
-
 RefineRigInput MakeInput(const Reconstruction& reconstruction, const std::vector<Eigen::Matrix3d>& covariances,
                          const Registration& g, const StitchedShape& shape, const ViewRig& rig, double scale) {
   RefineRigInput in;

@@ -7,18 +7,19 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <set>
 
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
+#include "calib/estimation/bundle_terms.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/random.h"
 #include "calib/estimation/ransac.h"
 #include "calib/geometry/bearing.h"
 #include "localize/reconstruct/minimal_solvers.h"
 #include "localize/reconstruct/two_view.h"
+#include "localize/references/chance_match.h"
 
 namespace trigpoint {
 namespace {
@@ -35,7 +36,8 @@ bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
 // One matched point: where a view sees it and which point it may be.
 struct Correspondence {
   ViewObservation observation;
-  Eigen::Vector3d ray;  // view frame
+  Eigen::Vector3d ray;             // view frame
+  double descriptor_distance = 0;  // of unit descriptors
 };
 
 // A view's features, ready.
@@ -95,7 +97,8 @@ class Registrar {
         seed_(seed),
         cancel_(cancel),
         sparse_(options.candidates * MedianStep(input) > options.passage_m),
-        image_points_(PointsOfImages(input, reconstruction)) {
+        image_points_(PointsOfImages(input, reconstruction)),
+        point_covariances_(PointCovariances(reconstruction.problem)) {
     for (const FrameImage& image : input.images) {
       const Rigid3d cam_from_odom = input.cameras[static_cast<size_t>(image.camera)].cam_from_body *
                                     r_.problem.poses[static_cast<size_t>(image.pose)];
@@ -438,7 +441,12 @@ class Registrar {
         });
   }
 
-  // Pose alone, points held. Observations: (view, ray, W, point).
+  Eigen::Matrix<double, 2, 3> Whitening(const ReferenceViews& ref, const Correspondence& c, double sigma_px) const {
+    const Camera& camera = ref.rig.views[static_cast<size_t>(c.observation.view)].camera;
+    return camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px);
+  }
+
+  // Pose alone, points held, matches by their weights.
   Rigid3d RefinePose(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
                      const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px,
                      std::string_view loss, double chi2, Matrix6d* covariance) const {
@@ -452,9 +460,7 @@ class Registrar {
       o.point = static_cast<int>(p.points.size());
       o.view = c.observation.view;
       o.ray = c.ray.cast<float>();
-      o.w = ref.rig.views[static_cast<size_t>(o.view)]
-                .camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px)
-                .cast<float>();
+      o.w = (std::sqrt(c.observation.weight) * Whitening(ref, c, sigma_px)).cast<float>();
       p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
       p.observations.push_back(o);
     }
@@ -472,13 +478,68 @@ class Registrar {
     return p.poses[0];
   }
 
+  // Gives each match the probability that it is true, and the pose that follows, in turns. What chance finds near the
+  // prediction agrees with the pose predicted from: with full weight it would hold the pose there.
+  Rigid3d WeighMatches(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, double radius_px,
+                       Rigid3d pose, std::vector<Correspondence>* matches) const {
+    constexpr int kRounds = 6;
+    constexpr double kMostNoise = 3;
+    std::vector<FoundMatch> kinds;
+    for (const Correspondence& c : *matches) {
+      const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(c.observation.point)];
+      kinds.push_back(
+          {FocalOf(ref.rig) * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray, y),
+           c.descriptor_distance, (pose * y).norm()});
+    }
+    const std::vector<double> shares = TrueShares(kinds, radius_px);
+    double noise = 1;  // of a match, in sigma_px; at least as stated
+    for (int round = 0; round < kRounds; ++round) {
+      double squares = 0, weights = 0;
+      for (size_t i = 0; i < matches->size(); ++i) {
+        Correspondence& c = (*matches)[i];
+        const auto point = static_cast<size_t>(c.observation.point);
+        ObservationTerms t;
+        c.observation.weight = 0;
+        if (!EvaluateBearing<true>(pose, view_from_rig[static_cast<size_t>(c.observation.view)],
+                                   Whitening(ref, c, o_.sigma_px), c.ray, r_.problem.points[point], &t)) {
+          continue;
+        }
+        const Eigen::Matrix2d covariance =
+            noise * noise * (Eigen::Matrix2d::Identity() + t.jy * point_covariances_[point] * t.jy.transpose());
+        const double chi2 = t.r.dot(covariance.inverse() * t.r);
+        c.observation.weight =
+            TrueProbability(shares[i], chi2, std::sqrt(covariance.determinant()), radius_px / o_.sigma_px);
+        squares += c.observation.weight * chi2;
+        weights += c.observation.weight;
+      }
+      if (weights > 0) noise = std::clamp(noise * std::sqrt(squares / (2 * weights)), 1.0, kMostNoise);
+      pose = RefinePose(ref, view_from_rig, *matches, pose, o_.sigma_px, "none", 1, nullptr);
+    }
+    return pose;
+  }
+
+  // Matches that are more likely true than not; where these are too few to be choosy, also less likely ones, which
+  // count by their weights.
+  std::vector<Correspondence> LikelyMatches(const std::vector<Correspondence>& weighed) const {
+    constexpr double kLikely = 0.5, kPossible = 0.1;
+    const auto above = [&](double least) {
+      std::vector<Correspondence> kept;
+      for (const Correspondence& c : weighed) {
+        if (c.observation.weight > least) kept.push_back(c);
+      }
+      return kept;
+    };
+    std::vector<Correspondence> likely = above(kLikely);
+    return static_cast<int>(likely.size()) >= 2 * o_.min_inliers ? likely : above(kPossible);
+  }
+
   // From a first pose: refine, look for every point that should be seen, refine again.
   void Grow(const Job& job, const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle,
             Registration* out) const {
     const ReferenceViews& ref = job.ref;
     Rigid3d pose = start;
     const double focal = FocalOf(ref.rig);
-    std::vector<Correspondence> found, inliers;
+    std::vector<Correspondence> found;
     int expected = 0;
     double radius = o_.guided_px;
     for (int round = 0; round < 2; ++round) {
@@ -492,12 +553,10 @@ class Registrar {
     }
     // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of
     // the radius, less a third of what lies in the outer ring (a third of its area), is evidence.
-    std::vector<double> errors_px;
     int inner = 0, outer = 0;
     for (const Correspondence& c : found) {
       const double e = focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
                                             r_.problem.points[static_cast<size_t>(c.observation.point)]);
-      errors_px.push_back(e);
       if (e < 0.5 * radius) {
         ++inner;
       } else if (e < radius) {
@@ -505,10 +564,8 @@ class Registrar {
       }
     }
     out->support = inner - outer / 3.0;
-    out->outlier_chi2 = ChanceGate(out->support, outer, radius, o_.sigma_px, o_.outlier_chi2);
-    for (size_t i = 0; i < found.size(); ++i) {
-      if (errors_px[i] < o_.sigma_px * std::sqrt(out->outlier_chi2)) inliers.push_back(found[i]);
-    }
+    pose = WeighMatches(ref, view_from_rig, radius, pose, &found);
+    std::vector<Correspondence> inliers = LikelyMatches(found);
     // A point in the overlap of two views of one centre is one observation, not two.
     if (IsCentral(ref.rig)) {
       std::map<int, size_t> best;
@@ -532,7 +589,7 @@ class Registrar {
     out->rig_from_odom = pose;
     if (independent.size() >= 6) {
       out->rig_from_odom =
-          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", out->outlier_chi2, &out->covariance);
+          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
     } else {
       out->covariance = Matrix6d::Identity() * 1e6;
     }
@@ -540,14 +597,8 @@ class Registrar {
     out->matched_share = expected > 0 ? std::max(0.0, out->support) / expected : 0;
   }
 
-  // Points that the pose predicts to be seen, found by descriptor near their predicted place.
-  std::vector<Correspondence> SearchPredicted(const Job& job, const std::vector<Rigid3d>& view_from_rig,
-                                              const Rigid3d& rig_from_odom, double middle, double radius,
-                                              int* expected) const {
-    const std::vector<PreparedView>& views = job.views;
-    const ReferenceViews& ref = job.ref;
-    const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
-    // The nearest images, spaced, in both directions of travel.
+  // The images nearest to a place, spaced, in both directions of travel.
+  std::vector<int> NearImages(const Job& job, const Eigen::Vector3d& centre, double middle) const {
     std::vector<std::pair<double, int>> near;
     for (size_t i = 0; i < centres_.size(); ++i) {
       if (image_points_[i].empty() || std::abs(travelled_[i] - middle) > job.path_m || travelled_[i] > job.latest_m)
@@ -563,6 +614,17 @@ class Registrar {
       if (!close) images.push_back(image);
       if (static_cast<int>(images.size()) >= o_.guided_images) break;
     }
+    return images;
+  }
+
+  // Points that the pose predicts to be seen, found by descriptor near their predicted place.
+  std::vector<Correspondence> SearchPredicted(const Job& job, const std::vector<Rigid3d>& view_from_rig,
+                                              const Rigid3d& rig_from_odom, double middle, double radius,
+                                              int* expected) const {
+    const std::vector<PreparedView>& views = job.views;
+    const ReferenceViews& ref = job.ref;
+    const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
+    const std::vector<int> images = NearImages(job, centre, middle);
     struct Best {
       int distance = std::numeric_limits<int>::max();
       Correspondence c;
@@ -618,6 +680,7 @@ class Registrar {
           if (!ray) continue;
           slot.distance = best;
           slot.c.ray = *ray;
+          slot.c.descriptor_distance = std::sqrt(static_cast<double>(best)) / 255;
           slot.c.observation = {
               static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
         }
@@ -697,7 +760,7 @@ class Registrar {
         continue;
       }
       const Rigid3d rig_from_odom =
-          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", out->outlier_chi2, nullptr);
+          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig_from_odom;
       answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
       const bool near = answer.distance_m <= o_.max_distance_m;
@@ -883,6 +946,7 @@ class Registrar {
   const CancelToken& cancel_;
   bool sparse_;  // stops are so far apart that a traversal has fewer of them than candidates are asked for
   ImagePoints image_points_;
+  std::vector<Eigen::Matrix3d> point_covariances_;  // cameras held
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;
   std::vector<double> travelled_;  // path length up to each image, m
@@ -891,13 +955,16 @@ class Registrar {
 
 }  // namespace
 
-double ChanceGate(double support, int outer, double radius_px, double sigma_px, double most_chi2) {
-  constexpr double kLeastChi2 = 5.99;
-  if (outer == 0) return most_chi2;
-  const double chance = outer / (0.75 * std::numbers::pi * radius_px * radius_px);  // on a square pixel
-  const double peak = support / (2 * std::numbers::pi * sigma_px * sigma_px);       // of the true ones, in the middle
-  if (peak <= chance) return std::min(kLeastChi2, most_chi2);
-  return std::min(std::max(kLeastChi2, 2 * std::log(peak / chance)), most_chi2);
+std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p) {
+  constexpr double kWeakest = 1e-6;  // information that every point has, 1/m^2
+  std::vector<Eigen::Matrix3d> information(p.points.size(), Eigen::Matrix3d::Identity() * kWeakest);
+  for (const BearingObservation& o : p.observations) {
+    ObservationTerms t;
+    if (!o.active || !Evaluate<true>(p, o, p.points[static_cast<size_t>(o.point)], &t)) continue;
+    information[static_cast<size_t>(o.point)] += t.jy.transpose() * t.jy;
+  }
+  for (Eigen::Matrix3d& m : information) m = m.inverse().eval();
+  return information;
 }
 
 std::string_view AnswerStatusName(AnswerStatus status) {

@@ -80,6 +80,7 @@ struct ViewObservation {
   int image = 0;  // the run's image it was matched with
   Eigen::Vector2f pixel;
   bool repeated = false;  // the same point is used in another view of the same centre: no new evidence
+  double weight = 1;      // probability that it is no chance match
 };
 
 // G1: one view by itself.
@@ -106,7 +107,6 @@ struct Registration {
   double support = 0;        // points found where the pose predicts them, beyond what chance would find
   double matched_share = 0;  // support as a share of the points that should be seen
   double distance_m = 0;     // to the nearest camera
-  double outlier_chi2 = 0;   // a match beyond it is more likely a chance one (ChanceGate)
 };
 
 // The views that every image looks like.
@@ -124,12 +124,9 @@ struct Retrieval {
 Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
                         int threads, ProgressSink& progress, const CancelToken& cancel);
 
-// Chi-square (2 dof) beyond which a match that was searched for near its predicted place is more likely a chance one:
-// there, as many of those lie on a square pixel as of the `support` true ones, which scatter by sigma_px an axis.
-// Chance fills the search circle evenly; `outer` of it lie between half of radius_px and all of it. What chance finds
-// near the prediction agrees with the pose predicted from and holds it there, so that a wide gate biases poses. At
-// least 5.99, which keeps 95 % of the true ones, at most most_chi2.
-double ChanceGate(double support, int outer, double radius_px, double sigma_px, double most_chi2);
+// Covariance of every point by the run's rays, cameras held: a point far along its rays says little about a reference
+// that sees it from the side.
+std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p);
 
 // All references against the points. paper: views by homography, G1 per view, G2 with connected views.
 std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,

@@ -1,62 +1,86 @@
 // Which matches near their predicted place are worth having.
-#include "localize/references/registration.h"
-
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "calib/estimation/random.h"
+#include "localize/references/chance_match.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr double kRadius = 6, kSigma = 0.8, kMost = 13.8;
+constexpr double kRadius = 6, kSigma = 0.8;
 
-// Distances from the prediction, px.
-struct Found {
-  std::vector<double> right, chance;
-  double support = 0;
-  int outer = 0;
+// Near points look worse, and more of their matches are chance ones; but what a match looks like decides neither alone.
+struct Search {
+  std::vector<FoundMatch> matches;
+  std::vector<bool> right;
+  std::vector<double> chi2;
 };
 
-Found Search(int right, int chance, uint64_t seed) {
+double ShareOf(double descriptor_distance, double depth_m) {
+  return 1 / (1 + std::exp(-(4 - 10 * descriptor_distance + std::log(depth_m / 20))));
+}
+
+Search Find(int count, uint64_t seed) {
   Random random(seed);
-  Found found;
-  for (int i = 0; i < right; ++i) found.right.push_back(kSigma * std::hypot(random.Normal(), random.Normal()));
-  for (int i = 0; i < chance; ++i) found.chance.push_back(kRadius * std::sqrt(random.Uniform()));
-  int inner = 0;
-  for (const auto* distances : {&found.right, &found.chance}) {
-    for (double e : *distances) ++(e < 0.5 * kRadius ? inner : found.outer);
+  Search search;
+  for (int i = 0; i < count; ++i) {
+    FoundMatch m{0, 0.2 + 0.6 * random.Uniform(), 3 * std::exp(3 * random.Uniform())};
+    const bool right = random.Uniform() < ShareOf(m.descriptor_distance, m.depth_m);
+    m.error_px = right ? kSigma * std::hypot(random.Normal(), random.Normal()) : kRadius * std::sqrt(random.Uniform());
+    search.matches.push_back(m);
+    search.right.push_back(right);
+    search.chi2.push_back(m.error_px * m.error_px / (kSigma * kSigma));
   }
-  found.support = inner - found.outer / 3.0;
-  return found;
+  return search;
 }
 
-int Between(const std::vector<double>& distances, double from, double to) {
-  int count = 0;
-  for (double e : distances) count += e >= from && e < to ? 1 : 0;
-  return count;
-}
-
-TEST(ChanceGate, LiesWhereRightAndChanceMatchesAreAsMany) {
-  for (int chance : {8000, 20000}) {
-    const Found found = Search(60000, chance, 1);
-    const double gate = ChanceGate(found.support, found.outer, kRadius, kSigma, kMost);
-    ASSERT_GT(gate, 5.99);
-    ASSERT_LT(gate, kMost);
-    const double at = kSigma * std::sqrt(gate);
-    const double right = Between(found.right, at - 0.1, at + 0.1), wrong = Between(found.chance, at - 0.1, at + 0.1);
-    EXPECT_NEAR(right / wrong, 1, 0.25) << chance;
+TEST(TrueShares, FollowWhatMatchesLookLikeAndHowFarTheirPointsAre) {
+  const Search search = Find(20000, 1);
+  const std::vector<double> shares = TrueShares(search.matches, kRadius);
+  ASSERT_EQ(shares.size(), search.matches.size());
+  for (size_t i = 0; i < shares.size(); i += 37) {
+    const FoundMatch& m = search.matches[i];
+    EXPECT_NEAR(shares[i], ShareOf(m.descriptor_distance, m.depth_m), 0.06)
+        << m.descriptor_distance << " " << m.depth_m;
   }
 }
 
-TEST(ChanceGate, StaysWithinItsLimits) {
-  EXPECT_EQ(ChanceGate(500, 0, kRadius, kSigma, kMost), kMost);    // nothing but right ones
-  EXPECT_EQ(ChanceGate(1e9, 1, kRadius, kSigma, kMost), kMost);    // hardly anything else
-  EXPECT_EQ(ChanceGate(-20, 300, kRadius, kSigma, kMost), 5.99);   // nothing but chance
-  EXPECT_EQ(ChanceGate(100, 1000, kRadius, kSigma, kMost), 5.99);  // mostly
-  EXPECT_EQ(ChanceGate(100, 1000, kRadius, kSigma, 4.0), 4.0);     // asked for less
+TEST(TrueShares, AreAlikeWhereMatchesAreFew) {
+  EXPECT_TRUE(TrueShares({}, kRadius).empty());
+  // Three alike inside, of which a quarter would be by chance: likely true, and none more than another.
+  const std::vector<double> shares = TrueShares({{0.5, 0.4, 10}, {1, 0.4, 10}, {0.7, 0.4, 10}}, kRadius);
+  for (double share : shares) {
+    EXPECT_GT(share, 0.5);
+    EXPECT_NEAR(share, shares.front(), 1e-9);
+  }
+}
+
+// Of the matches that are said to be true with about some probability, so many are.
+TEST(TrueProbability, IsCalibrated) {
+  const Search search = Find(60000, 2);
+  const std::vector<double> shares = TrueShares(search.matches, kRadius);
+  std::vector<int> count(5), right(5);
+  for (size_t i = 0; i < shares.size(); ++i) {
+    const double p = TrueProbability(shares[i], search.chi2[i], 1, kRadius / kSigma);
+    const size_t bin = std::min<size_t>(4, static_cast<size_t>(5 * p));
+    ++count[bin];
+    right[bin] += search.right[i] ? 1 : 0;
+  }
+  for (size_t bin = 0; bin < 5; ++bin) {
+    ASSERT_GT(count[bin], 300);
+    EXPECT_NEAR(static_cast<double>(right[bin]) / count[bin], (static_cast<double>(bin) + 0.5) / 5, 0.1) << bin;
+  }
+}
+
+TEST(TrueProbability, HasItsLimits) {
+  EXPECT_EQ(TrueProbability(1, 4, 1, 6), 1);                // nothing but true ones
+  EXPECT_EQ(TrueProbability(0, 0, 1, 6), 0);                // nothing but chance
+  EXPECT_EQ(TrueProbability(0.9, 1e6, 1, 6), 0);            // far off
+  EXPECT_NEAR(TrueProbability(0.5, 0, 18, 6), 0.5, 1e-12);  // a point so uncertain that either is as likely anywhere
 }
 
 }  // namespace
