@@ -22,9 +22,9 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
               "error.",
               {{"run"},
                {"images", true},
-               {"answers", true},
-               {"refused", true},
-               {"no match", true},
+               {"answers", true, "no reference was asked for"},
+               {"refused", true, "no reference was asked for"},
+               {"no match", true, "no reference was asked for"},
                {"georeferenced"},
                {"odometry scale"},
                {"points", true},
@@ -47,11 +47,15 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
       const double median = Quantile(run.residuals_px, 0.5);
       residual = {fmt::format("{:.2f}", median), median};
     }
+    const auto answers = [&](int count, Tone tone) -> TableCell {
+      if (run.answers.empty()) return {};
+      return {std::to_string(count), count, tone};
+    };
     table.rows.push_back({{c.RunName(run.run, run.variant)},
                           {Count(number("images")), number("images")},
-                          {std::to_string(localized), localized, localized == 0 ? Tone::kBad : Tone::kPlain},
-                          {std::to_string(rejected), rejected},
-                          {std::to_string(unmatched), unmatched},
+                          answers(localized, localized == 0 ? Tone::kBad : Tone::kPlain),
+                          answers(rejected, Tone::kPlain),
+                          answers(unmatched, Tone::kPlain),
                           {on_earth          ? "from " + TextAt(metrics, "earth_source")
                            : metrics.empty() ? "unknown"
                                              : "none: " + TextAt(metrics, "earth_reason")},

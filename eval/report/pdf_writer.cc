@@ -412,7 +412,7 @@ class Pages {
       if (std::string_view(" .,:;'|!()[]/ijlIftr-").find(c) != std::string_view::npos) return 0.42;
       if (std::string_view("mwMW%@").find(c) != std::string_view::npos) return 0.98;
       if ((c >= 'A' && c <= 'Z') || (static_cast<unsigned char>(c) & 0xC0U) == 0xC0U) return 0.73;
-      return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U ? 0 : 0.65;
+      return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U ? 0 : 0.68;
     }
   };
 
@@ -567,12 +567,19 @@ class Pages {
     y_ += h;
   }
 
+  // A row that has no value in a further part of its table, which begins with the first column once more.
+  static bool SaysNothing(const std::vector<TableCell>& row, const std::vector<size_t>& part) {
+    return part.size() > 1 && part[1] > 1 &&
+           std::all_of(part.begin() + 1, part.end(), [&](size_t k) { return k >= row.size() || row[k].text.empty(); });
+  }
+
   void DrawRows(const Table& table, const std::vector<size_t>& part, const std::vector<double>& widths, double size,
                 double gap) {
     Need(size * 1.6 * 3);
     cairo_tag_begin(cairo_.get(), "Table", nullptr);
     Header(table, part, widths, size, gap);
     for (const auto& row : table.rows) {
+      if (SaysNothing(row, part)) continue;
       double h = size * 1.45;
       for (size_t k : part) {
         if (k < row.size() && TextWidth(row[k].text, size) > 0.8 * widths[k]) {

@@ -28,6 +28,20 @@ Picture Photograph(OffscreenWindow& window, int width, int height) {
   return {std::string(bytes.begin(), bytes.end()), true, width, height};
 }
 
+// How references are drawn, of the kinds that there are.
+std::string ReferencesCaption(const SceneModel& model) {
+  const auto has = [&](bool panorama) {
+    return std::any_of(model.panoramas.begin(), model.panoramas.end(),
+                       [&](const ScenePanorama& p) { return (p.kind == ReferenceKind::kPanorama) == panorama; });
+  };
+  std::string text = ".";
+  if (has(true)) text += " Panoramas as spheres at their estimated places.";
+  if (has(false)) text += " Photos upright before their estimated places.";
+  const bool geotags = std::any_of(model.panoramas.begin(), model.panoramas.end(),
+                                   [](const ScenePanorama& p) { return p.geotag.has_value(); });
+  return text + (geotags ? " Geotags as pale dots." : "");
+}
+
 std::string ErrorsCaption(double scale, double confidence) {
   return fmt::format(
       " Red: differences from references, {:g} times enlarged, with {:.0f} % ellipsoids at the same scale.", scale,
@@ -106,9 +120,8 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
   auto halos = std::make_unique<Halos>(model, view, window->renderer(), kSamples * kHalo_px);
   blocks.push_back(Figure{"plan_rendered",
                           std::string(model.on_earth ? "Plan, north up" : "From above") +
-                              (model.aerial ? ", over the project's aerial image" : "") +
-                              ". Panoramas as spheres at their estimated places, geotags as pale dots." + lines +
-                              errors + " " + frame + ".",
+                              (model.aerial ? ", over the project's aerial image" : "") + ReferencesCaption(model) +
+                              lines + errors + " " + frame + ".",
                           Photograph(*window, width, height), true});
   halos.reset();
   cancel.ThrowIfCancelled();

@@ -93,6 +93,7 @@ class Loader {
     AddTags();
     Guard("control points", [&] { AddControl(); });
     Guard("errors", [&] { AddErrors(); });
+    DropFarPoints();
     Thin(model_.points, options_.max_points);
     Thin(model_.cameras, options_.max_cameras);
     model_.ground_z = GroundHeight();
@@ -441,6 +442,15 @@ class Loader {
       error.reference_position = panorama.world_from_pano.translation - error.difference;
       model_.errors.push_back(std::move(error));
     }
+  }
+
+  // One point at a billion metres, and the depth buffer has no room left for the site.
+  void DropFarPoints() {
+    constexpr double kMostExtents = 20;
+    const auto [low, high] = model_.Bounds();
+    const Eigen::Vector3d middle = 0.5 * (low + high);
+    const double most = kMostExtents * std::max(1.0, (high - low).norm());
+    std::erase_if(model_.points, [&](const ScenePoint& p) { return !((p.position - middle).norm() < most); });
   }
 
   double GroundHeight() const {

@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/bundle_terms.h"
@@ -333,7 +334,9 @@ class Registrar {
     out.view_matches = static_cast<int>(all.size());
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
     if (static_cast<int>(all.size()) < o_.min_inliers / 2) {
-      out.reason = "only " + std::to_string(all.size()) + " matches with points of the run";
+      out.reason = all.empty() ? "no match with a point of the run"
+                               : "only " + Counted(static_cast<int64_t>(all.size()), "match", "matches") +
+                                     " with points of the run";
       return Unmatched(out);
     }
     const double threshold = o_.ransac_px / FocalOf(ref.rig);
@@ -716,7 +719,10 @@ class Registrar {
     out->status = AnswerStatus::kRejected;
     if (independent < o_.min_inliers) {
       std::snprintf(text, sizeof text, "%d inliers, %d needed", independent, o_.min_inliers);
-    } else if (out->support < o_.min_inliers || out->matched_share < o_.min_matched_share) {
+    } else if (out->support < o_.min_inliers) {
+      std::snprintf(text, sizeof text, "%.0f points are found where the pose predicts them, beyond chance; %d needed",
+                    std::max(0.0, out->support), o_.min_inliers);
+    } else if (out->matched_share < o_.min_matched_share) {
       std::snprintf(text, sizeof text, "only %.1f %% of the points that should be seen are found (%.1f %% needed)",
                     100 * out->matched_share, 100 * o_.min_matched_share);
     } else if (out->rival > o_.rival_share * out->agreeing) {

@@ -458,9 +458,7 @@ class Stitcher {
     for (int i = 0; i < Count(); ++i) {
       // Those of lenses of their own are named already.
       if (s.photos[static_cast<size_t>(i)].lens == 0 || shared.photos[static_cast<size_t>(i)].lens != 0) continue;
-      out_.warnings.push_back(
-          fmt::format("{} was taken at another zoom: focal length {:.0f} px, that of most is {:.0f} px", Name(i),
-                      LensOf(i).focal_px, s.lenses[0].focal_px));
+      other_zoom_.push_back(i);
     }
   }
 
@@ -730,6 +728,11 @@ class Stitcher {
           "moves along are a run (runs/NAME/images), not a panorama",
           out_.parallax.p95_px, wide_rad * kRadToDeg));
     }
+    for (int i : other_zoom_) {
+      out_.warnings.push_back(
+          fmt::format("{} was taken at another zoom: focal length {:.0f} px, that of most is {:.0f} px", Name(i),
+                      LensOf(i).focal_px, s.lenses[0].focal_px));
+    }
     DescribeClosure(&out_);
     for (int i = 0; i < Count(); ++i) {
       if (s.photos[static_cast<size_t>(i)].placed) continue;
@@ -946,6 +949,7 @@ class Stitcher {
   PairOptions pair_options_;
   std::vector<PatchImage> patches_;  // of the photos, until they are used
   std::vector<PhotoPair> tried_, accepted_;
+  std::vector<int> other_zoom_;  // photos that have a lens of their own by what they show
   double parallax_ = kFirstParallax;
   bool ring_closed_ = false;  // the photos go all the way round, and their focal length is the one that fits it
   StitchedRig out_;
