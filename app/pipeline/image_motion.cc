@@ -51,9 +51,9 @@ std::optional<double> LengthByGps(const Run& run, const std::vector<TimedPose>& 
 
 }  // namespace
 
-void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
-                     const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
-                     const CancelToken& cancel) {
+std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+                            const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
+                            const CancelToken& cancel) {
   const ImageMotion found = MotionFromImages(job.input, options.motion, options.pairs, threads, seed, progress, cancel);
   std::vector<TimedPose> poses;
   for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
@@ -62,12 +62,11 @@ void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRu
   const std::optional<double> length = LengthByGps(run, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
   const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
-  progress.Log(
-      LogLevel::kWarning,
-      fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
-                  "pairs verified); its unit of length is {}",
-                  run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, unit));
   WriteTum(file, poses, {"trigpoint motion 1; frame=odom (first placed pose); from=images; unit=" + unit});
+  return fmt::format(
+      "run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} pairs verified); "
+      "its unit of length is {}",
+      run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, unit);
 }
 
 void FollowReconstruction(const std::filesystem::path& dir, Run* run) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "app/pipeline/localize_files.h"
 #include "localize/reconstruct/reconstruct_run.h"
@@ -17,10 +18,10 @@ inline constexpr double kUnknownScaleSigma = 10;
 inline constexpr const char* kMotionFile = "motion.tum";
 inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
 
-// Writes `file`: the motion of `job`'s images, as long as the run's GPS says, if it has any.
-void FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
-                     const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
-                     const CancelToken& cancel);
+// Writes `file`: the motion of `job`'s images, as long as the run's GPS says, if it has any. Returns what to warn of.
+std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+                            const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
+                            const CancelToken& cancel);
 
 // What the folder of a reconstruction says becomes the run's: its motion, where the run has no odometry (images
 // without a place in it leave the run), and the lenses found.

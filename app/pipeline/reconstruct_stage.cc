@@ -103,10 +103,11 @@ LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::str
                        ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
                        "qw); without it run `trigpoint localize` in its own mode");
     }
-    FindImageMotion(run, job, options, context.out / kMotionFile, context.threads, context.seed, context.progress,
-                    context.cancel);
+    const std::string said = FindImageMotion(run, job, options, context.out / kMotionFile, context.threads,
+                                             context.seed, context.progress, context.cancel);
     FollowReconstruction(context.out, &run);
     job = MakeRunJob(run, features);
+    job.warnings.push_back(said);
     job.input.has_odometry = false;
   }
   *result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed, context.progress,

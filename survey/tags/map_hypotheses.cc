@@ -20,6 +20,7 @@ namespace {
 
 constexpr double kSizeChi2 = 21.0;                // 5e-6 at 1
 constexpr double kLeastTurn_rad = 2 * kDegToRad;  // less is no turn but a weakness of the model
+constexpr double kTurned_deg = 20;                // of a sheet between two runs: said, wherever it hangs
 constexpr double kLeastSizeError = 0.035;         // odometry, whose scale wanders along its way, can show no less
 constexpr double kCommonSizeChi2 = 10.8;          // 0.1 % at 1
 constexpr double kLeastCommonSize = 0.005;        // less is within what a ruler shows
@@ -305,10 +306,12 @@ void MapSolver::JudgePlaces(TagEstimate* tag) const {
     if (moved_[k].tag_id != tag->tag_id || at == tags_.end() || !tag->world_from_tag) continue;
     const Eigen::Vector3d& a = tag->world_from_tag->translation;
     const Eigen::Vector3d& b = at->second.translation;
-    if (!IsAnotherPlace((b - a).norm(), tag->size_m)) continue;  // the same, found twice
+    const double turned_deg = AngleBetween(tag->world_from_tag->rotation, at->second.rotation) * kRadToDeg;
+    if (!IsAnotherPlace((b - a).norm(), tag->size_m) && turned_deg < kTurned_deg) continue;  // the same, found twice
     text += fmt::format("{}in {} it stands at ({:.2f}, {:.2f}, {:.2f}), {:.2f} m from ({:.2f}, {:.2f}, {:.2f})",
                         text.empty() ? "" : "; ", input_.runs[static_cast<size_t>(moved_[k].run)].name, b.x(), b.y(),
                         b.z(), (b - a).norm(), a.x(), a.y(), a.z());
+    if (turned_deg >= kTurned_deg) text += fmt::format(", turned by {:.0f} deg", turned_deg);
   }
   if (text.empty()) return;
   tag->status = duplicates_.count(tag->tag_id) > 0 ? "duplicate" : "moved";

@@ -55,6 +55,7 @@ class MapSolver {
   void LoadState();
   std::vector<std::vector<MapSight*>> Visits();
   void GateStart();
+  void SplitTurned();
   void PlaceSplit();
   void FindLinked();
   bool Usable(const MapSight& s) const;

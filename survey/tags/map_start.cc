@@ -251,6 +251,18 @@ std::optional<Rigid3d> Level(const SurveyInput& input, const MapStart& start) {
   return Rigid3d(turn, Eigen::Vector3d(0, 0, -(turn * mean).z()));
 }
 
+// Everything that is placed, from the map's frame into another.
+void Move(const Rigid3d& world_from_map, MapStart* start) {
+  for (auto& [id, pose] : start->world_from_tag) pose = world_from_map * pose;
+  for (auto& tags : start->by_run) {
+    for (auto& [id, pose] : tags) pose = world_from_map * pose;
+  }
+  for (auto& [name, point] : start->marked) point = world_from_map * point;
+  for (MapFrame& frame : start->frames) {
+    if (frame.world_from_body) frame.world_from_body = world_from_map * *frame.world_from_body;
+  }
+}
+
 }  // namespace
 
 int FrameAt(const MapStart& start, int run, int64_t stamp_ns) {
@@ -368,6 +380,7 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
       run_tags[r] = TagsOf(input, *start, run, threads, cancel);
     }
   }
+  start->by_run.resize(input.runs.size());
   // Runs join the map of the first in the order of their common tags.
   std::vector<bool> joined(input.runs.size(), false);
   for (size_t round = 0; round < input.runs.size(); ++round) {
@@ -398,7 +411,10 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
       if (frame.world_from_body) frame.world_from_body = *map_from_run * *frame.world_from_body;
     }
     if (!map_from_run) continue;
-    for (const auto& [id, pose] : run_tags[next]) start->world_from_tag.emplace(id, *map_from_run * pose);
+    for (const auto& [id, pose] : run_tags[next]) {
+      start->by_run[next].emplace(id, *map_from_run * pose);
+      start->world_from_tag.emplace(id, *map_from_run * pose);
+    }
   }
   PlaceMarks(input, start);
   std::optional<Rigid3d> world_from_map;
@@ -414,12 +430,7 @@ void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_p
     start->in_world = world_from_map.has_value();
     if (!world_from_map) world_from_map = Level(input, *start);
   }
-  if (!world_from_map) return;
-  for (auto& [id, pose] : start->world_from_tag) pose = *world_from_map * pose;
-  for (auto& [name, point] : start->marked) point = *world_from_map * point;
-  for (MapFrame& frame : start->frames) {
-    if (frame.world_from_body) frame.world_from_body = *world_from_map * *frame.world_from_body;
-  }
+  if (world_from_map) Move(*world_from_map, start);
 }
 
 }  // namespace trigpoint

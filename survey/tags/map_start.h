@@ -39,6 +39,7 @@ struct MapStart {
   std::vector<MapFrame> frames;  // run by run, ascending time; such that see a tag or a scene point
   std::vector<MapSight> sights;
   std::map<int, Rigid3d> world_from_tag;
+  std::vector<std::map<int, Rigid3d>> by_run;  // the same by the pictures of each run alone, where it is joined
   std::vector<std::string> warnings;
   std::map<std::string, Eigen::Vector3d> marked;  // points that are marked in pictures
   bool in_world = false;

@@ -11,6 +11,8 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/so3.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -303,6 +305,24 @@ TEST(TagMap, AMovedTagIsNamedAndNotAveragedThoughOdometryCouldBend) {
     EXPECT_LT(std::min(first_m, second_m), 0.08) << shift.transpose();
     EXPECT_THAT(tag.reason, testing::HasSubstr(first_m < second_m ? "in run2 it stands" : "in run1 it stands"));
     ExpectOthersRight(map, yard, {4});
+  }
+}
+
+// Hung upside down or on its side between two days, its corners are read in another order.
+TEST(TagMap, ASheetThatHangsTurnedIsNamedAndBendsNothing) {
+  for (const double turned_deg : {180.0, 90.0}) {
+    for (const Eigen::Vector3d& shift :
+         {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.2, 0.2, 0), Eigen::Vector3d(0, 1, 0)}) {
+      Yard yard = MakeYard(23);
+      Rigid3d turned = yard.tags[4];
+      turned.rotation = turned.rotation * ExpSO3({0, 0, turned_deg * kDegToRad});
+      turned.translation += shift;
+      Show(&yard, 1, 4, turned, 0, 80);
+      const SurveyResult map = Survey(yard.input);
+      EXPECT_EQ(map.tags[4].status, "moved") << turned_deg << " " << shift.transpose();
+      EXPECT_THAT(map.tags[4].reason, testing::HasSubstr(", turned by "));
+      ExpectOthersRight(map, yard, {4});
+    }
   }
 }
 
