@@ -248,8 +248,9 @@ void CheckDesk::Show() {
   headline_->setStyleSheet(
       QString("color: %1;").arg(ReadableOn(palette().color(QPalette::Window), ColourOfLight(outcome_->light)).name()));
   for (const Advice& advice : outcome_->advice) AddRow(next_, {Text(advice.what), Text(advice.why)}, QColor());
-  if (outcome_->advice.empty())
-    AddRow(next_, {tr("No further picture would improve the predicted accuracy much."), ""}, QColor());
+  if (outcome_->advice.empty()) {
+    AddRow(next_, {Text(NothingNext(outcome_->facts, outcome_->light == Light::kGreen)), ""}, QColor());
+  }
   for (const SiteFinding& f : outcome_->findings) {
     AddRow(findings_, {Text(LightName(f.light)), Text(f.topic), Text(f.text)},
            ReadableOn(ground, ColourOfLight(f.light)));

@@ -91,7 +91,7 @@ std::optional<FieldClock> ClockOf(const FieldRun& run, const PairLog& pairs) {
   if (std::any_of(run.run->cameras.begin(), run.run->cameras.end(), is_guess)) return std::nullopt;
   const auto clock = FindOdometryClock(run.run->odometry, TurnsOf(run, pairs), kMostOffset_s);
   if (!clock) return std::nullopt;
-  return FieldClock{clock->offset_s, clock->sigma_s, clock->significant};
+  return FieldClock{clock->offset_s, clock->sigma_s, clock->agrees, clock->significant};
 }
 
 }  // namespace

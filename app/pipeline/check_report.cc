@@ -186,12 +186,15 @@ Table TagTable(const CheckOutcome& outcome) {
 
 Document PageOf(const CheckOutcome& outcome) {
   const FieldFacts& facts = outcome.facts;
+  const bool green = outcome.light == Light::kGreen;
   Document page;
   page.title = "Is it enough? " + std::string(LightName(outcome.light));
   page.subtitle = outcome.project->name() + ", " + UtcTimeText() + ": " + CheckHeadline(outcome);
   Facts few;
   few.facts.push_back({"Before leaving", LightName(outcome.light),
-                       outcome.light == Light::kGreen ? "nothing to do" : "see what to do next",
+                       green                    ? "nothing to do"
+                       : outcome.advice.empty() ? "see the findings"
+                                                : "see what to do next",
                        ToneOf(outcome.light)});
   few.facts.push_back({"Pictures", std::to_string(outcome.pictures + PhotosOfSets(outcome)),
                        outcome.waiting > 0 ? fmt::format("{} not yet processed", outcome.waiting) : "all processed"});
@@ -202,10 +205,10 @@ Document PageOf(const CheckOutcome& outcome) {
                          "predicted, 1 sigma; datum: " + facts.prediction->datum});
   }
   page.blocks.push_back(few);
-  page.blocks.push_back(
-      Heading{2, outcome.light == Light::kGreen ? "What would still improve the survey" : "What to do next", "next"});
-  if (outcome.advice.empty())
-    page.blocks.push_back(Paragraph{"No further picture would improve the predicted accuracy much.", Tone::kGood});
+  page.blocks.push_back(Heading{2, green ? "What would still improve the survey" : "What to do next", "next"});
+  if (outcome.advice.empty()) {
+    page.blocks.push_back(Paragraph{NothingNext(facts, green), green ? Tone::kGood : Tone::kPlain});
+  }
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
     page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
@@ -220,8 +223,10 @@ Document PageOf(const CheckOutcome& outcome) {
   }
   page.blocks.push_back(Heading{2, "Findings", "findings"});
   page.blocks.push_back(FindingTable(outcome));
+  const Table tags = TagTable(outcome);
+  if (tags.rows.empty()) return page;  // a site without tags
   page.blocks.push_back(Heading{2, "Tags", "tags"});
-  page.blocks.push_back(TagTable(outcome));
+  page.blocks.push_back(tags);
   page.footer =
       "The sigmas are predicted from the tags as detected, the odometry, and scene points as `trigpoint plan` assumes "
       "them.";

@@ -106,8 +106,8 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
   clock.sigma_s = std::hypot(clock.sigma_s, StepOf(odometry) / std::sqrt(12.0));
   const Tried none{0, DifferencesAt(odometry, turns, 0)};
   clock.off_before_rad = none.off.empty() ? M_PI : Median(none.off);
-  clock.significant = std::abs(clock.offset_s) > std::max(kLeastOffset_s, 3 * clock.sigma_s) &&
-                      clock.off_before_rad > kClearlyBetter * clock.off_after_rad &&
+  clock.agrees = std::abs(clock.offset_s) <= std::max(kLeastOffset_s, 3 * clock.sigma_s);
+  clock.significant = !clock.agrees && clock.off_before_rad > kClearlyBetter * clock.off_after_rad &&
                       (none.off.empty() || chi2(none) > chi2(best) + kSignificantChi2);
   return clock;
 }

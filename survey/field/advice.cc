@@ -101,6 +101,7 @@ class Adviser {
       if (const auto pose = Pose(tag.tag_id)) advice.at = pose->translation;
       list.push_back(advice);
     }
+    for (Advice& advice : OfRuns()) list.push_back(std::move(advice));
     if (!facts_.map) return list;
     for (const MoveOrJump& u : facts_.map->undecided) {
       Advice advice{fmt::format("Tag {}: photograph it from one spot together with its neighbours", u.tag_id),
@@ -138,6 +139,45 @@ class Adviser {
     return it == facts_.layout->world_from_tag.end() ? std::nullopt : std::optional<Rigid3d>(it->second);
   }
   bool InWorld() const { return facts_.prediction && facts_.prediction->in_world; }
+
+  // Stretches on which pictures in a row do not hang together, the weakest first, and loops that are open.
+  std::vector<Advice> OfRuns() const {
+    std::vector<std::pair<int, Advice>> gaps;
+    std::vector<Advice> list;
+    for (const FieldRun& run : facts_.runs) {
+      std::string from, to;
+      int least = kLeastSharedInARow;
+      const auto end_gap = [&] {
+        if (from.empty()) return;
+        gaps.emplace_back(
+            least,
+            Advice{fmt::format("Run {}: record the way from picture {} to {} again, slowly and without turning "
+                               "on the spot",
+                               run.run->name, from, to),
+                   fmt::format("pictures in a row share {} features there, {} are needed", least, kLeastSharedInARow)});
+        from.clear(), least = kLeastSharedInARow;
+      };
+      for (const FieldPair& pair : run.pairs) {
+        if (pair.loop || pair.shared < 0) continue;
+        if (pair.shared >= kLeastSharedInARow || pair.from != to) end_gap();
+        if (pair.shared >= kLeastSharedInARow) continue;
+        if (from.empty()) from = pair.from;
+        to = pair.to, least = std::min(least, pair.shared);
+      }
+      end_gap();
+    }
+    std::stable_sort(gaps.begin(), gaps.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (auto& [shared, advice] : gaps) list.push_back(std::move(advice));
+    for (const FieldRun& run : facts_.runs) {
+      const auto loop = CoverLoop(facts_, run);
+      if (!loop || !loop->open) continue;
+      list.push_back({fmt::format("Run {}: go on to where it began (picture {}) while recording, and pass the first "
+                                  "metres again",
+                                  run.run->name, run.pictures.front().image),
+                      "its loop is open: the drift of odometry is not known"});
+    }
+    return list;
+  }
 
   // As surveyed or planned, else by the geotag of its station's panorama, m, world.
   std::optional<Eigen::Vector3d> PlaceOf(int tag_id) const {
@@ -251,6 +291,12 @@ std::string CompassText(double heading_rad) {
   const double deg = std::fmod(heading_rad * kRadToDeg + 720, 360);
   const auto k = static_cast<size_t>(std::lround(deg / 45)) % kNames.size();
   return fmt::format("{} ({:.0f} deg)", kNames[k], deg);
+}
+
+std::string NothingNext(const FieldFacts& facts, bool green) {
+  if (!green) return "No further picture is needed by itself; the findings say what to do.";
+  return facts.prediction ? "No further picture would improve the predicted accuracy much."
+                          : "Nothing is missing. Without a tag map no accuracy is predicted.";
 }
 
 std::vector<Advice> WhatNext(const FieldFacts& facts, const NetworkOptions& options, size_t count, uint64_t seed,

@@ -18,10 +18,14 @@ struct Advice {
   double rms_after_m = 0;               // predicted RMS sigma of the tags; 0: something is missing, nothing to improve
 };
 
-// Most valuable first: what is missing altogether (tags in no picture, tags that stand twice, open rings), then walks
-// from a well-known tag to a weak one, ranked by the accuracy that `survey` would state with them. At most `count`.
+// Most valuable first: what is missing altogether (tags in no picture, tags that stand twice, open rings, stretches
+// where pictures in a row do not hang together, open loops), then walks from a well-known tag to a weak one, ranked by
+// the accuracy that `survey` would state with them. At most `count`.
 std::vector<Advice> WhatNext(const FieldFacts& facts, const NetworkOptions& options, size_t count, uint64_t seed,
                              int threads, const CancelToken& cancel);
+
+// What stands in the place of advice where there is none. `green`: no finding asks for anything.
+std::string NothingNext(const FieldFacts& facts, bool green);
 
 // "north-east (47 deg)" of an angle clockwise from north.
 std::string CompassText(double heading_rad);

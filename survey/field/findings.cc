@@ -32,7 +32,6 @@ constexpr double kLeastRing = 0.4;  // share of the ring with texture; a corner'
 constexpr double kDarkMean = 40, kBrightMean = 215, kMostDark = 0.5, kMostBright = 0.3;
 constexpr size_t kTagsNamed = 8;     // of one finding
 constexpr int kRealId = 3;           // pictures of an id that nobody planned, before it counts as being there
-constexpr int kLeastShared = 20;     // features of two pictures in a row, for tracks to go on
 constexpr double kSmallTag_px = 24;  // tags seen no larger than this have poor corners
 
 double Quantile(std::vector<double> values, double share) {
@@ -304,8 +303,8 @@ void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
   for (const FieldPair& pair : run.pairs) {
     if (pair.loop || pair.shared < 0) continue;
     shared.push_back(pair.shared);
-    if (pair.shared >= kLeastShared) continue;
-    (pair.matched < kLeastShared ? broken : unexplained).push_back(pair.from + " to " + pair.to);
+    if (pair.shared >= kLeastSharedInARow) continue;
+    (pair.matched < kLeastSharedInARow ? broken : unexplained).push_back(pair.from + " to " + pair.to);
   }
   if (shared.empty()) return;
   if (!unexplained.empty()) {
@@ -313,8 +312,8 @@ void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
                          fmt::format("{}: at {} of {} pictures at least {} features match those of the one before, but "
                                      "no motion of the camera explains {} of them ({}); is there traffic or a repeated "
                                      "pattern? Pass there again",
-                                     run.run->name, unexplained.size(), shared.size(), kLeastShared, kLeastShared,
-                                     SomeOf(unexplained, 2))});
+                                     run.run->name, unexplained.size(), shared.size(), kLeastSharedInARow,
+                                     kLeastSharedInARow, SomeOf(unexplained, 2))});
   }
   if (broken.empty() && unexplained.empty()) {
     findings->push_back({Light::kGreen, "overlap",
@@ -323,10 +322,11 @@ void FindOverlap(const FieldRun& run, std::vector<SiteFinding>* findings) {
     return;
   }
   if (broken.empty()) return;
-  findings->push_back({Light::kAmber, "overlap",
-                       fmt::format("{}: at {} of {} pictures fewer than {} features are shared with the one before "
-                                   "({}); walk and turn slower there",
-                                   run.run->name, broken.size(), shared.size(), kLeastShared, SomeOf(broken, 2))});
+  findings->push_back(
+      {Light::kAmber, "overlap",
+       fmt::format("{}: at {} of {} pictures fewer than {} features are shared with the one before "
+                   "({}); walk and turn slower there",
+                   run.run->name, broken.size(), shared.size(), kLeastSharedInARow, SomeOf(broken, 2))});
 }
 
 void FindMissingTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {

@@ -39,7 +39,8 @@ struct FieldPicture {
 // Offset of odometry's clock against that of the pictures, as their rotations show it.
 struct FieldClock {
   double offset_s = 0, sigma_s = 0;  // to be added to odometry's stamps; 1 sigma
-  bool significant = false;
+  bool agrees = false;               // with no offset
+  bool significant = false;          // neither: the rotations do not decide
 };
 
 // Two pictures of a run that were compared: one after the other, or both of one place at different times.
@@ -131,6 +132,21 @@ struct StationCoverage {
   bool reference = false;  // a panorama, photo or photo set of it is there
 };
 std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radius_m);
+
+// Pictures in a row that share fewer features than this do not hang together.
+inline constexpr int kLeastSharedInARow = 20;
+
+// Does a run come back to where it was before, so that the drift of its odometry is known?
+struct LoopCoverage {
+  double length_m = 0;       // way from the first picture to the last
+  int returns = 0;           // to tags that were passed before
+  double last_return_m = 0;  // along the way
+  int pictures_again = 0;    // that show places that were passed before
+  int shared_tags = 0;       // with other runs
+  bool open = false;         // it does not, and neither other runs' tags nor geotags nor GPS hold it
+};
+// None without odometry or pictures.
+std::optional<LoopCoverage> CoverLoop(const FieldFacts& facts, const FieldRun& run);
 
 // What the pictures by themselves show: files, blur, lens, exposure, tags that are missing, photo sets.
 std::vector<SiteFinding> FindInPictures(const FieldFacts& facts);

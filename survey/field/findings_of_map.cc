@@ -161,6 +161,27 @@ void FindInCalibration(const FieldFacts& facts, std::vector<SiteFinding>* findin
   }
 }
 
+void FindInClock(const FieldRun& run, std::vector<SiteFinding>* findings) {
+  if (!run.clock) return;
+  const FieldClock& clock = *run.clock;
+  const auto add = [&](Light light, const std::string& text) {
+    findings->push_back({light, "clock", run.run->name + ": " + text});
+  };
+  if (clock.significant) {
+    add(Light::kRed, fmt::format("odometry's clock is {:+.2f} s off the pictures' (1 sigma {:.2f} s): write odometry: "
+                                 "{{time_offset_s: {:.2f}}} into run.yaml, or record again",
+                                 -clock.offset_s, clock.sigma_s, clock.offset_s));
+  } else if (clock.agrees && clock.sigma_s < kClockKnown_s) {
+    add(Light::kGreen, fmt::format("odometry's clock agrees with the pictures' ({:+.2f} s, 1 sigma {:.2f} s)",
+                                   -clock.offset_s, clock.sigma_s));
+  } else if (!clock.agrees) {
+    add(Light::kGreen,
+        fmt::format("the pictures' rotations do not show whether odometry's clock agrees with theirs (an offset of "
+                    "{:+.2f} s fits hardly better than none)",
+                    -clock.offset_s));
+  }
+}
+
 void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
   const std::string& name = run.run->name;
   const auto add = [&](Light light, const char* topic, const std::string& text) {
@@ -181,16 +202,7 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
         fmt::format("odometry covers {} of {} pictures; check both clocks, or copy all of it", covered,
                     run.pictures.size()));
   }
-  if (run.clock && run.clock->significant) {
-    add(Light::kRed, "clock",
-        fmt::format("odometry's clock is {:+.2f} s off the pictures' (1 sigma {:.2f} s): write odometry: "
-                    "{{time_offset_s: {:.2f}}} into run.yaml, or record again",
-                    -run.clock->offset_s, run.clock->sigma_s, run.clock->offset_s));
-  } else if (run.clock && run.clock->sigma_s < kClockKnown_s) {
-    add(Light::kGreen, "clock",
-        fmt::format("odometry's clock agrees with the pictures' ({:+.2f} s, 1 sigma {:.2f} s)", -run.clock->offset_s,
-                    run.clock->sigma_s));
-  }
+  FindInClock(run, findings);
   if (!facts.map) return;
   for (const RunAgreement& found : facts.map->runs) {
     if (found.name != name) continue;
@@ -253,72 +265,63 @@ bool HasTags(const FieldFacts& facts) {
          std::any_of(facts.runs.begin(), facts.runs.end(), shows_tags);
 }
 
-// The loop of a run on a site without tags.
-SiteFinding UntaggedLoop(const FieldFacts& facts, const FieldRun& run, double length_m) {
-  const std::vector<Reference>& references = facts.site->references;
-  const auto geotags =
-      std::count_if(references.begin(), references.end(), [](const Reference& r) { return r.geotag.has_position; });
-  if (geotags == 0 && run.run->gps.empty()) {
-    return {
-        Light::kAmber, "loops",
-        fmt::format("{}: {:.0f} m without coming back to a place that was passed before: the loop is open; pass the "
-                    "beginning again at the end",
-                    run.run->name, length_m)};
+int GeotagsOf(const Site& site) {
+  return static_cast<int>(std::count_if(site.references.begin(), site.references.end(),
+                                        [](const Reference& r) { return r.geotag.has_position; }));
+}
+
+int TagsSharedWithOthers(const FieldFacts& facts, const FieldRun& run) {
+  std::set<int> own, shared;
+  for (const FieldPicture& picture : run.pictures) {
+    for (const TagDetection& tag : picture.tags) own.insert(tag.id);
   }
-  return {Light::kGreen, "loops",
-          fmt::format("{}: {:.0f} m, the loop is open, but {} along the way {} the drift of odometry", run.run->name,
-                      length_m, geotags > 0 ? Counted(geotags, "geotag") : "GPS", geotags > 1 ? "limit" : "limits")};
+  for (const FieldRun& other : facts.runs) {
+    if (&other == &run) continue;
+    for (const FieldPicture& picture : other.pictures) {
+      for (const TagDetection& tag : picture.tags) {
+        if (own.contains(tag.id)) shared.insert(tag.id);
+      }
+    }
+  }
+  return static_cast<int>(shared.size());
+}
+
+std::string ClosedLoopText(const LoopCoverage& loop) {
+  std::vector<std::string> how;
+  if (loop.returns > 0) {
+    how.push_back(fmt::format("it came back to tags ({}, the last after {:.0f} m)",
+                              loop.returns == 1 ? "once" : fmt::format("{} times", loop.returns), loop.last_return_m));
+  }
+  if (loop.pictures_again > 0) {
+    how.push_back(fmt::format("{} show places that were passed before", Counted(loop.pictures_again, "picture")));
+  }
+  return "loop closed: " + SomeOf(how);
 }
 
 void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
-  if (run.run->odometry.poses.size() < 2 || run.pictures.empty()) return;
-  const Way way(run.run->odometry);
-  std::map<int, double> last_seen;
-  double last_return = -1;
-  int returns = 0;
-  std::set<int> seen;
-  for (const FieldPicture& picture : run.pictures) {
-    const double at = way.At(picture.stamp_ns);
-    for (const TagDetection& tag : picture.tags) {
-      const auto [it, fresh] = last_seen.try_emplace(tag.id, at);
-      if (!fresh && at - it->second > kLoop_m) ++returns, last_return = at;
-      it->second = at;
-      seen.insert(tag.id);
-    }
-  }
-  const double length = way.At(run.pictures.back().stamp_ns) - way.At(run.pictures.front().stamp_ns);
-  int shared = 0;
-  for (const int id : seen) {
-    shared += std::any_of(facts.runs.begin(), facts.runs.end(), [&](const FieldRun& other) {
-      return &other != &run && std::any_of(other.pictures.begin(), other.pictures.end(), [&](const FieldPicture& p) {
-        return std::any_of(p.tags.begin(), p.tags.end(), [&](const TagDetection& t) { return t.id == id; });
-      });
-    });
-  }
-  const std::string others = shared > 0 ? fmt::format("; it shares {} with other runs", Counted(shared, "tag")) : "";
-  const auto again = std::count_if(run.pairs.begin(), run.pairs.end(),
-                                   [](const FieldPair& pair) { return pair.loop && pair.shared >= kLoopShared; });
-  if (returns > 0 || again > 0) {
-    const std::string tags = returns > 0
-                                 ? fmt::format("it came back to tags ({}, the last after {:.0f} m)",
-                                               returns == 1 ? "once" : fmt::format("{} times", returns), last_return)
-                                 : "";
-    const std::string places =
-        again > 0 ? fmt::format("{} show places that were passed before", Counted(again, "picture")) : "";
-    findings->push_back({Light::kGreen, "loops",
-                         fmt::format("{}: {:.0f} m, loop closed: {}{}{}{}", run.run->name, length, tags,
-                                     returns > 0 && again > 0 ? ", " : "", places, others)});
-  } else if (length > kLoopWanted_m && !HasTags(facts)) {
-    findings->push_back(UntaggedLoop(facts, run, length));
-  } else if (length > kLoopWanted_m) {
-    const bool held = shared >= 2;
-    findings->push_back(
-        {held ? Light::kGreen : Light::kAmber, "loops",
-         held ? fmt::format("{}: {:.0f} m, held by {} that other runs share; it needs no loop of its own",
-                            run.run->name, length, Counted(shared, "tag"))
-              : fmt::format("{}: {:.0f} m without coming back to a tag: the loop is open{}; pass the first tags again "
-                            "at the end",
-                            run.run->name, length, others)});
+  const std::optional<LoopCoverage> loop = CoverLoop(facts, run);
+  if (!loop) return;
+  const auto add = [&](Light light, const std::string& text) {
+    findings->push_back({light, "loops", fmt::format("{}: {:.0f} m, {}", run.run->name, loop->length_m, text)});
+  };
+  const bool tagged = HasTags(facts);
+  const std::string others =
+      loop->shared_tags > 0 ? fmt::format("; it shares {} with other runs", Counted(loop->shared_tags, "tag")) : "";
+  if (loop->returns > 0 || loop->pictures_again > 0) {
+    add(Light::kGreen, ClosedLoopText(*loop) + others);
+  } else if (loop->open && tagged) {
+    add(Light::kAmber,
+        "without coming back to a tag: the loop is open" + others + "; pass the first tags again at the end");
+  } else if (loop->open) {
+    add(Light::kAmber,
+        "without coming back to a place that was passed before: the loop is open; pass the beginning again at the end");
+  } else if (loop->length_m > kLoopWanted_m && tagged) {
+    add(Light::kGreen, fmt::format("held by {} that other runs share; it needs no loop of its own",
+                                   Counted(loop->shared_tags, "tag")));
+  } else if (loop->length_m > kLoopWanted_m) {
+    const int geotags = GeotagsOf(*facts.site);
+    add(Light::kGreen, fmt::format("the loop is open, but {} along the way {} the drift of odometry",
+                                   geotags > 0 ? Counted(geotags, "geotag") : "GPS", geotags > 1 ? "limit" : "limits"));
   }
 }
 
@@ -345,6 +348,31 @@ void FindInStations(const FieldFacts& facts, std::vector<SiteFinding>* findings)
 }
 
 }  // namespace
+
+std::optional<LoopCoverage> CoverLoop(const FieldFacts& facts, const FieldRun& run) {
+  constexpr int kHoldingTags = 2;
+  if (run.run->odometry.poses.size() < 2 || run.pictures.empty()) return std::nullopt;
+  const Way way(run.run->odometry);
+  LoopCoverage loop;
+  std::map<int, double> last_seen;
+  for (const FieldPicture& picture : run.pictures) {
+    const double at = way.At(picture.stamp_ns);
+    for (const TagDetection& tag : picture.tags) {
+      const auto [it, fresh] = last_seen.try_emplace(tag.id, at);
+      if (!fresh && at - it->second > kLoop_m) ++loop.returns, loop.last_return_m = at;
+      it->second = at;
+    }
+  }
+  loop.length_m = way.At(run.pictures.back().stamp_ns) - way.At(run.pictures.front().stamp_ns);
+  loop.shared_tags = TagsSharedWithOthers(facts, run);
+  loop.pictures_again = static_cast<int>(std::count_if(run.pairs.begin(), run.pairs.end(), [](const FieldPair& pair) {
+    return pair.loop && pair.shared >= kLoopShared;
+  }));
+  const bool held =
+      HasTags(facts) ? loop.shared_tags >= kHoldingTags : GeotagsOf(*facts.site) > 0 || !run.run->gps.empty();
+  loop.open = loop.length_m > kLoopWanted_m && loop.returns == 0 && loop.pictures_again == 0 && !held;
+  return loop;
+}
 
 std::vector<TagCoverage> CoverTags(const FieldFacts& facts) {
   std::map<int, TagCoverage> tags;

@@ -330,8 +330,60 @@ TEST(Field, OdometryElsewhereInTimeIsNamed) {
   const auto scene = SceneOf(Recorded(Yard()), Yard());
   for (TimedPose& pose : scene->site.runs[0].odometry.poses) pose.stamp_ns += 1'000'000'000'000;
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("odometry covers 0 of")));
-  scene->facts.runs[0].clock = {0.4, 0.05, true};
+  scene->facts.runs[0].clock = {0.4, 0.05, false, true};
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("time_offset_s: 0.40")));
+}
+
+// An offset far beyond its sigma that fits hardly better than none is no agreement.
+TEST(Field, AClockThatRotationsDoNotDecideIsNotSaidToAgree) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  const auto about_the_clock = [&] {
+    std::vector<std::string> texts;
+    for (const SiteFinding& f : FindInMap(scene->facts)) {
+      if (f.topic == "clock") texts.push_back(f.text);
+    }
+    return texts;
+  };
+  scene->facts.runs[0].clock = {0.01, 0.05, true, false};
+  EXPECT_THAT(about_the_clock(),
+              testing::ElementsAre(HasSubstr("odometry's clock agrees with the pictures' (-0.01 s")));
+  scene->facts.runs[0].clock = {3.3, 0.37, false, false};
+  EXPECT_THAT(about_the_clock(), testing::ElementsAre(HasSubstr("do not show whether odometry's clock agrees")));
+  scene->facts.runs[0].clock = {0.1, 0.9, true, false};
+  EXPECT_THAT(about_the_clock(), testing::IsEmpty());
+}
+
+// Without tags the pictures and the way alone say what to do next.
+TEST(Field, AdviceWithoutTagsNamesGapsAndTheOpenLoop) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  FieldFacts& facts = scene->facts;
+  facts.map.reset(), facts.layout.reset(), facts.prediction.reset(), facts.input.reset();
+  facts.planned.clear();
+  scene->site.tags = {};
+  FieldRun& run = facts.runs[0];
+  for (FieldPicture& picture : run.pictures) picture.tags.clear();
+  const size_t half = run.pictures.size() / 2;
+  for (size_t k = 1; k < run.pictures.size(); ++k) {
+    const int shared = k == 3 ? 12 : k == half ? 9 : k == half + 1 ? 4 : 80;
+    run.pairs.push_back({run.pictures[k - 1].image, run.pictures[k].image, shared, false, 0, 100});
+  }
+  for (TimedPose& pose : scene->site.runs[0].odometry.poses) pose.target_from_body.translation *= 2;  // 75 m and more
+  const auto next = [&] { return WhatNext(facts, Options(), 3, 1, 1, CancelToken()); };
+  const std::vector<Advice> advice = next();
+  ASSERT_EQ(advice.size(), 3U);
+  const auto way = [&](size_t from, size_t to) {
+    return "from picture " + run.pictures[from].image + " to " + run.pictures[to].image + " again";
+  };
+  EXPECT_THAT(advice[0].what, HasSubstr(way(half - 1, half + 1)));  // the weakest comes first
+  EXPECT_THAT(advice[0].why, HasSubstr("share 4 features"));
+  EXPECT_THAT(advice[1].what, HasSubstr(way(2, 3)));
+  EXPECT_THAT(advice[2].what, HasSubstr("go on to where it began (picture " + run.pictures[0].image));
+  run.pairs.push_back({run.pictures[0].image, run.pictures.back().image, 60, true, 0, 100});  // the loop is closed
+  EXPECT_EQ(next().size(), 2U);
+  for (FieldPair& pair : run.pairs) pair.shared = 80;
+  EXPECT_THAT(next(), testing::IsEmpty());
+  EXPECT_THAT(NothingNext(facts, false), HasSubstr("the findings say what to do"));
+  EXPECT_THAT(NothingNext(facts, true), testing::Not(HasSubstr("would improve")));
 }
 
 TEST(Field, AdviceLeadsInFrontOfAWeakTagAndImprovesIt) {
