@@ -316,9 +316,9 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
     return fmt::format(
         "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
         "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
-        "expected the pose of the camera on the body (x forward, y left, z up); on a path of constant curvature a "
-        "wrong translation has the same effect: calibrate it anew, or correct it. Option check_conventions=false "
-        "skips this check",
+        "expected the pose of the camera on the body (x forward, y left, z up). Odometry whose positions are turned "
+        "against its rotations shows the same, and on a path of constant curvature a wrong translation does: calibrate "
+        "the camera anew, or correct what is wrong. Option check_conventions=false skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;

@@ -94,7 +94,7 @@ poses("positions negated", lambda k, q: (-q.t, q.r))
 poses("left-handed (y right)", lambda k, q: (MIRROR @ q.t, MIRROR @ q.r @ MIRROR))
 poses("frame turned (positions and rotations)", lambda k, q: (turn(2, 70) @ q.t, turn(2, 70) @ q.r), None)
 poses("positions turned by 90 deg against rotations", lambda k, q: (turn(2, 90) @ q.t, q.r))
-poses("positions turned by 10 deg against rotations", lambda k, q: (turn(2, 10) @ q.t, q.r), None)
+poses("positions turned by 10 deg against rotations", lambda k, q: (turn(2, 10) @ q.t, q.r), r"turned against its rotations")
 poses("inverted, w first", lambda k, q: (q.t, rotation(np.roll(quaternion_of(q.r.T), 1))))
 
 

@@ -164,6 +164,23 @@ std::pair<std::vector<Rigid3d>, std::vector<MeasuredMotion>> Directions(double t
   return {path, motions};
 }
 
+// The fewer the motions, the more their residuals look like noise: the turn is found all the same.
+TEST(OdometryMount, PositionsTurnedAgainstRotationsShowInFewMotions) {
+  for (const double turned_deg : {-10.0, 0.0, 10.0, 25.0}) {
+    auto [path, motions] = Directions(3, 1, 0, 7);
+    for (Rigid3d& pose : path) {
+      pose.translation = ExpSO3({0, 0, turned_deg * kDegToRad}) * pose.translation;
+    }
+    std::vector<MeasuredMotion> few;
+    for (size_t k = 0; k < motions.size(); k += 6) few.push_back(motions[k]);
+    const auto error = FindMountError(path, few);
+    ASSERT_TRUE(error) << turned_deg;
+    // About the camera's y axis, down, beside the 2 deg by which it is mounted otherwise.
+    EXPECT_NEAR(error->rotation.y() * kRadToDeg, -(turned_deg + 2), 4 * error->sigma_rad * kRadToDeg)
+        << error->rotation.transpose() * kRadToDeg;
+  }
+}
+
 TEST(OdometryStretch, IsFoundFromDirections) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     const auto [stretched, motions] = Directions(6, 1.3, 0.5, seed);
