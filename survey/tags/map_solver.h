@@ -28,7 +28,8 @@ class MapSolver {
   SurveyResult Run();
 
  private:
-  void Warn(std::string text) { result_.warnings.push_back({std::move(text), -1, ""}); }
+  // Says the same only once.
+  void Warn(const std::string& text);
 
   // What a factor observes; `index`: sight, frame, point, distance, reading of a total station.
   enum class Kind { kTag, kOdometry, kPoint, kDistance, kStation, kOther };
@@ -55,8 +56,8 @@ class MapSolver {
   void LoadState();
   std::vector<std::vector<MapSight*>> Visits();
   void GateStart();
-  void SplitTurned();
   void PlaceSplit();
+  void SplitTurned();
   void FindLinked();
   bool Usable(const MapSight& s) const;
   bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }

@@ -222,26 +222,9 @@ void MapSolver::LoadState() {
   if (lost > 0) {
     Warn(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
   }
-  SplitTurned();
   PlaceSplit();
+  SplitTurned();
   GateStart();
-}
-
-// A sheet that hangs turned in another run is given a place of its own at once: its corners are read in another order,
-// and as pictures of one sheet they would bend everything. How a sheet is turned in its plane is never in doubt.
-void MapSolver::SplitTurned() {
-  constexpr double kTurned_rad = 45 * kDegToRad;
-  for (size_t r = 0; r < start_.by_run.size(); ++r) {
-    for (const auto& [id, by_its_pictures] : start_.by_run[r]) {
-      const auto tag = tags_.find(id);
-      if (tag == tags_.end()) continue;
-      const Eigen::Vector3d x =
-          tag->second.rotation.conjugate() * (by_its_pictures.rotation * Eigen::Vector3d::UnitX());
-      if (std::abs(std::atan2(x.y(), x.x())) < kTurned_rad) continue;
-      LeaveOutControlOn(id);
-      GivePlace(id, static_cast<int>(r), by_its_pictures);
-    }
-  }
 }
 
 // First guesses of places that were split off before the start: the planar solution that most of its pictures share.
@@ -268,6 +251,32 @@ void MapSolver::PlaceSplit() {
     }
     tags_.erase(place);
     if (found) tags_[place] = *found;
+  }
+}
+
+void MapSolver::Warn(const std::string& text) {
+  const auto same = [&](const MapWarning& w) { return w.text == text; };
+  if (std::none_of(result_.warnings.begin(), result_.warnings.end(), same)) result_.warnings.push_back({text, -1, ""});
+}
+
+// A sheet that hangs turned in another run is given a place of its own at once: its corners are read in another order,
+// and as pictures of one sheet they would bend everything. How a sheet is turned in its plane is never in doubt.
+void MapSolver::SplitTurned() {
+  constexpr double kTurned_rad = 45 * kDegToRad;
+  for (size_t r = 0; r < start_.by_run.size(); ++r) {
+    for (const auto& [id, by_its_pictures] : start_.by_run[r]) {
+      const auto tag = tags_.find(id);
+      if (tag == tags_.end()) continue;
+      const Eigen::Vector3d x =
+          tag->second.rotation.conjugate() * (by_its_pictures.rotation * Eigen::Vector3d::UnitX());
+      if (std::abs(std::atan2(x.y(), x.x())) < kTurned_rad) continue;
+      const bool here = std::any_of(start_.sights.begin(), start_.sights.end(), [&, tag_id = id](const MapSight& s) {
+        return s.place == tag_id && start_.frames[static_cast<size_t>(s.frame)].run == static_cast<int>(r);
+      });
+      if (!here) continue;  // it has a place of its own already
+      LeaveOutControlOn(id);
+      GivePlace(id, static_cast<int>(r), by_its_pictures);
+    }
   }
 }
 
