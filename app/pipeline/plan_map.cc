@@ -462,7 +462,7 @@ class MapPainter {
     entry(any_way_, "pass not planned yet", [&](double u, double v) {
       drawing_.Line({{u - 8, v}, {u + 8, v}}, kGreen, 2, true);
     });
-    entry(any_control_ || any_seen_, fmt::format("95 %, {:g} times enlarged; stroke: the way a tag faces", factor_),
+    entry(any_control_ || any_seen_, "95 %, " + EnlargedText(factor_) + "; stroke: the way a tag faces",
           [&](double u, double v) {
             Line line;
             for (int k = 0; k <= 24; ++k)

@@ -41,9 +41,9 @@ class PlanPainter {
                           scene_.frame + " (m).";
     if (!scene_.errors.empty()) {
       caption += fmt::format(
-          " Arrows: from the reference to the answer, horizontally, {:g} times enlarged; dashed ellipses: 95 % of the "
-          "difference at the same enlargement.",
-          enlarged_);
+          " Arrows: from the reference to the answer, horizontally, {}; dashed ellipses: 95 % of the difference at the "
+          "same scale.",
+          EnlargedText(enlarged_));
       if (cut_ > 0) {
         caption += fmt::format(" Without ellipse or head: {} that {} too far for this enlargement.",
                                Counted(cut_, "difference"), cut_ == 1 ? "reaches" : "reach");
@@ -283,6 +283,10 @@ double EnlargementOf(const std::vector<EnlargedMark>& marks, const Eigen::Vector
   const double gross = kGross * most[most.size() / 2];
   const double all = most[most.size() / kOneIn] < gross ? most.front() : std::max(most.front(), gross);
   return std::max(1.0, RoundDown(std::max(1.0, std::min(all, arrow_m / std::max(kShortest, Median(arrows))))));
+}
+
+std::string EnlargedText(double factor) {
+  return factor == 1 ? "at true scale" : fmt::format("{:g} times enlarged", factor);
 }
 
 Plan PlanOf(const SceneModel& scene) { return PlanPainter(scene).Draw(); }

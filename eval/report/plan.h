@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "eval/report/drawing.h"
@@ -36,6 +37,9 @@ double ApartOf(const std::vector<EnlargedMark>& marks, const Eigen::Vector2d& lo
 // fewer than one in eight.
 double EnlargementOf(const std::vector<EnlargedMark>& marks, const Eigen::Vector2d& low_m,
                      const Eigen::Vector2d& high_m, double arrow_m);
+
+// "at true scale", "5 times enlarged".
+std::string EnlargedText(double factor);
 
 struct Plan {
   Drawing drawing;  // its spots are stations, and panoramas without one

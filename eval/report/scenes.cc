@@ -43,9 +43,8 @@ std::string ReferencesCaption(const SceneModel& model) {
 }
 
 std::string ErrorsCaption(double scale, double confidence) {
-  return fmt::format(
-      " Red: differences from references, {:g} times enlarged, with {:.0f} % ellipsoids at the same scale.", scale,
-      100 * confidence);
+  return fmt::format(" Red: differences from references, {}, with {:.0f} % ellipsoids at the same scale.",
+                     EnlargedText(scale), 100 * confidence);
 }
 
 // Stations of the largest differences, then others; no more than are shown, each once.

@@ -27,11 +27,11 @@ class SurveyPainter {
     Legend();
     return {
         std::move(drawing_),
-        fmt::format("Surveyed points from above, site coordinates in {}. Arrows: map minus stated, horizontally, {:g} "
-                    "times enlarged; dashed: the ellipse in which 95 % of such differences lie if all sigmas are "
-                    "right, at the same enlargement. An arrow that leaves its ellipse is larger than stated sigmas "
+        fmt::format("Surveyed points from above, site coordinates in {}. Arrows: map minus stated, horizontally, {}; "
+                    "dashed: the ellipse in which 95 % of such differences lie if all sigmas are "
+                    "right, at the same scale. An arrow that leaves its ellipse is larger than stated sigmas "
                     "explain.",
-                    unit_, enlarged_)};
+                    unit_, EnlargedText(enlarged_))};
   }
 
  private:

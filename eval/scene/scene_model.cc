@@ -444,7 +444,7 @@ class Loader {
     }
   }
 
-  // One point at a billion metres, and the depth buffer has no room left for the site.
+  // A single point at a billion metres takes all of the depth buffer's range, and the site vanishes.
   void DropFarPoints() {
     constexpr double kMostExtents = 20;
     const auto [low, high] = model_.Bounds();
