@@ -37,7 +37,9 @@ bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
 // One matched point: where a view sees it and which point it may be.
 struct Correspondence {
   ViewObservation observation;
-  Eigen::Vector3d ray;             // view frame
+  Eigen::Vector3d ray;  // view frame
+  // Of an error of the ray: px of the view. Zero until it is needed.
+  Eigen::Matrix<double, 2, 3> whitening = Eigen::Matrix<double, 2, 3>::Zero();
   double descriptor_distance = 0;  // of unit descriptors
 };
 
@@ -358,7 +360,8 @@ class Registrar {
     const auto refined = [&](const std::vector<Correspondence>& matches, const RansacResult<Rigid3d>& found) {
       std::vector<Correspondence> explained;
       for (int i : found.inliers) explained.push_back(matches[static_cast<size_t>(i)]);
-      return RefinePose(ref, view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
+      Whiten(ref, &explained);
+      return RefinePose(view_from_rig, explained, found.model, o_.ransac_px / 3, "dcs", o_.outlier_chi2, nullptr);
     };
     Grow(job, view_from_rig, refined(all, best), middle, &out);
     const auto second = FindPose(ref, rest, view_from_rig, threshold, job.seed + 7777);
@@ -444,15 +447,17 @@ class Registrar {
         });
   }
 
-  Eigen::Matrix<double, 2, 3> Whitening(const ReferenceViews& ref, const Correspondence& c, double sigma_px) const {
-    const Camera& camera = ref.rig.views[static_cast<size_t>(c.observation.view)].camera;
-    return camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), sigma_px);
+  void Whiten(const ReferenceViews& ref, std::vector<Correspondence>* matches) const {
+    for (Correspondence& c : *matches) {
+      const Camera& camera = ref.rig.views[static_cast<size_t>(c.observation.view)].camera;
+      c.whitening = camera.BearingSqrtInfo(c.observation.pixel.cast<double>(), 1);
+    }
   }
 
   // Pose alone, points held, matches by their weights.
-  Rigid3d RefinePose(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
-                     const std::vector<Correspondence>& used, const Rigid3d& start, double sigma_px,
-                     std::string_view loss, double chi2, Matrix6d* covariance) const {
+  Rigid3d RefinePose(const std::vector<Rigid3d>& view_from_rig, const std::vector<Correspondence>& used,
+                     const Rigid3d& start, double sigma_px, std::string_view loss, double chi2,
+                     Matrix6d* covariance) const {
     BundleProblem p;
     p.points_constant = true;
     p.poses = {start};
@@ -463,7 +468,7 @@ class Registrar {
       o.point = static_cast<int>(p.points.size());
       o.view = c.observation.view;
       o.ray = c.ray.cast<float>();
-      o.w = (std::sqrt(c.observation.weight) * Whitening(ref, c, sigma_px)).cast<float>();
+      o.w = (std::sqrt(c.observation.weight) / sigma_px * c.whitening).cast<float>();
       p.points.push_back(r_.problem.points[static_cast<size_t>(c.observation.point)]);
       p.observations.push_back(o);
     }
@@ -504,7 +509,7 @@ class Registrar {
         ObservationTerms t;
         c.observation.weight = 0;
         if (!EvaluateBearing<true>(pose, view_from_rig[static_cast<size_t>(c.observation.view)],
-                                   Whitening(ref, c, o_.sigma_px), c.ray, r_.problem.points[point], &t)) {
+                                   c.whitening / o_.sigma_px, c.ray, r_.problem.points[point], &t)) {
           continue;
         }
         const Eigen::Matrix2d covariance =
@@ -516,7 +521,7 @@ class Registrar {
         weights += c.observation.weight;
       }
       if (weights > 0) noise = std::clamp(noise * std::sqrt(squares / (2 * weights)), 1.0, kMostNoise);
-      pose = RefinePose(ref, view_from_rig, *matches, pose, o_.sigma_px, "none", 1, nullptr);
+      pose = RefinePose(view_from_rig, *matches, pose, o_.sigma_px, "none", 1, nullptr);
     }
     return pose;
   }
@@ -550,7 +555,7 @@ class Registrar {
       found = SearchPredicted(job, view_from_rig, pose, middle, radius, &expected);
       if (found.size() < 6) break;
       for (double sigma = std::max(o_.sigma_px, radius / 4);; sigma = std::max(o_.sigma_px, sigma / 2)) {
-        pose = RefinePose(ref, view_from_rig, found, pose, sigma, "tukey", o_.outlier_chi2, nullptr);
+        pose = RefinePose(view_from_rig, found, pose, sigma, "tukey", o_.outlier_chi2, nullptr);
         if (sigma <= o_.sigma_px) break;
       }
     }
@@ -592,7 +597,7 @@ class Registrar {
     out->rig_from_odom = pose;
     if (independent.size() >= 6) {
       out->rig_from_odom =
-          RefinePose(ref, view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
+          RefinePose(view_from_rig, independent, pose, o_.sigma_px, "dcs", o_.outlier_chi2, &out->covariance);
     } else {
       out->covariance = Matrix6d::Identity() * 1e6;
     }
@@ -697,6 +702,7 @@ class Registrar {
     for (const auto& [key, best] : of_point) {
       if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
     }
+    Whiten(ref, &out);
     *expected = static_cast<int>(predicted.size());
     return out;
   }
@@ -718,7 +724,8 @@ class Registrar {
     char text[200];
     out->status = AnswerStatus::kRejected;
     if (independent < o_.min_inliers) {
-      std::snprintf(text, sizeof text, "%d inliers, %d needed", independent, o_.min_inliers);
+      std::snprintf(text, sizeof text, "%d points of the run fit the best pose, %d needed", independent,
+                    o_.min_inliers);
     } else if (out->support < o_.min_inliers) {
       std::snprintf(text, sizeof text, "%.0f points are found where the pose predicts them, beyond chance; %d needed",
                     std::max(0.0, out->support), o_.min_inliers);
@@ -758,15 +765,16 @@ class Registrar {
         c.ray = *ref.rig.views[v].camera.Unproject(o.pixel.cast<double>());
         used.push_back(c);
       }
+      Whiten(ref, &used);
       ViewAnswer& answer = out->views[v];
       answer.inliers = static_cast<int>(used.size());
       if (used.size() < 8) {
         answer.status = used.empty() ? AnswerStatus::kUnmatched : AnswerStatus::kRejected;
-        answer.reason = std::to_string(used.size()) + " inliers, 8 needed";
+        answer.reason = std::to_string(used.size()) + " points of the run fit the pose, 8 needed";
         continue;
       }
       const Rigid3d rig_from_odom =
-          RefinePose(ref, view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
+          RefinePose(view_from_rig, used, out->rig_from_odom, o_.sigma_px, "dcs", o_.outlier_chi2, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig_from_odom;
       answer.distance_m = NearestCamera(answer.view_from_odom.TargetOriginInSource());
       const bool near = answer.distance_m <= o_.max_distance_m;
@@ -779,14 +787,13 @@ class Registrar {
 
   Registration RunPaper(const Job& job, Registration out) const {
     const ReferenceViews& ref = job.ref;
-    const std::vector<PreparedView>& views = job.views;
     const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
-    std::vector<std::vector<Correspondence>> of_view(views.size());
+    std::vector<std::vector<Correspondence>> of_view(job.views.size());
     struct Seen {
       int image;
       std::vector<Correspondence> matches;  // all that the homography explains
     };
-    std::vector<std::vector<Seen>> seen_by(views.size());
+    std::vector<std::vector<Seen>> seen_by(job.views.size());
     for (const Candidate& candidate : job.candidates) {
       cancel_.ThrowIfCancelled();
       const FeatureSet features = input_.image_features(candidate.image);
@@ -794,7 +801,7 @@ class Registrar {
       for (const ImagePoint& p : image_points_[static_cast<size_t>(candidate.image)]) point_of[p.feature] = p.point;
       for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(candidate.image)]) {
         if (h.reference != job.reference) continue;
-        const PreparedView& view = views[static_cast<size_t>(h.view)];
+        const PreparedView& view = job.views[static_cast<size_t>(h.view)];
         const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
         std::vector<Eigen::Vector2f> pa, pb;
         for (const auto& [i, j] : matches) {
@@ -816,8 +823,8 @@ class Registrar {
       }
     }
     // "To select the matching images from K" (the paper does not say how many): those with the most matches.
-    std::vector<int> best_image(views.size(), -1);
-    for (size_t v = 0; v < views.size(); ++v) {
+    std::vector<int> best_image(job.views.size(), -1);
+    for (size_t v = 0; v < job.views.size(); ++v) {
       std::stable_sort(seen_by[v].begin(), seen_by[v].end(),
                        [](const Seen& x, const Seen& y) { return x.matches.size() > y.matches.size(); });
       if (!seen_by[v].empty()) best_image[v] = seen_by[v].front().image;
@@ -831,7 +838,7 @@ class Registrar {
     for (const auto& list : of_view) out.view_matches += static_cast<int>(list.size());
     // G1: every view by itself. The start (the paper is silent): three-point RANSAC on the view's own matches.
     std::vector<int> answered;
-    for (size_t v = 0; v < views.size(); ++v) {
+    for (size_t v = 0; v < job.views.size(); ++v) {
       ViewAnswer& answer = out.views[v];
       if (of_view[v].size() < 6) {
         answer.reason = std::to_string(of_view[v].size()) + " matches with points, 6 needed";
@@ -844,7 +851,8 @@ class Registrar {
         answer.reason = "no pose explains the matches";
         continue;
       }
-      const Rigid3d rig = RefinePose(ref, view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
+      Whiten(ref, &of_view[v]);
+      const Rigid3d rig = RefinePose(view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
       answer.view_from_odom = view_from_rig[v] * rig;
       for (const Correspondence& c : of_view[v]) {
         const double e =

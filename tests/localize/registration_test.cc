@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kRadius = 6, kSigma = 0.8;
 
-// Near points look worse, and more of their matches are chance ones; but what a match looks like decides neither alone.
+// Matches of near points have larger descriptor distances, and more of them are there by chance. Neither depth nor
+// descriptor distance alone tells the true ones.
 struct Search {
   std::vector<FoundMatch> matches;
   std::vector<bool> right;
