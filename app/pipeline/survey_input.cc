@@ -357,7 +357,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   StageTarget its = target;
   its.run = run.name;
   const fs::path file = ResultOf(project, "detect", its) / "detections.csv";
-  if (detections != nullptr && !detections->contains(run.name)) return;  // as whoever gives them knows
+  if (detections != nullptr && !detections->contains(run.name)) return;  // the caller names those without
   if (detections == nullptr && !fs::exists(file)) {
     job->warnings.push_back("run " + run.name + " has no detections and takes no part");
     return;

@@ -149,8 +149,9 @@ std::filesystem::path ResolveInside(const std::filesystem::path& root, const std
 
 std::string ReadTextFile(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) {
-    throw InputError(file.string() + (std::filesystem::exists(file) ? ": expected a file, found something else"
-                                                                    : ": there is no such file"));
+    throw InputError(file.string() + (std::filesystem::is_directory(file) ? ": expected a file, found a folder"
+                                      : std::filesystem::exists(file)     ? ": expected a file, found a device"
+                                                                          : ": there is no such file"));
   }
   std::ifstream in(file, std::ios::binary);
   std::ostringstream content;
