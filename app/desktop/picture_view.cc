@@ -145,14 +145,8 @@ void PictureView::paintEvent(QPaintEvent*) {
         break;
       }
     }
-    if (!mark.text.isEmpty()) {
-      const QPointF place = at[0] + QPointF(6, -6);
-      const QRectF box = painter.fontMetrics().boundingRect(mark.text).translated(place.toPoint());
-      painter.fillRect(box.adjusted(-2, -1, 2, 1), QColor(255, 255, 255, 200));
-      painter.setPen(Qt::black);
-      painter.drawText(place, mark.text);
-    }
   }
+  PaintNames(&painter);
   const QString title = painter.fontMetrics().elidedText(title_, Qt::ElideLeft, width() - 8);
   const QRectF plate(0, 0, painter.fontMetrics().horizontalAdvance(title) + 8.0, painter.fontMetrics().height() + 4.0);
   painter.fillRect(plate, QColor(255, 255, 255, 200));
@@ -161,6 +155,28 @@ void PictureView::paintEvent(QPaintEvent*) {
   if (hasFocus()) {
     painter.setPen(QPen(palette().color(QPalette::Highlight), 2));
     painter.drawRect(rect().adjusted(1, 1, -1, -1));
+  }
+}
+
+// Each beside its mark, clear of the others; one for which there is no room is left out until one zooms in.
+void PictureView::PaintNames(QPainter* painter) {
+  std::vector<QRectF> taken;
+  for (const PictureMark& mark : marks_) {
+    if (mark.text.isEmpty() || mark.points.isEmpty()) continue;
+    if (mark.colour.alpha() == 0 && (mark.object.isEmpty() || mark.object != highlight_)) continue;
+    const QPointF at = WidgetAt(mark.points[0]);
+    const QRectF text = painter->fontMetrics().boundingRect(mark.text);
+    const double left = -6 - text.right(), above = -6, below = 6 - text.top();
+    for (const QPointF& beside : {QPointF(6, above), QPointF(6, below), QPointF(left, above), QPointF(left, below),
+                                  QPointF(6, above - text.height()), QPointF(6, below + text.height())}) {
+      const QRectF box = text.translated(at + beside).adjusted(-2, -1, 2, 1);
+      if (std::any_of(taken.begin(), taken.end(), [&](const QRectF& other) { return other.intersects(box); })) continue;
+      taken.push_back(box);
+      painter->fillRect(box, QColor(255, 255, 255, 200));
+      painter->setPen(Qt::black);
+      painter->drawText(at + beside, mark.text);
+      break;
+    }
   }
 }
 

@@ -19,7 +19,7 @@ struct PictureMark {
   Kind kind = Kind::kCross;
   QPolygonF points;  // cross: one; line: two; outline: closed; circle: centre, and (radius px, 0)
   QColor colour;
-  QString text;          // drawn beside it
+  QString text;          // drawn beside it where there is room
   QString layer;         // "detections", "tracks", ...
   QString object;        // what it is, as the review names objects; may be empty
   bool movable = false;  // by dragging its centre
@@ -69,6 +69,7 @@ class PictureView : public QWidget {
   void resizeEvent(QResizeEvent* event) override;
 
  private:
+  void PaintNames(QPainter* painter);
   void Zoom(double factor, const QPointF& about);
   void Release();  // neither fitted nor kept on a part
   QString ObjectAt(const QPointF& pixel) const;

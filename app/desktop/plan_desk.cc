@@ -508,7 +508,10 @@ void PlanDesk::ShowMap() {
   const bool current = !stale_ && !sketch_.changed();
   const double factor = current ? EllipseFactor(ellipses_, ground_) : 1;
   QString title = tr("site ENU, m, north up");
-  if (current && !ellipses_.empty()) title += tr("; ellipses: predicted, 95 %, %1 times enlarged").arg(factor);
+  if (current && !ellipses_.empty()) {
+    title += factor == 1 ? tr("; ellipses: predicted, 95 %, at true scale")
+                         : tr("; ellipses: predicted, 95 %, %1 times enlarged").arg(factor);
+  }
   if (!current && !ellipses_.empty()) title += tr("; changed since the last prediction");
   map_->SetPicture(ground_.picture, title);
   map_->SetMarks(SketchMarks(sketch_, ground_, current ? ellipses_ : std::vector<PlannedEllipse>(), factor,

@@ -19,9 +19,8 @@ constexpr double kLeastExtent_m = 20;  // of the ground
 constexpr double kMargin = 0.15;       // around the sketch, share of its extent
 constexpr int kAerial_px = 2048;       // as read
 constexpr int kGridText_px = 40;
-constexpr double kFacing_px = 70;                           // stroke that shows where a tag faces
-constexpr double kEllipseShare = 0.04;                      // of the picture's longer side: the largest ellipse
-constexpr double kNameWidth_px = 130, kNameHeight_px = 30;  // of a place, on a picture of kLonger_px
+constexpr double kFacing_px = 70;       // stroke that shows where a tag faces
+constexpr double kEllipseShare = 0.04;  // of the picture's longer side: the largest ellipse
 const QColor kInk(29, 35, 41), kBlue(0, 90, 150), kGreen(0, 110, 80), kOrange(180, 70, 0), kGrey(95, 105, 115),
     kPurple(140, 60, 120);
 
@@ -175,25 +174,14 @@ std::vector<PictureMark> SketchMarks(const Sketch& sketch, const PlanGround& gro
     }
     lines.push_back(outline);
   }
-  std::vector<PictureMark> proposals;
   for (const PlannedPlace& p : places) {
     PictureMark mark;
     mark.kind = PictureMark::Kind::kCircle;
     mark.colour = kOrange;
     mark.points << ground.PixelOf(p.place_m) << QPointF(12, 0);
-    // Places whose names would lie on one another share one.
-    const auto near = std::find_if(proposals.begin(), proposals.end(), [&](const PictureMark& other) {
-      const QPointF apart = other.points[0] - mark.points[0];
-      return !other.text.isEmpty() && std::abs(apart.x()) < kNameWidth_px && std::abs(apart.y()) < kNameHeight_px;
-    });
-    if (near != proposals.end()) {
-      near->text += QStringLiteral(", %1").arg(p.rank);
-    } else {
-      mark.text = QObject::tr("proposed %1").arg(p.rank);
-    }
-    proposals.push_back(mark);
+    mark.text = QObject::tr("proposed %1").arg(p.rank);
+    lines.push_back(mark);
   }
-  lines.insert(lines.end(), proposals.begin(), proposals.end());
   marks.insert(marks.begin(), lines.begin(), lines.end());  // items lie above
   return marks;
 }

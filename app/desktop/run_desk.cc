@@ -16,6 +16,7 @@
 #include <QScrollArea>
 #include <QSpinBox>
 #include <QSplitter>
+#include <QTabWidget>
 #include <QTableWidget>
 #include <QTime>
 #include <QVBoxLayout>
@@ -24,6 +25,7 @@
 #include "app/desktop/calibration_sheet.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/stage_form.h"
+#include "app/desktop/stage_graph.h"
 #include "app/pipeline/command_line.h"
 
 namespace trigpoint {
@@ -87,10 +89,12 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     const SnapshotResult& result = workspace_->results()[static_cast<size_t>(row)];
     Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run));
   });
+  connect(graph_, &StageGraph::Chosen, this, [this](const QString& stage) { Choose(stage, ""); });
   Refresh();
 }
 
 void RunDesk::MakeControls() {
+  graph_ = new StageGraph;
   stage_ = Narrow(Named(new QComboBox, "run.stage", tr("Stage")));
   runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
@@ -165,8 +169,14 @@ void RunDesk::Arrange() {
   auto* right = new QVBoxLayout(progress);
   right->addWidget(status_);
   right->addWidget(bar_);
+  auto* drawn = new QScrollArea;
+  drawn->setWidget(graph_);
+  drawn->setWidgetResizable(true);
+  auto* states = new QTabWidget;
+  states->addTab(drawn, tr("Stages"));
+  states->addTab(results_, tr("Results"));
   auto* below = new QSplitter(Qt::Vertical);
-  below->addWidget(results_);
+  below->addWidget(states);
   below->addWidget(log_);
   right->addWidget(below, 1);
   auto* split = new QSplitter;
@@ -213,6 +223,8 @@ void RunDesk::ShowResults() {
     }
   }
   results_->resizeColumnsToContents();
+  const auto& snapshot = workspace_->snapshot();
+  graph_->Show(snapshot ? StageBoxesOf(*snapshot->project, workspace_->results()) : std::vector<StageBox>());
 }
 
 void RunDesk::Choose(const QString& stage, const QString& run) {

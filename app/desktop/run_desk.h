@@ -21,6 +21,7 @@ class QTableWidget;
 namespace trigpoint {
 
 class StageForm;
+class StageGraph;
 
 // "3:20", "1:02:00".
 QString DurationText(double seconds);
@@ -74,6 +75,7 @@ class RunDesk : public QWidget {
   QPlainTextEdit* log_;
   QLabel* expected_;
   QTableWidget* results_;  // of all stages, with their states
+  StageGraph* graph_;      // the same, drawn
   QElapsedTimer since_;    // the run began
   double expected_s_ = 0;  // of the run that goes on; 0: not known
 };

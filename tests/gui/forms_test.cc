@@ -17,6 +17,7 @@
 #include "app/desktop/action_dialog.h"
 #include "app/desktop/icons.h"
 #include "app/desktop/run_desk.h"
+#include "app/desktop/stage_graph.h"
 #include "datasets/io/text.h"
 #include "tests/gui/gui_driver.h"
 
@@ -60,6 +61,29 @@ TEST_F(FormsTest, OptionsStandInGroupsAndAreFoundByAWord) {
   box->setCurrentText("paper");
   EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("mode=\"paper\""));
   Screenshot(window_.get(), "run_groups");
+}
+
+TEST_F(FormsTest, StagesAreDrawnBelowThoseTheyNeedAndAClickChoosesOne) {
+  window_->ShowDesk("run");
+  auto* graph = Child<StageGraph>(window_.get(), "run.graph");
+  ASSERT_NE(graph, nullptr);
+  const std::vector<StageBox>& boxes = graph->boxes();
+  const auto named = [&](const std::string& stage) {
+    const auto it = std::find_if(boxes.begin(), boxes.end(), [&](const StageBox& b) { return b.stage == stage; });
+    return static_cast<size_t>(it - boxes.begin());
+  };
+  const size_t features = named("features"), reconstruct = named("reconstruct"), localize = named("localize");
+  ASSERT_LT(std::max({features, reconstruct, localize}), boxes.size());
+  EXPECT_THAT(boxes[reconstruct].needs, testing::ElementsAre(features));
+  EXPECT_THAT(boxes[localize].needs, testing::Contains(reconstruct));
+  EXPECT_THAT(boxes[localize].needs, testing::Not(testing::Contains(features)));  // through reconstruct
+  for (size_t b = 0; b < boxes.size(); ++b) {
+    for (const size_t a : boxes[b].needs) EXPECT_LT(graph->RectOf(a).bottom(), graph->RectOf(b).top());
+    for (size_t a = 0; a < b; ++a) EXPECT_FALSE(graph->RectOf(a).intersects(graph->RectOf(b)));
+  }
+  QTest::mouseClick(graph, Qt::LeftButton, {}, graph->RectOf(reconstruct).center().toPoint());
+  EXPECT_EQ(Child<QComboBox>(window_.get(), "run.stage")->currentData().toString(), "reconstruct");
+  Screenshot(window_.get(), "run_graph");
 }
 
 TEST_F(FormsTest, AnErrorStandsAtItsField) {

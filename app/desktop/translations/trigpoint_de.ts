@@ -384,10 +384,6 @@
         <translation>Hier wird die Karte der Marken und des nächsten Standorts gezeichnet.</translation>
     </message>
     <message>
-        <source>No further picture would improve the predicted accuracy much.</source>
-        <translation>Kein weiteres Bild würde die vorhergesagte Genauigkeit wesentlich verbessern.</translation>
-    </message>
-    <message>
         <source>tags, the way so far, where to stand next</source>
         <translation>Marken, der bisherige Weg, der nächste Standort</translation>
     </message>
@@ -1916,6 +1912,10 @@
     <message>
         <source>site ENU, m, north up</source>
         <translation>lokales ENU, m, Norden oben</translation>
+    </message>
+    <message>
+        <source>; ellipses: predicted, 95 %, at true scale</source>
+        <translation>; Ellipsen: vorhergesagt, 95 %, im Maßstab des Plans</translation>
     </message>
     <message>
         <source>; ellipses: predicted, 95 %, %1 times enlarged</source>

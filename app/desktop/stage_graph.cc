@@ -1,0 +1,197 @@
+#include "app/desktop/stage_graph.h"
+
+#include <QHelpEvent>
+#include <QKeyEvent>
+#include <QPainter>
+#include <QToolTip>
+#include <algorithm>
+#include <array>
+#include <map>
+#include <set>
+
+#include "app/desktop/run_desk.h"
+#include "app/desktop/site_tree.h"
+#include "app/pipeline/stages.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kGap = 14, kBetweenRows = 26, kPadding = 6;
+
+// The worst comes first.
+int RankOf(const std::string& state) {
+  static constexpr std::array kOrder = {"failed", "running", "out of date", "missing", "done"};
+  const auto it = std::find(kOrder.begin(), kOrder.end(), state);
+  return static_cast<int>(it - kOrder.begin());
+}
+
+std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& results) {
+  std::vector<StageBox> boxes;
+  for (const StageInfo& stage : Stages()) {
+    StageBox box;
+    box.stage = stage.name;
+    for (const SnapshotResult& result : results) {
+      if (result.stage != stage.name || result.state == "not needed") continue;
+      if (box.results == 0 || RankOf(result.state) < RankOf(box.state)) box.state = result.state;
+      box.metric = box.results == 0 ? result.metric : "";
+      ++box.results;
+      box.done += result.state == "done" ? 1 : 0;
+      box.seconds += result.seconds;
+    }
+    if (box.results > 0) boxes.push_back(box);
+  }
+  return boxes;
+}
+
+bool Needs(const Project& project, const std::string& stage, const StageTarget& target, const std::string& other) {
+  try {
+    return NeedsStage(project, StageNamed(stage), target, other);
+  } catch (const Error&) {  // of options that are wrong: said when the project is opened
+    const std::vector<std::string>& always = StageNamed(stage).needs;
+    return std::find(always.begin(), always.end(), other) != always.end();
+  }
+}
+
+}  // namespace
+
+std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<SnapshotResult>& results) {
+  std::vector<StageBox> boxes = BoxesWithoutNeeds(results);
+  StageTarget target;
+  for (const SnapshotResult& result : results) {
+    if (target.run.empty() && StageNamed(result.stage).per_run && !result.run.empty()) target.run = result.run;
+  }
+  std::vector<std::set<size_t>> above(boxes.size());  // all that a box needs, directly or through others
+  std::map<int, int> in_layer;
+  for (size_t b = 0; b < boxes.size(); ++b) {
+    for (size_t a = b; a-- > 0;) {  // nearest first: what it needs in turn is needed through it
+      if (!Needs(project, boxes[b].stage, target, boxes[a].stage)) continue;
+      if (above[b].count(a) == 0) boxes[b].needs.push_back(a);
+      above[b].insert(a);
+      above[b].insert(above[a].begin(), above[a].end());
+      boxes[b].layer = std::max(boxes[b].layer, boxes[a].layer + 1);
+    }
+    boxes[b].place = in_layer[boxes[b].layer]++;
+  }
+  return boxes;
+}
+
+StageGraph::StageGraph(QWidget* parent) : QWidget(parent) {
+  setFocusPolicy(Qt::StrongFocus);
+  setObjectName("run.graph");
+  setAccessibleName(tr("Stages and what they need"));
+}
+
+void StageGraph::Show(std::vector<StageBox> boxes) {
+  boxes_ = std::move(boxes);
+  current_ = std::clamp(current_, 0, std::max(0, static_cast<int>(boxes_.size()) - 1));
+  QStringList said;
+  for (const StageBox& box : boxes_) said << DescriptionOf(box);
+  setAccessibleDescription(said.join("; "));
+  updateGeometry();
+  update();
+}
+
+QRectF StageGraph::RectOf(size_t box) const {
+  const double wide = fontMetrics().horizontalAdvance("reconstruct, 00/00 done") + 2 * kPadding;
+  const double high = 2 * fontMetrics().height() + 2 * kPadding;
+  const StageBox& b = boxes_[box];
+  return {kGap + b.place * (wide + kGap), kGap + b.layer * (high + kBetweenRows), wide, high};
+}
+
+QSize StageGraph::sizeHint() const {
+  QRectF all(0, 0, 100, 40);
+  for (size_t b = 0; b < boxes_.size(); ++b) all |= RectOf(b);
+  return QSizeF(all.right() + kGap, all.bottom() + kGap).toSize();
+}
+
+QString StageGraph::DescriptionOf(const StageBox& box) const {
+  QString text = QString::fromStdString(box.stage) + ": ";
+  text += box.results == 1
+              ? QString::fromStdString(box.state)
+              : tr("%1 of %2 done").arg(box.done).arg(box.results) +
+                    (box.state == "done" ? "" : ", " + tr("worst: %1").arg(QString::fromStdString(box.state)));
+  if (box.seconds > 0) text += ", " + DurationText(box.seconds);
+  if (!box.metric.empty()) text += ", " + QString::fromStdString(box.metric);
+  return text;
+}
+
+void StageGraph::PaintArrow(QPainter* painter, const QRectF& from, const QRectF& to) const {
+  const QPointF begin(from.center().x(), from.bottom()), end(to.center().x(), to.top());
+  const QPointF bend(0, 0.5 * (end.y() - begin.y()));
+  QPainterPath path(begin);
+  path.cubicTo(begin + bend, end - bend, end);
+  painter->setBrush(Qt::NoBrush);
+  painter->drawPath(path);
+  painter->drawLine(end, end + QPointF(-4, -6));
+  painter->drawLine(end, end + QPointF(4, -6));
+}
+
+void StageGraph::paintEvent(QPaintEvent*) {
+  QPainter painter(this);
+  painter.setRenderHint(QPainter::Antialiasing);
+  painter.setPen(QPen(palette().color(QPalette::Mid), 1.5));
+  for (size_t b = 0; b < boxes_.size(); ++b) {
+    for (const size_t a : boxes_[b].needs) PaintArrow(&painter, RectOf(a), RectOf(b));
+  }
+  for (size_t b = 0; b < boxes_.size(); ++b) {
+    const StageBox& box = boxes_[b];
+    const QRectF rect = RectOf(b);
+    const QColor colour = ColourOfState(box.state);
+    painter.setBrush(palette().color(QPalette::Base));
+    painter.setPen(QPen(colour, static_cast<int>(b) == current_ && hasFocus() ? 3.5 : 2));
+    painter.drawRoundedRect(rect, 4, 4);
+    const QRectF inside = rect.adjusted(kPadding, kPadding, -kPadding, -kPadding);
+    painter.setPen(palette().color(QPalette::Text));
+    painter.drawText(inside, Qt::AlignLeft | Qt::AlignTop, QString::fromStdString(box.stage));
+    painter.drawText(inside, Qt::AlignRight | Qt::AlignTop, box.seconds > 0 ? DurationText(box.seconds) : QString());
+    painter.setPen(colour);
+    const QString state =
+        box.results == 1 ? QString::fromStdString(box.state) : tr("%1 of %2 done").arg(box.done).arg(box.results);
+    painter.drawText(inside, Qt::AlignLeft | Qt::AlignBottom, state);
+  }
+}
+
+int StageGraph::BoxAt(const QPointF& at) const {
+  for (size_t b = 0; b < boxes_.size(); ++b) {
+    if (RectOf(b).contains(at)) return static_cast<int>(b);
+  }
+  return -1;
+}
+
+void StageGraph::SetCurrent(int box) {
+  current_ = box;
+  update();
+}
+
+bool StageGraph::event(QEvent* event) {
+  if (event->type() != QEvent::ToolTip) return QWidget::event(event);
+  const auto* help = static_cast<QHelpEvent*>(event);
+  const int box = BoxAt(help->pos());
+  QToolTip::showText(help->globalPos(), box < 0 ? tr("Each stage below those whose results it needs; click to choose")
+                                                : DescriptionOf(boxes_[static_cast<size_t>(box)]));
+  return true;
+}
+
+void StageGraph::mousePressEvent(QMouseEvent* event) {
+  const int box = BoxAt(event->localPos());
+  if (box < 0) return;
+  SetCurrent(box);
+  emit Chosen(QString::fromStdString(boxes_[static_cast<size_t>(box)].stage));
+}
+
+void StageGraph::keyPressEvent(QKeyEvent* event) {
+  const int count = static_cast<int>(boxes_.size());
+  if (count == 0) return QWidget::keyPressEvent(event);
+  switch (event->key()) {
+    case Qt::Key_Right:
+    case Qt::Key_Down: return SetCurrent(std::min(count - 1, current_ + 1));
+    case Qt::Key_Left:
+    case Qt::Key_Up: return SetCurrent(std::max(0, current_ - 1));
+    case Qt::Key_Return:
+    case Qt::Key_Enter:
+    case Qt::Key_Space: emit Chosen(QString::fromStdString(boxes_[static_cast<size_t>(current_)].stage)); return;
+    default: QWidget::keyPressEvent(event);
+  }
+}
+
+}  // namespace trigpoint

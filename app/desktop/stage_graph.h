@@ -1,0 +1,56 @@
+// The stages of a project, drawn: what each needs, how far its results are, and how long they took.
+#pragma once
+
+#include <QWidget>
+#include <string>
+#include <vector>
+
+#include "app/desktop/snapshot.h"
+
+namespace trigpoint {
+
+// A stage with all of its results.
+struct StageBox {
+  std::string stage;
+  std::string state;          // of the worst of them: failed, running, out of date, missing, done
+  int results = 0, done = 0;  // those that are not needed do not count
+  double seconds = 0;         // that those which are there took; 0: not known
+  std::string metric;         // of the only result; of several none
+  std::vector<size_t> needs;  // boxes, without those that are needed through others
+  int layer = 0, place = 0;   // row from the top, place in it from the left
+};
+
+// Of the stages with results that are needed, each after those it needs.
+std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<SnapshotResult>& results);
+
+class StageGraph : public QWidget {
+  Q_OBJECT
+
+ public:
+  explicit StageGraph(QWidget* parent = nullptr);
+  void Show(std::vector<StageBox> boxes);
+  const std::vector<StageBox>& boxes() const { return boxes_; }
+  QRectF RectOf(size_t box) const;
+  QSize sizeHint() const override;
+  QSize minimumSizeHint() const override { return sizeHint(); }
+
+ signals:
+  void Chosen(const QString& stage);  // by a click, or the return key
+
+ protected:
+  bool event(QEvent* event) override;
+  void paintEvent(QPaintEvent* event) override;
+  void mousePressEvent(QMouseEvent* event) override;
+  void keyPressEvent(QKeyEvent* event) override;
+
+ private:
+  int BoxAt(const QPointF& at) const;  // -1: none
+  QString DescriptionOf(const StageBox& box) const;
+  void PaintArrow(QPainter* painter, const QRectF& from, const QRectF& to) const;
+  void SetCurrent(int box);
+
+  std::vector<StageBox> boxes_;
+  int current_ = 0;
+};
+
+}  // namespace trigpoint
