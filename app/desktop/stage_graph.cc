@@ -92,7 +92,7 @@ void StageGraph::Show(std::vector<StageBox> boxes) {
 }
 
 QRectF StageGraph::RectOf(size_t box) const {
-  const double wide = fontMetrics().horizontalAdvance("reconstruct, 00/00 done") + 2 * kPadding;
+  const double wide = fontMetrics().horizontalAdvance("reconstruct  00:00") + 2 * kPadding;
   const double high = 2 * fontMetrics().height() + 2 * kPadding;
   const StageBox& b = boxes_[box];
   return {kGap + b.place * (wide + kGap), kGap + b.layer * (high + kBetweenRows), wide, high};
