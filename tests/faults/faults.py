@@ -572,7 +572,7 @@ CAMERA = r"odometry|T_cam_imu|camera|calibration|focal|camchain"
 extrinsics("T_cam_imu inverted", np.linalg.inv, CAMERA, True)
 extrinsics("T_cam_imu identity", lambda m: np.eye(4), CAMERA, True)
 extrinsics("camera turned by 5 deg", lambda m: rotated(turn(1, 5)) @ m, CAMERA)
-extrinsics("camera turned by 15 deg", lambda m: rotated(turn(1, 15)) @ m, None)
+extrinsics("camera turned by 15 deg", lambda m: rotated(turn(1, 15)) @ m, CAMERA)
 extrinsics("camera turned by 45 deg", lambda m: rotated(turn(1, 45)) @ m, CAMERA)
 extrinsics("camera turned by 90 deg", lambda m: rotated(turn(1, 90)) @ m, CAMERA)
 extrinsics("camera turned by 180 deg", lambda m: rotated(turn(1, 180)) @ m, CAMERA)
