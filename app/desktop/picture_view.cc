@@ -158,7 +158,7 @@ void PictureView::paintEvent(QPaintEvent*) {
   }
 }
 
-// Each beside its mark, clear of the others; one for which there is no room is left out until one zooms in.
+// Each name stands beside its mark and overlaps no other. A name without room is left out; zooming in makes room.
 void PictureView::PaintNames(QPainter* painter) {
   std::vector<QRectF> taken;
   for (const PictureMark& mark : marks_) {

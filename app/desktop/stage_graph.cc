@@ -46,7 +46,7 @@ std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& resul
 bool Needs(const Project& project, const std::string& stage, const StageTarget& target, const std::string& other) {
   try {
     return NeedsStage(project, StageNamed(stage), target, other);
-  } catch (const Error&) {  // of options that are wrong: said when the project is opened
+  } catch (const Error&) {  // wrong options: the user is told when the project is opened
     const std::vector<std::string>& always = StageNamed(stage).needs;
     return std::find(always.begin(), always.end(), other) != always.end();
   }

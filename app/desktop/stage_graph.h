@@ -12,15 +12,15 @@ namespace trigpoint {
 // A stage with all of its results.
 struct StageBox {
   std::string stage;
-  std::string state;          // of the worst of them: failed, running, out of date, missing, done
+  std::string state;          // the worst of its results: failed, running, out of date, missing, done
   int results = 0, done = 0;  // those that are not needed do not count
-  double seconds = 0;         // that those which are there took; 0: not known
-  std::string metric;         // of the only result; of several none
+  double seconds = 0;         // sum over the results that are there; 0: not known
+  std::string metric;         // empty if there are several results
   std::vector<size_t> needs;  // boxes, without those that are needed through others
   int layer = 0, place = 0;   // row from the top, place in it from the left
 };
 
-// Of the stages with results that are needed, each after those it needs.
+// One box for each stage with a result that is needed; a box comes after those it needs.
 std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<SnapshotResult>& results);
 
 class StageGraph : public QWidget {

@@ -61,7 +61,7 @@ std::optional<MountError> FindMountError(const std::vector<Rigid3d>& odom_from_b
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
     Eigen::Vector3d step = Eigen::Vector3d::Zero();
     for (int i = 0; i < 3; ++i) {  // axes that the motions do not show stay as stated
-      // By the stated sigmas: the residuals hold the very error that is looked for.
+      // The stated sigmas decide: before the fit the residuals contain the error that is looked for.
       if (1 / std::sqrt(std::max(1e-12, eigen.eigenvalues()(i))) < kKnown_rad) {
         step += eigen.eigenvectors().col(i) * (eigen.eigenvectors().col(i).dot(right) / eigen.eigenvalues()(i));
       }

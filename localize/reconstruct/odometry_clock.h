@@ -20,7 +20,7 @@ struct OdometryClock {
   double offset_s = 0;  // to be added to odometry's stamps
   double sigma_s = 0;   // 1 sigma, from all offsets that the turns allow and the step of odometry
   double off_before_rad = 0, off_after_rad = 0;  // median difference of rotation without and with the offset
-  bool agrees = false;                           // with no offset, within three sigma or what matters
+  bool agrees = false;                           // no offset lies within three sigma, or within 0.05 s
   bool significant = false;                      // the turns agree far better with the offset than without
 };
 

@@ -38,7 +38,7 @@ bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
 struct Correspondence {
   ViewObservation observation;
   Eigen::Vector3d ray;  // view frame
-  // Of an error of the ray: px of the view. Zero until it is needed.
+  // Turns an error of the ray into pixels of the view. Zero until Whiten sets it.
   Eigen::Matrix<double, 2, 3> whitening = Eigen::Matrix<double, 2, 3>::Zero();
   double descriptor_distance = 0;  // of unit descriptors
 };

@@ -39,8 +39,8 @@ struct FieldPicture {
 // Offset of odometry's clock against that of the pictures, as their rotations show it.
 struct FieldClock {
   double offset_s = 0, sigma_s = 0;  // to be added to odometry's stamps; 1 sigma
-  bool agrees = false;               // with no offset
-  bool significant = false;          // neither: the rotations do not decide
+  bool agrees = false;               // no offset lies within three sigma
+  bool significant = false;          // another offset fits far better; if neither is true, rotations do not decide
 };
 
 // Two pictures of a run that were compared: one after the other, or both of one place at different times.
@@ -133,7 +133,7 @@ struct StationCoverage {
 };
 std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radius_m);
 
-// Pictures in a row that share fewer features than this do not hang together.
+// Two pictures in a row that share fewer features than this are not connected.
 inline constexpr int kLeastSharedInARow = 20;
 
 // Does a run come back to where it was before, so that the drift of its odometry is known?
@@ -143,7 +143,7 @@ struct LoopCoverage {
   double last_return_m = 0;  // along the way
   int pictures_again = 0;    // that show places that were passed before
   int shared_tags = 0;       // with other runs
-  bool open = false;         // it does not, and neither other runs' tags nor geotags nor GPS hold it
+  bool open = false;         // long, never back at a place, and held by no other run's tags, geotag or GPS
 };
 // None without odometry or pictures.
 std::optional<LoopCoverage> CoverLoop(const FieldFacts& facts, const FieldRun& run);

@@ -28,7 +28,7 @@ class MapSolver {
   SurveyResult Run();
 
  private:
-  // Says the same only once.
+  // Adds a warning unless one with the same text is there.
   void Warn(const std::string& text);
 
   // What a factor observes; `index`: sight, frame, point, distance, reading of a total station.
