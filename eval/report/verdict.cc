@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <tuple>
 
 #include "calib/base/counted.h"
+#include "eval/statistics/distributions.h"
 #include "eval/statistics/statistics.h"
 #include "eval/text/method_name.h"
 
@@ -72,15 +74,26 @@ void ChooseErrors(const ReportData& data, const std::string& variant, ProjectVer
   }
 }
 
+// Of `geotags` right ones, one or more lies so many sigmas off with a probability of more than 1 %.
+bool MayBeChance(bool horizontal, double sigmas, int64_t geotags) {
+  constexpr double kUnlikely = 0.01;
+  const double beyond = 1 - ChiSquareCdf(sigmas * sigmas, horizontal ? 2 : 1);
+  return beyond * static_cast<double>(geotags) > kUnlikely;
+}
+
 void FindGeotags(const ReportInput& input, const ReportData& data, const std::string& variant,
                  ProjectVerdict* verdict) {
   std::map<std::string, VerdictGeotag> worst;
   for (const RunData& run : data.runs) {
     if (run.variant != variant) continue;
+    const auto compared = std::count_if(run.answers.begin(), run.answers.end(),
+                                        [](const RunData::Answer& a) { return a.geotag_off_m.has_value(); });
     for (const RunData::Answer& a : run.answers) {
       if (a.geotag_status != "outlier" || !a.geotag_off_m) continue;
-      VerdictGeotag& g = worst[a.panorama];
       const auto consider = [&](const char* direction, double off_m, std::optional<double> sigmas) {
+        const bool horizontal = std::string_view(direction) == "horizontally";
+        if (sigmas && MayBeChance(horizontal, *sigmas, compared)) return;
+        VerdictGeotag& g = worst[a.panorama];
         const bool more = g.sigmas && sigmas ? *sigmas > *g.sigmas : off_m > g.off_m;
         if (more) g = {a.panorama, a.station, run.run, off_m, direction, sigmas};
       };

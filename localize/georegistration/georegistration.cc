@@ -8,8 +8,8 @@
 #include <map>
 
 #include "calib/base/median.h"
+#include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
-#include "localize/reconstruct/odometry_unit.h"
 
 namespace trigpoint {
 namespace {

@@ -8,10 +8,6 @@
 
 namespace trigpoint {
 
-// In words, for messages: the unit of length nearest to `factor` metres, such as "feet (0.3048 m)"; empty where none is
-// within `tolerance` (of the logarithm).
-std::string UnitOfLength(double factor, double tolerance);
-
 // A message where the extents of the run by odometry and by GPS differ by more than five sigmas and a factor of two:
 // another unit than metres. Nothing where they agree, or where GPS shows too little.
 std::optional<std::string> FindOtherUnit(const Run& run);

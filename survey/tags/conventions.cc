@@ -2,15 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
+#include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
 #include "survey/tags/planar_pose.h"
 
@@ -24,6 +28,8 @@ constexpr double kFoot = 0.3048;
 constexpr double kLeastParallax_rad = 10 * kDegToRad, kLeastWay_m = 0.3;
 constexpr double kScaleKnown = 0.05;  // odometry whose stated scale sigma is larger says nothing about sizes
 constexpr double kSizesAlike = 0.04, kMostOff = 0.1;
+constexpr double kLeastUnit = 0.15;     // logarithm of a factor: a start is not that far off
+constexpr double kLeastTurned_deg = 5;  // positions against rotations: the pictures of few tags show less by chance
 
 // How well the body's direction of motion stays the same in the body's frame: 1 for wheels, 0 for nonsense.
 // `order` permutes a quaternion's coefficients as read (x, y, z, w).
@@ -42,8 +48,8 @@ double MotionConsistency(const Trajectory& odometry, const std::array<int, 4>& o
   return n < kLeastSteps ? -1 : sum.norm() / n;
 }
 
-double FitRms(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::Vector3d>& stated) {
-  const Sim3d fit = AlignPoints(map, stated, AlignmentKind::kSE3);
+double FitRms(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::Vector3d>& stated, AlignmentKind kind) {
+  const Sim3d fit = AlignPoints(map, stated, kind);
   double square = 0;
   for (size_t i = 0; i < map.size(); ++i) square += (fit * map[i] - stated[i]).squaredNorm();
   return std::sqrt(square / static_cast<double>(map.size()));
@@ -199,28 +205,77 @@ std::vector<CentreSight> FirstVisit(const std::vector<CentreSight>& sights) {
   return visit;
 }
 
+// Of one run or several: how much farther away the tags are by odometry than by their stated size.
+struct SizeRatios {
+  std::vector<double> all;
+  double middle = 1;
+  int64_t alike = 0;
+
+  void Judge() {
+    middle = Median(all);
+    alike = std::count_if(all.begin(), all.end(), [&](double r) { return std::abs(r / middle - 1) < kSizesAlike; });
+  }
+  bool IsKnown() const { return all.size() >= 3 && alike >= 0.7 * static_cast<double>(all.size()); }
+  bool IsOff() const { return IsKnown() && std::abs(middle - 1) >= 2 * kSizesAlike; }
+};
+
 void CheckSizes(const SurveyInput& input, const std::vector<std::map<int, std::vector<CentreSight>>>& runs,
                 std::vector<ConventionFinding>* findings) {
-  std::vector<double> ratios;
+  SizeRatios together;
+  std::vector<SizeRatios> by_run(runs.size());
   for (size_t r = 0; r < runs.size(); ++r) {
     if (input.runs[r].scale_sigma > kScaleKnown) continue;
     for (const auto& [id, sights] : runs[r]) {
       const std::vector<CentreSight> visit = FirstVisit(sights);
       if (visit.size() < 3) continue;
-      if (const auto ratio = SizeRatio(visit); ratio && *ratio > 0) ratios.push_back(*ratio);
+      if (const auto ratio = SizeRatio(visit); ratio && *ratio > 0) by_run[r].all.push_back(*ratio);
+    }
+    together.all.insert(together.all.end(), by_run[r].all.begin(), by_run[r].all.end());
+    if (!by_run[r].all.empty()) by_run[r].Judge();
+  }
+  if (together.all.empty()) return;
+  together.Judge();
+  if (together.IsOff()) {
+    findings->push_back(
+        {true,
+         fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far away as by their stated size ({} of {} "
+                     "visits agree): either all tags were printed {:.2f} times as large as stated, or odometry is not "
+                     "in metres. Measure a printed tag; check_conventions=false skips this check",
+                     together.middle, together.alike, together.all.size(), together.middle)});
+    return;
+  }
+  // Sizes that one run's odometry confirms are right: a run that contradicts them has another unit or scale.
+  const bool confirmed =
+      std::any_of(by_run.begin(), by_run.end(), [](const SizeRatios& r) { return r.IsKnown() && !r.IsOff(); });
+  for (size_t r = 0; confirmed && r < runs.size(); ++r) {
+    if (!by_run[r].IsOff()) continue;
+    findings->push_back(
+        {true,
+         fmt::format("run {}: its odometry is {:.3f} times as long as the tags' stated sizes say ({} of {} visits "
+                     "agree), while the odometry of other runs agrees with the sizes: expected metres; correct "
+                     "the unit or the scale of its odometry.tum; check_conventions=false skips this check",
+                     input.runs[r].name, by_run[r].middle, by_run[r].alike, by_run[r].all.size())});
+  }
+}
+
+// What turns (or mirrors) a run's positions so that tags stay where they are while the body drives by: between two
+// pictures of a tag, turn * (t1 - t2) = R2 x2 - R1 x1.
+Eigen::Matrix3d TurnOfPositions(const std::map<int, std::vector<CentreSight>>& centres) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const auto& [id, sights] : centres) {
+    const std::vector<CentreSight> visit = FirstVisit(sights);
+    for (size_t i = 1; i < visit.size(); ++i) {
+      const Rigid3d &first = visit[0].odom_from_body, &now = visit[i].odom_from_body;
+      const Eigen::Vector3d by_positions = first.translation - now.translation;
+      const Eigen::Vector3d by_tag = now.rotation * visit[i].in_body - first.rotation * visit[0].in_body;
+      if (by_positions.norm() >= kLeastWay_m) sum += by_tag.normalized() * by_positions.normalized().transpose();
     }
   }
-  if (ratios.size() < 3) return;
-  const double middle = Median(ratios);
-  const auto alike =
-      std::count_if(ratios.begin(), ratios.end(), [&](double r) { return std::abs(r / middle - 1) < kSizesAlike; });
-  if (std::abs(middle - 1) < 2 * kSizesAlike || alike < 0.7 * static_cast<double>(ratios.size())) return;
-  findings->push_back(
-      {true,
-       fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far away as by their stated size ({} of {} "
-                   "visits agree): either all tags were printed {:.2f} times as large as stated, or odometry is not "
-                   "in metres. Measure a printed tag; check_conventions=false skips this check",
-                   middle, alike, ratios.size(), middle)});
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  // In a plane a mirror is a half turn about an axis in it, too: it is called a mirror where the plane is level.
+  const Eigen::Matrix3d as_found = svd.matrixU() * svd.matrixV().transpose();
+  Eigen::Matrix3d other = svd.matrixU() * Eigen::Vector3d(1, 1, -1).asDiagonal() * svd.matrixV().transpose();
+  return as_found(2, 2) > other(2, 2) ? as_found : other;
 }
 
 // A tag stays where it is while the body drives by: under the reading of odometry that is right.
@@ -229,10 +284,18 @@ void CheckAxes(const SurveyRun& run, const std::map<int, std::vector<CentreSight
   const Eigen::Matrix3d flip = Eigen::Vector3d(1, -1, -1).asDiagonal();
   const Eigen::Quaterniond half_turn(flip);
   struct Reading {
-    const char* what;
+    std::string what;
     std::function<Rigid3d(const Rigid3d&)> mend;
   };
-  const std::vector<Reading> readings = {
+  const Eigen::Matrix3d turn = TurnOfPositions(centres);
+  const double turned_deg = Eigen::AngleAxisd(turn).angle() * kRadToDeg;
+  const bool mirrored = turn.determinant() < 0;
+  const std::string turned =
+      mirrored
+          ? "its positions are mirrored against its rotations (a sign or the order of x, y, z)"
+          : fmt::format("its positions are turned by {:.0f} deg against its rotations (expected both in one frame)",
+                        turned_deg);
+  std::vector<Reading> readings = {
       {"", [](const Rigid3d& p) { return p; }},
       {"its axes are forward, right, down (expected forward, left, up, as T_cam_imu of camchain.yaml has the body)",
        [&](const Rigid3d& p) { return Rigid3d(half_turn * p.rotation * half_turn, half_turn * p.translation); }},
@@ -240,6 +303,9 @@ void CheckAxes(const SurveyRun& run, const std::map<int, std::vector<CentreSight
        [](const Rigid3d& p) { return Rigid3d(p.rotation.conjugate(), p.translation); }},
       {"its poses are body_from_odom (expected odom_from_body)", [](const Rigid3d& p) { return p.Inverse(); }},
   };
+  if (mirrored || turned_deg > kLeastTurned_deg) {
+    readings.push_back({turned, [&](const Rigid3d& p) { return Rigid3d(p.rotation, turn * p.translation); }});
+  }
   std::vector<double> errors;
   for (const Reading& reading : readings) {
     std::vector<double> off;
@@ -298,11 +364,23 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
     map.push_back(p.corner < 0 ? tag->second.translation
                                : tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner));
     stated.push_back(p.world_m);
-    low = low.cwiseMin(p.world_m), high = high.cwiseMax(p.world_m);
+    low = low.cwiseMin(map.back()), high = high.cwiseMax(map.back());
   }
   if (map.size() < 3) return findings;
-  const double extent = (high - low).norm(), as_is = FitRms(map, stated);
-  if (as_is < 0.3 + 0.05 * extent) return findings;  // odometry drifts by a few percent
+  const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
+  const double near = 0.3 + 0.05 * extent;  // odometry drifts by a few percent
+  const double factor = AlignPoints(map, stated, AlignmentKind::kSim3).scale;
+  const double scaled = FitRms(map, stated, AlignmentKind::kSim3);
+  if (std::abs(std::log(factor)) > kLeastUnit && scaled < 0.3 * as_is) {
+    const std::string unit = UnitOfLength(1 / factor, 0.1);
+    findings.push_back(
+        {true, fmt::format("control_points.csv: the surveyed points are {:.3g} times as far from each other as by the "
+                           "pictures (fit to {:.2f} m, {:.2f} m with this factor); expected metres{}: correct the "
+                           "table, or tags.yaml and odometry if these are what is wrong",
+                           factor, as_is, scaled, unit.empty() ? "" : ", found what may be " + unit)});
+    return findings;
+  }
+  if (as_is < near) return findings;
   struct Reading {
     const char* what;
     std::function<Eigen::Vector3d(const Eigen::Vector3d&)> mend;
@@ -311,16 +389,15 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
       {"easting and northing are swapped",
        [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.y(), p.x(), p.z()); }},
       {"heights count downwards", [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), -p.z()); }},
-      {"coordinates are in feet, not metres", [](const Eigen::Vector3d& p) { return Eigen::Vector3d(kFoot * p); }},
       {"heights are in feet, not metres",
        [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), kFoot * p.z()); }},
   };
   for (const Reading& reading : readings) {
     std::vector<Eigen::Vector3d> mended;
     for (const Eigen::Vector3d& p : stated) mended.push_back(reading.mend(p));
-    const double rms = FitRms(map, mended);
+    const double rms = FitRms(map, mended, AlignmentKind::kSE3);
     // Three points fit a mirrored map as well as the true one: their plane hides it.
-    if (rms < 0.2 * as_is && rms < 0.3 + 0.05 * extent) {
+    if (rms < 0.2 * as_is && rms < near) {
       findings.push_back({true, fmt::format("control_points.csv: the surveyed points fit the pictures only to {:.2f} m "
                                             "as they stand, but to {:.2f} m if {}: correct the table",
                                             as_is, rms, reading.what)});

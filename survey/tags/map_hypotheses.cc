@@ -10,8 +10,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
+#include "calib/geo/unit_of_length.h"
 #include "survey/tags/control.h"
 #include "survey/tags/map_solver.h"
 
@@ -24,10 +26,12 @@ constexpr double kTurned_deg = 20;                // of a sheet between two runs
 constexpr double kLeastSizeError = 0.035;         // odometry, whose scale wanders along its way, can show no less
 constexpr double kCommonSizeChi2 = 10.8;          // 0.1 % at 1
 constexpr double kLeastCommonSize = 0.005;        // less is within what a ruler shows
+constexpr double kLeastControlScale = 0.03;       // of known points, before they are called wrong
 constexpr double kScaleKnown = 0.05;              // odometry with a larger scale sigma shows nothing about sizes
 constexpr double kLeastShown = 0.2;               // of a run's scale, by the tags, over the prior
 constexpr size_t kMostExact = 48;                 // hypotheses looked at closely each round
-constexpr double kBetterThanSlip = 1.3;  // chi-square of a tag's fault, against that of odometry's jump in its run
+constexpr double kBetter = 1.3;                   // chi-square of one explanation, against that of another
+constexpr double kClearlyBetter = 2;
 
 }  // namespace
 
@@ -137,7 +141,11 @@ bool MapSolver::SnoopTags() {
     return a.chi2 / threshold(a) > b.chi2 / threshold(b);
   });
   const double single = hypotheses.empty() ? 0 : hypotheses.front().chi2;
-  if (SnoopCommonSize(single)) return true;
+  // Odometry by itself may be what is off: without known lengths the difference is named and nothing is changed.
+  const Hypothesis all = HasKnownLengths() ? CommonSizeHypothesis() : Hypothesis();
+  const auto control = WorstControl(true);
+  if (control && control->second > std::max(kPointChi2, kBetter * std::max(single, all.chi2))) return SnoopControl();
+  if (SnoopCommonSize(all, single)) return true;
   std::set<int> disturbed;  // runs
   std::map<int, double> slips;
   bool any = false;
@@ -152,11 +160,13 @@ bool MapSolver::SnoopTags() {
     if (std::any_of(its_runs.begin(), its_runs.end(), [&](int r) {
           const auto [slip, fresh] = slips.try_emplace(r, 0);
           if (fresh) slip->second = SlipChi2(r);
-          return h.chi2 < kBetterThanSlip * slip->second;
+          return h.chi2 < kBetter * slip->second;
         }))
       continue;
     if (h.run < 0) {
-      if (std::abs(h.estimate[0]) < kLeastSizeError && sizes_found_.count(h.place) == 0) continue;
+      // Control may show what odometry cannot.
+      const double least = ControlAsksFor(h.chi2) ? kLeastCommonSize : kLeastSizeError;
+      if (std::abs(h.estimate[0]) < least && sizes_found_.count(h.place) == 0) continue;
       SizeFound& found = sizes_found_[h.place];
       found.log_ratio += std::clamp(h.estimate[0], -0.7, 0.7);
       found.sigma = std::sqrt(h.covariance(0, 0));
@@ -172,17 +182,17 @@ bool MapSolver::SnoopTags() {
   return any;
 }
 
-// A place of its own for a tag in one run. The pictures that show it there.
+// A place of its own for a tag in one run. The pictures that show it there; without any there is no such place.
 std::vector<MapSight*> MapSolver::GivePlace(int tag_place, int run, const Rigid3d& world_from_tag) {
+  std::vector<MapSight*> sights;
+  for (MapSight& s : start_.sights) {
+    if (s.place == tag_place && start_.frames[static_cast<size_t>(s.frame)].run == run) sights.push_back(&s);
+  }
+  if (sights.empty()) return sights;
   const int place = -1 - static_cast<int>(moved_.size());
   moved_.push_back({IdOf(tag_place), run});
   tags_[place] = world_from_tag;
-  std::vector<MapSight*> sights;
-  for (MapSight& s : start_.sights) {
-    if (s.place != tag_place || start_.frames[static_cast<size_t>(s.frame)].run != run) continue;
-    s.place = place;
-    sights.push_back(&s);
-  }
+  for (MapSight* s : sights) s->place = place;
   return sights;
 }
 
@@ -223,9 +233,9 @@ bool MapSolver::HasKnownLengths() const {
   return control >= 2 || distances > std::ssize(wrong_distances_);
 }
 
-// Whether odometry by itself, as its runs' scales have it, asks for such a factor: control that is wrong looks like a
-// wrong size, too, and draws odometry the other way.
-bool MapSolver::OdometryAsksFor(double log_ratio) const {
+// Such a factor, and its sigma, as odometry by itself asks for it, by its runs' scales: control that is wrong looks
+// like a wrong size, too, and draws odometry the other way.
+std::optional<std::pair<double, double>> MapSolver::SizeByOdometry() const {
   double weights = 0, sum = 0;
   for (size_t r = 0; r < run_states_.size(); ++r) {
     const RunState& state = run_states_[r];
@@ -237,23 +247,55 @@ bool MapSolver::OdometryAsksFor(double log_ratio) const {
     sum += -std::log(std::max(0.1, 1 + (state.scale - 1) / shrunk)) / prior;
     weights += 1 / prior;
   }
-  if (!(weights > 0)) return false;
-  const double asked = sum / weights, sigma = 1 / std::sqrt(weights);
+  if (!(weights > 0)) return std::nullopt;
+  return std::pair(sum / weights, 1 / std::sqrt(weights));
+}
+
+bool MapSolver::OdometryAsksFor(double log_ratio) const {
+  const auto by_odometry = SizeByOdometry();
+  if (!by_odometry) return false;
+  const auto [asked, sigma] = *by_odometry;
   return asked * log_ratio > 0 && std::abs(asked) > 2 * sigma && std::abs(asked - log_ratio) < 3 * sigma;
+}
+
+bool MapSolver::OdometryRulesOut(double log_ratio) const {
+  const auto by_odometry = SizeByOdometry();
+  return by_odometry && std::abs(by_odometry->first - log_ratio) > 3 * by_odometry->second;
+}
+
+// Whether such a factor, with this chi-square, explains clearly more than the worst control point does: a wrong point
+// explains all that it spoils, and a wrong size spoils all points.
+bool MapSolver::ControlAsksFor(double chi2) const {
+  const auto worst = WorstControl(false);
+  return worst && chi2 > kClearlyBetter * worst->second;
+}
+
+// Throws if control is what has another scale: it asks for a factor on the sizes that odometry rules out. Tags' sizes
+// and odometry agree then.
+void MapSolver::RequireMetres(const Hypothesis& all) const {
+  const double log_ratio = all.estimate[0];
+  if (!options_.check_conventions || all.chi2 <= kSizeChi2 || std::abs(log_ratio) < kLeastControlScale ||
+      !ControlAsksFor(all.chi2) || !OdometryRulesOut(log_ratio))
+    return;
+  const double factor = std::exp(log_ratio);
+  const std::string unit = UnitOfLength(1 / factor, 3 * std::sqrt(all.covariance(0, 0)) + 0.01);
+  throw InputError(
+      fmt::format("control_points.csv: the surveyed points are {:.4g} times as far from each other as by the tags' "
+                  "sizes and by odometry, which agree; expected metres{}: check the table's unit and the scale of its "
+                  "grid; check_conventions=false skips this check",
+                  factor, unit.empty() ? "" : ", found what may be " + unit));
 }
 
 // A sheet printed at 97 %, or sizes measured over the white border: it explains more than any single tag's fault. True
 // if the factor changed.
-bool MapSolver::SnoopCommonSize(double single_chi2) {
-  // Odometry by itself may be what is off: then the difference is named and nothing is changed.
-  if (!HasKnownLengths()) return false;
-  const Hypothesis all = CommonSizeHypothesis();
+bool MapSolver::SnoopCommonSize(const Hypothesis& all, double single_chi2) {
   if (all.observations.empty() || !(all.covariance(0, 0) > 0)) return false;
   const double log_ratio = all.estimate[0], sigma = std::sqrt(all.covariance(0, 0));
   const bool known = common_log_size_ != 0;
+  if (!known) RequireMetres(all);
   if (known ? std::abs(log_ratio) < 0.1 * sigma
             : all.chi2 <= std::max(kSizeChi2, single_chi2) || std::abs(log_ratio) < kLeastCommonSize ||
-                  !OdometryAsksFor(log_ratio)) {
+                  (!OdometryAsksFor(log_ratio) && (!ControlAsksFor(all.chi2) || OdometryRulesOut(log_ratio)))) {
     return false;
   }
   common_log_size_ += std::clamp(log_ratio, -0.7, 0.7);
@@ -272,7 +314,7 @@ void MapSolver::JudgeCommonSize() {
   }
   result_.common_size = CommonSize{log_ratio, sigma};
   Warn(fmt::format(
-      "tags.yaml: all tags are {:.1f} % {} than stated (1 sigma {:.1f} %) by {}: measure the black square of a printed "
+      "tags.yaml: all tags are {:.2g} % {} than stated (1 sigma {:.2g} %) by {}: measure the black square of a printed "
       "tag and correct the sizes",
       100 * std::abs(std::expm1(log_ratio)), log_ratio < 0 ? "smaller" : "larger", 100 * sigma,
       used                ? "known points and odometry; the map is made with the sizes found"
@@ -294,7 +336,7 @@ void MapSolver::JudgeCommonSize() {
 // Names what SnoopTags found.
 void MapSolver::JudgePlaces(TagEstimate* tag) const {
   const auto size = sizes_found_.find(tag->tag_id);
-  if (size != sizes_found_.end() && std::abs(size->second.log_ratio) > kLeastSizeError) {
+  if (size != sizes_found_.end() && std::abs(size->second.log_ratio) > 3 * size->second.sigma) {
     const double stated = input_.sizes.SizeOf(tag->tag_id), found = SizeOf(tag->tag_id);
     tag->status = "size";
     tag->reason = fmt::format("its edge is {:.4f} +- {:.4f} m (1 sigma) by the pictures, stated are {:.4f} m", found,

@@ -14,7 +14,6 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kPointChi2 = 16.3;       // 99.9 % of chi-square with 3 degrees of freedom: beyond it a point is named
 constexpr double kDistanceSigmas = 3.3;   // 99.9 % of a normal
 constexpr double kLeastRedundant = 1e-3;  // share of an observation's variance that others must leave to judge it by
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
@@ -241,6 +240,20 @@ bool MapSolver::PlaceOf(const SurveyPoint& p, Eigen::Vector3d* place, Eigen::Mat
   return true;
 }
 
+// The control on which the map rests at a check point, in words: a wrong point shows at those around it.
+std::string MapSolver::ControlNear(const SurveyPoint& p) const {
+  std::vector<std::pair<double, std::string>> near;
+  for (const SurveyPoint& q : datum_points_) {
+    if (q.role == PointRole::kControl && !Excluded(q)) near.emplace_back((q.world_m - p.world_m).norm(), q.name);
+  }
+  if (p.role != PointRole::kCheck || near.empty()) return "";
+  std::sort(near.begin(), near.end());
+  const bool several = near.size() > 1;
+  std::string text = ", and those of control " + std::string(several ? "points " : "point ") + near.front().second;
+  if (several) text += " and " + near[1].second;
+  return text + " near it";
+}
+
 void MapSolver::CompareWithPoints() {
   if (!result_.in_world) return;
   double square_h = 0, square_v = 0, stated_h = 0, stated_v = 0;
@@ -275,7 +288,7 @@ void MapSolver::CompareWithPoints() {
           {fmt::format("{} point {} is {:.3f} m off the map, {:.1f} sigma: {}", RoleName(p.role), p.name,
                        a.error_m.norm(), std::sqrt(a.chi2),
                        a.excluded ? "taken out, since it contradicts the other control; check its coordinates"
-                                  : "more than its sigma allows; check its coordinates"),
+                                  : "more than its sigma allows; check its coordinates" + ControlNear(p)),
            -1, p.name});
     }
     // The map has a tag that was moved at one place, and the surveyor saw it at one: they need not be the same.

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -17,6 +18,8 @@ constexpr double kMoveChi2 = 35;       // 4e-6 at 6 degrees of freedom, since ev
 constexpr double kSlipChi2 = 30;       // 4e-5 at 6 degrees of freedom: odometry jumped
 constexpr int kLeastSights = 3;        // of a tag that is said to have moved: in that run, and in the others
 constexpr double kLeastMove_m = 0.02;  // less is no move but a weakness of the model
+constexpr double kPointChi2 = 16.3;    // 99.9 %, 3 degrees of freedom
+constexpr size_t kLeastVisit = 3;      // pictures that may place a tag by themselves
 
 // Two sheets do not overlap.
 inline bool IsAnotherPlace(double moved_m, double size_m) { return moved_m >= kLeastMove_m + 0.2 * size_m; }
@@ -52,12 +55,19 @@ class MapSolver {
 
   bool IsSeen(const SurveyPoint& p) const;
   void ChooseDatum();
+  void DropDatumWithoutFrame();
   void RequireCredible() const;
   void LoadState();
+  // map_gates.cc
+  void PlaceSplit();
+  static bool IsTurned(const Rigid3d& in_map, const Rigid3d& in_run);
+  std::set<int> ElsewhereIn(size_t run) const;
+  void SplitElsewhere();
   std::vector<std::vector<MapSight*>> Visits();
   void GateStart();
-  void PlaceSplit();
-  void SplitTurned();
+  std::optional<double> ControlOff(const SurveyPoint& p) const;
+  void GateControl();
+  void ReturnControl();
   void FindLinked();
   bool Usable(const MapSight& s) const;
   bool Placed(int frame) const { return start_.frames[static_cast<size_t>(frame)].world_from_body.has_value(); }
@@ -96,6 +106,7 @@ class MapSolver {
   void JudgePlaces(TagEstimate* tag) const;
   int IdOf(int place) const;
   double SizeOf(int place) const;
+  std::optional<std::pair<int, double>> WorstControl(bool may_leave) const;
   bool SnoopControl();
   bool SnoopDistances();
   Rigid3d TagPose(int id) const { return solver_.Pose(tag_unknown_.at(id)); }
@@ -115,15 +126,20 @@ class MapSolver {
   void ComparePlane();
   void CompareDatums();
   void DoubtDatum();
-  std::vector<Hypothesis> TagHypotheses() const;  // these six: map_hypotheses.cc
+  std::vector<Hypothesis> TagHypotheses() const;  // these ten: map_hypotheses.cc
   Hypothesis CommonSizeHypothesis() const;
   bool HasKnownLengths() const;
+  std::optional<std::pair<double, double>> SizeByOdometry() const;
   bool OdometryAsksFor(double log_ratio) const;
-  bool SnoopCommonSize(double single_chi2);
+  bool OdometryRulesOut(double log_ratio) const;
+  void RequireMetres(const Hypothesis& all) const;
+  bool ControlAsksFor(double chi2) const;
+  bool SnoopCommonSize(const Hypothesis& all, double single_chi2);
   void JudgeCommonSize();
   void FitMapToPoints();
   void CrossCovariances();
   // Place of a point in the map, minus its offset's target, and its covariance there.
+  std::string ControlNear(const SurveyPoint& p) const;
   bool PlaceOf(const SurveyPoint& p, Eigen::Vector3d* place, Eigen::Matrix3d* covariance) const;
 
   SurveyInput input_;  // cameras change where they are estimated
@@ -134,10 +150,12 @@ class MapSolver {
   SurveyResult result_;
   MapStart start_;
   std::vector<SurveyPoint> datum_points_;
-  std::set<std::string> excluded_;  // control that contradicts the rest
-  std::set<int> wrong_distances_;   // the same of distances
-  bool outvoted_ = false;           // pictures were just rejected that the rest of their visit contradicts
-  bool use_shift_ = false;          // geotags have a datum of their own
+  std::set<std::string> excluded_;         // control that contradicts the rest
+  std::set<std::string> waiting_;          // of it: until the first solution
+  std::vector<std::string> far_at_start_;  // control that the start has elsewhere
+  std::set<int> wrong_distances_;          // the same of distances
+  bool outvoted_ = false;                  // pictures were just rejected that the rest of their visit contradicts
+  bool use_shift_ = false;                 // geotags have a datum of their own
   Eigen::Vector3d shift_ = Eigen::Vector3d::Zero();
   int shift_unknown_ = -1;
   std::vector<RunState> run_states_;

@@ -1,6 +1,7 @@
 #include "survey/tags/tag_map.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -18,24 +19,20 @@
 #include "survey/tags/control.h"
 #include "survey/tags/conventions.h"
 #include "survey/tags/map_solver.h"
-#include "survey/tags/planar_pose.h"
 #include "survey/tags/survey_costs.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr double kHuberChi2 = 15.5;       // 95 % of chi-square with 8 degrees of freedom
-constexpr double kGeotagChi2 = 7.8;       // 95 %, 3 degrees of freedom
-constexpr double kOdometryChi2 = 12.6;    // 95 %, 6 degrees of freedom
-constexpr double kMarkChi2 = 5.99;        // 95 %, 2 degrees of freedom
-constexpr double kPointChi2 = 16.3;       // 99.9 %, 3 degrees of freedom
-constexpr double kDistanceChi2 = 10.8;    // 99.9 %, 1 degree of freedom
-constexpr double kLeastRedundancy = 20;   // observations to spare before a variance component is believed
-constexpr double kVisitPx = 15;           // agreement of a visit's pictures
-constexpr double kFarthest_m = 1e5;       // from the known points: no site is as large
-constexpr double kStartGatePx = 60;       // a sight that the start contradicts by more waits for the first solution
-constexpr double kDatumShiftSigma = 10;   // m: geotags against control before anything is known
-constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
+constexpr double kHuberChi2 = 15.5;               // 95 % of chi-square with 8 degrees of freedom
+constexpr double kGeotagChi2 = 7.8;               // 95 %, 3 degrees of freedom
+constexpr double kOdometryChi2 = 12.6;            // 95 %, 6 degrees of freedom
+constexpr double kMarkChi2 = 5.99;                // 95 %, 2 degrees of freedom
+constexpr double kDistanceChi2 = 10.8;            // 99.9 %, 1 degree of freedom
+constexpr double kLeastRedundancy = 20;           // observations to spare before a variance component is believed
+constexpr double kFarthest_m = 1e5;               // from the known points: no site is as large
+constexpr double kDatumShiftSigma = 10;           // m: geotags against control before anything is known
+constexpr double kGpsCorrelation_s = 60;          // fixes within this time share their error
 constexpr double kHeldM = 1e-5, kHeldRad = 1e-7;  // what a gauge holds
 constexpr double kSlip = 30;                      // factor on the sigma of a step that jumped
 // Gates of the first rounds; a sight within one is not rejected yet.
@@ -43,8 +40,7 @@ constexpr std::array<double, 4> kWideGatePx = {60, 60, 20, 7};
 // Factors on the threshold of the corners' robust loss: a loop that odometry missed is closed by a few pictures, if
 // these may pull with their full weight at first.
 constexpr std::array<double, 4> kWideLoss = {4000, 200, 20, 1};
-constexpr size_t kLeastVisit = 3;  // pictures that may place a tag by themselves
-constexpr double kOutvoted = 20;   // times the median chi-square of its visit: a picture that is wrong by itself
+constexpr double kOutvoted = 20;  // times the median chi-square of its visit: a picture that is wrong by itself
 constexpr int kExtraRounds = 3, kMostTagRounds = 8;
 // Self-calibration: how far a camera may be from what is stated, 1 sigma.
 constexpr double kFocalSigma = 0.05, kCentreSigma = 0.02, kK1Sigma = 0.1, kK2Sigma = 0.3;
@@ -97,18 +93,7 @@ SurveyResult MapSolver::Run() {
   FindStart(input_, datum_points_, threads_, cancel_, &start_);
   for (const std::string& warning : start_.warnings) Warn(warning);
   heed(CheckPoints(input_, start_, datum_points_));
-  if (!input_.fixed && !start_.in_world) {
-    if (!datum_points_.empty()) {
-      const std::string problem = "expected three known points that are not on one line, found fewer";
-      if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
-        throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
-      }
-      Warn(problem + ": the map stays in a frame of its own");
-    }
-    datum_points_.clear();
-    use_shift_ = false;
-    result_.datum = "first camera";
-  }
+  DropDatumWithoutFrame();
   result_.in_world = start_.in_world || (input_.fixed && input_.fixed_in_world);
   LoadState();
   progress_.Begin("tag map", 0);
@@ -120,6 +105,7 @@ SurveyResult MapSolver::Run() {
                                              kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
     const SparseLeastSquares::Summary summary = Solve(true);
     if (round == 0) result_.cost_before = summary.cost_before;
+    ReturnControl();
     result_.cost_after = summary.cost_after;
     const bool last = round >= rounds;
     const bool may_reject = round < rounds + kExtraRounds;
@@ -142,6 +128,21 @@ SurveyResult MapSolver::Run() {
   return std::move(result_);
 }
 
+// Points that do not hold a frame are no datum: the map keeps that of its first camera.
+void MapSolver::DropDatumWithoutFrame() {
+  if (input_.fixed || start_.in_world) return;
+  if (!datum_points_.empty()) {
+    const std::string problem = "expected three known points that are not on one line, found fewer";
+    if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
+      throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
+    }
+    Warn(problem + ": the map stays in a frame of its own");
+  }
+  datum_points_.clear();
+  use_shift_ = false;
+  result_.datum = "first camera";
+}
+
 // Throws if a tag lies farther than kFarthest_m from the site: such a map is wrong, however small its residuals.
 void MapSolver::RequireCredible() const {
   // A surveyor's grid may begin far away.
@@ -153,8 +154,11 @@ void MapSolver::RequireCredible() const {
     throw NumericError(fmt::format(
         "the tag map did not converge: tag {} is {:.3g} m from the site. Odometry, tag sizes and surveyed points "
         "contradict each other: check the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
-        "z up, as in T_cam_imu of camchain.yaml), tags.yaml and control_points.csv",
-        IdOf(place), (pose.translation - site).norm()));
+        "z up, as in T_cam_imu of camchain.yaml), tags.yaml and control_points.csv{}",
+        IdOf(place), (pose.translation - site).norm(),
+        far_at_start_.empty() ? ""
+                              : fmt::format(", above all the control points {}, which the pictures have elsewhere",
+                                            fmt::join(far_at_start_, ", "))));
   }
 }
 
@@ -223,114 +227,14 @@ void MapSolver::LoadState() {
     Warn(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
   }
   PlaceSplit();
-  SplitTurned();
+  SplitElsewhere();
+  GateControl();
   GateStart();
-}
-
-// First guesses of places that were split off before the start: the planar solution that most of its pictures share.
-void MapSolver::PlaceSplit() {
-  for (size_t k = 0; k < moved_.size(); ++k) {
-    const int place = -1 - static_cast<int>(k);
-    std::vector<const MapSight*> sights;
-    for (const MapSight& s : start_.sights) {
-      if (s.place == place && Placed(s.frame)) sights.push_back(&s);
-    }
-    double best = std::numeric_limits<double>::infinity();
-    std::optional<Rigid3d> found;
-    for (const MapSight* s : sights) {
-      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
-      const Rigid3d world_from_cam =
-          *frame.world_from_body *
-          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
-      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
-        tags_[place] = world_from_cam * pose.cam_from_tag;
-        double sum = 0;
-        for (const MapSight* other : sights) sum += std::min(kStartGatePx, SightPx(*other));
-        if (sum < best) best = sum, found = tags_[place];
-      }
-    }
-    tags_.erase(place);
-    if (found) tags_[place] = *found;
-  }
 }
 
 void MapSolver::Warn(const std::string& text) {
   const auto same = [&](const MapWarning& w) { return w.text == text; };
   if (std::none_of(result_.warnings.begin(), result_.warnings.end(), same)) result_.warnings.push_back({text, -1, ""});
-}
-
-// A sheet that hangs turned in another run is given a place of its own at once: its corners are read in another order,
-// and as pictures of one sheet they would bend everything. How a sheet is turned in its plane is never in doubt.
-void MapSolver::SplitTurned() {
-  constexpr double kTurned_rad = 45 * kDegToRad;
-  for (size_t r = 0; r < start_.by_run.size(); ++r) {
-    for (const auto& [id, by_its_pictures] : start_.by_run[r]) {
-      const auto tag = tags_.find(id);
-      if (tag == tags_.end()) continue;
-      const Eigen::Vector3d x =
-          tag->second.rotation.conjugate() * (by_its_pictures.rotation * Eigen::Vector3d::UnitX());
-      if (std::abs(std::atan2(x.y(), x.x())) < kTurned_rad) continue;
-      const bool here = std::any_of(start_.sights.begin(), start_.sights.end(), [&, tag_id = id](const MapSight& s) {
-        return s.place == tag_id && start_.frames[static_cast<size_t>(s.frame)].run == static_cast<int>(r);
-      });
-      if (!here) continue;  // it has a place of its own already
-      LeaveOutControlOn(id);
-      GivePlace(id, static_cast<int>(r), by_its_pictures);
-    }
-  }
-}
-
-// Pictures of one tag by one run, without a gap; those of placed frames and tags.
-std::vector<std::vector<MapSight*>> MapSolver::Visits() {
-  std::map<std::pair<int, int>, std::vector<MapSight*>> of_tag;  // run and place, ascending time
-  for (MapSight& s : start_.sights) {
-    if (!Placed(s.frame) || tags_.count(s.place) == 0) continue;
-    of_tag[{start_.frames[static_cast<size_t>(s.frame)].run, s.place}].push_back(&s);
-  }
-  std::vector<std::vector<MapSight*>> visits;
-  for (const auto& [key, sights] : of_tag) {
-    int64_t last = 0;
-    for (MapSight* s : sights) {
-      const int64_t stamp = start_.frames[static_cast<size_t>(s->frame)].stamp_ns;
-      if (s == sights.front() || stamp - last > kVisitGap_ns) visits.emplace_back();
-      visits.back().push_back(s);
-      last = stamp;
-    }
-  }
-  return visits;
-}
-
-// Leaves out pictures that the start contradicts by far; they are tested again after the first solution. Pictures of a
-// visit that agree among themselves are kept: there odometry has drifted.
-void MapSolver::GateStart() {
-  const std::vector<std::vector<MapSight*>> visits = Visits();
-  for (const std::vector<MapSight*>& visit : visits) {
-    for (MapSight* s : visit) s->rejected = SightPx(*s) > kStartGatePx;
-  }
-  for (const std::vector<MapSight*>& visit : visits) {
-    const bool any_fits = std::any_of(visit.begin(), visit.end(), [](const MapSight* s) { return !s->rejected; });
-    if (any_fits || visit.size() < kLeastVisit) continue;
-    // The planar solution of one of them that fits most.
-    const int place = visit.front()->place;
-    const Rigid3d in_map = tags_.at(place);
-    std::vector<MapSight*> most;
-    for (const MapSight* s : visit) {
-      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
-      const Rigid3d world_from_cam =
-          *frame.world_from_body *
-          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
-      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
-        tags_[place] = world_from_cam * pose.cam_from_tag;
-        std::vector<MapSight*> fitting;
-        std::copy_if(visit.begin(), visit.end(), std::back_inserter(fitting),
-                     [&](const MapSight* other) { return SightPx(*other) < kVisitPx; });
-        if (fitting.size() > most.size()) most = fitting;
-      }
-    }
-    tags_[place] = in_map;
-    if (most.size() < kLeastVisit) continue;
-    for (MapSight* s : most) s->rejected = false;
-  }
 }
 
 int MapSolver::IdOf(int place) const { return place >= 0 ? place : moved_[static_cast<size_t>(-1 - place)].tag_id; }
@@ -875,15 +779,15 @@ bool MapSolver::SnoopSights(int round) {
   return any;
 }
 
-// Takes the control point out that contradicts the others most, if enough remain without it.
-bool MapSolver::SnoopControl() {
-  int worst = -1;
-  double worst_chi2 = kPointChi2;
+// The control point that contradicts the others most: its index and its chi-square as an extra parameter. Nothing where
+// too few are left to tell which is wrong; `may_leave`: of points without which the rest still holds the map.
+std::optional<std::pair<int, double>> MapSolver::WorstControl(bool may_leave) const {
   std::vector<Eigen::Vector3d> used;
   for (const SurveyPoint& p : datum_points_) {
     if (p.role == PointRole::kControl && !Excluded(p)) used.push_back(p.world_m);
   }
-  if (used.size() < 4) return false;  // of three points the wrong one cannot be found
+  if (used.size() < 4) return std::nullopt;  // of three points the wrong one cannot be found
+  std::optional<std::pair<int, double>> worst;
   for (size_t i = 0; i < observations_.size(); ++i) {
     const Observation& o = observations_[i];
     if (o.kind != Kind::kPoint || datum_points_[static_cast<size_t>(o.index)].role != PointRole::kControl) continue;
@@ -891,14 +795,21 @@ bool MapSolver::SnoopControl() {
     const Eigen::MatrixXd cofactor = Eigen::Matrix3d::Identity() * 1.0001 - solver_.Leverage(factor);
     const Eigen::VectorXd r = solver_.Residual(factor);
     const double chi2 = r.dot(cofactor.inverse() * r);
+    if (worst && chi2 <= worst->second) continue;
     std::vector<Eigen::Vector3d> left;
     for (const Eigen::Vector3d& p : used) {
       if (p != datum_points_[static_cast<size_t>(o.index)].world_m) left.push_back(p);
     }
-    if (chi2 > worst_chi2 && AreWellSpread(left)) worst_chi2 = chi2, worst = o.index;
+    if (!may_leave || AreWellSpread(left)) worst = {o.index, chi2};
   }
-  if (worst < 0) return false;
-  excluded_.insert(datum_points_[static_cast<size_t>(worst)].name);
+  return worst;
+}
+
+// Takes the control point out that contradicts the others most, if enough remain without it.
+bool MapSolver::SnoopControl() {
+  const auto worst = WorstControl(true);
+  if (!worst || worst->second <= kPointChi2) return false;
+  excluded_.insert(datum_points_[static_cast<size_t>(worst->first)].name);
   return true;
 }
 

@@ -55,6 +55,12 @@ def variation(index, truth):
                 move = wanted - truth.earth.enu(row)
                 faults.earth_m([row], move[0], move[1])
                 row["height_m"] = f"{float(row['height_m']) + move[2]:.3f}"
+                attitude = truth.attitudes.get(row.get("station", "").lstrip("S"))
+                if attitude is None or not row.get("sigma_heading_deg"):
+                    continue
+                sigmas = [float(row["sigma_heading_deg"]), *[float(row["sigma_tilt_deg"])] * 2]
+                for name, angle in zip(("heading_deg", "pitch_deg", "roll_deg"), attitude + draw.normal(size=3) * sigmas):
+                    row[name] = f"{angle % 360 if name == 'heading_deg' else angle:.3f}"
 
         project.table(project.panoramas(), geotags)
         walk = np.zeros(3)

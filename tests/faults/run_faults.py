@@ -27,7 +27,7 @@ import numpy as np
 
 import draws
 import faults
-from site_files import NotApplicable, Project, copy_links
+from site_files import NotApplicable, Project, copy_links, rotation
 
 GOOD = ("right", "warned", "withheld", "refused")
 GATE = 3.0  # stated sigmas
@@ -68,7 +68,7 @@ class Earth:
 
 class Truth:
     def __init__(self, folder, site, run):
-        self.cameras, self.panoramas, self.tags = {}, {}, {}
+        self.cameras, self.panoramas, self.tags, self.attitudes = {}, {}, {}, {}
         origin = json.loads((site / "origin.json").read_text())
         self.earth = Earth(origin["lat"], origin["lon"], origin["alt"])
         for name in (f"runs/{run}_cameras.tum", f"{run}_cameras.tum"):
@@ -77,6 +77,7 @@ class Truth:
         for name in ("panoramas.tum", "photos.tum"):
             if (folder / name).exists():
                 self.panoramas.update(self.poses(folder / name))
+                self.attitudes.update(self.attitudes_of(folder / name))
         # A picture was taken where it was taken, whatever a faulty table says of it.
         table = site / "panoramas.csv"
         self.stations = {row["file"]: row.get("station", "") for row in rows_of(table)} if table.exists() else {}
@@ -85,10 +86,24 @@ class Truth:
                 self.tags[row["tag_id"]] = np.array([float(row[k]) for k in "xyz"])
 
     @staticmethod
-    def poses(path):
-        lines = [line.split() for line in path.read_text().splitlines() if line and not line.startswith("#")]
-        return {line[0].split(".")[0] if "." not in line[0] else f"{float(line[0]):.4f}": np.array(line[1:4], float)
-                for line in lines}
+    def lines(path):
+        for line in path.read_text().splitlines():
+            if line and not line.startswith("#"):
+                name, *numbers = line.split()
+                yield name if "." not in name else f"{float(name):.4f}", np.array(numbers, float)
+
+    @classmethod
+    def poses(cls, path):
+        return {name: numbers[:3] for name, numbers in cls.lines(path)}
+
+    @classmethod
+    def attitudes_of(cls, path):
+        """Heading (clockwise from north), pitch and roll in degrees, of cameras that look along z with y down."""
+        result = {}
+        for name, numbers in cls.lines(path):
+            r = rotation(numbers[3:7])
+            result[name] = np.degrees([np.arctan2(r[0, 2], r[1, 2]), np.arcsin(r[2, 2]), np.arctan2(-r[2, 0], -r[2, 1])])
+        return result
 
 
 def sigmas_off(error, sigma):
@@ -100,9 +115,10 @@ class Positions:
     """What a result states, against the truth."""
 
     def __init__(self):
-        self.count, self.outside, self.worst, self.largest_m = 0, 0, 0.0, 0.0
+        self.count, self.outside, self.worst, self.largest_m, self.squares = 0, 0, 0.0, 0.0, 0.0
 
     def add(self, error, sigma):
+        self.squares += float(np.mean((np.asarray(error) / np.maximum(sigma, 1e-9)) ** 2))
         off = sigmas_off(error, sigma)
         self.count += 1
         self.outside += int(off > GATE)
@@ -228,7 +244,8 @@ class Runner:
         if "survey" in names:
             withheld = judge_survey(project, self.truth, positions) or withheld
         result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(float(positions.worst), 2),
-                      largest_m=round(positions.largest_m, 3))
+                      largest_m=round(positions.largest_m, 3),
+                      mean_square=round(positions.squares / max(1, positions.count), 3))
         new, lines = warnings_of(said)
         new -= self.baseline.get(names[-1], set())
         if new:
@@ -321,6 +338,13 @@ def write_table(path, files):
     pathlib.Path(path).write_text("\n".join(lines) + "\n")
 
 
+def squares_text(squares):
+    """Mean square of standardised errors: 1 where sigmas are right, however errors of one draw hang together."""
+    squares = np.array(squares)
+    return (f"errors in stated sigmas: mean square {squares.mean():.2f} +- {squares.std() / math.sqrt(len(squares)):.2f} "
+            f"(1 sigma, {len(squares)} draws), expected 1")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--table")
@@ -355,6 +379,8 @@ def main():
     bad = [r for r in results if r["verdict"] not in (*GOOD, "not applicable")]
     print(f"{len(results)} faults: " + ", ".join(
         f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed")
+    if options.variations:
+        print(squares_text([r["mean_square"] for r in results if r.get("count")]))
     return 1 if bad else 0
 
 

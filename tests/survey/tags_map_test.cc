@@ -634,6 +634,95 @@ TEST(TagMap, APlaneLevelsTheMap) {
   EXPECT_NEAR(map.tags[2].world_from_tag->translation.z(), 1.0, 0.1);
 }
 
+// Control on these tags, too.
+void AddControl(Yard* yard, const std::vector<size_t>& tags, Random* random) {
+  for (const size_t t : tags) {
+    SurveyPoint p = yard->input.points[0];
+    p.name = std::to_string(t).insert(0, 1, 'P');
+    p.tag_id = static_cast<int>(t);
+    p.world_m = yard->tags[t].translation + 0.005 * RandomVector(random, 1);
+    yard->input.points.push_back(p);
+  }
+}
+
+std::string RefusalOf(const Yard& yard) {
+  try {
+    Survey(yard.input);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+// They lie 9 to 20 m off: with their full weight the first solution would not converge.
+TEST(TagMap, ExchangedPointsAreTakenOut) {
+  Random random(31);
+  Yard yard = MakeYard(31);
+  AddControl(&yard, {1, 4, 7}, &random);
+  std::swap(yard.input.points[1].world_m, yard.input.points.back().world_m);  // of tags 3 and 7
+  const SurveyResult map = Survey(yard.input);
+  for (const PointAgreement& p : map.points) EXPECT_EQ(p.excluded, p.name == "P3" || p.name == "P7") << p.name;
+  ExpectOthersRight(map, yard, {});
+}
+
+TEST(TagMap, SheetsExchangedBetweenRunsAreNamed) {
+  Yard yard = MakeYard(32);
+  Show(&yard, 1, 2, yard.tags[6], 0, 80);
+  Show(&yard, 1, 6, yard.tags[2], 0, 80);
+  const SurveyResult map = Survey(yard.input);
+  for (const size_t id : {2U, 6U}) {
+    EXPECT_EQ(map.tags[id].status, "moved") << map.tags[id].reason;
+    EXPECT_LT((map.tags[id].world_from_tag->translation - yard.tags[id].translation).norm(), 0.1) << id;
+  }
+  ExpectOthersRight(map, yard, {2, 6});
+}
+
+// It is the point that is taken out: no tag is said to have moved or to have another size in its place.
+TEST(TagMap, AWrongPointIsNotBlamedOnTags) {
+  for (const double off_m : {0.1, 0.9}) {
+    Random random(33);
+    Yard yard = MakeYard(33);
+    AddControl(&yard, {1, 7}, &random);
+    yard.input.points.back().world_m.y() += off_m;
+    const SurveyResult map = Survey(yard.input);
+    for (const PointAgreement& p : map.points) EXPECT_EQ(p.excluded, p.name == "P7") << p.name << " " << off_m;
+    EXPECT_FALSE(map.common_size);
+    ExpectOthersRight(map, yard, {});
+  }
+}
+
+// Control shows factors that odometry cannot: which of sizes and points are wrong is what odometry agrees with.
+TEST(TagMap, SizesAndUnitsOfPointsAreToldApart) {
+  Random random(34);
+  Yard sizes = MakeYard(34);
+  AddControl(&sizes, {1, 7}, &random);
+  Yard yards = sizes;
+  sizes.input.sizes.size_m *= 1.013;
+  const SurveyResult map = Survey(sizes.input);
+  ASSERT_TRUE(map.common_size);
+  EXPECT_NEAR(map.common_size->log_ratio, -std::log(1.013), 4 * map.common_size->sigma);
+  ExpectOthersRight(map, sizes, {});
+  for (const PointAgreement& p : map.points) EXPECT_FALSE(p.excluded) << p.name;
+  for (SurveyPoint& p : yards.input.points) p.world_m /= 0.9144;
+  EXPECT_THAT(RefusalOf(yards), testing::HasSubstr("found what may be yards"));
+}
+
+TEST(TagMap, OdometryOfOneRunThatContradictsTheTagsIsRefused) {
+  const auto refusal = [](const Eigen::Matrix3d& change) {
+    Yard yard = MakeYard(35);
+    for (TimedPose& pose : yard.input.runs[1].odometry.poses) {
+      pose.target_from_body.translation = change * pose.target_from_body.translation;
+    }
+    return RefusalOf(yard);
+  };
+  EXPECT_THAT(refusal(ExpSO3({0, 0, M_PI_2}).toRotationMatrix()),
+              testing::AllOf(testing::HasSubstr("run run2: "), testing::HasSubstr("are turned by 9")));
+  EXPECT_THAT(refusal(Eigen::Vector3d(1, -1, 1).asDiagonal()), testing::HasSubstr("positions are mirrored"));
+  EXPECT_THAT(refusal(Eigen::Matrix3d(Eigen::Matrix3d::Identity() / 0.3048)),
+              testing::HasSubstr("run run2: its odometry is 3.3"));
+  EXPECT_EQ(refusal(Eigen::Matrix3d::Identity()), "");
+}
+
 TEST(TagMap, OtherConventionsAreRefused) {
   Yard corners = MakeYard(13);
   for (ImageDetections& image : corners.input.runs[0].images) {
@@ -646,14 +735,6 @@ TEST(TagMap, OtherConventionsAreRefused) {
     pose.target_from_body.rotation = Eigen::Quaterniond(q.z(), q.w(), q.x(), q.y());
   }
   EXPECT_THROW(Survey(quaternions.input), InputError);
-  const auto reason_of = [](const Yard& yard) -> std::string {
-    try {
-      Survey(yard.input);
-    } catch (const InputError& e) {
-      return e.what();
-    }
-    return "";
-  };
   Yard swapped = MakeYard(13, 1.6);  // points in one plane fit their mirror image, too
   for (const int t : {1, 2, 4, 7}) {
     swapped.input.points.push_back(swapped.input.points[0]);
@@ -661,9 +742,9 @@ TEST(TagMap, OtherConventionsAreRefused) {
     swapped.input.points.back().tag_id = t;
     swapped.input.points.back().world_m = swapped.tags[static_cast<size_t>(t)].translation;
   }
-  EXPECT_EQ(reason_of(swapped), "");
+  EXPECT_EQ(RefusalOf(swapped), "");
   for (SurveyPoint& p : swapped.input.points) std::swap(p.world_m.x(), p.world_m.y());
-  EXPECT_NE(reason_of(swapped).find("easting and northing are swapped"), std::string::npos) << reason_of(swapped);
+  EXPECT_NE(RefusalOf(swapped).find("easting and northing are swapped"), std::string::npos) << RefusalOf(swapped);
   Yard down = MakeYard(13);  // forward, right, down
   const Eigen::Matrix3d flip = Eigen::Vector3d(1, -1, -1).asDiagonal();
   const Eigen::Quaterniond half_turn(flip);
@@ -671,16 +752,16 @@ TEST(TagMap, OtherConventionsAreRefused) {
     const Rigid3d& p = pose.target_from_body;
     pose.target_from_body = Rigid3d(half_turn * p.rotation * half_turn, half_turn * p.translation);
   }
-  EXPECT_NE(reason_of(down).find("forward, right, down"), std::string::npos) << reason_of(down);
+  EXPECT_NE(RefusalOf(down).find("forward, right, down"), std::string::npos) << RefusalOf(down);
   Yard inverted = MakeYard(13);
   for (TimedPose& pose : inverted.input.runs[1].odometry.poses) pose.target_from_body = pose.target_from_body.Inverse();
-  EXPECT_NE(reason_of(inverted).find("body_from_odom"), std::string::npos) << reason_of(inverted);
+  EXPECT_NE(RefusalOf(inverted).find("body_from_odom"), std::string::npos) << RefusalOf(inverted);
   Yard size = MakeYard(13);
   size.input.sizes.size_m = 0.4;  // printed 0.5
-  EXPECT_NE(reason_of(size).find("tags.yaml"), std::string::npos) << reason_of(size);
+  EXPECT_NE(RefusalOf(size).find("tags.yaml"), std::string::npos) << RefusalOf(size);
   Yard feet = MakeYard(13);
   for (SurveyPoint& p : feet.input.points) p.world_m /= 0.3048;
-  EXPECT_NE(reason_of(feet).find("feet"), std::string::npos) << reason_of(feet);
+  EXPECT_NE(RefusalOf(feet).find("feet"), std::string::npos) << RefusalOf(feet);
 }
 
 TEST(TagMap, APrincipalPointThatNobodyMeasuredIsAskedAbout) {
