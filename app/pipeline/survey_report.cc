@@ -340,6 +340,29 @@ json RunJson(const RunAgreement& r, const SurveyFindings& findings) {
   return run;
 }
 
+// What limits the tags, and what would help most.
+json BudgetJson(const SurveyResult& result) {
+  json tags = json::array();
+  for (const TagBudget& b : result.budgets) {
+    json tag = {{"tag_id", b.tag_id}, {"sigma_3d_m", b.total_m}, {"limited_by", BudgetName(b.LimitedBy())}};
+    for (size_t s = 0; s < kBudgetSources; ++s) {
+      tag[std::string(BudgetName(static_cast<BudgetSource>(s))) + "_m"] = b.sigma_m[s];
+    }
+    tags.push_back(tag);
+  }
+  json budget = {{"tags", tags}};
+  if (const auto& next = result.next_point) {
+    budget["next_point"] = {{"tag_id", next->tag_id},
+                            {"sigma_h_m", next->sigma_h_m},
+                            {"sigma_v_m", next->sigma_v_m},
+                            {"rms_now_m", next->rms_now_m},
+                            {"rms_then_m", next->rms_then_m},
+                            {"worst_now_m", next->worst_now_m},
+                            {"worst_then_m", next->worst_then_m}};
+  }
+  return budget;
+}
+
 }  // namespace
 
 json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
@@ -421,6 +444,7 @@ json SurveySummary(const SurveyResult& result, const SurveyFindings& findings) {
     }
     summary["stations"].push_back(station);
   }
+  if (!result.budgets.empty()) summary["budget"] = BudgetJson(result);
   if (findings.repeatability) summary["repeatability"] = RepeatabilityJson(*findings.repeatability);
   if (findings.reproducibility) summary["reproducibility_between_days"] = RepeatabilityJson(*findings.reproducibility);
   if (findings.epochs) {

@@ -159,7 +159,9 @@ void CompareEpochs(const SurveyStageOptions& options, const SurveyResult& result
 void Survey(const SurveyStageOptions& options, const StageTarget& target, StageContext& context) {
   const SurveyJob job = MakeSurveyJob(context.project, target, options, context);
   for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
-  const SurveyResult result = SurveyTags(job.input, options.map, context.threads, context.progress, context.cancel);
+  SurveyOptions of_map = options.map;
+  of_map.budget = true;
+  const SurveyResult result = SurveyTags(job.input, of_map, context.threads, context.progress, context.cancel);
   for (const MapWarning& warning : result.warnings) context.progress.Log(LogLevel::kWarning, warning.text);
   SurveyFindings findings;
   findings.frame = !result.in_world ? "map" : context.project.has_frame() && !job.local_frame ? "enu" : "local";
@@ -233,7 +235,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 12;
+    request.version = 13;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

@@ -127,6 +127,23 @@ void WriteDistances(const SurveyResult& result, const SurveyFindings& findings, 
   csv.Save(file);
 }
 
+void WriteBudget(const SurveyResult& result, const SurveyFindings& findings, const fs::path& file) {
+  std::vector<std::string> columns = {"tag_id", "sigma_3d_m"};
+  for (size_t s = 0; s < kBudgetSources; ++s) {
+    columns.push_back(std::string(BudgetName(static_cast<BudgetSource>(s))) + "_m");
+  }
+  columns.emplace_back("limited_by");
+  CsvWriter csv(columns, {Comment("budget", result, findings,
+                                  "of the tag's centre, three axes in quadrature; squares of the sources add up")});
+  for (const TagBudget& b : result.budgets) {
+    csv.Integer(b.tag_id).Number(b.total_m, 5);
+    for (const double s : b.sigma_m) csv.Number(s, 5);
+    csv.Text(BudgetName(b.LimitedBy()));
+    csv.EndRow();
+  }
+  csv.Save(file);
+}
+
 void WriteStationResiduals(const SurveyStations& stations, const SurveyResult& result, const SurveyFindings& findings,
                            const fs::path& file) {
   CsvWriter csv(
@@ -238,6 +255,7 @@ void WriteSurveyTables(const Project& project, const SurveyJob& job, const Surve
   WriteResiduals(job, result, findings, out / "residuals.csv");
   WriteDistances(result, findings, out / "distances.csv");
   WriteSessions(job, result, findings, out / "sessions.csv");
+  WriteBudget(result, findings, out / "budget.csv");
   if (job.input.stations) WriteStationResiduals(*job.input.stations, result, findings, out / "station_residuals.csv");
   if (!findings.control.epoch_differences.empty()) WriteControlEpochs(result, findings, out / "control_epochs.csv");
   if (findings.epochs) WriteChanges(result, findings, out / "changes.csv");

@@ -1,5 +1,5 @@
 // The tables beside the tag map: results/survey/control.csv, check.csv, residuals.csv, distances.csv, sessions.csv,
-// changes.csv and tags_crs.csv.
+// budget.csv, changes.csv and tags_crs.csv.
 #pragma once
 
 #include <filesystem>

@@ -219,4 +219,11 @@ void SparseLeastSquares::AddTransposed(int factor, const Eigen::MatrixXd& a, Eig
   }
 }
 
+Eigen::MatrixXd SparseLeastSquares::Times(int factor, const Eigen::MatrixXd& x) const {
+  const SparseSystem::FactorTerms terms = system_->Factor(factor);
+  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(terms.residual.size(), x.cols());
+  for (const auto& [block, j] : terms.jacobians) product.noalias() += j.transpose() * x.middleRows<6>(6 * block);
+  return std::sqrt(terms.weight) * product;
+}
+
 }  // namespace trigpoint

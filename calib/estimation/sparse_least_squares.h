@@ -96,6 +96,8 @@ class SparseLeastSquares {
   Eigen::MatrixXd Leverage(int factor) const { return Weight(factor) * AdjustedCovariance(factor); }
   // into += sqrt(weight) J' a, at the rows of the factor's unknowns.
   void AddTransposed(int factor, const Eigen::MatrixXd& a, Eigen::MatrixXd* into) const;
+  // sqrt(weight) J x, of as many rows as there are equations.
+  Eigen::MatrixXd Times(int factor, const Eigen::MatrixXd& x) const;
 
  private:
   class Model;

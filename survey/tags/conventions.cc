@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -53,6 +54,17 @@ double FitRms(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::
   double square = 0;
   for (size_t i = 0; i < map.size(); ++i) square += (fit * map[i] - stated[i]).squaredNorm();
   return std::sqrt(square / static_cast<double>(map.size()));
+}
+
+// Without the point that fits worst: a single wrong one is no convention.
+double FitRmsWithoutWorst(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::Vector3d>& stated) {
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; map.size() > 3 && i < map.size(); ++i) {
+    std::vector<Eigen::Vector3d> a = map, b = stated;
+    a.erase(a.begin() + static_cast<std::ptrdiff_t>(i)), b.erase(b.begin() + static_cast<std::ptrdiff_t>(i));
+    least = std::min(least, FitRms(a, b, AlignmentKind::kSE3));
+  }
+  return least;
 }
 
 void CheckCorners(const SurveyRun& run, std::vector<ConventionFinding>* findings) {
@@ -370,8 +382,8 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
   const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
   const double near = 0.3 + 0.05 * extent;  // odometry drifts by a few percent
   const double factor = AlignPoints(map, stated, AlignmentKind::kSim3).scale;
-  const double scaled = FitRms(map, stated, AlignmentKind::kSim3);
-  if (std::abs(std::log(factor)) > kLeastUnit && scaled < 0.3 * as_is) {
+  const double scaled = FitRms(map, stated, AlignmentKind::kSim3), without_worst = FitRmsWithoutWorst(map, stated);
+  if (std::abs(std::log(factor)) > kLeastUnit && scaled < 0.3 * as_is && scaled < without_worst) {
     const std::string unit = UnitOfLength(1 / factor, 0.1);
     findings.push_back(
         {true, fmt::format("control_points.csv: the surveyed points are {:.3g} times as far from each other as by the "
@@ -397,7 +409,7 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
     for (const Eigen::Vector3d& p : stated) mended.push_back(reading.mend(p));
     const double rms = FitRms(map, mended, AlignmentKind::kSE3);
     // Three points fit a mirrored map as well as the true one: their plane hides it.
-    if (rms < 0.2 * as_is && rms < near) {
+    if (rms < 0.2 * as_is && rms < near && rms < without_worst) {
       findings.push_back({true, fmt::format("control_points.csv: the surveyed points fit the pictures only to {:.2f} m "
                                             "as they stand, but to {:.2f} m if {}: correct the table",
                                             as_is, rms, reading.what)});

@@ -320,17 +320,29 @@ void MapSolver::JudgeCommonSize() {
       used                ? "known points and odometry; the map is made with the sizes found"
       : HasKnownLengths() ? "known points and odometry; the difference is part of the tags' sigmas"
                           : "odometry, or odometry's scale is off; the difference is part of the tags' sigmas"));
-  const double spread = used ? sigma : std::hypot(sigma, log_ratio);
+  AddSizeUncertainty(all, used ? sigma : std::hypot(sigma, log_ratio));
+}
+
+// What sizes that were found with this sigma (of the logarithm) add to the covariances of all tags.
+void MapSolver::AddSizeUncertainty(const Hypothesis& size, double sigma) {
   Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
-  for (int i : all.observations) solver_.AddTransposed(i, DerivativeOf(all, i), &coupling);
+  for (int i : size.observations) solver_.AddTransposed(i, DerivativeOf(size, i), &coupling);
   const Eigen::MatrixXd by_log_size = solver_.SolveNormal(coupling);
   for (TagEstimate& tag : result_.tags) {
     const auto unknown = tag_unknown_.find(tag.tag_id);
     const int offset = unknown == tag_unknown_.end() ? -1 : solver_.Offset(unknown->second);
     if (!tag.HasPose() || offset < 0) continue;
-    const Vector6d moved = spread * by_log_size.block<6, 1>(offset, 0);
+    const Vector6d moved = sigma * by_log_size.block<6, 1>(offset, 0);
     tag.covariance += moved * moved.transpose();
   }
+}
+
+void MapSolver::JudgeSizes() {
+  for (const Hypothesis& h : TagHypotheses()) {
+    const auto found = sizes_found_.find(h.place);
+    if (h.run < 0 && found != sizes_found_.end()) AddSizeUncertainty(h, found->second.sigma);
+  }
+  JudgeCommonSize();
 }
 
 // Names what SnoopTags found.

@@ -67,8 +67,9 @@ void MapSolver::Collect() {
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
   if (options_.cross_covariances) CrossCovariances();
-  JudgeCommonSize();
+  JudgeSizes();
   DoubtDatum();
+  if (options_.budget) CollectBudgets();
 }
 
 void MapSolver::CollectRuns() {

@@ -35,7 +35,7 @@ class MapSolver {
   void Warn(const std::string& text);
 
   // What a factor observes; `index`: sight, frame, point, distance, reading of a total station.
-  enum class Kind { kTag, kOdometry, kPoint, kDistance, kStation, kOther };
+  enum class Kind { kTag, kMark, kOdometry, kPoint, kFix, kDistance, kStation, kOther };
   struct Observation {
     Kind kind = Kind::kOther;
     int index = 0;
@@ -126,7 +126,7 @@ class MapSolver {
   void ComparePlane();
   void CompareDatums();
   void DoubtDatum();
-  std::vector<Hypothesis> TagHypotheses() const;  // these ten: map_hypotheses.cc
+  std::vector<Hypothesis> TagHypotheses() const;  // these twelve: map_hypotheses.cc
   Hypothesis CommonSizeHypothesis() const;
   bool HasKnownLengths() const;
   std::optional<std::pair<double, double>> SizeByOdometry() const;
@@ -135,8 +135,17 @@ class MapSolver {
   void RequireMetres(const Hypothesis& all) const;
   bool ControlAsksFor(double chi2) const;
   bool SnoopCommonSize(const Hypothesis& all, double single_chi2);
+  void AddSizeUncertainty(const Hypothesis& size, double sigma);
+  void JudgeSizes();
   void JudgeCommonSize();
   void FitMapToPoints();
+  // map_budget.cc
+  BudgetSource SourceOf(const Observation& o) const;
+  std::vector<std::array<double, kBudgetSources>> SharesOf(const std::vector<size_t>& tags,
+                                                           const std::vector<int>& offsets,
+                                                           Eigen::MatrixXd* cross) const;
+  void CollectBudgets();
+  void FindNextPoint(const Eigen::MatrixXd& cross, const std::vector<int>& offsets);
   void CrossCovariances();
   // Place of a point in the map, minus its offset's target, and its covariance there.
   std::string ControlNear(const SurveyPoint& p) const;

@@ -446,7 +446,7 @@ void MapSolver::AddPoints() {
       const int f = FrameAt(start_, m.run, m.stamp_ns);
       if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;
       const BodyCamera& camera = input_.runs[static_cast<size_t>(m.run)].cameras[static_cast<size_t>(m.camera)];
-      Add(Kind::kOther, 0, new MarkCost(camera.camera.BearingSqrtInfo(m.pixel, m.sigma_px), camera.cam_from_body),
+      Add(Kind::kMark, 0, new MarkCost(camera.camera.BearingSqrtInfo(m.pixel, m.sigma_px), camera.cam_from_body),
           &mark_loss_, {frame_unknown_[static_cast<size_t>(f)], u});
     }
   }
@@ -497,7 +497,7 @@ void MapSolver::AddFixes() {
     for (const SurveyFix& fix : fixes) {
       const int f = FrameAt(start_, static_cast<int>(r), fix.stamp_ns);
       if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;
-      Add(Kind::kOther, 0,
+      Add(Kind::kFix, 0,
           new PointCost(fix.arm_m, Eigen::Vector3d::Zero(), fix.world_m,
                         widen * Eigen::Vector3d(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m)),
           &geotag_loss_, {frame_unknown_[static_cast<size_t>(f)]});

@@ -129,6 +129,7 @@ struct SurveyOptions {
   int variance_rounds = 5;            // rounds of variance component estimation; 0: stated sigmas are believed
   double snooping_chi2 = 31.8;        // a picture of a tag beyond this (8 degrees of freedom) is rejected: 99.99 %
   bool cross_covariances = false;
+  bool budget = false;            // SurveyResult::budgets; the caller's choice, no option
   bool self_calibrate = false;    // focal length, principal point and k1, k2 of every camera from the tags, too
   bool check_conventions = true;  // refuse input that follows other conventions than ours
   int max_iterations = 50;
@@ -233,6 +234,37 @@ struct RunAgreement {
   std::vector<TimedPose> world_from_body;
 };
 
+// Kinds of observations in the budget of a tag's uncertainty.
+enum class BudgetSource {
+  kControl,
+  kGeotags,
+  kGps,
+  kCorners,  // of tags, and marks of points in pictures
+  kOdometry,
+  kScenePoints,  // tie points
+  kDistances,    // measured ones, and readings of total stations
+  kOther,        // priors of scales and cameras, planes, gravity; contradictions that were added to the covariance
+};
+constexpr size_t kBudgetSources = 8;
+std::string_view BudgetName(BudgetSource source);  // control, geotags, ..., scene_points, distances, other
+
+// Where the uncertainty of a tag's centre comes from: 1 sigma of its three axes in quadrature; squares of the sources
+// add up to that of the total.
+struct TagBudget {
+  int tag_id = -1;
+  double total_m = 0;
+  std::array<double, kBudgetSources> sigma_m{};
+  BudgetSource LimitedBy() const;  // the largest source
+};
+
+// The tag whose centre, surveyed as control with these sigmas, would lower the tags' variances most (predicted). rms,
+// worst: over all tags, 1 sigma of three axes in quadrature.
+struct NextPoint {
+  int tag_id = -1;
+  double sigma_h_m = 0, sigma_v_m = 0;
+  double rms_now_m = 0, rms_then_m = 0, worst_now_m = 0, worst_then_m = 0;
+};
+
 struct CheckSummary {
   int n = 0;
   double rmse_h_m = 0, rmse_v_m = 0, rmse_3d_m = 0;  // map - stated
@@ -285,6 +317,8 @@ struct SurveyResult {
   std::vector<RunAgreement> runs;
   std::vector<MoveOrJump> undecided;
   std::optional<CommonSize> common_size;  // where the sizes stated are contradicted (0.1 %)
+  std::vector<TagBudget> budgets;         // if asked for; ascending id, of tags that are estimated
+  std::optional<NextPoint> next_point;    // the same, where surveyed points are the datum
   std::vector<MapWarning> warnings;
   int iterations = 0;
   double cost_before = 0, cost_after = 0;

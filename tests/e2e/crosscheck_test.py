@@ -195,6 +195,23 @@ class Crosscheck(unittest.TestCase):
             with open(table, "w", encoding="utf-8") as out:
                 out.write(right)
 
+    def test_answers_elsewhere_than_theirs_contradict(self):
+        """Their view of each panorama says that our answer is wrong: ten planted differences, each is found, none of the
+        other answers is blamed."""
+        with open(f"{self.site}/results/localize/front/panoramas.csv", encoding="utf-8") as text:
+            rows = list(csv.DictReader(line for line in text if not line.startswith("#")))
+        planted = [(k % len(rows), axis, off_m) for k, (axis, off_m) in enumerate(
+            (axis, off_m) for off_m in (1.0, -1.0, 3.0, -3.0, 10.0) for axis in "xy")]
+        self.assertEqual(len(planted), 10)
+        for which, axis, off_m in planted:
+            moved = [dict(row) for row in rows]
+            moved[which][f"odom_{axis}"] = float(rows[which][f"odom_{axis}"]) + off_m
+            self.write_panoramas(moved)
+            _, found = self.verdicts()
+            for k, row in enumerate(rows):
+                self.assertEqual(found[row["panorama"]]["verdict"], "contradicts" if k == which else "agrees",
+                                 f"{row['panorama']}: {rows[which]['panorama']} moved by {off_m} m in {axis}")
+
     def test_a_failure_is_said_and_the_rest_goes_on(self):
         shutil.copytree(f"{self.temporary}/model/text", f"{self.site}/models/mine")
         try:

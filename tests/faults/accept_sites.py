@@ -5,7 +5,7 @@
                   [--work DIR]
 
 A site is accepted wrongly (FALSE) if the command ends with 0 and a tag that is said to be ok lies outside of the region
-that its covariance states (chi-square of three degrees, 0.1 % over all tags of the site). A refusal (exit code 1 or 3)
+that its covariance states (chi-square of three degrees, 0.01 % over all tags of the site). A refusal (exit code 1 or 3)
 names the fault if a sentence or a row of gates.json holds its tag, run or kind. A site without a fault is
 refused if the exit code is not 0, and warned of if a warning is said. --coverage: one site of 50 tags, 5 of them control
 and 30 check points, is drawn again; the share of tags inside of the 95 % regions, and of check points' differences
@@ -34,12 +34,12 @@ LIMITS = {"accepted wrongly": 0.003, "refused": 0.01, "warned": 0.05}  # shares 
 
 
 def chi2_beyond(tags):
-    """Chi-square of three degrees of freedom that one of `tags` exceeds with a probability of 0.1 %."""
+    """Chi-square of three degrees of freedom that one of `tags` exceeds with a probability of 0.01 %."""
     low, high = 0.0, 100.0
     for _ in range(60):
         x = 0.5 * (low + high)
         tail = math.erfc(math.sqrt(x / 2)) + math.sqrt(2 * x / math.pi) * math.exp(-x / 2)
-        low, high = (x, high) if tail > 0.001 / tags else (low, x)
+        low, high = (x, high) if tail > 0.0001 / tags else (low, x)
     return high
 
 

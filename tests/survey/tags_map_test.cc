@@ -308,6 +308,64 @@ TEST(TagMap, AMovedTagIsNamedAndNotAveragedThoughOdometryCouldBend) {
   }
 }
 
+// Without scene points the observations explain all of a tag's variance, and more precise ones lower their own share.
+TEST(TagMap, TheBudgetAddsUpAndNamesWhatLimits) {
+  const auto budget_of = [](double control_m) {
+    Yard yard = MakeYard(41);
+    for (SurveyPoint& p : yard.input.points) p.sigma_h_m = p.sigma_v_m = control_m;
+    SurveyOptions options;
+    options.budget = true;
+    return Survey(yard.input, options);
+  };
+  const SurveyResult good = budget_of(0.005), rough = budget_of(0.5);
+  ASSERT_EQ(good.budgets.size(), 8U);
+  const auto control = static_cast<size_t>(BudgetSource::kControl),
+             scene = static_cast<size_t>(BudgetSource::kScenePoints);
+  for (size_t t = 0; t < good.budgets.size(); ++t) {
+    const TagBudget& b = good.budgets[t];
+    double sum = 0;
+    for (const double s : b.sigma_m) sum += s * s;
+    EXPECT_EQ(b.tag_id, good.tags[t].tag_id);
+    EXPECT_NEAR(sum, b.total_m * b.total_m, 1e-6 * sum);
+    EXPECT_NEAR(b.total_m * b.total_m, (good.tags[t].covariance.bottomRightCorner<3, 3>().trace()), 1e-12);
+    EXPECT_LT(b.sigma_m[scene], 0.01 * b.total_m);
+    EXPECT_GT(rough.budgets[t].sigma_m[control], 10 * b.sigma_m[control]);
+    EXPECT_EQ(rough.budgets[t].LimitedBy(), BudgetSource::kControl);
+    EXPECT_GT(b.sigma_m[static_cast<size_t>(BudgetSource::kOdometry)], 0);
+    EXPECT_GT(b.sigma_m[static_cast<size_t>(BudgetSource::kCorners)], 0);
+  }
+}
+
+// What surveying the proposed tag would gain is what it gains, and more than any other tag's would.
+TEST(TagMap, TheNextPointIsTheBest) {
+  const Yard yard = MakeYard(42);
+  SurveyOptions options;
+  options.budget = true;
+  options.variance_rounds = 0;  // stated sigmas, so that solutions differ in nothing but the point
+  const auto rms_of = [](const SurveyResult& map) {
+    double sum = 0;
+    for (const TagEstimate& t : map.tags) sum += t.covariance.bottomRightCorner<3, 3>().trace();
+    return std::sqrt(sum / static_cast<double>(map.tags.size()));
+  };
+  const SurveyResult map = Survey(yard.input, options);
+  ASSERT_TRUE(map.next_point);
+  EXPECT_NEAR(map.next_point->rms_now_m, rms_of(map), 1e-9);
+  for (const size_t tag : {1U, 2U, 4U, 6U, 7U}) {
+    Yard more = yard;
+    SurveyPoint p = yard.input.points[0];
+    p.name = "next";
+    p.tag_id = static_cast<int>(tag);
+    p.world_m = map.tags[tag].world_from_tag->translation;
+    more.input.points.push_back(p);
+    const double then = rms_of(Survey(more.input, options));
+    if (p.tag_id == map.next_point->tag_id) {
+      EXPECT_NEAR(then, map.next_point->rms_then_m, 0.02 * then);
+    } else {
+      EXPECT_GT(then, 0.99 * map.next_point->rms_then_m) << tag;
+    }
+  }
+}
+
 // Hung upside down or on its side between two days, its corners are read in another order.
 TEST(TagMap, ASheetThatHangsTurnedIsNamedAndBendsNothing) {
   for (const double turned_deg : {180.0, 90.0}) {
