@@ -177,7 +177,13 @@ std::vector<Planned> PlanStages(const RerunOptions& options, const ReleaseRecord
     if (name.find('/') != std::string::npos || name.starts_with(".")) {
       ThrowDamaged(options, "result '" + CleanPath(planned.key) + "' has a name that is no folder's");
     }
-    planned.job.target.overrides[stage] = its["options"];
+    json given = its["options"];
+    // The mode is an option of localize, but the reconstruction's results depend on it.
+    if (stage == "reconstruct" && given.contains("mode")) {
+      planned.job.target.overrides["localize"] = {{"mode", given["mode"]}};
+      given.erase("mode");
+    }
+    planned.job.target.overrides[stage] = std::move(given);
     // Limits given on the command line of evaluate.
     if (stage == "gates") planned.job.target.overrides["evaluate"] = OptionsOf(stages, "evaluate");
     if (its.contains("copied_to") && its["copied_to"].is_string() && StaysInside(its["copied_to"]))

@@ -31,7 +31,8 @@ constexpr double kScaleKnown = 0.05;              // odometry with a larger scal
 constexpr double kLeastShown = 0.2;               // of a run's scale, by the tags, over the prior
 constexpr size_t kMostExact = 48;                 // hypotheses looked at closely each round
 constexpr double kBetter = 1.3;                   // chi-square of one explanation, against that of another
-constexpr double kClearlyBetter = 2;
+constexpr double kClearlyBetter = 1.5;
+constexpr double kRulesOut = 4;  // sigmas of odometry: every run of every site is asked
 
 }  // namespace
 
@@ -141,11 +142,12 @@ bool MapSolver::SnoopTags() {
     return a.chi2 / threshold(a) > b.chi2 / threshold(b);
   });
   const double single = hypotheses.empty() ? 0 : hypotheses.front().chi2;
+  const double relative = hypotheses.empty() ? 0 : single / threshold(hypotheses.front());
   // Odometry by itself may be what is off: without known lengths the difference is named and nothing is changed.
   const Hypothesis all = HasKnownLengths() ? CommonSizeHypothesis() : Hypothesis();
   const auto control = WorstControl(true);
   if (control && control->second > std::max(kPointChi2, kBetter * std::max(single, all.chi2))) return SnoopControl();
-  if (SnoopCommonSize(all, single)) return true;
+  if (SnoopCommonSize(all, relative)) return true;
   std::set<int> disturbed;  // runs
   std::map<int, double> slips;
   bool any = false;
@@ -260,7 +262,7 @@ bool MapSolver::OdometryAsksFor(double log_ratio) const {
 
 bool MapSolver::OdometryRulesOut(double log_ratio) const {
   const auto by_odometry = SizeByOdometry();
-  return by_odometry && std::abs(by_odometry->first - log_ratio) > 3 * by_odometry->second;
+  return by_odometry && std::abs(by_odometry->first - log_ratio) > kRulesOut * by_odometry->second;
 }
 
 // Whether such a factor, with this chi-square, explains clearly more than the worst control point does: a wrong point
@@ -286,15 +288,15 @@ void MapSolver::RequireMetres(const Hypothesis& all) const {
                   factor, unit.empty() ? "" : ", found what may be " + unit));
 }
 
-// A sheet printed at 97 %, or sizes measured over the white border: it explains more than any single tag's fault. True
-// if the factor changed.
-bool MapSolver::SnoopCommonSize(const Hypothesis& all, double single_chi2) {
+// A sheet printed at 97 %, or sizes measured over the white border: it explains more than any single tag's fault
+// (`single`: the worst one's chi-square over its threshold). True if the factor changed.
+bool MapSolver::SnoopCommonSize(const Hypothesis& all, double single) {
   if (all.observations.empty() || !(all.covariance(0, 0) > 0)) return false;
   const double log_ratio = all.estimate[0], sigma = std::sqrt(all.covariance(0, 0));
   const bool known = common_log_size_ != 0;
   if (!known) RequireMetres(all);
   if (known ? std::abs(log_ratio) < 0.1 * sigma
-            : all.chi2 <= std::max(kSizeChi2, single_chi2) || std::abs(log_ratio) < kLeastCommonSize ||
+            : all.chi2 <= kSizeChi2 * std::max(1.0, single) || std::abs(log_ratio) < kLeastCommonSize ||
                   (!OdometryAsksFor(log_ratio) && (!ControlAsksFor(all.chi2) || OdometryRulesOut(log_ratio)))) {
     return false;
   }

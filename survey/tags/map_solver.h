@@ -134,7 +134,7 @@ class MapSolver {
   bool OdometryRulesOut(double log_ratio) const;
   void RequireMetres(const Hypothesis& all) const;
   bool ControlAsksFor(double chi2) const;
-  bool SnoopCommonSize(const Hypothesis& all, double single_chi2);
+  bool SnoopCommonSize(const Hypothesis& all, double single);
   void AddSizeUncertainty(const Hypothesis& size, double sigma);
   void JudgeSizes();
   void JudgeCommonSize();

@@ -404,6 +404,28 @@ class Release(unittest.TestCase):
         record["sha256"] = hashlib.sha256(text.encode()).hexdigest()
         self.edit(f"{self.release}/release.json", lambda _: json.dumps(record))
 
+    def test_rerun_of_pictures_gives_the_same_bytes(self):
+        """The example site with every third image of one run; its features, reconstruction and answers, in two modes."""
+        source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../datasets/parking_lot")
+        site = os.path.join(FOLDER, "pictures")
+        for path in ("panoramas", "panoramas.csv", "origin.json", "tags.yaml", "control_points.csv", "runs/run1"):
+            copy = shutil.copytree if os.path.isdir(f"{source}/{path}") else shutil.copy
+            os.makedirs(os.path.dirname(f"{site}/{path}"), exist_ok=True)
+            copy(f"{source}/{path}", f"{site}/{path}")
+        rows = read(f"{site}/runs/run1/images.txt").splitlines(keepends=True)
+        survey_site.write(f"{site}/runs/run1/images.txt", "".join(rows[::3]))
+        few = "{images: {max_features: 600}, references: {max_features: 600}, views: {size_px: 512}}"
+        survey_site.write(f"{site}/trigpoint.yaml",
+                          f"schema: 1\nname: pictures\nstages: {{features: {few}, references: {few}}}\n"
+                          "variants: {paper: {}}\n")
+        trigpoint("survey", site)
+        for more in ([], ["--mode", "paper"]):
+            trigpoint("localize", site, *more)
+        trigpoint("publish", site, "--name", "may")
+        again = json.loads(trigpoint("rerun", f"{site}/releases/may", "--json").stdout)
+        self.assertTrue(again["same_bytes"])
+        self.assertIn("reconstruct/run1", again["results"])
+
     def test_rerun_says_by_how_much(self):
         # A map that another machine would have made: one coordinate differs by a millimetre.
         path = f"{self.release}/map/tags.csv"

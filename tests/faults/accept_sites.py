@@ -97,7 +97,7 @@ def heights_of_another_datum(site, draw):
     shift = draw.choice([-1, 1]) * log_uniform(draw, 0.3, 50)
     for tag in wrong:
         site.points[tag][1] = site.points[tag][1] + [0, 0, shift]
-    return tags_named(*site.points)  # either half may be the wrong one
+    return ["heights", *tags_named(*site.points)]  # either half may be the wrong one
 
 
 def east_and_north_exchanged(site, draw):
