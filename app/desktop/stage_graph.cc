@@ -22,6 +22,7 @@ constexpr double kGap = 14, kBetweenRows = 26, kPadding = 6;
 int RankOf(const std::string& state) {
   static constexpr std::array kOrder = {"failed", "running", "out of date", "missing", "done"};
   const auto it = std::find(kOrder.begin(), kOrder.end(), state);
+  if (it == kOrder.end()) return RankOf("missing");  // a result that was not looked at yet
   return static_cast<int>(it - kOrder.begin());
 }
 
@@ -104,12 +105,15 @@ QSize StageGraph::sizeHint() const {
   return QSizeF(all.right() + kGap, all.bottom() + kGap).toSize();
 }
 
+QString StageGraph::DoneText(const StageBox& box) {
+  if (box.results == 1) return QString::fromStdString(box.state);
+  return tr("%1 of %2 done").arg(box.done).arg(box.results);
+}
+
 QString StageGraph::DescriptionOf(const StageBox& box) const {
   QString text = QString::fromStdString(box.stage) + ": ";
-  text += box.results == 1
-              ? QString::fromStdString(box.state)
-              : tr("%1 of %2 done").arg(box.done).arg(box.results) +
-                    (box.state == "done" ? "" : ", " + tr("worst: %1").arg(QString::fromStdString(box.state)));
+  text += DoneText(box);
+  if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(QString::fromStdString(box.state));
   if (box.seconds > 0) text += ", " + DurationText(box.seconds);
   if (!box.metric.empty()) text += ", " + QString::fromStdString(box.metric);
   return text;
@@ -145,9 +149,7 @@ void StageGraph::paintEvent(QPaintEvent*) {
     painter.drawText(inside, Qt::AlignLeft | Qt::AlignTop, QString::fromStdString(box.stage));
     painter.drawText(inside, Qt::AlignRight | Qt::AlignTop, box.seconds > 0 ? DurationText(box.seconds) : QString());
     painter.setPen(colour);
-    const QString state =
-        box.results == 1 ? QString::fromStdString(box.state) : tr("%1 of %2 done").arg(box.done).arg(box.results);
-    painter.drawText(inside, Qt::AlignLeft | Qt::AlignBottom, state);
+    painter.drawText(inside, Qt::AlignLeft | Qt::AlignBottom, DoneText(box));
   }
 }
 

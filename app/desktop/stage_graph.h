@@ -45,6 +45,7 @@ class StageGraph : public QWidget {
 
  private:
   int BoxAt(const QPointF& at) const;  // -1: none
+  static QString DoneText(const StageBox& box);
   QString DescriptionOf(const StageBox& box) const;
   void PaintArrow(QPainter* painter, const QRectF& from, const QRectF& to) const;
   void SetCurrent(int box);

@@ -177,7 +177,7 @@ void FindInClock(const FieldRun& run, std::vector<SiteFinding>* findings) {
   } else if (!clock.agrees) {
     add(Light::kGreen,
         fmt::format("the pictures' rotations do not show whether odometry's clock agrees with theirs (an offset of "
-                    "{:+.2f} s fits hardly better than none)",
+                    "{:+.2f} s fits better than none, but not clearly)",
                     -clock.offset_s));
   }
 }

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kDistanceSigmas = 3.3;   // 99.9 % of a normal
 constexpr double kLeastRedundant = 1e-3;  // share of an observation's variance that others must leave to judge it by
+constexpr size_t kFewTags = 100;          // covariances of all their pairs are 2 MB
 constexpr double kGpsCorrelation_s = 60;  // fixes within this time share their error
 
 Eigen::Matrix3d Stated(const SurveyPoint& p) {
@@ -66,7 +67,7 @@ void MapSolver::Collect() {
   ComparePlane();
   CompareDatums();
   if (!start_.in_world) FitMapToPoints();
-  if (options_.cross_covariances) CrossCovariances();
+  if (options_.cross_covariances || result_.tags.size() <= kFewTags) CrossCovariances();
   JudgeSizes();
   DoubtDatum();
   if (options_.budget) CollectBudgets();

@@ -221,10 +221,12 @@ void MapSolver::LoadState() {
     run_states_[r].first_point = {tie_points_.size(), tie_points_.size() + run.tie_points.size()};
     for (const Eigen::Vector3d& p : run.tie_points) tie_points_.push_back(map_from_run * p);
   }
-  int lost = 0;
-  for (const MapFrame& frame : start_.frames) lost += frame.world_from_body ? 0 : 1;
-  if (lost > 0) {
-    Warn(Counted(lost, "picture") + " left out: neither odometry nor tags place them");
+  std::vector<int> lost(input_.runs.size());
+  for (const MapFrame& frame : start_.frames) lost[static_cast<size_t>(frame.run)] += frame.world_from_body ? 0 : 1;
+  for (size_t r = 0; r < lost.size(); ++r) {
+    if (lost[r] == 0) continue;
+    Warn(fmt::format("{}: {} left out: odometry does not cover {}, and tags do not place {}", input_.runs[r].name,
+                     Counted(lost[r], "picture"), lost[r] == 1 ? "it" : "them", lost[r] == 1 ? "it" : "them"));
   }
   PlaceSplit();
   SplitElsewhere();

@@ -150,7 +150,8 @@ struct SurveyOptions {
     visit(self.variance_rounds, {"variance_rounds", "", 0, 20, "rounds of variance component estimation"});
     visit(self.snooping_chi2, {"snooping_chi2", "", 1.0, 1e9,
                                "pictures of a tag above this chi-square (8 degrees of freedom) are rejected"});
-    visit(self.cross_covariances, {"cross_covariances", "", 0, 1, "compute the covariances between all pairs of tags"});
+    visit(self.cross_covariances,
+          {"cross_covariances", "", 0, 1, "compute the covariances between all pairs of tags, also of more than 100"});
     visit(self.self_calibrate,
           {"self_calibrate", "", 0, 1,
            "estimate focal length, principal point, k1 and k2 of every camera from the tags, too"});

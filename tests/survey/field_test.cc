@@ -334,7 +334,7 @@ TEST(Field, OdometryElsewhereInTimeIsNamed) {
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("time_offset_s: 0.40")));
 }
 
-// An offset far beyond its sigma that fits hardly better than none is no agreement.
+// An offset far beyond its sigma that fits better than none, but not clearly, is no agreement.
 TEST(Field, AClockThatRotationsDoNotDecideIsNotSaidToAgree) {
   const auto scene = SceneOf(Recorded(Yard()), Yard());
   const auto about_the_clock = [&] {
