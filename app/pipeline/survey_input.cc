@@ -371,7 +371,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled;
-  if (options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty()) {
+  if (UsesScenePoints(options, run)) {
     try {
       Run found = run;
       FollowReconstruction(ReconstructionManifest(project, "survey", its).parent_path(), &found);
@@ -596,6 +596,10 @@ std::vector<const Run*> SurveyRuns(const Project& project) {
     if (run.config.role != "evaluation") runs.push_back(&run);
   }
   return runs;
+}
+
+bool UsesScenePoints(const SurveyStageOptions& options, const Run& run) {
+  return options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty();
 }
 
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,

@@ -76,6 +76,9 @@ struct SurveyJob {
 // Detections by run, where they are not those of the stage `detect`.
 using DetectionsOfRuns = std::map<std::string, std::vector<ImageDetections>>;
 
+// Do scene points tie this run's images? Its reconstruction is read then.
+bool UsesScenePoints(const SurveyStageOptions& options, const Run& run);
+
 // Throws InputError, OptionError.
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
                         StageContext& context, const DetectionsOfRuns* detections = nullptr);

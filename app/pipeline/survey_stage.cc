@@ -54,7 +54,7 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
     StageTarget its = target;
     its.run = run->name;
     inputs.push_back(ManifestOf(project, "detect", its));
-    if (options.tie_points) inputs.push_back(ReconstructionManifest(project, "survey", its));
+    if (UsesScenePoints(options, *run)) inputs.push_back(ReconstructionManifest(project, "survey", its));
     // Its tables, whatever their names; pictures are behind the stages it reads.
     std::error_code ignored;
     for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
@@ -218,7 +218,14 @@ StageInfo SurveyStage() {
   info.per_run = false;
   info.variants = true;
   info.reviewed = {"image", "detection", "tag", "station", "panorama", "control"};
-  info.needs = {"reconstruct", "detect"};
+  info.needs = {"detect"};
+  info.also_needs = [](const Project& project, const StageTarget& target) -> std::vector<std::string> {
+    const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
+    for (const Run* run : SurveyRuns(project)) {
+      if (UsesScenePoints(options, *run)) return {"reconstruct"};
+    }
+    return {};
+  };
   info.metric = "tags";
   info.flags = {"datum", "against"};
   UseOptions<SurveyStageOptions>(info);
