@@ -34,7 +34,8 @@
 
 namespace {
 
-constexpr int kPatience = 120000;  // ms
+constexpr int kPatience = 120000;    // ms
+constexpr int kMayBeMissing = 8000;  // for what a site need not have
 
 void Save(trigpoint::MainWindow& window, const QString& out, const char* name) {
   QTest::qWait(1500);
@@ -43,7 +44,9 @@ void Save(trigpoint::MainWindow& window, const QString& out, const char* name) {
 }
 
 // Whatever comes of it: what is missing is seen in the picture.
-bool WaitFor(const std::function<bool()>& condition) { return QTest::qWaitFor(condition, kPatience); }
+bool WaitFor(const std::function<bool()>& condition, int patience_ms = kPatience) {
+  return QTest::qWaitFor(condition, patience_ms);
+}
 
 void SaveCharts(trigpoint::MainWindow& window, const QString& out) {
   window.ShowDesk("charts");
@@ -139,12 +142,12 @@ int main(int argc, char** argv) {
     }
     window.ShowDesk("images");
     window.images()->ShowObject("station:" + station);
-    WaitFor([&] { return window.images()->left()->scale() > 4; });
+    WaitFor([&] { return window.images()->left()->scale() > 4; }, kMayBeMissing);
     Save(window, out, "tag");
     window.images()->left()->Fit();
     if (auto* match = window.findChild<QAbstractButton*>("images.match")) {
       QTest::mouseClick(match, Qt::LeftButton);
-      WaitFor([&] { return !window.images()->right()->marks().empty(); });
+      WaitFor([&] { return !window.images()->right()->marks().empty(); }, kMayBeMissing);
     }
     Save(window, out, "images");
     window.ShowDesk("tables");
@@ -155,7 +158,7 @@ int main(int argc, char** argv) {
     for (const char* desk : {"review", "panoramas", "calibration"}) {
       window.ShowDesk(desk);
       if (auto* photos = window.findChild<QTableWidget*>("panorama.photos"); desk == std::string("panoramas")) {
-        WaitFor([&] { return photos->rowCount() > 0; });
+        WaitFor([&] { return photos->rowCount() > 0; }, kMayBeMissing);
       }
       Save(window, out, desk);
     }
