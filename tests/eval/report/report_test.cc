@@ -163,6 +163,22 @@ TEST_F(ReportTest, WithoutTagsItSaysWhatCanBeSaid) {
   EXPECT_THAT(html, HasSubstr("Outlying geotag: p1.jpg, 0.51 m horizontally"));
 }
 
+// An outlier by its own gate is warned of only if not even the farthest of all geotags lies so far off by chance.
+TEST_F(ReportTest, AGeotagThatChanceExplainsIsNoWarning) {
+  WriteResults();
+  fs::remove_all(site_ / "results/evaluate");
+  cv::imwrite((site_ / "p1.jpg").string(), cv::Mat(64, 128, CV_8UC3, {40, 120, 200}));
+  const std::string head =
+      "file,station,latitude_deg,longitude_deg,height_m,sigma_h_m,sigma_v_m\np1.jpg,S1,48,7.8,240,";
+  std::string text = site_.Read("results/localize/run1/panoramas.csv");
+  text.replace(text.find(",0,ok\n"), 6, ",0,outlier\n");
+  site_.Write("results/localize/run1/panoramas.csv", text);
+  site_.Write("panoramas.csv", head + "0.2,0.5\n");  // 0.51 m are 2.3 sigma
+  EXPECT_THAT(Report(), Not(HasSubstr("Outlying geotag: ")));
+  site_.Write("panoramas.csv", head + "0.02,0.5\n");  // 5.0 sigma
+  EXPECT_THAT(Report(), HasSubstr("Outlying geotag: p1.jpg, 0.51 m horizontally"));
+}
+
 TEST_F(ReportTest, ShowsAStitchedPanorama) {
   fs::remove_all(site_ / "runs");
   site_.Write("results/stitch/corner/manifest.json",
