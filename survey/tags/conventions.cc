@@ -13,6 +13,7 @@
 #include <optional>
 #include <string>
 
+#include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geo/unit_of_length.h"
@@ -49,11 +50,18 @@ double MotionConsistency(const Trajectory& odometry, const std::array<int, 4>& o
   return n < kLeastSteps ? -1 : sum.norm() / n;
 }
 
-double FitRms(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::Vector3d>& stated, AlignmentKind kind) {
-  const Sim3d fit = AlignPoints(map, stated, kind);
-  double square = 0;
-  for (size_t i = 0; i < map.size(); ++i) square += (fit * map[i] - stated[i]).squaredNorm();
-  return std::sqrt(square / static_cast<double>(map.size()));
+// After the best fit; infinite where the points hold none (all at one place).
+double FitRms(const std::vector<Eigen::Vector3d>& map, const std::vector<Eigen::Vector3d>& stated, AlignmentKind kind,
+              double* scale = nullptr) {
+  try {
+    const Sim3d fit = AlignPoints(map, stated, kind);
+    if (scale != nullptr) *scale = fit.scale;
+    double square = 0;
+    for (size_t i = 0; i < map.size(); ++i) square += (fit * map[i] - stated[i]).squaredNorm();
+    return std::sqrt(square / static_cast<double>(map.size()));
+  } catch (const NumericError&) {
+    return std::numeric_limits<double>::infinity();
+  }
 }
 
 // Without the point that fits worst: a single wrong one is no convention.
@@ -381,9 +389,10 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
   if (map.size() < 3) return findings;
   const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
   const double near = 0.3 + 0.05 * extent;  // odometry drifts by a few percent
-  const double factor = AlignPoints(map, stated, AlignmentKind::kSim3).scale;
-  const double scaled = FitRms(map, stated, AlignmentKind::kSim3), without_worst = FitRmsWithoutWorst(map, stated);
-  if (std::abs(std::log(factor)) > kLeastUnit && scaled < 0.3 * as_is && scaled < without_worst) {
+  double factor = 1;
+  const double scaled = FitRms(map, stated, AlignmentKind::kSim3, &factor);
+  const double without_worst = FitRmsWithoutWorst(map, stated);
+  if (factor > 0 && std::abs(std::log(factor)) > kLeastUnit && scaled < 0.3 * as_is && scaled < without_worst) {
     const std::string unit = UnitOfLength(1 / factor, 0.1);
     findings.push_back(
         {true, fmt::format("control_points.csv: the surveyed points are {:.3g} times as far from each other as by the "
