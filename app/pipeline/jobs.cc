@@ -247,7 +247,8 @@ std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& a
 
 std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& jobs, uint64_t seed) {
   std::vector<JobState> states;
-  for (const Job& job : jobs) {
+  for (Job job : jobs) {
+    KeepGiven(project, &job);
     JobState state;
     state.job = job;
     state.reason = WhyNotNeeded(project, job);

@@ -134,7 +134,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 14;
+    request.version = 15;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

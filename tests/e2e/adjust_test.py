@@ -7,6 +7,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -69,6 +70,15 @@ class Adjust(unittest.TestCase):
         status = json.loads(trigpoint("status", self.site, "--json").stdout)
         states = {row["stage"]: row["state"] for row in status["stages"] if not row["name"]}
         self.assertEqual(states["site"], "done")
+
+    def test_a_variant_of_the_command_line_is_done_on_every_page(self):
+        """Its options are in no trigpoint.yaml: the report must not say that it is out of date."""
+        done = trigpoint("adjust", self.site, "--use", "control", "--variant", "held")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(trigpoint("report", self.site).returncode, 0)
+        with open(os.path.join(self.site, "results/report/index.html"), encoding="utf-8") as page:
+            cells = re.findall(r"<td[^>]*>(?:<[^>]+>)*([^<]*)", page.read())
+        self.assertEqual(cells[cells.index("site@held") + 1], "done")
 
     def test_of_runs_that_are_not_there(self):
         done = trigpoint("adjust", self.site, "--run", "run3")
