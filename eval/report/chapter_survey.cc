@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "calib/base/counted.h"
 #include "eval/report/chapters.h"
@@ -318,9 +317,8 @@ class SurveyChapter {
         {"control_m", "control"},     {"geotags_m", "geotags"},   {"gps_m", "GPS"},
         {"corners_m", "corners"},     {"odometry_m", "odometry"}, {"scene_points_m", "scene points"},
         {"distances_m", "distances"}, {"other_m", "other"}};
-    std::map<std::string, int> limits;
-    for (const nlohmann::json& t : ListAt(budget, "tags")) ++limits[TextAt(t, "limited_by")];
-    if (limits.empty()) return;
+    const nlohmann::json& tags = ListAt(budget, "tags");
+    if (tags.empty()) return;
     Table table{"survey_budget",
                 "Where the uncertainty of each tag's centre comes from: 1 sigma, three axes in quadrature. Squares of "
                 "the sources add up to that of the total. Corners: of tags in pictures; distances: measured ones and "
@@ -329,14 +327,13 @@ class SurveyChapter {
                 {}};
     std::vector<std::string> shown;
     for (const auto& [key, title] : sources) {
-      const auto& tags = ListAt(budget, "tags");
       if (std::none_of(tags.begin(), tags.end(), [&, k = key](const auto& t) { return At(t, {k.c_str()}) > 5e-5; }))
         continue;
       shown.push_back(key);
       table.columns.push_back({title + u_, true});
     }
     table.columns.push_back({"limited by"});
-    for (const nlohmann::json& t : ListAt(budget, "tags")) {
+    for (const nlohmann::json& t : tags) {
       std::vector<TableCell> row = {{Plain(At(t, {"tag_id"}), 0), At(t, {"tag_id"})},
                                     c_.LengthCell(At(t, {"sigma_3d_m"}), 4)};
       for (const std::string& key : shown) row.push_back(c_.LengthCell(At(t, {key.c_str()}), 4));
@@ -357,10 +354,8 @@ class SurveyChapter {
     const auto length = [&](const char* key) { return c_.LengthUnit(At(next, {key}), 4); };
     blocks_.push_back(
         Paragraph{fmt::format("To measure next: tag {:.0f} as control. Surveyed to {} horizontally and {} vertically "
-                              "(1 sigma, each axis), it "
-                              "would lower the tags' uncertainty from {} to {} (predicted, 1 sigma in 3D, root mean "
-                              "square of all tags), that "
-                              "of the worst from {} to {}.",
+                              "(1 sigma, each axis), it would lower the tags' uncertainty from {} to {} (predicted, 1 "
+                              "sigma in 3D, root mean square of all tags), that of the worst from {} to {}.",
                               *At(next, {"tag_id"}), length("sigma_h_m"), length("sigma_v_m"), length("rms_now_m"),
                               length("rms_then_m"), length("worst_now_m"), length("worst_then_m"))});
   }

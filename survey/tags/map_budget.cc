@@ -139,6 +139,7 @@ void MapSolver::FindNextPoint(const Eigen::MatrixXd& cross, const std::vector<in
   };
   summary(cross, &next.rms_now_m, &next.worst_now_m);
   double best = 0;
+  Eigen::MatrixXd decrease;  // of the covariance, by the best
   for (size_t t = 0; t < offsets.size(); ++t) {
     const int id = result_.tags[t].tag_id;
     if (offsets[t] < 0 || controlled.contains(id) || result_.tags[t].status != "ok") continue;
@@ -147,16 +148,10 @@ void MapSolver::FindNextPoint(const Eigen::MatrixXd& cross, const std::vector<in
     const Eigen::Matrix3d inverse = (cross.block<3, 3>(at, at) + stated).inverse();
     const Eigen::MatrixXd column = cross.middleCols<3>(at);
     const double gain = (column * inverse).cwiseProduct(column).sum();
-    if (gain > best) best = gain, next.tag_id = id;
+    if (gain > best) best = gain, next.tag_id = id, decrease = column * inverse * column.transpose();
   }
   if (next.tag_id < 0) return;
-  for (size_t t = 0; t < offsets.size(); ++t) {
-    if (result_.tags[t].tag_id != next.tag_id) continue;
-    const auto at = 3 * static_cast<Eigen::Index>(t);
-    const Eigen::Matrix3d inverse = (cross.block<3, 3>(at, at) + stated).inverse();
-    const Eigen::MatrixXd column = cross.middleCols<3>(at);
-    summary(cross - column * inverse * column.transpose(), &next.rms_then_m, &next.worst_then_m);
-  }
+  summary(cross - decrease, &next.rms_then_m, &next.worst_then_m);
   result_.next_point = next;
 }
 

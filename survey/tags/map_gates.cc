@@ -26,6 +26,19 @@ constexpr double kPointReturns_m = 0.5;  // after the first solution
 
 }  // namespace
 
+// Where a picture by itself shows its tag: the planar solutions, in the map. The picture's frame is placed.
+std::vector<Rigid3d> MapSolver::PlanarPlaces(const MapSight& s) const {
+  const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
+  const Rigid3d world_from_cam =
+      *frame.world_from_body *
+      input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
+  std::vector<Rigid3d> places;
+  for (const PlanarPose& pose : EstimatePlanarPoses(s.sight, SizeOf(s.place))) {
+    places.push_back(world_from_cam * pose.cam_from_tag);
+  }
+  return places;
+}
+
 // First guesses of places that were split off before the start: the planar solution that most of its pictures share.
 void MapSolver::PlaceSplit() {
   for (size_t k = 0; k < moved_.size(); ++k) {
@@ -37,12 +50,8 @@ void MapSolver::PlaceSplit() {
     double best = std::numeric_limits<double>::infinity();
     std::optional<Rigid3d> found;
     for (const MapSight* s : sights) {
-      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
-      const Rigid3d world_from_cam =
-          *frame.world_from_body *
-          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
-      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
-        tags_[place] = world_from_cam * pose.cam_from_tag;
+      for (const Rigid3d& world_from_tag : PlanarPlaces(*s)) {
+        tags_[place] = world_from_tag;
         double sum = 0;
         for (const MapSight* other : sights) sum += std::min(kStartGatePx, SightPx(*other));
         if (sum < best) best = sum, found = tags_[place];
@@ -182,12 +191,8 @@ void MapSolver::GateStart() {
     const Rigid3d in_map = tags_.at(place);
     std::vector<MapSight*> most;
     for (const MapSight* s : visit) {
-      const MapFrame& frame = start_.frames[static_cast<size_t>(s->frame)];
-      const Rigid3d world_from_cam =
-          *frame.world_from_body *
-          input_.runs[static_cast<size_t>(frame.run)].cameras[static_cast<size_t>(s->camera)].cam_from_body.Inverse();
-      for (const PlanarPose& pose : EstimatePlanarPoses(s->sight, SizeOf(place))) {
-        tags_[place] = world_from_cam * pose.cam_from_tag;
+      for (const Rigid3d& world_from_tag : PlanarPlaces(*s)) {
+        tags_[place] = world_from_tag;
         std::vector<MapSight*> fitting;
         std::copy_if(visit.begin(), visit.end(), std::back_inserter(fitting),
                      [&](const MapSight* other) { return SightPx(*other) < kVisitPx; });

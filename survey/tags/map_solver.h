@@ -59,6 +59,7 @@ class MapSolver {
   void RequireCredible() const;
   void LoadState();
   // map_gates.cc
+  std::vector<Rigid3d> PlanarPlaces(const MapSight& s) const;
   void PlaceSplit();
   static bool IsTurned(const Rigid3d& in_map, const Rigid3d& in_run);
   std::set<int> ElsewhereIn(size_t run) const;
