@@ -11,6 +11,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
 #include "localize/georegistration/gps_check.h"
+#include "localize/references/mirrored.h"
 
 namespace trigpoint {
 namespace {
@@ -257,6 +258,12 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     result.references.push_back(answer);
   }
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
+  const auto localized = [](const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; };
+  if (!paper && std::none_of(result.references.begin(), result.references.end(), localized)) {
+    const auto mirrored =
+        FindMirroredPanoramas(input, r, options.retrieval, options.registration, threads, seed, progress, cancel);
+    if (mirrored) progress.Log(LogLevel::kWarning, *mirrored);
+  }
   steps.End("registration");
 
   BundleOptions bundle;
@@ -331,7 +338,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     const auto fit = [&](double scale_prior) {
       GeoRegistration geo = RegisterBySources(&earth.observations, PlacesCovariance(p, earth.poses, *local),
                                               scale_prior, input.scale_sigma, input.levelled, options.geo);
-      earth.gps ? CheckGpsShape(p, gps, options.geo.gps_correlation_s, &geo) : HeedGps(p, gps, &geo);
+      earth.gps ? CheckGpsShape(p, gps, options.geo, earth.references.front() < 0, &geo) : HeedGps(p, gps, &geo);
       return geo;
     };
     result.geo = fit(1);

@@ -80,7 +80,7 @@ void RequireConventions(const Run& run, const LocalizeInput& input, StageContext
 void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
   LensCheck check;
   try {
-    check = CheckLenses(input, run.reconstruction, context.threads);
+    check = CheckLenses(input, run.reconstruction);
   } catch (const NumericError&) {
     return;  // what does not determine a lens contradicts none
   }
@@ -127,7 +127,7 @@ LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, cons
   run.cameras = begin.cameras;
   for (int round = 1;; ++round) {
     LocalizeJob job = ReconstructOnce(options, mode, target, run, context, result);
-    const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction, context.threads);
+    const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction);
     if (found.empty()) return job;
     const bool done = std::all_of(found.begin(), found.end(), [](const auto& s) { return s.shift_px < kConvergedPx; });
     if (done || round == kRounds) {

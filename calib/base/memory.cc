@@ -29,20 +29,23 @@ std::optional<int64_t> NumberIn(const char* file) {
 
 }  // namespace
 
-int64_t AvailableMemoryBytes() {
-  int64_t available = FieldOf("/proc/meminfo", "MemAvailable:").value_or(int64_t{2} << 30);
-  const auto below = [&](std::optional<int64_t> limit, std::optional<int64_t> used) {
-    if (limit && used) available = std::min(available, std::max<int64_t>(0, *limit - *used));
-  };
-  below(NumberIn("/sys/fs/cgroup/memory.max"), NumberIn("/sys/fs/cgroup/memory.current"));
+int64_t MemoryWithinLimitsBytes() {
+  int64_t left = std::numeric_limits<int64_t>::max();
   const std::pair<int, const char*> limits[] = {{RLIMIT_AS, "VmSize:"}, {RLIMIT_DATA, "VmData:"}};
   for (const auto& [resource, used] : limits) {
     rlimit limit{};
     if (getrlimit(static_cast<__rlimit_resource>(resource), &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) continue;
-    const auto most = static_cast<rlim_t>(std::numeric_limits<int64_t>::max());
-    below(static_cast<int64_t>(std::min(limit.rlim_cur, most)), FieldOf("/proc/self/status", used));
+    const auto most = static_cast<int64_t>(std::min<rlim_t>(limit.rlim_cur, std::numeric_limits<int64_t>::max()));
+    left = std::min(left, std::max<int64_t>(0, most - FieldOf("/proc/self/status", used).value_or(0)));
   }
-  return available;
+  return left;
+}
+
+int64_t AvailableMemoryBytes() {
+  const int64_t machine = FieldOf("/proc/meminfo", "MemAvailable:").value_or(int64_t{2} << 30);
+  const int64_t available = std::min(machine, MemoryWithinLimitsBytes());
+  const auto most = NumberIn("/sys/fs/cgroup/memory.max"), used = NumberIn("/sys/fs/cgroup/memory.current");
+  return most && used ? std::min(available, std::max<int64_t>(0, *most - *used)) : available;
 }
 
 }  // namespace trigpoint

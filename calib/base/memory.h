@@ -18,6 +18,9 @@ inline void ReturnFreeMemory() {
 #endif
 }
 
+// What the limits of this process (ulimit -v, -d) leave of its address space, bytes; the largest number without limits.
+int64_t MemoryWithinLimitsBytes();
+
 // How much more memory this process can get, bytes: of the machine, of its control group, and below its own limits
 // (ulimit -v, -d).
 int64_t AvailableMemoryBytes();

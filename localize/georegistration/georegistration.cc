@@ -460,11 +460,17 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   return scale;
 }
 
-// The scale's sigma becomes `times` as large, and `least` at least; what depends on the scale follows.
-void WidenScale(double times, double least, Matrix7d* covariance) {
-  const Vector7d scale = covariance->col(6);
-  times = std::max(times, least / std::sqrt(scale(6)));
-  if (times > 1) *covariance += (times * times - 1) / scale(6) * scale * scale.transpose();
+// The scale's sigma becomes `times` as large, and `least` at least; what depends on the scale follows. What makes
+// lengths disagree bends a run as much as it stretches it, so that the turn in plan about the same point becomes
+// uncertain by as many radians as the scale by parts.
+void WidenScale(double scale, double times, double least, Matrix7d* covariance) {
+  const double variance = (*covariance)(6, 6);
+  const Vector7d stretch = covariance->col(6) / variance;
+  Vector7d turn = Vector7d::Zero();
+  turn(2) = 1 / scale, turn(3) = -stretch(4), turn(4) = stretch(3);
+  times = std::max(times, least / std::sqrt(variance));
+  if (times <= 1) return;
+  *covariance += (times * times - 1) * variance * (stretch * stretch.transpose() + turn * turn.transpose());
 }
 
 std::string NoDirection(size_t geotags) {
@@ -606,7 +612,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   result.reason = Remarks(other, excess, factor);
   result.solved = true;
   used.Describe(*best, &result);
-  WidenScale(excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
+  WidenScale(best->s.scale, excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
   result.covariance *= factor * factor;
   return result;
 }

@@ -17,6 +17,7 @@ struct GeoRegistrationOptions {
   double loss_chi2 = 4.1;         // knee of the robust kernel, chi-square with 3 dof (75 %)
   double tilt_sigma_deg = 10;     // how level an undeclared odometry frame is, 1 sigma
   double gps_correlation_s = 30;  // GPS errors wander: fixes closer than this count once
+  double gps_clock_doubt = 0.1;   // share of recordings whose GPS clock is wrong by up to 20 s; 0: synchronised
   int iterations = 50;
 
   template <typename Self, typename Visitor>
@@ -27,6 +28,8 @@ struct GeoRegistrationOptions {
     visit(self.tilt_sigma_deg,
           {"tilt_sigma_deg", "deg", 0.001, 90, "tilt of an odometry frame that is not declared level, 1 sigma"});
     visit(self.gps_correlation_s, {"gps_correlation_s", "s", 0, 3600, "GPS fixes within this time count as one"});
+    visit(self.gps_clock_doubt, {"gps_clock_doubt", "", 0, 1,
+                                 "probability that the clock of GPS is off by up to 20 s; 0: it is synchronised"});
     visit(self.iterations, {"iterations", "", 1, 1000, "iterations at most"});
   }
   std::vector<std::string> Check() const;

@@ -14,6 +14,7 @@ namespace trigpoint {
 namespace {
 
 using Vector7d = Eigen::Matrix<double, 7, 1>;
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
 using Complex = std::complex<double>;
 
 // A GPS fix against the place of the antenna in the world.
@@ -172,16 +173,22 @@ std::vector<Value> Whitened(const Track& track, const ValueAt& value) {
   return white;
 }
 
-// What is left between run and GPS when the run is turned and shifted: chi-square, two degrees of freedom a fix less
-// three. Single fixes count no more than four sigmas.
-double Misfit(const Track& track) {
+// The run laid over GPS: turned and shifted.
+struct Fit {
+  double chi2 =
+      0;  // what is left; two degrees of freedom a fix less three. Single fixes count no more than four sigmas
+  double turn_rad = 0;
+  Complex shift_m;  // of the origin of the run's frame
+};
+
+Fit FitTrack(const Track& track) {
   constexpr int kIterations = 10;
   constexpr double kRobust = 2, kMost = 16;
   const std::vector<double> ones = Whitened<double>(track, [](size_t) { return 1.0; });
   const std::vector<Complex> run = Whitened<Complex>(track, [&](size_t i) { return track.run[i]; });
   const std::vector<Complex> gps = Whitened<Complex>(track, [&](size_t i) { return track.gps[i]; });
   std::vector<double> weights(ones.size(), 1);
-  double chi2 = 0;
+  Fit fit;
   for (int it = 0; it < kIterations; ++it) {
     double sum = 0;
     Complex run_middle, gps_middle, turn;
@@ -194,30 +201,40 @@ double Misfit(const Track& track) {
       turn += weights[i] * std::conj(run[i] - ones[i] * run_middle) * (gps[i] - ones[i] * gps_middle);
     }
     turn = std::polar(1.0, std::arg(turn));
-    chi2 = 0;
+    fit = {0, std::arg(turn), gps_middle - turn * run_middle};
     for (size_t i = 0; i < ones.size(); ++i) {
       const double left = std::abs(gps[i] - ones[i] * gps_middle - turn * (run[i] - ones[i] * run_middle));
       weights[i] = 1 / std::max(1.0, left / kRobust);
-      chi2 += std::min(left * left, kMost);
+      fit.chi2 += std::min(left * left, kMost);
     }
   }
-  return chi2;
+  return fit;
 }
 
 // Another reading of GPS is a thousand times as likely as the stated one: with that factor, a true reading is rejected
 // in at most one of a thousand runs (Markov's inequality), in one of a hundred over ten offsets that can be told apart.
 const double kMoreLikely = 2 * std::log(1000.0);
 
-// Seconds to be added to the stamps of GPS; nothing: none is that much more likely than 0.
-std::optional<double> OtherTime(const Track& track) {
-  constexpr double kMost_s = 20, kStep_s = 0.5, kShare = 1.0 / 3;  // of the run's time: the rest has to show it
+// GPS with a time added to its stamps, against the stamps as they are, both by the fixes that have a place on the run
+// at either time.
+struct OtherClock {
+  double offset_s = 0;
+  double gain = 0;  // of chi-square
+  double turn_rad = 0;
+  Complex shift_m;  // both: how it would move the run
+};
+
+constexpr double kClockStep_s = 0.5;
+constexpr int kClockSteps = 40;  // to each side
+
+std::vector<OtherClock> OtherClocks(const Track& track) {
+  constexpr double kShare = 1.0 / 3;  // of the run's time: the rest has to show it
   const double last = track.seconds.back();
-  const int steps = static_cast<int>(std::min(kMost_s, kShare * last) / kStep_s);
-  std::optional<double> best;
-  double most = kMoreLikely;
+  const int steps = std::min(kClockSteps, static_cast<int>(kShare * last / kClockStep_s));
+  std::vector<OtherClock> clocks;
   for (int k = -steps; k <= steps; ++k) {
-    const double offset = k * kStep_s;
-    std::vector<size_t> both;  // fixes with a place on the run at either time
+    const double offset = k * kClockStep_s;
+    std::vector<size_t> both;
     for (size_t i = 0; i < track.seconds.size(); ++i) {
       if (track.seconds[i] + offset >= 0 && track.seconds[i] + offset <= last) both.push_back(i);
     }
@@ -225,44 +242,115 @@ std::optional<double> OtherTime(const Track& track) {
     const Track stated = track.Chosen(both);
     Track moved = stated;
     for (size_t i = 0; i < both.size(); ++i) moved.run[i] = track.RunAt(moved.seconds[i] + offset);
-    const double gain = Misfit(stated) - Misfit(moved);
-    if (gain > most) most = gain, best = offset;
+    const Fit as_stated = FitTrack(stated), as_moved = FitTrack(moved);
+    clocks.push_back({offset, as_stated.chi2 - as_moved.chi2, as_moved.turn_rad - as_stated.turn_rad,
+                      as_moved.shift_m - as_stated.shift_m});
   }
-  return best;
+  return clocks;
 }
 
-// Why GPS cannot be what it is taken for; empty: nothing speaks against it.
-std::string OtherReading(const std::vector<GpsPlace>& gps, const std::vector<Offset>& offsets, double wander_s) {
+// The fixes that say something new: errors that wander are alike in neighbours.
+std::optional<Track> TellingTrack(const std::vector<GpsPlace>& gps, const std::vector<Offset>& offsets,
+                                  double wander_s) {
   constexpr double kApart = 1.0 / 6;  // of the time in which GPS errors wander
   const std::optional<Track> all = TrackOf(gps, offsets, wander_s);
-  if (!all) return "";
+  if (!all) return std::nullopt;
   std::vector<size_t> apart;
   for (size_t i = 0; i < all->seconds.size(); ++i) {
     if (apart.empty() || all->seconds[i] - all->seconds[apart.back()] >= kApart * wander_s) apart.push_back(i);
   }
-  if (apart.size() < kLeastGpsFixes) return "";
-  const Track track = all->Chosen(apart);
+  if (apart.size() < kLeastGpsFixes) return std::nullopt;
+  return all->Chosen(apart);
+}
+
+// Why GPS cannot be what it is taken for; empty: nothing speaks against it.
+std::string OtherReading(const Track& track, const std::vector<OtherClock>& clocks) {
   Track mirrored = track;
   for (Complex& place : mirrored.run) place = std::conj(place);
-  if (Misfit(track) - Misfit(mirrored) > kMoreLikely) {
+  if (FitTrack(track).chi2 - FitTrack(mirrored).chi2 > kMoreLikely) {
     return "they fit if east and west are exchanged; check the longitudes and odometry";
   }
-  if (const std::optional<double> offset = OtherTime(track)) {
-    return fmt::format("they fit with about {:+.1f} s added to their times; check gps.time_offset_s in run.yaml",
-                       *offset);
+  const auto best = std::max_element(clocks.begin(), clocks.end(),
+                                     [](const OtherClock& a, const OtherClock& b) { return a.gain < b.gain; });
+  if (best == clocks.end() || best->gain <= kMoreLikely) return "";
+  return fmt::format("they fit with about {:+.1f} s added to their times; check gps.time_offset_s in run.yaml",
+                     best->offset_s);
+}
+
+// Of a run that is too short to be tried at other times: a second moves it by its mean velocity.
+std::vector<OtherClock> AtMeanVelocity(const std::vector<GpsPlace>& gps, const std::vector<Offset>& offsets) {
+  const double seconds = 1e-9 * static_cast<double>(gps.back().stamp_ns - gps.front().stamp_ns);
+  if (seconds <= 0) return {};
+  const Eigen::Vector3d velocity = (offsets.back().arm - offsets.front().arm) / seconds;
+  return {{1, 0, 0, Complex(velocity.x(), velocity.y())}};
+}
+
+// What the clock of GPS leaves open of the run's place, as GeoRegistration's covariance: the mean over the offsets that
+// GPS does not exclude. `doubt`: the probability that the clock is wrong, by any of them.
+Matrix7d OpenClock(const std::vector<OtherClock>& clocks, double doubt) {
+  Matrix7d open = Matrix7d::Zero();
+  if (clocks.empty()) return open;
+  const double step = doubt / (2 * kClockSteps);
+  double all = 1 - doubt;
+  for (int k = -kClockSteps; k <= kClockSteps; ++k) {
+    if (k == 0) continue;
+    const double offset = k * kClockStep_s;
+    // Beyond what a short run can be tried at, the last one tried tells.
+    const OtherClock& clock = *std::min_element(clocks.begin(), clocks.end(), [&](const auto& a, const auto& b) {
+      return std::pair(a.offset_s == 0, std::abs(a.offset_s - offset)) <
+             std::pair(b.offset_s == 0, std::abs(b.offset_s - offset));
+    });
+    const double farther = clock.offset_s == 0 ? 0 : offset / clock.offset_s;
+    const double likely = step * std::exp(0.5 * clock.gain);
+    Vector7d change;
+    change << 0, 0, clock.turn_rad, clock.shift_m.real(), clock.shift_m.imag(), 0, 0;
+    open += likely * farther * farther * change * change.transpose();
+    all += likely;
   }
-  return "";
+  return open / all;
+}
+
+// How far a covariance of the fit reaches in the plan of a run, m: RMS over the places of the antenna.
+double ReachOf(const Matrix7d& covariance, const std::vector<Offset>& offsets) {
+  double sum = 0;
+  for (const Offset& o : offsets) {
+    Eigen::Matrix<double, 2, 3> by;  // turn, shift
+    by << -o.arm.y(), 1, 0, o.arm.x(), 0, 1;
+    sum += (by * covariance.block<3, 3>(2, 2) * by.transpose()).trace();
+  }
+  return std::sqrt(sum / static_cast<double>(offsets.size()));
+}
+
+void AddOpenClock(const Matrix7d& open, double doubt, const std::vector<Offset>& offsets, GeoRegistration* geo) {
+  const double before = ReachOf(geo->covariance, offsets), clock = ReachOf(open, offsets);
+  geo->covariance += open;
+  if (clock < before) return;
+  Say(fmt::format("the shape of the run does not show whether the clocks of GPS and images agree, and an offset moves "
+                  "the run along its path. The clock of GPS is taken to be wrong with a probability of {:g}; this is "
+                  "{:.1f} m of the result's horizontal sigmas, besides {:.1f} m. If the clocks are synchronised, set "
+                  "localize.geo.gps_clock_doubt to 0",
+                  doubt, clock, before),
+      geo);
 }
 
 }  // namespace
 
-void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps, double wander_s,
-                   GeoRegistration* geo) {
+void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps,
+                   const GeoRegistrationOptions& options, bool alone, GeoRegistration* geo) {
   constexpr double kFits = 2, kContradicts = 5;  // misfits
   if (!geo->solved || gps.size() < kLeastGpsFixes) return;
   const std::vector<Offset> offsets = OffsetsOf(problem, gps, geo->world_from_odom);
   const double misfit = LayOver(offsets).misfit;
-  const std::string other = OtherReading(gps, offsets, wander_s);
+  std::string other;
+  std::vector<OtherClock> clocks;
+  if (const std::optional<Track> track = TellingTrack(gps, offsets, options.gps_correlation_s)) {
+    clocks = OtherClocks(*track);
+    other = OtherReading(*track, clocks);
+  }
+  if (alone && other.empty()) {
+    if (clocks.size() < 2) clocks = AtMeanVelocity(gps, offsets);
+    AddOpenClock(OpenClock(clocks, options.gps_clock_doubt), options.gps_clock_doubt, offsets, geo);
+  }
   if (misfit < kFits && other.empty()) return;
   geo->solved = other.empty() && misfit < kContradicts;
   geo->covariance *= std::max(1.0, misfit * misfit);

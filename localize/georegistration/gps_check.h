@@ -16,8 +16,10 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
 // Of GPS that the fit is from, of which correlated fixes take no part: the run's plan is laid over all of them. Where
 // they are farther off than twice their sigmas in the median, the fit's covariance grows by the square of that ratio;
 // beyond five times it is withheld. So it is where another reading of GPS, mirrored or at another time, is a thousand
-// times as likely, given errors that wander in `wander_s` (a Gauss-Markov process). The reason says so.
-void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps, double wander_s,
-                   GeoRegistration* geo);
+// times as likely, given errors that wander in gps_correlation_s (a Gauss-Markov process). The reason says so. Where
+// GPS is `alone`, what its clock leaves open of the place is added to the covariance: on a straight line or an arc, an
+// offset moves the run along its path and is seen by nothing.
+void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gps,
+                   const GeoRegistrationOptions& options, bool alone, GeoRegistration* geo);
 
 }  // namespace trigpoint

@@ -4,7 +4,6 @@
 #include <numeric>
 
 #include "calib/base/error.h"
-#include "calib/base/parallel.h"
 #include "calib/estimation/marginal_covariance.h"
 #include "calib/geometry/so3.h"
 
@@ -142,10 +141,10 @@ void LensBundle::AddPrior(size_t camera, const LensParameters& value, const Lens
       nullptr, lenses[camera].data());
 }
 
-double LensBundle::Solve(int threads, int max_iterations) {
+double LensBundle::Solve(int max_iterations) {
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::SPARSE_SCHUR;
-  solve.num_threads = ResolveThreads(threads);
+  solve.num_threads = 1;  // several don't repeat bit for bit
   solve.max_num_iterations = max_iterations;
   solve.function_tolerance = 1e-6;
   solve.logging_type = ceres::SILENT;

@@ -34,7 +34,7 @@ class LensBundle {
   void AddPrior(size_t camera, const LensParameters& value, const LensParameters& sigma);
 
   // Half the sum of squares that is left. Throws NumericError.
-  double Solve(int threads, int max_iterations);
+  double Solve(int max_iterations);
   // Of the lenses that are free, in order; empty where images do not determine them.
   Eigen::MatrixXd CovarianceOfLenses();
 

@@ -87,7 +87,7 @@ double RmsShift(const Camera& camera, const Lens& lens) {
 
 }  // namespace
 
-LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r, int threads) {
+LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r) {
   LensBundle bundle(r, std::vector<LensParameters>(input.cameras.size(), LensParameters{}));
   bundle.AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, o); });
   bundle.AddMotion();
@@ -101,9 +101,9 @@ LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r, int t
   }
   LensCheck check;
   if (bundle.problem.NumResiduals() - bundle.problem.NumParameters() < kLeastRedundancy) return check;
-  const double calibrated = bundle.Solve(threads, kIterations);
+  const double calibrated = bundle.Solve(kIterations);
   for (const size_t c : cameras) bundle.problem.SetParameterBlockVariable(bundle.lenses[c].data());
-  check.better = calibrated > 0 ? 1 - bundle.Solve(threads, kIterations) / calibrated : 0;
+  check.better = calibrated > 0 ? 1 - bundle.Solve(kIterations) / calibrated : 0;
   for (const size_t c : cameras) {
     const Lens lens(bundle.lenses[c].data());
     check.errors.push_back({static_cast<int>(c), lens(0), lens.segment<2>(1), RmsShift(input.cameras[c].camera, lens)});

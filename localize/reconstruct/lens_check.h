@@ -25,7 +25,7 @@ struct LensCheck {
 // Bundle adjustment of a part of the reconstruction with the lenses of all cameras free, to first order in their
 // errors: focal length, principal point, radial distortion. No errors where the images have too few points in common.
 // Throws NumericError.
-LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads);
+LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& reconstruction);
 
 // The message for a calibration that cannot be right; nothing where it can. How far the lens found is from the
 // calibrated one decides little: in a run straight ahead it takes up odometry's errors. How much better the images fit

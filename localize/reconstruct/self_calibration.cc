@@ -93,7 +93,7 @@ double LargestShift(const Camera& before, const Camera& after) {
 
 }  // namespace
 
-std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r, int threads) {
+std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r) {
   const auto guessed = [](const BodyCamera& c) { return c.focal_sigma_share > 0; };
   if (std::none_of(input.cameras.begin(), input.cameras.end(), guessed)) return {};
   std::vector<Lens> lenses;
@@ -102,7 +102,7 @@ std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Rec
   bundle.AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, r, o); });
   bundle.AddMotion();
   AddLenses(input, &bundle);
-  bundle.Solve(threads, 50);
+  bundle.Solve(50);
 
   const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();
   if (covariance.size() == 0)

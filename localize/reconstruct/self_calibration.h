@@ -20,8 +20,7 @@ struct SelfCalibration {
 // (BodyCamera::focal_sigma_share > 0), over the points that most images show. Priors: the focal length by its share,
 // the principal point, and k1 and k2 of usual lenses. Empty where every camera is calibrated. Throws NumericError where
 // the images determine nothing.
-std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& reconstruction,
-                                           int threads);
+std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& reconstruction);
 
 // Cameras whose focal length is hardly known (focal_sigma_share of kWildGuess and more) get the one under which most
 // matches of images near each other in time fit a two-view geometry: right to about a tenth. Nothing else changes.

@@ -19,6 +19,55 @@ def write(folder, name, content):
         out.write(content)
 
 
+def big(value, size=4):
+    return value.to_bytes(size, "big")
+
+
+def box(kind, *parts):
+    content = b"".join(parts)
+    return big(len(content) + 8) + kind + content
+
+
+def klv(key, kind, size, value):
+    return key + kind + big(size, 1) + big(len(value) // size if size else 0, 2) + value + bytes(-len(value) % 4)
+
+
+def gopro_video():
+    """An MP4 with one payload of one GPS5 fix."""
+    scale = klv(b"SCAL", b"l", 4, b"".join(big(v) for v in (10000000, 10000000, 1000, 1000, 100)))
+    stream = (klv(b"GPSF", b"L", 4, big(3)) + klv(b"GPSU", b"U", 16, b"260512094320.000") +
+              klv(b"GPSP", b"S", 2, big(150, 2)) + scale + klv(b"GPS5", b"l", 20, b"".join(big(v) for v in (480000000, 78000000, 240000, 1000, 100))))
+    payload = klv(b"DEVC", b"\0", 4, klv(b"DVNM", b"c", 1, b"Camera") + klv(b"STRM", b"\0", 4, stream))
+    head = box(b"ftyp", b"mp42")
+    zero, one = bytes(4), big(1)
+    stbl = box(b"stbl", box(b"stsd", zero, one, box(b"gpmd", bytes(8))), box(b"stts", zero, one, one, big(1000)),
+               box(b"stsz", zero, zero, one, big(len(payload))), box(b"stsc", zero, one, one, one, one),
+               box(b"stco", zero, one, big(len(head) + 8)))
+    mdia = box(b"mdia", box(b"mdhd", zero * 3, big(1000), big(1000), zero), box(b"minf", stbl))
+    return head + box(b"mdat", payload) + box(b"moov", box(b"mvhd", bytes(100)), box(b"trak", mdia))
+
+
+def files():
+    """The first inputs of fuzz_files; bags, solutions and pictures are added by hand."""
+    matrix = "camera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  data: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\n"
+    return {
+        "opencv": b"\x00%YAML:1.0\nimage_width: 640\nimage_height: 480\n" + matrix.encode() +
+                  b"distortion_coefficients: [0.1, 0, 0, 0]\n",
+        "agisoft": b"\x01<calibration><projection>frame</projection><width>640</width><height>480</height><f>500</f><cx>1</cx>"
+                   b"<cy>2</cy><b1>0.5</b1><k1>0.1</k1><p1>0.001</p1></calibration>",
+        "photonvision": b'\x02{"resolution":{"width":640,"height":480},"cameraIntrinsics":{"rows":3,"cols":3,"data":[500,0,320,0,500,'
+                        b'240,0,0,1]},"distCoeffs":{"rows":1,"cols":5,"data":[0.1,0,0,0,0]}}',
+        "aprilgrid": b"\x03target_type: aprilgrid\ntagCols: 6\ntagRows: 6\ntagSize: 0.088\ntagSpacing: 0.3\n",
+        "wpilib": b'\x04{"tags":[{"ID":1,"pose":{"translation":{"x":1,"y":2,"z":3},"rotation":{"quaternion":{"W":1,"X":0,"Y":0,"Z":0}}}}],'
+                  b'"field":{"length":16,"width":8}}',
+        "fmap": b'\x04{"type":"frc","fiducials":[{"family":"apriltag3_36h11_classic","id":1,"size":165.1,"transform":[1,0,0,1,0,1,0,2,0,0,1,3,'
+                b'0,0,0,1],"unique":true}]}',
+        "images": b"\x050.5 a.jpg\n1 b.jpg cam0\n",
+        "detections": b"\x06timestamp,image,camera,family,tag_id,hamming,margin,u0,v0,u1,v1,u2,v2,u3,v3,sigma_px\n"
+                      b"1,a.jpg,cam0,tag36h11,7,0,60,1,1,9,1,9,9,1,9,0.3\n",
+        "gopro": b"\x08" + gopro_video()}
+
+
 def main():
     corpus = sys.argv[1]
     cameras = struct.pack("<QIiQQ4d", 1, 1, 1, 640, 480, 500, 500, 320, 240)
@@ -71,6 +120,8 @@ def main():
         "photos": b"\x10file,camera,station,latitude_deg,longitude_deg\na.jpg,,S1,48,7.8\n"}
     for name, content in tables.items():
         write(os.path.join(corpus, "tables"), name, content)
+    for name, content in files().items():
+        write(os.path.join(corpus, "files"), name, content)
     write(os.path.join(corpus, "panorama_json"), "one", b'{"pano_id": "a", "location": {"lat": 48, "lng": 7}, "heading": 12, "date": "2024-06"}')
     write(os.path.join(corpus, "panorama_json"), "many", b'{"panoramas": [{"id": 3, "latitude": "48", "longitude": 7, "tilt": 91}, {"id": "../x"}, null]}')
 

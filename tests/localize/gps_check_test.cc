@@ -24,6 +24,18 @@ Eigen::Vector3d PlaceAt(double second) {
   return place;
 }
 
+// The same speed on an arc: shifted along itself, it stays the same arc.
+Eigen::Vector3d PlaceOnArcAt(double second) {
+  constexpr double kRadius_m = 60;
+  return kRadius_m * Eigen::Vector3d(std::cos(second / kRadius_m) - 1, std::sin(second / kRadius_m), 0);
+}
+
+GeoRegistrationOptions Wandering() {
+  GeoRegistrationOptions options;
+  options.gps_correlation_s = kWander_s;
+  return options;
+}
+
 struct GpsRun {
   BundleProblem problem;
   std::vector<GpsPlace> gps;
@@ -31,23 +43,24 @@ struct GpsRun {
 };
 
 // A fix a second for 80 s, whose errors wander; `late_s`: their times are that much too late.
-GpsRun MakeRun(uint64_t seed, double late_s = 0, bool mirrored = false) {
+GpsRun MakeRun(uint64_t seed, double late_s = 0, bool mirrored = false,
+               Eigen::Vector3d (*place_at)(double second) = PlaceAt, double sigma_m = kSigma_m) {
   GpsRun run;
   Random random(seed);
   const double rho = std::exp(-1 / kWander_s);
-  Eigen::Vector3d error(kSigma_m * random.Normal(), kSigma_m * random.Normal(), 0);
+  Eigen::Vector3d error(sigma_m * random.Normal(), sigma_m * random.Normal(), 0);
   for (int i = 0; i < 80; ++i) {
-    const Rigid3d world_from_body(Eigen::Quaterniond::Identity(), PlaceAt(i));
+    const Rigid3d world_from_body(Eigen::Quaterniond::Identity(), place_at(i));
     run.problem.poses.push_back(world_from_body.Inverse());
     GpsPlace fix;
     fix.pose = i;
     fix.stamp_ns = static_cast<int64_t>(i) * 1'000'000'000;
-    fix.position = PlaceAt(i - late_s) + error;
+    fix.position = place_at(i - late_s) + error;
     if (mirrored) fix.position.x() *= -1;
-    fix.sigma_h_m = kSigma_m;
+    fix.sigma_h_m = sigma_m;
     run.gps.push_back(fix);
     const Eigen::Vector3d step(random.Normal(), random.Normal(), 0);
-    error = rho * error + std::sqrt(1 - rho * rho) * kSigma_m * step;
+    error = rho * error + std::sqrt(1 - rho * rho) * sigma_m * step;
   }
   run.geo.solved = true;
   run.geo.covariance.setIdentity();
@@ -58,7 +71,7 @@ TEST(GpsShape, GoodGpsIsNotDoubted) {
   int doubted = 0;
   for (uint64_t seed = 1; seed <= 300; ++seed) {
     GpsRun run = MakeRun(seed);
-    CheckGpsShape(run.problem, run.gps, kWander_s, &run.geo);
+    CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
     doubted += run.geo.solved ? 0 : 1;
   }
   EXPECT_LE(doubted, 3);  // 1 %
@@ -68,7 +81,7 @@ TEST(GpsShape, MirroredGpsIsWithheld) {
   int named = 0;
   for (uint64_t seed = 1; seed <= 50; ++seed) {
     GpsRun run = MakeRun(seed, 0, true);
-    CheckGpsShape(run.problem, run.gps, kWander_s, &run.geo);
+    CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
     named += !run.geo.solved && run.geo.reason.find("east and west are exchanged") != std::string::npos ? 1 : 0;
   }
   EXPECT_GE(named, 49);
@@ -78,10 +91,53 @@ TEST(GpsShape, ALateClockIsNamed) {
   int named = 0;
   for (uint64_t seed = 1; seed <= 50; ++seed) {
     GpsRun run = MakeRun(seed, 12);
-    CheckGpsShape(run.problem, run.gps, kWander_s, &run.geo);
+    CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
     named += !run.geo.solved && run.geo.reason.find("gps.time_offset_s") != std::string::npos ? 1 : 0;
   }
   EXPECT_GE(named, 40);  // where its errors wander along with the run, nothing shows it
+}
+
+// Variance of the run's place along its path, m^2, in the middle of the arc, where the path goes along y by 2/3 rad.
+double AlongArc(const Eigen::Matrix<double, 7, 7>& covariance) {
+  const Eigen::Vector3d place = PlaceOnArcAt(40);
+  const Eigen::Vector2d along(-std::sin(2.0 / 3), std::cos(2.0 / 3));
+  Eigen::Matrix<double, 2, 3> by;
+  by << -place.y(), 1, 0, place.x(), 0, 1;
+  return along.dot(by * covariance.block<3, 3>(2, 2) * by.transpose() * along);
+}
+
+TEST(GpsClock, IsPartOfTheSigmasOnAnArc) {
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    GpsRun run = MakeRun(seed, 0, false, PlaceOnArcAt);
+    run.geo.covariance *= 1e-6;
+    CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
+    EXPECT_TRUE(run.geo.solved);
+    EXPECT_THAT(run.geo.reason, HasSubstr("gps_clock_doubt"));
+    // One recording in ten is off by up to 20 s, at a metre a second: 3.7 m, more or less by what GPS excludes.
+    EXPECT_NEAR(std::sqrt(AlongArc(run.geo.covariance)), 3.7, 1.5);
+  }
+}
+
+TEST(GpsClock, IsSeenAtCorners) {
+  constexpr double kGood_m = 0.3;
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    GpsRun run = MakeRun(seed, 0, false, PlaceAt, kGood_m);
+    run.geo.covariance *= kGood_m * kGood_m;
+    CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
+    EXPECT_THAT(run.geo.reason, IsEmpty());
+    // Half a second, the step of the search, at a metre a second.
+    EXPECT_LT(run.geo.covariance.block(3, 3, 2, 2).trace(), 2 * kGood_m * kGood_m + 0.25);
+  }
+}
+
+TEST(GpsClock, IsTrustedWhereItIsSaidOrGeotagsHoldTheRun) {
+  GpsRun run = MakeRun(1, 0, false, PlaceOnArcAt);
+  GeoRegistrationOptions synchronised = Wandering();
+  synchronised.gps_clock_doubt = 0;
+  CheckGpsShape(run.problem, run.gps, synchronised, true, &run.geo);
+  CheckGpsShape(run.problem, run.gps, Wandering(), false, &run.geo);
+  EXPECT_THAT(run.geo.reason, IsEmpty());
+  EXPECT_TRUE(run.geo.covariance.isIdentity());
 }
 
 TEST(GpsPlace, GpsThatAgreesIsNotMentioned) {

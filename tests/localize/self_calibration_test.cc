@@ -72,7 +72,7 @@ TEST(SelfCalibrate, FindsFocalLengthPrincipalPointAndDistortionWithinItsSigmas) 
   constexpr int kDraws = 10;
   for (uint64_t seed = 1; seed <= kDraws; ++seed) {
     const Scene scene = MakeScene(seed);
-    const std::vector<SelfCalibration> found = SelfCalibrate(scene.input, scene.reconstruction, 1);
+    const std::vector<SelfCalibration> found = SelfCalibrate(scene.input, scene.reconstruction);
     ASSERT_EQ(found.size(), 1U);
     const std::vector<double>& p = found[0].found.params();
     EXPECT_NEAR(p[0], 500, 4 * found[0].sigma_focal_px);
@@ -90,13 +90,13 @@ TEST(SelfCalibrate, FindsFocalLengthPrincipalPointAndDistortionWithinItsSigmas) 
 TEST(SelfCalibrate, LeavesCalibratedCamerasAlone) {
   Scene scene = MakeScene(1);
   scene.input.cameras[0].focal_sigma_share = 0;
-  EXPECT_TRUE(SelfCalibrate(scene.input, scene.reconstruction, 1).empty());
+  EXPECT_TRUE(SelfCalibrate(scene.input, scene.reconstruction).empty());
 }
 
 TEST(CheckLenses, ACalibrationThatFitsIsNotContradicted) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     const Scene scene = MakeScene(seed, TrueCamera());
-    const LensCheck check = CheckLenses(scene.input, scene.reconstruction, 1);
+    const LensCheck check = CheckLenses(scene.input, scene.reconstruction);
     ASSERT_EQ(check.errors.size(), 1U);
     EXPECT_LT(check.better, 0.01);
     EXPECT_FALSE(Contradiction(scene.input, check).has_value());
@@ -107,7 +107,7 @@ TEST(CheckLenses, AnotherLensIsNamed) {
   const auto check_of = [](std::vector<double> params, LensCheck* check) {
     Scene scene = MakeScene(1, {CameraModel::kRadtan, 640, 480, std::move(params)});
     scene.input.cameras[0].name = "cam7";
-    *check = CheckLenses(scene.input, scene.reconstruction, 1);
+    *check = CheckLenses(scene.input, scene.reconstruction);
     return Contradiction(scene.input, *check).value_or("");
   };
   LensCheck check;
