@@ -6,8 +6,33 @@
 namespace trigpoint {
 namespace {
 
+constexpr int kVersion = 2;
+
 nlohmann::json Metrics(const ExtractionReport& report) {
   return {{"pictures", report.pictures}, {"features", report.features}, {"skipped", report.skipped}};
+}
+
+// The result that is replaced, if it is whole and of this version.
+FeaturesBefore Before(const Project& project, const char* stage, const std::string& name) {
+  FeaturesBefore before;
+  before.hash_of = [&project](const std::filesystem::path& file) {
+    try {
+      return project.hashes().Of(file);
+    } catch (const IoError&) {  // whoever reads the picture says so
+      return std::string("unreadable");
+    }
+  };
+  const auto manifest = ReadManifest(project, stage, name);
+  if (!manifest || manifest->value("version", 0) != kVersion) return before;
+  const std::filesystem::path dir = project.ResultDir(stage, name);
+  const nlohmann::json files = manifest->value("files", nlohmann::json::object());
+  for (const char* file : {"features.db", "pictures.txt"}) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(dir / file, ignored)) return before;
+    if (files.value(file, "") != project.hashes().Of(dir / file)) return before;
+  }
+  before.dir = dir;
+  return before;
 }
 
 }  // namespace
@@ -22,12 +47,13 @@ StageInfo FeaturesStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<FeatureStageOptions>(project, "features", target);
     StageRequest request;
+    request.version = kVersion;
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.body = [options, name = target.run](StageContext& context) {
-      context.metrics.update(
-          Metrics(ExtractRunFeatures(context.project.run(name), options.images, context.out / "features.db",
-                                     context.threads, context.progress, context.cancel)));
+      context.metrics.update(Metrics(ExtractRunFeatures(context.project.run(name), options.images,
+                                                        Before(context.project, "features", name), context.out,
+                                                        context.threads, context.progress, context.cancel)));
     };
     return request;
   };
@@ -50,6 +76,7 @@ StageInfo ReferencesStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<FeatureStageOptions>(project, "references", target);
     StageRequest request;
+    request.version = kVersion;
     request.options = JsonFromOptions(options);
     request.inputs = ReferenceInputs(project);
     const Site& site = project.site();
@@ -59,8 +86,8 @@ StageInfo ReferencesStage() {
     }
     request.body = [options](StageContext& context) {
       context.metrics.update(
-          Metrics(ExtractReferenceFeatures(context.project.site(), options, context.out / "features.db",
-                                           context.threads, context.progress, context.cancel)));
+          Metrics(ExtractReferenceFeatures(context.project.site(), options, Before(context.project, "references", ""),
+                                           context.out, context.threads, context.progress, context.cancel)));
     };
     return request;
   };

@@ -122,6 +122,23 @@ void ColmapDatabase::WriteFeatures(uint32_t image_id, const FeatureSet& features
   d.Step();
 }
 
+int64_t ColmapDatabase::CopyFeatures(const ColmapDatabase& from, uint32_t from_image, uint32_t image_id) {
+  int64_t rows = 0;
+  for (const std::string table : {"keypoints", "descriptors"}) {
+    Statement in(from.db_, ("SELECT rows, cols, data FROM " + table + " WHERE image_id = ?").c_str(), from.file_);
+    in.Int(1, from_image);
+    if (!in.Step()) {
+      throw InputError("database " + from.file_ + ": image " + std::to_string(from_image) + " has no " + table);
+    }
+    rows = in.ColumnInt(0);
+    Statement out(db_, ("INSERT INTO " + table + "(image_id, rows, cols, data) VALUES(?, ?, ?, ?)").c_str(), file_);
+    out.Int(1, image_id), out.Int(2, rows), out.Int(3, in.ColumnInt(1));
+    out.Blob(4, in.ColumnBlob(2), in.ColumnBytes(2));
+    out.Step();
+  }
+  return rows;
+}
+
 void ColmapDatabase::WriteVerifiedMatches(uint32_t image_a, uint32_t image_b,
                                           const std::vector<std::pair<int, int>>& matches) {
   const bool swap = image_a > image_b;

@@ -49,6 +49,10 @@ class ColmapDatabase {
   // matches: rows of (feature of a, feature of b), in the order of ids given.
   void WriteVerifiedMatches(uint32_t image_a, uint32_t image_b, const std::vector<std::pair<int, int>>& matches);
 
+  // The features of an image of another database as they are, byte for byte. Returns how many. Throws InputError for an
+  // image without features there.
+  int64_t CopyFeatures(const ColmapDatabase& from, uint32_t from_image, uint32_t image_id);
+
   std::vector<DatabaseImage> Images() const;
   FeatureSet ReadFeatures(uint32_t image_id) const;
 

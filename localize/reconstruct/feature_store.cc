@@ -17,6 +17,7 @@ namespace {
 
 // Pictures are written in order, so that the database does not depend on the threads: so many may wait.
 constexpr int kAhead = 16;
+constexpr const char* kDatabase = "features.db";
 // A photo's focal length in pixels, at most so many times that of the runs' finest camera: what a camera would show
 // from somewhat nearer.
 constexpr double kFinest = 1.3;
@@ -35,6 +36,7 @@ void RequireSome(const ExtractionReport& report, const std::string& what) {
   if (!report.skipped.empty()) message += "; the first: " + report.skipped.front();
   throw InputError(message);
 }
+
 
 // A view of a reference to be looked at.
 struct ViewJob {
@@ -118,11 +120,13 @@ class ReferencePicture {
 
 }  // namespace
 
-ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const std::filesystem::path& file,
-                                    int threads, ProgressSink& progress, const CancelToken& cancel) {
+ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const FeaturesBefore& before,
+                                    const std::filesystem::path& out, int threads, ProgressSink& progress,
+                                    const CancelToken& cancel) {
   cv::setNumThreads(1);  // whole pictures in parallel use the cores better than parts of one
   ExtractionReport report;
-  ColmapDatabase database = ColmapDatabase::Create(file);
+  KeptFeatures kept(before, out);
+  ColmapDatabase database = ColmapDatabase::Create(out / kDatabase);
   database.Begin();
   std::vector<uint32_t> cameras;
   const RunMasks masks(run);
@@ -132,12 +136,14 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
   const size_t n = run.images.size();
   progress.Begin("features of " + run.name, static_cast<int64_t>(n));
   std::vector<FeatureSet> features(n);
-  std::vector<std::string> problems(n);
+  std::vector<std::string> problems(n), sources(n);
   const auto extract = [&](int64_t i) {
     const size_t k = static_cast<size_t>(i);
     const ImageEntry& entry = run.images[k];
     try {
-      features[k] = ExtractFeatures(LoadGrey(run, entry), masks.ForFeatures(entry), options);
+      const cv::Mat mask = masks.ForFeatures(entry);
+      sources[k] = kept.SourceOf(run, entry, mask, options);
+      if (!kept.Has(entry.file, sources[k])) features[k] = ExtractFeatures(LoadGrey(run, entry), mask, options);
     } catch (const InputError& e) {
       problems[k] = e.what();
     }
@@ -152,9 +158,9 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
       return;
     }
     const uint32_t id = database.AddImage(entry.file, cameras[static_cast<size_t>(entry.camera)]);
-    database.WriteFeatures(id, features[k]);
+    report.features += kept.Write(entry.file, sources[k], features[k], id, &database);
+    report.kept += kept.Has(entry.file, sources[k]) ? 1 : 0;
     ++report.pictures;
-    report.features += static_cast<int64_t>(features[k].size());
     features[k] = {};
   };
   ParallelInOrder(static_cast<int64_t>(n), threads, kAhead, cancel, extract, write);
@@ -209,18 +215,21 @@ std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOpt
 }
 
 ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOptions& options,
-                                          const std::filesystem::path& file, int threads, ProgressSink& progress,
-                                          const CancelToken& cancel) {
+                                          const FeaturesBefore& before, const std::filesystem::path& out, int threads,
+                                          ProgressSink& progress, const CancelToken& cancel) {
   cv::setNumThreads(1);
   ExtractionReport report;
   const std::vector<PreparedReference> references = PrepareReferences(site, options.views, &report.skipped);
-  ColmapDatabase database = ColmapDatabase::Create(file);
+  KeptFeatures kept(before, out);
+  ColmapDatabase database = ColmapDatabase::Create(out / kDatabase);
   database.Begin();
   // All views in one list, so that no core waits at a picture's end for its last view.
   std::vector<ViewJob> jobs;
   std::vector<std::unique_ptr<ReferencePicture>> pictures;
+  std::vector<std::string> sources;
   for (size_t r = 0; r < references.size(); ++r) {
     const size_t views = references[r].rig.views.size();
+    sources.push_back(kept.SourceOf(site, references[r], options));
     pictures.push_back(std::make_unique<ReferencePicture>(views));
     for (size_t v = 0; v < views; ++v) jobs.push_back({r, v});
   }
@@ -228,7 +237,8 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
   RendererOfSize renderers;
   const auto extract = [&](int64_t i) {
     const auto [r, v] = jobs[static_cast<size_t>(i)];
-    pictures[r]->Extract(site, references[r], v, options, &renderers);
+    if (!kept.Has(ViewName(references[r], v), sources[r]))
+      pictures[r]->Extract(site, references[r], v, options, &renderers);
     progress.Advance(1);
   };
   const auto write = [&](int64_t i) {
@@ -242,9 +252,10 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
     }
     for (size_t k = 0; k <= v; ++k) {
       const uint32_t camera = database.AddCamera(references[r].rig.views[k].camera);
-      database.WriteFeatures(database.AddImage(ViewName(references[r], k), camera), picture->features[k]);
-      report.features += static_cast<int64_t>(picture->features[k].size());
+      const std::string name = ViewName(references[r], k);
+      report.features += kept.Write(name, sources[r], picture->features[k], database.AddImage(name, camera), &database);
     }
+    report.kept += kept.Has(ViewName(references[r], v), sources[r]) ? 1 : 0;
     ++report.pictures;
   };
   ParallelInOrder(static_cast<int64_t>(jobs.size()), threads, kAhead, cancel, extract, write);

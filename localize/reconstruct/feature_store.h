@@ -13,47 +13,26 @@
 #include "datasets/io/site.h"
 #include "datasets/io/views.h"
 #include "localize/reconstruct/features.h"
+#include "localize/reconstruct/kept_features.h"
 
 namespace trigpoint {
 
-struct FeatureStageOptions {
-  FeatureOptions images;      // of the run's images
-  FeatureOptions references;  // of views and photos
-  ViewOptions views;          // of panoramas
-
-  FeatureStageOptions() { references.max_features = 4000; }
-  template <typename Self, typename Visitor>
-  static void Visit(Self& self, Visitor&& visit) {
-    visit(self.images, {"images", "", 0, 0, "features of the run's images"});
-    visit(self.references, {"references", "", 0, 0, "features of panorama views and photos"});
-    visit(self.views, {"views", "", 0, 0, "rectilinear views of panoramas"});
-  }
-  std::vector<std::string> Check() const { return CheckRanges(*this); }
-};
-
-// A reference as the features stage saw it: one rig of views. A photo set is listed photo by photo.
-struct PreparedReference {
-  int reference = 0;  // index into Site::references
-  std::string name;   // of the picture
-  ViewRig rig;
-};
-
 // What became of the pictures: how many, and a sentence for each that could not be used.
 struct ExtractionReport {
-  int pictures = 0;
+  int pictures = 0, kept = 0;  // kept: of these, with the features found before
   int64_t features = 0;
   std::vector<std::string> skipped;
 };
 
-// Writes a COLMAP database with the features of every readable image. A picture that cannot be used is skipped and
-// named; throws InputError if none can.
-ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options,
-                                    const std::filesystem::path& database, int threads, ProgressSink& progress,
+// Writes features.db, a COLMAP database with the features of every readable image, and pictures.txt with what each was
+// found from. A picture that cannot be used is skipped and named; throws InputError if none can.
+ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& options, const FeaturesBefore& before,
+                                    const std::filesystem::path& out, int threads, ProgressSink& progress,
                                     const CancelToken& cancel);
 // The same for the references' views, named "<picture>#<view>".
 ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOptions& options,
-                                          const std::filesystem::path& database, int threads, ProgressSink& progress,
-                                          const CancelToken& cancel);
+                                          const FeaturesBefore& before, const std::filesystem::path& out, int threads,
+                                          ProgressSink& progress, const CancelToken& cancel);
 
 // The pictures of the references with their rigs, in the order of the site. Panoramas need their size: headers are
 // read.

@@ -1,7 +1,14 @@
-// At which resolution a reference photo is matched with a run's images.
+// At which resolution a reference photo is matched with a run's images, and which features are found anew.
 #include "localize/reconstruct/feature_store.h"
 
 #include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "calib/estimation/random.h"
+#include "datasets/io/text.h"
+#include "datasets/project/hash.h"
+#include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -50,6 +57,69 @@ TEST(ResizedFeatures, KeepTheirRays) {
   }
   const FeatureSet again = ResizedFeatures(stored, photo, matched);
   for (size_t i = 0; i < found.points.size(); ++i) EXPECT_LT((again.points[i] - found.points[i]).norm(), 1e-3);
+}
+
+// A run of four small pictures of noise.
+class FourPictures {
+ public:
+  FourPictures() {
+    run.dir = dir.path();
+    run.cameras = {BodyCamera{}};
+    run.cameras[0].camera = Pinhole(160, 120, 150);
+    for (int i = 0; i < 4; ++i) {
+      ImageEntry& entry = run.images.emplace_back();
+      entry.file = std::to_string(i) + ".png", entry.path = dir.path() / entry.file;
+      Draw(i, 1);
+    }
+  }
+  void Draw(int image, uint64_t seed) const {
+    Random random(10 * static_cast<uint64_t>(image) + seed);
+    cv::Mat picture(120, 160, CV_8U);
+    for (int y = 0; y < picture.rows; ++y) {
+      for (int x = 0; x < picture.cols; ++x) picture.at<uint8_t>(y, x) = static_cast<uint8_t>(random.Uniform(0, 255));
+    }
+    cv::imwrite((dir.path() / (std::to_string(image) + ".png")).string(), picture);
+  }
+  // Into folder `to`, with what folder `before` holds ("": nothing).
+  ExtractionReport Extract(const std::string& to, const std::string& before) const {
+    std::filesystem::create_directories(dir.path() / to);
+    ProgressSink progress;
+    return ExtractRunFeatures(run, options, {before.empty() ? "" : dir.path() / before, Sha256OfFile}, dir.path() / to,
+                              1, progress, {});
+  }
+  std::string Database(const std::string& folder) const { return ReadTextFile(dir.path() / folder / "features.db"); }
+
+  TempDir dir;
+  Run run;
+  FeatureOptions options;
+};
+
+TEST(FeaturesBefore, AreKeptForPicturesThatAreAsTheyWere) {
+  FourPictures site;
+  EXPECT_EQ(site.Extract("a", "").kept, 0);
+  EXPECT_EQ(site.Extract("b", "a").kept, 4);
+  EXPECT_EQ(site.Database("a"), site.Database("b"));
+  site.Draw(2, 7);
+  site.run.images.erase(site.run.images.begin());
+  const ExtractionReport changed = site.Extract("c", "b");
+  EXPECT_EQ(changed.pictures, 3);
+  EXPECT_EQ(changed.kept, 2);
+  site.Extract("d", "");
+  EXPECT_EQ(site.Database("c"), site.Database("d")) << "as if there had been nothing before";
+}
+
+TEST(FeaturesBefore, AreNotKeptUnderOtherConditions) {
+  FourPictures site;
+  site.Extract("a", "");
+  site.options.max_features = 60;
+  EXPECT_EQ(site.Extract("b", "a").kept, 0);
+  site.options = {};
+  site.run.config.mirrored = true;
+  EXPECT_EQ(site.Extract("c", "a").kept, 0);
+  site.run.config.mirrored = false;
+  site.run.cameras[0].mask.boxes_px = {{10, 10, 50, 50}};
+  EXPECT_EQ(site.Extract("d", "a").kept, 0);
+  EXPECT_EQ(site.Extract("e", "d").kept, 4);
 }
 
 }  // namespace
