@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <thread>
 
-#include "calib/estimation/random.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
 #include "tests/datasets/project_folder.h"
@@ -207,74 +205,9 @@ class SmallSite {
   }
   const fs::path& dir() const { return folder_.dir(); }
 
-  // The end of every finished stage's manifest.
-  std::map<std::string, std::string> Ends() const {
-    std::map<std::string, std::string> ends;
-    if (!fs::exists(dir() / "results")) return ends;
-    for (const auto& entry : fs::recursive_directory_iterator(dir() / "results")) {
-      if (entry.path().filename() != "manifest.json") continue;
-      const std::string stage = entry.path().lexically_relative(dir()).parent_path().string();
-      if (stage.find("/.") != std::string::npos) continue;  // half-made, or the record of a failure
-      ends[stage] = nlohmann::json::parse(ReadTextFile(entry.path())).value("end", "");
-    }
-    return ends;
-  }
-  // How long the stages took that are not among `ends`.
-  double SecondsBeyond(const std::map<std::string, std::string>& ends) const {
-    double seconds = 0;
-    for (const auto& [stage, end] : Ends()) {
-      if (ends.count(stage) > 0) continue;
-      seconds += nlohmann::json::parse(ReadTextFile(dir() / stage / "manifest.json")).at("wall_seconds").get<double>();
-    }
-    return seconds;
-  }
-  // Content of every table.
-  std::map<std::string, std::string> Tables() const {
-    std::map<std::string, std::string> tables;
-    for (const auto& entry : fs::recursive_directory_iterator(dir() / "results")) {
-      const std::string end = entry.path().extension().string();
-      if (end != ".csv" && end != ".tum") continue;
-      // The report's list of results says how long each took, and in how much memory.
-      if (entry.path().filename() == "results.csv") continue;
-      tables[entry.path().lexically_relative(dir()).string()] = ReadTextFile(entry.path());
-    }
-    return tables;
-  }
-
  private:
   ProjectFolder folder_;
 };
-
-std::vector<std::string> Cells(const std::string& table) {
-  std::vector<std::string> cells(1);
-  for (const char c : table) {
-    if (c == ',' || c == ' ' || c == '\n') {
-      cells.emplace_back();
-    } else {
-      cells.back() += c;
-    }
-  }
-  return cells;
-}
-
-void ExpectSameTables(const std::map<std::string, std::string>& a, const std::map<std::string, std::string>& b) {
-  ASSERT_EQ(a.size(), b.size());
-  EXPECT_FALSE(a.empty());
-  for (const auto& [file, table] : a) {
-    SCOPED_TRACE(file);
-    ASSERT_EQ(b.count(file), 1u);
-    const std::vector<std::string> x = Cells(table), y = Cells(b.at(file));
-    ASSERT_EQ(x.size(), y.size());
-    for (size_t i = 0; i < x.size(); ++i) {
-      const auto p = ParseDouble(x[i]), q = ParseDouble(y[i]);
-      if (p && q) {
-        EXPECT_NEAR(*p, *q, 1e-6);
-      } else if (!ParseUtcToNs(x[i]) || !ParseUtcToNs(y[i])) {  // when a result was made differs
-        EXPECT_EQ(x[i], y[i]);
-      }
-    }
-  }
-}
 
 TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
   const SmallSite site;
@@ -310,51 +243,6 @@ TEST(Cli, CtrlCLeavesNoHarm) {
   EXPECT_THAT(finished.err, HasSubstr("cancelled"));
   EXPECT_FALSE(is_computing());
   EXPECT_EQ(Trigpoint({"status", site.dir().string()}).exit_code, 0);
-}
-
-TEST(Cli, KillAtAnyMomentThenRunGivesTheSame) {
-  const SmallSite undisturbed;
-  const Finished whole = Trigpoint({"run", undisturbed.dir().string()});
-  ASSERT_EQ(whole.exit_code, 0) << whole.err;
-
-  const SmallSite killed;
-  Random random(1);
-  int kills = 0, runs = 0;
-  std::map<std::string, std::string> finished;
-  const auto expect_kept = [&] {
-    const auto now = killed.Ends();
-    for (const auto& [stage, end] : finished) {
-      ASSERT_EQ(now.count(stage), 1u) << stage;
-      EXPECT_EQ(now.at(stage), end) << stage << " was computed again";
-    }
-    finished = now;
-  };
-  for (; kills < 10 && runs < 60; ++runs) {
-    const Program program({"run", killed.dir().string()});
-    // At any moment of what is left to do.
-    std::this_thread::sleep_for(std::chrono::duration<double>(undisturbed.SecondsBeyond(finished) * random.Uniform()));
-    program.Signal(SIGKILL);
-    const int exit_code = program.Wait().exit_code;
-    expect_kept();
-    if (exit_code == 128 + SIGKILL) {
-      ++kills;
-    } else {  // it was faster: from the beginning again
-      EXPECT_EQ(exit_code, 0);
-      ExpectSameTables(undisturbed.Tables(), killed.Tables());
-      fs::remove_all(killed.dir() / "results");
-      finished.clear();
-    }
-  }
-  EXPECT_EQ(kills, 10);
-  EXPECT_EQ(Trigpoint({"run", killed.dir().string()}).exit_code, 0);
-  expect_kept();
-  ExpectSameTables(undisturbed.Tables(), killed.Tables());
-  for (const auto& entry : fs::recursive_directory_iterator(killed.dir() / "results")) {
-    EXPECT_THAT(entry.path().filename().string(), Not(testing::StartsWith(".tmp-")));
-  }
-  for (const auto& [stage, state] : States(killed.dir())) {
-    EXPECT_THAT(state, testing::AnyOf("done", "not needed")) << stage;
-  }
 }
 
 }  // namespace

@@ -82,6 +82,7 @@ class Interruptions:
         made = manifests(self.good)
         self.seconds = {stage: m["wall_seconds"] for stage, m in made.items()}
         self.order = sorted(made, key=lambda stage: made[stage]["end"])
+        self.offset = self.draw.randrange(len(self.order))  # the stage that the first draw begins with
 
     def run(self, site, command="run", **limits):
         return subprocess.run([self.program, command, str(site)], capture_output=True, text=True, errors="replace",
@@ -158,7 +159,7 @@ class Interruptions:
         most = self.peak_kib("run", str(self.copy("starved", [])))
         refused = 0
         for k in range(wanted):
-            first = k % len(self.order)
+            first = (k + self.offset) % len(self.order)
             kib = self.draw.uniform(least, most)
             what = f"{kib / 1024:.0f} of {most / 1024:.0f} MiB from {self.order[first]} on"
             site = self.copy("starved", self.stages_before(first))
@@ -176,7 +177,7 @@ class Interruptions:
     def fill(self, wanted):
         size = sum(p.stat().st_size for p in (self.good / "results").rglob("*") if p.is_file())
         for k in range(wanted):
-            first = k % len(self.order)
+            first = (k + self.offset) % len(self.order)
             site = self.copy("full", [])
             results = site / "results"
             results.mkdir()

@@ -48,7 +48,7 @@ def gopro_video():
 
 
 def files():
-    """The first inputs of fuzz_files; bags, solutions and pictures are added by hand."""
+    """The first inputs of fuzz_files but a solution and a picture, which were added by hand, as the bags were."""
     matrix = "camera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  data: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\n"
     return {
         "opencv": b"\x00%YAML:1.0\nimage_width: 640\nimage_height: 480\n" + matrix.encode() +
