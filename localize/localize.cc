@@ -208,6 +208,16 @@ void UseWorld(const LocalizeInput& input, const GeoStart& start, const std::vect
   for (const std::string& warning : fit.warnings) progress.Log(LogLevel::kWarning, warning);
 }
 
+// Where no panorama is localized: their pictures may be mirrored.
+void TellMirrored(const LocalizeInput& input, const LocalizeOptions& options, int threads, uint64_t seed,
+                  ProgressSink& progress, const CancelToken& cancel, const Localization& result) {
+  const auto localized = [](const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; };
+  if (std::any_of(result.references.begin(), result.references.end(), localized)) return;
+  const auto mirrored = FindMirroredPanoramas(input, result.reconstruction, options.retrieval, options.registration,
+                                              threads, seed, progress, cancel);
+  if (mirrored) progress.Log(LogLevel::kWarning, *mirrored);
+}
+
 void NoteGeotags(const GeoStart& earth, Localization* result) {
   for (size_t k = 0; k < earth.references.size(); ++k) {
     if (earth.references[k] < 0) continue;
@@ -252,18 +262,9 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   steps.End("retrieval");
   std::vector<Registration> registrations =
       RegisterReferences(input, r, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
-  for (const Registration& g : registrations) {
-    ReferenceAnswer answer;
-    answer.registration = g;
-    result.references.push_back(answer);
-  }
+  for (const Registration& g : registrations) result.references.emplace_back().registration = g;
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
-  const auto localized = [](const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; };
-  if (!paper && std::none_of(result.references.begin(), result.references.end(), localized)) {
-    const auto mirrored =
-        FindMirroredPanoramas(input, r, options.retrieval, options.registration, threads, seed, progress, cancel);
-    if (mirrored) progress.Log(LogLevel::kWarning, *mirrored);
-  }
+  if (!paper) TellMirrored(input, options, threads, seed, progress, cancel, result);
   steps.End("registration");
 
   BundleOptions bundle;
