@@ -15,9 +15,10 @@ constexpr double kDegrees = 180 / M_PI;
 
 }  // namespace
 
-Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, bool has_north) {
+Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, bool has_north,
+                           const std::optional<Eigen::Matrix3d>& between) {
   Measurement m;
-  m.from = from, m.to = to;
+  m.from = from, m.to = to, m.joint = between.has_value();
   const Eigen::Vector3d d = to.position - from.position;
   m.slope_m = d.norm();
   m.horizontal_m = d.head<2>().norm();
@@ -25,16 +26,17 @@ Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, b
   if (has_north && m.horizontal_m > 0) {
     m.azimuth_deg = std::fmod(std::atan2(d.x(), d.y()) * kDegrees + 360, 360);
   }
-  if (!from.sigma_m || !to.sigma_m || !from.sigma_m->allFinite() || !to.sigma_m->allFinite()) return m;
-  const Eigen::Vector3d variance = from.sigma_m->cwiseAbs2() + to.sigma_m->cwiseAbs2();
-  m.sigma_height_m = std::sqrt(variance.z());
-  if (m.slope_m > 0) m.sigma_slope_m = std::sqrt(d.cwiseAbs2().dot(variance)) / m.slope_m;
+  const bool known = from.sigma_m && to.sigma_m && from.sigma_m->allFinite() && to.sigma_m->allFinite();
+  if (!between && !known) return m;
+  const Eigen::Matrix3d c =
+      between ? *between : Eigen::Matrix3d((from.sigma_m->cwiseAbs2() + to.sigma_m->cwiseAbs2()).asDiagonal());
+  const auto along = [&](const Eigen::Vector3d& direction) { return std::sqrt(direction.dot(c * direction)); };
+  m.sigma_height_m = along(Eigen::Vector3d::UnitZ());
+  if (m.slope_m > 0) m.sigma_slope_m = along(d / m.slope_m);
   if (m.horizontal_m > 0) {
-    m.sigma_horizontal_m = std::sqrt(d.head<2>().cwiseAbs2().dot(variance.head<2>())) / m.horizontal_m;
-    if (m.azimuth_deg) {
-      m.sigma_azimuth_deg = std::hypot(d.y() * std::sqrt(variance.x()), d.x() * std::sqrt(variance.y())) /
-                            (m.horizontal_m * m.horizontal_m) * kDegrees;
-    }
+    m.sigma_horizontal_m = along(Eigen::Vector3d(d.x(), d.y(), 0) / m.horizontal_m);
+    const Eigen::Vector3d across(-d.y() / m.horizontal_m, d.x() / m.horizontal_m, 0);
+    if (m.azimuth_deg) m.sigma_azimuth_deg = along(across) / m.horizontal_m * kDegrees;
   }
   return m;
 }
@@ -42,7 +44,9 @@ Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, b
 MeasurementList::MeasurementList(Workspace* workspace, QWidget* parent) : QTableWidget(parent), workspace_(workspace) {
   setObjectName("scene.measurements");
   setAccessibleName(tr("Measurements"));
-  setToolTip(tr("1 sigma behind each value, the two places taken as independent. Right click: save, clear."));
+  setToolTip(
+      tr("1 sigma behind each value: from the joint covariance of two cameras or panoramas of one run, or of two tags; "
+         "other places are taken as independent (last column). Right click: save, clear."));
   setEditTriggers(QAbstractItemView::NoEditTriggers);
   setSelectionBehavior(QAbstractItemView::SelectRows);
   verticalHeader()->hide();
@@ -78,7 +82,8 @@ void MeasurementList::Show() {
                            tr("slope (%1)").arg(unit),
                            tr("horizontal (%1)").arg(unit),
                            tr("height difference (%1)").arg(unit),
-                           tr("azimuth (deg)")};
+                           tr("azimuth (deg)"),
+                           tr("sigmas")};
   setColumnCount(header.size());
   setHorizontalHeaderLabels(header);
   const auto value = [](const std::optional<double>& v, const std::optional<double>& sigma, double scale) {
@@ -93,7 +98,10 @@ void MeasurementList::Show() {
                             value(m.slope_m, m.sigma_slope_m, metres),
                             value(m.horizontal_m, m.sigma_horizontal_m, metres),
                             value(m.height_m, m.sigma_height_m, metres),
-                            value(m.azimuth_deg, m.sigma_azimuth_deg, 1)};
+                            value(m.azimuth_deg, m.sigma_azimuth_deg, 1),
+                            !m.sigma_height_m ? QString()
+                            : m.joint         ? tr("joint")
+                                              : tr("independent")};
     const int row = rowCount();
     insertRow(row);
     for (int c = 0; c < cells.size(); ++c) setItem(row, c, new QTableWidgetItem(cells[c]));
@@ -102,10 +110,10 @@ void MeasurementList::Show() {
 }
 
 void MeasurementList::Save(const QString& file, const QString& frame) const {
-  CsvWriter csv(
-      {"from", "to", "from_x", "from_y", "from_z", "to_x", "to_y", "to_z", "slope_m", "sigma_slope_m", "horizontal_m",
-       "sigma_horizontal_m", "height_difference_m", "sigma_height_difference_m", "azimuth_deg", "sigma_azimuth_deg"},
-      {"trigpoint measurements 1; frame=" + frame.toStdString() + "; unit=m; sigma=1, places independent"});
+  CsvWriter csv({"from", "to", "from_x", "from_y", "from_z", "to_x", "to_y", "to_z", "slope_m", "sigma_slope_m",
+                 "horizontal_m", "sigma_horizontal_m", "height_difference_m", "sigma_height_difference_m",
+                 "azimuth_deg", "sigma_azimuth_deg", "sigmas"},
+                {"trigpoint measurements 1; frame=" + frame.toStdString() + "; unit=m; sigma=1"});
   const auto put = [&](const std::optional<double>& v, int decimals) { v ? csv.Number(*v, decimals) : csv.Empty(); };
   for (const Measurement& m : all_) {
     csv.Text(m.from.name.toStdString()).Text(m.to.name.toStdString());
@@ -116,6 +124,7 @@ void MeasurementList::Save(const QString& file, const QString& frame) const {
     put(m.horizontal_m, 4), put(m.sigma_horizontal_m, 5);
     put(m.height_m, 4), put(m.sigma_height_m, 5);
     put(m.azimuth_deg, 4), put(m.sigma_azimuth_deg, 5);
+    csv.Text(!m.sigma_height_m ? "" : m.joint ? "joint" : "independent");
     csv.EndRow();
   }
   csv.Save(file.toStdString());

@@ -6,6 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include "eval/scene/scene_pairs.h"
+
 class QMenu;
 
 namespace trigpoint {
@@ -16,17 +18,21 @@ struct MeasuredPlace {
   QString name;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // scene frame, m
   std::optional<Eigen::Vector3d> sigma_m;              // per axis
+  std::optional<SceneThing> thing;                     // whose place it is, where results know it
 };
 
 struct Measurement {
   MeasuredPlace from, to;
   double slope_m = 0, horizontal_m = 0, height_m = 0;
   std::optional<double> azimuth_deg;  // clockwise from north; not given where the frame has no north
-  // 1 sigma, the two places taken as independent; not given unless both have theirs.
+  bool joint = false;  // sigmas from the joint covariance of both places; else these are taken as independent
+  // 1 sigma; not given unless both places have theirs.
   std::optional<double> sigma_slope_m, sigma_horizontal_m, sigma_height_m, sigma_azimuth_deg;
 };
 
-Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, bool has_north);
+// `between`: covariance (m^2) of the vector between the two places, where it is known; else their own sigmas count.
+Measurement MeasureBetween(const MeasuredPlace& from, const MeasuredPlace& to, bool has_north,
+                           const std::optional<Eigen::Matrix3d>& between = std::nullopt);
 
 class MeasurementList : public QTableWidget {
   Q_OBJECT

@@ -15,6 +15,7 @@
 #include <QWheelEvent>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "app/desktop/measurement.h"
 #include "app/desktop/scene_desk.h"
@@ -188,16 +189,38 @@ void SceneDesk::Hover(const QPointF& at) {
   place_->setText(text);
 }
 
+std::optional<Eigen::Matrix3d> SceneDesk::JointCovariance(const MeasuredPlace& from, const MeasuredPlace& to) {
+  // Results of another project, or of a release, are drawn, not solved.
+  if (!from.thing || !to.thing || !workspace_->snapshot() || source_) return std::nullopt;
+  QApplication::setOverrideCursor(Qt::WaitCursor);
+  std::optional<Eigen::Matrix3d> between;
+  try {
+    between = CovarianceBetween(*workspace_->snapshot()->project, variant_->currentData().toString().toStdString(),
+                                vtk_->model()->on_earth, *from.thing, *to.thing);
+  } catch (const std::exception& e) {
+    emit workspace_->Problem(QString::fromUtf8(e.what()), tr("The two places are taken as independent."));
+  }
+  QApplication::restoreOverrideCursor();
+  return between;
+}
+
 void SceneDesk::MeasureTo(const ScenePick& pick) {
   const QString what = pick.name.empty() ? QString::fromStdString(pick.layer) : QString::fromStdString(pick.name);
-  const MeasuredPlace place{what, pick.position, pick.sigma_m};
+  MeasuredPlace place{what, pick.position, pick.sigma_m, std::nullopt};
+  static const std::map<std::string, SceneThing::Kind> kKinds = {{"cameras", SceneThing::Kind::kCamera},
+                                                                 {"panoramas", SceneThing::Kind::kPanorama},
+                                                                 {"tags", SceneThing::Kind::kTag}};
+  if (const auto kind = kKinds.find(pick.layer); kind != kKinds.end()) {
+    place.thing = SceneThing{kind->second, pick.run, pick.name, pick.position};
+  }
   if (!measured_from_) {
     vtk_->Clear(vtk_->measure);
     measured_from_ = std::make_unique<MeasuredPlace>(place);
     vtk_->AddRing(vtk_->measure, place.position, 0.3);
     Say(tr("from %1").arg(QString::fromStdString(pick.text)));
   } else {
-    const Measurement m = MeasureBetween(*measured_from_, place, vtk_->model()->on_earth);
+    const Measurement m =
+        MeasureBetween(*measured_from_, place, vtk_->model()->on_earth, JointCovariance(*measured_from_, place));
     measured_from_.reset();
     const QString length = workspace_->Length(m.slope_m);
     vtk_->AddLine(m.from.position, m.to.position, length.toStdString());

@@ -116,6 +116,7 @@ class SceneDesk : public QWidget {
   void StepInto(size_t panorama);  // index into the model
   void StepBy(int by);             // to the next panorama of the run one stands in
   void MeasureTo(const ScenePick& pick);
+  std::optional<Eigen::Matrix3d> JointCovariance(const MeasuredPlace& from, const MeasuredPlace& to);
   void SaveMeasurements();
   void ShowOpacity();
   void SetOpacity(int percent);  // of the chosen layer

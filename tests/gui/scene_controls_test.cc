@@ -165,8 +165,8 @@ TEST_F(SceneControlsTest, LayersKeepTheirOpacityOverAReload) {
 }
 
 TEST(Measurement, KnowsSlopeHorizontalHeightAzimuthAndTheirSigmas) {
-  const MeasuredPlace a{"a", {1, 1, 1}, Eigen::Vector3d(0.03, 0.03, 0.03)};
-  const MeasuredPlace b{"b", {4, 5, 13}, Eigen::Vector3d(0.04, 0.04, 0.04)};
+  const MeasuredPlace a{"a", {1, 1, 1}, Eigen::Vector3d(0.03, 0.03, 0.03), std::nullopt};
+  const MeasuredPlace b{"b", {4, 5, 13}, Eigen::Vector3d(0.04, 0.04, 0.04), std::nullopt};
   const Measurement m = MeasureBetween(a, b, true);
   EXPECT_NEAR(m.slope_m, 13, 1e-12);
   EXPECT_NEAR(m.horizontal_m, 5, 1e-12);
@@ -176,9 +176,21 @@ TEST(Measurement, KnowsSlopeHorizontalHeightAzimuthAndTheirSigmas) {
   EXPECT_NEAR(*m.sigma_horizontal_m, 0.05, 1e-12);
   EXPECT_NEAR(*m.sigma_height_m, 0.05, 1e-12);
   EXPECT_NEAR(*m.sigma_azimuth_deg, 0.05 / 5 * 180 / M_PI, 1e-9);
-  const Measurement unknown = MeasureBetween(a, {"c", {4, 5, 13}, std::nullopt}, false);
+  const Measurement unknown = MeasureBetween(a, {"c", {4, 5, 13}, std::nullopt, std::nullopt}, false);
   EXPECT_FALSE(unknown.sigma_slope_m);
   EXPECT_FALSE(unknown.azimuth_deg);
+}
+
+TEST(Measurement, FollowsTheJointCovarianceWhereItIsKnown) {
+  const MeasuredPlace a{"a", {0, 0, 0}, Eigen::Vector3d(1, 1, 1), std::nullopt};
+  const MeasuredPlace b{"b", {0, 10, 0}, Eigen::Vector3d(1, 1, 1), std::nullopt};
+  const Eigen::Vector3d variances(0.0004, 0.0001, 0.0009);  // both are known well against each other
+  const Measurement m = MeasureBetween(a, b, true, Eigen::Matrix3d(variances.asDiagonal()));
+  EXPECT_TRUE(m.joint);
+  EXPECT_NEAR(*m.sigma_slope_m, 0.01, 1e-12);
+  EXPECT_NEAR(*m.sigma_height_m, 0.03, 1e-12);
+  EXPECT_NEAR(*m.sigma_azimuth_deg, 0.02 / 10 * 180 / M_PI, 1e-9);
+  EXPECT_FALSE(MeasureBetween(a, b, true).joint);
 }
 
 TEST(TurnAbout, KeepsTheEyeOrThePivotInItsPlace) {

@@ -1,0 +1,89 @@
+#include "eval/scene/scene_pairs.h"
+
+#include <map>
+
+#include "datasets/solution/solution_covariance.h"
+#include "datasets/solution/solution_file.h"
+#include "eval/errors/results.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kSame_m = 0.01;  // a result that was made again since the scene was loaded lies elsewhere
+
+// A thing's place in a solution.
+struct Mounted {
+  int pose = -1;
+  Rigid3d rig_from_thing;
+};
+
+std::optional<Mounted> FindIn(const Solution& s, const SceneThing& thing) {
+  if (thing.kind == SceneThing::Kind::kCamera) {
+    for (const SolutionImage& image : s.images) {
+      if (image.name == thing.name) return Mounted{image.pose, BodyFromCam(s, image)};
+    }
+    return std::nullopt;
+  }
+  for (const SolutionReference& reference : s.references) {
+    if (reference.row == thing.name && reference.pose >= 0) return Mounted{reference.pose, Rigid3d()};
+  }
+  return std::nullopt;
+}
+
+bool StandsThere(const Solution& s, bool on_earth, const Mounted& mounted, const SceneThing& thing) {
+  Eigen::Vector3d centre = (OdomFromRig(s, mounted.pose) * mounted.rig_from_thing).translation;
+  if (on_earth) {
+    // Lever arms do not scale.
+    const Rigid3d rig = OdomFromRig(s, mounted.pose);
+    const Sim3d& fit = s.georeference->world_from_odom;
+    centre = fit * rig.translation + fit.rotation * (rig.rotation * mounted.rig_from_thing.translation);
+  }
+  return (centre - thing.position).norm() < kSame_m;
+}
+
+std::optional<Eigen::Matrix3d> BetweenPoses(const Project& project, const std::string& variant, bool on_earth,
+                                            const SceneThing& a, const SceneThing& b) {
+  const std::string name = variant.empty() ? a.run : a.run + "@" + variant;
+  const std::filesystem::path file = project.ResultDir("localize", name) / kSolutionFile;
+  if (!std::filesystem::exists(file)) return std::nullopt;
+  const Solution s = ReadSolution(file);
+  if (on_earth && !s.georeference) return std::nullopt;
+  const auto from = FindIn(s, a), to = FindIn(s, b);
+  if (!from || !to || !StandsThere(s, on_earth, *from, a) || !StandsThere(s, on_earth, *to, b)) return std::nullopt;
+  const auto pose = [&](const Mounted& m) {
+    return on_earth ? WorldPose(s, m.pose, m.rig_from_thing) : OdomPose(s, m.pose, m.rig_from_thing);
+  };
+  Eigen::MatrixXd centre(3, 6);
+  centre << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
+  const CancelToken cancel;
+  return SolutionCovariance(s, !on_earth, 0, cancel).Of({centre * pose(*to) + Eigen::MatrixXd(-centre) * pose(*from)});
+}
+
+std::optional<Eigen::Matrix3d> BetweenTags(const Project& project, const SceneThing& a, const SceneThing& b) {
+  const std::filesystem::path folder = project.ResultDir("survey", "");
+  const int from = std::stoi(a.name), to = std::stoi(b.name);
+  const TagCovariances cross = ReadTagCovariances(folder / "tags_cov.csv");
+  const auto both = cross.find({std::min(from, to), std::max(from, to)});
+  if (both == cross.end()) return std::nullopt;
+  std::map<int, Matrix6d> own;
+  for (const TagResult& tag : ReadTagResults(folder / "tags.csv", folder / "tags_cov.csv")) {
+    const bool is_a = tag.tag_id == from, is_b = tag.tag_id == to;
+    if ((!is_a && !is_b) || !tag.covariance || !tag.map_from_tag) continue;
+    if ((tag.map_from_tag->translation - (is_a ? a : b).position).norm() < kSame_m) own[tag.tag_id] = *tag.covariance;
+  }
+  if (own.size() != 2) return std::nullopt;
+  const Eigen::Matrix3d common = both->second.bottomRightCorner<3, 3>();
+  return Eigen::Matrix3d(own[from].bottomRightCorner<3, 3>() + own[to].bottomRightCorner<3, 3>() - common -
+                         common.transpose());
+}
+
+}  // namespace
+
+std::optional<Eigen::Matrix3d> CovarianceBetween(const Project& project, const std::string& variant, bool on_earth,
+                                                 const SceneThing& a, const SceneThing& b) {
+  const bool tag = a.kind == SceneThing::Kind::kTag;
+  if (tag != (b.kind == SceneThing::Kind::kTag) || a.run != b.run) return std::nullopt;
+  return tag ? BetweenTags(project, a, b) : BetweenPoses(project, variant, on_earth, a, b);
+}
+
+}  // namespace trigpoint
