@@ -37,7 +37,6 @@ void RequireSome(const ExtractionReport& report, const std::string& what) {
   throw InputError(message);
 }
 
-
 // A view of a reference to be looked at.
 struct ViewJob {
   size_t reference, view;
