@@ -262,6 +262,8 @@ class Runner:
         folder = self.work / f"{index:03}"
         result = {"fault": fault.name, "group": fault.group, "index": index}
         try:
+            if "survey" in fault.commands and not (self.base / "tags.yaml").exists():
+                raise NotApplicable("tags.yaml")
             copy_links(self.base, folder)
             project = Project(folder, self.run)
             project.init = False
