@@ -40,7 +40,7 @@ struct PreparedReference {
 // The features that were found before: those of pictures that are as they were need not be found again.
 struct FeaturesBefore {
   std::filesystem::path dir;  // with features.db and pictures.txt; empty: there are none
-  std::function<std::string(const std::filesystem::path&)> hash_of;  // of a file's content; may throw IoError
+  std::function<std::string(const std::filesystem::path&)> hash_of;  // of a file's content; does not throw
 };
 
 // Features of the result that is replaced, by what they were found from; for the new one that is written to `out`.

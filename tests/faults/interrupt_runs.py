@@ -84,8 +84,8 @@ class Interruptions:
         self.order = sorted(made, key=lambda stage: made[stage]["end"])
         self.offset = self.draw.randrange(len(self.order))  # the stage that the first draw begins with
 
-    def run(self, site, command="run", **limits):
-        return subprocess.run([self.program, command, str(site)], capture_output=True, text=True, errors="replace",
+    def run(self, site, command="run", *flags, **limits):
+        return subprocess.run([self.program, command, str(site), *flags], capture_output=True, text=True, errors="replace",
                               check=False, timeout=1800, **limits)
 
     def expect(self, condition, what):
@@ -115,6 +115,9 @@ class Interruptions:
         now = contents(site)
         differ = [f for f in sorted({*now, *self.expected}) if now.get(f) != self.expected.get(f)]
         self.expect(not differ, f"{what}: these differ: {differ[:5]}")
+        stages = json.loads(self.run(site, "status", "--json").stdout)["stages"]
+        undone = [s["stage"] for s in stages if s["state"] not in ("done", "not needed")]
+        self.expect(not undone, f"{what}: these are not done: {undone}")
 
     def kill(self, wanted):
         """Chains of kills: each at any moment of what is left to do."""
