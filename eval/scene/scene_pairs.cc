@@ -31,14 +31,9 @@ std::optional<Mounted> FindIn(const Solution& s, const SceneThing& thing) {
 }
 
 bool StandsThere(const Solution& s, bool on_earth, const Mounted& mounted, const SceneThing& thing) {
-  Eigen::Vector3d centre = (OdomFromRig(s, mounted.pose) * mounted.rig_from_thing).translation;
-  if (on_earth) {
-    // Lever arms do not scale.
-    const Rigid3d rig = OdomFromRig(s, mounted.pose);
-    const Sim3d& fit = s.georeference->world_from_odom;
-    centre = fit * rig.translation + fit.rotation * (rig.rotation * mounted.rig_from_thing.translation);
-  }
-  return (centre - thing.position).norm() < kSame_m;
+  const Rigid3d odom_from_rig = OdomFromRig(s, mounted.pose);
+  const Rigid3d rig = on_earth ? s.georeference->world_from_odom.TransformPose(odom_from_rig) : odom_from_rig;
+  return ((rig * mounted.rig_from_thing).translation - thing.position).norm() < kSame_m;
 }
 
 std::optional<Eigen::Matrix3d> BetweenPoses(const Project& project, const std::string& variant, bool on_earth,
