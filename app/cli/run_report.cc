@@ -24,6 +24,7 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
   std::vector<std::string> problems;
   int64_t references = 0, localized = 0;
   bool reads_tables = false;
+  std::string size;
   for (const JobResult& result : results) {
     const std::string& stage = result.job.stage->name;
     reads_tables = reads_tables || (stage != "features" && stage != "reconstruct" && stage != "detect" &&
@@ -32,6 +33,7 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
     if (stage != "localize" || !there) continue;
     references += result.outcome.manifest["metrics"].value("references", int64_t{0});
     localized += result.outcome.manifest["metrics"].value("localized", int64_t{0});
+    if (size.empty()) size = result.outcome.manifest["metrics"].value("size", "");
   }
   if (reads_tables) {
     for (const std::string& why : UnusedTables(project.dir()))
@@ -39,8 +41,10 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
   }
   if (references > 0 && localized == 0) {
     problems.push_back(fmt::format(
-        "localize: none of {} is localized; column reason of results/localize/*/panoramas.csv has the cause",
-        Counted(references, "panorama or photo", "panoramas and photos")));
+        "localize: none of {} is localized: they show other places, or the run is wrong{}; check units, clocks and "
+        "order "
+        "of odometry and images, and the calibration; column reason of results/localize/*/panoramas.csv has the cause",
+        Counted(references, "panorama or photo", "panoramas and photos"), size.empty() ? "" : ": " + size));
   }
   return problems;
 }

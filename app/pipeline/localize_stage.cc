@@ -10,6 +10,7 @@
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
+#include "calib/base/median.h"
 #include "datasets/io/capture_date.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/source_quality.h"
@@ -56,6 +57,21 @@ struct LocalizeStageOptions : LocalizeOptions {
   }
 };
 
+// What a reader needs to judge whether a run has the size it should have.
+std::string SizeOfRun(const Localization& result) {
+  double way = 0;
+  for (size_t k = 1; k < result.body_from_odom.size(); ++k) {
+    way +=
+        (result.body_from_odom[k].TargetOriginInSource() - result.body_from_odom[k - 1].TargetOriginInSource()).norm();
+  }
+  std::vector<double> depths;
+  for (size_t k = 0; k < result.reconstruction.depth_m.size(); ++k) {
+    if (result.reconstruction.point_valid[k]) depths.push_back(result.reconstruction.depth_m[k]);
+  }
+  return fmt::format("the run is {:.3g} m long, and its scene points lie {:.3g} m from the cameras in the median", way,
+                     Median(std::move(depths)));
+}
+
 nlohmann::json Metrics(const LocalizeJob& job, const SolutionCounts& counts, const Localization& result) {
   nlohmann::json m;
   int localized = 0, rejected = 0, unmatched = 0;
@@ -71,6 +87,7 @@ nlohmann::json Metrics(const LocalizeJob& job, const SolutionCounts& counts, con
   m["localized"] = localized;
   m["rejected"] = rejected;
   m["unmatched"] = unmatched;
+  if (job.input.has_odometry && localized == 0) m["size"] = SizeOfRun(result);
   for (const auto& [name, count] : counts) {
     if (name == "tracks" || name == "observations") m[name] = static_cast<int64_t>(count);
   }
@@ -242,7 +259,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 19;
+    request.version = 20;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;

@@ -130,31 +130,6 @@ PoseReading Combined(const PoseReading& first, const PoseReading& then) {
   return both;
 }
 
-// What one motion shows against poses.
-struct Comparison {
-  bool turns = false, turn_agrees = true;
-  bool moves = false, direction_agrees = true;
-  double rotation_off = 0, direction_off = 0;
-};
-
-Comparison Compare(const std::vector<Rigid3d>& poses, const MeasuredMotion& m) {
-  Comparison c;
-  const Rigid3d b_from_a = m.sensor_from_body * poses[static_cast<size_t>(m.b)].Inverse() *
-                           poses[static_cast<size_t>(m.a)] * m.sensor_from_body.Inverse();
-  const Eigen::Quaterniond none = Eigen::Quaterniond::Identity();
-  const double turn = std::max(AngleBetween(m.b_from_a.rotation, none), AngleBetween(b_from_a.rotation, none));
-  c.rotation_off = AngleBetween(m.b_from_a.rotation, b_from_a.rotation);
-  c.turns = turn > kTurn;
-  c.turn_agrees =
-      !c.turns || c.rotation_off < std::max({kLeastRotationGate, kTurnPart * turn, kSigmas * m.sigma_rotation_rad});
-  c.moves = m.has_direction && b_from_a.translation.norm() > 1e-9;
-  if (c.moves) {
-    c.direction_off = AngleBetween(m.b_from_a.translation, b_from_a.translation);
-    c.direction_agrees = c.direction_off < std::max(kLeastDirectionGate, kSigmas * m.sigma_direction_rad);
-  }
-  return c;
-}
-
 bool Enough(const MotionAgreement& m, double share) {
   return (m.turns < kLeastMotions || m.TurnShare() >= share) &&
          (m.directions < kLeastMotions || m.DirectionShare() >= share);
@@ -169,16 +144,16 @@ double Score(const MotionAgreement& m) {
 bool ClearlyCloser(const std::vector<Rigid3d>& other, const std::vector<Rigid3d>& poses,
                    const std::vector<MeasuredMotion>& motions) {
   constexpr double kTold = 3 * kDeg;  // predictions that differ by less are not told apart
-  constexpr int kLeast = 12;          // motions; one in ten may say otherwise
+  constexpr int kLeast = 6;           // motions; one in ten may say otherwise
   std::vector<double> off, other_off;
   int closer = 0;
   for (const MeasuredMotion& m : motions) {
-    const Comparison here = Compare(poses, m), there = Compare(other, m);
+    const MotionComparison here = CompareMotion(poses, m), there = CompareMotion(other, m);
     if (!here.turn_agrees || !there.turn_agrees || !here.moves || !there.moves) continue;
-    if (std::abs(here.direction_off - there.direction_off) < std::max(kTold, m.sigma_direction_rad)) continue;
-    off.push_back(here.direction_off);
-    other_off.push_back(there.direction_off);
-    closer += there.direction_off < here.direction_off ? 1 : 0;
+    if (std::abs(here.direction_off_rad - there.direction_off_rad) < std::max(kTold, m.sigma_direction_rad)) continue;
+    off.push_back(here.direction_off_rad);
+    other_off.push_back(there.direction_off_rad);
+    closer += there.direction_off_rad < here.direction_off_rad ? 1 : 0;
   }
   const auto compared = static_cast<int>(off.size());
   return compared >= kLeast && 10 * closer >= 9 * compared && 3 * Median(other_off) < Median(off);
@@ -226,20 +201,38 @@ PoseReading PosesOfSensor(const std::string& name, const Rigid3d& sensor_from_bo
               [=](const Rigid3d& p) { return p * sensor_from_body; });
 }
 
+MotionComparison CompareMotion(const std::vector<Rigid3d>& poses, const MeasuredMotion& m) {
+  MotionComparison c;
+  const Rigid3d b_from_a = m.sensor_from_body * poses[static_cast<size_t>(m.b)].Inverse() *
+                           poses[static_cast<size_t>(m.a)] * m.sensor_from_body.Inverse();
+  const Eigen::Quaterniond none = Eigen::Quaterniond::Identity();
+  const double turn = std::max(AngleBetween(m.b_from_a.rotation, none), AngleBetween(b_from_a.rotation, none));
+  c.rotation_off_rad = AngleBetween(m.b_from_a.rotation, b_from_a.rotation);
+  c.turns = turn > kTurn;
+  c.turn_agrees =
+      !c.turns || c.rotation_off_rad < std::max({kLeastRotationGate, kTurnPart * turn, kSigmas * m.sigma_rotation_rad});
+  c.moves = m.has_direction && b_from_a.translation.norm() > 1e-9;
+  if (c.moves) {
+    c.direction_off_rad = AngleBetween(m.b_from_a.translation, b_from_a.translation);
+    c.direction_agrees = c.direction_off_rad < std::max(kLeastDirectionGate, kSigmas * m.sigma_direction_rad);
+  }
+  return c;
+}
+
 MotionAgreement CompareMotions(const std::vector<Rigid3d>& poses, const std::vector<MeasuredMotion>& motions) {
   MotionAgreement m;
   std::vector<double> rotation_off, direction_off;
   for (const MeasuredMotion& motion : motions) {
-    const Comparison c = Compare(poses, motion);
+    const MotionComparison c = CompareMotion(poses, motion);
     if (c.turns) {
       ++m.turns;
       m.turns_agree += c.turn_agrees ? 1 : 0;
-      rotation_off.push_back(c.rotation_off);
+      rotation_off.push_back(c.rotation_off_rad);
     }
     if (c.moves) {
       ++m.directions;
       m.directions_agree += c.direction_agrees ? 1 : 0;
-      direction_off.push_back(c.direction_off);
+      direction_off.push_back(c.direction_off_rad);
     }
   }
   m.rotation_off_rad = Median(std::move(rotation_off));
@@ -248,7 +241,7 @@ MotionAgreement CompareMotions(const std::vector<Rigid3d>& poses, const std::vec
 }
 
 bool Agrees(const std::vector<Rigid3d>& poses, const MeasuredMotion& motion) {
-  const Comparison c = Compare(poses, motion);
+  const MotionComparison c = CompareMotion(poses, motion);
   return c.turn_agrees && c.direction_agrees;
 }
 
@@ -263,7 +256,7 @@ ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vecto
     for (const PoseReading& reading : readings) {
       if (reading.changes != 1) continue;
       const std::vector<Rigid3d> read = Read(poses, reading);
-      if (!ClearlyCloser(read, poses, motions)) continue;
+      if (!Enough(CompareMotions(read, motions), kAgreement) || !ClearlyCloser(read, poses, motions)) continue;
       verdict.kind = ReadingVerdict::Kind::kContradicted;
       verdict.best = CompareMotions(read, motions);
       verdict.better = {reading};

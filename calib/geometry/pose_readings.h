@@ -30,6 +30,7 @@ struct MeasuredMotion {
   Rigid3d b_from_a;          // of the sensor; the length of the translation is unknown
   bool has_direction = false;
   double sigma_rotation_rad = 0, sigma_direction_rad = 0;
+  int matches = 0;  // features that show it
 };
 
 // How many of the motions agree with poses. Motions that neither turn nor are predicted to turn are not counted among
@@ -47,6 +48,15 @@ MotionAgreement CompareMotions(const std::vector<Rigid3d>& odom_from_body, const
 
 // Whether one motion agrees, in as far as it shows anything.
 bool Agrees(const std::vector<Rigid3d>& odom_from_body, const MeasuredMotion& motion);
+
+// What one motion shows against poses.
+struct MotionComparison {
+  bool turns = false, turn_agrees = true;
+  bool moves = false, direction_agrees = true;
+  double rotation_off_rad = 0, direction_off_rad = 0;
+};
+
+MotionComparison CompareMotion(const std::vector<Rigid3d>& odom_from_body, const MeasuredMotion& motion);
 
 struct ReadingVerdict {
   enum class Kind { kAgrees, kUndecided, kContradicted };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -13,6 +15,7 @@ namespace trigpoint {
 namespace {
 
 constexpr double kFarthest_m = 100e3;  // no site is larger
+constexpr double kNear_m = 2e3;        // of an origin, or as far as the places are apart
 constexpr double kNowhere_deg = 1e-6;  // receivers without a fix state latitude 0, longitude 0
 
 struct Anchor {
@@ -104,6 +107,103 @@ class FarPlaces {
   double first_m_ = 0;
 };
 
+// Places of one kind that alone say where the site is, beside origin.json.
+struct Places {
+  std::string kind;
+  std::vector<Geodetic> all;
+  std::function<void()> leave_out;
+};
+
+std::vector<Places> PlacesOf(Site* site) {
+  Places control{"control points", {}, [site] {
+                   std::erase_if(site->control_points, [](const ControlPoint& p) { return p.geodetic.has_value(); });
+                 }};
+  for (const ControlPoint& point : site->control_points) {
+    if (point.geodetic) control.all.push_back(*point.geodetic);
+  }
+  Places gps{"GPS fixes", {}, [site] {
+               for (Run& run : site->runs) run.gps.clear();
+             }};
+  for (const Run& run : site->runs) {
+    for (const GpsFix& fix : run.gps) gps.all.push_back(fix.position);
+  }
+  Places geotags{"geotags of panoramas and photos", {}, [site] {
+                   for (Reference& r : site->references) r.geotag.has_position = r.geotag.has_height = false;
+                 }};
+  for (const Reference& reference : site->references) {
+    if (reference.geotag.has_position) geotags.all.push_back(reference.geotag.position);
+  }
+  std::vector<Places> stated;
+  for (Places* places : {&control, &gps, &geotags}) {
+    if (!places->all.empty()) stated.push_back(std::move(*places));
+  }
+  return stated;
+}
+
+// All places far from the site's origin, and only one kind of them: either may be wrong, and nothing else tells.
+void CompareWithOrigin(Site* site) {
+  if (!site->origin) return;
+  const std::vector<Places> stated = PlacesOf(site);
+  if (stated.size() != 1) return;
+  const Places& places = stated.front();
+  double nearest = std::numeric_limits<double>::infinity(), extent = 0;
+  for (const Geodetic& g : places.all) {
+    nearest = std::min(nearest, Distance_m(g, *site->origin));
+    extent = std::max(extent, Distance_m(g, places.all.front()));
+  }
+  if (nearest <= std::max(kNear_m, extent)) return;
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "all %zu %s lie at least %.1f km from origin.json; expected at most %.0f km, or as far as they are "
+                "apart; one of the two is wrong, and these positions are not used: correct them or the origin (one "
+                "that is meant to lie so far away belongs into trigpoint.yaml)",
+                places.all.size(), places.kind.c_str(), 1e-3 * nearest, 1e-3 * kNear_m);
+  site->warnings.push_back(text);
+  places.leave_out();
+}
+
+// What heights may be that differ from the origin's by more than the ground does.
+std::string HeightReading(const std::vector<double>& heights, double origin_m, double allowed_m) {
+  constexpr double kFoot_m = 0.3048, kMostGeoid_m = 110;
+  const double height = Median(heights);
+  if (std::all_of(heights.begin(), heights.end(), [](double h) { return h == 0; })) {
+    return ": they are all 0, which states no height: leave the column empty";
+  }
+  if (std::abs(kFoot_m * height - origin_m) < allowed_m) return ": they seem to be in feet, expected metres";
+  if (std::abs(height - origin_m) < kMostGeoid_m) {
+    return ": one of the two seems to be above the sea, expected above the ellipsoid";
+  }
+  return "; expected metres above the ellipsoid";
+}
+
+// Heights of geotags where only the origin's are there to compare them with. An origin at height 0 states none.
+void CompareHeightsWithOrigin(Site* site) {
+  constexpr double kAllowed_m = 20, kSlope = 0.5;
+  if (!site->origin || site->origin->height_m == 0) return;
+  std::vector<double> heights, off, distances;
+  for (const Reference& reference : site->references) {
+    if (!reference.geotag.has_height) continue;
+    heights.push_back(reference.geotag.position.height_m);
+    off.push_back(std::abs(heights.back() - site->origin->height_m));
+    distances.push_back(Distance_m(reference.geotag.position, *site->origin));
+  }
+  const bool others =
+      std::any_of(site->control_points.begin(), site->control_points.end(),
+                  [](const ControlPoint& p) { return p.geodetic.has_value(); }) ||
+      std::any_of(site->runs.begin(), site->runs.end(), [](const Run& run) { return !run.gps.empty(); });
+  if (heights.empty() || others) return;
+  const double allowed = kAllowed_m + kSlope * Median(distances);
+  if (Median(off) <= allowed) return;
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "the heights of geotags (median %.0f m) differ from that of origin.json (%.0f m) by more than the "
+                "ground does%s; one of the two is wrong, and these heights are not used",
+                Median(heights), site->origin->height_m,
+                HeightReading(heights, site->origin->height_m, allowed).c_str());
+  site->warnings.push_back(text);
+  for (Reference& reference : site->references) reference.geotag.has_height = false;
+}
+
 }  // namespace
 
 bool IsGeoTiff(const std::filesystem::path& file) {
@@ -144,6 +244,8 @@ void LeaveOutFarPlaces(Site* site) {
     if (tag.has_position && references.Out(tag.position)) tag.has_position = tag.has_height = false;
   }
   references.Warn(&site->warnings);
+  CompareWithOrigin(site);
+  CompareHeightsWithOrigin(site);
 }
 
 }  // namespace trigpoint

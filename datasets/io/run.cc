@@ -282,6 +282,38 @@ void CheckSpeed(const std::filesystem::path& file, const std::filesystem::path& 
   }
 }
 
+// Coordinates of millions of metres, as those of a map projection, leave no digits for a run: its odometry counts from
+// near its first pose then.
+void MoveToOrigin(const std::filesystem::path& file, Run* run) {
+  constexpr double kFar_m = 1e4;
+  if (run->odometry.poses.empty()) return;
+  const Eigen::Vector3d first = run->odometry.poses.front().target_from_body.translation.array().round();
+  if (first.norm() < kFar_m) return;
+  for (TimedPose& pose : run->odometry.poses) pose.target_from_body.translation -= first;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                ": begins %.0f km from its origin; (%.0f, %.0f, %.0f) m is subtracted from its "
+                "positions, and coordinates in odometry's frame count from there",
+                1e-3 * first.norm(), first.x(), first.y(), first.z());
+  run->warnings.push_back(file.string() + text);
+}
+
+// Whole metres are what a number format without decimals leaves; no body moves so while it turns.
+void CheckDecimals(const std::filesystem::path& file, const Trajectory& trajectory) {
+  bool moves = false, turns = false;
+  if (trajectory.poses.empty()) return;
+  const Rigid3d& first = trajectory.poses.front().target_from_body;
+  for (const TimedPose& pose : trajectory.poses) {
+    const Eigen::Vector3d& t = pose.target_from_body.translation;
+    if (t != t.array().round().matrix()) return;
+    moves |= t != first.translation;
+    turns |= pose.target_from_body.rotation.coeffs() != first.rotation.coeffs();
+  }
+  if (moves && turns) {
+    throw InputError(file.string() + ": all positions are whole metres; expected metres with at least two decimals");
+  }
+}
+
 void ReadOdometry(Run* run) {
   for (const char* name : {"odometry.tum", "odometry.txt", "odometry.csv"}) {
     const std::filesystem::path file = run->dir / name;
@@ -295,6 +327,7 @@ void ReadOdometry(Run* run) {
     }
     run->odometry = kitti ? ReadKittiTrajectory(file, times) : ReadTrajectory(file);
     CheckSpeed(file, times, run->odometry);
+    CheckDecimals(file, run->odometry);
     for (TimedPose& pose : run->odometry.poses) {
       pose.stamp_ns += ToNs(run->config.odometry_time_offset_s);
       // KITTI's poses are of the first camera.
@@ -304,6 +337,7 @@ void ReadOdometry(Run* run) {
       }
     }
     run->warnings.insert(run->warnings.end(), run->odometry.warnings.begin(), run->odometry.warnings.end());
+    MoveToOrigin(file, run);
     return;
   }
 }

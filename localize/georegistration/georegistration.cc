@@ -362,9 +362,40 @@ bool PositionsDecide(const std::vector<Eigen::Vector3d>& positions, const std::v
   return positions.size() >= kPositionsDecide && ReachOf(positions) >= std::max(2.0, 5 * Median(sigmas));
 }
 
+// Two positions agree with each other where they are wrong alike: they outvote no third one.
+std::string FewAgree(const EarthSolution& best, const std::vector<GeoObservation>& obs) {
+  constexpr int kMajority = 3;
+  constexpr double kContradicts = 30.7;  // chi-square, 3 dof, 1e-6: no chance among many runs
+  int positions = 0, agree = 0;
+  for (size_t i = 0; i < obs.size(); ++i) {
+    if (!obs[i].has_position) continue;
+    ++positions;
+    agree += best.position_chi2[i] > kContradicts ? 0 : 1;
+  }
+  if (agree == positions || agree >= kMajority) return "";
+  return fmt::format(
+      "{} of {} geotags contradict the others, and fewer than {} agree, which may be wrong alike; check the positions, "
+      "heights and headings of all, correct the wrong ones or add another geotag",
+      positions - agree, positions, kMajority);
+}
+
+// One geotag decides alone: nothing contradicts a heading that is in radians. Whole degrees are no radians.
+std::string DoubtfulHeading(const std::vector<GeoObservation>& obs) {
+  if (obs.size() != 1 || !obs.front().has_heading) return "";
+  const double deg = obs.front().attitude.heading_rad * kRadToDeg;
+  constexpr double kWhole = 1e-6;
+  if (deg <= 0 || deg >= 2 * EIGEN_PI || std::abs(deg - std::round(deg)) < kWhole) return "";
+  return fmt::format(
+      "the only geotag has heading_deg {0:g}, which may be radians ({1:.1f} deg), and nothing else shows the run's "
+      "direction: add another geotag, or write {2:g} if it is in degrees",
+      deg, deg * kRadToDeg, deg + 360);
+}
+
 // Why the geotags do not decide where the run lies; empty: they do.
 std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution>& all,
                       const std::vector<GeoObservation>& obs, const GeoRegistrationOptions& options) {
+  if (!best.good) return "the geotags do not fix the run's frame";
+  if (!(best.s.scale > 0.1) || !(best.s.scale < 10)) return "the geotags contradict the run's size";
   std::vector<Eigen::Vector3d> positions;
   std::vector<double> sigmas;
   int headings = 0, wrong_headings = 0;
@@ -388,10 +419,11 @@ std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution
     const double apart = (best.s * p - other.s * p).head<2>().norm();
     return fmt::format(
         "the geotags contradict each other: two solutions {:.0f} m apart fit equally many of {} positions; correct the "
-        "wrong ones or add another geotag",
+        "wrong positions or headings, or add another geotag",
         apart, positions.size());
   }
-  return "";
+  if (const std::string few = FewAgree(best, obs); !few.empty()) return few;
+  return DoubtfulHeading(obs);
 }
 
 std::vector<EarthSolution> SolveFromStarts(const EarthFit& fit, const std::vector<Sim3d>& guesses,
@@ -473,7 +505,50 @@ void WidenScale(double scale, double times, double least, Matrix7d* covariance) 
   *covariance += (times * times - 1) * variance * (stretch * stretch.transpose() + turn * turn.transpose());
 }
 
-std::string NoDirection(size_t geotags) {
+// Turns in plan by positions alone and by all, where headings take part and the two differ by more than chance.
+struct OtherTurn {
+  double off_rad = 0, sigma_rad = 0;
+  std::string Describe() const {
+    return fmt::format(
+        "headings and positions of the geotags contradict each other: by positions alone the run is turned by {:+.1f} "
+        "deg (1 sigma {:.1f} deg); half of that is part of the sigmas; check heading_deg (degrees clockwise from true "
+        "north) and the positions",
+        off_rad * kRadToDeg, sigma_rad * kRadToDeg);
+  }
+};
+
+// Hausman's test: the difference of an estimate from less data and one from all has the difference of their variances.
+std::optional<OtherTurn> FindOtherTurn(const EarthSolution& best, const EarthSolution& without_headings) {
+  if (!without_headings.good) return std::nullopt;
+  const auto variance = [](const EarthSolution& solution) {
+    return solution.h.ldlt().solve(Matrix7d::Identity())(2, 2);
+  };
+  const double gained = variance(without_headings) - variance(best);
+  if (!(gained > 0)) return std::nullopt;
+  const Eigen::Quaterniond turn = without_headings.s.rotation * best.s.rotation.conjugate();
+  const OtherTurn other{LogSO3(turn).z(), std::sqrt(gained)};
+  constexpr double kSigmas = 2.58;  // 99 %
+  return std::abs(other.off_rad) < kSigmas * other.sigma_rad ? std::nullopt : std::optional(other);
+}
+
+template <typename Solve>
+std::optional<OtherTurn> CompareTurns(const EarthSolution& best, const std::vector<GeoObservation>& obs,
+                                      const Solve& solve) {
+  std::vector<GeoObservation> without_headings = obs;
+  for (GeoObservation& o : without_headings) o.has_heading = false;
+  return FindOtherTurn(best, solve(without_headings));
+}
+
+// The turn in plan becomes uncertain by half of the difference; what depends on it follows.
+void WidenTurn(double off_rad, Matrix7d* covariance) {
+  const Vector7d turn = covariance->col(2) / (*covariance)(2, 2);
+  *covariance += 0.25 * off_rad * off_rad * turn * turn.transpose();
+}
+
+std::string NoDirection(const std::vector<GeoObservation>& obs) {
+  const auto geotags = static_cast<size_t>(
+      std::count_if(obs.begin(), obs.end(), [](const GeoObservation& o) { return o.has_position; }));
+  if (geotags == 0) return fmt::format("none of {} localized geotags has a position that is used", obs.size());
   if (geotags == 1) {
     return "one localized geotag without heading does not fix the run's direction: at least two are needed";
   }
@@ -521,6 +596,22 @@ void Tally(const EarthSolution& best, const std::vector<GeoObservation>& obs, do
   }
 }
 
+// Do errors point the same way from one position to the next? Those of sigmas that are too small do not.
+bool AreSystematic(const std::vector<Eigen::Vector3d>& residuals) {
+  constexpr double kSigmas = 3;
+  constexpr size_t kLeast = 6;
+  double sum = 0;
+  size_t pairs = 0;
+  for (size_t i = 1; i < residuals.size(); ++i) {
+    const Eigen::Vector2d a = residuals[i - 1].head<2>(), b = residuals[i].head<2>();
+    if (a.norm() == 0 || b.norm() == 0) continue;
+    sum += a.dot(b) / (a.norm() * b.norm());
+    ++pairs;
+  }
+  // A cosine of random directions has a variance of 1/2.
+  return pairs >= kLeast && sum > kSigmas * std::sqrt(0.5 * static_cast<double>(pairs));
+}
+
 std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) {
   return fmt::format(
       "{} of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
@@ -529,7 +620,8 @@ std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) 
 }
 
 // What is to be known about a fit that is used.
-std::string Remarks(const std::optional<OtherScale>& other, double excess, double factor) {
+std::string Remarks(const std::optional<OtherScale>& other, const std::optional<OtherTurn>& turn, double excess,
+                    double factor) {
   std::string reason;
   if (other && other->IsSaid()) {
     reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
@@ -537,6 +629,7 @@ std::string Remarks(const std::optional<OtherScale>& other, double excess, doubl
                                              : ", or check the geotags and the calibration; the scale is taken from "
                                                "the geotags, with half of the disagreement as its sigma");
   }
+  if (turn) reason += (reason.empty() ? "" : "; ") + turn->Describe();
   if (factor > 1) {
     reason += (reason.empty() ? "" : "; ") +
               fmt::format(
@@ -568,7 +661,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   const EarthFit fit(obs, odom_covariance, scale_prior, scale_sigma, tilt_sigma, options);
   const std::vector<Sim3d> guesses = fit.Guesses();
   if (guesses.empty()) {
-    result.reason = NoDirection(n);
+    result.reason = NoDirection(obs);
     return result;
   }
   std::vector<EarthSolution> solutions = SolveFromStarts(fit, guesses, obs);
@@ -593,26 +686,22 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     best = Best(solutions);
   }
   result.iterations = best->iterations;
-  if (!best->good) {
-    result.reason = "the geotags do not fix the run's frame";
-    return result;
-  }
-  Tally(*best, obs, options.outlier_chi2, &result);
-  if (!(best->s.scale > 0.1) || !(best->s.scale < 10)) {
-    result.reason = "the geotags contradict the run's size";
-    return result;
-  }
+  if (best->good) Tally(*best, obs, options.outlier_chi2, &result);
   result.reason = Undecided(*best, solutions, obs, options);
   if (!result.reason.empty()) return result;
   const double factor = SigmaFactor(*best, obs, options.outlier_chi2);
-  if (factor > kMostSigmaFactor) {
+  if (factor > kMostSigmaFactor || (factor > 1 && AreSystematic(best->residuals))) {
     result.reason = ShapeContradiction(result.outlier, factor);
     return result;
   }
-  result.reason = Remarks(other, excess, factor);
+  const auto turn = CompareTurns(*best, obs, [&](const std::vector<GeoObservation>& some) {
+    return EarthFit(some, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).Solve(best->s, true);
+  });
+  result.reason = Remarks(other, turn, excess, factor);
   result.solved = true;
   used.Describe(*best, &result);
   WidenScale(best->s.scale, excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
+  if (turn) WidenTurn(turn->off_rad, &result.covariance);
   result.covariance *= factor * factor;
   return result;
 }

@@ -125,7 +125,9 @@ std::optional<std::string> Contradiction(const LocalizeInput& input, const LensC
   return fmt::format(
       "the images contradict the camera's calibration: another lens ({}) removes {:.0f} % of their squared residuals; "
       "expected the calibration of this camera at this zoom, focus and picture size (camchain.yaml): calibrate it anew "
-      "(trigpoint calibrate); check_conventions=false skips this check",
+      "(trigpoint calibrate). In a run straight ahead, odometry whose heading or height drifts shows the same: check "
+      "it, "
+      "too. Option check_conventions=false skips this check",
       text, 100 * check.better);
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -23,6 +24,7 @@ namespace trigpoint {
 namespace {
 
 constexpr size_t kFeatures = 1500;  // of an image: the largest, which other images show, too
+constexpr size_t kAllFeatures = std::numeric_limits<size_t>::max();
 
 const Camera& CameraOf(const LocalizeInput& input, int image) {
   return input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(image)].camera)].camera;
@@ -33,7 +35,7 @@ struct View {
   std::vector<Eigen::Vector3d> rays;
 };
 
-View ReadView(const LocalizeInput& input, int image) {
+View ReadView(const LocalizeInput& input, int image, size_t most = kFeatures) {
   const FeatureSet all = input.image_features(image);
   std::vector<size_t> order(all.size());
   std::iota(order.begin(), order.end(), size_t{0});
@@ -45,7 +47,7 @@ View ReadView(const LocalizeInput& input, int image) {
     if (!ray) continue;
     descriptors.push_back(all.descriptors.row(static_cast<int>(i)));
     view.rays.push_back(*ray);
-    if (view.rays.size() >= kFeatures) break;
+    if (view.rays.size() >= most) break;
   }
   view.descriptors = DescriptorBlock(descriptors);
   return view;
@@ -83,6 +85,7 @@ std::optional<MeasuredMotion> MeasurePair(const LocalizeInput& input, int image_
   m.a = frame_a.pose, m.b = frame_b.pose;
   m.sensor_from_body = input.cameras[static_cast<size_t>(frame_a.camera)].cam_from_body;
   m.b_from_a = g.b_from_a;
+  m.matches = static_cast<int>(g.inliers.size());
   m.sigma_rotation_rad = std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
   m.sigma_direction_rad = std::sqrt(covariance.bottomRightCorner<2, 2>().trace() / 2);
   m.has_direction =
@@ -125,6 +128,38 @@ std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std:
     }
   }
   return found || first_apart == 1 ? found : MeasureFrom(input, next, image, 1, options, seed);
+}
+
+// Of each image to the next ones: for runs of so few images that all of them can be compared.
+std::vector<MeasuredMotion> MeasureNeighbours(const LocalizeInput& input, OdometryCheckOptions options, int threads,
+                                              uint64_t seed, const CancelToken& cancel) {
+  constexpr int kApart = 4;
+  // Chance is excluded by the geometry of each pair; with so few no false one hides among many.
+  options.least_matches = std::min(options.least_matches, 2 * kLeastMatches);
+  const std::vector<int> next = NextOfCamera(input);
+  std::vector<std::pair<int, int>> pairs;
+  for (int image = 0; image < static_cast<int>(input.images.size()); ++image) {
+    for (int apart = 1; apart <= std::min(kApart, options.most_apart); ++apart) {
+      if (const int other = Later(next, image, apart); other >= 0) pairs.emplace_back(image, other);
+    }
+  }
+  std::vector<std::optional<MeasuredMotion>> measured(pairs.size());
+  ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
+    const auto [image, other] = pairs[static_cast<size_t>(i)];
+    const View a = ReadView(input, image, kAllFeatures), b = ReadView(input, other, kAllFeatures);
+    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+    if (static_cast<int>(matches.size()) < options.least_matches ||
+        MedianMotion(a, b, matches) < options.least_deg * kDegToRad) {
+      return;
+    }
+    measured[static_cast<size_t>(i)] =
+        MeasurePair(input, image, other, a, b, matches, options, seed + static_cast<uint64_t>(i));
+  });
+  std::vector<MeasuredMotion> motions;
+  for (const auto& m : measured) {
+    if (m) motions.push_back(*m);
+  }
+  return motions;
 }
 
 // `count` images spread over the run by their order; half a stride later for `second`.
@@ -172,7 +207,7 @@ struct OddStep {
 
 std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
   constexpr int kAround = 3;
-  constexpr double kOdd_m = 0.3, kOddPart = 0.5, kOdd_rad = 10 * kDegToRad;
+  constexpr double kOdd_m = 0.3, kOddPart = 0.25, kOdd_rad = 10 * kDegToRad;
   const int steps = static_cast<int>(input.odom_from_body.size()) - 1;
   std::vector<Vector6d> speeds;
   for (int k = 0; k < steps; ++k) speeds.push_back(SpeedOf(input, k));
@@ -202,6 +237,13 @@ std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
   return odd;
 }
 
+// One step is looked at closely: by less than what makes a whole run's odometry suspect.
+bool IsOff(const MotionComparison& c, const MeasuredMotion& m) {
+  constexpr double kLeast_rad = 15 * kDegToRad, kSigmas = 5;
+  return !c.turn_agrees || !c.direction_agrees ||
+         (c.moves && c.direction_off_rad > std::max(kLeast_rad, kSigmas * m.sigma_direction_rad));
+}
+
 // Whether images contradict a step and agree with the likely one.
 bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddStep& step,
             const OdometryCheckOptions& options, uint64_t seed) {
@@ -217,12 +259,101 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
     if (!motion) continue;
     motion->a = 0, motion->b = 1;
     const auto k = static_cast<size_t>(step.pose);
-    if (!Agrees({input.odom_from_body[k], input.odom_from_body[k + 1]}, *motion) &&
-        Agrees({Rigid3d(), step.likely}, *motion)) {
+    if (IsOff(CompareMotion({input.odom_from_body[k], input.odom_from_body[k + 1]}, *motion), *motion) &&
+        !IsOff(CompareMotion({Rigid3d(), step.likely}, *motion), *motion)) {
       return true;
     }
   }
   return false;
+}
+
+// One motion that can say alone that a step is wrong: from a pose to the next, by many matches, and far off.
+bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m) {
+  constexpr int kMatches = 50;
+  return std::abs(m.b - m.a) == 1 && m.matches >= kMatches && !Agrees(poses, m);
+}
+
+// The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
+// pose that is wrong, and the others agree. A single one must be shown well. One pose must stand out by its steps, too:
+// else its image is of another moment. Nothing where they say no such thing.
+std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
+                                                   const std::vector<MeasuredMotion>& motions) {
+  const std::vector<Rigid3d>& poses = input.odom_from_body;
+  constexpr int kLeastOff = 2, kLeastRight = 3;
+  std::vector<const MeasuredMotion*> off, right;
+  for (const MeasuredMotion& m : motions) {
+    const MotionComparison c = CompareMotion(poses, m);
+    if (c.turns || c.moves) (IsOff(c, m) ? off : right).push_back(&m);
+  }
+  if (off.empty() || (static_cast<int>(off.size()) < kLeastOff && !IsShownWell(poses, *off.front()))) {
+    return std::nullopt;
+  }
+  const auto explains = [&](const auto& touches) {
+    int apart = 0, through = 0;
+    for (const MeasuredMotion* m : right) (touches(*m) ? through : apart)++;
+    return std::all_of(off.begin(), off.end(), [&](const MeasuredMotion* m) { return touches(*m); }) &&
+           apart >= kLeastRight && 2 * through <= static_cast<int>(off.size());
+  };
+  const int last = static_cast<int>(poses.size()) - 1;
+  for (int k = 0; k < last; ++k) {
+    const auto spans = [k](const MeasuredMotion& m) { return std::min(m.a, m.b) <= k && std::max(m.a, m.b) > k; };
+    if (explains(spans)) return std::pair(k, k + 1);
+  }
+  std::set<int> odd;
+  for (const OddStep& step : FindOddSteps(input, poses.size())) odd.insert({step.pose, step.pose + 1});
+  for (const int k : odd) {
+    const auto ends = [k](const MeasuredMotion& m) { return m.a == k || m.b == k; };
+    if (explains(ends)) return std::pair(std::max(0, k - 1), std::min(last, k + 1));
+  }
+  return std::nullopt;
+}
+
+std::string Jump(const LocalizeInput& input, const std::string& odometry, int from, int to) {
+  const auto a = static_cast<size_t>(from), b = static_cast<size_t>(to);
+  double moved = 0, turned = 0;
+  for (size_t k = a; k < b; ++k) {
+    const Rigid3d step = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
+    moved = std::max(moved, step.translation.norm());
+    turned = std::max(turned, AngleBetween(step.rotation, Eigen::Quaterniond::Identity()));
+  }
+  return fmt::format(
+      "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
+      "contradict; expected a continuous motion without corrections by GPS or loops. Option check_conventions=false "
+      "skips this check",
+      odometry, 1e-9 * static_cast<double>(input.pose_stamps[a]), 1e-9 * static_cast<double>(input.pose_stamps[b]),
+      moved, turned * kRadToDeg);
+}
+
+// Images that are all one picture while odometry moves: a camera that hangs, or files written once too often.
+std::optional<std::string> FindStandstill(const LocalizeInput& input, const std::string& odometry,
+                                          const OdometryCheckOptions& options) {
+  constexpr double kStill_rad = 0.003 * kDegToRad, kMoves_m = 0.2;
+  constexpr int kLooks = 8;
+  const std::vector<int> next = NextOfCamera(input);
+  int compared = 0;
+  double moved = 0;
+  for (const int image : Spread(static_cast<int>(input.images.size()), kLooks, false)) {
+    const int other = next[static_cast<size_t>(image)];
+    if (other < 0) continue;
+    const auto pose = [&](int i) {
+      return input.odom_from_body[static_cast<size_t>(input.images[static_cast<size_t>(i)].pose)].translation;
+    };
+    const double step = (pose(other) - pose(image)).norm();
+    if (step < kMoves_m) continue;
+    const View a = ReadView(input, image), b = ReadView(input, other);
+    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+    if (static_cast<int>(matches.size()) < options.least_matches || MedianMotion(a, b, matches) > kStill_rad) {
+      return std::nullopt;
+    }
+    ++compared;
+    moved += step;
+  }
+  if (compared < 2) return std::nullopt;
+  return fmt::format(
+      "{}: moves {:.2f} m between {} pairs of images that show the same picture: the camera hung, or images.txt lists "
+      "one picture at several times; expected a picture of each moment. Option check_conventions=false skips this "
+      "check",
+      odometry, moved, compared);
 }
 
 // Names the first jump of odometry; nothing where images show none.
@@ -238,15 +369,8 @@ std::optional<std::string> FindJump(const LocalizeInput& input, const std::strin
   });
   const auto first = std::find(jumps.begin(), jumps.end(), 1);
   if (first == jumps.end()) return std::nullopt;
-  const auto pose = static_cast<size_t>(odd[static_cast<size_t>(first - jumps.begin())].pose);
-  const Rigid3d step = input.odom_from_body[pose].Inverse() * input.odom_from_body[pose + 1];
-  return fmt::format(
-      "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
-      "contradict; expected a continuous motion without corrections by GPS or loops. Option check_conventions=false "
-      "skips this check",
-      odometry, 1e-9 * static_cast<double>(input.pose_stamps[pose]),
-      1e-9 * static_cast<double>(input.pose_stamps[pose + 1]), step.translation.norm(),
-      AngleBetween(step.rotation, Eigen::Quaterniond::Identity()) * kRadToDeg);
+  const int pose = odd[static_cast<size_t>(first - jumps.begin())].pose;
+  return Jump(input, odometry, pose, pose + 1);
 }
 
 std::string Counts(const MotionAgreement& m) {
@@ -317,8 +441,9 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
         "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
         "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
         "expected the pose of the camera on the body (x forward, y left, z up). Odometry whose positions are turned "
-        "against its rotations shows the same, and on a path of constant curvature a wrong translation does: calibrate "
-        "the camera anew, or correct what is wrong. Option check_conventions=false skips this check",
+        "against its rotations shows the same, on a straight path odometry whose z is negated does, and on one of "
+        "constant curvature a wrong translation: calibrate the camera anew, or correct what is wrong. Option "
+        "check_conventions=false skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;
@@ -362,12 +487,12 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
   return motions;
 }
 
-std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
-                                             const std::string& odometry, const OdometryCheckOptions& options,
-                                             int threads, uint64_t seed, ProgressSink& progress,
-                                             const CancelToken& cancel) {
+namespace {
+
+// Spread over the run and where it turns; more where some of them contradict odometry.
+std::vector<MeasuredMotion> MeasureSample(const LocalizeInput& input, const OdometryCheckOptions& options, int threads,
+                                          uint64_t seed, const CancelToken& cancel) {
   const int images = static_cast<int>(input.images.size());
-  progress.Begin("odometry against images", 0);
   std::vector<int> first = Spread(images, options.pairs, false);
   for (int image : Turning(input, NextOfCamera(input), options.pairs / 3)) {
     if (std::find(first.begin(), first.end(), image) == first.end()) first.push_back(image);
@@ -381,6 +506,24 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
       if (std::find(first.begin(), first.end(), image) == first.end()) more.push_back(image);
     }
     for (const MeasuredMotion& m : MeasureMotions(input, more, options, threads, seed, cancel)) motions.push_back(m);
+  }
+  return motions;
+}
+
+}  // namespace
+
+std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
+                                             const std::string& odometry, const OdometryCheckOptions& options,
+                                             int threads, uint64_t seed, ProgressSink& progress,
+                                             const CancelToken& cancel) {
+  const int images = static_cast<int>(input.images.size());
+  progress.Begin("odometry against images", 0);
+  if (auto still = FindStandstill(input, odometry, options)) return still;
+  const std::vector<MeasuredMotion> motions = images <= options.pairs
+                                                  ? MeasureNeighbours(input, options, threads, seed, cancel)
+                                                  : MeasureSample(input, options, threads, seed, cancel);
+  if (const auto place = FindBrokenPlace(input, motions)) {
+    return Jump(input, odometry, place->first, place->second);
   }
   std::vector<PoseReading> readings = PoseReadings();
   if (!input.cameras.empty()) {

@@ -297,6 +297,55 @@ TEST_F(SiteTest, NamesTheLineOfAJump) {
   EXPECT_THAT(Refusal(), HasSubstr("odometry.tum: moves at 1400 m/s in the median; expected positions in metres"));
 }
 
+TEST_F(SiteTest, RefusesPositionsInWholeMetres) {
+  Write("runs/run1/odometry.tum",
+        "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0.1 0.995\n3 2 0 0 0 0 0.2 0.98\n4 3 1 0 0 0 0.3 0.954\n");
+  EXPECT_THAT(Refusal(), HasSubstr("odometry.tum: all positions are whole metres"));
+}
+
+TEST_F(SiteTest, CountsOdometryFromNearItsFirstPose) {
+  Write("runs/run1/odometry.tum",
+        "1 412345.25 5318234 240 0 0 0 1\n2 412346.25 5318234 240 0 0 0 1\n4 412348.5 5318234 240 0 0 0 1\n");
+  const auto run = ReadOne();
+  EXPECT_THAT(Warnings(run), HasSubstr("odometry.tum: begins 5334 km from its origin; (412345, 5318234, 240) m is"));
+  EXPECT_EQ(run.odometry.poses.front().target_from_body.translation, Eigen::Vector3d(0.25, 0, 0));
+  EXPECT_EQ(run.odometry.poses.back().target_from_body.translation, Eigen::Vector3d(3.5, 0, 0));
+}
+
+// One kind of places and the origin: either may be wrong.
+TEST_F(SiteTest, LeavesOutPlacesThatOnlyTheOriginContradicts) {
+  Picture("a.png", 64, 32);
+  Picture("b.png", 64, 32);
+  const std::string header = "file,latitude_deg,longitude_deg,height_m\n";
+  const auto used = [](const Site& site, bool heights) {
+    return std::count_if(site.references.begin(), site.references.end(),
+                         [&](const Reference& r) { return heights ? r.geotag.has_height : r.geotag.has_position; });
+  };
+  const auto read = [&](const std::string& a, const std::string& b) {
+    Write("panoramas.csv", header + "a.png," + a + "\nb.png," + b + "\n");
+    return Read();
+  };
+  Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240}");
+  Site site = read("48.001,7.8,250", "48.0011,7.8,250");
+  EXPECT_EQ(used(site, false), 2);
+  EXPECT_EQ(used(site, true), 2);
+  EXPECT_EQ(Joined(site.warnings), "");
+  site = read("48.045,7.8,240", "48.0451,7.8,240");
+  EXPECT_EQ(used(site, false), 0);
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("lie at least 5.0 km from origin.json"));
+  EXPECT_EQ(used(read("48.045,7.8,240", "48.1,7.8,240"), false), 2) << "a site that is 6 km long";
+  for (const auto& [height, said] : {std::pair("0", "are all 0"), std::pair("787.4", "in feet"),
+                                     std::pair("192", "above the sea"), std::pair("2400", "expected metres above")}) {
+    site = read(std::string("48.0001,7.8,") + height, std::string("48.0002,7.8,") + height);
+    EXPECT_EQ(used(site, true), 0) << height;
+    EXPECT_EQ(used(site, false), 2) << height;
+    EXPECT_THAT(Joined(site.warnings), HasSubstr(said));
+  }
+  Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.045,7.8,192\n");
+  site = read("48.045,7.8,192", "48.0451,7.8,192");
+  EXPECT_EQ(used(site, true), 2) << "control agrees with the geotags";
+}
+
 TEST_F(SiteTest, SaysThatAnAerialImageHasNoPlace) {
   Write("aerial.tif", "garbage");
   EXPECT_THAT(Joined(Read().warnings), HasSubstr("aerial.tif: expected a georeferenced TIFF"));

@@ -186,6 +186,41 @@ TEST(GeoRegistration, TwoGeotagsThatContradictEachOtherDecideNothing) {
   EXPECT_NE(four.Fit().reason.find("two solutions"), std::string::npos) << four.Fit().reason;
 }
 
+TEST(GeoRegistration, TwoGeotagsThatAgreeOutvoteNoThirdOne) {
+  for (const bool two : {false, true}) {
+    Few three = FirstOf(MakeSite(8, 0), 3);
+    three.observations[1].position.y() += 10;
+    if (two) three.observations[2].position.y() += 10;
+    const GeoRegistration geo = three.Fit();
+    EXPECT_FALSE(geo.solved) << two;
+    EXPECT_NE(geo.reason.find("fewer than 3 agree"), std::string::npos) << geo.reason;
+  }
+}
+
+TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
+  for (const double off_deg : {3.5, -3.5}) {
+    Site site = MakeSite(5, 0);
+    for (GeoObservation& o : site.observations) o.attitude.heading_rad += off_deg * kDegToRad;
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+    ASSERT_TRUE(geo.solved) << geo.reason;
+    EXPECT_NE(geo.reason.find("headings and positions of the geotags contradict each other"), std::string::npos)
+        << geo.reason;
+    const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+    for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+  }
+}
+
+TEST(GeoRegistration, OneHeadingThatMayBeInRadiansDecidesNothing) {
+  Few one = FirstOf(MakeSite(8, 0), 1);
+  one.observations[0].attitude.heading_rad = 1.234 * kDegToRad;
+  EXPECT_FALSE(one.Fit().solved);
+  EXPECT_NE(one.Fit().reason.find("or write 361.234"), std::string::npos) << one.Fit().reason;
+  for (const double deg : {361.234, 1.0, 0.0, 7.5}) {
+    one.observations[0].attitude.heading_rad = deg * kDegToRad;
+    EXPECT_TRUE(one.Fit().solved) << deg << one.Fit().reason;
+  }
+}
+
 TEST(GeoRegistration, HeadingsOfThreeThatContradictTheirPositionsAreWithheld) {
   for (const int count : {2, 3}) {
     for (const bool radians : {true, false}) {

@@ -78,6 +78,34 @@ TEST(OdometryCheck, NamesHeightsOfTheWrongSign) {
   EXPECT_EQ(WrittenAs([&](const Rigid3d& p) { return Rigid3d(slope, Eigen::Vector3d::Zero()) * p; }), "");
 }
 
+// A dozen images: all of them are compared with their neighbours.
+TEST(OdometryCheck, NamesTheJumpOfAShortRun) {
+  for (uint64_t seed = 1; seed <= 6; ++seed) {
+    Drive drive = MakeDrive(0.25, seed, 1.0);
+    ASSERT_LT(drive.input.images.size(), 20U);
+    EXPECT_EQ(ContradictionOf(drive), "") << seed;
+    std::vector<Rigid3d>& poses = drive.input.odom_from_body;
+    const std::vector<Rigid3d> good = poses;
+    const size_t middle = poses.size() / 2;
+    const Eigen::Vector3d aside = good[middle].rotation * Eigen::Vector3d(0, 2, 0);
+    for (size_t k = middle; k < poses.size(); ++k) poses[k].translation += aside;
+    EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
+    poses = good;
+    poses[middle].translation += aside;
+    EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
+    poses = good;
+    const Rigid3d turned = good[middle] * Rigid3d(ExpSO3({0, 0, 1}), Eigen::Vector3d::Zero()) * good[middle].Inverse();
+    for (size_t k = middle; k < poses.size(); ++k) poses[k] = turned * poses[k];
+    EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
+  }
+}
+
+TEST(OdometryCheck, NamesImagesThatAreOnePicture) {
+  Drive drive = MakeDrive(0.25, 1, 1.0);
+  for (auto& seen : drive.seen) seen.features = drive.seen.front().features;
+  EXPECT_NE(ContradictionOf(drive).find("show the same picture"), std::string::npos) << ContradictionOf(drive);
+}
+
 // Turns that change: a second of another clock shows. Where the body turns evenly nothing can be known.
 TEST(OdometryClock, IsFoundFromTurns) {
   Random random(5);
