@@ -178,7 +178,7 @@ std::string HeightReading(const std::vector<double>& heights, double origin_m, d
 
 // Heights of geotags where only the origin's are there to compare them with. An origin at height 0 states none.
 void CompareHeightsWithOrigin(Site* site) {
-  constexpr double kAllowed_m = 20, kSlope = 0.5;
+  constexpr double kAllowed_m = 20, kSlope = 0.2;
   if (!site->origin || site->origin->height_m == 0) return;
   std::vector<double> heights, off, distances;
   for (const Reference& reference : site->references) {

@@ -505,44 +505,65 @@ void WidenScale(double scale, double times, double least, Matrix7d* covariance) 
   *covariance += (times * times - 1) * variance * (stretch * stretch.transpose() + turn * turn.transpose());
 }
 
-// Turns in plan by positions alone and by all, where headings take part and the two differ by more than chance.
+// The run's turn by positions alone differs from that by all by more than chance: in plan, where headings take part, or
+// in tilt, where pitch and roll do.
 struct OtherTurn {
-  double off_rad = 0, sigma_rad = 0;
+  bool tilt = false;
+  Eigen::MatrixXd off_rad;  // columns: about up; of tilt: about east and north, along two axes
   std::string Describe() const {
     return fmt::format(
-        "headings and positions of the geotags contradict each other: by positions alone the run is turned by {:+.1f} "
-        "deg (1 sigma {:.1f} deg); half of that is part of the sigmas; check heading_deg (degrees clockwise from true "
-        "north) and the positions",
-        off_rad * kRadToDeg, sigma_rad * kRadToDeg);
+        "{} and positions of the geotags contradict each other: by positions alone the run is {} by {:.1f} deg more; "
+        "the sigmas cover both; check {} and the positions",
+        tilt ? "pitch and roll" : "headings", tilt ? "tilted" : "turned", off_rad.norm() * kRadToDeg,
+        tilt ? "pitch_deg, roll_deg, the heights" : "heading_deg (degrees clockwise from true north)");
   }
+  Eigen::Index First() const { return tilt ? 0 : 2; }
 };
 
 // Hausman's test: the difference of an estimate from less data and one from all has the difference of their variances.
-std::optional<OtherTurn> FindOtherTurn(const EarthSolution& best, const EarthSolution& without_headings) {
-  if (!without_headings.good) return std::nullopt;
-  const auto variance = [](const EarthSolution& solution) {
-    return solution.h.ldlt().solve(Matrix7d::Identity())(2, 2);
+template <typename Solve>
+std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std::vector<GeoObservation> obs,
+                                       const Solve& solve) {
+  constexpr double kGate[] = {0, 6.63, 9.21};  // chi-square, 99 %
+  constexpr double kKnown_rad = 5 * kDegToRad;
+  for (GeoObservation& o : obs) (tilt ? o.has_tilt : o.has_heading) = false;
+  const EarthSolution less = solve(obs);
+  if (!less.good) return std::nullopt;
+  OtherTurn other{tilt, {}};
+  const Eigen::Index first = other.First(), size = tilt ? 2 : 1;
+  const auto covariance = [&](const EarthSolution& solution) -> Eigen::MatrixXd {
+    return solution.h.ldlt().solve(Matrix7d::Identity()).block(first, first, size, size);
   };
-  const double gained = variance(without_headings) - variance(best);
-  if (!(gained > 0)) return std::nullopt;
-  const Eigen::Quaterniond turn = without_headings.s.rotation * best.s.rotation.conjugate();
-  const OtherTurn other{LogSO3(turn).z(), std::sqrt(gained)};
-  constexpr double kSigmas = 2.58;  // 99 %
-  return std::abs(other.off_rad) < kSigmas * other.sigma_rad ? std::nullopt : std::optional(other);
+  const Eigen::MatrixXd known = covariance(less);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> gained(known - covariance(best));
+  // What positions hardly show is no contradiction, and far from the linear.
+  if (known.trace() > kKnown_rad * kKnown_rad || !(gained.eigenvalues().minCoeff() > 0)) return std::nullopt;
+  const Eigen::VectorXd off =
+      gained.eigenvectors().transpose() * LogSO3(less.s.rotation * best.s.rotation.conjugate()).segment(first, size);
+  if (off.cwiseAbs2().cwiseQuotient(gained.eigenvalues()).sum() < kGate[size]) return std::nullopt;
+  other.off_rad = gained.eigenvectors() * off.asDiagonal();
+  return other;
 }
 
 template <typename Solve>
-std::optional<OtherTurn> CompareTurns(const EarthSolution& best, const std::vector<GeoObservation>& obs,
+std::vector<OtherTurn> FindOtherTurns(const EarthSolution& best, const std::vector<GeoObservation>& obs,
                                       const Solve& solve) {
-  std::vector<GeoObservation> without_headings = obs;
-  for (GeoObservation& o : without_headings) o.has_heading = false;
-  return FindOtherTurn(best, solve(without_headings));
+  std::vector<OtherTurn> turns;
+  for (const bool tilt : {false, true}) {
+    if (const auto turn = FindOtherTurn(tilt, best, obs, solve)) turns.push_back(*turn);
+  }
+  return turns;
 }
 
-// The turn in plan becomes uncertain by half of the difference; what depends on it follows.
-void WidenTurn(double off_rad, Matrix7d* covariance) {
-  const Vector7d turn = covariance->col(2) / (*covariance)(2, 2);
-  *covariance += 0.25 * off_rad * off_rad * turn * turn.transpose();
+// Either is right with a probability of one half: the turn's variance grows by half of the squared difference, and what
+// depends on the turn follows.
+void WidenTurns(const std::vector<OtherTurn>& turns, Matrix7d* covariance) {
+  for (const OtherTurn& turn : turns) {
+    const Eigen::Index first = turn.First(), size = turn.off_rad.rows();
+    const Eigen::MatrixXd moved =
+        covariance->middleCols(first, size) * covariance->block(first, first, size, size).ldlt().solve(turn.off_rad);
+    *covariance += 0.5 * moved * moved.transpose();
+  }
 }
 
 std::string NoDirection(const std::vector<GeoObservation>& obs) {
@@ -558,18 +579,45 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
       geotags, kApart_m);
 }
 
-// The factor by which the stated sigmas are too small where most positions are beyond the gate; 1 where they are not.
-double SigmaFactor(const EarthSolution& best, const std::vector<GeoObservation>& obs, double outlier_chi2) {
+// How far positions are off, squared and over what their sigmas allow.
+std::vector<double> SquaredRatios(const EarthSolution& best) {
   constexpr double kMedianChi2[] = {0, 0.455, 1.386, 2.366};
   std::vector<double> ratios;
-  int outliers = 0;
-  for (size_t i = 0; i < obs.size(); ++i) {
+  for (size_t i = 0; i < best.position_rows.size(); ++i) {
+    if (best.position_rows[i] > 0) ratios.push_back(best.position_chi2[i] / kMedianChi2[best.position_rows[i]]);
+  }
+  return ratios;
+}
+
+bool MostAreOutliers(const EarthSolution& best, double outlier_chi2) {
+  int positions = 0, outliers = 0;
+  for (size_t i = 0; i < best.position_rows.size(); ++i) {
     if (best.position_rows[i] == 0) continue;
-    ratios.push_back(best.position_chi2[i] / kMedianChi2[best.position_rows[i]]);
+    ++positions;
     outliers += best.position_chi2[i] > outlier_chi2 ? 1 : 0;
   }
-  if (2 * outliers <= static_cast<int>(ratios.size())) return 1;
-  return std::max(1.0, std::sqrt(Median(ratios)));
+  return 2 * outliers > positions;
+}
+
+// The sigmas of positions that Register works with.
+struct Enlargement {
+  double factor = 1;  // over the stated ones
+  int round = 0;
+};
+
+// The next one where most positions are farther off than their sigmas allow. The first is too large, so that none is
+// taken for an outlier; the median of what is left makes it smaller. Nothing: it is right.
+std::optional<Enlargement> Next(const Enlargement& now, const EarthSolution& best, double outlier_chi2) {
+  constexpr int kRounds = 8;
+  constexpr double kSame = 0.05;
+  std::vector<double> ratios = SquaredRatios(best);
+  if (now.round == 0) {
+    if (!MostAreOutliers(best, outlier_chi2)) return std::nullopt;
+    return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1};
+  }
+  const double change = std::sqrt(Median(std::move(ratios)));
+  if (std::abs(change - 1) < kSame || now.round == kRounds) return std::nullopt;
+  return Enlargement{std::max(1.0, now.factor * change), now.round + 1};
 }
 
 }  // namespace
@@ -612,16 +660,16 @@ bool AreSystematic(const std::vector<Eigen::Vector3d>& residuals) {
   return pairs >= kLeast && sum > kSigmas * std::sqrt(0.5 * static_cast<double>(pairs));
 }
 
-std::string ShapeContradiction(const std::vector<bool>& outlier, double factor) {
+std::string ShapeContradiction(size_t geotags, double factor) {
   return fmt::format(
-      "{} of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
+      "most of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
       "longitude and the odometry",
-      std::count(outlier.begin(), outlier.end(), true), outlier.size(), factor);
+      geotags, factor);
 }
 
 // What is to be known about a fit that is used.
-std::string Remarks(const std::optional<OtherScale>& other, const std::optional<OtherTurn>& turn, double excess,
-                    double factor) {
+std::string Remarks(const std::optional<OtherScale>& other, const std::vector<OtherTurn>& turns, double excess,
+                    double enlarged) {
   std::string reason;
   if (other && other->IsSaid()) {
     reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
@@ -629,13 +677,12 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::optional<
                                              : ", or check the geotags and the calibration; the scale is taken from "
                                                "the geotags, with half of the disagreement as its sigma");
   }
-  if (turn) reason += (reason.empty() ? "" : "; ") + turn->Describe();
-  if (factor > 1) {
-    reason += (reason.empty() ? "" : "; ") +
-              fmt::format(
-                  "most geotags are farther off than their sigmas allow; the result's sigmas are "
-                  "multiplied by {:.1f}",
-                  factor);
+  const auto add = [&](const std::string& said) { reason += (reason.empty() ? "" : "; ") + said; };
+  for (const OtherTurn& turn : turns) add(turn.Describe());
+  if (enlarged > 1) {
+    add(fmt::format(
+        "most geotags are farther off than their sigmas allow; these and the result's sigmas are multiplied by {:.1f}",
+        enlarged));
   }
   return reason;
 }
@@ -648,12 +695,18 @@ GeoRegistration Unsolved(size_t observations) {
   return result;
 }
 
-// With every observation as it is stated.
+std::vector<GeoObservation> Enlarged(std::vector<GeoObservation> obs, double factor) {
+  for (GeoObservation& o : obs) o.sigma_h_m *= factor, o.sigma_v_m *= factor;
+  return obs;
+}
+
+// With every observation as it is stated, sigmas of positions `enlarged` times. Where most are farther off than these
+// allow, again with larger ones.
 GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::MatrixXd& odom_covariance,
-                         double scale_prior, double scale_sigma, bool levelled, const GeoRegistrationOptions& options) {
-  const size_t n = obs.size();
-  GeoRegistration result = Unsolved(n);
-  if (n == 0) {
+                         double scale_prior, double scale_sigma, bool levelled, const GeoRegistrationOptions& options,
+                         const Enlargement& enlarged = {}) {
+  GeoRegistration result = Unsolved(obs.size());
+  if (obs.empty()) {
     result.reason = "no reference with a geotag is localized, and no GPS is used";
     return result;
   }
@@ -689,20 +742,24 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   if (best->good) Tally(*best, obs, options.outlier_chi2, &result);
   result.reason = Undecided(*best, solutions, obs, options);
   if (!result.reason.empty()) return result;
-  const double factor = SigmaFactor(*best, obs, options.outlier_chi2);
-  if (factor > kMostSigmaFactor || (factor > 1 && AreSystematic(best->residuals))) {
-    result.reason = ShapeContradiction(result.outlier, factor);
+  if (const auto next = Next(enlarged, *best, options.outlier_chi2)) {
+    return Register(Enlarged(obs, next->factor / enlarged.factor), odom_covariance, scale_prior, scale_sigma, levelled,
+                    options, *next);
+  }
+  if (enlarged.factor > kMostSigmaFactor || (enlarged.factor > 1 && AreSystematic(best->residuals))) {
+    result.reason = ShapeContradiction(obs.size(), enlarged.factor);
     return result;
   }
-  const auto turn = CompareTurns(*best, obs, [&](const std::vector<GeoObservation>& some) {
-    return EarthFit(some, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).Solve(best->s, true);
+  const std::vector<OtherTurn> turns = FindOtherTurns(*best, obs, [&](const std::vector<GeoObservation>& less) {
+    return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).Solve(best->s, true);
   });
-  result.reason = Remarks(other, turn, excess, factor);
+  result.reason = Remarks(other, turns, excess, enlarged.factor);
   result.solved = true;
   used.Describe(*best, &result);
   WidenScale(best->s.scale, excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
-  if (turn) WidenTurn(turn->off_rad, &result.covariance);
-  result.covariance *= factor * factor;
+  WidenTurns(turns, &result.covariance);
+  // The run's shape may be what is wrong: it takes up a part of the errors, and bends what lies between the geotags.
+  result.covariance *= enlarged.factor * enlarged.factor;
   return result;
 }
 

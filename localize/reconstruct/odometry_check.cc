@@ -461,8 +461,10 @@ std::optional<std::string> FindWrongStretch(const LocalizeInput& input, const st
   if (stretch->turned_rad < std::max(kMost_rad, kSigmas * stretch->sigma_rad)) return std::nullopt;
   return fmt::format(
       "{}: contradicts the images: its lengths are too long in one direction by a factor of {}, as the directions of "
-      "motion in {} pairs of images show. Expected metres in all directions: correct the positions. Option "
-      "check_conventions=false skips this check",
+      "motion in {} pairs of images show; a wrong lens model, distortion or focal length in camchain.yaml shows the "
+      "same. "
+      "Expected metres in all directions: correct the positions or the calibration. Option check_conventions=false "
+      "skips this check",
       odometry, found, stretch->motions);
 }
 

@@ -210,6 +210,19 @@ TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
   }
 }
 
+// All pitches and rolls by one instrument that is not level.
+TEST(GeoRegistration, TiltsThatAreAllOffWidenTheTilt) {
+  Site site = MakeSite(6, 0);
+  const Eigen::Quaterniond tilt = ExpSO3({7 * kDegToRad, 0, 0});
+  for (GeoObservation& o : site.observations) o.attitude = AttitudeOf(tilt * WorldFromCamRotation(o.attitude));
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_NE(geo.reason.find("pitch and roll and positions of the geotags contradict each other"), std::string::npos)
+      << geo.reason;
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+}
+
 TEST(GeoRegistration, OneHeadingThatMayBeInRadiansDecidesNothing) {
   Few one = FirstOf(MakeSite(8, 0), 1);
   one.observations[0].attitude.heading_rad = 1.234 * kDegToRad;
@@ -288,6 +301,25 @@ TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   ASSERT_TRUE(geo.solved) << geo.reason;
   EXPECT_NE(geo.reason.find("sigmas are multiplied by"), std::string::npos);
   EXPECT_GT(std::sqrt(geo.covariance(3, 3)), 1.5 * honest);
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+}
+
+// Places of a path of which each is that of the next: the errors follow each other.
+TEST(GeoRegistration, ErrorsThatFollowEachOtherAreNoNoise) {
+  Few path;
+  constexpr int kPlaces = 12;
+  const auto at = [](double s) { return Eigen::Vector3d(8 * s, 0.12 * s * s * s, 0); };
+  for (int i = 0; i < kPlaces; ++i) {
+    GeoObservation o;
+    o.odom_from_rig = Rigid3d(Eigen::Quaterniond::Identity(), at(i));
+    o.position = at(i + 1) + Eigen::Vector3d(0.1 * (i % 2), 0, 0);
+    o.sigma_h_m = 0.3, o.sigma_v_m = 0.5;
+    path.observations.push_back(o);
+  }
+  path.covariance = 1e-4 * Eigen::MatrixXd::Identity(6 * kPlaces, 6 * kPlaces);
+  const GeoRegistration geo = path.Fit();
+  EXPECT_FALSE(geo.solved) << geo.reason;
 }
 
 // Mean NEES of a degree of freedom over redraws of geotags, places and scale.
