@@ -20,8 +20,9 @@ constexpr size_t kStarts = 12;          // the most plausible ones
 constexpr double kDifferent = 5;        // solutions farther apart than so many sigmas are two
 constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves which headings are wrong
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
-constexpr double kMostScale = 0.15;   // logarithm: a scale farther off is a wrong unit, not drift
-constexpr double kDiscordant = 1.96;  // 95 %: two scales farther apart do not have their stated sigmas
+constexpr double kMostScale = 0.15;         // logarithm: a scale farther off is a wrong unit, not drift
+constexpr double kLeastScaleSigma = 0.002;  // of odometry that geotags contradict: wheels wear, tyres warm up
+constexpr double kDiscordant = 1.96;        // 95 %: two scales farther apart do not have their stated sigmas
 constexpr double kLessCost = kDiscordant * kDiscordant;  // another scale is looked at if the fit is better by this
 constexpr double kUnknownScale = 0.5;                    // sigmas of the scale from here on: it is measured, not known
 constexpr double kMostSigmaFactor = 5;                   // sigmas too small by more than this are a contradiction
@@ -456,6 +457,10 @@ struct OtherScale {
   bool IsSure() const { return Excess() > 5; }
   // Beyond 99 % it is said; beyond 95 % the sigmas already cover it.
   bool IsSaid() const { return Excess() > 2.58; }
+  // Of odometry's scale in the fit that is used.
+  double UsedSigma(double scale_prior) const {
+    return IsSure() ? scale_prior : Excess() * std::max(kLeastScaleSigma, stated_sigma);
+  }
   double LeastSigma() const { return IsSure() ? 0.5 * std::abs(factor - 1) : 0; }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
@@ -732,7 +737,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   // factor that makes them agree (Birge's ratio, as in adjustments of constants). Where it is large, the geotags are
   // believed, but a wrong calibration bends a run so that they seem to agree: the sigma still reaches half way back.
   const double excess = other && !other->IsSure() ? other->Excess() : 1;
-  const double used_sigma = other && other->IsSure() ? scale_prior : excess * scale_sigma;
+  const double used_sigma = other ? other->UsedSigma(scale_prior) : scale_sigma;
   const EarthFit used(obs, odom_covariance, scale_prior, used_sigma, tilt_sigma, options);
   if (other) {
     solutions = excess > 1 ? SolveFromStarts(used, used.Guesses(), obs) : free;
