@@ -121,7 +121,11 @@ std::optional<BagContents> IndexOfMcap(const BagFile& file) {
     ByteCursor counts(content.Block());
     while (counts.left() > 0) {
       const auto id = counts.Number<uint16_t>();
-      topics[id].messages += static_cast<int64_t>(counts.Number<uint64_t>());
+      const auto messages = counts.Number<uint64_t>();
+      if (messages > file.size()) {
+        throw InputError("states " + std::to_string(messages) + " messages, more than the file has bytes");
+      }
+      topics[id].messages = static_cast<int64_t>(messages);
     }
   });
   if (!counted || topics.empty()) return std::nullopt;

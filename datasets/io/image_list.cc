@@ -58,8 +58,12 @@ ImageEntry ParseLine(const std::filesystem::path& site_dir, const Run& run, std:
   if (entry.camera < 0) FailUnknownCamera(run, camera);
   entry.path = ResolveInside(site_dir, run.dir, entry.file, where);
   const size_t last = entry.file.find_last_of(" \t");
-  if (camera.empty() && last != std::string::npos && !std::filesystem::exists(entry.path) &&
-      std::filesystem::exists(ResolveInside(site_dir, run.dir, Trim(entry.file.substr(0, last)), where))) {
+  const auto exists = [](const std::filesystem::path& path) {
+    std::error_code too_long;
+    return std::filesystem::exists(path, too_long);
+  };
+  if (camera.empty() && last != std::string::npos && !exists(entry.path) &&
+      exists(ResolveInside(site_dir, run.dir, Trim(entry.file.substr(0, last)), where))) {
     FailUnknownCamera(run, std::string_view(entry.file).substr(last + 1));
   }
   CheckPresent(entry.path, where);

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <numeric>
 #include <random>
 #include <sstream>
@@ -119,6 +120,8 @@ std::optional<int64_t> ParseUtcToNs(std::string_view text) {
       return std::nullopt;
     }
   }
+  constexpr int64_t kMost_s = std::numeric_limits<int64_t>::max() / 1'000'000'000 - 1;  // nanoseconds end in 2262
+  if (std::abs(seconds) > kMost_s) return std::nullopt;
   return seconds * 1'000'000'000 + fraction_ns;
 }
 

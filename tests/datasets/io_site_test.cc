@@ -297,6 +297,18 @@ TEST_F(SiteTest, NamesTheLineOfAJump) {
   EXPECT_THAT(Refusal(), HasSubstr("odometry.tum: moves at 1400 m/s in the median; expected positions in metres"));
 }
 
+TEST(Time, EndsWhereNanosecondsDo) {
+  EXPECT_TRUE(ParseUtcToNs("2262-01-01T00:00:00Z"));
+  EXPECT_FALSE(ParseUtcToNs("4052-05-12T09:30:00Z"));
+}
+
+TEST_F(SiteTest, SkipsImagesWithNamesThatNoFileHas) {
+  Write("runs/run1/images.txt", "1 images/1.png\n2 images/" + std::string(300, 'a') + ".png x\n3 images/3.png\n");
+  const auto run = ReadOne();
+  EXPECT_EQ(run.images.size(), 2u);
+  EXPECT_THAT(Warnings(run), HasSubstr("images.txt:2: there is no file"));
+}
+
 TEST_F(SiteTest, RefusesPositionsInWholeMetres) {
   Write("runs/run1/odometry.tum",
         "1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0.1 0.995\n3 2 0 0 0 0 0.2 0.98\n4 3 1 0 0 0 0.3 0.954\n");
