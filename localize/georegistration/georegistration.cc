@@ -530,7 +530,7 @@ template <typename Solve>
 std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std::vector<GeoObservation> obs,
                                        const Solve& solve) {
   constexpr double kGate[] = {0, 6.63, 9.21};  // chi-square, 99 %
-  constexpr double kKnown_rad = 5 * kDegToRad;
+  constexpr double kKnown_rad = 5 * kDegToRad, kMostTilt_rad = 10 * kDegToRad;
   for (GeoObservation& o : obs) (tilt ? o.has_tilt : o.has_heading) = false;
   const EarthSolution less = solve(obs);
   if (!less.good) return std::nullopt;
@@ -546,6 +546,8 @@ std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std
   const Eigen::VectorXd off =
       gained.eigenvectors().transpose() * LogSO3(less.s.rotation * best.s.rotation.conjugate()).segment(first, size);
   if (off.cwiseAbs2().cwiseQuotient(gained.eigenvalues()).sum() < kGate[size]) return std::nullopt;
+  // A few positions of which one is wrong fit any tilt; no frame is tilted so.
+  if (tilt && off.norm() > kMostTilt_rad) return std::nullopt;
   other.off_rad = gained.eigenvectors() * off.asDiagonal();
   return other;
 }
