@@ -529,7 +529,7 @@ struct OtherTurn {
 template <typename Solve>
 std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std::vector<GeoObservation> obs,
                                        const Solve& solve) {
-  constexpr double kGate[] = {0, 6.63, 9.21};  // chi-square, 99 %
+  constexpr double kGate[] = {0, 10.83, 13.82};  // chi-square, 99.9 %
   constexpr double kKnown_rad = 5 * kDegToRad, kMostTilt_rad = 10 * kDegToRad;
   for (GeoObservation& o : obs) (tilt ? o.has_tilt : o.has_heading) = false;
   const EarthSolution less = solve(obs);
