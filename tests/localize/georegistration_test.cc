@@ -213,8 +213,14 @@ TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
 // All pitches and rolls by one instrument that is not level.
 TEST(GeoRegistration, TiltsThatAreAllOffWidenTheTilt) {
   Site site = MakeSite(6, 0);
-  const Eigen::Quaterniond tilt = ExpSO3({7 * kDegToRad, 0, 0});
-  for (GeoObservation& o : site.observations) o.attitude = AttitudeOf(tilt * WorldFromCamRotation(o.attitude));
+  const Eigen::Quaterniond tilt = ExpSO3({4 * kDegToRad, 0, 0});
+  for (size_t i = 0; i < site.observations.size(); ++i) {
+    GeoObservation& o = site.observations[i];
+    o.attitude = AttitudeOf(tilt * WorldFromCamRotation(o.attitude));
+    const double height = 0.2 * static_cast<double>(i);
+    o.position.z() = height + 0.4 * (o.position.z() - height);  // heights of 0.2 m instead of 0.5 m
+    o.sigma_v_m = 0.2;
+  }
   const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
   ASSERT_TRUE(geo.solved) << geo.reason;
   EXPECT_NE(geo.reason.find("pitch and roll and positions of the geotags contradict each other"), std::string::npos)
