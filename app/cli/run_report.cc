@@ -42,8 +42,8 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
   if (references > 0 && localized == 0) {
     problems.push_back(fmt::format(
         "localize: none of {} is localized: they show other places, or the run is wrong{}; check units, clocks and "
-        "order "
-        "of odometry and images, and the calibration; column reason of results/localize/*/panoramas.csv has the cause",
+        "order of odometry and images, and the calibration; column reason of results/localize/*/panoramas.csv has the "
+        "cause",
         Counted(references, "panorama or photo", "panoramas and photos"), size.empty() ? "" : ": " + size));
   }
   return problems;

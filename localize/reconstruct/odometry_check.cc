@@ -130,6 +130,14 @@ std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std:
   return found || first_apart == 1 ? found : MeasureFrom(input, next, image, 1, options, seed);
 }
 
+std::vector<MeasuredMotion> Found(const std::vector<std::optional<MeasuredMotion>>& measured) {
+  std::vector<MeasuredMotion> motions;
+  for (const auto& m : measured) {
+    if (m) motions.push_back(*m);
+  }
+  return motions;
+}
+
 // Of each image to the next ones: for runs of so few images that all of them can be compared.
 std::vector<MeasuredMotion> MeasureNeighbours(const LocalizeInput& input, OdometryCheckOptions options, int threads,
                                               uint64_t seed, const CancelToken& cancel) {
@@ -155,11 +163,7 @@ std::vector<MeasuredMotion> MeasureNeighbours(const LocalizeInput& input, Odomet
     measured[static_cast<size_t>(i)] =
         MeasurePair(input, image, other, a, b, matches, options, seed + static_cast<uint64_t>(i));
   });
-  std::vector<MeasuredMotion> motions;
-  for (const auto& m : measured) {
-    if (m) motions.push_back(*m);
-  }
-  return motions;
+  return Found(measured);
 }
 
 // `count` images spread over the run by their order; half a stride later for `second`.
@@ -462,8 +466,8 @@ std::optional<std::string> FindWrongStretch(const LocalizeInput& input, const st
   return fmt::format(
       "{}: contradicts the images: its lengths are too long in one direction by a factor of {}, as the directions of "
       "motion in {} pairs of images show; a wrong lens model, distortion or focal length in camchain.yaml shows the "
-      "same. "
-      "Expected metres in all directions: correct the positions or the calibration. Option check_conventions=false "
+      "same. Expected metres in all directions: correct the positions or the calibration. Option "
+      "check_conventions=false "
       "skips this check",
       odometry, found, stretch->motions);
 }
@@ -482,11 +486,7 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
     measured[static_cast<size_t>(i)] =
         MeasureFrom(input, next, image, first_apart, options, seed + 1009 * static_cast<uint64_t>(image));
   });
-  std::vector<MeasuredMotion> motions;
-  for (const auto& m : measured) {
-    if (m) motions.push_back(*m);
-  }
-  return motions;
+  return Found(measured);
 }
 
 namespace {
