@@ -63,14 +63,19 @@ Eigen::Matrix<double, 7, 1> ErrorOf(const GeoRegistration& geo, const Sim3d& tru
   return e;
 }
 
+// Each unknown is within so many of its stated sigmas of the truth.
+void ExpectWithin(double sigmas, const GeoRegistration& geo, const Site& site) {
+  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
+  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), sigmas * std::sqrt(geo.covariance(k, k))) << k;
+}
+
 TEST(GeoRegistration, NamesTheGeotagThatIsOff) {
   const Site site = MakeSite(1, 7);
   const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
   ASSERT_TRUE(geo.solved) << geo.reason;
   for (size_t i = 0; i < 8; ++i) EXPECT_EQ(geo.outlier[i], i == 3) << i;
   EXPECT_NEAR(geo.residuals[3].x(), 7, 1.2);
-  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
-  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
+  ExpectWithin(5, geo, site);
 }
 
 // Twenty positions of one source with three times the stated error, one of them wrong, and five of the user's.
@@ -205,8 +210,7 @@ TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
     ASSERT_TRUE(geo.solved) << geo.reason;
     EXPECT_NE(geo.reason.find("headings and positions of the geotags contradict each other"), std::string::npos)
         << geo.reason;
-    const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
-    for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+    ExpectWithin(3, geo, site);
   }
 }
 
@@ -225,8 +229,7 @@ TEST(GeoRegistration, TiltsThatAreAllOffWidenTheTilt) {
   ASSERT_TRUE(geo.solved) << geo.reason;
   EXPECT_NE(geo.reason.find("pitch and roll and positions of the geotags contradict each other"), std::string::npos)
       << geo.reason;
-  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
-  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+  ExpectWithin(3, geo, site);
 }
 
 TEST(GeoRegistration, OneHeadingThatMayBeInRadiansDecidesNothing) {
@@ -307,8 +310,7 @@ TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   ASSERT_TRUE(geo.solved) << geo.reason;
   EXPECT_NE(geo.reason.find("sigmas are multiplied by"), std::string::npos);
   EXPECT_GT(std::sqrt(geo.covariance(3, 3)), 1.5 * honest);
-  const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
-  for (int k = 0; k < 7; ++k) EXPECT_LT(std::abs(e(k)), 3 * std::sqrt(geo.covariance(k, k))) << k;
+  ExpectWithin(3, geo, site);
 }
 
 // Places of a path of which each is that of the next: the errors follow each other.
