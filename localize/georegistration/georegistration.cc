@@ -25,6 +25,8 @@ constexpr double kLeastScaleSigma = 0.002;  // of odometry that geotags contradi
 constexpr double kDiscordant = 1.96;        // 95 %: two scales farther apart do not have their stated sigmas
 constexpr double kLessCost = kDiscordant * kDiscordant;  // another scale is looked at if the fit is better by this
 constexpr double kUnknownScale = 0.5;                    // sigmas of the scale from here on: it is measured, not known
+constexpr double kStill = 1e-7;                          // rad, m: a step as short ends the iteration
+constexpr int kFewSteps = 4;                             // from an estimate to one of slightly other data
 constexpr double kMostSigmaFactor = 5;                   // sigmas too small by more than this are a contradiction
 
 using Vector7d = Eigen::Matrix<double, 7, 1>;
@@ -110,7 +112,10 @@ class EarthFit {
   // First guesses, the most plausible first.
   std::vector<Sim3d> Guesses() const;
   // From a start whose evidence is weighed by how well it fits there, or not at all yet.
-  EarthSolution Solve(const Sim3d& start, bool weigh_start) const;
+  EarthSolution Solve(const Sim3d& start, bool weigh_start) const {
+    return Solve(start, weigh_start, options_.iterations);
+  }
+  EarthSolution Solve(const Sim3d& start, bool weigh_start, int most_iterations) const;
   // What the result holds besides the estimate.
   void Describe(const EarthSolution& solution, GeoRegistration* result) const;
 
@@ -291,14 +296,14 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
   }
 }
 
-EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start) const {
+EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start, int most_iterations) const {
   EarthSolution solution;
   solution.s = start;
   solution.w_position.assign(obs_.size(), 1);
   solution.w_attitude.assign(obs_.size(), 1);
   solution.residuals.assign(obs_.size(), Eigen::Vector3d::Zero());
   if (weigh_start) Weigh(Build(start, solution), &solution);
-  for (int it = 0; it < options_.iterations; ++it) {
+  for (int it = 0; it < most_iterations; ++it) {
     solution.iterations = it + 1;
     const System system = Build(solution.s, solution);
     solution.h = system.jac.transpose() * system.weight * system.jac;
@@ -308,7 +313,7 @@ EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start) const {
     if (!step.allFinite()) return solution;
     solution.s = Moved(solution.s, step);
     Weigh(system, &solution);
-    if (step.norm() < 1e-9) break;
+    if (step.norm() < kStill) break;
   }
   solution.good = true;
   return solution;
@@ -758,7 +763,8 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return result;
   }
   const std::vector<OtherTurn> turns = FindOtherTurns(*best, obs, [&](const std::vector<GeoObservation>& less) {
-    return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).Solve(best->s, true);
+    return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options)
+        .Solve(best->s, true, kFewSteps);
   });
   result.reason = Remarks(other, turns, excess, enlarged.factor);
   result.solved = true;

@@ -297,6 +297,20 @@ TEST(GeoRegistration, AScaleThatIsOffIsMeasuredAndTold) {
   }
 }
 
+// A scale stated as if it were exact, and 2.5 % off: geotags that contradict it are heard.
+TEST(GeoRegistration, NoScaleIsExactWhereGeotagsContradictIt) {
+  int contradicted = 0;
+  for (uint64_t seed = 20; seed < 40; ++seed) {
+    const Site site = InUnit(MakeSite(seed, 0), 1.025);
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, kScale, 1e-6, false, {});
+    ASSERT_TRUE(geo.solved) << geo.reason;
+    if (geo.covariance(6, 6) < 1e-8) continue;  // by chance they do not contradict it
+    ++contradicted;
+    ExpectWithin(3, geo, site);
+  }
+  EXPECT_GT(contradicted, 10);
+}
+
 TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   Site site = MakeSite(11, 0);
   for (GeoObservation& o : site.observations) o.has_heading = o.has_tilt = false;
