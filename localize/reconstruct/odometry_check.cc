@@ -35,7 +35,7 @@ struct View {
   std::vector<Eigen::Vector3d> rays;
 };
 
-View ReadView(const LocalizeInput& input, int image, size_t most = kFeatures) {
+View ReadView(const LocalizeInput& input, int image, size_t most) {
   const FeatureSet all = input.image_features(image);
   std::vector<size_t> order(all.size());
   std::iota(order.begin(), order.end(), size_t{0});
@@ -53,34 +53,43 @@ View ReadView(const LocalizeInput& input, int image, size_t most = kFeatures) {
   return view;
 }
 
-// How far the matches move, rad, in the median.
-double MedianMotion(const View& a, const View& b, const Matches& matches) {
+// Two images, the rays of their features that match, in the same order, and how far these move in the median.
+struct MatchedPair {
+  int a = 0, b = 0;
+  std::vector<Eigen::Vector3d> rays_a, rays_b;
+  double motion_rad = 0;
+};
+
+// Nothing where too few features match.
+std::optional<MatchedPair> Match(const LocalizeInput& input, int image_a, int image_b,
+                                 const OdometryCheckOptions& options, size_t features = kFeatures) {
+  const View a = ReadView(input, image_a, features), b = ReadView(input, image_b, features);
+  const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+  if (static_cast<int>(matches.size()) < options.least_matches) return std::nullopt;
+  MatchedPair pair{image_a, image_b, {}, {}, 0};
   std::vector<double> motions;
   for (const auto& [i, j] : matches) {
-    motions.push_back(AngleBetween(a.rays[static_cast<size_t>(i)], b.rays[static_cast<size_t>(j)]));
+    pair.rays_a.push_back(a.rays[static_cast<size_t>(i)]);
+    pair.rays_b.push_back(b.rays[static_cast<size_t>(j)]);
+    motions.push_back(AngleBetween(pair.rays_a.back(), pair.rays_b.back()));
   }
-  return Median(std::move(motions));
+  pair.motion_rad = Median(std::move(motions));
+  return pair;
 }
 
-std::optional<MeasuredMotion> MeasurePair(const LocalizeInput& input, int image_a, int image_b, const View& a,
-                                          const View& b, const Matches& matches, const OdometryCheckOptions& options,
-                                          uint64_t seed) {
-  std::vector<Eigen::Vector3d> rays_a, rays_b;
-  for (const auto& [i, j] : matches) {
-    rays_a.push_back(a.rays[static_cast<size_t>(i)]);
-    rays_b.push_back(b.rays[static_cast<size_t>(j)]);
-  }
+std::optional<MeasuredMotion> Measure(const LocalizeInput& input, const MatchedPair& pair,
+                                      const OdometryCheckOptions& options, uint64_t seed) {
   WideBaselineOptions two;
-  two.inlier_rad = options.inlier_px / CameraOf(input, image_a).MeanFocal();
+  two.inlier_rad = options.inlier_px / CameraOf(input, pair.a).MeanFocal();
   two.seed = seed;
-  const RelativePoseEstimate estimate = EstimateRelativePose(rays_a, rays_b, two);
+  const RelativePoseEstimate estimate = EstimateRelativePose(pair.rays_a, pair.rays_b, two);
   const WideBaselineResult& g = estimate.best;
   if (!g.verified || static_cast<int>(g.inliers.size()) < options.least_matches) return std::nullopt;
   if (estimate.rotation_ambiguous) return std::nullopt;
   const Eigen::Matrix<double, 5, 5> covariance = g.information.ldlt().solve(Eigen::Matrix<double, 5, 5>::Identity());
   if (!covariance.allFinite()) return std::nullopt;
-  const FrameImage &frame_a = input.images[static_cast<size_t>(image_a)],
-                   &frame_b = input.images[static_cast<size_t>(image_b)];
+  const FrameImage &frame_a = input.images[static_cast<size_t>(pair.a)],
+                   &frame_b = input.images[static_cast<size_t>(pair.b)];
   MeasuredMotion m;
   m.a = frame_a.pose, m.b = frame_b.pose;
   m.sensor_from_body = input.cameras[static_cast<size_t>(frame_a.camera)].cam_from_body;
@@ -113,16 +122,14 @@ int Later(const std::vector<int>& next, int image, int count) {
 // From an image to a later one, at least `first_apart` images on, that shows enough motion and yet the same things.
 std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std::vector<int>& next, int image,
                                           int first_apart, const OdometryCheckOptions& options, uint64_t seed) {
-  const View a = ReadView(input, image);
   std::optional<MeasuredMotion> found;
   for (int apart = first_apart; apart <= options.most_apart; apart *= 2) {
     const int other = Later(next, image, apart);
     if (other < 0) break;
-    const View b = ReadView(input, other);
-    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
-    if (static_cast<int>(matches.size()) < options.least_matches) break;
-    if (MedianMotion(a, b, matches) > options.least_deg * kDegToRad) {
-      const auto motion = MeasurePair(input, image, other, a, b, matches, options, seed + static_cast<uint64_t>(apart));
+    const std::optional<MatchedPair> pair = Match(input, image, other, options);
+    if (!pair) break;
+    if (pair->motion_rad > options.least_deg * kDegToRad) {
+      const auto motion = Measure(input, *pair, options, seed + static_cast<uint64_t>(apart));
       if (motion && (!found || motion->has_direction)) found = motion;
       if (found && found->has_direction) break;
     }
@@ -154,14 +161,9 @@ std::vector<MeasuredMotion> MeasureNeighbours(const LocalizeInput& input, Odomet
   std::vector<std::optional<MeasuredMotion>> measured(pairs.size());
   ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
     const auto [image, other] = pairs[static_cast<size_t>(i)];
-    const View a = ReadView(input, image, kAllFeatures), b = ReadView(input, other, kAllFeatures);
-    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
-    if (static_cast<int>(matches.size()) < options.least_matches ||
-        MedianMotion(a, b, matches) < options.least_deg * kDegToRad) {
-      return;
-    }
-    measured[static_cast<size_t>(i)] =
-        MeasurePair(input, image, other, a, b, matches, options, seed + static_cast<uint64_t>(i));
+    const std::optional<MatchedPair> pair = Match(input, image, other, options, kAllFeatures);
+    if (!pair || pair->motion_rad < options.least_deg * kDegToRad) return;
+    measured[static_cast<size_t>(i)] = Measure(input, *pair, options, seed + static_cast<uint64_t>(i));
   });
   return Found(measured);
 }
@@ -256,10 +258,8 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
         input.images[static_cast<size_t>(next[i])].pose != step.pose + 1) {
       continue;
     }
-    const View a = ReadView(input, static_cast<int>(i)), b = ReadView(input, next[i]);
-    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
-    if (static_cast<int>(matches.size()) < options.least_matches) continue;
-    auto motion = MeasurePair(input, static_cast<int>(i), next[i], a, b, matches, options, seed);
+    const std::optional<MatchedPair> pair = Match(input, static_cast<int>(i), next[i], options);
+    auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
     if (!motion) continue;
     motion->a = 0, motion->b = 1;
     const auto k = static_cast<size_t>(step.pose);
@@ -344,11 +344,8 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
     };
     const double step = (pose(other) - pose(image)).norm();
     if (step < kMoves_m) continue;
-    const View a = ReadView(input, image), b = ReadView(input, other);
-    const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
-    if (static_cast<int>(matches.size()) < options.least_matches || MedianMotion(a, b, matches) > kStill_rad) {
-      return std::nullopt;
-    }
+    const std::optional<MatchedPair> pair = Match(input, image, other, options);
+    if (!pair || pair->motion_rad > kStill_rad) return std::nullopt;
     ++compared;
     moved += step;
   }
