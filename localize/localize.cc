@@ -11,6 +11,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
 #include "localize/georegistration/gps_check.h"
+#include "localize/reconstruct/lens_check.h"
 #include "localize/references/mirrored.h"
 
 namespace trigpoint {
@@ -69,6 +70,13 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
   const size_t middle = errors.size() / 2;
   std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(middle), errors.end());
   return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
+}
+
+// Of the solved problem, with what the lenses leave open.
+std::unique_ptr<BundleCovariance> CovarianceOf(const LocalizeInput& input, int threads, const CancelToken& cancel,
+                                               Reconstruction* r) {
+  r->problem.pose_shifts = PoseShiftsByLenses(input, *r, threads, cancel);
+  return std::make_unique<BundleCovariance>(r->problem, threads, cancel);
 }
 
 // Covariance of places' odom_from_rig (left tangent, odom axes), jointly.
@@ -198,7 +206,7 @@ void UseWorld(const LocalizeInput& input, const GeoStart& start, const std::vect
   BundleProblem& p = result->reconstruction.problem;
   WorldFit& fit = result->world;
   fit = FitWorld(input, start, gps, evidence, options, bundle, &p, &result->reconstruction.summary, progress, cancel);
-  *covariance = std::make_unique<BundleCovariance>(p, bundle.threads, cancel);
+  *covariance = CovarianceOf(input, bundle.threads, cancel, &result->reconstruction);
   result->on_earth = fit.solved;
   result->earth_reason = fit.reason;
   if (!fit.solved) return;
@@ -332,7 +340,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
                                          "; expected degrees clockwise from north; not used: correct table or EXIF");
     leave_out_headings();
   }
-  auto local = std::make_unique<BundleCovariance>(p, threads, cancel);
+  std::unique_ptr<BundleCovariance> local = CovarianceOf(input, threads, cancel, &r);
   if (!input.has_frame) {
     result.earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
   } else {
@@ -358,7 +366,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
       r.summary = SolveBundle(p, bundle, progress, cancel);
       earth = CollectEarth(input, result, joint, gps, options.geo);
       if (other_headings) leave_out_headings();
-      local = std::make_unique<BundleCovariance>(p, threads, cancel);
+      local = CovarianceOf(input, threads, cancel, &r);
       result.geo = fit(1 / scale);
     }
     result.earth_reason = result.geo.reason;

@@ -28,6 +28,7 @@ void MoveReconstruction(Reconstruction&& r, double scale_sigma, Solution* s) {
   s->sigma_px = r.sigma_px;
   s->correlation_inflation = r.correlation_inflation;
   s->odometry_noise_factor = r.odometry_noise_factor;
+  s->lens_errors = std::move(r.lens_errors);
   s->summary = r.summary;
   s->dropped_observations = r.dropped_observations;
 }
@@ -94,6 +95,7 @@ Reconstruction ReconstructionOf(const LocalizeInput& input, Solution s) {
   r.sigma_px = s.sigma_px;
   r.correlation_inflation = s.correlation_inflation;
   r.odometry_noise_factor = s.odometry_noise_factor;
+  r.lens_errors = std::move(s.lens_errors);
   r.summary = s.summary;
   r.dropped_observations = s.dropped_observations;
   return r;

@@ -76,6 +76,17 @@ void RequireConventions(const Run& run, const LocalizeInput& input, StageContext
   if (contradiction) throw InputError(*contradiction);
 }
 
+// Images alone know a run's shape as well as its lens: what another lens would make of it is part of the covariances.
+void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext& context) {
+  try {
+    run->reconstruction.lens_errors = LensErrors(input, run->reconstruction);
+  } catch (const NumericError&) {
+    return;  // what does not determine a lens asks for no other
+  }
+  run->reconstruction.problem.pose_shifts =
+      PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
+}
+
 // Refuses a calibration that the images contradict.
 void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
   LensCheck check;
@@ -156,6 +167,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                         : ReconstructWithItsCameras(options, mode, target, run, context, &result);
   if (!calibrated) check(job);
   if (calibrated && options.check_conventions && mode != "paper") RequireCalibration(job.input, result, context);
+  if (!job.input.has_odometry) HeedLenses(job.input, &result, context);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
   context.progress.Begin("writing the solution", 0);

@@ -205,8 +205,15 @@ struct BundleCovariance::Impl {
   BundleModel model;
   SparseSystem system;
   Workers workers;
+  Eigen::MatrixXd shifts;  // 6 rows a pose: by the errors that observations share
   Impl(const BundleProblem& p, int threads, const CancelToken& cancel)
-      : model(p), system(model), workers{threads, cancel} {}
+      : model(p),
+        system(model),
+        workers{threads, cancel},
+        shifts(Eigen::MatrixXd::Zero(6 * static_cast<Eigen::Index>(p.poses.size()), p.pose_shifts.cols())) {
+    shifts.topRows(p.pose_shifts.rows()) = p.pose_shifts;
+  }
+  auto ShiftsOf(int pose) const { return shifts.middleRows<6>(6 * static_cast<Eigen::Index>(pose)); }
 };
 
 BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, const CancelToken& cancel)
@@ -218,6 +225,15 @@ BundleCovariance::BundleCovariance(const BundleProblem& problem, int threads, co
 }
 
 BundleCovariance::~BundleCovariance() = default;
+
+Eigen::VectorXd BundleCovariance::Gradient() const {
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(impl_->shifts.rows());
+  for (size_t p = 0; p < impl_->model.PoseCount(); ++p) {
+    const int block = impl_->model.BlockOf(static_cast<int>(p));
+    if (block >= 0) out.segment<6>(6 * static_cast<Eigen::Index>(p)) = impl_->system.gradient().segment<6>(6 * block);
+  }
+  return out;
+}
 
 double BundleCovariance::ScaleVariance(int scale) const {
   const int block = impl_->model.ScaleBlockOf(scale);
@@ -240,7 +256,11 @@ Eigen::MatrixXd BundleCovariance::Joint(const std::vector<int>& poses) const {
       if (block(i) >= 0) out.block<6, 1>(6 * static_cast<Eigen::Index>(i), column) = x.segment<6>(6 * block(i));
     }
   });
-  return out;
+  Eigen::MatrixXd shifts(n, impl_->shifts.cols());
+  for (size_t i = 0; i < poses.size(); ++i) {
+    shifts.middleRows<6>(6 * static_cast<Eigen::Index>(i)) = impl_->ShiftsOf(poses[i]);
+  }
+  return out + shifts * shifts.transpose();
 }
 
 Eigen::MatrixXd BundleCovariance::Times(const Eigen::MatrixXd& b) const {
@@ -258,7 +278,7 @@ Eigen::MatrixXd BundleCovariance::Times(const Eigen::MatrixXd& b) const {
       if (block >= 0) out.block<6, 1>(6 * p, column) = x.segment<6>(6 * block);
     }
   });
-  return out;
+  return out + impl_->shifts * (impl_->shifts.transpose() * b);
 }
 
 void BundleCovariance::PoseBlocks(const std::vector<int>& next, std::vector<Matrix6d>* diagonal,
@@ -271,9 +291,10 @@ void BundleCovariance::PoseBlocks(const std::vector<int>& next, std::vector<Matr
   for (size_t p = 0; p < poses; ++p) {
     const int block = model.BlockOf(static_cast<int>(p));
     if (block < 0) continue;
-    (*diagonal)[p] = inverse.Block(block, block);
+    const auto shifts = impl_->ShiftsOf(static_cast<int>(p));
+    (*diagonal)[p] = inverse.Block(block, block) + shifts * shifts.transpose();
     const int after = p < next.size() ? model.BlockOf(next[p]) : -1;
-    if (after >= 0) (*with_next)[p] = inverse.Block(block, after);
+    if (after >= 0) (*with_next)[p] = inverse.Block(block, after) + shifts * impl_->ShiftsOf(next[p]).transpose();
   }
 }
 

@@ -94,6 +94,9 @@ struct BundleProblem {
   std::optional<MapFactor> map;
   std::shared_ptr<const ceres::LossFunction> loss;                    // of bearing observations
   std::vector<OdometryScale> scales = std::vector<OdometryScale>(1);  // one a run
+  // How far each pose moves (left tangent, 6 rows) with each error that observations share, of one sigma: no residual
+  // shows it, covariances contain it. Empty: none is known.
+  Eigen::MatrixXd pose_shifts;
 };
 
 struct BundleOptions {
@@ -128,6 +131,8 @@ class BundleCovariance {
   Eigen::MatrixXd Joint(const std::vector<int>& poses) const;
   // The covariance of all poses (6 rows each, zero for constant ones) times `b`, which has as many rows.
   Eigen::MatrixXd Times(const Eigen::MatrixXd& b) const;
+  // Of half the cost by all poses (6 rows each, zero for constant ones), the points moving along.
+  Eigen::VectorXd Gradient() const;
   // Of an odometry's scale; 0 where that is held.
   double ScaleVariance(int scale = 0) const;
   // 6 x 6 covariance of every pose (rig_from_world, left tangent) and its covariance with the next pose in `next`

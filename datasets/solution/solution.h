@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -80,6 +81,9 @@ struct Solution {
   std::string mode = "trigpoint";  // trigpoint, paper
 
   std::vector<BodyCamera> cameras;  // without masks
+  // Of each camera, how the images would have its lens instead; empty: as calibrated. Shares of the focal length; the
+  // principal point, px right and down; shares of distortion by r^2 and r^4, where r is 1 in the picture's corners.
+  std::vector<std::array<double, 5>> lens_errors;
   std::vector<SolutionImage> images;
   std::vector<int64_t> pose_stamps;  // of the body poses, which are the first of problem.poses
 

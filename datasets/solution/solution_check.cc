@@ -62,6 +62,10 @@ void CheckSolution(const Solution& s) {
   CheckSize("image indices", s.image_of.size(), "observations", p.observations.size());
   CheckSize("feature indices", s.feature_of.size(), "observations", p.observations.size());
   if (!s.covariances.empty()) CheckSize("covariances", s.covariances.size(), "poses", p.poses.size());
+  if (!s.lens_errors.empty()) CheckSize("errors of lenses", s.lens_errors.size(), "cameras", s.cameras.size());
+  if (p.pose_shifts.size() > 0) {
+    CheckSize("shifts", static_cast<size_t>(p.pose_shifts.rows() / 6), "poses", p.poses.size());
+  }
   CheckObservations(s);
   for (size_t i = 0; i < p.factors.size(); ++i) {
     CheckIndex("factor", i, "pose", p.factors[i].a, p.poses.size());

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <fstream>
@@ -146,6 +147,39 @@ Table PoseTable(Solution& s) {
   t.AddMade(
       "constant", [&](size_t i) { return !p.pose_constant.empty() && p.pose_constant[i]; },
       [&](size_t i, bool v) { return p.pose_constant[i] = v, true; });
+  return t;
+}
+
+Table LensErrorTable(Solution& s) {
+  using Errors = std::array<double, 5>;
+  Table t{"lens_errors", s.lens_errors.size(), [&](size_t n) { s.lens_errors.resize(n); }, {}};
+  t.AddMade(
+      "errors", [&](size_t i) { return std::vector<double>(s.lens_errors[i].begin(), s.lens_errors[i].end()); },
+      [&](size_t i, const std::vector<double>& v) {
+        if (v.size() != Errors().size()) return false;
+        std::copy(v.begin(), v.end(), s.lens_errors[i].begin());
+        return true;
+      });
+  return t;
+}
+
+Table ShiftTable(Solution& s) {
+  Eigen::MatrixXd& shifts = s.problem.pose_shifts;
+  const auto resize = [&](size_t n) { shifts.resize(6 * static_cast<Eigen::Index>(n), 0); };
+  Table t{"pose_shifts", static_cast<size_t>(shifts.rows() / 6), resize, {}};
+  t.AddMade(
+      "shifts",
+      [&](size_t i) {
+        const Eigen::MatrixXd own = shifts.middleRows<6>(6 * static_cast<Eigen::Index>(i));
+        return std::vector<double>(own.data(), own.data() + own.size());
+      },
+      [&](size_t i, const std::vector<double>& v) {
+        const auto errors = static_cast<Eigen::Index>(v.size() / 6);
+        if (i == 0) shifts.setZero(shifts.rows(), errors);
+        if (errors == 0 || 6 * shifts.cols() != static_cast<Eigen::Index>(v.size())) return false;
+        shifts.middleRows<6>(6 * static_cast<Eigen::Index>(i)) = Eigen::Map<const Eigen::MatrixXd>(v.data(), 6, errors);
+        return true;
+      });
   return t;
 }
 
@@ -357,6 +391,7 @@ Table SiteRunTable(Solution& s) {
 
 int VersionOf(const Solution& s) {
   const auto is_view = [](const BodyCamera& camera) { return camera.IsFurtherView(); };
+  if (!s.lens_errors.empty() || s.problem.pose_shifts.size() > 0) return 4;
   if (!s.runs.empty() || std::any_of(s.cameras.begin(), s.cameras.end(), is_view)) return 3;
   return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? 2 : 1;
 }
@@ -374,6 +409,10 @@ std::vector<Table> Tables(Solution& s, int version) {
     tables.push_back(MapTable(s));
   }
   if (version > 2) tables.push_back(SiteRunTable(s));
+  if (version > 3) {
+    tables.push_back(LensErrorTable(s));
+    tables.push_back(ShiftTable(s));
+  }
   return tables;
 }
 

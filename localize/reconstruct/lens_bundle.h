@@ -12,8 +12,7 @@
 
 namespace trigpoint {
 
-inline constexpr int kLensParameters = 5;
-using LensParameters = std::array<double, kLensParameters>;
+inline constexpr int kLensParameters = std::tuple_size_v<LensParameters>;
 using PoseParameters = std::array<double, 6>;  // angle axis and translation (m) of body_from_odom
 
 // Images, points and odometry of a reconstruction as a problem of Ceres, which points into it: it stays where it is.

@@ -14,6 +14,8 @@ constexpr int kIterations = 10;
 constexpr int kLeastRedundancy = 200;  // with less, five more parameters remove much by chance
 // 1 sigma of each error before the images are used: wide. What images do not determine stays as calibrated.
 constexpr double kSigmaShare = 0.3, kSigmaCentre = 0.1;  // the centre's: share of half the diagonal
+// The same of a calibration with a board.
+constexpr double kUsual = 0.003;
 // A calibration is contradicted if another lens removes more than the first share of the squared residuals and moves
 // pixels by more than the second share of half the picture's diagonal. With good calibrations of real cameras, it
 // removes up to 30 % in runs straight ahead.
@@ -85,30 +87,90 @@ double RmsShift(const Camera& camera, const Lens& lens) {
   return std::sqrt(sum / (kGrid * kGrid));
 }
 
+// Fills the bundle with the run's images and with what is known of their lenses, which are held. Returns the cameras
+// with images; none where these have too few points in common.
+std::vector<size_t> AddLenses(const LocalizeInput& input, double sigma_share, double sigma_centre, LensBundle* bundle) {
+  bundle->AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, o); });
+  bundle->AddMotion();
+  std::vector<size_t> cameras;
+  for (size_t c = 0; c < input.cameras.size(); ++c) {
+    if (!bundle->HasLens(c)) continue;
+    const double centre = sigma_centre * HalfDiagonal(input.cameras[c].camera);
+    bundle->AddPrior(c, LensParameters{}, {sigma_share, centre, centre, sigma_share, sigma_share});
+    bundle->problem.SetParameterBlockConstant(bundle->lenses[c].data());
+    cameras.push_back(c);
+  }
+  if (bundle->problem.NumResiduals() - bundle->problem.NumParameters() < kLeastRedundancy) return {};
+  return cameras;
+}
+
+double SolveWithLenses(const std::vector<size_t>& cameras, LensBundle* bundle) {
+  for (const size_t c : cameras) bundle->problem.SetParameterBlockVariable(bundle->lenses[c].data());
+  return bundle->Solve(kIterations);
+}
+
+// The ray of an observation under another lens, and its weight there.
+void SeeThrough(const Camera& camera, const LensParameters& error, BearingObservation* o) {
+  const auto pixel = camera.Project(o->ray.cast<double>());
+  if (!pixel) return;
+  const Eigen::Vector2d moved = *pixel - ShiftOf(camera, *pixel) * Lens(error.data());
+  const auto ray = camera.Unproject(moved);
+  if (!ray || !camera.Project(*ray)) return;
+  const float sigma = camera.BearingSqrtInfo(*pixel, 1).cast<float>().norm() / o->w.norm();
+  o->ray = ray->cast<float>();
+  o->w = camera.BearingSqrtInfo(moved, 1).cast<float>() / sigma;
+}
+
 }  // namespace
 
 LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r) {
   LensBundle bundle(r, std::vector<LensParameters>(input.cameras.size(), LensParameters{}));
-  bundle.AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, o); });
-  bundle.AddMotion();
-  std::vector<size_t> cameras;
-  for (size_t c = 0; c < input.cameras.size(); ++c) {
-    if (!bundle.HasLens(c)) continue;
-    const double centre = kSigmaCentre * HalfDiagonal(input.cameras[c].camera);
-    bundle.AddPrior(c, LensParameters{}, {kSigmaShare, centre, centre, kSigmaShare, kSigmaShare});
-    bundle.problem.SetParameterBlockConstant(bundle.lenses[c].data());
-    cameras.push_back(c);
-  }
+  const std::vector<size_t> cameras = AddLenses(input, kSigmaShare, kSigmaCentre, &bundle);
   LensCheck check;
-  if (bundle.problem.NumResiduals() - bundle.problem.NumParameters() < kLeastRedundancy) return check;
+  if (cameras.empty()) return check;
   const double calibrated = bundle.Solve(kIterations);
-  for (const size_t c : cameras) bundle.problem.SetParameterBlockVariable(bundle.lenses[c].data());
-  check.better = calibrated > 0 ? 1 - bundle.Solve(kIterations) / calibrated : 0;
+  check.better = calibrated > 0 ? 1 - SolveWithLenses(cameras, &bundle) / calibrated : 0;
   for (const size_t c : cameras) {
     const Lens lens(bundle.lenses[c].data());
     check.errors.push_back({static_cast<int>(c), lens(0), lens.segment<2>(1), RmsShift(input.cameras[c].camera, lens)});
   }
   return check;
+}
+
+std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconstruction& r) {
+  LensBundle bundle(r, std::vector<LensParameters>(input.cameras.size(), LensParameters{}));
+  const std::vector<size_t> cameras = AddLenses(input, kUsual, kUsual, &bundle);
+  if (cameras.empty()) return {};
+  SolveWithLenses(cameras, &bundle);
+  return bundle.lenses;
+}
+
+Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& r, int threads,
+                                   const CancelToken& cancel) {
+  if (r.lens_errors.empty()) return {};
+  std::vector<std::vector<LensParameters>> errors;
+  for (size_t c = 0; c < r.lens_errors.size(); ++c) {
+    const double centre = kUsual * HalfDiagonal(input.cameras[c].camera);
+    const LensParameters usual = {kUsual, centre, centre, kUsual, kUsual};
+    for (size_t k = 0; k < usual.size(); ++k) {
+      errors.emplace_back(r.lens_errors.size(), LensParameters{});
+      errors.back()[c][k] = usual[k];
+    }
+  }
+  errors.push_back(r.lens_errors);
+  BundleProblem seen = r.problem;
+  seen.pose_shifts.resize(0, 0);
+  const BundleCovariance calibrated(seen, threads, cancel);
+  Eigen::MatrixXd gradients(6 * static_cast<Eigen::Index>(seen.poses.size()), static_cast<Eigen::Index>(errors.size()));
+  for (size_t e = 0; e < errors.size(); ++e) {
+    for (size_t i = 0; i < seen.observations.size(); ++i) {
+      BearingObservation& o = seen.observations[i] = r.problem.observations[i];
+      const auto view = static_cast<size_t>(o.view);
+      if (o.active && view < errors[e].size()) SeeThrough(input.cameras[view].camera, errors[e][view], &o);
+    }
+    gradients.col(static_cast<Eigen::Index>(e)) = BundleCovariance(seen, threads, cancel).Gradient();
+  }
+  return -calibrated.Times(gradients.colwise() - calibrated.Gradient());
 }
 
 std::optional<std::string> Contradiction(const LocalizeInput& input, const LensCheck& check) {

@@ -22,6 +22,17 @@ struct LensCheck {
   double better = 0;              // share of the squared residuals that another lens removes
 };
 
+// How the images would have the lens of each camera, given that it is calibrated: LensParameters are shares of the
+// focal length; the principal point, px right and down; and shares of distortion by r^2 and r^4, where r is 1 in the
+// picture's corners. Empty where the images have too few points in common. Throws NumericError.
+std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconstruction& reconstruction);
+
+// How far the poses of the reconstruction's problem, which is solved, move (left tangent, 6 rows) with each error of
+// the lenses: those that calibrations usually have, and last all of `lens_errors` together. To first order; nothing
+// without lens_errors. Without odometry, the lens alone holds a run's scale along its path.
+Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads,
+                                   const CancelToken& cancel);
+
 // Bundle adjustment of a part of the reconstruction with the lenses of all cameras free, to first order in their
 // errors: focal length, principal point, radial distortion. No errors where the images have too few points in common.
 // Throws NumericError.

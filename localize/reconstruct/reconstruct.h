@@ -1,6 +1,7 @@
 // Points and camera poses from tracks and odometry (docs/method.md section 2), and how well they are known.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -50,6 +51,8 @@ struct ReconstructOptions {
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
 
+using LensParameters = std::array<double, 5>;  // of lens_check.h or self_calibration.cc
+
 // The run in its own frame: odom is the first body pose's odometry frame.
 struct Reconstruction {
   BundleProblem problem;          // poses: body_from_odom; views: cameras first; observations with image indices below
@@ -61,6 +64,8 @@ struct Reconstruction {
   double correlation_inflation = 1;  // of it in the weights: errors along a track are correlated
   // Estimated factors on the odometry's assumed noise: rotation about the body's x, y, z, translation along them.
   Vector6d odometry_noise_factor = Vector6d::Ones();
+  // Of each camera, how the images would have its lens instead (lens_check.h); empty: as calibrated.
+  std::vector<LensParameters> lens_errors;
   BundleSummary summary;
   int dropped_observations = 0;
 };

@@ -131,5 +131,32 @@ TEST(Bundle, CovarianceIsThatOfRedraws) {
   EXPECT_LT(sum / kRedraws, 1.14);
 }
 
+TEST(Bundle, CovariancesContainTheErrorThatObservationsShare) {
+  BundleProblem p = Redraw(MakeScene(), 3, 1);
+  ProgressSink silent;
+  SolveBundle(p, {}, silent, {});
+  const std::vector<int> some = {2, 11};
+  const Eigen::MatrixXd alone = BundleCovariance(p, 1, {}).Joint(some);
+  p.pose_shifts.resize(72, 2);
+  for (Eigen::Index i = 0; i < 72; ++i) p.pose_shifts.row(i) << 0.01 * static_cast<double>(i), (i % 2 ? -0.02 : 0.01);
+  Eigen::MatrixXd shifts(12, 2);
+  shifts << p.pose_shifts.middleRows<6>(12), p.pose_shifts.middleRows<6>(66);
+  const Eigen::MatrixXd expected = alone + shifts * shifts.transpose();
+  BundleCovariance covariance(p, 1, {});
+  EXPECT_TRUE(covariance.Joint(some).isApprox(expected, 1e-9));
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(72, 12);
+  columns.middleRows<6>(12).leftCols<6>().setIdentity();
+  columns.middleRows<6>(66).rightCols<6>().setIdentity();
+  columns = covariance.Times(columns);
+  EXPECT_TRUE((columns.middleRows<6>(12).isApprox(expected.topRows<6>(), 1e-9)));
+  EXPECT_TRUE((columns.middleRows<6>(66).isApprox(expected.bottomRows<6>(), 1e-9)));
+  std::vector<Matrix6d> diagonal, with_next;
+  std::vector<int> next(12, -1);
+  next[2] = 11;
+  std::move(covariance).PoseBlocks(next, &diagonal, &with_next);
+  EXPECT_TRUE((diagonal[11].isApprox(expected.bottomRightCorner<6, 6>(), 1e-9)));
+  EXPECT_TRUE((with_next[2].isApprox(expected.topRightCorner<6, 6>(), 1e-9)));
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -206,6 +206,17 @@ TEST(SolutionFile, KeepsSeveralRuns) {
   EXPECT_THROW(WriteSolution(s, dir / "wrong.db"), InputError);
 }
 
+TEST(SolutionFile, KeepsWhatTheLensLeavesOpen) {
+  const TempDir dir;
+  Solution s = MakeSolution();
+  s.lens_errors.assign(s.cameras.size(), {0.01, -2, 0.5, 1e-3, -1e-4});
+  s.problem.pose_shifts = Eigen::MatrixXd::Random(6 * static_cast<Eigen::Index>(s.problem.poses.size()), 3);
+  WriteSolution(s, dir / "solution.db");
+  const Solution back = ReadSolution(dir / "solution.db");
+  EXPECT_EQ(back.lens_errors, s.lens_errors);
+  EXPECT_EQ(back.problem.pose_shifts, s.problem.pose_shifts);
+}
+
 TEST(SolutionFile, RefusesANewerFormat) {
   const TempDir dir;
   WriteSolution(MakeSolution(), dir / "solution.db");

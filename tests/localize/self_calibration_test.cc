@@ -103,6 +103,34 @@ TEST(CheckLenses, ACalibrationThatFitsIsNotContradicted) {
   }
 }
 
+// A bundle under a lens that is a little off, which bends it; what the images ask for bends it back.
+TEST(LensErrors, ShowWhereThePosesWouldBe) {
+  const std::vector<Rigid3d> truth = MakeScene(3).reconstruction.problem.poses;
+  Scene scene = MakeScene(3, {CameraModel::kRadtan, 640, 480, {502, 502, 325, 236, -0.095, 0.02, 0, 0}});
+  Reconstruction& r = scene.reconstruction;
+  r.problem.pose_constant.assign(truth.size(), false);
+  r.problem.pose_constant[0] = true;
+  ProgressSink silent;
+  SolveBundle(r.problem, {}, silent, {});
+  EXPECT_TRUE(PoseShiftsByLenses(scene.input, r, 1, {}).size() == 0) << "no other lens is known of";
+  r.lens_errors = LensErrors(scene.input, r);
+  ASSERT_EQ(r.lens_errors.size(), 1U);
+  EXPECT_NEAR(r.lens_errors[0][0], 500.0 / 502 - 1, 0.002);
+  EXPECT_NEAR(r.lens_errors[0][1], -1, 0.5);
+  const Eigen::MatrixXd shifts = PoseShiftsByLenses(scene.input, r, 1, {});
+  ASSERT_EQ(shifts.rows(), static_cast<Eigen::Index>(6 * truth.size()));
+  ASSERT_EQ(shifts.cols(), 6) << "five of a usual calibration, one of these images";
+  double before = 0, after = 0;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    before += r.problem.poses[i].Minus(truth[i]).squaredNorm();
+    after += r.problem.poses[i]
+                 .Plus(shifts.col(5).segment<6>(6 * static_cast<Eigen::Index>(i)))
+                 .Minus(truth[i])
+                 .squaredNorm();
+  }
+  EXPECT_LT(after, 0.1 * before);
+}
+
 TEST(CheckLenses, AnotherLensIsNamed) {
   const auto check_of = [](std::vector<double> params, LensCheck* check) {
     Scene scene = MakeScene(1, {CameraModel::kRadtan, 640, 480, std::move(params)});
