@@ -75,6 +75,62 @@ std::optional<Camera> AsCamera(const CameraState& state, int width, int height) 
   }
 }
 
+// Which parameters are free in each step of a start.
+std::vector<std::vector<int>> StartSteps(int count, bool fisheye) {
+  std::vector<std::vector<int>> steps = {{0}};
+  if (count > 4) steps.push_back({0, 4});
+  if (fisheye) {
+    steps.push_back({0, 2, 3, 4, 5});
+  } else if (count > 4) {
+    steps.push_back({0, 2, 3, 4, 5, 6, 7});
+  }
+  steps.push_back(Range(0, std::min(count, 9)));
+  if (count > 9) steps.push_back(Range(0, count));
+  return steps;
+}
+
+// Above 1: two candidates for one pose don't agree.
+double Disagreement(const Rigid3d& a, const Rigid3d& b) {
+  const double size = std::max({0.1 * a.translation.norm(), 0.1 * b.translation.norm(), 1e-3});
+  return AngleBetween(a.rotation, b.rotation) / 0.05 + (a.translation - b.translation).norm() / size;
+}
+
+// The candidate that most others agree with.
+Rigid3d MostAgreed(const std::vector<Rigid3d>& candidates) {
+  double least = std::numeric_limits<double>::infinity();
+  Rigid3d best;
+  for (const Rigid3d& candidate : candidates) {
+    double sum = 0;
+    for (const Rigid3d& other : candidates) sum += std::min(1.0, Disagreement(candidate, other));
+    if (sum < least) {
+      least = sum;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+using ViewTable = std::vector<std::vector<int>>;  // camera, frame: the view whose board pose is known; -1: none
+
+struct CameraPair {
+  size_t from = 0, to = 0;
+  size_t shared = 0;  // frames in which both have a board pose
+};
+
+// The camera to be placed that shares most frames with one that is placed.
+CameraPair NextToPlace(const ViewTable& view_of, const std::vector<bool>& placed) {
+  CameraPair best;
+  for (size_t a = 0; a < placed.size(); ++a) {
+    for (size_t b = 0; b < placed.size(); ++b) {
+      if (!placed[a] || placed[b]) continue;
+      size_t shared = 0;
+      for (size_t f = 0; f < view_of[a].size(); ++f) shared += view_of[a][f] >= 0 && view_of[b][f] >= 0;
+      if (shared > best.shared) best = {a, b, shared};
+    }
+  }
+  return best;
+}
+
 class Calibrator {
  public:
   Calibrator(const CalibrationInput& input, const CalibrateOptions& options, const CancelToken& cancel)
@@ -187,8 +243,17 @@ class Calibrator {
     return views;
   }
 
+  const Rigid3d& PoseOf(int view) const { return *cam_from_board_[static_cast<size_t>(view)]; }
+
   void StartOne(size_t c);
+  BoardProblem ProblemOf(size_t c, const CameraStart& start) const;
+  void TakeBetterPoses(const Camera& camera, const std::vector<size_t>& views, BoardProblem& one) const;
   void StartRig();
+  void PlaceCamera(size_t from, size_t to, const ViewTable& view_of);
+  CalibratedCamera CameraResult(size_t c, const Eigen::MatrixXd& covariance, Eigen::Index at) const;
+  void AddParameters(Calibration& result) const;
+  void AddResiduals(Calibration& result) const;
+  void DescribeViews(Calibration& result) const;
   void SetRobustSigmas();
   void SetSigmas();
   bool Reject();
@@ -203,6 +268,42 @@ class Calibrator {
   std::vector<std::string> reasons_;                    // why a view is left out
   SolveReport report_;
 };
+
+// Camera c by itself.
+BoardProblem Calibrator::ProblemOf(size_t c, const CameraStart& start) const {
+  BoardProblem one;
+  one.board = &board_;
+  one.rig_from_board.resize(input_.frames.size());
+  one.frame_used.assign(input_.frames.size(), false);
+  one.cameras = {problem_.cameras[c]};
+  std::copy_n(start.camera.params().begin(), 4, one.cameras[0].params.begin());
+  for (const auto& [view, pose] : start.cam_from_board) {
+    const auto f = static_cast<size_t>(input_.views[static_cast<size_t>(view)].frame);
+    one.rig_from_board[f] = pose;
+    one.frame_used[f] = true;
+  }
+  for (BoardObservation o : problem_.observations) {
+    if (static_cast<size_t>(o.camera) != c) continue;
+    o.camera = 0;
+    one.observations.push_back(o);
+  }
+  return one;
+}
+
+// A plane has two poses, and a poor camera may have preferred the wrong one.
+void Calibrator::TakeBetterPoses(const Camera& camera, const std::vector<size_t>& views, BoardProblem& one) const {
+  for (size_t v : views) {
+    const auto f = static_cast<size_t>(input_.views[v].frame);
+    const double rms = one.frame_used[f] ? BoardRms(camera, board_, one.rig_from_board[f], input_.views[v].points)
+                                         : std::numeric_limits<double>::infinity();
+    for (const Rigid3d& pose : BoardPoses(camera, board_, input_.views[v].points)) {
+      if (BoardRms(camera, board_, pose, input_.views[v].points) >= rms) continue;
+      one.rig_from_board[f] = pose;
+      one.frame_used[f] = true;
+      break;
+    }
+  }
+}
 
 // Intrinsics of one camera by itself, from few parameters to all.
 void Calibrator::StartOne(size_t c) {
@@ -223,33 +324,9 @@ void Calibrator::StartOne(size_t c) {
                        ": no focal length fits the board in three pictures; check the target's description "
                        "(rows, columns, kind)");
   }
-  BoardProblem one;
-  one.board = &board_;
-  one.rig_from_board.resize(input_.frames.size());
-  one.frame_used.assign(input_.frames.size(), false);
-  one.cameras = {state};
+  BoardProblem one = ProblemOf(c, start);
   CameraState& camera = one.cameras[0];
-  std::copy_n(start.camera.params().begin(), 4, camera.params.begin());
-  for (const auto& [view, pose] : start.cam_from_board) {
-    const auto f = static_cast<size_t>(input_.views[static_cast<size_t>(view)].frame);
-    one.rig_from_board[f] = pose;
-    one.frame_used[f] = true;
-  }
-  for (BoardObservation o : problem_.observations) {
-    if (static_cast<size_t>(o.camera) != c) continue;
-    o.camera = 0;
-    one.observations.push_back(o);
-  }
-  const int count = static_cast<int>(camera.params.size());
-  std::vector<std::vector<int>> steps = {{0}};
-  if (count > 4) steps.push_back({0, 4});
-  if (fisheye) {
-    steps.push_back({0, 2, 3, 4, 5});
-  } else if (count > 4) {
-    steps.push_back({0, 2, 3, 4, 5, 6, 7});
-  }
-  steps.push_back(Range(0, std::min(count, 9)));
-  if (count > 9) steps.push_back(Range(0, count));
+  const std::vector<std::vector<int>> steps = StartSteps(static_cast<int>(camera.params.size()), fisheye);
   HuberChi2Loss loss(4.0);  // px^2: sigma is 1 px here
   for (size_t i = 0; i < steps.size(); ++i) {
     const bool all = i + 1 == steps.size() || steps[i].size() >= 9;
@@ -257,20 +334,8 @@ void Calibrator::StartOne(size_t c) {
     camera.free = steps[i];
     if (camera.square_pixels) std::erase(camera.free, 1);
     SolveBoardProblem(one, &loss, kIterations, cancel_);
-    // A plane has two poses, and a poor camera may have preferred the wrong one.
     const std::optional<Camera> now = AsCamera(camera, size.width, size.height);
-    if (!now) continue;
-    for (size_t v : views) {
-      const auto f = static_cast<size_t>(input_.views[v].frame);
-      const double rms = one.frame_used[f] ? BoardRms(*now, board_, one.rig_from_board[f], input_.views[v].points)
-                                           : std::numeric_limits<double>::infinity();
-      for (const Rigid3d& pose : BoardPoses(*now, board_, input_.views[v].points)) {
-        if (BoardRms(*now, board_, pose, input_.views[v].points) >= rms) continue;
-        one.rig_from_board[f] = pose;
-        one.frame_used[f] = true;
-        break;
-      }
-    }
+    if (now) TakeBetterPoses(*now, views, one);
   }
   SolveBoardProblem(one, &loss, kIterations, cancel_);
   if (!AsCamera(camera, size.width, size.height)) {
@@ -285,44 +350,48 @@ void Calibrator::StartOne(size_t c) {
   }
 }
 
+// Camera `to` by the frames it shares with `from`, which is placed.
+void Calibrator::PlaceCamera(size_t from, size_t to, const ViewTable& view_of) {
+  // A board that looks the same turned by half may have been counted from the other corner.
+  const Rigid3d turned(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitZ())),
+                       2 * board_.Middle());
+  const std::vector<Rigid3d> turns =
+      input_.target.LooksTheSameTurned() ? std::vector<Rigid3d>{Rigid3d(), turned} : std::vector<Rigid3d>{Rigid3d()};
+  std::vector<Rigid3d> candidates;
+  std::vector<int> views;  // of `to`, one a candidate
+  for (size_t f = 0; f < input_.frames.size(); ++f) {
+    if (view_of[from][f] < 0 || view_of[to][f] < 0) continue;
+    for (const Rigid3d& turn : turns) {
+      candidates.push_back(PoseOf(view_of[to][f]) * turn * PoseOf(view_of[from][f]).Inverse());
+      views.push_back(view_of[to][f]);
+    }
+  }
+  const Rigid3d to_from_from = MostAgreed(candidates);
+  problem_.cameras[to].cam_from_rig = to_from_from * problem_.cameras[from].cam_from_rig;
+  for (size_t i = 0; turns.size() > 1 && i < candidates.size(); i += 2) {
+    if (Disagreement(candidates[i], to_from_from) <= Disagreement(candidates[i + 1], to_from_from)) continue;
+    cam_from_board_[static_cast<size_t>(views[i])] = PoseOf(views[i]) * turned;
+    for (BoardObservation& o : problem_.observations) {
+      if (o.view == views[i]) o.point = board_.size() - 1 - o.point;
+    }
+  }
+}
+
 // cam_from_rig and the frames' rig_from_board from the cameras' own board poses.
 void Calibrator::StartRig() {
   const size_t cameras = problem_.cameras.size(), frames = input_.frames.size();
-  std::vector<std::vector<int>> view_of(cameras, std::vector<int>(frames, -1));
+  ViewTable view_of(cameras, std::vector<int>(frames, -1));
   for (size_t v = 0; v < input_.views.size(); ++v) {
     if (cam_from_board_[v]) {
       view_of[static_cast<size_t>(input_.views[v].camera)][static_cast<size_t>(input_.views[v].frame)] =
           static_cast<int>(v);
     }
   }
-  const auto pose = [&](size_t c, size_t f) { return *cam_from_board_[static_cast<size_t>(view_of[c][f])]; };
-  // A board that looks the same turned by half may have been counted from the other corner.
-  const Rigid3d turned(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitZ())),
-                       2 * board_.Middle());
-  const std::vector<Rigid3d> turns =
-      input_.target.LooksTheSameTurned() ? std::vector<Rigid3d>{Rigid3d(), turned} : std::vector<Rigid3d>{Rigid3d()};
-  const auto difference = [](const Rigid3d& a, const Rigid3d& b) {
-    const double size = std::max({0.1 * a.translation.norm(), 0.1 * b.translation.norm(), 1e-3});
-    return AngleBetween(a.rotation, b.rotation) / 0.05 + (a.translation - b.translation).norm() / size;
-  };
   std::vector<bool> placed(cameras, false);
   placed[0] = true;
   for (size_t step = 1; step < cameras; ++step) {
-    // The camera that shares most frames with one that is placed.
-    size_t from = 0, to = 0, most = 0;
-    for (size_t a = 0; a < cameras; ++a) {
-      for (size_t b = 0; b < cameras; ++b) {
-        if (!placed[a] || placed[b]) continue;
-        size_t shared = 0;
-        for (size_t f = 0; f < frames; ++f) shared += view_of[a][f] >= 0 && view_of[b][f] >= 0;
-        if (shared > most) {
-          most = shared;
-          from = a;
-          to = b;
-        }
-      }
-    }
-    if (most == 0) {
+    const CameraPair pair = NextToPlace(view_of, placed);
+    if (pair.shared == 0) {
       std::string alone;
       for (size_t b = 0; b < cameras; ++b) {
         if (!placed[b]) alone += (alone.empty() ? "" : ", ") + input_.cameras[b].name;
@@ -331,41 +400,13 @@ void Calibrator::StartRig() {
                        ": shares no picture of the board with the other cameras; photograph the board where two "
                        "cameras see it at once, and name pictures of one moment alike");
     }
-    // The candidate that most others agree with.
-    std::vector<Rigid3d> candidates;
-    std::vector<size_t> frame_of;
-    for (size_t f = 0; f < frames; ++f) {
-      if (view_of[from][f] < 0 || view_of[to][f] < 0) continue;
-      for (const Rigid3d& turn : turns) {
-        candidates.push_back(pose(to, f) * turn * pose(from, f).Inverse());
-        frame_of.push_back(f);
-      }
-    }
-    double least = std::numeric_limits<double>::infinity();
-    Rigid3d to_from_from;
-    for (const Rigid3d& candidate : candidates) {
-      double sum = 0;
-      for (const Rigid3d& other : candidates) sum += std::min(1.0, difference(candidate, other));
-      if (sum < least) {
-        least = sum;
-        to_from_from = candidate;
-      }
-    }
-    problem_.cameras[to].cam_from_rig = to_from_from * problem_.cameras[from].cam_from_rig;
-    placed[to] = true;
-    for (size_t i = 0; turns.size() > 1 && i < candidates.size(); i += 2) {
-      if (difference(candidates[i], to_from_from) <= difference(candidates[i + 1], to_from_from)) continue;
-      const int view = view_of[to][frame_of[i]];
-      cam_from_board_[static_cast<size_t>(view)] = *cam_from_board_[static_cast<size_t>(view)] * turned;
-      for (BoardObservation& o : problem_.observations) {
-        if (o.view == view) o.point = board_.size() - 1 - o.point;
-      }
-    }
+    PlaceCamera(pair.from, pair.to, view_of);
+    placed[pair.to] = true;
   }
   for (size_t f = 0; f < frames; ++f) {
     for (size_t c = 0; c < cameras && !problem_.frame_used[f]; ++c) {
       if (view_of[c][f] < 0) continue;
-      problem_.rig_from_board[f] = problem_.cameras[c].cam_from_rig.Inverse() * pose(c, f);
+      problem_.rig_from_board[f] = problem_.cameras[c].cam_from_rig.Inverse() * PoseOf(view_of[c][f]);
       problem_.frame_used[f] = true;
     }
   }
@@ -449,36 +490,36 @@ bool Calibrator::Reject() {
   return changed;
 }
 
-Calibration Calibrator::Result() const {
-  Calibration result;
-  result.rig_from_board = problem_.rig_from_board;
-  result.frame_used = problem_.frame_used;
-  result.board.values = problem_.shape;
-  result.iterations = report_.iterations;
-  result.cost_before = report_.cost_before;
-  result.cost_after = report_.cost_after;
-  result.covariance = ReducedCovariance(problem_, &result.determined);
+// `covariance` is that of all free parameters; the camera's begin at `at`.
+CalibratedCamera Calibrator::CameraResult(size_t c, const Eigen::MatrixXd& covariance, Eigen::Index at) const {
+  const CameraState& state = problem_.cameras[c];
+  const auto& size = input_.cameras[c];
+  CalibratedCamera camera;
+  camera.name = size.name;
+  camera.camera = Camera(state.model, size.width, size.height, state.params);
+  camera.parameters = CameraParameterNames(state.model, state.params.size());
+  camera.cam_from_rig = state.cam_from_rig;
+  camera.sigma_px = state.sigma_px;
+  const auto count = static_cast<Eigen::Index>(state.params.size());
+  Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(count, static_cast<Eigen::Index>(state.free.size()));
+  for (size_t i = 0; i < state.free.size(); ++i) {
+    spread(state.free[i], static_cast<Eigen::Index>(i)) = 1;
+    if (state.square_pixels && state.free[i] == 0) spread(1, static_cast<Eigen::Index>(i)) = 1;
+  }
+  camera.covariance = spread * covariance.block(at, at, spread.cols(), spread.cols()) * spread.transpose();
+  return camera;
+}
 
+// Cameras and board, and what names the rows of the covariance.
+void Calibrator::AddParameters(Calibration& result) const {
   Eigen::Index at = 0;
   for (size_t c = 0; c < problem_.cameras.size(); ++c) {
-    const CameraState& state = problem_.cameras[c];
-    const auto& size = input_.cameras[c];
-    CalibratedCamera camera;
-    camera.name = size.name;
-    camera.camera = Camera(state.model, size.width, size.height, state.params);
-    camera.parameters = CameraParameterNames(state.model, state.params.size());
-    camera.cam_from_rig = state.cam_from_rig;
-    camera.sigma_px = state.sigma_px;
-    const auto count = static_cast<Eigen::Index>(state.params.size());
-    Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(count, static_cast<Eigen::Index>(state.free.size()));
-    for (size_t i = 0; i < state.free.size(); ++i) {
-      spread(state.free[i], static_cast<Eigen::Index>(i)) = 1;
-      if (state.square_pixels && state.free[i] == 0) spread(1, static_cast<Eigen::Index>(i)) = 1;
-      result.labels.push_back(size.name + " " + camera.parameters[static_cast<size_t>(state.free[i])]);
+    result.cameras.push_back(CameraResult(c, result.covariance, at));
+    const CalibratedCamera& camera = result.cameras.back();
+    for (int i : problem_.cameras[c].free) {
+      result.labels.push_back(camera.name + " " + camera.parameters[static_cast<size_t>(i)]);
+      ++at;
     }
-    camera.covariance = spread * result.covariance.block(at, at, spread.cols(), spread.cols()) * spread.transpose();
-    at += spread.cols();
-    result.cameras.push_back(std::move(camera));
   }
   for (size_t c = 1; c < problem_.cameras.size(); ++c) {
     if (!problem_.free_extrinsics) break;
@@ -493,7 +534,10 @@ Calibration Calibrator::Result() const {
     result.labels.push_back(std::string("board ") + BoardShape::kNames[i]);
     ++at;
   }
+}
 
+// All residuals, with their number and size in each camera and view.
+void Calibrator::AddResiduals(Calibration& result) const {
   result.views.resize(input_.views.size());
   std::vector<double> all_sum(result.cameras.size(), 0), used_sum(result.cameras.size(), 0);
   std::vector<double> view_used(result.views.size(), 0), view_all(result.views.size(), 0);
@@ -529,12 +573,19 @@ Calibration Calibrator::Result() const {
     camera.rms_all_px = std::sqrt(all_sum[c] / std::max(1, camera.points));
   }
   for (size_t v = 0; v < result.views.size(); ++v) {
+    ViewSummary& view = result.views[v];
+    view.used = view.points_used > 0;
+    view.rms_px =
+        view.used ? std::sqrt(view_used[v] / view.points_used) : std::sqrt(view_all[v] / std::max(1, view.points));
+  }
+}
+
+// How the board lies in each view, and why a view was not used.
+void Calibrator::DescribeViews(Calibration& result) const {
+  for (size_t v = 0; v < result.views.size(); ++v) {
     ViewSummary& summary = result.views[v];
     const CalibrationView& view = input_.views[v];
     CalibratedCamera& camera = result.cameras[static_cast<size_t>(view.camera)];
-    summary.used = summary.points_used > 0;
-    summary.rms_px = summary.used ? std::sqrt(view_used[v] / summary.points_used)
-                                  : std::sqrt(view_all[v] / std::max(1, summary.points));
     if (!summary.used) summary.reason = reasons_[v].empty() ? "no pose was found for the board" : reasons_[v];
     const Rigid3d cam_from_board = camera.cam_from_rig * result.rig_from_board[static_cast<size_t>(view.frame)];
     const Eigen::Vector3d normal = cam_from_board.rotation * Eigen::Vector3d::UnitZ();
@@ -545,6 +596,20 @@ Calibration Calibrator::Result() const {
     ++camera.views;
     camera.views_used += summary.used;
   }
+}
+
+Calibration Calibrator::Result() const {
+  Calibration result;
+  result.rig_from_board = problem_.rig_from_board;
+  result.frame_used = problem_.frame_used;
+  result.board.values = problem_.shape;
+  result.iterations = report_.iterations;
+  result.cost_before = report_.cost_before;
+  result.cost_after = report_.cost_after;
+  result.covariance = ReducedCovariance(problem_, &result.determined);
+  AddParameters(result);
+  AddResiduals(result);
+  DescribeViews(result);
   return result;
 }
 
