@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
@@ -304,11 +305,8 @@ std::vector<Eigen::Quaterniond> AxisRotations() {
   return all;
 }
 
-}  // namespace
-
-HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Camera& camera, const Rigid3d& start,
-                               const HandEyeOptions& options, ProgressSink& progress, const CancelToken& cancel) {
-  const std::vector<Pass> passes = CutIntoPasses(sights, options);
+// What there is to see; throws if it is too little.
+HandEyeResult CountPasses(const std::vector<Pass>& passes) {
   HandEyeResult result;
   result.passes = static_cast<int>(passes.size());
   for (const Pass& pass : passes) {
@@ -326,8 +324,11 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
                      std::to_string(static_cast<int>(std::lround(result.turned_rad * 180 / std::numbers::pi))) +
                      " deg at most) to determine the camera's position on it; drive curves in front of tags");
   }
-  Solver solver(passes, camera, start, options, cancel);
-  progress.Begin("hand-eye calibration", 24 + result.passes);
+  return result;
+}
+
+// The best of the solutions that begin with `start` turned by multiples of 90 deg.
+State SolveFromAllSides(const Solver& solver, const Rigid3d& start, ProgressSink& progress) {
   State best;
   double least = std::numeric_limits<double>::infinity();
   for (const Eigen::Quaterniond& turn : AxisRotations()) {
@@ -342,17 +343,12 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
     }
     progress.Advance(1);
   }
-  for (int round = 0; round < 3; ++round) {
-    solver.Weigh(best, false);
-    solver.Solve(best, -1, 100, true);
-  }
-  solver.Weigh(best, true);
-  if (!std::isfinite(solver.Solve(best, -1, 100, true))) throw NumericError("hand-eye calibration did not converge");
-  result.cam_from_body = Rigid3FromBlock(best.cam_from_body.data());
-  result.scale = best.scale;
+  return best;
+}
 
-  // Jackknife over passes.
-  const auto n = static_cast<double>(passes.size());
+// Covariance and the scale's sigma by a jackknife over passes.
+void Jackknife(const Solver& solver, const State& best, ProgressSink& progress, HandEyeResult& result) {
+  const double n = result.passes;
   std::vector<Vector6d> away;
   Vector6d mean = Vector6d::Zero();
   std::vector<double> scales;
@@ -371,18 +367,10 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
     result.scale_sigma += (n - 1) / n * (scales[g] - scale_mean) * (scales[g] - scale_mean);
   }
   result.scale_sigma = std::sqrt(result.scale_sigma);
+}
 
-  double sum = 0;
-  for (size_t g = 0; g < passes.size(); ++g) {
-    for (size_t i = 0; i < passes[g].sights.size(); ++i) {
-      if (!solver.Used(g, i)) continue;
-      ++result.sights_used;
-      for (const Eigen::Vector2d& r : solver.Residuals(best, g, i)) sum += r.squaredNorm();
-    }
-  }
-  result.rms_px = std::sqrt(sum / std::max(1, 4 * result.sights_used));
-
-  // Rotation axes of the motion within passes: what lies along all of them is not seen.
+// Rotation axes of the motion within passes: what lies along all of them is not seen.
+std::optional<Eigen::Vector3d> UnseenDirection(const std::vector<Pass>& passes) {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Zero();
   for (const Pass& pass : passes) {
     for (const Rigid3d& pose : pass.first_from_body) {
@@ -394,9 +382,45 @@ HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Ca
   // What tilting there is must stand out from the odometry's own attitude noise: 1.5 deg rms of the turning is too
   // little.
   constexpr double kFlat = 0.03;
-  if (eigen.eigenvalues()[0] < kFlat * kFlat * eigen.eigenvalues()[2] || eigen.eigenvalues()[0] < 1e-3) {
-    result.unseen_body = eigen.eigenvectors().col(0);
-    if (result.unseen_body.sum() < 0) result.unseen_body *= -1;
+  if (!(eigen.eigenvalues()[0] < kFlat * kFlat * eigen.eigenvalues()[2] || eigen.eigenvalues()[0] < 1e-3)) {
+    return std::nullopt;
+  }
+  Eigen::Vector3d unseen = eigen.eigenvectors().col(0);
+  if (unseen.sum() < 0) unseen *= -1;
+  return unseen;
+}
+
+}  // namespace
+
+HandEyeResult CalibrateHandEye(const std::vector<HandEyeSight>& sights, const Camera& camera, const Rigid3d& start,
+                               const HandEyeOptions& options, ProgressSink& progress, const CancelToken& cancel) {
+  const std::vector<Pass> passes = CutIntoPasses(sights, options);
+  HandEyeResult result = CountPasses(passes);
+  Solver solver(passes, camera, start, options, cancel);
+  progress.Begin("hand-eye calibration", 24 + result.passes);
+  State best = SolveFromAllSides(solver, start, progress);
+  for (int round = 0; round < 3; ++round) {
+    solver.Weigh(best, false);
+    solver.Solve(best, -1, 100, true);
+  }
+  solver.Weigh(best, true);
+  if (!std::isfinite(solver.Solve(best, -1, 100, true))) throw NumericError("hand-eye calibration did not converge");
+  result.cam_from_body = Rigid3FromBlock(best.cam_from_body.data());
+  result.scale = best.scale;
+  Jackknife(solver, best, progress, result);
+
+  double sum = 0;
+  for (size_t g = 0; g < passes.size(); ++g) {
+    for (size_t i = 0; i < passes[g].sights.size(); ++i) {
+      if (!solver.Used(g, i)) continue;
+      ++result.sights_used;
+      for (const Eigen::Vector2d& r : solver.Residuals(best, g, i)) sum += r.squaredNorm();
+    }
+  }
+  result.rms_px = std::sqrt(sum / std::max(1, 4 * result.sights_used));
+
+  if (const std::optional<Eigen::Vector3d> unseen = UnseenDirection(passes)) {
+    result.unseen_body = *unseen;
     // Its variance is the prior's.
     const Eigen::Vector3d u = result.cam_from_body.rotation * result.unseen_body;
     result.covariance.bottomRightCorner<3, 3>() += options.prior_m * options.prior_m * u * u.transpose();
