@@ -125,6 +125,33 @@ void HoldFixed(ceres::Problem& problem, double* block, int count, const std::vec
   }
 }
 
+// What the solver moves, apart from the shape.
+struct ParameterBlocks {
+  std::vector<std::array<double, 7>> rigs, frames;
+  std::vector<std::vector<double>> params;
+
+  explicit ParameterBlocks(const BoardProblem& problem)
+      : rigs(problem.cameras.size()), frames(problem.rig_from_board.size()) {
+    for (size_t c = 0; c < rigs.size(); ++c) Rigid3ToBlock(problem.cameras[c].cam_from_rig, rigs[c].data());
+    for (size_t f = 0; f < frames.size(); ++f) Rigid3ToBlock(problem.rig_from_board[f], frames[f].data());
+    for (const CameraState& camera : problem.cameras) params.push_back(camera.params);
+  }
+  void WriteTo(BoardProblem& problem) const {
+    for (size_t c = 0; c < rigs.size(); ++c) {
+      CameraState& camera = problem.cameras[c];
+      camera.params = params[c];
+      if (camera.square_pixels) camera.params[1] = camera.params[0];
+      camera.cam_from_rig = Rigid3FromBlock(rigs[c].data());
+    }
+    for (size_t f = 0; f < frames.size(); ++f) problem.rig_from_board[f] = Rigid3FromBlock(frames[f].data());
+  }
+};
+
+bool MoreThanPosesFree(const BoardProblem& problem) {
+  return !problem.free_shape.empty() || (problem.free_extrinsics && problem.cameras.size() > 1) ||
+         std::any_of(problem.cameras.begin(), problem.cameras.end(), [](const auto& c) { return !c.free.empty(); });
+}
+
 }  // namespace
 
 const char* const BoardShape::kNames[BoardShape::kSize] = {"bend_x_m", "bend_y_m", "twist_m",
@@ -175,18 +202,13 @@ SolveReport SolveBoardProblem(BoardProblem& problem, ceres::LossFunction* loss, 
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   problem_options.manifold_ownership = ceres::TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
-  std::vector<std::array<double, 7>> rigs(problem.cameras.size()), frames(problem.rig_from_board.size());
-  for (size_t c = 0; c < rigs.size(); ++c) Rigid3ToBlock(problem.cameras[c].cam_from_rig, rigs[c].data());
-  for (size_t f = 0; f < frames.size(); ++f) Rigid3ToBlock(problem.rig_from_board[f], frames[f].data());
-  std::vector<std::vector<double>> params;
-  for (const CameraState& camera : problem.cameras) params.push_back(camera.params);
-  std::vector<bool> has_camera(rigs.size(), false), has_frame(frames.size(), false);
+  ParameterBlocks blocks(problem);
+  auto& [rigs, frames, params] = blocks;
   for (const BoardObservation& o : problem.observations) {
     if (!problem.IsActive(o)) continue;
     const auto c = static_cast<size_t>(o.camera), f = static_cast<size_t>(o.frame);
     ceres_problem.AddResidualBlock(new BoardCost(problem, o), loss, params[c].data(), rigs[c].data(), frames[f].data(),
                                    problem.shape.data());
-    has_camera[c] = has_frame[f] = true;
   }
   SolveReport report;
   if (ceres_problem.NumResidualBlocks() == 0) return report;
@@ -194,7 +216,7 @@ SolveReport SolveBoardProblem(BoardProblem& problem, ceres::LossFunction* loss, 
   HoldFixed(ceres_problem, problem.shape.data(), BoardShape::kSize, problem.free_shape);
   ordering->AddElementToGroup(problem.shape.data(), 1);
   for (size_t c = 0; c < rigs.size(); ++c) {
-    if (!has_camera[c]) continue;
+    if (!ceres_problem.HasParameterBlock(rigs[c].data())) continue;
     HoldFixed(ceres_problem, params[c].data(), static_cast<int>(params[c].size()), problem.cameras[c].free);
     ceres_problem.SetManifold(rigs[c].data(), new Rigid3Manifold);
     if (c == 0 || !problem.free_extrinsics) ceres_problem.SetParameterBlockConstant(rigs[c].data());
@@ -202,14 +224,13 @@ SolveReport SolveBoardProblem(BoardProblem& problem, ceres::LossFunction* loss, 
     ordering->AddElementToGroup(rigs[c].data(), 1);
   }
   for (size_t f = 0; f < frames.size(); ++f) {
-    if (!has_frame[f]) continue;
+    if (!ceres_problem.HasParameterBlock(frames[f].data())) continue;
     ceres_problem.SetManifold(frames[f].data(), new Rigid3Manifold);
     if (!problem.free_frames) ceres_problem.SetParameterBlockConstant(frames[f].data());
     ordering->AddElementToGroup(frames[f].data(), 0);
   }
   ceres::Solver::Options options;
-  bool more_than_poses = !problem.free_shape.empty() || (problem.free_extrinsics && problem.cameras.size() > 1);
-  for (const CameraState& camera : problem.cameras) more_than_poses = more_than_poses || !camera.free.empty();
+  const bool more_than_poses = MoreThanPosesFree(problem);
   options.linear_solver_type = more_than_poses ? ceres::DENSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
   const std::shared_ptr<ceres::ParameterBlockOrdering> poses_first(ordering);
   if (more_than_poses) options.linear_solver_ordering = poses_first;
@@ -227,14 +248,7 @@ SolveReport SolveBoardProblem(BoardProblem& problem, ceres::LossFunction* loss, 
   report.iterations = static_cast<int>(summary.iterations.size());
   report.cost_before = summary.initial_cost;
   report.cost_after = summary.final_cost;
-  if (!report.usable) return report;
-  for (size_t c = 0; c < rigs.size(); ++c) {
-    CameraState& camera = problem.cameras[c];
-    camera.params = params[c];
-    if (camera.square_pixels) camera.params[1] = camera.params[0];
-    camera.cam_from_rig = Rigid3FromBlock(rigs[c].data());
-  }
-  for (size_t f = 0; f < frames.size(); ++f) problem.rig_from_board[f] = Rigid3FromBlock(frames[f].data());
+  if (report.usable) blocks.WriteTo(problem);
   return report;
 }
 
