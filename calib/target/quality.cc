@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -110,6 +111,31 @@ void JudgeTilt(const CalibrationInput& input, const Calibration& calibration, in
   }
 }
 
+// Principal point and proportions of the pixels against what cameras have.
+void JudgeIntrinsics(const CalibratedCamera& camera, Judge& judge) {
+  const std::vector<double>& p = camera.camera.params();
+  const double off = std::max(std::abs(p[2] - 0.5 * (camera.camera.width() - 1)) / camera.camera.width(),
+                              std::abs(p[3] - 0.5 * (camera.camera.height() - 1)) / camera.camera.height());
+  constexpr double kFarOff = 0.1;
+  if (off > kFarOff) {
+    judge.Add(FindingLevel::kWarning, camera.name, "principal point",
+              fmt::format("the principal point lies {:.0f} % of the picture's size from its middle", 100 * off),
+              "were the pictures cropped? Else take more pictures with the board tilted in all directions");
+  }
+  const double aspect = std::abs(p[0] / p[1] - 1) * 100,
+               aspect_sigma = 100 *
+                              std::sqrt(std::max(0.0, camera.covariance(0, 0) + camera.covariance(1, 1) -
+                                                          2 * camera.covariance(0, 1))) /
+                              p[0];
+  if (aspect > 1 && aspect > 4 * aspect_sigma) {
+    judge.Add(aspect > 5 ? FindingLevel::kRefusal : FindingLevel::kWarning, camera.name, "board",
+              fmt::format("fx and fy differ by {:.1f} %: pixels of a camera are square, so the board's squares hardly "
+                          "are as described",
+                          aspect),
+              "measure the board in both directions; was it printed stretched?");
+  }
+}
+
 void JudgeFit(const Calibration& calibration, const Quality& quality, int c, const CalibrationGates& gates,
               Judge& judge) {
   const auto i = static_cast<size_t>(c);
@@ -155,66 +181,29 @@ void JudgeFit(const Calibration& calibration, const Quality& quality, int c, con
                           100 * uncertainty.no_ray_share),
               "photograph the board there, or use a model with fewer coefficients");
   }
-  const std::vector<double>& p = camera.camera.params();
-  const double off = std::max(std::abs(p[2] - 0.5 * (camera.camera.width() - 1)) / camera.camera.width(),
-                              std::abs(p[3] - 0.5 * (camera.camera.height() - 1)) / camera.camera.height());
-  constexpr double kFarOff = 0.1;
-  if (off > kFarOff) {
-    judge.Add(FindingLevel::kWarning, camera.name, "principal point",
-              fmt::format("the principal point lies {:.0f} % of the picture's size from its middle", 100 * off),
-              "were the pictures cropped? Else take more pictures with the board tilted in all directions");
-  }
-  const double aspect = std::abs(p[0] / p[1] - 1) * 100,
-               aspect_sigma = 100 *
-                              std::sqrt(std::max(0.0, camera.covariance(0, 0) + camera.covariance(1, 1) -
-                                                          2 * camera.covariance(0, 1))) /
-                              p[0];
-  if (aspect > 1 && aspect > 4 * aspect_sigma) {
-    judge.Add(aspect > 5 ? FindingLevel::kRefusal : FindingLevel::kWarning, camera.name, "board",
-              fmt::format("fx and fy differ by {:.1f} %: pixels of a camera are square, so the board's squares hardly "
-                          "are as described",
-                          aspect),
-              "measure the board in both directions; was it printed stretched?");
-  }
+  JudgeIntrinsics(camera, judge);
 }
 
-// Estimates the proportions of the board as well and tests whether they differ from its description.
-void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& calibration,
-                const CalibrationGates& gates, Judge& judge, Quality* quality, const CancelToken& cancel) {
+// The board's proportions, estimated as well; nothing if they are not to be told from these pictures.
+std::optional<BoardShape> EstimateProportions(const CalibrationInput& input, const CalibrateOptions& options,
+                                              const Calibration& calibration, const CancelToken& cancel) {
   std::vector<int> free;
   for (int i = options.board_shape ? 0 : 3; i < (input.target.kind == TargetKind::kAprilGrid ? 6 : 5); ++i) {
     free.push_back(i);
   }
-  const std::string advice =
-      "measure the board: square sizes in both directions, tag size and gap; rows and columns "
-      "exchanged?";
   try {
     Calibration freed = Recalibrate(input, options, calibration, calibration.frame_used, free, cancel);
     freed.board.sigma *= calibration.sigma_factor;
-    quality->proportions = freed.board;
-    constexpr double kSure = 5;  // sigmas
-    const auto test = [&](int i, double percent, const std::string& what) {
-      if (std::abs(freed.board.values[i]) < kSure * freed.board.sigma[i]) return;
-      judge.Above(std::abs(percent), gates.warn_board_percent, gates.refuse_board_percent, "", "board",
-                  fmt::format("the board isn't as described: {} by {:.2f} %", what, std::abs(percent)), advice);
-    };
-    const double stretch = 100 * freed.board.values[3];
-    test(3, stretch, stretch > 0 ? "it is longer along its columns" : "it is shorter along its columns");
-    test(4, 100 * freed.board.values[4], "it is sheared");
-    if (input.target.kind == TargetKind::kAprilGrid) {
-      const double gap = 100 * freed.board.values[5] / input.target.spacing_x_m;
-      test(
-          5, gap,
-          fmt::format("gaps between tags are {} (tagSpacing {:.3f} instead of {:.3f}), of the tag size",
-                      gap > 0 ? "wider" : "narrower", input.target.tag_spacing + 0.01 * gap, input.target.tag_spacing));
-    }
-  } catch (const NumericError&) {  // not to be told from these pictures
+    return freed.board;
+  } catch (const NumericError&) {
   } catch (const InputError&) {
   }
-  // Residuals that belong to points of the board.
+  return std::nullopt;
+}
+
+// What of the residuals belongs to points of the board; `sigma` is that of the points, all in px.
+double SystematicByPoint(const CalibrationInput& input, const Calibration& calibration, double sigma) {
   std::map<int, std::pair<Eigen::Vector2d, int>> by_point;
-  double sigma = 0;
-  for (const CalibratedCamera& camera : calibration.cameras) sigma = std::max(sigma, camera.sigma_px);
   for (const PointResidual& r : calibration.residuals) {
     if (!r.used) continue;
     const CalibrationView& view = input.views[static_cast<size_t>(r.view)];
@@ -233,7 +222,37 @@ void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, 
   for (const auto& [point, mean] : by_point) {
     if (mean.second >= 4) systematic.Add(mean.first / mean.second, mean.second, sigma);
   }
-  quality->board_systematic_px = systematic.Value();
+  return systematic.Value();
+}
+
+// Estimates the proportions of the board as well and tests whether they differ from its description.
+void JudgeBoard(const CalibrationInput& input, const CalibrateOptions& options, const Calibration& calibration,
+                const CalibrationGates& gates, Judge& judge, Quality* quality, const CancelToken& cancel) {
+  const std::string advice =
+      "measure the board: square sizes in both directions, tag size and gap; rows and columns "
+      "exchanged?";
+  if (const std::optional<BoardShape> freed = EstimateProportions(input, options, calibration, cancel)) {
+    quality->proportions = *freed;
+    constexpr double kSure = 5;  // sigmas
+    const auto test = [&](int i, double percent, const std::string& what) {
+      if (std::abs(freed->values[i]) < kSure * freed->sigma[i]) return;
+      judge.Above(std::abs(percent), gates.warn_board_percent, gates.refuse_board_percent, "", "board",
+                  fmt::format("the board isn't as described: {} by {:.2f} %", what, std::abs(percent)), advice);
+    };
+    const double stretch = 100 * freed->values[3];
+    test(3, stretch, stretch > 0 ? "it is longer along its columns" : "it is shorter along its columns");
+    test(4, 100 * freed->values[4], "it is sheared");
+    if (input.target.kind == TargetKind::kAprilGrid) {
+      const double gap = 100 * freed->values[5] / input.target.spacing_x_m;
+      test(
+          5, gap,
+          fmt::format("gaps between tags are {} (tagSpacing {:.3f} instead of {:.3f}), of the tag size",
+                      gap > 0 ? "wider" : "narrower", input.target.tag_spacing + 0.01 * gap, input.target.tag_spacing));
+    }
+  }
+  double sigma = 0;
+  for (const CalibratedCamera& camera : calibration.cameras) sigma = std::max(sigma, camera.sigma_px);
+  quality->board_systematic_px = SystematicByPoint(input, calibration, sigma);
   judge.Above(quality->board_systematic_px, std::max(gates.warn_pattern_px, 0.4 * sigma), gates.refuse_pattern_px, "",
               "board",
               fmt::format("{:.2f} px of the residuals belong to the board's points: it isn't flat or not as described",
