@@ -73,6 +73,34 @@ struct Axes {
   }
 };
 
+// How residuals are distributed, as shares of their sigma.
+class ResidualHistogram {
+ public:
+  void Add(double sigmas) {
+    const int bin = static_cast<int>(std::floor((sigmas + 5) / 10 * kBins));
+    if (bin >= 0 && bin < kBins) counts_[static_cast<size_t>(bin)] += 1;
+    all_ += 1;
+  }
+  void Draw(const Axes& axes) const {
+    for (int bin = 0; bin < kBins && all_ > 0; ++bin) {
+      const double density = counts_[static_cast<size_t>(bin)] / all_ * kBins / 10;
+      const double x = -5 + 10.0 * bin / kBins;
+      cv::rectangle(axes.picture, axes.At(x, 0), axes.At(x + 10.0 / kBins, std::min(density, 0.5)),
+                    cv::Scalar(220, 180, 140), cv::FILLED);
+    }
+    for (double x = -5; x < 5; x += 0.1) {
+      const auto normal = [](double v) { return std::exp(-0.5 * v * v) / std::sqrt(2 * std::numbers::pi); };
+      cv::line(axes.picture, axes.At(x, normal(x)), axes.At(x + 0.1, normal(x + 0.1)), kRed, 1, cv::LINE_AA);
+    }
+    axes.Draw("one coordinate / sigma, against the normal distribution", "sigma");
+  }
+
+ private:
+  static constexpr int kBins = 40;
+  std::vector<double> counts_ = std::vector<double>(kBins, 0);
+  double all_ = 0;
+};
+
 }  // namespace
 
 cv::Mat DrawMap(const ImageGrid& grid, const std::vector<double>& values, const std::vector<bool>& covered, int width,
@@ -175,15 +203,12 @@ cv::Mat DrawResiduals(const CalibrationInput& input, const Calibration& calibrat
                fmt::format("mean over parts, arrows 4 times longer; systematic {:.3f} px", pattern.systematic_px));
   const int plot_height = 300;
   cv::Mat below(plot_height + 2 * kMargin, 2 * arrows.picture.cols, CV_8UC3, kWhite);
-  Axes histogram{below, {kMargin, kMargin, kWidth, plot_height}, -5, 5, 0, 0.5};
   const Eigen::Vector2d principal(calibrated.camera.params()[2], calibrated.camera.params()[3]);
   const double reach = std::hypot(size.width, size.height) * 0.55;
   Axes radial{below, {arrows.picture.cols + kMargin, kMargin, kWidth, plot_height}, 0, reach, -5 * sigma, 5 * sigma};
   cv::line(below, radial.At(0, 0), radial.At(reach, 0), kGrey);
 
-  constexpr int kBins = 40;
-  std::vector<double> counts(kBins, 0);
-  double all = 0;
+  ResidualHistogram histogram;
   for (const PointResidual& r : calibration.residuals) {
     if (input.views[static_cast<size_t>(r.view)].camera != camera || !r.residual.allFinite()) continue;
     if (!r.used) {
@@ -191,26 +216,12 @@ cv::Mat DrawResiduals(const CalibrationInput& input, const Calibration& calibrat
       continue;
     }
     Arrow(arrows.picture, arrows.At(r.pixel), stretch * r.residual, kBlue);
-    for (double d : {r.residual.x(), r.residual.y()}) {
-      const int bin = static_cast<int>(std::floor((d / sigma + 5) / 10 * kBins));
-      if (bin >= 0 && bin < kBins) counts[static_cast<size_t>(bin)] += 1;
-      all += 1;
-    }
+    for (double d : {r.residual.x(), r.residual.y()}) histogram.Add(d / sigma);
     const Eigen::Vector2d out = r.pixel - principal;
     if (out.norm() > 1 && std::abs(out.normalized().dot(r.residual)) < 5 * sigma)
       cv::circle(below, radial.At(out.norm(), out.normalized().dot(r.residual)), 1, kBlue, cv::FILLED);
   }
-  for (int bin = 0; bin < kBins && all > 0; ++bin) {
-    const double density = counts[static_cast<size_t>(bin)] / all * kBins / 10;
-    const double x = -5 + 10.0 * bin / kBins;
-    cv::rectangle(below, histogram.At(x, 0), histogram.At(x + 10.0 / kBins, std::min(density, 0.5)),
-                  cv::Scalar(220, 180, 140), cv::FILLED);
-  }
-  for (double x = -5; x < 5; x += 0.1) {
-    const auto normal = [](double v) { return std::exp(-0.5 * v * v) / std::sqrt(2 * std::numbers::pi); };
-    cv::line(below, histogram.At(x, normal(x)), histogram.At(x + 0.1, normal(x + 0.1)), kRed, 1, cv::LINE_AA);
-  }
-  histogram.Draw("one coordinate / sigma, against the normal distribution", "sigma");
+  histogram.Draw({below, {kMargin, kMargin, kWidth, plot_height}, -5, 5, 0, 0.5});
   radial.Draw(fmt::format("radial part, from -{:.2g} to {:.2g} px", 5 * sigma, 5 * sigma),
               "distance from the principal point, px");
   for (size_t part = 0; part < pattern.mean_px.size(); ++part) {
