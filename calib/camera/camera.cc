@@ -36,6 +36,31 @@ Eigen::Vector2d Distort(const std::vector<double>& p, const Eigen::Vector2d& x, 
   return out;
 }
 
+// d pixel / d coefficients of Distort at `x`: the columns from 4 on.
+void DistortByParams(const std::vector<double>& p, const Eigen::Vector2d& x,
+                     Eigen::Matrix<double, 2, Eigen::Dynamic>* by_params) {
+  const double r2 = x.squaredNorm(), u = x.x(), v = x.y();
+  const auto k = [&](size_t i) { return i < p.size() ? p[i] : 0.0; };
+  const double num = 1 + r2 * (k(4) + r2 * (k(5) + r2 * k(8)));
+  const double den = 1 + r2 * (k(9) + r2 * (k(10) + r2 * k(11)));
+  const double r4 = r2 * r2, r6 = r4 * r2;
+  for (size_t i = 4; i < p.size(); ++i) {
+    Eigen::Vector2d d;
+    switch (i) {
+      case 4: d << u * r2 / den, v * r2 / den; break;
+      case 5: d << u * r4 / den, v * r4 / den; break;
+      case 6: d << 2 * u * v, r2 + 2 * v * v; break;
+      case 7: d << r2 + 2 * u * u, 2 * u * v; break;
+      case 8: d << u * r6 / den, v * r6 / den; break;
+      default: {
+        const double power = i == 9 ? r2 : i == 10 ? r4 : r6;
+        d << -u * num * power / (den * den), -v * num * power / (den * den);
+      }
+    }
+    by_params->col(static_cast<Eigen::Index>(i)) << p[0] * d.x(), p[1] * d.y();
+  }
+}
+
 double KannalaBrandt(const std::vector<double>& p, double theta, double* derivative) {
   const double t2 = theta * theta;
   const double poly = 1 + t2 * (p[4] + t2 * (p[5] + t2 * (p[6] + t2 * p[7])));
@@ -97,7 +122,6 @@ bool ProjectByParams(CameraModel model, const std::vector<double>& p, const Eige
                      Eigen::Matrix<double, 2, Eigen::Dynamic>* by_params) {
   const double x = point.x(), y = point.y(), z = point.z();
   const Eigen::Vector2d f(p[0], p[1]), c(p[2], p[3]);
-  const auto by_distortion = [&](Eigen::Index i, double dx, double dy) { by_params->col(i) << f.x() * dx, f.y() * dy; };
   Eigen::Vector2d d;  // distorted, normalised
   if (model == CameraModel::kKannalaBrandt) {
     const double r = std::hypot(x, y), theta = std::atan2(r, z);
@@ -122,7 +146,7 @@ bool ProjectByParams(CameraModel model, const std::vector<double>& p, const Eige
       double power = on_axis ? 0 : theta / r;
       for (Eigen::Index i = 4; i < 8; ++i) {
         power *= theta * theta;
-        by_distortion(i, power * x, power * y);
+        by_params->col(i) << f.x() * (power * x), f.y() * (power * y);
       }
     }
   } else {
@@ -138,25 +162,7 @@ bool ProjectByParams(CameraModel model, const std::vector<double>& p, const Eige
     }
     if (by_params != nullptr) {
       by_params->setZero(2, static_cast<Eigen::Index>(p.size()));
-      const double r2 = n.squaredNorm(), u = n.x(), v = n.y();
-      const auto k = [&](size_t i) { return i < p.size() ? p[i] : 0.0; };
-      const double num = 1 + r2 * (k(4) + r2 * (k(5) + r2 * k(8)));
-      const double den = 1 + r2 * (k(9) + r2 * (k(10) + r2 * k(11)));
-      const double r4 = r2 * r2, r6 = r4 * r2;
-      for (size_t i = 4; distorts && i < p.size(); ++i) {
-        const auto at = static_cast<Eigen::Index>(i);
-        switch (i) {
-          case 4: by_distortion(at, u * r2 / den, v * r2 / den); break;
-          case 5: by_distortion(at, u * r4 / den, v * r4 / den); break;
-          case 6: by_distortion(at, 2 * u * v, r2 + 2 * v * v); break;
-          case 7: by_distortion(at, r2 + 2 * u * u, 2 * u * v); break;
-          case 8: by_distortion(at, u * r6 / den, v * r6 / den); break;
-          default: {
-            const double power = i == 9 ? r2 : i == 10 ? r4 : r6;
-            by_distortion(at, -u * num * power / (den * den), -v * num * power / (den * den));
-          }
-        }
-      }
+      if (distorts) DistortByParams(p, n, by_params);
     }
   }
   *pixel = f.cwiseProduct(d) + c;
