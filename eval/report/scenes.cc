@@ -67,13 +67,98 @@ std::vector<std::string> WorstStations(const SceneModel& model) {
   return stations;
 }
 
+struct Colouring {
+  PointColour by;
+  const char *figure, *text;
+};
+
+constexpr Colouring kColourings[] = {
+    {PointColour::kHeight, "oblique", "height (m)"},
+    {PointColour::kTrackLength, "oblique_track_length", "number of images that see them"},
+    {PointColour::kUncertainty, "oblique_uncertainty",
+     "largest standard deviation of their position with the cameras held (m, 1 sigma)"}};
+
+SceneStyle StyleOf(const SceneModel& model, int width) {
+  SceneStyle style;
+  style.text_px = std::max(8.0, 18.0 * width / 1280) * kSamples;
+  const auto [low, high] = model.Bounds();
+  style.sphere_radius_m = std::clamp(0.01 * (high - low).head<2>().maxCoeff(), 0.25, 2.0);
+  return style;
+}
+
+// The scene in a window, from the sides that the report shows.
+class RenderedScene {
+ public:
+  RenderedScene(const SceneModel& model, OffscreenWindow& window, int width)
+      : model_(model), window_(window), width_(width), style_(StyleOf(model, width)), view_(model, style_) {
+    view_.AddTo(window_.renderer());
+    window_.Render(kSamples * width_, kSamples * height_);  // gives the renderer its size
+    const bool truth = std::any_of(model.paths.begin(), model.paths.end(),
+                                   [](const auto& p) { return p.kind == ScenePath::Kind::kTruth; });
+    lines_ = std::string(" Blue: optimised cameras; ochre: odometry from the first camera on") +
+             (truth ? "; black: reference poses." : ".");
+    frame_ = " Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)." : " (metres).");
+    if (!model.errors.empty()) errors_ = ErrorsCaption(view_.ErrorScale(), style_.confidence);
+  }
+  ~RenderedScene() { view_.RemoveFrom(window_.renderer()); }
+
+  // All that is shown at first but `hidden`.
+  void Show(std::initializer_list<const char*> hidden) {
+    for (const std::string& layer : SceneView::Layers()) view_.SetVisible(layer, SceneView::ShownAtFirst(layer));
+    for (const char* layer : hidden) view_.SetVisible(layer, false);
+  }
+
+  Figure FromAbove() {
+    Show({"points", "cameras"});
+    view_.LookDown(window_.renderer());
+    const Halos behind(model_, view_, window_.renderer(), kSamples * kHalo_px);
+    return {"plan_rendered",
+            std::string(model_.on_earth ? "Plan, north up" : "From above") +
+                (model_.aerial ? ", over the project's aerial image" : "") + ReferencesCaption(model_) + lines_ +
+                errors_ + frame_,
+            Photograph(window_, width_, height_), true};
+  }
+
+  Figure Oblique(const Colouring& colouring) {
+    const bool by_height = colouring.by == PointColour::kHeight;
+    Show({"ellipsoids", "geotags"});
+    if (!by_height) {
+      for (const char* layer : {"aerial", "cameras", "errors", "panoramas"}) view_.SetVisible(layer, false);
+    }
+    view_.ColourPointsBy(colouring.by);
+    view_.LookOblique(window_.renderer());
+    const Halos behind(model_, view_, window_.renderer(), kSamples * kHalo_px);
+    return {colouring.figure,
+            "From the south-west, 33 degrees above the horizon. Points by " + std::string(colouring.text) +
+                "; colours from their 2nd to their 95th percentile." +
+                (by_height && model_.aerial ? " The height of the ground is estimated from the points." : "") + lines_ +
+                frame_,
+            Photograph(window_, width_, height_), true};
+  }
+
+  Figure AtStation(const std::string& station, size_t number) {
+    view_.LookAtStation(window_.renderer(), station);
+    return {fmt::format("station_view_{}", number),
+            "Station " + station + " with its surroundings: the panorama or photo as it was taken, " +
+                (model_.tags.empty() ? "" : "the tag at its real size, ") + "frusta of the cameras." + errors_ + frame_,
+            Photograph(window_, width_, height_), true};
+  }
+
+ private:
+  const SceneModel& model_;
+  OffscreenWindow& window_;
+  const int width_, height_ = width_ * 2 / 3;
+  SceneStyle style_;
+  SceneView view_;
+  std::string lines_, frame_, errors_;  // of the captions
+};
+
 }  // namespace
 
 Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
                   std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
   Scenes scenes;
   std::vector<Block>& blocks = scenes.pictures;
-  const int height = width * 2 / 3;
   progress.Begin("the scene", 0);
   SceneOptions options;
   if (!images) options.panorama_width_px = options.aerial_px = 0;
@@ -95,71 +180,20 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
     return scenes;
   }
   *renderer = window->Device();
-  SceneStyle style;
-  style.text_px = std::max(8.0, 18.0 * width / 1280) * kSamples;
-  const auto [low, high] = model.Bounds();
-  style.sphere_radius_m = std::clamp(0.01 * (high - low).head<2>().maxCoeff(), 0.25, 2.0);
-  SceneView view(model, style);
-  view.AddTo(window->renderer());
-  window->Render(kSamples * width, kSamples * height);  // gives the renderer its size
-  const std::string lines = std::string(" Blue: optimised cameras; ochre: odometry from the first camera on") +
-                            (std::any_of(model.paths.begin(), model.paths.end(),
-                                         [](const auto& p) { return p.kind == ScenePath::Kind::kTruth; })
-                                 ? "; black: reference poses."
-                                 : ".");
-  const std::string frame =
-      "Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)" : " (metres)");
-  const std::string errors = model.errors.empty() ? "" : ErrorsCaption(view.ErrorScale(), style.confidence);
-  const auto show = [&](std::initializer_list<const char*> hidden) {
-    for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, SceneView::ShownAtFirst(layer));
-    for (const char* layer : hidden) view.SetVisible(layer, false);
-  };
-  show({"points", "cameras"});
-  view.LookDown(window->renderer());
-  auto halos = std::make_unique<Halos>(model, view, window->renderer(), kSamples * kHalo_px);
-  blocks.push_back(Figure{"plan_rendered",
-                          std::string(model.on_earth ? "Plan, north up" : "From above") +
-                              (model.aerial ? ", over the project's aerial image" : "") + ReferencesCaption(model) +
-                              lines + errors + " " + frame + ".",
-                          Photograph(*window, width, height), true});
-  halos.reset();
+  RenderedScene scene(model, *window, width);
+  blocks.push_back(scene.FromAbove());
   cancel.ThrowIfCancelled();
-  const std::pair<PointColour, const char*> colours[] = {
-      {PointColour::kHeight, "height (m)"},
-      {PointColour::kTrackLength, "number of images that see them"},
-      {PointColour::kUncertainty, "largest standard deviation of their position with the cameras held (m, 1 sigma)"}};
-  const char* names[] = {"oblique", "oblique_track_length", "oblique_uncertainty"};
-  for (size_t i = 0; i < 3; ++i) {
-    if (i > 0 && model.points.empty()) break;
-    show({"ellipsoids", "geotags"});
-    if (i > 0) {
-      for (const char* layer : {"aerial", "cameras", "errors", "panoramas"}) view.SetVisible(layer, false);
-    }
-    view.ColourPointsBy(colours[i].first);
-    view.LookOblique(window->renderer());
-    const Halos behind(model, view, window->renderer(), kSamples * kHalo_px);
-    blocks.push_back(
-        Figure{names[i],
-               "From the south-west, 33 degrees above the horizon. Points by " + std::string(colours[i].second) +
-                   "; colours from their 2nd to their 95th percentile." +
-                   (i == 0 && model.aerial ? " The height of the ground is estimated from the points." : "") + lines +
-                   " " + frame + ".",
-               Photograph(*window, width, height), true});
+  for (const Colouring& colouring : kColourings) {
+    if (colouring.by != PointColour::kHeight && model.points.empty()) break;
+    blocks.push_back(scene.Oblique(colouring));
     cancel.ThrowIfCancelled();
   }
-  show({"points", "ellipsoids", "geotags", "axes"});
+  scene.Show({"points", "ellipsoids", "geotags", "axes"});
   const std::vector<std::string> stations = WorstStations(model);
   for (size_t k = 0; k < stations.size(); ++k) {
-    view.LookAtStation(window->renderer(), stations[k]);
-    blocks.push_back(Figure{fmt::format("station_view_{}", k + 1),
-                            "Station " + stations[k] +
-                                " with its surroundings: the panorama or photo as it was taken, " +
-                                (model.tags.empty() ? "" : "the tag at its real size, ") + "frusta of the cameras." +
-                                errors + " " + frame + ".",
-                            Photograph(*window, width, height), true});
+    blocks.push_back(scene.AtStation(stations[k], k + 1));
     cancel.ThrowIfCancelled();
   }
-  view.RemoveFrom(window->renderer());
   return scenes;
 }
 
