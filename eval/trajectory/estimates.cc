@@ -48,21 +48,90 @@ void Transform(const Sim3d& fit, std::vector<Pair>* pairs) {
   for (Pair& p : *pairs) p.estimate = fit.TransformPose(p.estimate);
 }
 
-// The estimate at the reference's stamps, as world_from_cam: estimate * point_from_cam.
-std::vector<Pair> PairUp(const Trajectory& estimate, double offset_s, const Rigid3d& point_from_cam,
-                         const std::vector<ReferencePose>& reference, const std::vector<size_t>& rows,
-                         double max_gap_s) {
-  std::vector<Pair> pairs;
-  const auto offset = static_cast<int64_t>(std::llround(offset_s * kSecondNs));
-  const auto gap = static_cast<int64_t>(max_gap_s * kSecondNs);
-  for (size_t i = 0; i < rows.size(); ++i) {
-    const ReferencePose& r = reference[rows[i]];
-    if (!r.world_from_cam) continue;
-    const auto at = estimate.At(r.stamp_ns - offset, gap);
-    if (at) pairs.push_back({i, &r, *at * point_from_cam});
-  }
+std::vector<Pair> Fitted(std::vector<Pair> pairs, TrajectoryAlignment alignment) {
+  if (alignment != TrajectoryAlignment::kNone && pairs.size() >= 3) Transform(Fit(pairs, alignment), &pairs);
   return pairs;
 }
+
+// An estimate and the reference poses of the first camera.
+class PairSource {
+ public:
+  PairSource(const PoseSequence& estimate, const std::vector<ReferencePose>& reference,
+             const std::vector<BodyCamera>& cameras, const SystemConfig& config, double max_gap_s)
+      : reference_(reference),
+        offset_s_(config.time_offset_s),
+        gap_ns_(static_cast<int64_t>(max_gap_s * kSecondNs)),
+        arm_(Eigen::Quaterniond::Identity(), -config.lever_arm_m),
+        body_from_cam_(cameras.empty() ? Rigid3d() : cameras.front().cam_from_body.Inverse()) {
+    if (!estimate.HasTimes()) throw InputError("its poses have no times; give TUM or EuRoC form");
+    estimate_ = ToTrajectory(estimate);
+    const std::string camera = cameras.empty() ? "" : cameras.front().name;
+    for (size_t i = 0; i < reference.size(); ++i) {
+      if (reference[i].camera == camera) rows_.push_back(i);
+    }
+  }
+  const std::vector<size_t>& rows() const { return rows_; }  // of the reference
+
+  // The estimate at the reference's stamps, as world_from_cam, if its poses are those of `point`.
+  std::vector<Pair> Pairs(const std::string& point, double offset_s) const {
+    std::vector<Pair> pairs;
+    const Rigid3d point_from_cam = PointFromCam(point);
+    const int64_t offset = Nanoseconds(offset_s);
+    for (size_t i = 0; i < rows_.size(); ++i) {
+      const ReferencePose& r = reference_[rows_[i]];
+      if (!r.world_from_cam) continue;
+      const auto at = estimate_.At(r.stamp_ns - offset, gap_ns_);
+      if (at) pairs.push_back({i, &r, *at * point_from_cam});
+    }
+    return pairs;
+  }
+
+  // Camera and body differ by how they are turned, in whatever frame.
+  double Turned(const std::string& point) const {
+    const std::vector<Pair> pairs = Pairs(point, offset_s_);
+    return std::min(MedianRotation(pairs), MedianRotation(Fitted(pairs, TrajectoryAlignment::kSE3)));
+  }
+
+  // All poses of both, not only those that pair up.
+  PoseSequence Truth() const {
+    PoseSequence truth;
+    for (const size_t i : rows_) {
+      if (!reference_[i].world_from_cam) continue;
+      truth.stamps_ns.push_back(reference_[i].stamp_ns);
+      truth.poses.emplace_back(*reference_[i].world_from_cam);
+    }
+    return truth;
+  }
+  PoseSequence Said(const std::string& point) const {
+    PoseSequence said;
+    for (const TimedPose& pose : estimate_.poses) {
+      said.stamps_ns.push_back(pose.stamp_ns + Nanoseconds(offset_s_));
+      said.poses.emplace_back(pose.target_from_body * PointFromCam(point));
+    }
+    return said;
+  }
+
+  [[noreturn]] void ThrowApartInTime() const {
+    const auto seconds = [](int64_t ns) { return FormatNsAsSeconds(ns, 3); };
+    throw InputError(
+        fmt::format("it has no pose at any image's time: the images cover {} to {} s, the estimate {} to {} "
+                    "s; is it of this run and on its clock? (time_offset_s in system.yaml)",
+                    reference_.empty() ? "-" : seconds(reference_.front().stamp_ns),
+                    reference_.empty() ? "-" : seconds(reference_.back().stamp_ns),
+                    seconds(estimate_.poses.front().stamp_ns), seconds(estimate_.poses.back().stamp_ns)));
+  }
+
+ private:
+  static int64_t Nanoseconds(double seconds) { return static_cast<int64_t>(std::llround(seconds * kSecondNs)); }
+  Rigid3d PointFromCam(const std::string& point) const { return point == "body" ? arm_ * body_from_cam_ : arm_; }
+
+  const std::vector<ReferencePose>& reference_;
+  const double offset_s_;  // added to the estimate's stamps
+  const int64_t gap_ns_;
+  const Rigid3d arm_, body_from_cam_;
+  Trajectory estimate_;
+  std::vector<size_t> rows_;
+};
 
 // Errors near in time are no independent evidence: blocks are resampled. The reference's part is taken out.
 void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& options, EstimateReport* report) {
@@ -298,81 +367,35 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
   report.run = run;
   report.alignment = config.alignment;
   report.applied_offset_s = config.time_offset_s;
-  if (!estimate.HasTimes()) throw InputError("its poses have no times; give TUM or EuRoC form");
-  Trajectory poses;
-  for (size_t i = 0; i < estimate.poses.size(); ++i) {
-    if (i > 0 && estimate.stamps_ns[i] == estimate.stamps_ns[i - 1]) continue;
-    poses.poses.push_back({estimate.stamps_ns[i], estimate.poses[i].ToRigid()});
-  }
-  std::vector<size_t> rows;
-  const std::string camera = cameras.empty() ? "" : cameras.front().name;
-  for (size_t i = 0; i < reference.size(); ++i) {
-    if (reference[i].camera == camera) rows.push_back(i);
-  }
-
-  // The point the poses are of.
-  const Rigid3d arm(Eigen::Quaterniond::Identity(), -config.lever_arm_m);
-  const Rigid3d body_from_cam = cameras.empty() ? Rigid3d() : cameras.front().cam_from_body.Inverse();
-  const auto pairs_of = [&](const std::string& point, double offset) {
-    return PairUp(poses, offset, point == "body" ? arm * body_from_cam : arm, reference, rows, options.max_gap_s);
-  };
+  const PairSource source(estimate, reference, cameras, config, options.max_gap_s);
   report.point = config.point == "auto" ? "camera" : config.point;
-  std::vector<Pair> pairs = pairs_of(report.point, config.time_offset_s);
-  if (pairs.empty()) {
-    const auto seconds = [](int64_t ns) { return FormatNsAsSeconds(ns, 3); };
-    throw InputError(
-        fmt::format("it has no pose at any image's time: the images cover {} to {} s, the estimate {} to {} "
-                    "s; is it of this run and on its clock? (time_offset_s in system.yaml)",
-                    reference.empty() ? "-" : seconds(reference.front().stamp_ns),
-                    reference.empty() ? "-" : seconds(reference.back().stamp_ns), seconds(poses.poses.front().stamp_ns),
-                    seconds(poses.poses.back().stamp_ns)));
+  std::vector<Pair> pairs = source.Pairs(report.point, config.time_offset_s);
+  if (pairs.empty()) source.ThrowApartInTime();
+  if (config.point == "auto" && pairs.size() >= 3 && source.Turned("body") < source.Turned("camera")) {
+    report.point = "body";
+    pairs = source.Pairs(report.point, config.time_offset_s);
   }
-  const auto fitted = [&](std::vector<Pair> p, TrajectoryAlignment alignment) {
-    if (alignment != TrajectoryAlignment::kNone && p.size() >= 3) Transform(Fit(p, alignment), &p);
-    return p;
-  };
-  if (config.point == "auto") {
-    // Camera and body differ by how they are turned, in whatever frame.
-    const auto turned = [&](const std::string& point) {
-      const std::vector<Pair> p = pairs_of(point, config.time_offset_s);
-      return std::min(MedianRotation(p), MedianRotation(fitted(p, TrajectoryAlignment::kSE3)));
-    };
-    if (pairs.size() >= 3 && turned("body") < turned("camera")) {
-      report.point = "body";
-      pairs = pairs_of(report.point, config.time_offset_s);
-    }
-  }
-  pairs = fitted(std::move(pairs), config.alignment);
+  pairs = Fitted(std::move(pairs), config.alignment);
 
-  AddRows(reference, rows, pairs, &report);
+  AddRows(reference, source.rows(), pairs, &report);
   AddOwnRmse(pairs, options, &report);
   AddRelative(pairs, options, &report);
 
   // What would explain the errors: clock, frame, lever arm.
-  PoseSequence truth, said;
-  for (const size_t i : rows) {
-    if (!reference[i].world_from_cam) continue;
-    truth.stamps_ns.push_back(reference[i].stamp_ns);
-    truth.poses.emplace_back(*reference[i].world_from_cam);
-  }
-  const auto offset_ns = static_cast<int64_t>(std::llround(config.time_offset_s * kSecondNs));
-  for (const TimedPose& pose : poses.poses) {
-    said.stamps_ns.push_back(pose.stamp_ns + offset_ns);
-    said.poses.emplace_back(pose.target_from_body * (report.point == "body" ? arm * body_from_cam : arm));
-  }
   if (pairs.size() >= 3) {
     try {
-      report.aligned_rmse_m = Rmse(fitted(pairs, TrajectoryAlignment::kSE3));
+      report.aligned_rmse_m = Rmse(Fitted(pairs, TrajectoryAlignment::kSE3));
     } catch (const NumericError&) {  // all in one place: nothing to fit
     }
   }
   const double reference_axis_m = report.reference_rms_m / std::sqrt(3.0);
   const bool fit_first = config.alignment != TrajectoryAlignment::kNone || InAnotherFrame(report);
-  const ClockFinding clock = FindClock(truth, said, options.max_offset_s, fit_first, reference_axis_m);
+  const ClockFinding clock =
+      FindClock(source.Truth(), source.Said(report.point), options.max_offset_s, fit_first, reference_axis_m);
   report.time_offset = clock.offset;
   if (report.time_offset) {
     const double offset = config.time_offset_s + report.time_offset->offset_s;
-    const std::vector<Pair> moved = fitted(pairs_of(report.point, offset), config.alignment);
+    const std::vector<Pair> moved = Fitted(source.Pairs(report.point, offset), config.alignment);
     if (!moved.empty()) report.rmse_with_offset_m = Rmse(moved);
   }
   report.lever_arm = FindLeverArm(pairs, options.block_s, reference_axis_m);
