@@ -74,6 +74,56 @@ void PutLabel(cv::Mat& picture, const std::string& text, cv::Point at, const cv:
   cv::putText(picture, text, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv::LINE_AA);
 }
 
+// Image (left) and view (right) at one height.
+struct PairDrawing {
+  PairDrawing(const cv::Mat& image, const cv::Mat& view)
+      : image_size(image.size()),
+        view_size(view.size()),
+        image_scale(static_cast<double>(kHeight) / image.rows),
+        view_scale(static_cast<double>(kHeight) / view.rows) {
+    const int image_width = std::max(1, static_cast<int>(std::lround(image.cols * image_scale)));
+    const int view_width = std::max(1, static_cast<int>(std::lround(view.cols * view_scale)));
+    canvas = cv::Mat(kHeight, image_width + kGap + view_width, CV_8UC3, cv::Scalar(255, 255, 255));
+    left = canvas(cv::Rect(0, 0, image_width, kHeight));
+    cv::Mat right = canvas(cv::Rect(image_width + kGap, 0, view_width, kHeight));
+    cv::resize(image, left, left.size(), 0, 0, cv::INTER_AREA);
+    cv::resize(view, right, right.size(), 0, 0, cv::INTER_AREA);
+  }
+
+  // The picture's edges stay its edges: pixel centres move by half a pixel.
+  cv::Point2f InImage(double u, double v) const {
+    return {static_cast<float>((u + 0.5) * image_scale - 0.5), static_cast<float>((v + 0.5) * image_scale - 0.5)};
+  }
+  cv::Point2f InView(double u, double v) const {
+    return {static_cast<float>((u + 0.5) * view_scale - 0.5 + left.cols + kGap),
+            static_cast<float>((v + 0.5) * view_scale - 0.5)};
+  }
+
+  // By the homography of matches from view to image; false where that gives none.
+  bool DrawOutline(const std::vector<cv::Point2f>& from, const std::vector<cv::Point2f>& to) {
+    const cv::Mat h = cv::findHomography(from, to, cv::RANSAC, 4 / image_scale);
+    if (h.empty()) return false;
+    const float w = static_cast<float>(view_size.width) - 0.5F, b = static_cast<float>(view_size.height) - 0.5F;
+    std::vector<cv::Point2f> corners = {{-0.5F, -0.5F}, {w, -0.5F}, {w, b}, {-0.5F, b}}, projected;
+    cv::perspectiveTransform(corners, projected, h);
+    std::vector<cv::Point> polygon;
+    for (const cv::Point2f& p : projected) {
+      const bool near = std::isfinite(p.x) && std::isfinite(p.y) &&
+                        std::abs(p.x) < 20.0F * static_cast<float>(image_size.width) &&
+                        std::abs(p.y) < 20.0F * static_cast<float>(image_size.height);
+      if (!near) return false;
+      polygon.emplace_back(InImage(p.x, p.y));
+    }
+    if (!cv::isContourConvex(polygon)) return false;
+    cv::polylines(left, polygon, true, kYellow, 2, cv::LINE_AA);
+    return true;
+  }
+
+  cv::Size image_size, view_size;
+  double image_scale, view_scale;
+  cv::Mat canvas, left;
+};
+
 }  // namespace
 
 MatchPictures::MatchPictures(const Project& project, const std::string& run, const std::string& result)
@@ -121,24 +171,7 @@ MatchPictures::MatchPictures(const Project& project, const std::string& run, con
 MatchPicture MatchPictures::Draw(const std::string& panorama) {
   const Pair& pair = of_panorama_.at(panorama);
   const cv::Mat image = LoadImage(run_, pair.image), view = LoadView(project_, panorama, pair.view);
-  const double image_scale = static_cast<double>(kHeight) / image.rows;
-  const double view_scale = static_cast<double>(kHeight) / view.rows;
-  const int image_width = std::max(1, static_cast<int>(std::lround(image.cols * image_scale)));
-  const int view_width = std::max(1, static_cast<int>(std::lround(view.cols * view_scale)));
-  cv::Mat canvas(kHeight, image_width + kGap + view_width, CV_8UC3, cv::Scalar(255, 255, 255));
-  cv::Mat left = canvas(cv::Rect(0, 0, image_width, kHeight));
-  cv::Mat right = canvas(cv::Rect(image_width + kGap, 0, view_width, kHeight));
-  cv::resize(image, left, left.size(), 0, 0, cv::INTER_AREA);
-  cv::resize(view, right, right.size(), 0, 0, cv::INTER_AREA);
-  // The picture's edges stay its edges: pixel centres move by half a pixel.
-  const auto in_image = [&](double u, double v) {
-    return cv::Point2f(static_cast<float>((u + 0.5) * image_scale - 0.5),
-                       static_cast<float>((v + 0.5) * image_scale - 0.5));
-  };
-  const auto in_view = [&](double u, double v) {
-    return cv::Point2f(static_cast<float>((u + 0.5) * view_scale - 0.5 + image_width + kGap),
-                       static_cast<float>((v + 0.5) * view_scale - 0.5));
-  };
+  PairDrawing drawing(image, view);
   std::string outline = "";
   if (pair.matches.size() >= kHomographyMatches) {
     std::vector<cv::Point2f> from, to;
@@ -146,48 +179,32 @@ MatchPicture MatchPictures::Draw(const std::string& panorama) {
       from.emplace_back(m.u_view, m.v_view);
       to.emplace_back(m.u_image, m.v_image);
     }
-    const cv::Mat h = cv::findHomography(from, to, cv::RANSAC, 4 / image_scale);
-    if (!h.empty()) {
-      const float w = static_cast<float>(view.cols) - 0.5F, b = static_cast<float>(view.rows) - 0.5F;
-      std::vector<cv::Point2f> corners = {{-0.5F, -0.5F}, {w, -0.5F}, {w, b}, {-0.5F, b}}, projected;
-      cv::perspectiveTransform(corners, projected, h);
-      std::vector<cv::Point> polygon;
-      bool near = true;
-      for (const cv::Point2f& p : projected) {
-        near = near && std::isfinite(p.x) && std::isfinite(p.y) &&
-               std::abs(p.x) < 20.0F * static_cast<float>(image.cols) &&
-               std::abs(p.y) < 20.0F * static_cast<float>(image.rows);
-        if (near) polygon.emplace_back(in_image(p.x, p.y));
-      }
-      if (near && cv::isContourConvex(polygon)) {
-        cv::polylines(left, polygon, true, kYellow, 2, cv::LINE_AA);
-        outline = "; yellow: the view's outline by the homography of the inliers";
-      }
-    }
+    if (drawing.DrawOutline(from, to)) outline = "; yellow: the view's outline by the homography of the inliers";
   }
   const size_t step = pair.matches.size() / kLines + 1;
   for (size_t i = 0; i < pair.matches.size(); i += step) {
     const Match& m = pair.matches[i];
-    cv::line(canvas, in_image(m.u_image, m.v_image), in_view(m.u_view, m.v_view), kSky, 1, cv::LINE_AA);
+    cv::line(drawing.canvas, drawing.InImage(m.u_image, m.v_image), drawing.InView(m.u_view, m.v_view), kSky, 1,
+             cv::LINE_AA);
   }
   for (const Match& m : pair.matches) {
-    cv::circle(canvas, in_image(m.u_image, m.v_image), 2, kVermilion, cv::FILLED, cv::LINE_AA);
-    cv::circle(canvas, in_view(m.u_view, m.v_view), 2, kVermilion, cv::FILLED, cv::LINE_AA);
+    cv::circle(drawing.canvas, drawing.InImage(m.u_image, m.v_image), 2, kVermilion, cv::FILLED, cv::LINE_AA);
+    cv::circle(drawing.canvas, drawing.InView(m.u_view, m.v_view), 2, kVermilion, cv::FILLED, cv::LINE_AA);
   }
   std::string tags;
   if (const auto it = tags_.find(pair.image); it != tags_.end()) {
     for (const Tag& tag : it->second) {
       std::vector<cv::Point> corners;
-      for (int k = 0; k < 4; ++k) corners.emplace_back(in_image(tag.u[k], tag.v[k]));
-      cv::polylines(left, corners, true, kGreen, 2, cv::LINE_AA);
-      PutLabel(left, std::to_string(tag.id), corners[3] - cv::Point(0, 5), cv::Scalar(220, 255, 220));
+      for (int k = 0; k < 4; ++k) corners.emplace_back(drawing.InImage(tag.u[k], tag.v[k]));
+      cv::polylines(drawing.left, corners, true, kGreen, 2, cv::LINE_AA);
+      PutLabel(drawing.left, std::to_string(tag.id), corners[3] - cv::Point(0, 5), cv::Scalar(220, 255, 220));
       tags += (tags.empty() ? "" : ", ") + std::to_string(tag.id);
     }
   }
   MatchPicture result;
   std::vector<uchar> jpeg;
-  cv::imencode(".jpg", canvas, jpeg, {cv::IMWRITE_JPEG_QUALITY, 82});
-  result.picture = {std::string(jpeg.begin(), jpeg.end()), true, canvas.cols, canvas.rows};
+  cv::imencode(".jpg", drawing.canvas, jpeg, {cv::IMWRITE_JPEG_QUALITY, 82});
+  result.picture = {std::string(jpeg.begin(), jpeg.end()), true, drawing.canvas.cols, drawing.canvas.rows};
   result.caption = fmt::format(
       "{} of {} (left) and view {} of {} (right): {} inlier matches of this pair, of {} in all, {} joined{}{}.",
       pair.image, run_.name, pair.view, panorama, pair.matches.size(), inliers_[panorama],
