@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "datasets/io/text.h"
 #include "eval/report/chapters.h"
@@ -35,6 +36,54 @@ nlohmann::json ReadJson(const fs::path& file) {
   }
 }
 
+struct OverviewRow {
+  std::string name;
+  std::vector<TableCell> cells;
+  bool evaluated = false;
+  std::optional<double> median;  // 3D difference, in the unit
+};
+
+OverviewRow RowOf(const OverviewProject& project, const DisplayUnit& unit, const fs::path& file) {
+  OverviewRow row;
+  const fs::path dir = fs::absolute(project.dir).lexically_normal();
+  const std::string folder = (dir.has_filename() ? dir : dir.parent_path()).filename().string();
+  row.name = project.name.empty() ? folder : project.name;
+  const std::string evaluate = project.variant.empty() ? "evaluate" : "evaluate@" + project.variant;
+  ReportData data;
+  data.variants.push_back({project.variant, ReadJson(dir / "results" / evaluate / "summary.json"), {}, {}});
+  if (!data.variants.front().summary.is_object()) data.variants.front().summary = nlohmann::json::object();
+  const Headline headline = FindHeadline(data);
+  const nlohmann::json& g = headline.group;
+  TableCell title{row.name};
+  const fs::path report = dir / "results" / "report" / "index.html";
+  if (fs::exists(report)) title.link = Address(fs::relative(report, fs::absolute(file).parent_path()));
+  const bool bad = project.status == "failed";
+  row.cells = {title, {project.status, {}, bad ? Tone::kBad : Tone::kPlain}};
+  const auto length = [&](const char* key) {
+    const auto v = At(g, {"error_3d", "over_answers", key});
+    return TableCell{v ? fmt::format("{:.3f}", *v / unit.metres) : "", v};
+  };
+  if (g.is_object()) {
+    row.evaluated = true;
+    for (const char* key : {"answers", "attempts"}) {
+      const auto v = At(g, {key});
+      row.cells.push_back({v ? fmt::format("{:.0f}", *v) : "", v});
+    }
+    for (const char* key : {"median_m", "p90_m", "max_m"}) row.cells.push_back(length(key));
+    row.cells.push_back({GroupTitle(g)});
+    row.cells.push_back({FlagAt(g, "shares_evidence") ? "shared: agreement" : "independent"});
+    if (const auto median = At(g, {"error_3d", "over_answers", "median_m"})) row.median = *median / unit.metres;
+  } else {
+    row.cells.insert(row.cells.end(), 7, TableCell{});
+  }
+  const std::string gates = project.variant.empty() ? "gates" : "gates@" + project.variant;
+  const std::string verdict = TextAt(ReadJson(dir / "results" / gates / "gates.json"), "verdict");
+  row.cells.push_back({verdict, {}, verdict.empty() ? Tone::kPlain : GateTone(verdict)});
+  row.cells.push_back(
+      {project.reason.empty() && !fs::exists(report) ? "no report yet: trigpoint report" : project.reason});
+  return row;
+}
+
 }  // namespace
 
 void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUnit& unit, const fs::path& file) {
@@ -57,44 +106,11 @@ void WriteOverview(const std::vector<OverviewProject>& projects, const DisplayUn
   int failed = 0, evaluated = 0;
   std::vector<std::pair<std::string, double>> medians;
   for (const OverviewProject& project : projects) {
-    const fs::path dir = fs::absolute(project.dir).lexically_normal();
-    const std::string folder = (dir.has_filename() ? dir : dir.parent_path()).filename().string();
-    const std::string name = project.name.empty() ? folder : project.name;
-    const std::string evaluate = project.variant.empty() ? "evaluate" : "evaluate@" + project.variant;
-    ReportData data;
-    data.variants.push_back({project.variant, ReadJson(dir / "results" / evaluate / "summary.json"), {}, {}});
-    if (!data.variants.front().summary.is_object()) data.variants.front().summary = nlohmann::json::object();
-    const Headline headline = FindHeadline(data);
-    const nlohmann::json& g = headline.group;
-    TableCell title{name};
-    const fs::path report = dir / "results" / "report" / "index.html";
-    if (fs::exists(report)) title.link = Address(fs::relative(report, fs::absolute(file).parent_path()));
-    const bool bad = project.status == "failed";
-    failed += bad;
-    std::vector<TableCell> row = {title, {project.status, {}, bad ? Tone::kBad : Tone::kPlain}};
-    const auto length = [&](const char* key) {
-      const auto v = At(g, {"error_3d", "over_answers", key});
-      return TableCell{v ? fmt::format("{:.3f}", *v / unit.metres) : "", v};
-    };
-    if (g.is_object()) {
-      ++evaluated;
-      for (const char* key : {"answers", "attempts"}) {
-        const auto v = At(g, {key});
-        row.push_back({v ? fmt::format("{:.0f}", *v) : "", v});
-      }
-      for (const char* key : {"median_m", "p90_m", "max_m"}) row.push_back(length(key));
-      row.push_back({GroupTitle(g)});
-      row.push_back({FlagAt(g, "shares_evidence") ? "shared: agreement" : "independent"});
-      if (const auto median = At(g, {"error_3d", "over_answers", "median_m"}))
-        medians.emplace_back(name, *median / unit.metres);
-    } else {
-      row.insert(row.end(), 7, TableCell{});
-    }
-    const std::string gates = project.variant.empty() ? "gates" : "gates@" + project.variant;
-    const std::string verdict = TextAt(ReadJson(dir / "results" / gates / "gates.json"), "verdict");
-    row.push_back({verdict, {}, verdict.empty() ? Tone::kPlain : GateTone(verdict)});
-    row.push_back({project.reason.empty() && !fs::exists(report) ? "no report yet: trigpoint report" : project.reason});
-    table.rows.push_back(std::move(row));
+    OverviewRow row = RowOf(project, unit, file);
+    failed += project.status == "failed";
+    evaluated += row.evaluated;
+    if (row.median) medians.emplace_back(row.name, *row.median);
+    table.rows.push_back(std::move(row.cells));
   }
   Document document;
   document.title = "Trigpoint: " + std::to_string(projects.size()) + (projects.size() == 1 ? " project" : " projects");
