@@ -59,6 +59,37 @@ class Builder {
     }
     return bridge;
   }
+  // Of an image that sees `tags` tags and is `bridge_m` from the next that sees one.
+  ReferencePose PoseOf(const ImageEntry& image, int tags, double bridge_m, const ChainSolution& solution) const {
+    ReferencePose pose;
+    pose.stamp_ns = image.stamp_ns;
+    pose.image = image.file;
+    const bool known = image.camera >= 0 && static_cast<size_t>(image.camera) < input_.cameras.size();
+    const Rigid3d body_from_cam =
+        known ? input_.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse() : Rigid3d();
+    pose.camera = known ? input_.cameras[static_cast<size_t>(image.camera)].name : "";
+    const auto i = static_cast<size_t>(BodyOf(image.stamp_ns));
+    pose.tags = tags;
+    pose.bridged_m = bridge_m;
+    pose.status = pose.tags > 0 ? "tags" : "bridged";
+    if (!std::isfinite(bridge_m)) {
+      pose.status = "none";
+      pose.reason = "sees no tag of the map, and no motion ties it to an image that does";
+      pose.bridged_m = 0;
+    } else if (bridge_m > options_.max_bridge_m) {
+      pose.status = "none";
+      pose.reason = fmt::format("{:.1f} m along the path from the next image with a tag, more than {:g} m", bridge_m,
+                                options_.max_bridge_m);
+    } else {
+      if (pose.tags == 0) pose.reason = fmt::format("no tag in it; {:.2f} m of motion from one that has", bridge_m);
+      const Rigid3d& body = problem_.bodies[i];
+      pose.world_from_cam = body * body_from_cam;
+      Matrix6d j = Matrix6d::Identity();
+      j.bottomLeftCorner<3, 3>() = -Skew(body.rotation * body_from_cam.translation);
+      pose.covariance = j * solution.body_covariance[i] * j.transpose();
+    }
+    return pose;
+  }
 
  private:
   void AddBodies() {
@@ -256,7 +287,6 @@ ReferencePoses EstimateReferencePoses(const ReferencePoseInput& input, const Ref
   result.corner_factor = problem.corner_factor;
   result.motion_rot_factor = problem.motion_rot_factor;
   result.motion_m_factor = problem.motion_m_factor;
-  std::map<std::pair<int, std::string>, int> tags_of_image;
   std::vector<int> tags_of_body(problem.bodies.size(), 0);
   std::set<int> used;
   double squares = 0;
@@ -283,34 +313,8 @@ ReferencePoses EstimateReferencePoses(const ReferencePoseInput& input, const Ref
   }
   const std::vector<double> bridge = builder.Bridges();
   for (const ImageEntry& image : input.images) {
-    ReferencePose pose;
-    pose.stamp_ns = image.stamp_ns;
-    pose.image = image.file;
-    const bool known = image.camera >= 0 && static_cast<size_t>(image.camera) < input.cameras.size();
-    const Rigid3d body_from_cam =
-        known ? input.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse() : Rigid3d();
-    pose.camera = known ? input.cameras[static_cast<size_t>(image.camera)].name : "";
     const auto i = static_cast<size_t>(builder.BodyOf(image.stamp_ns));
-    pose.tags = tags_of_body[i];
-    pose.bridged_m = bridge[i];
-    pose.status = pose.tags > 0 ? "tags" : "bridged";
-    if (!std::isfinite(bridge[i])) {
-      pose.status = "none";
-      pose.reason = "sees no tag of the map, and no motion ties it to an image that does";
-      pose.bridged_m = 0;
-    } else if (bridge[i] > options.max_bridge_m) {
-      pose.status = "none";
-      pose.reason = fmt::format("{:.1f} m along the path from the next image with a tag, more than {:g} m", bridge[i],
-                                options.max_bridge_m);
-    } else {
-      if (pose.tags == 0) pose.reason = fmt::format("no tag in it; {:.2f} m of motion from one that has", bridge[i]);
-      const Rigid3d& body = problem.bodies[i];
-      pose.world_from_cam = body * body_from_cam;
-      Matrix6d j = Matrix6d::Identity();
-      j.bottomLeftCorner<3, 3>() = -Skew(body.rotation * body_from_cam.translation);
-      pose.covariance = j * solution.body_covariance[i] * j.transpose();
-    }
-    result.poses.push_back(std::move(pose));
+    result.poses.push_back(builder.PoseOf(image, tags_of_body[i], bridge[i], solution));
   }
   return result;
 }
