@@ -20,27 +20,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Keys of the cells: those with errors, worst first, then answers that nothing is known about.
+std::vector<std::string> CellsWorstFirst(const ChapterContext& c) {
+  std::vector<std::string> cells;
+  std::set<std::string> listed;
+  const auto list = [&](const std::string& key) {
+    if (listed.insert(key).second) cells.push_back(key);
+  };
+  for (const ErrorRecord* e : WorstFirst(c.data)) list(CellKey(e->run, e->variant, e->panorama));
+  for (const RunData& run : c.data.runs) {
+    for (const RunData::Answer& a : run.answers) {
+      if (a.status == "localized") list(CellKey(run.run, run.variant, a.panorama));
+    }
+  }
+  return cells;
+}
+
 // Pictures of matches within the budget, the worst cells first; drawn in the order of runs and panoramas, so that each
 // file is opened once.
 void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<std::string>* notes,
                  ReportSummary* summary, ProgressSink& progress, const CancelToken& cancel) {
-  // Cells: those with errors, worst first, then answers that nothing is known about.
-  std::vector<std::tuple<std::string, std::string, std::string>> cells;  // run, variant, panorama
-  std::set<std::string> listed;
-  const auto list = [&](const std::string& run, const std::string& variant, const std::string& panorama) {
-    if (listed.insert(CellKey(run, variant, panorama)).second) cells.emplace_back(run, variant, panorama);
-  };
-  for (const ErrorRecord* e : WorstFirst(c->data)) list(e->run, e->variant, e->panorama);
-  for (const RunData& run : c->data.runs) {
-    for (const RunData::Answer& a : run.answers) {
-      if (a.status == "localized") list(run.run, run.variant, a.panorama);
-    }
-  }
-  std::set<std::string> chosen;
-  for (size_t i = 0; i < cells.size() && i < static_cast<size_t>(options.max_pictures); ++i) {
-    const auto& [run, variant, panorama] = cells[i];
-    chosen.insert(CellKey(run, variant, panorama));
-  }
+  const std::vector<std::string> cells = CellsWorstFirst(*c);
+  const size_t most = std::min(cells.size(), static_cast<size_t>(options.max_pictures));
+  const std::set<std::string> chosen(cells.begin(), cells.begin() + static_cast<ptrdiff_t>(most));
   summary->match_pictures_left_out = static_cast<int>(cells.size() - chosen.size());
   progress.Begin("pictures of matches", static_cast<int64_t>(chosen.size()));
   double bytes = 0;
