@@ -172,6 +172,37 @@ std::vector<PosePair> Interpolated(const PoseSequence& reference, const PoseSequ
   return pairs;
 }
 
+std::string LengthText(double metres, double metres_per_unit) {
+  return fmt::format("{:.4f}", metres / metres_per_unit);
+}
+
+// A row a kind of error of each report, below the head.
+std::vector<std::vector<std::string>> ErrorTable(const std::vector<TrajectoryReport>& reports, const std::string& unit,
+                                                 double metres_per_unit) {
+  const auto length = [&](double metres) { return LengthText(metres, metres_per_unit); };
+  const auto degrees = [](double deg) { return fmt::format("{:.3f}", deg); };
+  std::vector<std::vector<std::string>> lines{
+      {"estimate", "error", "n", "rmse", "mean", "median", "P90", "P95", "max", "std"}};
+  const auto add = [&](const TrajectoryReport& r, const std::string& what, const SampleStatistics& s,
+                       const auto& text) {
+    lines.push_back({r.name, what, std::to_string(s.count), text(s.rmse), text(s.mean), text(s.median), text(s.p90),
+                     text(s.p95), text(s.max), text(s.std)});
+  };
+  for (const TrajectoryReport& r : reports) {
+    add(r, "ATE " + unit, r.ate_m, length);
+    if (r.ate_h_m) add(r, "ATE horizontal " + unit, *r.ate_h_m, length);
+    if (r.ate_v_m) add(r, "ATE vertical " + unit, *r.ate_v_m, length);
+    if (r.ate_deg) add(r, "ATE deg", *r.ate_deg, degrees);
+    for (const RelativeReport& rpe : r.rpe) {
+      const std::string over =
+          fmt::format("RPE {:g} {}{} ", rpe.options.delta, Name(rpe.options.unit), rpe.options.all_pairs ? " all" : "");
+      if (rpe.m) add(r, over + unit, *rpe.m, length);
+      if (rpe.deg) add(r, over + "deg", *rpe.deg, degrees);
+    }
+  }
+  return lines;
+}
+
 }  // namespace
 
 PoseSequence::PoseSequence(const Trajectory& trajectory) : warnings(trajectory.warnings) {
@@ -374,35 +405,8 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
 std::string FormatTrajectoryReports(const std::vector<TrajectoryReport>& reports,
                                     const TrajectoryReportOptions& options, const std::string& unit,
                                     double metres_per_unit) {
-  const auto length = [&](double metres) { return fmt::format("{:.4f}", metres / metres_per_unit); };
-  const auto degrees = [](double deg) { return fmt::format("{:.3f}", deg); };
-  const auto row = [](std::string name, const SampleStatistics& s, const auto& text) {
-    return std::vector<std::string>{std::move(name), std::to_string(s.count),
-                                    text(s.rmse),    text(s.mean),
-                                    text(s.median),  text(s.p90),
-                                    text(s.p95),     text(s.max),
-                                    text(s.std)};
-  };
-  std::vector<std::vector<std::string>> lines{
-      {"estimate", "error", "n", "rmse", "mean", "median", "P90", "P95", "max", "std"}};
-  const auto add = [&](const TrajectoryReport& r, const std::string& what, const SampleStatistics& s,
-                       const auto& text) {
-    std::vector<std::string> cells = row(r.name, s, text);
-    cells.insert(cells.begin() + 1, what);
-    lines.push_back(std::move(cells));
-  };
-  for (const TrajectoryReport& r : reports) {
-    add(r, "ATE " + unit, r.ate_m, length);
-    if (r.ate_h_m) add(r, "ATE horizontal " + unit, *r.ate_h_m, length);
-    if (r.ate_v_m) add(r, "ATE vertical " + unit, *r.ate_v_m, length);
-    if (r.ate_deg) add(r, "ATE deg", *r.ate_deg, degrees);
-    for (const RelativeReport& rpe : r.rpe) {
-      const std::string over =
-          fmt::format("RPE {:g} {}{} ", rpe.options.delta, Name(rpe.options.unit), rpe.options.all_pairs ? " all" : "");
-      if (rpe.m) add(r, over + unit, *rpe.m, length);
-      if (rpe.deg) add(r, over + "deg", *rpe.deg, degrees);
-    }
-  }
+  const auto length = [&](double metres) { return LengthText(metres, metres_per_unit); };
+  const std::vector<std::vector<std::string>> lines = ErrorTable(reports, unit, metres_per_unit);
   std::string text =
       fmt::format("Lengths in {}; alignment {}\n\n{}", unit, ToString(options.alignment), AlignMarkdown(lines));
   for (const TrajectoryReport& r : reports) {
