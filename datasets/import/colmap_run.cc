@@ -51,9 +51,10 @@ void CheckImages(const std::vector<std::string>& names, const fs::path& images) 
   }
 }
 
+using ImageRows = std::vector<std::tuple<int64_t, std::string, std::string>>;  // stamp, file, camera
+
 // images.txt, and the link to the pictures.
-void WriteImages(const fs::path& dir, const fs::path& images,
-                 const std::vector<std::tuple<int64_t, std::string, std::string>>& rows, MadeFiles* made,
+void WriteImages(const fs::path& dir, const fs::path& images, const ImageRows& rows, MadeFiles* made,
                  ImportReport* report) {
   std::error_code error;
   made->Making(dir / "images");
@@ -113,6 +114,103 @@ std::optional<Scale> ScaleFromExif(const SparseModel& model, const fs::path& ima
   }
 }
 
+Scale ScaleOf(const SparseModel& model, const ColmapRunOptions& options, ImportReport* report) {
+  if (options.scale) {
+    if (!(*options.scale > 0)) throw OptionError("--scale: expected metres per unit of the model, more than 0");
+    return {*options.scale, 0.01, "--scale"};
+  }
+  if (const auto found = ScaleFromExif(model, options.images)) return *found;
+  report->warnings.push_back(
+      "the model's unit is not known: it is taken as 1 m; name it by --scale METRES, or it must come from "
+      "panoramas, tags or GPS (run.yaml: odometry.scale_sigma)");
+  return {.source = "nothing"};
+}
+
+using FrameOfImage = std::map<uint32_t, const ModelFrame*>;
+
+// The frames of the model's rig where it is the run's body; empty: each camera is a body of its own.
+FrameOfImage RigFrames(const SparseModel& model, ImportReport* report) {
+  FrameOfImage frame_of;
+  for (const ModelFrame& frame : model.frames) {
+    for (uint32_t id : frame.images) frame_of[id] = &frame;
+  }
+  if (model.rigs.size() == 1 && model.rigs.front().cameras.size() > 1 &&
+      std::all_of(model.images.begin(), model.images.end(),
+                  [&](const ModelImage& image) { return frame_of.count(image.id) > 0; })) {
+    return frame_of;
+  }
+  if (model.rigs.size() > 1 &&
+      std::any_of(model.rigs.begin(), model.rigs.end(), [](const ModelRig& r) { return r.cameras.size() > 1; })) {
+    report->warnings.push_back("the model has several rigs; a run has one body, so every camera is taken by itself");
+  }
+  return {};
+}
+
+struct RunCameras {
+  std::vector<BodyCamera> cameras;
+  std::map<uint32_t, std::string> name_of;  // by COLMAP's id
+
+  void Add(uint32_t id, const Camera& camera, const Rigid3d& cam_from_body) {
+    BodyCamera& c = cameras.emplace_back();
+    c.name = name_of[id] = fmt::format("cam{}", cameras.size() - 1);
+    c.camera = camera;
+    c.cam_from_body = cam_from_body;
+    c.has_extrinsics = true;
+  }
+};
+
+// Of the model's rig, scaled to metres; without one (null) each by itself.
+RunCameras CamerasOf(const SparseModel& model, const ModelRig* rig, double metres) {
+  RunCameras result;
+  for (const auto& [id, camera] : model.cameras) {
+    if (rig == nullptr) {
+      result.Add(id, camera, LevelForwardCamera());
+      continue;
+    }
+    for (const auto& [member, cam_from_rig] : rig->cameras) {
+      if (member != id) continue;
+      Rigid3d scaled = cam_from_rig;
+      scaled.translation *= metres;
+      result.Add(id, camera, scaled * LevelForwardCamera());
+    }
+  }
+  return result;
+}
+
+struct TimedImages {
+  ImageRows rows;                   // by stamp
+  std::vector<TimedPose> odometry;  // a pose a frame of the rig, else a pose an image
+};
+
+// One a second, in the order of the images.
+TimedImages NumberImages(const SparseModel& model, const FrameOfImage& frame_of, const RunCameras& cameras,
+                         double metres, const std::string& where) {
+  TimedImages result;
+  std::map<uint32_t, int64_t> stamp_of_frame;
+  for (const ModelImage& image : model.images) {
+    int64_t stamp = static_cast<int64_t>(result.odometry.size()) * 1'000'000'000;
+    bool fresh = true;
+    Rigid3d world_from_body = image.cam_from_world.Inverse() * LevelForwardCamera();
+    if (!frame_of.empty()) {
+      const ModelFrame& frame = *frame_of.at(image.id);
+      std::tie(std::ignore, fresh) = stamp_of_frame.emplace(frame.id, stamp);
+      stamp = stamp_of_frame.at(frame.id);
+      world_from_body = frame.rig_from_world.Inverse() * LevelForwardCamera();
+    }
+    world_from_body.translation *= metres;
+    if (fresh) result.odometry.push_back({stamp, world_from_body});
+    const auto camera = cameras.name_of.find(image.camera_id);
+    if (camera == cameras.name_of.end()) {
+      throw InputError(fmt::format("{}: image {}: its camera {} belongs to no camera of the rig", where, image.name,
+                                   image.camera_id));
+    }
+    result.rows.emplace_back(stamp, image.name, camera->second);
+  }
+  std::stable_sort(result.rows.begin(), result.rows.end(),
+                   [](const auto& a, const auto& b) { return std::get<0>(a) < std::get<0>(b); });
+  return result;
+}
+
 }  // namespace
 
 ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, const ColmapRunOptions& options) {
@@ -125,81 +223,14 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
   for (const ModelImage& image : model.images) names.push_back(image.name);
   CheckImages(names, options.images);
 
-  Scale scale;
-  if (options.scale) {
-    if (!(*options.scale > 0)) throw OptionError("--scale: expected metres per unit of the model, more than 0");
-    scale = {*options.scale, 0.01, "--scale"};
-  } else if (const auto found = ScaleFromExif(model, options.images)) {
-    scale = *found;
-  } else {
-    scale.source = "nothing";
-    report.warnings.push_back(
-        "the model's unit is not known: it is taken as 1 m; name it by --scale METRES, or it must come from "
-        "panoramas, tags or GPS (run.yaml: odometry.scale_sigma)");
-  }
-
-  // Bodies: rigs where the model has them, else each camera is one of its own.
-  std::map<uint32_t, const ModelFrame*> frame_of;
-  for (const ModelFrame& frame : model.frames) {
-    for (uint32_t id : frame.images) frame_of[id] = &frame;
-  }
-  const bool rigs = model.rigs.size() == 1 && model.rigs.front().cameras.size() > 1 &&
-                    std::all_of(model.images.begin(), model.images.end(),
-                                [&](const ModelImage& image) { return frame_of.count(image.id) > 0; });
-  if (!rigs && model.rigs.size() > 1 &&
-      std::any_of(model.rigs.begin(), model.rigs.end(), [](const ModelRig& r) { return r.cameras.size() > 1; })) {
-    report.warnings.push_back("the model has several rigs; a run has one body, so every camera is taken by itself");
-  }
-  std::vector<BodyCamera> cameras;
-  std::map<uint32_t, std::string> name_of;
-  const Rigid3d cam_from_body = LevelForwardCamera();
-  for (const auto& [id, camera] : model.cameras) {
-    BodyCamera c;
-    c.name = fmt::format("cam{}", cameras.size());
-    c.camera = camera;
-    c.cam_from_body = cam_from_body;
-    c.has_extrinsics = true;
-    if (rigs) {
-      bool there = false;
-      for (const auto& [member, cam_from_rig] : model.rigs.front().cameras) {
-        if (member != id) continue;
-        there = true;
-        Rigid3d scaled = cam_from_rig;
-        scaled.translation *= scale.metres;
-        c.cam_from_body = scaled * cam_from_body;
-      }
-      if (!there) continue;
-    }
-    name_of[id] = c.name;
-    cameras.push_back(std::move(c));
-  }
-  std::vector<std::tuple<int64_t, std::string, std::string>> rows;
-  std::vector<TimedPose> odometry;
-  std::map<uint32_t, int64_t> stamp_of_frame;
-  for (const ModelImage& image : model.images) {
-    int64_t stamp = static_cast<int64_t>(odometry.size()) * 1'000'000'000;
-    bool fresh = true;
-    Rigid3d world_from_body = image.cam_from_world.Inverse() * cam_from_body;
-    if (rigs) {
-      const ModelFrame& frame = *frame_of.at(image.id);
-      std::tie(std::ignore, fresh) = stamp_of_frame.emplace(frame.id, stamp);
-      stamp = stamp_of_frame.at(frame.id);
-      world_from_body = frame.rig_from_world.Inverse() * cam_from_body;
-    }
-    world_from_body.translation *= scale.metres;
-    if (fresh) odometry.push_back({stamp, world_from_body});
-    const auto camera = name_of.find(image.camera_id);
-    if (camera == name_of.end()) {
-      throw InputError(fmt::format("{}: image {}: its camera {} belongs to no camera of the rig", model_dir.string(),
-                                   image.name, image.camera_id));
-    }
-    rows.emplace_back(stamp, image.name, camera->second);
-  }
-  std::stable_sort(rows.begin(), rows.end(),
-                   [](const auto& a, const auto& b) { return std::get<0>(a) < std::get<0>(b); });
+  const Scale scale = ScaleOf(model, options, &report);
+  const FrameOfImage frame_of = RigFrames(model, &report);
+  const RunCameras cameras = CamerasOf(model, frame_of.empty() ? nullptr : &model.rigs.front(), scale.metres);
+  const auto [rows, odometry] = NumberImages(model, frame_of, cameras, scale.metres, model_dir.string());
   MadeFiles made;
   WriteImages(dir, options.images, rows, &made, &report);
-  WriteCamchain(made.Making(dir / "camchain.yaml"), cameras, {"cameras of the COLMAP model " + model_dir.string()});
+  WriteCamchain(made.Making(dir / "camchain.yaml"), cameras.cameras,
+                {"cameras of the COLMAP model " + model_dir.string()});
   WriteTum(made.Making(dir / "odometry.tum"), odometry,
            {"poses of a COLMAP model, scaled by " + fmt::format("{:.9g}", scale.metres)});
   WriteFileAtomically(
@@ -216,7 +247,7 @@ ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, co
   }
   made.Keep();
   report.lines.push_back("run " + options.run + ": " + Counted(model.images.size(), "image") + ", " +
-                         Counted(cameras.size(), "camera") + ", " + Counted(model.points.size(), "point") +
+                         Counted(cameras.cameras.size(), "camera") + ", " + Counted(model.points.size(), "point") +
                          fmt::format("; {:.6g} m per unit (from {}, +- {:.1f} %, 1 sigma)", scale.metres, scale.source,
                                      100 * scale.sigma));
   return report;
@@ -232,21 +263,13 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
   std::vector<std::string> names;
   for (const DatabaseImage& image : images) names.push_back(image.name);
   CheckImages(names, options.images);
-  std::vector<BodyCamera> cameras;
-  std::map<uint32_t, std::string> name_of;
-  for (const auto& [id, camera] : ReadDatabaseCameras(file)) {
-    BodyCamera c;
-    c.name = fmt::format("cam{}", cameras.size());
-    c.camera = camera;
-    c.cam_from_body = LevelForwardCamera();
-    c.has_extrinsics = true;
-    name_of[id] = c.name;
-    cameras.push_back(std::move(c));
-  }
-  std::vector<std::tuple<int64_t, std::string, std::string>> rows;
+  RunCameras found;
+  for (const auto& [id, camera] : ReadDatabaseCameras(file)) found.Add(id, camera, LevelForwardCamera());
+  const std::vector<BodyCamera>& cameras = found.cameras;
+  ImageRows rows;
   for (const DatabaseImage& image : images) {
-    const auto camera = name_of.find(image.camera_id);
-    if (camera == name_of.end()) {
+    const auto camera = found.name_of.find(image.camera_id);
+    if (camera == found.name_of.end()) {
       throw InputError(fmt::format("{}: image {}: its camera {} is not in the database", file.string(), image.name,
                                    image.camera_id));
     }
