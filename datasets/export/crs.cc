@@ -28,6 +28,18 @@ std::string UtmWkt(int zone, bool north) {
       zone, north ? 'N' : 'S', kWgs84Wkt, 6 * zone - 183, north ? 0 : 10000000, (north ? 32600 : 32700) + zone);
 }
 
+int EpsgOf(const std::string& code, const Geodetic& near) {
+  if (code.empty()) return 4326;
+  if (code == "utm") return UtmFromGeodetic(near).EpsgCode();
+  const std::string_view digits = std::string_view(code).substr(code.find(':') + 1);
+  const auto number = ParseInt(digits);
+  const std::string authority = code.substr(0, code.size() - digits.size());
+  if (!number || *number < 1 || *number > 1'000'000 || (authority != "EPSG:" && authority != "epsg:")) {
+    throw OptionError("--crs " + code + ": expected EPSG:N, e.g. EPSG:4326 or EPSG:32632, or utm");
+  }
+  return static_cast<int>(*number);
+}
+
 }  // namespace
 
 struct Crs::Proj {
@@ -45,19 +57,72 @@ Crs::Crs() = default;
 Crs::~Crs() = default;
 Crs::Crs(Crs&&) noexcept = default;
 
+#ifdef TRIGPOINT_HAVE_PROJ
+void Crs::OpenProj(const std::string& code, const Geodetic& near) {
+  const std::string name = fmt::format("EPSG:{}", epsg_);
+  proj_ = std::make_unique<Proj>();
+  PJ_CONTEXT* context = proj_->context = proj_context_create();
+  proj_log_level(context, PJ_LOG_NONE);
+  PJ* target = proj_create(context, name.c_str());
+  const PJ_TYPE type = target == nullptr ? PJ_TYPE_UNKNOWN : proj_get_type(target);
+  if (type != PJ_TYPE_PROJECTED_CRS && type != PJ_TYPE_GEOGRAPHIC_2D_CRS) {
+    proj_destroy(target);
+    throw OptionError("--crs " + code +
+                      (type == PJ_TYPE_UNKNOWN ? ": PROJ knows no such system"
+                                               : ": expected a projected or geographic system of two axes; heights are "
+                                                 "chosen by --heights"));
+  }
+  geographic_ = type == PJ_TYPE_GEOGRAPHIC_2D_CRS;
+  name_ = proj_get_name(target);
+  const char* wkt = proj_as_wkt(context, target, PJ_WKT1_GDAL, nullptr);
+  wkt_ = wkt == nullptr ? "undefined" : wkt;
+  proj_destroy(target);
+  ChooseTransform(code, near);
+}
+
+void Crs::ChooseTransform(const std::string& code, const Geodetic& near) {
+  PJ_CONTEXT* context = proj_->context;
+  const std::string name = fmt::format("EPSG:{}", epsg_);
+  PJ_AREA* area = proj_area_create();
+  proj_area_set_bbox(area, near.longitude_deg - 0.01, near.latitude_deg - 0.01, near.longitude_deg + 0.01,
+                     near.latitude_deg + 0.01);
+  // Operations that hold here; else, near the border of where they do, any that there is. One that only takes the
+  // numbers over from one datum to the other ("ballpark") is off by up to hundreds of metres.
+  bool ballpark = true;
+  for (PJ_AREA* where : {area, static_cast<PJ_AREA*>(nullptr)}) {
+    if (!ballpark) break;
+    PJ* raw = proj_create_crs_to_crs(context, "EPSG:4326", name.c_str(), where);
+    if (raw == nullptr) continue;
+    proj_destroy(proj_->transform);
+    proj_->transform = proj_normalize_for_visualization(context, raw);
+    proj_destroy(raw);
+    if (proj_->transform == nullptr) continue;
+    FromGeodetic(near);  // chooses the operation that holds here
+    if (PJ* used = proj_trans_get_last_used_operation(proj_->transform)) {
+      ballpark = proj_coordoperation_has_ballpark_transformation(context, used) != 0;
+      const double accuracy = proj_coordoperation_get_accuracy(context, used);
+      accuracy_m_ = accuracy > 0 ? std::optional<double>(accuracy) : std::nullopt;
+      proj_destroy(used);
+    }
+  }
+  proj_area_destroy(area);
+  if (proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ cannot reach it from WGS 84");
+  if (ballpark) {
+    throw OptionError("--crs " + code + ": PROJ knows no change of datum from WGS 84 to it, without which positions " +
+                      "may be off by hundreds of metres; install its grids (apt install proj-data, or projsync)");
+  }
+}
+#else
+void Crs::OpenProj(const std::string& code, const Geodetic&) {
+  throw OptionError("--crs " + code +
+                    ": this build knows WGS 84 (EPSG:4326) and UTM on it (EPSG:326zz, 327zz) only; install libproj-dev "
+                    "and build again for the others");
+}
+#endif
+
 Crs Crs::Named(const std::string& code, const Geodetic& near) {
   Crs crs;
-  if (code == "utm") {
-    crs.epsg_ = UtmFromGeodetic(near).EpsgCode();
-  } else if (!code.empty()) {
-    const std::string_view digits = std::string_view(code).substr(code.find(':') + 1);
-    const auto number = ParseInt(digits);
-    const std::string authority = code.substr(0, code.size() - digits.size());
-    if (!number || *number < 1 || *number > 1'000'000 || (authority != "EPSG:" && authority != "epsg:")) {
-      throw OptionError("--crs " + code + ": expected EPSG:N, e.g. EPSG:4326 or EPSG:32632, or utm");
-    }
-    crs.epsg_ = static_cast<int>(*number);
-  }
+  crs.epsg_ = EpsgOf(code, near);
   if (crs.epsg_ == 4326) {
     crs.name_ = "WGS 84";
     crs.wkt_ = kWgs84Wkt;
@@ -72,59 +137,8 @@ Crs Crs::Named(const std::string& code, const Geodetic& near) {
     crs.wkt_ = UtmWkt(zone, north);
     return crs;
   }
-#ifdef TRIGPOINT_HAVE_PROJ
-  const std::string name = fmt::format("EPSG:{}", crs.epsg_);
-  crs.proj_ = std::make_unique<Proj>();
-  PJ_CONTEXT* context = crs.proj_->context = proj_context_create();
-  proj_log_level(context, PJ_LOG_NONE);
-  PJ* target = proj_create(context, name.c_str());
-  const PJ_TYPE type = target == nullptr ? PJ_TYPE_UNKNOWN : proj_get_type(target);
-  if (type != PJ_TYPE_PROJECTED_CRS && type != PJ_TYPE_GEOGRAPHIC_2D_CRS) {
-    proj_destroy(target);
-    throw OptionError("--crs " + code +
-                      (type == PJ_TYPE_UNKNOWN ? ": PROJ knows no such system"
-                                               : ": expected a projected or geographic system of two axes; heights are "
-                                                 "chosen by --heights"));
-  }
-  crs.geographic_ = type == PJ_TYPE_GEOGRAPHIC_2D_CRS;
-  crs.name_ = proj_get_name(target);
-  const char* wkt = proj_as_wkt(context, target, PJ_WKT1_GDAL, nullptr);
-  crs.wkt_ = wkt == nullptr ? "undefined" : wkt;
-  proj_destroy(target);
-  PJ_AREA* area = proj_area_create();
-  proj_area_set_bbox(area, near.longitude_deg - 0.01, near.latitude_deg - 0.01, near.longitude_deg + 0.01,
-                     near.latitude_deg + 0.01);
-  // Operations that hold here; else, near the border of where they do, any that there is. One that only takes the
-  // numbers over from one datum to the other ("ballpark") is off by up to hundreds of metres.
-  bool ballpark = true;
-  for (PJ_AREA* where : {area, static_cast<PJ_AREA*>(nullptr)}) {
-    if (!ballpark) break;
-    PJ* raw = proj_create_crs_to_crs(context, "EPSG:4326", name.c_str(), where);
-    if (raw == nullptr) continue;
-    proj_destroy(crs.proj_->transform);
-    crs.proj_->transform = proj_normalize_for_visualization(context, raw);
-    proj_destroy(raw);
-    if (crs.proj_->transform == nullptr) continue;
-    crs.FromGeodetic(near);  // chooses the operation that holds here
-    if (PJ* used = proj_trans_get_last_used_operation(crs.proj_->transform)) {
-      ballpark = proj_coordoperation_has_ballpark_transformation(context, used) != 0;
-      const double accuracy = proj_coordoperation_get_accuracy(context, used);
-      crs.accuracy_m_ = accuracy > 0 ? std::optional<double>(accuracy) : std::nullopt;
-      proj_destroy(used);
-    }
-  }
-  proj_area_destroy(area);
-  if (crs.proj_->transform == nullptr) throw OptionError("--crs " + code + ": PROJ cannot reach it from WGS 84");
-  if (ballpark) {
-    throw OptionError("--crs " + code + ": PROJ knows no change of datum from WGS 84 to it, without which positions " +
-                      "may be off by hundreds of metres; install its grids (apt install proj-data, or projsync)");
-  }
+  crs.OpenProj(code, near);
   return crs;
-#else
-  throw OptionError("--crs " + code +
-                    ": this build knows WGS 84 (EPSG:4326) and UTM on it (EPSG:326zz, 327zz) only; install libproj-dev "
-                    "and build again for the others");
-#endif
 }
 
 Eigen::Vector2d Crs::FromGeodetic(const Geodetic& g) const {

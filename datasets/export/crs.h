@@ -37,6 +37,9 @@ class Crs {
  private:
   struct Proj;
   Crs();
+  // A system that is not built in, by PROJ.
+  void OpenProj(const std::string& code, const Geodetic& near);
+  void ChooseTransform(const std::string& code, const Geodetic& near);
   int epsg_ = 4326;
   int utm_zone_ = 0;  // negative: south; 0: not a built-in UTM
   std::string name_, wkt_;
