@@ -55,6 +55,37 @@ nlohmann::json ReadNestedMap(const YamlMap& map) {
   return json;
 }
 
+Geodetic ReadOrigin(const YamlMap& map) {
+  const YamlMap origin = map.Map("origin", {"latitude_deg", "longitude_deg", "height_m"});
+  for (const char* key : {"latitude_deg", "longitude_deg"}) {
+    if (!origin.Has(key)) map.Fail("origin", std::string("expected latitude_deg and longitude_deg, found no ") + key);
+  }
+  const Geodetic result{origin.Number("latitude_deg", 0), origin.Number("longitude_deg", 0),
+                        origin.Number("height_m", 0)};
+  try {
+    LocalFrame{result};
+  } catch (const InputError& e) {
+    map.Fail("origin", e.what());
+  }
+  return result;
+}
+
+std::vector<std::string> ReadRuns(const YamlMap& map, const fs::path& dir) {
+  const YAML::Node list = map.Node("runs");
+  if (!list.IsSequence()) map.Fail("runs", "expected a list of folders below runs/, such as [run1, run2]");
+  std::vector<std::string> runs;
+  for (const YAML::Node& item : list) {
+    if (!item.IsScalar()) map.Fail("runs", "expected a list of names");
+    const std::string& written = item.Scalar();
+    const fs::path run = ResolveInside(dir, dir / "runs", written, map.Where("runs"));
+    if (run.parent_path() != dir / "runs") {
+      map.Fail("runs", "expected the names of folders below runs/, found '" + written + "'");
+    }
+    runs.push_back(run.filename().string());
+  }
+  return runs;
+}
+
 ProjectFile ReadProjectFile(const fs::path& dir) {
   const fs::path file = dir / kProjectFile;
   const YamlMap map(file, LoadYaml(file), kKeys);
@@ -68,33 +99,8 @@ ProjectFile ReadProjectFile(const fs::path& dir) {
   if (!result.crs.empty() && (!result.crs.starts_with("EPSG:") || !ParseInt(result.crs.substr(5)))) {
     map.Fail("crs", "expected EPSG:<number>, found '" + result.crs + "'");
   }
-  if (map.Has("origin")) {
-    const YamlMap origin = map.Map("origin", {"latitude_deg", "longitude_deg", "height_m"});
-    for (const char* key : {"latitude_deg", "longitude_deg"}) {
-      if (!origin.Has(key)) map.Fail("origin", std::string("expected latitude_deg and longitude_deg, found no ") + key);
-    }
-    result.origin =
-        Geodetic{origin.Number("latitude_deg", 0), origin.Number("longitude_deg", 0), origin.Number("height_m", 0)};
-    try {
-      LocalFrame{*result.origin};
-    } catch (const InputError& e) {
-      map.Fail("origin", e.what());
-    }
-  }
-  if (map.Has("runs")) {
-    const YAML::Node list = map.Node("runs");
-    if (!list.IsSequence()) map.Fail("runs", "expected a list of folders below runs/, such as [run1, run2]");
-    result.runs.emplace();
-    for (const YAML::Node& item : list) {
-      if (!item.IsScalar()) map.Fail("runs", "expected a list of names");
-      const std::string& written = item.Scalar();
-      const fs::path run = ResolveInside(dir, dir / "runs", written, map.Where("runs"));
-      if (run.parent_path() != dir / "runs") {
-        map.Fail("runs", "expected the names of folders below runs/, found '" + written + "'");
-      }
-      result.runs->push_back(run.filename().string());
-    }
-  }
+  if (map.Has("origin")) result.origin = ReadOrigin(map);
+  if (map.Has("runs")) result.runs = ReadRuns(map, dir);
   const YamlMap roles = map.MapOfAnyKeys("roles");
   for (const std::string& run : roles.Keys()) {
     const std::string role = roles.Text(run);
@@ -363,6 +369,33 @@ void KeepListedRuns(const std::vector<std::string>& runs, const std::vector<std:
   std::erase_if(site->broken_runs, [&](const auto& run) { return listed.count(run.first) == 0; });
 }
 
+// `key` of the project's file names a run.
+void RequireRun(const std::string& run, const std::string& key, const std::vector<std::string>& there,
+                const fs::path& dir) {
+  if (std::find(there.begin(), there.end(), run) != there.end()) return;
+  const std::string nearest = NearestName(run, there);
+  throw InputError((dir / kProjectFile).string() + ": key '" + key + "': there is no run '" + run + "' below runs/" +
+                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+}
+
+void TakeControlRoles(const Review& review, Site* site) {
+  for (ControlPoint& point : site->control_points) {
+    const auto role = review.roles().find("control:" + ReviewControlName(point));
+    if (role == review.roles().end()) continue;
+    point.control = role->second == "control";
+    point.has_role = true;
+  }
+}
+
+// The project's own against that of the site's origin.json.
+void CompareOrigins(const Geodetic& own, const Geodetic& site, std::vector<std::string>* warnings) {
+  const double apart = (EcefFromGeodetic(own) - EcefFromGeodetic(site)).norm();
+  if (apart > 1e-3) {
+    warnings->push_back(fmt::format("origin.json and {} name origins {:.3f} m apart; the one in {} is used",
+                                    kProjectFile, apart, kProjectFile));
+  }
+}
+
 }  // namespace
 
 Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* problems) {
@@ -401,41 +434,24 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   project.warnings_ = project.site_.warnings;
 
   const std::vector<std::string> there = NamesOfRuns(project.site_);
-  const auto require = [&](const std::string& run, const std::string& key) {
-    if (std::find(there.begin(), there.end(), run) != there.end()) return;
-    const std::string nearest = NearestName(run, there);
-    throw InputError((dir / kProjectFile).string() + ": key '" + key + "': there is no run '" + run + "' below runs/" +
-                     (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
-  };
   if (file.runs) {
-    for (const std::string& run : *file.runs) attempt([&] { require(run, "runs"); });
+    for (const std::string& run : *file.runs) attempt([&] { RequireRun(run, "runs", there, dir); });
     KeepListedRuns(*file.runs, there, &project.site_, &project.warnings_);
   }
   for (const auto& [run, role] : file.roles) {
-    attempt([&, &run = run] { require(run, "roles"); });
+    attempt([&, &run = run] { RequireRun(run, "roles", there, dir); });
     for (Run& r : project.site_.runs) {
       if (r.name == run) r.config.role = role;
     }
   }
   project.review_ = Review::Read(dir / "review.jsonl", &project.warnings_);
-  for (ControlPoint& point : project.site_.control_points) {
-    const auto role = project.review_.roles().find("control:" + ReviewControlName(point));
-    if (role == project.review_.roles().end()) continue;
-    point.control = role->second == "control";
-    point.has_role = true;
-  }
+  TakeControlRoles(project.review_, &project.site_);
   const std::optional<SiteOrigin> found = FindOrigin(project.site_);
   if (file.origin || found) {
     project.has_frame_ = true;
     project.frame_ = LocalFrame(file.origin ? *file.origin : found->position);
   }
-  if (file.origin && project.site_.origin) {
-    const double apart = (EcefFromGeodetic(*file.origin) - EcefFromGeodetic(*project.site_.origin)).norm();
-    if (apart > 1e-3) {
-      project.warnings_.push_back(fmt::format("origin.json and {} name origins {:.3f} m apart; the one in {} is used",
-                                              kProjectFile, apart, kProjectFile));
-    }
-  }
+  if (file.origin && project.site_.origin) CompareOrigins(*file.origin, *project.site_.origin, &project.warnings_);
   project.shared_ = std::make_shared<Shared>(dir);
   return project;
 }
