@@ -366,43 +366,12 @@ void ReadFrames(Lines in, SparseModel& out) {
   }
 }
 
-// Ids are unique and what they name is there; tracks and images say the same.
-void CheckIds(const SparseModel& model, const std::string& where) {
+using ImagesById = std::unordered_map<uint32_t, const ModelImage*>;
+
+// Rigs and frames name what is there, and poses of images are those of their frames.
+void CheckRigs(const SparseModel& model, const std::unordered_set<uint32_t>& cameras, const ImagesById& images,
+               const std::string& where) {
   const auto fail = [&](const std::string& what) { throw InputError(where + ": " + what); };
-  std::unordered_map<uint32_t, const Camera*> cameras;
-  for (const auto& [id, camera] : model.cameras) {
-    if (!cameras.emplace(id, &camera).second) fail(fmt::format("camera {} is there twice", id));
-  }
-  std::unordered_map<int64_t, const ModelPoint*> points;
-  for (const ModelPoint& point : model.points) {
-    if (point.id < 0) fail(fmt::format("point {} is no id", point.id));
-    if (!points.emplace(point.id, &point).second) fail(fmt::format("point {} is there twice", point.id));
-  }
-  std::unordered_map<uint32_t, const ModelImage*> images;
-  std::unordered_set<std::string> names;
-  for (const ModelImage& image : model.images) {
-    if (image.name.empty()) fail(fmt::format("image {} has no name", image.id));
-    if (!images.emplace(image.id, &image).second) fail(fmt::format("image {} is there twice", image.id));
-    if (!names.insert(image.name).second) fail("image " + image.name + " is there twice");
-    if (cameras.count(image.camera_id) == 0) {
-      fail(fmt::format("image {}: its camera {} is not in the model", image.name, image.camera_id));
-    }
-    for (int64_t point : image.points) {
-      if (point != -1 && points.count(point) == 0) {
-        fail(fmt::format("image {}: its point {} is not in the model", image.name, point));
-      }
-    }
-  }
-  for (const ModelPoint& point : model.points) {
-    for (const auto& [id, index] : point.track) {
-      const auto image = images.find(id);
-      if (image == images.end()) fail(fmt::format("point {}: its image {} is not in the model", point.id, id));
-      if (index >= image->second->pixels.size()) {
-        fail(fmt::format("point {}: image {} has no pixel {}, only {}", point.id, id, index,
-                         image->second->pixels.size()));
-      }
-    }
-  }
   std::unordered_map<uint32_t, const ModelRig*> rigs;
   for (const ModelRig& rig : model.rigs) {
     if (!rigs.emplace(rig.id, &rig).second) fail(fmt::format("rig {} is there twice", rig.id));
@@ -436,6 +405,46 @@ void CheckIds(const SparseModel& model, const std::string& where) {
       }
     }
   }
+}
+
+// Ids are unique and what they name is there; tracks and images say the same.
+void CheckIds(const SparseModel& model, const std::string& where) {
+  const auto fail = [&](const std::string& what) { throw InputError(where + ": " + what); };
+  std::unordered_set<uint32_t> cameras;
+  for (const auto& [id, camera] : model.cameras) {
+    if (!cameras.insert(id).second) fail(fmt::format("camera {} is there twice", id));
+  }
+  std::unordered_set<int64_t> points;
+  for (const ModelPoint& point : model.points) {
+    if (point.id < 0) fail(fmt::format("point {} is no id", point.id));
+    if (!points.insert(point.id).second) fail(fmt::format("point {} is there twice", point.id));
+  }
+  ImagesById images;
+  std::unordered_set<std::string> names;
+  for (const ModelImage& image : model.images) {
+    if (image.name.empty()) fail(fmt::format("image {} has no name", image.id));
+    if (!images.emplace(image.id, &image).second) fail(fmt::format("image {} is there twice", image.id));
+    if (!names.insert(image.name).second) fail("image " + image.name + " is there twice");
+    if (cameras.count(image.camera_id) == 0) {
+      fail(fmt::format("image {}: its camera {} is not in the model", image.name, image.camera_id));
+    }
+    for (int64_t point : image.points) {
+      if (point != -1 && points.count(point) == 0) {
+        fail(fmt::format("image {}: its point {} is not in the model", image.name, point));
+      }
+    }
+  }
+  for (const ModelPoint& point : model.points) {
+    for (const auto& [id, index] : point.track) {
+      const auto image = images.find(id);
+      if (image == images.end()) fail(fmt::format("point {}: its image {} is not in the model", point.id, id));
+      if (index >= image->second->pixels.size()) {
+        fail(fmt::format("point {}: image {} has no pixel {}, only {}", point.id, id, index,
+                         image->second->pixels.size()));
+      }
+    }
+  }
+  CheckRigs(model, cameras, images, where);
 }
 
 std::string ReadBytes(const fs::path& file) {
