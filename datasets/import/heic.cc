@@ -35,6 +35,29 @@ fs::path CopyInto(const fs::path& folder, const fs::path& file) {
   return folder / file.filename();
 }
 
+// The bytes of a HEIC picture as JPEG, with its EXIF.
+std::string JpegOf(const fs::path& file, ImportReport* report) {
+  std::vector<uint8_t> exif;
+  const cv::Mat picture = ReadHeic(file, &exif);
+  std::vector<uchar> bytes;
+  cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+  const auto image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
+  image->readMetadata();
+  if (exif.empty()) {
+    report->warnings.push_back(file.string() + ": has no EXIF: focal length and position are not known");
+  } else {
+    Exiv2::ExifData data;
+    Exiv2::ExifParser::decode(data, exif.data(), static_cast<uint32_t>(exif.size()));
+    data["Exif.Image.Orientation"] = uint16_t{1};  // the pixels are upright already
+    image->setExifData(data);
+    image->writeMetadata();
+  }
+  Exiv2::BasicIo& io = image->io();
+  io.open();
+  const Exiv2::DataBuf all = io.read(static_cast<long>(io.size()));
+  return {reinterpret_cast<const char*>(all.pData_), static_cast<size_t>(all.size_)};
+}
+
 }  // namespace
 
 #ifdef TRIGPOINT_HAVE_HEIF
@@ -108,27 +131,9 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
         report.files.push_back(CopyInto(out, file));
         continue;
       }
-      std::vector<uint8_t> exif;
-      const cv::Mat picture = ReadHeic(file, &exif);
+      const std::string bytes = JpegOf(file, &report);
       const fs::path jpeg = out / (file.stem().string() + ".jpg");
-      std::vector<uchar> bytes;
-      cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
-      const auto image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
-      image->readMetadata();
-      if (exif.empty()) {
-        report.warnings.push_back(file.string() + ": has no EXIF: focal length and position are not known");
-      } else {
-        Exiv2::ExifData data;
-        Exiv2::ExifParser::decode(data, exif.data(), static_cast<uint32_t>(exif.size()));
-        data["Exif.Image.Orientation"] = uint16_t{1};  // the pixels are upright already
-        image->setExifData(data);
-        image->writeMetadata();
-      }
-      Exiv2::BasicIo& io = image->io();
-      io.open();
-      const Exiv2::DataBuf all = io.read(static_cast<long>(io.size()));
-      WriteFileAtomically(made.Making(jpeg),
-                          std::string_view(reinterpret_cast<const char*>(all.pData_), static_cast<size_t>(all.size_)));
+      WriteFileAtomically(made.Making(jpeg), bytes);
       report.files.push_back(jpeg);
       ++converted;
     } catch (const InputError& e) {
