@@ -54,6 +54,23 @@ cv::Rect PutPart(const PanoramaMetadata& m, Exiv2::XmpData* xmp) {
   return part;
 }
 
+void PutPosition(const PanoramaMetadata& m, Exiv2::ExifData& exif) {
+  exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
+  exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
+  exif["Exif.GPSInfo.GPSLatitudeRef"] = m.position->latitude_deg < 0 ? "S" : "N";
+  exif["Exif.GPSInfo.GPSLongitudeRef"] = m.position->longitude_deg < 0 ? "W" : "E";
+  const Exiv2::URationalValue latitude = Sexagesimal(m.position->latitude_deg);
+  const Exiv2::URationalValue longitude = Sexagesimal(m.position->longitude_deg);
+  exif["Exif.GPSInfo.GPSLatitude"].setValue(&latitude);
+  exif["Exif.GPSInfo.GPSLongitude"].setValue(&longitude);
+  if (m.has_height) {
+    const int below = m.position->height_m < 0 ? 1 : 0;
+    exif["Exif.GPSInfo.GPSAltitudeRef"] = std::to_string(m.height_above_sea ? below : 2 + below);
+    exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(m.position->height_m);
+  }
+  if (m.sigma_h_m) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(*m.sigma_h_m);
+}
+
 }  // namespace
 
 struct PanoramaWriter::Impl {
@@ -225,22 +242,7 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
       exif["Exif.Photo.DateTimeOriginal"] = UtcText(*m.first_utc_ns, "%Y:%m:%d %H:%M:%S");
       exif["Exif.Photo.OffsetTimeOriginal"] = "+00:00";
     }
-    if (m.position) {
-      exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
-      exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
-      exif["Exif.GPSInfo.GPSLatitudeRef"] = m.position->latitude_deg < 0 ? "S" : "N";
-      exif["Exif.GPSInfo.GPSLongitudeRef"] = m.position->longitude_deg < 0 ? "W" : "E";
-      const Exiv2::URationalValue latitude = Sexagesimal(m.position->latitude_deg);
-      const Exiv2::URationalValue longitude = Sexagesimal(m.position->longitude_deg);
-      exif["Exif.GPSInfo.GPSLatitude"].setValue(&latitude);
-      exif["Exif.GPSInfo.GPSLongitude"].setValue(&longitude);
-      if (m.has_height) {
-        const int below = m.position->height_m < 0 ? 1 : 0;
-        exif["Exif.GPSInfo.GPSAltitudeRef"] = std::to_string(m.height_above_sea ? below : 2 + below);
-        exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(m.position->height_m);
-      }
-      if (m.sigma_h_m) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(*m.sigma_h_m);
-    }
+    if (m.position) PutPosition(m, exif);
     if (m.heading_deg) {
       exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
       // EXIF's is that of the picture's centre.
