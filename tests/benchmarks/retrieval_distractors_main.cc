@@ -82,6 +82,50 @@ void WriteCache(const std::string& file, const Groups& groups) {
   if (!out.flush()) throw IoError(file + ": cannot be written");
 }
 
+// Of every image and every panorama within 12 m of it: is the panorama among the best ten panoramas (views)?
+struct Recall {
+  int pairs = 0, in_panoramas = 0, in_views = 0;
+  int near_images = 0, any = 0, nearest = 0;  // images; with any, with the nearest of these panoramas
+};
+
+// `station` of each of the site's own panoramas, which are the first references.
+Recall MeasureRecall(const Retrieval& found, const Run& run, const Trajectory& cameras, const std::vector<int>& station,
+                     const std::map<int, Eigen::Vector3d>& places) {
+  Recall recall;
+  for (size_t i = 0; i < run.images.size(); ++i) {
+    const std::optional<Rigid3d> pose = cameras.At(run.images[i].stamp_ns, 1);
+    if (!pose) continue;
+    std::vector<int> ranking;  // panoramas by their best view
+    const auto& hits = found.of_image[i];
+    for (const Retrieval::Hit& hit : hits) {
+      if (std::find(ranking.begin(), ranking.end(), hit.reference) == ranking.end()) ranking.push_back(hit.reference);
+    }
+    ranking.resize(std::min<size_t>(ranking.size(), 10));
+    double best = 1e9;
+    bool near = false, hit_any = false, hit_nearest = false;
+    for (size_t r = 0; r < station.size(); ++r) {
+      const double distance = (places.at(station[r]) - pose->translation).norm();
+      if (distance > 12) continue;
+      const bool found_it = std::find(ranking.begin(), ranking.end(), static_cast<int>(r)) != ranking.end();
+      near = true;
+      hit_any = hit_any || found_it;
+      if (distance < best) best = distance, hit_nearest = found_it;
+      ++recall.pairs;
+      recall.in_panoramas += found_it;
+      for (size_t k = 0; k < std::min<size_t>(10, hits.size()); ++k) {
+        if (hits[k].reference == static_cast<int>(r)) {
+          ++recall.in_views;
+          break;
+        }
+      }
+    }
+    recall.near_images += near;
+    recall.any += hit_any;
+    recall.nearest += hit_nearest;
+  }
+  return recall;
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Image retrieval with many wrong panoramas beside the right ones");
   std::string site_dir, truth_dir, cache;
@@ -161,47 +205,17 @@ int Main(int argc, char** argv) {
   const double query_ms = 1e3 * times.CpuSince("retrieval") / static_cast<double>(images.size());
   const double build_s = times.CpuSince("codebook") - times.CpuSince("retrieval");
 
-  // Of every image and every panorama within 12 m of it: is the panorama among the best ten panoramas (views)?
-  int pairs = 0, in_panoramas = 0, in_views = 0, near_images = 0, any = 0, nearest = 0;
-  for (size_t i = 0; i < images.size(); ++i) {
-    const std::optional<Rigid3d> pose = cameras.At(run.images[i].stamp_ns, 1);
-    if (!pose) continue;
-    std::vector<int> ranking;  // panoramas by their best view
-    const auto& hits = found.of_image[i];
-    for (const Retrieval::Hit& hit : hits) {
-      if (std::find(ranking.begin(), ranking.end(), hit.reference) == ranking.end()) ranking.push_back(hit.reference);
-    }
-    ranking.resize(std::min<size_t>(ranking.size(), 10));
-    double best = 1e9;
-    bool near = false, hit_any = false, hit_nearest = false;
-    for (size_t r = 0; r < own; ++r) {
-      const double distance = (places.at(station[r]) - pose->translation).norm();
-      if (distance > 12) continue;
-      const bool found_it = std::find(ranking.begin(), ranking.end(), static_cast<int>(r)) != ranking.end();
-      near = true;
-      hit_any = hit_any || found_it;
-      if (distance < best) best = distance, hit_nearest = found_it;
-      ++pairs;
-      in_panoramas += found_it;
-      for (size_t k = 0; k < std::min<size_t>(10, hits.size()); ++k) {
-        if (hits[k].reference == static_cast<int>(r)) {
-          ++in_views;
-          break;
-        }
-      }
-    }
-    near_images += near;
-    any += hit_any;
-    nearest += hit_nearest;
-  }
+  const Recall recall = MeasureRecall(found, run, cameras, station, places);
   const auto percent = [](int n, int of) { return of > 0 ? 100.0 * n / of : 0.0; };
   std::printf("documents %zu, words %d, codebook and index %.1f CPU-seconds, index %.1f MiB\n", 8 * documents,
               found.words, build_s, found.memory_mib);
-  std::printf("images within 12 m of a panorama: %d (%d pairs)\n", near_images, pairs);
-  std::printf("nearest panorama among the best 10 panoramas: %.1f %% of images\n", percent(nearest, near_images));
-  std::printf("any panorama within 12 m among the best 10 panoramas: %.1f %% of images\n", percent(any, near_images));
+  std::printf("images within 12 m of a panorama: %d (%d pairs)\n", recall.near_images, recall.pairs);
+  std::printf("nearest panorama among the best 10 panoramas: %.1f %% of images\n",
+              percent(recall.nearest, recall.near_images));
+  std::printf("any panorama within 12 m among the best 10 panoramas: %.1f %% of images\n",
+              percent(recall.any, recall.near_images));
   std::printf("every pair: panorama among the best 10 panoramas: %.1f %%, among the best 10 views: %.1f %%\n",
-              percent(in_panoramas, pairs), percent(in_views, pairs));
+              percent(recall.in_panoramas, recall.pairs), percent(recall.in_views, recall.pairs));
   std::printf("query: %.2f CPU-ms an image (words and ranking, without SIFT)\n", query_ms);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
