@@ -157,6 +157,11 @@ Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
 using Place = std::array<double, 3>;
 Place PlaceOf(const KnownPoint& p) { return {p.point.x(), p.point.y(), p.point.z()}; }
 
+bool MovesPhotos(RigFreedom freedom) { return freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree; }
+
+// Free centres hold the size in themselves.
+bool HasScale(RigFreedom freedom) { return freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior; }
+
 struct Solution {
   RefinedRig rig;
   std::vector<std::array<double, 6>> deltas;
@@ -177,6 +182,72 @@ ceres::ParameterBlockOrdering* EliminationOrder(const ceres::Problem& problem, d
     if (problem.HasParameterBlock(d.data())) order->AddElementToGroup(d.data(), group++);
   }
   return order;
+}
+
+// Photos and scale: priors of those that are free, the others are held.
+void AddPriors(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& shape, ceres::Problem* problem,
+               Solution* solution) {
+  std::vector<double*> blocks;
+  for (auto& d : solution->deltas) blocks.push_back(d.data());
+  if (MovesPhotos(freedom)) {
+    problem->AddResidualBlock(new ShapeCost(shape, static_cast<int>(blocks.size())), nullptr, blocks);
+  } else {
+    for (double* d : blocks) {
+      if (problem->HasParameterBlock(d)) problem->SetParameterBlockConstant(d);
+    }
+  }
+  double* const log_scale = &solution->log_scale;
+  if (HasScale(freedom)) {
+    problem->AddResidualBlock(new ceres::AutoDiffCostFunction<LogScalePrior, 1, 1>(
+                                  new LogScalePrior{1 / std::max(1e-6, input.log_scale_sigma)}),
+                              nullptr, log_scale);
+    problem->SetParameterLowerBound(log_scale, 0, -4);
+    problem->SetParameterUpperBound(log_scale, 0, 4);
+  } else {
+    problem->SetParameterBlockConstant(log_scale);
+  }
+}
+
+// Of a photo's ln s, w, e: moved ones know each other, those that stay as stitched only their own. `covariance`: of the
+// rig's pose, ln s and all photos' w, e, as far as they are free.
+Eigen::Matrix<double, 7, 7> PhotoCovariance(const RefineRigInput& input, RigFreedom freedom,
+                                            const Eigen::MatrixXd& covariance, size_t photo) {
+  Eigen::Matrix<double, 7, 7> c = Eigen::Matrix<double, 7, 7>::Zero();
+  const bool scale = HasScale(freedom);
+  if (scale) c(0, 0) = covariance(6, 6);
+  if (MovesPhotos(freedom)) {
+    const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(input.rig.views.size() - photo);
+    c.bottomRightCorner<6, 6>() = covariance.block<6, 6>(at, at);
+    if (scale) c.block<6, 1>(1, 0) = covariance.block<6, 1>(at, 6);
+    c.block<1, 6>(0, 1) = c.block<6, 1>(1, 0).transpose();
+  } else {
+    const Eigen::Index at = 6 * static_cast<Eigen::Index>(photo);
+    c.bottomRightCorner<6, 6>() = input.shape_covariance.block<6, 6>(at, at);
+  }
+  return c;
+}
+
+void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& covariance,
+                    Solution* solution) {
+  RefinedRig& rig = solution->rig;
+  if (covariance.size() == 0) {
+    rig.covariance = Matrix6d::Identity() * 1e6;
+    return;
+  }
+  rig.covariance = covariance.topLeftCorner<6, 6>();
+  if (HasScale(freedom)) rig.scale_sigma = rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
+  const bool known_shape = input.shape_covariance.rows() == 6 * static_cast<Eigen::Index>(input.rig.views.size());
+  if (!MovesPhotos(freedom) && !(HasScale(freedom) && known_shape)) return;
+  for (size_t v = 0; v < input.rig.views.size(); ++v) {
+    View view = input.rig.views[v];
+    const Eigen::Map<const Eigen::Vector3d> e(solution->deltas[v].data() + 3);
+    Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();
+    j.block<3, 3>(0, 1) = -view.rig_from_view.rotation.toRotationMatrix();
+    j.block<3, 1>(3, 0) = rig.scale * (view.rig_from_view.translation + e);
+    j.block<3, 3>(3, 4).diagonal().setConstant(rig.scale);
+    view.covariance = j * PhotoCovariance(input, freedom, covariance, v) * j.transpose();
+    rig.rig.views.push_back(view);
+  }
 }
 
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
@@ -209,27 +280,7 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
                              nullptr, point);
   }
   problem.SetManifold(pose.data(), new Rigid3Manifold);
-  const bool shape = freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree;
-  if (shape) {
-    std::vector<double*> blocks;
-    for (auto& d : out.deltas) blocks.push_back(d.data());
-    problem.AddResidualBlock(new ShapeCost(prior, static_cast<int>(blocks.size())), nullptr, blocks);
-  } else {
-    for (auto& d : out.deltas) {
-      if (problem.HasParameterBlock(d.data())) problem.SetParameterBlockConstant(d.data());
-    }
-  }
-  // Free centres hold the size in themselves.
-  const bool scale = freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior;
-  if (scale) {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LogScalePrior, 1, 1>(
-                                 new LogScalePrior{1 / std::max(1e-6, input.log_scale_sigma)}),
-                             nullptr, &out.log_scale);
-    problem.SetParameterLowerBound(&out.log_scale, 0, -4);
-    problem.SetParameterUpperBound(&out.log_scale, 0, 4);
-  } else {
-    problem.SetParameterBlockConstant(&out.log_scale);
-  }
+  AddPriors(input, freedom, prior, &problem, &out);
   ceres::Solver::Options solve;
   solve.linear_solver_type = ceres::DENSE_SCHUR;
   solve.linear_solver_ordering.reset(EliminationOrder(problem, pose.data(), &out));
@@ -244,41 +295,11 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   out.rig.scale = std::exp(out.log_scale);
   if (!with_covariance) return out;
   std::vector<double*> blocks = {pose.data()};
-  if (scale) blocks.push_back(&out.log_scale);
+  if (HasScale(freedom)) blocks.push_back(&out.log_scale);
   for (auto& d : out.deltas) {
-    if (shape) blocks.push_back(d.data());
+    if (MovesPhotos(freedom)) blocks.push_back(d.data());
   }
-  const Eigen::MatrixXd covariance = Marginalise(&problem, blocks, free_points, {}).covariance;
-  if (covariance.size() == 0) {
-    out.rig.covariance = Matrix6d::Identity() * 1e6;
-    return out;
-  }
-  out.rig.covariance = covariance.topLeftCorner<6, 6>();
-  if (scale) out.rig.scale_sigma = out.rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
-  const bool known_shape = input.shape_covariance.rows() == 6 * static_cast<Eigen::Index>(out.deltas.size());
-  if (!shape && !(scale && known_shape)) return out;
-  for (size_t v = 0; v < out.deltas.size(); ++v) {
-    // Of ln s, w, e: moved ones know each other, those that stay as stitched only their own.
-    Eigen::Matrix<double, 7, 7> c = Eigen::Matrix<double, 7, 7>::Zero();
-    if (scale) c(0, 0) = covariance(6, 6);
-    if (shape) {
-      const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(out.deltas.size() - v);
-      c.bottomRightCorner<6, 6>() = covariance.block<6, 6>(at, at);
-      if (scale) c.block<6, 1>(1, 0) = covariance.block<6, 1>(at, 6);
-      c.block<1, 6>(0, 1) = c.block<6, 1>(1, 0).transpose();
-    } else {
-      const Eigen::Index at = 6 * static_cast<Eigen::Index>(v);
-      c.bottomRightCorner<6, 6>() = input.shape_covariance.block<6, 6>(at, at);
-    }
-    View view = input.rig.views[v];
-    const Eigen::Map<const Eigen::Vector3d> e(out.deltas[v].data() + 3);
-    Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();
-    j.block<3, 3>(0, 1) = -view.rig_from_view.rotation.toRotationMatrix();
-    j.block<3, 1>(3, 0) = out.rig.scale * (view.rig_from_view.translation + e);
-    j.block<3, 3>(3, 4).diagonal().setConstant(out.rig.scale);
-    view.covariance = j * c * j.transpose();
-    out.rig.rig.views.push_back(view);
-  }
+  SetCovariances(input, freedom, Marginalise(&problem, blocks, free_points, {}).covariance, &out);
   return out;
 }
 
