@@ -83,6 +83,95 @@ std::optional<Rigid3d> Start(const std::vector<Sight>& sights) {
 
 Vector6d Sigmas(const Matrix6d& covariance) { return covariance.diagonal().cwiseMax(1e-14).cwiseSqrt(); }
 
+// The panorama's pose by the sights that are not rejected, with tags that may move within their covariances.
+class Adjustment {
+ public:
+  Adjustment(const Rigid3d& start, const std::vector<Sight>& sights) : panorama_(solver_.AddPose(start)) {
+    const int shift = solver_.AddNumbers({0});
+    solver_.unknowns.back().constant = true;
+    for (const Sight& s : sights) {
+      if (s.rejected) continue;
+      solver_.AddFactor(new TagCost(s.sight, s.tag->size_m, s.view_from_pano, &believed_), &loss_,
+                        {panorama_, UnknownOf(s.tag), shift});
+      ++used_;
+    }
+  }
+
+  void Solve(const TagEstimate& own) {
+    own_ = UnknownOf(&own);
+    ProgressSink silent;
+    const CancelToken never;
+    solver_.Solve(kIterations, 1, silent, never);
+    solver_.Linearise(1, never, true);
+  }
+
+  int used() const { return used_; }
+  Rigid3d Panorama() const { return solver_.Pose(panorama_); }
+  Rigid3d Tag(const TagEstimate* tag) const { return solver_.Pose(tags_.at(tag)); }
+
+  // The panorama's pose and how far it is from the own tag; `centre`: covariance of its views' centre.
+  void SetOffset(const Eigen::Matrix3d& centre, StationOffset* out) const {
+    const Rigid3d pano = Panorama();
+    out->offset_m = pano.translation - solver_.Pose(own_).translation;
+    out->world_from_pano = pano;
+    out->sigma_rot_rad = std::sqrt(std::max(0.0, solver_.PoseCovariance(panorama_).topLeftCorner<3, 3>().trace() / 3));
+    const int at = solver_.Offset(panorama_), of = solver_.Offset(own_);
+    const Eigen::MatrixXd columns = solver_.CovarianceColumns(at + 3, 3);
+    const Eigen::Matrix3d cross = columns.middleRows(of + 3, 3);
+    out->covariance = columns.middleRows(at + 3, 3) - cross - cross.transpose() +
+                      solver_.PoseCovariance(own_).bottomRightCorner<3, 3>();
+    // Photos of a hand-held set share the error of their rig: it does not average out.
+    const Eigen::Matrix3d turn = pano.rotation.toRotationMatrix();
+    out->covariance += turn * centre * turn.transpose();
+  }
+
+ private:
+  int UnknownOf(const TagEstimate* tag) {
+    const auto [it, fresh] = tags_.try_emplace(tag, 0);
+    if (fresh) {
+      it->second = solver_.AddPose(*tag->world_from_tag);
+      solver_.AddFactor(new PosePriorCost(*tag->world_from_tag, Sigmas(tag->covariance)), nullptr, {it->second});
+    }
+    return it->second;
+  }
+
+  const HuberChi2Loss loss_{kHuberChi2};
+  const double believed_ = 1;  // corner factor: stated sigmas
+  SparseLeastSquares solver_;
+  int panorama_, own_ = -1, used_ = 0;
+  std::map<const TagEstimate*, int> tags_;
+};
+
+// How well the sights agree; the one that contradicts the others most, nothing if none does.
+Sight* Judge(const Adjustment& adjustment, std::vector<Sight>* sights, StationOffset* out) {
+  double square = 0, worst = kGateChi2;
+  Sight* bad = nullptr;
+  for (Sight& s : *sights) {
+    if (s.rejected) continue;
+    const Vector8d r =
+        TagResidual(s.sight, s.tag->size_m, s.view_from_pano, adjustment.Panorama(), adjustment.Tag(s.tag));
+    square += std::pow(ResidualPx(s.sight, r), 2);
+    if (adjustment.used() > 1 && r.squaredNorm() > worst) worst = r.squaredNorm(), bad = &s;
+  }
+  out->tags = adjustment.used();
+  out->rejected = static_cast<int>(sights->size()) - adjustment.used();
+  out->rms_px = std::sqrt(square / adjustment.used());
+  return bad;
+}
+
+void SetStated(const Station& station, const Rigid3d& world_from_tag, StationOffset* out) {
+  SurveyPoint point;
+  point.offset_in_tag_frame = true;
+  for (int k = 0; k < 3; ++k) {
+    point.offset_m = Eigen::Vector3d::Unit(k);
+    out->world_from_level.col(k) = OffsetInWorld(point, world_from_tag);
+  }
+  point.offset_m = station.offset_m;
+  point.offset_in_tag_frame = station.in_tag_frame;
+  out->stated_m = out->combined_m = OffsetInWorld(point, world_from_tag);
+  out->combined = station.sigma_m * station.sigma_m * Eigen::Matrix3d::Identity();
+}
+
 // `combined`: the stated offset's covariance before, of both after.
 void CombineWithStated(StationOffset* out) {
   const Eigen::Matrix3d stated = out->combined;
@@ -110,17 +199,7 @@ StationOffset EstimateStationOffset(const Station& station, const std::string& p
     out.reason = fmt::format("tag {} is not in the map", station.tag_id);
     return out;
   }
-  SurveyPoint point;
-  point.offset_in_tag_frame = true;
-  for (int k = 0; k < 3; ++k) {
-    point.offset_m = Eigen::Vector3d::Unit(k);
-    out.world_from_level.col(k) = OffsetInWorld(point, *own->world_from_tag);
-  }
-  point.offset_m = station.offset_m;
-  point.offset_in_tag_frame = station.in_tag_frame;
-  out.stated_m = out.combined_m = OffsetInWorld(point, *own->world_from_tag);
-  out.combined = station.sigma_m * station.sigma_m * Eigen::Matrix3d::Identity();
-
+  SetStated(station, *own->world_from_tag, &out);
   std::vector<Sight> sights = ChooseSights(seen, map, options);
   const std::optional<Rigid3d> start = Start(sights);
   if (!start) {
@@ -128,75 +207,29 @@ StationOffset EstimateStationOffset(const Station& station, const std::string& p
     return out;
   }
   for (Sight& s : sights) s.rejected = Pixels(s, *start, *s.tag->world_from_tag) > kStartPx;
-  const HuberChi2Loss loss(kHuberChi2);
-  ProgressSink silent;
-  const CancelToken never;
-  const double believed = 1;  // corner factor: stated sigmas
   Rigid3d pano = *start;
-  for (bool again = true; again;) {
-    again = false;
-    SparseLeastSquares solver;
-    const int body = solver.AddPose(pano);
-    std::map<const TagEstimate*, int> tags;
-    const auto unknown_of = [&](const TagEstimate* tag) {
-      const auto [it, fresh] = tags.try_emplace(tag, 0);
-      if (fresh) {
-        it->second = solver.AddPose(*tag->world_from_tag);
-        solver.AddFactor(new PosePriorCost(*tag->world_from_tag, Sigmas(tag->covariance)), nullptr, {it->second});
-      }
-      return it->second;
-    };
-    const int shift = solver.AddNumbers({0});
-    solver.unknowns.back().constant = true;
-    int used = 0;
-    for (const Sight& s : sights) {
-      if (s.rejected) continue;
-      solver.AddFactor(new TagCost(s.sight, s.tag->size_m, s.view_from_pano, &believed), &loss,
-                       {body, unknown_of(s.tag), shift});
-      ++used;
-    }
-    if (used == 0) {
+  while (true) {
+    Adjustment adjustment(pano, sights);
+    if (adjustment.used() == 0) {
       out.reason = "the tags seen in it contradict the map";
       return out;
     }
-    const int own_tag = unknown_of(&*own);
-    solver.Solve(kIterations, 1, silent, never);
-    solver.Linearise(1, never, true);
-    pano = solver.Pose(body);
-    out.tags = used;
-    out.own_tag = false;
-    out.rejected = static_cast<int>(sights.size()) - used;
-    double square = 0, worst = kGateChi2;
-    Eigen::Matrix3d centres = Eigen::Matrix3d::Zero();
-    Sight* bad = nullptr;
-    for (Sight& s : sights) {
-      if (s.rejected) continue;
-      const Rigid3d tag = solver.Pose(tags.at(s.tag));
-      const Vector8d r = TagResidual(s.sight, s.tag->size_m, s.view_from_pano, pano, tag);
-      square += std::pow(ResidualPx(s.sight, r), 2);
-      out.own_tag |= s.tag == &*own;
-      centres += s.centre / used;
-      if (used > 1 && r.squaredNorm() > worst) worst = r.squaredNorm(), bad = &s;
-    }
-    out.rms_px = std::sqrt(square / used);
-    if (bad != nullptr) {
-      bad->rejected = again = true;
+    adjustment.Solve(*own);
+    pano = adjustment.Panorama();
+    if (Sight* const bad = Judge(adjustment, &sights, &out)) {
+      bad->rejected = true;
       continue;
     }
-    out.offset_m = pano.translation - solver.Pose(own_tag).translation;
-    out.world_from_pano = pano;
-    out.sigma_rot_rad = std::sqrt(std::max(0.0, solver.PoseCovariance(body).topLeftCorner<3, 3>().trace() / 3));
-    const int at = solver.Offset(body), of = solver.Offset(own_tag);
-    const Eigen::MatrixXd columns = solver.CovarianceColumns(at + 3, 3);
-    const Eigen::Matrix3d cross = columns.middleRows(of + 3, 3);
-    out.covariance = columns.middleRows(at + 3, 3) - cross - cross.transpose() +
-                     solver.PoseCovariance(own_tag).bottomRightCorner<3, 3>();
-    // Photos of a hand-held set share the error of their rig: it does not average out.
-    const Eigen::Matrix3d turn = pano.rotation.toRotationMatrix();
-    out.covariance += turn * centres * turn.transpose();
+    Eigen::Matrix3d centre = Eigen::Matrix3d::Zero();
+    for (const Sight& s : sights) {
+      if (s.rejected) continue;
+      out.own_tag |= s.tag == &*own;
+      centre += s.centre / adjustment.used();
+    }
+    adjustment.SetOffset(centre, &out);
+    CombineWithStated(&out);
+    return out;
   }
-  CombineWithStated(&out);
-  return out;
 }
 
 void WriteStationOffsets(const std::filesystem::path& file, const std::vector<StationOffset>& offsets,
