@@ -50,6 +50,85 @@ float Sample(const cv::Mat& picture, double x, double y) {
   return top + v * (bottom - top);
 }
 
+// The samples of a disc about a centre.
+struct Patch {
+  std::vector<float> values;
+  std::vector<Eigen::Vector2d> slopes;
+  Eigen::Matrix2d texture = Eigen::Matrix2d::Zero();  // sum of the slopes' squares
+  double mean = 0, square_sum = 0;                    // of the values; the squares about their mean
+
+  Patch(const cv::Mat& from, const Eigen::Vector2d& centre) {
+    Eigen::Matrix<float, kSide, kSide> square;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        square(y, x) = Sample(from, centre.x() + x - kRadius - 1, centre.y() + y - kRadius - 1);
+      }
+    }
+    const std::vector<Eigen::Vector2i>& disc = Disc();
+    const size_t n = disc.size();
+    values.resize(n), slopes.resize(n);
+    for (size_t k = 0; k < n; ++k) {
+      const int y = disc[k].y() + kRadius + 1, x = disc[k].x() + kRadius + 1;
+      values[k] = square(y, x);
+      slopes[k] = 0.5 * Eigen::Vector2d(square(y, x + 1) - square(y, x - 1), square(y + 1, x) - square(y - 1, x));
+      texture += slopes[k] * slopes[k].transpose();
+      mean += values[k];
+    }
+    mean /= static_cast<double>(n);
+    for (float v : values) square_sum += (v - mean) * (v - mean);
+  }
+};
+
+struct Shift {
+  Eigen::Vector2d d;
+  double variance = 1;  // of what is left, grey levels^2
+};
+
+// d of a(x + d) = b(start - warp d + warp x), gain and offset apart; where the search began counts as a measurement of
+// d = 0. Nothing if the patches do not look alike.
+std::optional<Shift> FindShift(const Patch& patch, const cv::Mat& to, const Eigen::Vector2d& start,
+                               const Eigen::Matrix2d& warp, double sigma) {
+  Eigen::Vector2d d = Eigen::Vector2d::Zero();
+  const std::vector<Eigen::Vector2i>& disc = Disc();
+  const size_t n = disc.size();
+  std::vector<float> seen(n);
+  double alike = 0, variance = 1;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    const Eigen::Vector2d at = start - warp * d;
+    double seen_mean = 0;
+    for (size_t k = 0; k < n; ++k) {
+      const Eigen::Vector2d p = at + warp * disc[k].cast<double>();
+      seen[k] = Sample(to, p.x(), p.y());
+      seen_mean += seen[k];
+    }
+    seen_mean /= static_cast<double>(n);
+    double both = 0, seen_square = 0;
+    for (size_t k = 0; k < n; ++k) {
+      both += (patch.values[k] - patch.mean) * (seen[k] - seen_mean);
+      seen_square += (seen[k] - seen_mean) * (seen[k] - seen_mean);
+    }
+    if (!(both > 0)) return std::nullopt;
+    alike = both / std::sqrt(patch.square_sum * seen_square);
+    const double gain = std::sqrt(patch.square_sum / seen_square);
+    double left = 0;
+    Eigen::Vector2d pull = Eigen::Vector2d::Zero();
+    for (size_t k = 0; k < n; ++k) {
+      const double r = gain * (seen[k] - seen_mean) - (patch.values[k] - patch.mean);
+      left += r * r;
+      pull += r * patch.slopes[k];
+    }
+    variance = std::max(1.0, left / static_cast<double>(n - 4));  // grey levels, not below one
+    Eigen::Matrix2d information = patch.texture / variance;
+    information.diagonal().array() += 1 / (sigma * sigma);
+    const Eigen::Vector2d step = information.ldlt().solve(pull / variance - d / (sigma * sigma));
+    d += step;
+    if ((warp * d).norm() > kFarthest) return std::nullopt;
+    if (step.norm() < kConverged) break;
+  }
+  if (alike < kLeastAlike) return std::nullopt;
+  return Shift{d, variance};
+}
+
 }  // namespace
 
 PatchImage::PatchImage(const ShrunkPicture& grey) : full_per_small_(grey.full_per_pixel) {
@@ -88,73 +167,16 @@ std::optional<PatchAlignment> AlignPatch(const PatchImage& a, const Eigen::Vecto
   const Eigen::Vector2d centre = a.ToLevel(pixel_a, la), start = b.ToLevel(pixel_b, lb);
   const double reach = kRadius * warp.cwiseAbs().rowwise().sum().maxCoeff() + kFarthest + 1;
   if (!Inside(from, centre, kRadius + 2) || !Inside(to, start, reach)) return std::nullopt;
-
-  Eigen::Matrix<float, kSide, kSide> square;
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      square(y, x) = Sample(from, centre.x() + x - kRadius - 1, centre.y() + y - kRadius - 1);
-    }
-  }
-  const std::vector<Eigen::Vector2i>& disc = Disc();
-  const size_t n = disc.size();
-  std::vector<float> values(n), seen(n);
-  std::vector<Eigen::Vector2d> slopes(n);
-  double mean = 0, square_sum = 0;
-  Eigen::Matrix2d texture = Eigen::Matrix2d::Zero();
-  for (size_t k = 0; k < n; ++k) {
-    const int y = disc[k].y() + kRadius + 1, x = disc[k].x() + kRadius + 1;
-    values[k] = square(y, x);
-    slopes[k] = 0.5 * Eigen::Vector2d(square(y, x + 1) - square(y, x - 1), square(y + 1, x) - square(y - 1, x));
-    texture += slopes[k] * slopes[k].transpose();
-    mean += values[k];
-  }
-  mean /= static_cast<double>(n);
-  for (float v : values) square_sum += (v - mean) * (v - mean);
-  if (!(square_sum > 0)) return std::nullopt;
-
-  // a(x + d) = b(start - warp d + warp x), gain and offset apart; where the search began counts as a measurement of d =
-  // 0.
-  Eigen::Vector2d d = Eigen::Vector2d::Zero();
-  double alike = 0, variance = 1;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const Eigen::Vector2d at = start - warp * d;
-    double seen_mean = 0;
-    for (size_t k = 0; k < n; ++k) {
-      const Eigen::Vector2d p = at + warp * disc[k].cast<double>();
-      seen[k] = Sample(to, p.x(), p.y());
-      seen_mean += seen[k];
-    }
-    seen_mean /= static_cast<double>(n);
-    double both = 0, seen_square = 0;
-    for (size_t k = 0; k < n; ++k) {
-      both += (values[k] - mean) * (seen[k] - seen_mean);
-      seen_square += (seen[k] - seen_mean) * (seen[k] - seen_mean);
-    }
-    if (!(both > 0)) return std::nullopt;
-    alike = both / std::sqrt(square_sum * seen_square);
-    const double gain = std::sqrt(square_sum / seen_square);
-    double left = 0;
-    Eigen::Vector2d pull = Eigen::Vector2d::Zero();
-    for (size_t k = 0; k < n; ++k) {
-      const double r = gain * (seen[k] - seen_mean) - (values[k] - mean);
-      left += r * r;
-      pull += r * slopes[k];
-    }
-    variance = std::max(1.0, left / static_cast<double>(n - 4));  // grey levels, not below one
-    Eigen::Matrix2d information = texture / variance;
-    information.diagonal().array() += 1 / (sigma * sigma);
-    const Eigen::Vector2d step = information.ldlt().solve(pull / variance - d / (sigma * sigma));
-    d += step;
-    if ((warp * d).norm() > kFarthest) return std::nullopt;
-    if (step.norm() < kConverged) break;
-  }
-  if (alike < kLeastAlike) return std::nullopt;
+  const Patch patch(from, centre);
+  if (!(patch.square_sum > 0)) return std::nullopt;
+  const std::optional<Shift> shift = FindShift(patch, to, start, warp, sigma);
+  if (!shift) return std::nullopt;
   PatchAlignment out;
-  out.pixel = b.FromLevel(start - warp * d, lb);
+  out.pixel = b.FromLevel(start - warp * shift->d, lb);
   // Noise has slopes, too, and they hold nothing.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(texture / variance);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(patch.texture / shift->variance);
   const Eigen::Vector2d held =
-      (axes.eigenvalues().array() - kNoiseSlope * static_cast<double>(n)).max(0) + 1 / (sigma * sigma);
+      (axes.eigenvalues().array() - kNoiseSlope * static_cast<double>(Disc().size())).max(0) + 1 / (sigma * sigma);
   Eigen::Matrix2d of_level = axes.eigenvectors() * held.cwiseInverse().asDiagonal() * axes.eigenvectors().transpose();
   of_level.diagonal().array() += kFloor * kFloor;
   const Eigen::Matrix2d full = b_from_a * a.FullPerLevel(la).matrix().asDiagonal();
