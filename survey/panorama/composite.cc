@@ -20,6 +20,7 @@ namespace trigpoint {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr int kTile = 1024;  // px
 
 // A part of the equirectangular picture; x may run past its ends.
 using Region = cv::Rect;
@@ -285,6 +286,37 @@ cv::Mat WithGain(const cv::Mat& picture, const Eigen::Vector3d& gain) {
   return out;
 }
 
+// Pair by pair: what two photos' masks have in common is left to one of them.
+void CutSeams(std::vector<LowPhoto>* photos, int width, const std::string& kind,
+              const std::vector<Eigen::Vector3d>& gains, const CancelToken& cancel) {
+  std::vector<cv::UMat> pictures(photos->size()), masks(photos->size());
+  for (size_t k = 0; k < photos->size(); ++k) {
+    WithGain((*photos)[k].picture, gains[static_cast<size_t>((*photos)[k].photo)]).convertTo(pictures[k], CV_32F);
+    (*photos)[k].mask.copyTo(masks[k]);
+  }
+  cv::Ptr<cv::detail::SeamFinder> finder;
+  if (kind == "graphcut") {
+    finder = cv::makePtr<cv::detail::GraphCutSeamFinder>(cv::detail::GraphCutSeamFinderBase::COST_COLOR);
+  } else {
+    finder = cv::makePtr<cv::detail::DpSeamFinder>(cv::detail::DpSeamFinder::COLOR);
+  }
+  for (size_t a = 0; a < photos->size(); ++a) {
+    for (size_t b = a + 1; b < photos->size(); ++b) {
+      cancel.ThrowIfCancelled();
+      for (const int shift : {-width, 0, width}) {
+        const Region ra = (*photos)[a].region;
+        Region rb = (*photos)[b].region;
+        rb.x += shift;
+        if ((ra & rb).area() <= 0) continue;
+        std::vector<cv::UMat> two = {pictures[a], pictures[b]}, two_masks = {masks[a], masks[b]};
+        finder->find(two, {ra.tl(), rb.tl()}, two_masks);
+        masks[a] = two_masks[0], masks[b] = two_masks[1];
+      }
+    }
+  }
+  for (size_t k = 0; k < photos->size(); ++k) masks[k].copyTo((*photos)[k].mask);
+}
+
 // Which photo each pixel of the low-resolution picture is taken from; -1: none.
 cv::Mat FindSeams(std::vector<LowPhoto>* photos, int width, const std::string& kind,
                   const std::vector<Eigen::Vector3d>& gains, const CancelToken& cancel) {
@@ -300,34 +332,7 @@ cv::Mat FindSeams(std::vector<LowPhoto>* photos, int width, const std::string& k
       }
     }
   }
-  if (kind != "none") {
-    std::vector<cv::UMat> pictures(photos->size()), masks(photos->size());
-    for (size_t k = 0; k < photos->size(); ++k) {
-      WithGain((*photos)[k].picture, gains[static_cast<size_t>((*photos)[k].photo)]).convertTo(pictures[k], CV_32F);
-      (*photos)[k].mask.copyTo(masks[k]);
-    }
-    cv::Ptr<cv::detail::SeamFinder> finder;
-    if (kind == "graphcut") {
-      finder = cv::makePtr<cv::detail::GraphCutSeamFinder>(cv::detail::GraphCutSeamFinderBase::COST_COLOR);
-    } else {
-      finder = cv::makePtr<cv::detail::DpSeamFinder>(cv::detail::DpSeamFinder::COLOR);
-    }
-    for (size_t a = 0; a < photos->size(); ++a) {
-      for (size_t b = a + 1; b < photos->size(); ++b) {
-        cancel.ThrowIfCancelled();
-        for (const int shift : {-width, 0, width}) {
-          const Region ra = (*photos)[a].region;
-          Region rb = (*photos)[b].region;
-          rb.x += shift;
-          if ((ra & rb).area() <= 0) continue;
-          std::vector<cv::UMat> two = {pictures[a], pictures[b]}, two_masks = {masks[a], masks[b]};
-          finder->find(two, {ra.tl(), rb.tl()}, two_masks);
-          masks[a] = two_masks[0], masks[b] = two_masks[1];
-        }
-      }
-    }
-    for (size_t k = 0; k < photos->size(); ++k) masks[k].copyTo((*photos)[k].mask);
-  }
+  if (kind != "none") CutSeams(photos, width, kind, gains, cancel);
   // What is left with several photos, or with none after a chain of decisions, goes to the one it lies deepest in.
   cv::Mat label(width / 2, width, CV_16S, cv::Scalar(-1));
   cv::Mat depth(width / 2, width, CV_32F, cv::Scalar(0));
@@ -390,6 +395,76 @@ void MeasureCoverage(const cv::Mat& label, Composite* result) {
   result->part = FilledPart(result->coverage, result->width);
 }
 
+// Draws the panorama at full resolution, a tile at a time; several threads may do so at once.
+class TilePainter {
+ public:
+  TilePainter(const Renderer& renderer, PhotoCache* cache, const Composite& composite, const cv::Mat& label, int bands)
+      : renderer_(renderer), cache_(cache), composite_(composite), label_(label), bands_(bands) {}
+
+  // `to`: BGRA, as large as the tile; untouched where no photo is.
+  void Paint(const Region& tile, cv::Mat to) const {
+    const int top = std::max(0, tile.y - margin_), bottom = std::min(composite_.height, tile.br().y + margin_);
+    const Region region(tile.x - margin_, top, tile.width + 2 * margin_, bottom - top);
+    cv::Mat labels(region.size(), CV_16S);
+    const std::set<short> used = FindLabels(region, &labels);
+    if (used.empty()) return;
+    cv::Ptr<cv::detail::Blender> blender;
+    if (bands_ > 0) {
+      blender = cv::makePtr<cv::detail::MultiBandBlender>(0, bands_, CV_32F);
+    } else {
+      blender = cv::detail::Blender::createDefault(cv::detail::Blender::NO, false);
+    }
+    blender->prepare(region);
+    for (const short photo : used) Feed(photo, region, labels == photo, blender.get());
+    cv::Mat blended, mask;
+    blender->blend(blended, mask);
+    const Region interior(margin_, tile.y - top, tile.width, tile.height);
+    cv::Mat eight;
+    blended(interior).convertTo(eight, CV_8U);
+    const int channels[] = {0, 0, 1, 1, 2, 2, 3, 3};
+    const std::vector<cv::Mat> from = {eight, mask(interior)};
+    cv::mixChannels(from.data(), from.size(), &to, 1, channels, 4);
+  }
+
+ private:
+  // Labels of a region: the nearest low-resolution pixel, with seams smoothed by the blending. Those that occur.
+  std::set<short> FindLabels(const Region& region, cv::Mat* labels) const {
+    const double scale = static_cast<double>(label_.cols) / composite_.width;
+    std::set<short> used;
+    for (int y = 0; y < region.height; ++y) {
+      const short* from = label_.ptr<short>(std::min(label_.rows - 1, static_cast<int>((region.y + y + 0.5) * scale)));
+      short* to = labels->ptr<short>(y);
+      for (int x = 0; x < region.width; ++x) {
+        const int at = static_cast<int>((FloorMod(region.x + x, composite_.width) + 0.5) * scale);
+        to[x] = from[std::min(at, label_.cols - 1)];
+        if (to[x] >= 0) used.insert(to[x]);
+      }
+    }
+    return used;
+  }
+
+  // The part of the region that the photo can fill, and what the pyramid needs around it.
+  void Feed(short photo, const Region& region, const cv::Mat& mine, cv::detail::Blender* blender) const {
+    Region box = cv::boundingRect(mine);
+    box.x = std::max(0, box.x - margin_), box.y = std::max(0, box.y - margin_);
+    box.width = std::min(region.width, cv::boundingRect(mine).br().x + margin_) - box.x;
+    box.height = std::min(region.height, cv::boundingRect(mine).br().y + margin_) - box.y;
+    const Region place(region.x + box.x, region.y + box.y, box.width, box.height);
+    cv::Mat map, inside, warped, signed16;
+    renderer_.Maps(photo, place, composite_.width, 1.0, &map, &inside);
+    cv::remap(cache_->Get(photo), warped, map, cv::Mat(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
+    const cv::Mat mask = mine(box) & (inside > 0);
+    WithGain(warped, composite_.gains[static_cast<size_t>(photo)]).convertTo(signed16, CV_16S);
+    blender->feed(signed16, mask, place.tl());
+  }
+
+  const Renderer& renderer_;
+  PhotoCache* cache_;
+  const Composite& composite_;
+  const cv::Mat& label_;  // of the low-resolution picture
+  int bands_, margin_ = bands_ > 0 ? 4 << bands_ : 0;
+};
+
 }  // namespace
 
 std::vector<std::string> CompositeOptions::Check() const {
@@ -422,7 +497,7 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
   Composite result;
   result.width = options.width > 0 ? options.width : NativeWidth(rig);
   result.height = result.width / 2;
-  const int width = result.width, height = result.height;
+  const int width = result.width;
   const Renderer renderer(rig, options);
   PhotoCache cache(rig, load, static_cast<size_t>(options.memory_mb) << 20);
 
@@ -436,63 +511,16 @@ Composite CompositePanorama(const StitchedRig& rig, const std::function<cv::Mat(
   MeasureCoverage(label, &result);
   sink.begin(result);
 
-  const int tile = 1024, margin = options.bands > 0 ? 4 << options.bands : 0;
-  const double scale = static_cast<double>(low_width) / width;
+  const TilePainter painter(renderer, &cache, result, label, options.bands);
   const cv::Rect& part = result.part;
-  const int strips = (part.height + tile - 1) / tile, columns = (part.width + tile - 1) / tile;
+  const int strips = (part.height + kTile - 1) / kTile, columns = (part.width + kTile - 1) / kTile;
   progress.Begin("panorama", static_cast<int64_t>(strips) * columns);
   for (int strip = 0; strip < strips; ++strip) {
-    const int y0 = part.y + strip * tile, rows = std::min(tile, part.br().y - y0);
+    const int y0 = part.y + strip * kTile, rows = std::min(kTile, part.br().y - y0);
     cv::Mat out(rows, part.width, CV_8UC4, cv::Scalar::all(0));
     ParallelFor(columns, threads, cancel, [&](int64_t c) {
-      const int x0 = part.x + static_cast<int>(c) * tile, cols = std::min(tile, part.br().x - x0);
-      const int top = std::max(0, y0 - margin), bottom = std::min(height, y0 + rows + margin);
-      const Region region(x0 - margin, top, cols + 2 * margin, bottom - top);
-      // Labels of the region: the nearest low-resolution pixel, with seams smoothed by the blending.
-      cv::Mat labels(region.size(), CV_16S);
-      std::set<short> used;
-      for (int y = 0; y < region.height; ++y) {
-        const short* from = label.ptr<short>(std::min(label.rows - 1, static_cast<int>((region.y + y + 0.5) * scale)));
-        short* to = labels.ptr<short>(y);
-        for (int x = 0; x < region.width; ++x) {
-          const int at = static_cast<int>((FloorMod(region.x + x, width) + 0.5) * scale);
-          to[x] = from[std::min(at, label.cols - 1)];
-          if (to[x] >= 0) used.insert(to[x]);
-        }
-      }
-      if (!used.empty()) {
-        cv::Ptr<cv::detail::Blender> blender;
-        if (options.bands > 0) {
-          blender = cv::makePtr<cv::detail::MultiBandBlender>(0, options.bands, CV_32F);
-        } else {
-          blender = cv::detail::Blender::createDefault(cv::detail::Blender::NO, false);
-        }
-        blender->prepare(region);
-        for (const short photo : used) {
-          // The part of the region that the photo can fill, and what the pyramid needs around it.
-          const cv::Mat mine = labels == photo;
-          Region box = cv::boundingRect(mine);
-          box.x = std::max(0, box.x - margin), box.y = std::max(0, box.y - margin);
-          box.width = std::min(region.width, cv::boundingRect(mine).br().x + margin) - box.x;
-          box.height = std::min(region.height, cv::boundingRect(mine).br().y + margin) - box.y;
-          const Region place(region.x + box.x, region.y + box.y, box.width, box.height);
-          cv::Mat map, inside, warped, signed16;
-          renderer.Maps(photo, place, width, 1.0, &map, &inside);
-          cv::remap(cache.Get(photo), warped, map, cv::Mat(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
-          const cv::Mat mask = mine(box) & (inside > 0);
-          WithGain(warped, result.gains[static_cast<size_t>(photo)]).convertTo(signed16, CV_16S);
-          blender->feed(signed16, mask, place.tl());
-        }
-        cv::Mat blended, mask;
-        blender->blend(blended, mask);
-        const Region interior(margin, y0 - top, cols, rows);
-        cv::Mat eight;
-        blended(interior).convertTo(eight, CV_8U);
-        cv::Mat to = out(cv::Rect(x0 - part.x, 0, cols, rows));
-        const int channels[] = {0, 0, 1, 1, 2, 2, 3, 3};
-        const std::vector<cv::Mat> from = {eight, mask(interior)};
-        cv::mixChannels(from.data(), from.size(), &to, 1, channels, 4);
-      }
+      const int x0 = part.x + static_cast<int>(c) * kTile, cols = std::min(kTile, part.br().x - x0);
+      painter.Paint(Region(x0, y0, cols, rows), out(cv::Rect(x0 - part.x, 0, cols, rows)));
       progress.Advance(1);
     });
     sink.rows(out);
