@@ -59,34 +59,31 @@ std::vector<Visit> VisitsOf(int run, const std::vector<Seen>& seen) {
   return visits;
 }
 
-}  // namespace
-
-std::vector<SplitPlace> SplitDuplicates(const SurveyInput& input, MapStart* start) {
-  std::map<int, std::vector<Visit>> visits;  // by id, run after run, ascending time
-  for (size_t r = 0; r < input.runs.size(); ++r) {
-    std::map<int, std::vector<Seen>> seen;
-    double way = 0;
-    std::optional<Eigen::Vector3d> last;
-    for (const MapFrame& frame : start->frames) {
-      if (frame.run != static_cast<int>(r) || !frame.odom_from_body) continue;
-      if (last) way += (frame.odom_from_body->translation - *last).norm();
-      last = frame.odom_from_body->translation;
-      for (int i : frame.sights) {
-        const MapSight& s = start->sights[static_cast<size_t>(i)];
-        const auto poses = EstimatePlanarPoses(s.sight, input.sizes.SizeOf(s.detection.id));
-        if (poses.empty()) continue;
-        const Eigen::Vector3d& in_camera = poses.front().cam_from_tag.translation;  // both solutions share the centre
-        const Rigid3d body_from_cam = input.runs[r].cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
-        seen[s.detection.id].push_back(
-            {i, frame.stamp_ns, way, in_camera.norm(), *frame.odom_from_body * (body_from_cam * in_camera)});
-      }
-    }
-    for (const auto& [id, its] : seen) {
-      std::vector<Visit> found = VisitsOf(static_cast<int>(r), its);
-      visits[id].insert(visits[id].end(), found.begin(), found.end());
+// By id, ascending time.
+std::map<int, std::vector<Seen>> SeenIn(const SurveyInput& input, int run, const MapStart& start) {
+  std::map<int, std::vector<Seen>> seen;
+  const SurveyRun& its = input.runs[static_cast<size_t>(run)];
+  double way = 0;
+  std::optional<Eigen::Vector3d> last;
+  for (const MapFrame& frame : start.frames) {
+    if (frame.run != run || !frame.odom_from_body) continue;
+    if (last) way += (frame.odom_from_body->translation - *last).norm();
+    last = frame.odom_from_body->translation;
+    for (int i : frame.sights) {
+      const MapSight& s = start.sights[static_cast<size_t>(i)];
+      const auto poses = EstimatePlanarPoses(s.sight, input.sizes.SizeOf(s.detection.id));
+      if (poses.empty()) continue;
+      const Eigen::Vector3d& in_camera = poses.front().cam_from_tag.translation;  // both solutions share the centre
+      const Rigid3d body_from_cam = its.cameras[static_cast<size_t>(s.camera)].cam_from_body.Inverse();
+      seen[s.detection.id].push_back(
+          {i, frame.stamp_ns, way, in_camera.norm(), *frame.odom_from_body * (body_from_cam * in_camera)});
     }
   }
-  // Stretches of a run over which a tag is not where it was. Two tags that say so of the same stretch: odometry jumped.
+  return seen;
+}
+
+// Ids that are not where they were over a stretch of a run. Two tags that say so of the same stretch: odometry jumped.
+std::set<int> JumpingIds(const std::map<int, std::vector<Visit>>& visits) {
   struct Jump {
     int id, run;
     int64_t from_ns, to_ns;
@@ -98,24 +95,45 @@ std::vector<SplitPlace> SplitDuplicates(const SurveyInput& input, MapStart* star
         jumps.push_back({id, its[k].run, its[k - 1].last_ns, its[k].first_ns});
     }
   }
-  const auto shared = [&](const Jump& jump) {
-    return std::any_of(jumps.begin(), jumps.end(), [&](const Jump& other) {
+  std::set<int> ids;
+  for (const Jump& jump : jumps) {
+    const bool shared = std::any_of(jumps.begin(), jumps.end(), [&](const Jump& other) {
       return other.id != jump.id && other.run == jump.run && other.from_ns < jump.to_ns && jump.from_ns < other.to_ns;
     });
-  };
-  std::vector<SplitPlace> places;
-  for (auto& [tag_id, its] : visits) {
-    const int id = tag_id;
-    if (std::none_of(jumps.begin(), jumps.end(), [&](const Jump& j) { return j.id == id && !shared(j); })) continue;
-    // A visit belongs to the place whose last visit it agrees with.
-    int groups = 0;
-    for (size_t k = 0; k < its.size(); ++k) {
-      its[k].group = -1;
-      for (size_t before = k; before-- > 0 && its[k].group < 0;) {
-        if (its[before].run == its[k].run && !IsOff(its[before], its[k])) its[k].group = its[before].group;
-      }
-      if (its[k].group < 0) its[k].group = groups++;
+    if (!shared) ids.insert(jump.id);
+  }
+  return ids;
+}
+
+// A visit belongs to the place whose last visit it agrees with. The number of places.
+int GroupByPlace(std::vector<Visit>* visits) {
+  int groups = 0;
+  for (size_t k = 0; k < visits->size(); ++k) {
+    Visit& visit = (*visits)[k];
+    visit.group = -1;
+    for (size_t before = k; before-- > 0 && visit.group < 0;) {
+      const Visit& earlier = (*visits)[before];
+      if (earlier.run == visit.run && !IsOff(earlier, visit)) visit.group = earlier.group;
     }
+    if (visit.group < 0) visit.group = groups++;
+  }
+  return groups;
+}
+
+}  // namespace
+
+std::vector<SplitPlace> SplitDuplicates(const SurveyInput& input, MapStart* start) {
+  std::map<int, std::vector<Visit>> visits;  // by id, run after run, ascending time
+  for (int run = 0; run < static_cast<int>(input.runs.size()); ++run) {
+    for (const auto& [id, its] : SeenIn(input, run, *start)) {
+      std::vector<Visit> found = VisitsOf(run, its);
+      visits[id].insert(visits[id].end(), found.begin(), found.end());
+    }
+  }
+  std::vector<SplitPlace> places;
+  for (const int id : JumpingIds(visits)) {
+    std::vector<Visit>& its = visits.at(id);
+    const int groups = GroupByPlace(&its);
     std::vector<size_t> pictures(static_cast<size_t>(groups));
     for (const Visit& v : its) pictures[static_cast<size_t>(v.group)] += v.sights.size();
     const auto most = std::max_element(pictures.begin(), pictures.end()) - pictures.begin();
