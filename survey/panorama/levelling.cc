@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
@@ -120,55 +121,53 @@ std::vector<Edge> EdgesOf(const StitchedRig& rig, int photo, const cv::Mat& grey
   return edges;
 }
 
-Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&)>& load_grey, int threads,
-                const CancelToken& cancel) {
-  std::vector<std::vector<Edge>> of_photo(rig.photos.size());
-  ParallelFor(static_cast<int64_t>(rig.photos.size()), threads, cancel, [&](int64_t i) {
-    if (!rig.state.photos[static_cast<size_t>(i)].placed) return;
-    of_photo[static_cast<size_t>(i)] = EdgesOf(rig, static_cast<int>(i), load_grey(rig.photos[static_cast<size_t>(i)]));
-  });
-  const Eigen::Vector3d top = UpFromPhotos(rig.state);
-  const bool one_way = LookAround(rig.state) < kOneWay;
-  const double from_top = one_way ? kFromTopOneWay : kFromTop;
-  std::vector<Edge> edges;
-  for (const auto& list : of_photo) {
-    for (const Edge& e : list) {
-      if (std::abs(e.normal.dot(top)) < std::sin(from_top)) edges.push_back(e);
-    }
+// The photos' own top, about which the vertical is looked for.
+struct Top {
+  explicit Top(const RigState& state) : up(UpFromPhotos(state)), one_way(LookAround(state) < kOneWay) {}
+  double Reach() const { return one_way ? kFromTopOneWay : kFromTop; }
+  bool IsFar(const Eigen::Vector3d& vertical) const { return vertical.dot(up) < std::cos(Reach()); }
+
+  Eigen::Vector3d up;
+  bool one_way;
+};
+
+// How much of the edges runs along a direction.
+double Support(const std::vector<Edge>& edges, const Eigen::Vector3d& up) {
+  double sum = 0;
+  for (const Edge& e : edges) {
+    const double r = e.normal.dot(up) / 0.01;
+    if (std::abs(r) < 1) sum += e.weight * (1 - r * r);
   }
-  Level level;
-  if (edges.size() < 20) return level;
-  // The direction that most edges run along: every pair of well separated ones is a candidate, a few hundred of them.
-  const auto score = [&](const Eigen::Vector3d& up, double width) {
-    double sum = 0;
-    for (const Edge& e : edges) {
-      const double r = e.normal.dot(up) / width;
-      if (std::abs(r) < 1) sum += e.weight * (1 - r * r);
-    }
-    return sum;
-  };
-  std::vector<std::pair<Eigen::Vector3d, double>> candidates = {{top, score(top, 0.01)}};
-  std::stable_sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.weight > b.weight; });
-  const size_t lead = std::min<size_t>(edges.size(), 60);
+  return sum;
+}
+
+// The direction that most edges run along: every pair of well separated ones is a candidate, a few hundred of them.
+// Nothing if another one does nearly as well. Sorts the edges, the longest first.
+std::optional<Eigen::Vector3d> CommonDirection(const Top& top, std::vector<Edge>* edges) {
+  std::vector<std::pair<Eigen::Vector3d, double>> candidates = {{top.up, Support(*edges, top.up)}};
+  std::stable_sort(edges->begin(), edges->end(), [](const Edge& a, const Edge& b) { return a.weight > b.weight; });
+  const size_t lead = std::min<size_t>(edges->size(), 60);
   for (size_t a = 0; a < lead; ++a) {
     for (size_t b = a + 1; b < lead; ++b) {
-      Eigen::Vector3d up = edges[a].normal.cross(edges[b].normal);
+      Eigen::Vector3d up = (*edges)[a].normal.cross((*edges)[b].normal);
       if (up.norm() < 0.3) continue;
       up.normalize();
-      if (up.dot(top) < 0) up = -up;
-      if (up.dot(top) < std::cos(from_top)) continue;
-      candidates.emplace_back(up, score(up, 0.01));
+      if (up.dot(top.up) < 0) up = -up;
+      if (!top.IsFar(up)) candidates.emplace_back(up, Support(*edges, up));
     }
   }
   const auto better = [](const auto& a, const auto& b) { return a.second < b.second; };
-  const auto [first, best_score] = *std::max_element(candidates.begin(), candidates.end(), better);
+  const auto& [best, best_score] = *std::max_element(candidates.begin(), candidates.end(), better);
   double other_score = 0;
   for (const auto& [up, s] : candidates) {
-    if (up.dot(first) < std::cos(kOtherVertical)) other_score = std::max(other_score, s);
+    if (up.dot(best) < std::cos(kOtherVertical)) other_score = std::max(other_score, s);
   }
-  if (best_score < (one_way ? kStandsOutOneWay : kStandsOut) * other_score) return level;
-  Eigen::Vector3d best = first;
-  // Robust least squares of normal . up = 0 in the tangent plane of `best`.
+  if (best_score < (top.one_way ? kStandsOutOneWay : kStandsOut) * other_score) return std::nullopt;
+  return best;
+}
+
+// Robust least squares of normal . up = 0 in the tangent plane of `best`.
+Level FitVertical(const std::vector<Edge>& edges, const Top& top, Eigen::Vector3d best) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
   double residual = 0, weights = 0;
   int used = 0;
@@ -187,12 +186,13 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(h);
     Eigen::Vector3d up = eigen.eigenvectors().col(0);
-    if (up.dot(top) < 0) up = -up;
+    if (up.dot(top.up) < 0) up = -up;
     const bool still = (up - best).norm() < 1e-9;
     best = up;
     if (still) break;
   }
-  if (used < 15 || best.dot(top) < std::cos(from_top)) return level;
+  Level level;
+  if (used < 15 || top.IsFar(best)) return level;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(h);
   if (eigen.eigenvalues()(1) < 0.03 * h.trace()) return level;  // all edges in one direction: no hold across it
   level.found = true;
@@ -201,6 +201,25 @@ Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&
   level.sigma_rad = std::hypot(std::sqrt(residual / weights / (used / 5.0) * weights / (2 * eigen.eigenvalues()(1))),
                                0.05 * kDegToRad);
   return level;
+}
+
+Level FromLines(const StitchedRig& rig, const std::function<cv::Mat(const Photo&)>& load_grey, int threads,
+                const CancelToken& cancel) {
+  std::vector<std::vector<Edge>> of_photo(rig.photos.size());
+  ParallelFor(static_cast<int64_t>(rig.photos.size()), threads, cancel, [&](int64_t i) {
+    if (!rig.state.photos[static_cast<size_t>(i)].placed) return;
+    of_photo[static_cast<size_t>(i)] = EdgesOf(rig, static_cast<int>(i), load_grey(rig.photos[static_cast<size_t>(i)]));
+  });
+  const Top top(rig.state);
+  std::vector<Edge> edges;
+  for (const auto& list : of_photo) {
+    for (const Edge& e : list) {
+      if (std::abs(e.normal.dot(top.up)) < std::sin(top.Reach())) edges.push_back(e);
+    }
+  }
+  if (edges.size() < 20) return {};
+  const std::optional<Eigen::Vector3d> common = CommonDirection(top, &edges);
+  return common ? FitVertical(edges, top, *common) : Level();
 }
 
 // Heading of the rig's z axis from compass tags.
@@ -240,10 +259,9 @@ void HeadingFromTags(StitchedRig* rig) {
   rig->heading_source = "compass";
 }
 
-}  // namespace
-
-void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::string& wanted, int threads,
-              const CancelToken& cancel, StitchedRig* rig) {
+// The vertical by the wanted source, or the next best one, which the rig is told.
+Level FindLevel(const std::function<cv::Mat(const Photo&)>& load_grey, const std::string& wanted, int threads,
+                const CancelToken& cancel, StitchedRig* rig) {
   Level level;
   rig->level_source = "none";
   if (wanted == "auto" || wanted == "tags") {
@@ -261,32 +279,34 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
     level = FromHorizon(*rig);
     rig->level_source = "horizon";
   }
-  rig->level_sigma_deg = level.sigma_rad * kRadToDeg;
-  size_t first = 0;
-  while (first < rig->photos.size() && !rig->state.photos[first].placed) ++first;
-  const Eigen::Vector3d up =
-      level.found ? level.up
-                  : Eigen::Vector3d(rig->state.photos[first].cam_from_rig.conjugate() * -Eigen::Vector3d::UnitY());
-  // Azimuths of what is seen, to find the widest gap: the panorama's centre looks away from it.
-  Eigen::Vector3d now_up = up;
-  const auto level_frame = [&](const Eigen::Vector3d& forward_hint) {
-    Eigen::Matrix3d m;  // rows: the new axes in the old frame
-    const Eigen::Vector3d y = -now_up;
-    Eigen::Vector3d z = forward_hint - y * y.dot(forward_hint);
-    if (z.norm() < 1e-3) z = y.unitOrthogonal();
-    m.row(2) = z.normalized();
-    m.row(1) = y;
-    m.row(0) = y.cross(z.normalized());
-    return Eigen::Quaterniond(m);
-  };
-  TurnRig(level_frame(rig->state.photos[first].cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ()), &rig->state);
-  now_up = -Eigen::Vector3d::UnitY();
+  return level;
+}
+
+// new_from_old: y down, z as far as possible forward.
+Eigen::Quaterniond LevelFrame(const Eigen::Vector3d& up, const Eigen::Vector3d& forward) {
+  Eigen::Matrix3d m;  // rows: the new axes in the old frame
+  const Eigen::Vector3d y = -up;
+  Eigen::Vector3d z = forward - y * y.dot(forward);
+  if (z.norm() < 1e-3) z = y.unitOrthogonal();
+  m.row(2) = z.normalized();
+  m.row(1) = y;
+  m.row(0) = y.cross(z.normalized());
+  return Eigen::Quaterniond(m);
+}
+
+struct Gap {
+  double width_deg = 0;
+  double azimuth_rad = 0;  // of its middle
+};
+
+// The widest range of azimuths that no photo sees.
+Gap WidestGap(const StitchedRig& rig) {
   std::vector<bool> covered(3600, false);
-  for (size_t i = 0; i < rig->photos.size(); ++i) {
-    const RigPhoto& p = rig->state.photos[i];
+  for (size_t i = 0; i < rig.photos.size(); ++i) {
+    const RigPhoto& p = rig.state.photos[i];
     if (!p.placed) continue;
-    const PairView& v = rig->views[i];
-    const Lens& lens = rig->state.lenses[static_cast<size_t>(p.lens)];
+    const PairView& v = rig.views[i];
+    const Lens& lens = rig.state.lenses[static_cast<size_t>(p.lens)];
     for (double x = 0; x <= 1; x += 1.0 / 256) {
       for (double y : {0.1, 0.5, 0.9}) {
         const Eigen::Vector2d pixel(x * (v.width - 1), y * (v.height - 1));
@@ -302,10 +322,26 @@ void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::
     run = covered[static_cast<size_t>(k % 3600)] ? 0 : run + 1;
     if (run > widest && run <= 3600) widest = run, middle = k - run / 2;
   }
-  rig->closure.largest_gap_deg = widest * 0.1;
-  if (widest > 0) {
-    const double gap = ((middle % 3600) / 3600.0 - 0.5) * 2 * std::numbers::pi;
-    TurnRig(level_frame(Eigen::Vector3d(-std::sin(gap), 0, -std::cos(gap))), &rig->state);
+  return {widest * 0.1, ((middle % 3600) / 3600.0 - 0.5) * 2 * std::numbers::pi};
+}
+
+}  // namespace
+
+void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::string& wanted, int threads,
+              const CancelToken& cancel, StitchedRig* rig) {
+  const Level level = FindLevel(load_grey, wanted, threads, cancel, rig);
+  rig->level_sigma_deg = level.sigma_rad * kRadToDeg;
+  size_t first = 0;
+  while (first < rig->photos.size() && !rig->state.photos[first].placed) ++first;
+  const Eigen::Quaterniond rig_from_first = rig->state.photos[first].cam_from_rig.conjugate();
+  const Eigen::Vector3d up = level.found ? level.up : Eigen::Vector3d(rig_from_first * -Eigen::Vector3d::UnitY());
+  TurnRig(LevelFrame(up, rig_from_first * Eigen::Vector3d::UnitZ()), &rig->state);
+  // The panorama's centre looks away from the widest gap.
+  const Gap gap = WidestGap(*rig);
+  rig->closure.largest_gap_deg = gap.width_deg;
+  if (gap.width_deg > 0) {
+    const Eigen::Vector3d away(-std::sin(gap.azimuth_rad), 0, -std::cos(gap.azimuth_rad));
+    TurnRig(LevelFrame(-Eigen::Vector3d::UnitY(), away), &rig->state);
   }
   HeadingFromTags(rig);
 }
