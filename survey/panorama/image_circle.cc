@@ -35,24 +35,29 @@ ImageCircle FitCircle(const std::vector<Eigen::Vector2d>& points) {
   return {x.head<2>(), std::sqrt(std::max(0.0, x(2) + x.head<2>().squaredNorm()))};
 }
 
-}  // namespace
-
-std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
-  const ShrunkPicture shrunk(grey, kLongSide);
-  cv::Mat small;
-  cv::GaussianBlur(shrunk.picture, small, cv::Size(), 1.5);
-  std::vector<uchar> values(small.begin<uchar>(), small.end<uchar>());
+// What is darker is black.
+double BlackLevel(const cv::Mat& picture) {
+  std::vector<uchar> values(picture.begin<uchar>(), picture.end<uchar>());
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() * 3 / 4), values.end());
-  const double black = kBlack * values[values.size() * 3 / 4];
+  return kBlack * values[values.size() * 3 / 4];
+}
+
+bool HasBlackCorners(const cv::Mat& picture, double black) {
   const int patch = std::max(2, kLongSide / 40);
-  if (small.cols < 4 * patch || small.rows < 4 * patch) return std::nullopt;
-  for (const int x : {0, small.cols - patch}) {
-    for (const int y : {0, small.rows - patch}) {
-      if (cv::mean(small(cv::Rect(x, y, patch, patch)))[0] > black) return std::nullopt;
+  if (picture.cols < 4 * patch || picture.rows < 4 * patch) return false;
+  for (const int x : {0, picture.cols - patch}) {
+    for (const int y : {0, picture.rows - patch}) {
+      if (cv::mean(picture(cv::Rect(x, y, patch, patch)))[0] > black) return false;
     }
   }
-  // From outside inwards: what is dark in the picture itself is not met. Rays that begin in the picture say nothing.
-  const Eigen::Vector2d middle(0.5 * (small.cols - 1), 0.5 * (small.rows - 1));
+  return true;
+}
+
+Eigen::Vector2d MiddleOf(const cv::Mat& picture) { return {0.5 * (picture.cols - 1), 0.5 * (picture.rows - 1)}; }
+
+// From outside inwards: what is dark in the picture itself is not met. Rays that begin in the picture say nothing.
+std::vector<Eigen::Vector2d> BorderPoints(const cv::Mat& picture, double black) {
+  const Eigen::Vector2d middle = MiddleOf(picture);
   std::vector<Eigen::Vector2d> border;
   for (int k = 0; k < kRays; ++k) {
     const double angle = 2 * std::numbers::pi * k / kRays;
@@ -61,7 +66,7 @@ std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
         std::min(middle.x() / std::max(1e-9, std::abs(along.x())), middle.y() / std::max(1e-9, std::abs(along.y())));
     const auto value = [&](double r) {
       const Eigen::Vector2d p = middle + r * along;
-      return small.at<uchar>(static_cast<int>(std::lround(p.y())), static_cast<int>(std::lround(p.x())));
+      return picture.at<uchar>(static_cast<int>(std::lround(p.y())), static_cast<int>(std::lround(p.x())));
     };
     double r = std::floor(reach);
     if (value(r) > black) continue;
@@ -76,30 +81,39 @@ std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
     while (r > 0 && value(r) <= limit) r -= 0.5;
     if (r > 0) border.emplace_back(middle + r * along);
   }
-  if (static_cast<int>(border.size()) < kLeastPoints) return std::nullopt;
-  // Dark trees at the border pull points inwards, stray light outwards: the circle that most lie on, of those through
-  // three points far from each other.
-  const auto on_circle = [&](const ImageCircle& c) {
-    std::vector<Eigen::Vector2d> on;
-    for (const Eigen::Vector2d& p : border) {
-      if (std::abs((p - c.centre).norm() - c.radius_px) < kOnCircle * c.radius_px) on.push_back(p);
-    }
-    return on;
-  };
+  return border;
+}
+
+std::vector<Eigen::Vector2d> PointsOn(const ImageCircle& c, const std::vector<Eigen::Vector2d>& border) {
+  std::vector<Eigen::Vector2d> on;
+  for (const Eigen::Vector2d& p : border) {
+    if (std::abs((p - c.centre).norm() - c.radius_px) < kOnCircle * c.radius_px) on.push_back(p);
+  }
+  return on;
+}
+
+// Dark trees at the border pull points inwards, stray light outwards: the circle that most lie on, of those through
+// three points far from each other.
+ImageCircle MostCommonCircle(const std::vector<Eigen::Vector2d>& border) {
   ImageCircle circle;
   std::vector<Eigen::Vector2d> used;
   const size_t n = border.size();
   for (size_t i = 0; i < n; i += 3) {
     for (size_t j = n / 5; j <= n / 2; j += std::max<size_t>(1, n / 20)) {
       const ImageCircle c = FitCircle({border[i], border[(i + j) % n], border[(i + 2 * j) % n]});
-      std::vector<Eigen::Vector2d> on = on_circle(c);
+      std::vector<Eigen::Vector2d> on = PointsOn(c, border);
       if (on.size() > used.size()) circle = c, used = std::move(on);
     }
   }
   for (int round = 0; round < 5 && used.size() >= 3; ++round) {
     circle = FitCircle(used);
-    used = on_circle(circle);
+    used = PointsOn(circle, border);
   }
+  return circle;
+}
+
+// Enough of the border lies on it, and all around.
+bool IsBorder(const ImageCircle& circle, const std::vector<Eigen::Vector2d>& border) {
   int on = 0;
   bool quarter[4] = {};
   for (const Eigen::Vector2d& p : border) {
@@ -108,11 +122,25 @@ std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
     ++on;
     quarter[(d.x() > 0 ? 1 : 0) + (d.y() > 0 ? 2 : 0)] = true;
   }
-  if (on < kLeastPoints || on < kLeastShare * static_cast<double>(border.size())) return std::nullopt;
-  if (!(quarter[0] && quarter[1] && quarter[2] && quarter[3])) return std::nullopt;
+  if (on < kLeastPoints || on < kLeastShare * static_cast<double>(border.size())) return false;
+  return quarter[0] && quarter[1] && quarter[2] && quarter[3];
+}
+
+}  // namespace
+
+std::optional<ImageCircle> FindImageCircle(const cv::Mat& grey) {
+  const ShrunkPicture shrunk(grey, kLongSide);
+  cv::Mat small;
+  cv::GaussianBlur(shrunk.picture, small, cv::Size(), 1.5);
+  const double black = BlackLevel(small);
+  if (!HasBlackCorners(small, black)) return std::nullopt;
+  const std::vector<Eigen::Vector2d> border = BorderPoints(small, black);
+  if (static_cast<int>(border.size()) < kLeastPoints) return std::nullopt;
+  const ImageCircle circle = MostCommonCircle(border);
+  if (!IsBorder(circle, border)) return std::nullopt;
   const double side = std::max(small.cols, small.rows);
   if (circle.radius_px < 0.2 * side || circle.radius_px > 0.7 * side) return std::nullopt;
-  if ((circle.centre - middle).norm() > 0.15 * side) return std::nullopt;
+  if ((circle.centre - MiddleOf(small)).norm() > 0.15 * side) return std::nullopt;
   return ImageCircle{shrunk.ToFull(circle.centre), kSharpShare * circle.radius_px * shrunk.full_per_pixel.x()};
 }
 
