@@ -263,6 +263,122 @@ void Move(const Rigid3d& world_from_map, MapStart* start) {
   }
 }
 
+// Index of a camera by its name; past the last if there is none.
+size_t CameraOf(const SurveyRun& run, const std::string& name) {
+  const auto is_it = [&](const BodyCamera& c) { return c.name == name; };
+  return static_cast<size_t>(std::find_if(run.cameras.begin(), run.cameras.end(), is_it) - run.cameras.begin());
+}
+
+std::map<int64_t, std::vector<const ImageDetections*>> ImagesByStamp(const SurveyRun& run) {
+  std::map<int64_t, std::vector<const ImageDetections*>> by_stamp;
+  for (const ImageDetections& image : run.images) {
+    const size_t camera = CameraOf(run, image.camera);
+    if (camera == run.cameras.size()) {
+      throw InputError("run " + run.name + ": detections name camera \"" + image.camera +
+                       "\", which camchain.yaml does not have");
+    }
+    by_stamp[image.stamp_ns + std::llround(run.cameras[camera].time_offset_s * 1e9)].push_back(&image);
+  }
+  return by_stamp;
+}
+
+// The tags in a picture of the frame that comes next.
+void AddSights(const SurveyInput& input, const SurveyOptions& options, const ImageDetections& image, MapFrame* frame,
+               MapStart* start) {
+  const SurveyRun& run = input.runs[static_cast<size_t>(frame->run)];
+  const size_t camera = CameraOf(run, image.camera);
+  std::map<int, int> seen;
+  for (const TagDetection& d : image.detections) ++seen[d.id];
+  for (const TagDetection& d : image.detections) {
+    if (!(input.sizes.SizeOf(d.id) > 0)) {
+      throw InputError("tags.yaml: tag " + std::to_string(d.id) + " has no size; give size_m, or sizes_m for its id");
+    }
+    // The same id twice in one picture: neither can be told from the other.
+    if (seen[d.id] > 1 || ShortestSide(d) < options.min_side_px) continue;
+    MapSight s;
+    s.frame = static_cast<int>(start->frames.size());
+    s.camera = static_cast<int>(camera);
+    s.detection = d;
+    try {
+      s.sight = MakeTagSight(run.cameras[camera].camera, d, options.extra_sigma_px);
+    } catch (const NumericError&) {
+      continue;  // outside the camera model
+    }
+    s.place = s.detection.id;
+    frame->sights.push_back(static_cast<int>(start->sights.size()));
+    start->sights.push_back(s);
+  }
+}
+
+// Tags of a run by its pictures alone, and its body poses, in a frame of its own.
+std::map<int, Rigid3d> PlaceRun(const SurveyInput& input, int run, int threads, const CancelToken& cancel,
+                                MapStart* start) {
+  const SurveyRun& its = input.runs[static_cast<size_t>(run)];
+  if (its.odometry.poses.empty()) return Grow(input, run, threads, cancel, start);
+  for (MapFrame& frame : start->frames) {
+    if (frame.run != run) continue;
+    frame.world_from_body = its.start.At(frame.stamp_ns, static_cast<int64_t>(its.max_gap_s * 1e9));
+  }
+  if (its.start.poses.empty()) FollowOdometry(input, run, start);
+  return TagsOf(input, *start, run, threads, cancel);
+}
+
+// The run that joins the map next: of those that wait the one with the most tags in common with it, or with the most
+// tags at all if there is no map yet.
+int NextRun(const SurveyInput& input, const std::vector<std::map<int, Rigid3d>>& run_tags,
+            const std::vector<bool>& joined, const std::map<int, Rigid3d>& map) {
+  int next = -1, most = -1;
+  // A run comes first, whatever a photo set shows: it is the others that join.
+  bool run_waits = false;
+  for (size_t r = 0; r < input.runs.size() && map.empty(); ++r) {
+    run_waits |= !joined[r] && !input.runs[r].stills && !run_tags[r].empty();
+  }
+  for (size_t r = 0; r < input.runs.size(); ++r) {
+    if (run_waits && input.runs[r].stills) continue;
+    int common = 0;
+    for (const auto& [id, pose] : run_tags[r]) common += map.count(id) > 0 ? 1 : 0;
+    const int size = map.empty() ? static_cast<int>(run_tags[r].size()) : common;
+    if (!joined[r] && size > most) most = size, next = static_cast<int>(r);
+  }
+  return next;
+}
+
+// Brings a run's tags and bodies into the map; without a common tag it is left out.
+void JoinRun(const SurveyRun& its, int run, const std::map<int, Rigid3d>& tags, MapStart* start) {
+  std::optional<Rigid3d> map_from_run = Rigid3d();
+  if (!start->world_from_tag.empty()) map_from_run = Join(tags, start->world_from_tag);
+  if (!map_from_run || tags.empty()) {
+    start->warnings.push_back((its.stills ? "" : "run ") + its.name + " shares no tag with the others and is left out");
+    map_from_run.reset();
+  }
+  for (MapFrame& frame : start->frames) {
+    if (frame.run != run) continue;
+    if (!map_from_run) frame.world_from_body.reset();
+    if (frame.world_from_body) frame.world_from_body = *map_from_run * *frame.world_from_body;
+  }
+  if (!map_from_run) return;
+  for (const auto& [id, pose] : tags) {
+    start->by_run[static_cast<size_t>(run)].emplace(id, *map_from_run * pose);
+    start->world_from_tag.emplace(id, *map_from_run * pose);
+  }
+}
+
+// By the tag that is held, else by points, fixes, or the level; nothing if none of them says anything.
+std::optional<Rigid3d> WorldFromMap(const SurveyInput& input, const std::vector<SurveyPoint>& datum_points,
+                                    MapStart* start) {
+  if (input.fixed) {
+    const auto tag = start->world_from_tag.find(input.fixed->tag_id);
+    if (tag == start->world_from_tag.end()) {
+      throw InputError("tag " + std::to_string(input.fixed->tag_id) + ": in no usable picture, but the datum holds it");
+    }
+    return input.fixed->world_from_tag * tag->second.Inverse();
+  }
+  std::optional<Rigid3d> world_from_map = JoinPoints(*start, input, datum_points);
+  if (!world_from_map && input.use_gps) world_from_map = JoinGps(input, *start);
+  start->in_world = world_from_map.has_value();
+  return world_from_map ? world_from_map : Level(input, *start);
+}
+
 }  // namespace
 
 int FrameAt(const MapStart& start, int run, int64_t stamp_ns) {
@@ -287,16 +403,7 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
   MapStart start;
   for (size_t r = 0; r < input.runs.size(); ++r) {
     const SurveyRun& run = input.runs[r];
-    std::map<int64_t, std::vector<const ImageDetections*>> by_stamp;
-    for (const ImageDetections& image : run.images) {
-      const auto camera = std::find_if(run.cameras.begin(), run.cameras.end(),
-                                       [&](const BodyCamera& c) { return c.name == image.camera; });
-      if (camera == run.cameras.end()) {
-        throw InputError("run " + run.name + ": detections name camera \"" + image.camera +
-                         "\", which camchain.yaml does not have");
-      }
-      by_stamp[image.stamp_ns + std::llround(camera->time_offset_s * 1e9)].push_back(&image);
-    }
+    std::map<int64_t, std::vector<const ImageDetections*>> by_stamp = ImagesByStamp(run);
     std::set<int64_t> tied;
     for (const SurveyTie& tie : run.ties) tied.insert(tie.stamp_ns);
     for (const SurveyPoint& p : input.points) {
@@ -313,32 +420,7 @@ MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
       frame.stamp_ns = stamp;
       frame.has_ties = tied.count(stamp) > 0;
       frame.odom_from_body = run.odometry.At(stamp, static_cast<int64_t>(run.max_gap_s * 1e9));
-      for (const ImageDetections* image : images) {
-        const auto camera = std::find_if(run.cameras.begin(), run.cameras.end(),
-                                         [&](const BodyCamera& c) { return c.name == image->camera; });
-        std::map<int, int> seen;
-        for (const TagDetection& d : image->detections) ++seen[d.id];
-        for (const TagDetection& d : image->detections) {
-          if (!(input.sizes.SizeOf(d.id) > 0)) {
-            throw InputError("tags.yaml: tag " + std::to_string(d.id) +
-                             " has no size; give size_m, or sizes_m for its id");
-          }
-          // The same id twice in one picture: neither can be told from the other.
-          if (seen[d.id] > 1 || ShortestSide(d) < options.min_side_px) continue;
-          MapSight s;
-          s.frame = static_cast<int>(start.frames.size());
-          s.camera = static_cast<int>(camera - run.cameras.begin());
-          s.detection = d;
-          try {
-            s.sight = MakeTagSight(camera->camera, d, options.extra_sigma_px);
-          } catch (const NumericError&) {
-            continue;  // outside the camera model
-          }
-          s.place = s.detection.id;
-          frame.sights.push_back(static_cast<int>(start.sights.size()));
-          start.sights.push_back(s);
-        }
-      }
+      for (const ImageDetections* image : images) AddSights(input, options, *image, &frame, &start);
       if (!frame.sights.empty() || frame.has_ties || waypoints.count(stamp) > 0) start.frames.push_back(frame);
     }
   }
@@ -365,72 +447,20 @@ std::vector<TagView> ViewsOf(const SurveyInput& input, const MapStart& start, in
 
 void FindStart(const SurveyInput& input, const std::vector<SurveyPoint>& datum_points, int threads,
                const CancelToken& cancel, MapStart* start) {
-  std::vector<std::map<int, Rigid3d>> run_tags(input.runs.size());
-  for (size_t r = 0; r < input.runs.size(); ++r) {
-    const int run = static_cast<int>(r);
-    if (input.runs[r].odometry.poses.empty()) {
-      run_tags[r] = Grow(input, run, threads, cancel, start);
-    } else {
-      for (MapFrame& frame : start->frames) {
-        if (frame.run != run) continue;
-        frame.world_from_body =
-            input.runs[r].start.At(frame.stamp_ns, static_cast<int64_t>(input.runs[r].max_gap_s * 1e9));
-      }
-      if (input.runs[r].start.poses.empty()) FollowOdometry(input, run, start);
-      run_tags[r] = TagsOf(input, *start, run, threads, cancel);
-    }
+  std::vector<std::map<int, Rigid3d>> run_tags;
+  for (int run = 0; run < static_cast<int>(input.runs.size()); ++run) {
+    run_tags.push_back(PlaceRun(input, run, threads, cancel, start));
   }
   start->by_run.resize(input.runs.size());
   // Runs join the map of the first in the order of their common tags.
   std::vector<bool> joined(input.runs.size(), false);
   for (size_t round = 0; round < input.runs.size(); ++round) {
-    int next = -1, most = -1;
-    // A run comes first, whatever a photo set shows: it is the others that join.
-    bool run_waits = false;
-    for (size_t r = 0; r < input.runs.size() && start->world_from_tag.empty(); ++r) {
-      run_waits |= !joined[r] && !input.runs[r].stills && !run_tags[r].empty();
-    }
-    for (size_t r = 0; r < input.runs.size(); ++r) {
-      if (run_waits && input.runs[r].stills) continue;
-      int common = 0;
-      for (const auto& [id, pose] : run_tags[r]) common += start->world_from_tag.count(id) > 0 ? 1 : 0;
-      const int size = start->world_from_tag.empty() ? static_cast<int>(run_tags[r].size()) : common;
-      if (!joined[r] && size > most) most = size, next = static_cast<int>(r);
-    }
+    const int next = NextRun(input, run_tags, joined, start->world_from_tag);
     joined[next] = true;
-    std::optional<Rigid3d> map_from_run = Rigid3d();
-    if (!start->world_from_tag.empty()) map_from_run = Join(run_tags[next], start->world_from_tag);
-    if (!map_from_run || run_tags[next].empty()) {
-      start->warnings.push_back((input.runs[next].stills ? "" : "run ") + input.runs[next].name +
-                                " shares no tag with the others and is left out");
-      map_from_run.reset();
-    }
-    for (MapFrame& frame : start->frames) {
-      if (frame.run != next) continue;
-      if (!map_from_run) frame.world_from_body.reset();
-      if (frame.world_from_body) frame.world_from_body = *map_from_run * *frame.world_from_body;
-    }
-    if (!map_from_run) continue;
-    for (const auto& [id, pose] : run_tags[next]) {
-      start->by_run[next].emplace(id, *map_from_run * pose);
-      start->world_from_tag.emplace(id, *map_from_run * pose);
-    }
+    JoinRun(input.runs[next], next, run_tags[next], start);
   }
   PlaceMarks(input, start);
-  std::optional<Rigid3d> world_from_map;
-  if (input.fixed) {
-    const auto tag = start->world_from_tag.find(input.fixed->tag_id);
-    if (tag == start->world_from_tag.end()) {
-      throw InputError("tag " + std::to_string(input.fixed->tag_id) + ": in no usable picture, but the datum holds it");
-    }
-    world_from_map = input.fixed->world_from_tag * tag->second.Inverse();
-  } else {
-    world_from_map = JoinPoints(*start, input, datum_points);
-    if (!world_from_map && input.use_gps) world_from_map = JoinGps(input, *start);
-    start->in_world = world_from_map.has_value();
-    if (!world_from_map) world_from_map = Level(input, *start);
-  }
-  if (world_from_map) Move(*world_from_map, start);
+  if (const auto world_from_map = WorldFromMap(input, datum_points, start)) Move(*world_from_map, start);
 }
 
 }  // namespace trigpoint
