@@ -117,9 +117,8 @@ void MapSolver::CollectRuns() {
   }
 }
 
-void MapSolver::CollectTags() {
-  // Duplicates, moved tags and twins show when the cameras are known.
-  std::map<int, TagEstimate> judged;
+// Duplicates, moved tags and twins show when the cameras are known.
+std::map<int, TagEstimate> MapSolver::JudgeByCameras() {
   TagPosesOptions judge;
   judge.extra_sigma_px = options_.extra_sigma_px;
   judge.min_side_px = options_.min_side_px;
@@ -127,14 +126,22 @@ void MapSolver::CollectTags() {
   const std::vector<TagView> views = ViewsOf(input_, start_, -1);
   const std::vector<TagEstimate> estimates = EstimateTagPoses(views, input_.sizes, judge, threads_, silent, cancel_);
   result_.shapes = MeasureTagShapes(views, estimates, options_.extra_sigma_px);
-  for (const TagEstimate& t : estimates) {
-    judged[t.tag_id] = t;
-  }
-  std::map<int, TagEstimate> tags;
-  std::map<int, std::set<int>> runs;
-  std::map<int, double> square_px;
+  std::map<int, TagEstimate> judged;
+  for (const TagEstimate& t : estimates) judged[t.tag_id] = t;
+  return judged;
+}
+
+struct MapSolver::SeenTag {
+  TagEstimate tag;  // what its pictures say without the solution
+  std::set<int> runs;
+  double square_px = 0;  // sum over the pictures used
+};
+
+// By id; counts the pictures of the runs, too.
+std::map<int, MapSolver::SeenTag> MapSolver::CountSights() {
+  std::map<int, SeenTag> seen;
   for (const MapSight& s : start_.sights) {
-    TagEstimate& tag = tags[s.detection.id];
+    auto& [tag, runs, square_px] = seen[s.detection.id];
     tag.tag_id = s.detection.id;
     tag.family = s.detection.family;
     tag.size_m = input_.sizes.SizeOf(tag.tag_id);
@@ -153,12 +160,18 @@ void MapSolver::CollectTags() {
     const double px = ResidualPx(s.sight, r);
     ++tag.images;
     ++run.sights;
-    runs[tag.tag_id].insert(frame.run);
-    square_px[tag.tag_id] += px * px;
+    runs.insert(frame.run);
+    square_px += px * px;
     run.rms_px += px * px;
   }
   for (RunAgreement& run : result_.runs) run.rms_px = run.sights > 0 ? std::sqrt(run.rms_px / run.sights) : 0;
-  for (auto& [id, tag] : tags) {
+  return seen;
+}
+
+void MapSolver::CollectTags() {
+  const std::map<int, TagEstimate> judged = JudgeByCameras();
+  for (auto& [id, seen] : CountSights()) {
+    TagEstimate& tag = seen.tag;
     const auto unknown = tag_unknown_.find(id);
     if (unknown == tag_unknown_.end() || tag.images == 0) {
       tag.status = "unsolved";
@@ -166,10 +179,11 @@ void MapSolver::CollectTags() {
     } else {
       tag.world_from_tag = tags_.at(id);
       tag.covariance = solver_.PoseCovariance(unknown->second);
-      tag.runs = static_cast<int>(runs[id].size());
-      tag.rms_px = std::sqrt(square_px[id] / tag.images);
-      tag.status = judged.count(id) > 0 && judged[id].HasPose() ? judged[id].status : "weak";
-      tag.reason = judged.count(id) > 0 ? judged[id].reason : "";
+      tag.runs = static_cast<int>(seen.runs.size());
+      tag.rms_px = std::sqrt(seen.square_px / tag.images);
+      const auto its = judged.find(id);
+      tag.status = its != judged.end() && its->second.HasPose() ? its->second.status : "weak";
+      tag.reason = its != judged.end() ? its->second.reason : "";
     }
     JudgeShape(&tag);
     JudgePlaces(&tag);

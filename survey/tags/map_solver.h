@@ -75,6 +75,8 @@ class MapSolver {
   Eigen::Vector3d Lever(const SurveyPoint& p) const;
   bool Excluded(const SurveyPoint& p) const { return excluded_.count(p.name) > 0; }
   void Build();
+  void AddRuns();
+  void AddSights();
   void AddTies();
   void AddOdometry();
   void AddPoints();
@@ -118,6 +120,9 @@ class MapSolver {
   // map_result.cc
   void Collect();
   void CollectRuns();
+  struct SeenTag;
+  std::map<int, TagEstimate> JudgeByCameras();
+  std::map<int, SeenTag> CountSights();
   void CollectTags();
   void CollectResiduals();
   void JudgeShape(TagEstimate* tag) const;
