@@ -320,8 +320,17 @@ void MapSolver::Build() {
   for (const auto& [id, pose] : tags_) {
     if (unlinked_tags_.count(id) == 0) tag_unknown_[id] = solver_.AddPose(pose);
   }
-  for (size_t r = 0; r < run_states_.size(); ++r) {
-    RunState& state = run_states_[r];
+  AddRuns();
+  AddSights();
+  AddTies();
+  AddOdometry();
+  AddPoints();
+  AddGauge();
+}
+
+// What the runs' odometry and cameras have for unknowns, and what is known of them.
+void MapSolver::AddRuns() {
+  for (RunState& state : run_states_) {
     state.scale_unknown = solver_.AddNumbers({state.scale});
     state.drift_unknown = solver_.AddNumbers({state.drift});
     state.shift_unknown.clear();
@@ -344,30 +353,27 @@ void MapSolver::Build() {
       Add(Kind::kOther, 0, new CameraPriorCost(sigma), nullptr, {u});
     }
   }
+}
+
+void MapSolver::AddSights() {
   for (size_t i = 0; i < start_.sights.size(); ++i) {
     const MapSight& s = start_.sights[i];
     if (!Usable(s)) continue;
     const auto run = static_cast<size_t>(start_.frames[static_cast<size_t>(s.frame)].run);
     const auto camera = static_cast<size_t>(s.camera);
+    const RunState& state = run_states_[run];
+    const Rigid3d& cam_from_body = input_.runs[run].cameras[camera].cam_from_body;
+    ceres::CostFunction* cost = nullptr;
     if (options_.self_calibrate) {
-      Add(Kind::kTag, static_cast<int>(i),
-          new TagPixelCost(run_states_[run].cameras[camera], s.detection, s.sight.sigma_px, SizeOf(s.place),
-                           input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
-          huber_.get(),
-          {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
-           run_states_[run].camera_unknown[camera]});
-      continue;
+      cost = new TagPixelCost(state.cameras[camera], s.detection, s.sight.sigma_px, SizeOf(s.place), cam_from_body,
+                              &state.corner);
+    } else {
+      cost = new TagCost(s.sight, SizeOf(s.place), cam_from_body, &state.corner);
     }
-    Add(Kind::kTag, static_cast<int>(i),
-        new TagCost(s.sight, SizeOf(s.place), input_.runs[run].cameras[camera].cam_from_body, &run_states_[run].corner),
-        huber_.get(),
-        {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place),
-         run_states_[run].shift_unknown[camera]});
+    const int of_camera = (options_.self_calibrate ? state.camera_unknown : state.shift_unknown)[camera];
+    Add(Kind::kTag, static_cast<int>(i), cost, huber_.get(),
+        {frame_unknown_[static_cast<size_t>(s.frame)], tag_unknown_.at(s.place), of_camera});
   }
-  AddTies();
-  AddOdometry();
-  AddPoints();
-  AddGauge();
 }
 
 void MapSolver::AddTies() {
