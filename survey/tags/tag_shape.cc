@@ -49,6 +49,65 @@ Shape Moved(const Shape& shape, const Vector9d& d) {
   return moved;
 }
 
+// A tag as a camera sees it.
+struct Sight {
+  TagSight sight;
+  Rigid3d cam_from_world;
+};
+
+// Of each view that the tag was estimated from its first picture.
+std::vector<Sight> SightsOf(const TagEstimate& tag, const std::vector<TagView>& views, double extra_sigma_px) {
+  std::vector<Sight> sights;
+  for (int v : tag.views) {
+    const TagView& view = views[static_cast<size_t>(v)];
+    for (const TagDetection& d : view.detections) {
+      if (d.id != tag.tag_id) continue;
+      sights.push_back({MakeTagSight(*view.camera, d, extra_sigma_px), view.world_from_cam.Inverse()});
+      break;
+    }
+  }
+  return sights;
+}
+
+// d residual / d shape, by central differences.
+Matrix89d Jacobian(const Sight& s, double size_m, const Shape& shape) {
+  constexpr double kStep = 1e-6;
+  Matrix89d j = Matrix89d::Zero();
+  for (int k = 0; k < 9; ++k) {
+    const Vector9d h = kStep * Vector9d::Unit(k);
+    j.col(k) = (Residual(s.sight, s.cam_from_world, size_m, Moved(shape, h)) -
+                Residual(s.sight, s.cam_from_world, size_m, Moved(shape, -h))) /
+               (2 * kStep);
+  }
+  return j;
+}
+
+// Robust least squares from the shape given, which it improves; the covariance of the result.
+Matrix9d FitShape(const std::vector<Sight>& sights, double size_m, Shape* shape) {
+  Matrix9d normal = Matrix9d::Identity();
+  double square = 0, weights = 0;
+  for (int round = 0; round < 8; ++round) {
+    normal.setZero();
+    Vector9d gradient = Vector9d::Zero();
+    square = weights = 0;
+    for (const Sight& sight : sights) {
+      const Vector8d r = Residual(sight.sight, sight.cam_from_world, size_m, *shape);
+      const Matrix89d j = Jacobian(sight, size_m, *shape);
+      const double s = r.squaredNorm(), w = s > kHuberChi2 ? std::sqrt(kHuberChi2 / s) : 1;
+      normal += w * j.transpose() * j;
+      gradient += w * j.transpose() * r;
+      square += w * s;
+      weights += 8 * w;
+    }
+    normal.diagonal() *= 1 + 1e-9;
+    const Vector9d step = -normal.ldlt().solve(gradient);
+    if (!step.allFinite()) break;
+    *shape = Moved(*shape, step);
+    if (step.dot(normal * step) < 1e-6) break;
+  }
+  return normal.inverse() * std::max(1.0, square / std::max(1.0, weights - 9));
+}
+
 }  // namespace
 
 bool TagShape::SizeIsWrong() const {
@@ -65,49 +124,11 @@ std::vector<TagShape> MeasureTagShapes(const std::vector<TagView>& views, const 
   std::vector<TagShape> shapes;
   for (const TagEstimate& tag : tags) {
     if (!tag.HasPose() || static_cast<int>(tag.views.size()) < kLeastImages) continue;
-    std::vector<TagSight> sights;
-    std::vector<Rigid3d> cameras;
-    for (int v : tag.views) {
-      const TagView& view = views[static_cast<size_t>(v)];
-      for (const TagDetection& d : view.detections) {
-        if (d.id != tag.tag_id) continue;
-        sights.push_back(MakeTagSight(*view.camera, d, extra_sigma_px));
-        cameras.push_back(view.world_from_cam.Inverse());
-        break;
-      }
-    }
+    const std::vector<Sight> sights = SightsOf(tag, views, extra_sigma_px);
     Shape shape;
     shape.world_from_tag = *tag.world_from_tag;
-    Matrix9d normal = Matrix9d::Identity();
-    double square = 0, weights = 0;
-    for (int round = 0; round < 8; ++round) {
-      normal.setZero();
-      Vector9d gradient = Vector9d::Zero();
-      square = weights = 0;
-      for (size_t i = 0; i < sights.size(); ++i) {
-        const Vector8d r = Residual(sights[i], cameras[i], tag.size_m, shape);
-        Matrix89d j = Matrix89d::Zero();
-        for (int k = 0; k < 9; ++k) {
-          constexpr double kStep = 1e-6;
-          const Vector9d h = kStep * Vector9d::Unit(k);
-          j.col(k) = (Residual(sights[i], cameras[i], tag.size_m, Moved(shape, h)) -
-                      Residual(sights[i], cameras[i], tag.size_m, Moved(shape, -h))) /
-                     (2 * kStep);
-        }
-        const double s = r.squaredNorm(), w = s > kHuberChi2 ? std::sqrt(kHuberChi2 / s) : 1;
-        normal += w * j.transpose() * j;
-        gradient += w * j.transpose() * r;
-        square += w * s;
-        weights += 8 * w;
-      }
-      normal.diagonal() *= 1 + 1e-9;
-      const Vector9d step = -normal.ldlt().solve(gradient);
-      if (!step.allFinite()) break;
-      shape = Moved(shape, step);
-      if (step.dot(normal * step) < 1e-6) break;
-    }
+    const Matrix9d covariance = FitShape(sights, tag.size_m, &shape);
     if (!shape.extra.allFinite()) continue;
-    const Matrix9d covariance = normal.inverse() * std::max(1.0, square / std::max(1.0, weights - 9));
     TagShape result;
     result.tag_id = tag.tag_id;
     result.edge_m = tag.size_m;
