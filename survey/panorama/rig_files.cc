@@ -151,6 +151,45 @@ json Parallax(const ParallaxBudget& b) {
           {"points_with_distance", b.points_with_distance}};
 }
 
+// Of a photo of rig.json, its row of rig.csv has the focal length.
+Camera ReadCamera(const json& photo, const json& document, const CsvRow& row) {
+  const json& lens = document.at("lenses").at(photo.at("lens").get<size_t>());
+  const int w = photo.at("width_px").get<int>(), h = photo.at("height_px").get<int>();
+  const double f = row.Number("focal_px");
+  // Rigs of before fisheyes have their principal points in the middle.
+  const json principal = photo.value("principal_px", json{0.5 * (w - 1), 0.5 * (h - 1)});
+  const bool fisheye = lens.at("model").get<std::string>() == CameraModelName(CameraModel::kKannalaBrandt);
+  return Camera(fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan, w, h,
+                {f, f, principal.at(0).get<double>(), principal.at(1).get<double>(), lens.at("k1").get<double>(),
+                 lens.at("k2").get<double>(), 0, 0});
+}
+
+// [rotation, translation] of a photo of rig.json.
+Matrix6d ReadCovariance(const json& photo) {
+  const json& c = photo.at("covariance_rotation_rad_translation_m");
+  Matrix6d covariance;
+  for (size_t r = 0; r < 6; ++r) {
+    for (size_t k = 0; k < 6; ++k) {
+      covariance(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k)) = c.at(r).at(k).get<double>();
+    }
+  }
+  return covariance;
+}
+
+// As ShapeCovariance writes it; empty where it is not that of so many photos.
+Eigen::MatrixXd ReadShapeCovariance(const json& shape, size_t photos) {
+  const Eigen::Index n = 6 * static_cast<Eigen::Index>(photos);
+  if (static_cast<Eigen::Index>(shape.size()) != n * (n + 1) / 2) return {};
+  Eigen::MatrixXd covariance(n, n);
+  size_t at = 0;
+  for (Eigen::Index r = 0; r < n; ++r) {
+    for (Eigen::Index k = 0; k <= r; ++k, ++at) {
+      covariance(r, k) = covariance(k, r) = shape[at].is_number() ? shape[at].get<double>() : 0.0;
+    }
+  }
+  return covariance;
+}
+
 }  // namespace
 
 void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std::filesystem::path& dir) {
@@ -276,39 +315,14 @@ RigFile ReadRigFiles(const std::filesystem::path& dir) {
     const auto it = photos.find(view.name);
     if (it == photos.end()) row.Fail("photo '" + view.name + "' is not in rig.json beside it");
     try {
-      const json& p = it->second;
-      const json& lens = document.at("lenses").at(p.at("lens").get<size_t>());
-      const int w = p.at("width_px").get<int>(), h = p.at("height_px").get<int>();
-      const double f = row.Number("focal_px");
-      // Rigs of before fisheyes have their principal points in the middle.
-      const json principal = p.value("principal_px", json{0.5 * (w - 1), 0.5 * (h - 1)});
-      const bool fisheye = lens.at("model").get<std::string>() == CameraModelName(CameraModel::kKannalaBrandt);
-      view.camera = Camera(fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan, w, h,
-                           {f, f, principal.at(0).get<double>(), principal.at(1).get<double>(),
-                            lens.at("k1").get<double>(), lens.at("k2").get<double>(), 0, 0});
-      const json& c = p.at("covariance_rotation_rad_translation_m");
-      for (size_t r = 0; r < 6; ++r) {
-        for (size_t k = 0; k < 6; ++k) {
-          view.covariance(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k)) = c.at(r).at(k).get<double>();
-        }
-      }
+      view.camera = ReadCamera(it->second, document, row);
+      view.covariance = ReadCovariance(it->second);
     } catch (const json::exception& e) {
       throw InputError(sidecar.string() + ": photo '" + view.name + "': " + e.what());
     }
     file.rig.views.push_back(std::move(view));
   }
-  const Eigen::Index n = 6 * static_cast<Eigen::Index>(file.rig.views.size());
-  const json shape = document.value("shape_covariance", json::array());
-  if (static_cast<Eigen::Index>(shape.size()) == n * (n + 1) / 2) {
-    file.shape_covariance.resize(n, n);
-    size_t at = 0;
-    for (Eigen::Index r = 0; r < n; ++r) {
-      for (Eigen::Index k = 0; k <= r; ++k, ++at) {
-        file.shape_covariance(r, k) = file.shape_covariance(k, r) =
-            shape[at].is_number() ? shape[at].get<double>() : 0.0;
-      }
-    }
-  }
+  file.shape_covariance = ReadShapeCovariance(document.value("shape_covariance", json::array()), file.rig.views.size());
   if (file.rig.views.size() < 2) throw InputError((dir / "rig.csv").string() + ": expected at least two photos");
   return file;
 }
