@@ -186,72 +186,12 @@ class Stitcher {
 
   // Focal lengths of lenses that have none, or a wrong one, by what turns of the camera explain; verifies the pairs.
   void FindFocal() {
-    const auto with_focal = [&](bool missing_only, double share) {
-      for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
-        if (missing_only && out_.state.lenses[l].focal_px > 0) continue;
-        int side = 0;
-        for (size_t i = 0; i < out_.photos.size(); ++i) {
-          if (out_.state.photos[i].lens == static_cast<int>(l)) side = std::max(side, LongSide(out_.views[i]));
-        }
-        out_.state.lenses[l].focal_px = share * side;
-        out_.state.lens_priors[l].focal_px = 0;
-      }
-    };
     const bool any_missing =
         std::any_of(out_.state.lenses.begin(), out_.state.lenses.end(), [](const Lens& l) { return l.focal_px <= 0; });
     out_.focal_from_exif = !any_missing;
-    std::optional<double> share;
-    if (any_missing) {
-      // Narrow photos fit many focal lengths pair by pair; a ring, or photos that meet three at a time, only one.
-      double most = -1;
-      for (const FocalScore& candidate : SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_)) {
-        cancel_.ThrowIfCancelled();
-        for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
-          if (out_.state.lens_priors[l].focal_px <= 0) out_.state.lenses[l].focal_px = 0;
-        }
-        with_focal(true, candidate.share);
-        Verify();
-        const PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, kRingSlack);
-        double score = 0;
-        for (const PhotoPair& p : graph.pairs) score += p.score;
-        for (const PhotoPair& p : graph.contradicting) score -= p.score;
-        if (score > most) most = score, share = candidate.share;
-      }
-      for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
-        if (out_.state.lens_priors[l].focal_px <= 0) out_.state.lenses[l].focal_px = 0;
-      }
-      with_focal(true, share.value_or(0.9));
-    }
+    if (any_missing) FindMissingFocal();
     Verify();
-    if (!any_missing) {
-      // EXIF may be wrong (a cropped or re-scaled copy): it is not used if another focal length fits far more matches.
-      const double by_exif = TotalScore();
-      const std::vector<FocalScore> found =
-          SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_);
-      if (!found.empty()) {
-        share = found.front().share;
-        const std::vector<Lens> lenses = out_.state.lenses;
-        const std::vector<LensPrior> priors = out_.state.lens_priors;
-        const std::vector<PhotoPair> accepted = accepted_;
-        const double exif_share = lenses.front().focal_px / LongSide(out_.views.front());
-        // EXIF holds for a fisheye's axis only; near the rim the focal length that fits there is taken.
-        const bool rim = Fisheye();
-        if ((rim || std::abs(std::log(*share / exif_share)) > 0.25) && lenses.size() == 1) {
-          with_focal(false, *share);
-          Verify();
-          if (rim && TotalScore() > by_exif) {
-            out_.state.lens_priors = priors;
-          } else if (TotalScore() > 1.5 * by_exif) {
-            out_.focal_from_exif = false;
-            out_.warnings.push_back("the focal length of EXIF (" +
-                                    std::to_string(std::lround(lenses.front().focal_px)) +
-                                    " px) does not explain the photos; it is estimated instead");
-          } else {
-            out_.state.lenses = lenses, out_.state.lens_priors = priors, accepted_ = accepted;
-          }
-        }
-      }
-    }
+    if (!any_missing) DoubtExif();
   }
 
   // A ring that closes fixes the focal length, which its pairs one by one leave open: they are laid end to end and the
@@ -779,6 +719,63 @@ class Stitcher {
     pair.matches.clear();
     for (int k : r.inliers) pair.matches.push_back(tried.matches[static_cast<size_t>(k)]);
     return pair;
+  }
+
+  // What EXIF said of the lens is given up.
+  void SetFocal(size_t lens, double share) {
+    int side = 0;
+    for (size_t i = 0; i < out_.photos.size(); ++i) {
+      if (out_.state.photos[i].lens == static_cast<int>(lens)) side = std::max(side, LongSide(out_.views[i]));
+    }
+    out_.state.lenses[lens].focal_px = share * side;
+    out_.state.lens_priors[lens].focal_px = 0;
+  }
+
+  void SetMissingFocal(double share) {
+    for (size_t l = 0; l < out_.state.lenses.size(); ++l) {
+      if (out_.state.lens_priors[l].focal_px <= 0) SetFocal(l, share);
+    }
+  }
+
+  // Narrow photos fit many focal lengths pair by pair; a ring, or photos that meet three at a time, only one.
+  void FindMissingFocal() {
+    double share = 0.9, most = -1;
+    for (const FocalScore& candidate : SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_)) {
+      cancel_.ThrowIfCancelled();
+      SetMissingFocal(candidate.share);
+      Verify();
+      const PhotoGraph graph = BuildPhotoGraph(Count(), accepted_, kRingSlack);
+      double score = 0;
+      for (const PhotoPair& p : graph.pairs) score += p.score;
+      for (const PhotoPair& p : graph.contradicting) score -= p.score;
+      if (score > most) most = score, share = candidate.share;
+    }
+    SetMissingFocal(share);
+  }
+
+  // EXIF may be wrong (a cropped or re-scaled copy): it is not used if another focal length fits far more matches.
+  void DoubtExif() {
+    const double by_exif = TotalScore();
+    const std::vector<FocalScore> found = SearchFocal(out_.views, tried_, Fisheye(), pair_options_, threads_, cancel_);
+    if (found.empty() || out_.state.lenses.size() != 1) return;
+    const std::vector<Lens> lenses = out_.state.lenses;
+    const std::vector<LensPrior> priors = out_.state.lens_priors;
+    const std::vector<PhotoPair> accepted = accepted_;
+    const double share = found.front().share, exif_share = lenses.front().focal_px / LongSide(out_.views.front());
+    // EXIF holds for a fisheye's axis only; near the rim the focal length that fits there is taken.
+    const bool rim = Fisheye();
+    if (!rim && !(std::abs(std::log(share / exif_share)) > 0.25)) return;
+    SetFocal(0, share);
+    Verify();
+    if (rim && TotalScore() > by_exif) {
+      out_.state.lens_priors = priors;
+    } else if (TotalScore() > 1.5 * by_exif) {
+      out_.focal_from_exif = false;
+      out_.warnings.push_back("the focal length of EXIF (" + std::to_string(std::lround(lenses.front().focal_px)) +
+                              " px) does not explain the photos; it is estimated instead");
+    } else {
+      out_.state.lenses = lenses, out_.state.lens_priors = priors, accepted_ = accepted;
+    }
   }
 
   void Verify() {
