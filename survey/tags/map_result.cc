@@ -132,7 +132,7 @@ std::map<int, TagEstimate> MapSolver::JudgeByCameras() {
 }
 
 struct MapSolver::SeenTag {
-  TagEstimate tag;  // what its pictures say without the solution
+  TagEstimate tag;  // named and counted, without its pose
   std::set<int> runs;
   double square_px = 0;  // sum over the pictures used
 };
