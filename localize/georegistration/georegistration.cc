@@ -115,11 +115,13 @@ class EarthFit {
   EarthSolution Solve(const Sim3d& start, bool weigh_start) const {
     return Solve(start, weigh_start, options_.iterations);
   }
-  EarthSolution Solve(const Sim3d& start, bool weigh_start, int most_iterations) const;
+  // A few steps from an estimate with slightly other data.
+  EarthSolution SolveNear(const Sim3d& estimate) const { return Solve(estimate, true, kFewSteps); }
   // What the result holds besides the estimate.
   void Describe(const EarthSolution& solution, GeoRegistration* result) const;
 
  private:
+  EarthSolution Solve(const Sim3d& start, bool weigh_start, int most_iterations) const;
   struct System {
     std::vector<std::pair<size_t, int>> rows;  // observation, row of its Rows
     Eigen::MatrixXd jac;                       // rows x 7
@@ -763,8 +765,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return result;
   }
   const std::vector<OtherTurn> turns = FindOtherTurns(*best, obs, [&](const std::vector<GeoObservation>& less) {
-    return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options)
-        .Solve(best->s, true, kFewSteps);
+    return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).SolveNear(best->s);
   });
   result.reason = Remarks(other, turns, excess, enlarged.factor);
   result.solved = true;
