@@ -343,6 +343,7 @@ State SolveFromAllSides(const Solver& solver, const Rigid3d& start, ProgressSink
     }
     progress.Advance(1);
   }
+  if (!std::isfinite(least)) throw NumericError("hand-eye calibration did not converge from any start");
   return best;
 }
 
