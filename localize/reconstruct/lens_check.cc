@@ -121,6 +121,15 @@ void SeeThrough(const Camera& camera, const LensParameters& error, BearingObserv
   o->w = camera.BearingSqrtInfo(moved, 1).cast<float>() / sigma;
 }
 
+// The same observations under lenses with these errors.
+BundleProblem SeenThrough(const LocalizeInput& input, const std::vector<LensParameters>& errors, BundleProblem p) {
+  for (BearingObservation& o : p.observations) {
+    const auto view = static_cast<size_t>(o.view);
+    if (o.active && view < errors.size()) SeeThrough(input.cameras[view].camera, errors[view], &o);
+  }
+  return p;
+}
+
 }  // namespace
 
 LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r) {
@@ -148,29 +157,34 @@ std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconst
 Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& r, int threads,
                                    const CancelToken& cancel) {
   if (r.lens_errors.empty()) return {};
-  std::vector<std::vector<LensParameters>> errors;
+  BundleProblem calibrated = r.problem;
+  calibrated.pose_shifts.resize(0, 0);
+  const BundleCovariance covariance(calibrated, threads, cancel);
+  const Eigen::VectorXd gradient = covariance.Gradient();
+  std::vector<Eigen::VectorXd> shifts;
   for (size_t c = 0; c < r.lens_errors.size(); ++c) {
     const double centre = kUsual * HalfDiagonal(input.cameras[c].camera);
     const LensParameters usual = {kUsual, centre, centre, kUsual, kUsual};
     for (size_t k = 0; k < usual.size(); ++k) {
-      errors.emplace_back(r.lens_errors.size(), LensParameters{});
-      errors.back()[c][k] = usual[k];
+      std::vector<LensParameters> errors(r.lens_errors.size(), LensParameters{});
+      errors[c][k] = usual[k];
+      const BundleProblem seen = SeenThrough(input, errors, calibrated);
+      shifts.push_back(covariance.Times(gradient - BundleCovariance(seen, threads, cancel).Gradient()));
     }
   }
-  errors.push_back(r.lens_errors);
-  BundleProblem seen = r.problem;
-  seen.pose_shifts.resize(0, 0);
-  const BundleCovariance calibrated(seen, threads, cancel);
-  Eigen::MatrixXd gradients(6 * static_cast<Eigen::Index>(seen.poses.size()), static_cast<Eigen::Index>(errors.size()));
-  for (size_t e = 0; e < errors.size(); ++e) {
-    for (size_t i = 0; i < seen.observations.size(); ++i) {
-      BearingObservation& o = seen.observations[i] = r.problem.observations[i];
-      const auto view = static_cast<size_t>(o.view);
-      if (o.active && view < errors[e].size()) SeeThrough(input.cameras[view].camera, errors[e][view], &o);
-    }
-    gradients.col(static_cast<Eigen::Index>(e)) = BundleCovariance(seen, threads, cancel).Gradient();
+  // What the images ask for may be far from the calibration: not to first order.
+  BundleProblem other = SeenThrough(input, r.lens_errors, calibrated);
+  BundleOptions options;
+  options.threads = threads;
+  ProgressSink silent;
+  SolveBundle(other, options, silent, cancel);
+  Eigen::VectorXd& shift = shifts.emplace_back(gradient.size());
+  for (size_t i = 0; i < other.poses.size(); ++i) {
+    shift.segment<6>(6 * static_cast<Eigen::Index>(i)) = other.poses[i].Minus(calibrated.poses[i]);
   }
-  return -calibrated.Times(gradients.colwise() - calibrated.Gradient());
+  Eigen::MatrixXd out(gradient.size(), static_cast<Eigen::Index>(shifts.size()));
+  for (Eigen::Index k = 0; k < out.cols(); ++k) out.col(k) = shifts[static_cast<size_t>(k)];
+  return out;
 }
 
 std::optional<std::string> Contradiction(const LocalizeInput& input, const LensCheck& check) {
