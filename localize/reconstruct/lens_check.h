@@ -28,8 +28,8 @@ struct LensCheck {
 std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconstruction& reconstruction);
 
 // How far the poses of the reconstruction's problem, which is solved, move (left tangent, 6 rows) with each error of
-// the lenses: those that calibrations usually have, and last all of `lens_errors` together. To first order; nothing
-// without lens_errors. Without odometry, the lens alone holds a run's scale along its path.
+// the lenses: first those that calibrations usually have, then `lens_errors` together. Nothing without lens_errors.
+// Without odometry, the lens alone holds a run's scale along its path.
 Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads,
                                    const CancelToken& cancel);
 
