@@ -255,14 +255,23 @@ EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) c
     const double w = row < 3 ? weights.w_position[i] : weights.w_attitude[i];
     variance(k) = all[i].sigma(row) * all[i].sigma(row) / std::max(w, 1e-6);
   }
+  const auto n = static_cast<Eigen::Index>(obs_.size());
+  Eigen::MatrixXd of_places(6 * n, 6 * n);  // of all rows, observed or not
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const Matrix6d own = all[static_cast<size_t>(i)].jo * odom_covariance_.block<6, 6>(6 * i, 6 * j) *
+                           all[static_cast<size_t>(j)].jo.transpose();
+      of_places.block<6, 6>(6 * i, 6 * j) = own;
+      of_places.block<6, 6>(6 * j, 6 * i) = own.transpose();
+    }
+  }
+  const auto place = [&](Eigen::Index k) {
+    const auto [i, row] = system.rows[static_cast<size_t>(k)];
+    return 6 * static_cast<Eigen::Index>(i) + row;
+  };
   Eigen::MatrixXd covariance(m, m);
   for (Eigen::Index k = 0; k < m; ++k) {
-    const auto at = 6 * static_cast<Eigen::Index>(system.rows[static_cast<size_t>(k)].first);
-    for (Eigen::Index l = 0; l <= k; ++l) {
-      const auto to = 6 * static_cast<Eigen::Index>(system.rows[static_cast<size_t>(l)].first);
-      covariance(k, l) = covariance(l, k) =
-          system.jo.row(k) * odom_covariance_.block<6, 6>(at, to) * system.jo.row(l).transpose();
-    }
+    for (Eigen::Index l = 0; l < m; ++l) covariance(l, k) = of_places(place(l), place(k));
   }
   system.own = covariance.diagonal();
   covariance.diagonal() += variance;

@@ -134,15 +134,16 @@ TEST(Bundle, CovarianceIsThatOfRedraws) {
 TEST(Bundle, CovariancesContainTheErrorThatObservationsShare) {
   BundleProblem p = Redraw(MakeScene(), 3, 1);
   ProgressSink silent;
-  SolveBundle(p, {}, silent, {});
+  const CancelToken cancel;
+  SolveBundle(p, {}, silent, cancel);
   const std::vector<int> some = {2, 11};
-  const Eigen::MatrixXd alone = BundleCovariance(p, 1, {}).Joint(some);
+  const Eigen::MatrixXd alone = BundleCovariance(p, 1, cancel).Joint(some);
   p.pose_shifts.resize(72, 2);
   for (Eigen::Index i = 0; i < 72; ++i) p.pose_shifts.row(i) << 0.01 * static_cast<double>(i), (i % 2 ? -0.02 : 0.01);
   Eigen::MatrixXd shifts(12, 2);
   shifts << p.pose_shifts.middleRows<6>(12), p.pose_shifts.middleRows<6>(66);
   const Eigen::MatrixXd expected = alone + shifts * shifts.transpose();
-  BundleCovariance covariance(p, 1, {});
+  BundleCovariance covariance(p, 1, cancel);
   EXPECT_TRUE(covariance.Joint(some).isApprox(expected, 1e-9));
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(72, 12);
   columns.middleRows<6>(12).leftCols<6>().setIdentity();

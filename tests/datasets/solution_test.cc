@@ -220,9 +220,9 @@ TEST(SolutionFile, KeepsWhatTheLensLeavesOpen) {
 TEST(SolutionFile, RefusesANewerFormat) {
   const TempDir dir;
   WriteSolution(MakeSolution(), dir / "solution.db");
-  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 4"), "");
+  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 5"), "");
   const std::string message = Refusal(dir / "solution.db");
-  EXPECT_NE(message.find("format version 4, this program reads up to 3"), std::string::npos) << message;
+  EXPECT_NE(message.find("format version 5, this program reads up to 4"), std::string::npos) << message;
 }
 
 TEST(SolutionFile, RefusesAChangedNumber) {
