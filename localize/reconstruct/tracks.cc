@@ -57,140 +57,183 @@ PairResult Verified(const PreparedImage& a, const PreparedImage& b, const Matche
   return result;
 }
 
+Matches GuidedMatches(const PreparedImage& a, const PreparedImage& b, const Camera& camera_b, const Rigid3d& b_from_a,
+                      const GuidedOptions& options) {
+  return MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays, *b.grid, camera_b, b_from_a,
+                     options);
+}
+
+// What every camera's stream is tracked with.
+struct Tracking {
+  const LocalizeInput& input;
+  const TrackOptions& options;
+  int threads;
+  uint64_t seed;
+  ProgressSink& progress;
+  const CancelToken& cancel;
+};
+
+// The images of one camera: a window slides over them, batch by batch.
+class StreamTracker {
+ public:
+  StreamTracker(const Tracking& tracking, const std::vector<int>& stream, TrackSet* result)
+      : t_(tracking),
+        o_(tracking.options),
+        paper_(o_.mode == "paper"),
+        stream_(stream),
+        gaps_(paper_ ? std::vector<int>{} : Gaps(o_.max_gap)),
+        window_(stream.size()),
+        next_from_this_(stream.size()),
+        result_(result) {}
+
+  void Track() {
+    constexpr int kBatch = 16;
+    const int m = static_cast<int>(stream_.size());
+    for (int begin = 0; begin < m; begin += kBatch) {
+      const int end = std::min(m, begin + kBatch);
+      Read(begin, end);
+      // Consecutive frames first: they refine the relative poses.
+      JoinConsecutive(begin, end);
+      JoinWide(begin, end);
+      const int still_matched = std::max(0, end - std::max(1, o_.max_gap));
+      for (int k = 0; k < still_matched; ++k) window_[static_cast<size_t>(k)] = nullptr;
+      open_.Close(stream_[static_cast<size_t>(still_matched)], AtLeast(o_.min_length), result_);
+    }
+    open_.Close(std::numeric_limits<int>::max(), AtLeast(o_.min_length), result_);
+  }
+
+ private:
+  const FrameImage& FrameOf(int k) const {
+    return t_.input.images[static_cast<size_t>(stream_[static_cast<size_t>(k)])];
+  }
+  const BodyCamera& CameraOf(int k) const { return t_.input.cameras[static_cast<size_t>(FrameOf(k).camera)]; }
+  const PreparedImage& Image(int k) const { return *window_[static_cast<size_t>(k)]; }
+
+  Rigid3d CamFromOdom(int k) const {
+    return CameraOf(k).cam_from_body * t_.input.odom_from_body[static_cast<size_t>(FrameOf(k).pose)].Inverse();
+  }
+
+  void Read(int begin, int end) {
+    ParallelFor(end - begin, t_.threads, t_.cancel, [&](int64_t i) {
+      const auto k = static_cast<size_t>(begin + i);
+      window_[k] = PrepareImage(t_.input, stream_[k], paper_);
+    });
+    for (int k = begin; k < end; ++k) open_.AddImage(stream_[static_cast<size_t>(k)], Image(k).features.size());
+  }
+
+  void JoinConsecutive(int begin, int end) {
+    std::vector<PairResult> consecutive(static_cast<size_t>(end - begin));
+    ParallelFor(end - begin, t_.threads, t_.cancel, [&](int64_t i) {
+      const int k = begin + static_cast<int>(i);
+      if (k == 0) return;
+      PairResult& out = consecutive[static_cast<size_t>(i)];
+      out = paper_ ? MatchPaper(Image(k - 1), Image(k), o_) : MatchConsecutive(k);
+      t_.progress.Advance(1);
+    });
+    for (int k = std::max(begin, 1); k < end; ++k) {
+      const PairResult& r = consecutive[static_cast<size_t>(k - begin)];
+      next_from_this_[static_cast<size_t>(k - 1)] = r.b_from_a;
+      result_->odometry_contradicted += r.contradicted ? 1 : 0;
+      Join(k - 1, k, r.matches);
+    }
+  }
+
+  // An image with the one before it.
+  PairResult MatchConsecutive(int k) const {
+    const PreparedImage &a = Image(k - 1), &b = Image(k);
+    const Rigid3d prior = CamFromOdom(k) * CamFromOdom(k - 1).Inverse();
+    const Camera& camera = CameraOf(k).camera;
+    const double focal = camera.MeanFocal();
+    TwoViewOptions two;
+    two.inlier_rad = o_.inlier_px / focal;
+    two.sigma_rotation_rad = o_.sigma_rotation_deg * kDegToRad;
+    two.sigma_direction_rad = o_.sigma_direction_deg * kDegToRad;
+    two.seed = t_.seed + static_cast<uint64_t>(k);
+    // First along the epipolar curves that odometry predicts: cheap, and blind to far-off repetitions. Where that finds
+    // little, or the images contradict odometry, everything is compared with everything.
+    const double epipolar_px = std::max(2 * o_.inlier_px, two.sigma_rotation_rad * focal);
+    const Matches near = GuidedMatches(a, b, camera, prior, {epipolar_px, o_.min_depth_m, o_.ratio, o_.max_distance});
+    TwoViewOptions trusting = two;
+    trusting.min_prior_inliers = 0;
+    PairResult out = Verified(a, b, near, prior, trusting);
+    if (out.matches.size() < 100 || out.matches.size() < 0.6 * static_cast<double>(near.size())) {
+      const PairResult all =
+          Verified(a, b, MatchMutual(a.descriptors, b.descriptors, o_.ratio, o_.max_distance), prior, two);
+      if (all.matches.size() > out.matches.size()) out = all;
+    }
+    if (static_cast<int>(out.matches.size()) < kLeastMatches) out.b_from_a = prior;
+    return out;
+  }
+
+  // Wider gaps, guided by the refined poses.
+  void JoinWide(int begin, int end) {
+    struct Job {
+      int a, b;
+    };
+    std::vector<Job> jobs;
+    for (int gap : gaps_) {
+      for (int k = std::max(begin, gap); k < end; ++k) jobs.push_back({k - gap, k});
+    }
+    std::vector<PairResult> wide(jobs.size());
+    ParallelFor(static_cast<int64_t>(jobs.size()), t_.threads, t_.cancel, [&](int64_t i) {
+      const Job job = jobs[static_cast<size_t>(i)];
+      wide[static_cast<size_t>(i)] = MatchWide(job.a, job.b);
+    });
+    for (size_t i = 0; i < jobs.size(); ++i) {
+      if (wide[i].matches.size() >= 8) Join(jobs[i].a, jobs[i].b, wide[i].matches);
+    }
+  }
+
+  PairResult MatchWide(int ka, int kb) const {
+    Rigid3d b_from_a;
+    for (int k = ka; k < kb; ++k) b_from_a = next_from_this_[static_cast<size_t>(k)] * b_from_a;
+    const PreparedImage &a = Image(ka), &b = Image(kb);
+    const Camera& camera = CameraOf(kb).camera;
+    const Matches matches =
+        GuidedMatches(a, b, camera, b_from_a, {2 * o_.inlier_px, o_.min_depth_m, o_.guided_ratio, o_.max_distance});
+    TwoViewOptions two;
+    two.inlier_rad = o_.inlier_px / camera.MeanFocal();
+    two.sigma_rotation_rad = 0.2 * kDegToRad * (kb - ka);
+    two.sigma_direction_rad = 2 * kDegToRad;
+    two.min_prior_inliers = 0;  // guided matches all lie near the prior: RANSAC has nothing to add
+    return Verified(a, b, matches, b_from_a, two);
+  }
+
+  // Matches are joined in a fixed order, so that threads do not matter; short gaps first: they are the surest, and a
+  // conflict keeps what is there.
+  void Join(int ka, int kb, const Matches& matches) {
+    const int a = stream_[static_cast<size_t>(ka)], b = stream_[static_cast<size_t>(kb)];
+    const FeatureSet &of_a = Image(ka).features, &of_b = Image(kb).features;
+    for (const auto& [fa, fb] : matches) {
+      open_.Join({0, a, fa, of_a.points[static_cast<size_t>(fa)]}, {0, b, fb, of_b.points[static_cast<size_t>(fb)]});
+    }
+    result_->verified_matches += static_cast<int64_t>(matches.size());
+    ++result_->pairs;
+  }
+
+  const Tracking& t_;
+  const TrackOptions& o_;
+  bool paper_;
+  const std::vector<int>& stream_;
+  std::vector<int> gaps_;
+  std::vector<std::unique_ptr<PreparedImage>> window_;
+  TrackTable open_;
+  std::vector<Rigid3d> next_from_this_;  // refined relative poses, k -> k + 1
+  TrackSet* result_;
+};
+
 }  // namespace
 
 TrackSet BuildTracks(const LocalizeInput& input, const TrackOptions& options, int threads, uint64_t seed,
                      ProgressSink& progress, const CancelToken& cancel) {
-  const bool paper = options.mode == "paper";
   TrackSet result;
   const int n = static_cast<int>(input.images.size());
   // Each camera is a stream of its own.
   std::vector<std::vector<int>> streams(input.cameras.size());
   for (int i = 0; i < n; ++i) streams[static_cast<size_t>(input.images[static_cast<size_t>(i)].camera)].push_back(i);
-
-  const std::vector<int> gaps = paper ? std::vector<int>{} : Gaps(options.max_gap);
-  const auto cam_from_odom = [&](int image) {
-    const FrameImage& f = input.images[static_cast<size_t>(image)];
-    return input.cameras[static_cast<size_t>(f.camera)].cam_from_body *
-           input.odom_from_body[static_cast<size_t>(f.pose)].Inverse();
-  };
-
+  const Tracking tracking{input, options, threads, seed, progress, cancel};
   progress.Begin("matching", n);
-  for (const std::vector<int>& stream : streams) {
-    std::vector<std::unique_ptr<PreparedImage>> window(stream.size());
-    TrackTable open;
-    // Matches are joined in a fixed order, so that threads do not matter; short gaps first: they are the surest, and a
-    // conflict keeps what is there.
-    const auto join = [&](int ka, int kb, const Matches& matches) {
-      const int a = stream[static_cast<size_t>(ka)], b = stream[static_cast<size_t>(kb)];
-      const FeatureSet &of_a = window[static_cast<size_t>(ka)]->features,
-                       &of_b = window[static_cast<size_t>(kb)]->features;
-      for (const auto& [fa, fb] : matches) {
-        open.Join({0, a, fa, of_a.points[static_cast<size_t>(fa)]}, {0, b, fb, of_b.points[static_cast<size_t>(fb)]});
-      }
-      result.verified_matches += static_cast<int64_t>(matches.size());
-      ++result.pairs;
-    };
-    std::vector<Rigid3d> next_from_this(stream.size());  // refined relative poses, k -> k + 1
-    constexpr int kBatch = 16;
-    const int m = static_cast<int>(stream.size());
-    for (int begin = 0; begin < m; begin += kBatch) {
-      const int end = std::min(m, begin + kBatch);
-      for (int k = begin; k < end; ++k) window[static_cast<size_t>(k)] = nullptr;
-      ParallelFor(end - begin, threads, cancel, [&](int64_t k) {
-        window[static_cast<size_t>(begin + k)] = PrepareImage(input, stream[static_cast<size_t>(begin + k)], paper);
-      });
-      for (int k = begin; k < end; ++k) {
-        open.AddImage(stream[static_cast<size_t>(k)], window[static_cast<size_t>(k)]->features.size());
-      }
-      // Consecutive frames first: they refine the relative poses.
-      std::vector<PairResult> consecutive(static_cast<size_t>(end - begin));
-      ParallelFor(end - begin, threads, cancel, [&](int64_t i) {
-        const int k = begin + static_cast<int>(i);
-        if (k == 0) return;
-        const PreparedImage &a = *window[static_cast<size_t>(k - 1)], &b = *window[static_cast<size_t>(k)];
-        const int ia = stream[static_cast<size_t>(k - 1)], ib = stream[static_cast<size_t>(k)];
-        const Rigid3d prior = cam_from_odom(ib) * cam_from_odom(ia).Inverse();
-        PairResult& out = consecutive[static_cast<size_t>(i)];
-        if (paper) {
-          out = MatchPaper(a, b, options);
-        } else {
-          const double focal =
-              input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera.MeanFocal();
-          TwoViewOptions two;
-          two.inlier_rad = options.inlier_px / focal;
-          two.sigma_rotation_rad = options.sigma_rotation_deg * kDegToRad;
-          two.sigma_direction_rad = options.sigma_direction_deg * kDegToRad;
-          two.seed = seed + static_cast<uint64_t>(k);
-          // First along the epipolar curves that odometry predicts: cheap, and blind to far-off repetitions. Where
-          // that finds little, or the images contradict odometry, everything is compared with everything.
-          GuidedOptions guided;
-          guided.epipolar_px = std::max(2 * options.inlier_px, two.sigma_rotation_rad * focal);
-          guided.min_depth_m = options.min_depth_m;
-          guided.ratio = options.ratio;
-          guided.max_distance = options.max_distance;
-          const Camera& camera =
-              input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
-          const Matches near = MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays,
-                                           *b.grid, camera, prior, guided);
-          TwoViewOptions trusting = two;
-          trusting.min_prior_inliers = 0;
-          out = Verified(a, b, near, prior, trusting);
-          if (out.matches.size() < 100 || out.matches.size() < 0.6 * static_cast<double>(near.size())) {
-            const PairResult all = Verified(
-                a, b, MatchMutual(a.descriptors, b.descriptors, options.ratio, options.max_distance), prior, two);
-            if (all.matches.size() > out.matches.size()) out = all;
-          }
-          if (static_cast<int>(out.matches.size()) < kLeastMatches) out.b_from_a = prior;
-        }
-        progress.Advance(1);
-      });
-      for (int k = std::max(begin, 1); k < end; ++k) {
-        PairResult& r = consecutive[static_cast<size_t>(k - begin)];
-        next_from_this[static_cast<size_t>(k - 1)] = r.b_from_a;
-        result.odometry_contradicted += r.contradicted ? 1 : 0;
-        join(k - 1, k, r.matches);
-      }
-      // Wider gaps, guided by the refined poses.
-      struct Job {
-        int a, b;
-      };
-      std::vector<Job> jobs;
-      for (int gap : gaps) {
-        for (int k = std::max(begin, gap); k < end; ++k) jobs.push_back({k - gap, k});
-      }
-      std::vector<PairResult> wide(jobs.size());
-      ParallelFor(static_cast<int64_t>(jobs.size()), threads, cancel, [&](int64_t i) {
-        const Job job = jobs[static_cast<size_t>(i)];
-        Rigid3d b_from_a;
-        for (int k = job.a; k < job.b; ++k) b_from_a = next_from_this[static_cast<size_t>(k)] * b_from_a;
-        const PreparedImage &a = *window[static_cast<size_t>(job.a)], &b = *window[static_cast<size_t>(job.b)];
-        const int ib = stream[static_cast<size_t>(job.b)];
-        const Camera& camera = input.cameras[static_cast<size_t>(input.images[static_cast<size_t>(ib)].camera)].camera;
-        GuidedOptions guided;
-        guided.epipolar_px = 2 * options.inlier_px;
-        guided.min_depth_m = options.min_depth_m;
-        guided.ratio = options.guided_ratio;
-        guided.max_distance = options.max_distance;
-        const Matches matches = MatchGuided(a.features, a.descriptors, a.rays, b.features, b.descriptors, b.rays,
-                                            *b.grid, camera, b_from_a, guided);
-        TwoViewOptions two;
-        two.inlier_rad = options.inlier_px / camera.MeanFocal();
-        two.sigma_rotation_rad = 0.2 * kDegToRad * (job.b - job.a);
-        two.sigma_direction_rad = 2 * kDegToRad;
-        two.min_prior_inliers = 0;  // guided matches all lie near the prior: RANSAC has nothing to add
-        wide[static_cast<size_t>(i)] = Verified(a, b, matches, b_from_a, two);
-      });
-      for (size_t i = 0; i < jobs.size(); ++i) {
-        if (wide[i].matches.size() < 8) continue;
-        join(jobs[i].a, jobs[i].b, wide[i].matches);
-      }
-      const int still_matched = std::max(0, end - std::max(1, options.max_gap));
-      for (int k = 0; k < still_matched; ++k) window[static_cast<size_t>(k)] = nullptr;
-      open.Close(stream[static_cast<size_t>(still_matched)], AtLeast(options.min_length), &result);
-    }
-    open.Close(std::numeric_limits<int>::max(), AtLeast(options.min_length), &result);
-  }
+  for (const std::vector<int>& stream : streams) StreamTracker(tracking, stream, &result).Track();
   return result;
 }
 
