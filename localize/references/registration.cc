@@ -447,6 +447,12 @@ class Registrar {
         });
   }
 
+  double AngularErrorOf(const std::vector<Rigid3d>& view_from_rig, const Rigid3d& rig_from_odom,
+                        const Correspondence& c) const {
+    return AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], rig_from_odom, c.ray,
+                        r_.problem.points[static_cast<size_t>(c.observation.point)]);
+  }
+
   void Whiten(const ReferenceViews& ref, std::vector<Correspondence>* matches) const {
     for (Correspondence& c : *matches) {
       const Camera& camera = ref.rig.views[static_cast<size_t>(c.observation.view)].camera;
@@ -785,15 +791,39 @@ class Registrar {
 
   // --- as published -------------------------------------------------------------------------------------------
 
+  // What the images show of a view.
+  struct SeenView {
+    std::vector<Correspondence> matches;
+    int best_image = -1;  // with the most matches
+  };
+
   Registration RunPaper(const Job& job, Registration out) const {
-    const ReferenceViews& ref = job.ref;
-    const std::vector<Rigid3d> view_from_rig = ViewFromRig(ref.rig);
-    std::vector<std::vector<Correspondence>> of_view(job.views.size());
-    struct Seen {
-      int image;
-      std::vector<Correspondence> matches;  // all that the homography explains
-    };
-    std::vector<std::vector<Seen>> seen_by(job.views.size());
+    const std::vector<Rigid3d> view_from_rig = ViewFromRig(job.ref.rig);
+    const std::vector<SeenView> seen = SeeViews(job);
+    for (const SeenView& view : seen) out.view_matches += static_cast<int>(view.matches.size());
+    std::vector<int> answered;
+    for (int v = 0; v < static_cast<int>(seen.size()); ++v) {
+      ViewAnswer& answer = out.views[static_cast<size_t>(v)];
+      answer = LocateView(job.ref, view_from_rig, seen[static_cast<size_t>(v)], v, &out.inliers);
+      if (answer.status == AnswerStatus::kLocalized) answered.push_back(v);
+    }
+    if (answered.empty()) {
+      out.status = out.view_matches > 0 ? AnswerStatus::kRejected : AnswerStatus::kUnmatched;
+      out.reason = out.view_matches > 0 ? "no view (G1) could be located by itself" : "no view matches";
+      return out;
+    }
+    LocateConnected(job.ref, view_from_rig, seen, answered, &out);
+    return out;
+  }
+
+  // An image with a view.
+  struct ImageMatches {
+    int image;
+    std::vector<Correspondence> matches;  // all that the homography explains
+  };
+
+  std::vector<SeenView> SeeViews(const Job& job) const {
+    std::vector<std::vector<ImageMatches>> seen_by(job.views.size());
     for (const Candidate& candidate : job.candidates) {
       cancel_.ThrowIfCancelled();
       const FeatureSet features = input_.image_features(candidate.image);
@@ -801,111 +831,120 @@ class Registrar {
       for (const ImagePoint& p : image_points_[static_cast<size_t>(candidate.image)]) point_of[p.feature] = p.point;
       for (const Retrieval::Hit& h : retrieval_.of_image[static_cast<size_t>(candidate.image)]) {
         if (h.reference != job.reference) continue;
-        const PreparedView& view = job.views[static_cast<size_t>(h.view)];
-        const Matches matches = MatchFlann(features.descriptors, view.features.descriptors, o_.ratio);
-        std::vector<Eigen::Vector2f> pa, pb;
-        for (const auto& [i, j] : matches) {
-          pa.push_back(features.points[static_cast<size_t>(i)]);
-          pb.push_back(view.features.points[static_cast<size_t>(j)]);
-        }
-        const std::vector<int> inliers = VerifyHomography(pa, pb, o_.homography_px);
-        if (static_cast<int>(inliers.size()) < o_.homography_min_inliers) continue;
-        Seen seen{candidate.image, {}};
-        for (int k : inliers) {
-          const auto [i, j] = matches[static_cast<size_t>(k)];
-          const auto it = point_of.find(i);
-          const Eigen::Vector2f pixel = view.features.points[static_cast<size_t>(j)];
-          const auto ray = ref.rig.views[static_cast<size_t>(h.view)].camera.Unproject(pixel.cast<double>());
-          if (it == point_of.end() || !ray) continue;
-          seen.matches.push_back({{h.view, j, it->second, candidate.image, pixel, false}, *ray});
-        }
-        seen_by[static_cast<size_t>(h.view)].push_back(std::move(seen));
+        auto matches = MatchByHomography(job, h.view, candidate.image, features, point_of);
+        if (matches) seen_by[static_cast<size_t>(h.view)].push_back({candidate.image, std::move(*matches)});
       }
     }
-    // "To select the matching images from K" (the paper does not say how many): those with the most matches.
-    std::vector<int> best_image(job.views.size(), -1);
-    for (size_t v = 0; v < job.views.size(); ++v) {
-      std::stable_sort(seen_by[v].begin(), seen_by[v].end(),
-                       [](const Seen& x, const Seen& y) { return x.matches.size() > y.matches.size(); });
-      if (!seen_by[v].empty()) best_image[v] = seen_by[v].front().image;
-      std::set<std::pair<int, int>> known;  // (feature of the view, point)
-      for (size_t k = 0; k < std::min(seen_by[v].size(), static_cast<size_t>(o_.homography_images)); ++k) {
-        for (const Correspondence& c : seen_by[v][k].matches) {
-          if (known.insert({c.observation.feature, c.observation.point}).second) of_view[v].push_back(c);
-        }
+    std::vector<SeenView> views;
+    for (std::vector<ImageMatches>& images : seen_by) views.push_back(WithMostMatches(std::move(images)));
+    return views;
+  }
+
+  // Matches of an image's points with a view; none where a homography explains too few of all matches.
+  std::optional<std::vector<Correspondence>> MatchByHomography(const Job& job, int view, int image,
+                                                               const FeatureSet& features,
+                                                               const std::map<int, int>& point_of) const {
+    const FeatureSet& of_view = job.views[static_cast<size_t>(view)].features;
+    const Matches matches = MatchFlann(features.descriptors, of_view.descriptors, o_.ratio);
+    std::vector<Eigen::Vector2f> pa, pb;
+    for (const auto& [i, j] : matches) {
+      pa.push_back(features.points[static_cast<size_t>(i)]);
+      pb.push_back(of_view.points[static_cast<size_t>(j)]);
+    }
+    const std::vector<int> inliers = VerifyHomography(pa, pb, o_.homography_px);
+    if (static_cast<int>(inliers.size()) < o_.homography_min_inliers) return {};
+    std::vector<Correspondence> explained;
+    for (int k : inliers) {
+      const auto [i, j] = matches[static_cast<size_t>(k)];
+      const auto it = point_of.find(i);
+      const Eigen::Vector2f pixel = of_view.points[static_cast<size_t>(j)];
+      const auto ray = job.ref.rig.views[static_cast<size_t>(view)].camera.Unproject(pixel.cast<double>());
+      if (it == point_of.end() || !ray) continue;
+      explained.push_back({{view, j, it->second, image, pixel, false}, *ray});
+    }
+    return explained;
+  }
+
+  // "To select the matching images from K" (the paper does not say how many): those with the most matches.
+  SeenView WithMostMatches(std::vector<ImageMatches> images) const {
+    std::stable_sort(images.begin(), images.end(),
+                     [](const ImageMatches& x, const ImageMatches& y) { return x.matches.size() > y.matches.size(); });
+    SeenView view;
+    if (!images.empty()) view.best_image = images.front().image;
+    std::set<std::pair<int, int>> known;  // (feature of the view, point)
+    for (size_t k = 0; k < std::min(images.size(), static_cast<size_t>(o_.homography_images)); ++k) {
+      for (const Correspondence& c : images[k].matches) {
+        if (known.insert({c.observation.feature, c.observation.point}).second) view.matches.push_back(c);
       }
     }
-    for (const auto& list : of_view) out.view_matches += static_cast<int>(list.size());
-    // G1: every view by itself. The start (the paper is silent): three-point RANSAC on the view's own matches.
-    std::vector<int> answered;
-    for (size_t v = 0; v < job.views.size(); ++v) {
-      ViewAnswer& answer = out.views[v];
-      if (of_view[v].size() < 6) {
-        answer.reason = std::to_string(of_view[v].size()) + " matches with points, 6 needed";
-        continue;
-      }
-      const double threshold = o_.ransac_px / FocalOf(ref.rig);
-      const auto start = FindPose(ref, of_view[v], view_from_rig, threshold, seed_ + 31 * v);
-      answer.status = AnswerStatus::kRejected;
-      if (!start.found || start.inliers.size() < 6) {
-        answer.reason = "no pose explains the matches";
-        continue;
-      }
-      Whiten(ref, &of_view[v]);
-      const Rigid3d rig = RefinePose(view_from_rig, of_view[v], start.model, o_.sigma_px, "dcs", 1.0, nullptr);
-      answer.view_from_odom = view_from_rig[v] * rig;
-      for (const Correspondence& c : of_view[v]) {
-        const double e =
-            AngularError(view_from_rig[v], rig, c.ray, r_.problem.points[static_cast<size_t>(c.observation.point)]);
-        if (e < threshold) {
-          ++answer.inliers;
-          out.inliers.push_back(c.observation);
-        }
-      }
-      // "estimated too far with respect to the current pose": the camera that matched best.
-      answer.distance_m =
-          (answer.view_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(best_image[v])]).norm();
-      if (answer.distance_m > o_.max_distance_m) {
-        answer.reason =
-            "estimated " + std::to_string(static_cast<int>(answer.distance_m)) + " m from the current camera";
-        continue;
-      }
-      answer.status = AnswerStatus::kLocalized;
-      answered.push_back(static_cast<int>(v));
+    return view;
+  }
+
+  // G1: every view by itself. The start (the paper is silent): three-point RANSAC on the view's own matches.
+  ViewAnswer LocateView(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig, const SeenView& seen,
+                        int v, std::vector<ViewObservation>* inliers) const {
+    ViewAnswer answer;
+    if (seen.matches.size() < 6) {
+      answer.reason = std::to_string(seen.matches.size()) + " matches with points, 6 needed";
+      return answer;
     }
-    if (answered.empty()) {
-      out.status = out.view_matches > 0 ? AnswerStatus::kRejected : AnswerStatus::kUnmatched;
-      out.reason = out.view_matches > 0 ? "no view (G1) could be located by itself" : "no view matches";
-      return out;
+    const double threshold = o_.ransac_px / FocalOf(ref.rig);
+    const auto start = FindPose(ref, seen.matches, view_from_rig, threshold, seed_ + 31 * static_cast<uint64_t>(v));
+    answer.status = AnswerStatus::kRejected;
+    if (!start.found || start.inliers.size() < 6) {
+      answer.reason = "no pose explains the matches";
+      return answer;
     }
-    // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every
-    // view's own answer: a view that has converged to a repeated facade is a bad start.
+    std::vector<Correspondence> matches = seen.matches;
+    Whiten(ref, &matches);
+    const Rigid3d rig = RefinePose(view_from_rig, matches, start.model, o_.sigma_px, "dcs", 1.0, nullptr);
+    answer.view_from_odom = view_from_rig[static_cast<size_t>(v)] * rig;
+    for (const Correspondence& c : matches) {
+      if (AngularErrorOf(view_from_rig, rig, c) < threshold) {
+        ++answer.inliers;
+        inliers->push_back(c.observation);
+      }
+    }
+    answer.distance_m = DistanceFrom(seen.best_image, answer.view_from_odom);
+    answer.reason = TooFar(answer.distance_m);
+    if (answer.reason.empty()) answer.status = AnswerStatus::kLocalized;
+    return answer;
+  }
+
+  // "estimated too far with respect to the current pose": the camera that matched best. Empty: near enough.
+  std::string TooFar(double distance_m) const {
+    if (!(distance_m > o_.max_distance_m)) return "";
+    return "estimated " + std::to_string(static_cast<int>(distance_m)) + " m from the current camera";
+  }
+
+  double DistanceFrom(int image, const Rigid3d& x_from_odom) const {
+    return (x_from_odom.TargetOriginInSource() - centres_[static_cast<size_t>(image)]).norm();
+  }
+
+  // G2: the views' poses tied together (same position, known relative yaw). Its minimum is looked for from every
+  // view's own answer: a view that has converged to a repeated facade is a bad start.
+  void LocateConnected(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
+                       const std::vector<SeenView>& seen, const std::vector<int>& answered, Registration* out) const {
     std::optional<Connected> best;
-    int lead = answered.front();
-    for (int v : answered) {
-      const Rigid3d start =
-          ref.rig.views[static_cast<size_t>(v)].rig_from_view * out.views[static_cast<size_t>(v)].view_from_odom;
-      Connected connected = Connect(ref, view_from_rig, of_view, answered, start);
+    size_t at = 0;  // whose answer was the start, of those answered
+    for (size_t k = 0; k < answered.size(); ++k) {
+      const auto v = static_cast<size_t>(answered[k]);
+      const Rigid3d start = ref.rig.views[v].rig_from_view * out->views[v].view_from_odom;
+      Connected connected = Connect(ref, view_from_rig, seen, answered, start);
       if (best && connected.cost >= best->cost) continue;
       best = std::move(connected);
-      lead = v;
+      at = k;
     }
-    const size_t at = static_cast<size_t>(std::find(answered.begin(), answered.end(), lead) - answered.begin());
-    out.rig_from_odom = ref.rig.views[static_cast<size_t>(lead)].rig_from_view * best->problem.poses[at];
+    const auto lead = static_cast<size_t>(answered[at]);
+    out->rig_from_odom = ref.rig.views[lead].rig_from_view * best->problem.poses[at];
     try {
-      out.covariance = BundleCovariance(best->problem, 1, cancel_).Joint({static_cast<int>(at)});
+      out->covariance = BundleCovariance(best->problem, 1, cancel_).Joint({static_cast<int>(at)});
     } catch (const NumericError&) {
-      out.covariance = Matrix6d::Identity() * 1e6;
+      out->covariance = Matrix6d::Identity() * 1e6;
     }
-    out.distance_m = (out.rig_from_odom.TargetOriginInSource() -
-                      centres_[static_cast<size_t>(best_image[static_cast<size_t>(lead)])])
-                         .norm();
-    out.status = AnswerStatus::kLocalized;
-    if (out.distance_m > o_.max_distance_m) {
-      out.status = AnswerStatus::kRejected;
-      out.reason = "estimated " + std::to_string(static_cast<int>(out.distance_m)) + " m from the current camera";
-    }
-    return out;
+    out->distance_m = DistanceFrom(seen[lead].best_image, out->rig_from_odom);
+    out->reason = TooFar(out->distance_m);
+    out->status = out->reason.empty() ? AnswerStatus::kLocalized : AnswerStatus::kRejected;
   }
 
   struct Connected {
@@ -913,8 +952,7 @@ class Registrar {
     double cost = 0;
   };
   Connected Connect(const ReferenceViews& ref, const std::vector<Rigid3d>& view_from_rig,
-                    const std::vector<std::vector<Correspondence>>& of_view, const std::vector<int>& answered,
-                    const Rigid3d& start) const {
+                    const std::vector<SeenView>& seen, const std::vector<int>& answered, const Rigid3d& start) const {
     BundleProblem p;
     p.points_constant = true;
     p.loss = MakeLoss("dcs", 1.0);
@@ -932,7 +970,7 @@ class Registrar {
         f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.01);
         p.factors.push_back(f);
       }
-      for (const Correspondence& c : of_view[static_cast<size_t>(v)]) {
+      for (const Correspondence& c : seen[static_cast<size_t>(v)].matches) {
         BearingObservation o;
         o.point = static_cast<int>(p.points.size());
         o.pose = pose;
