@@ -88,6 +88,47 @@ double AngularError(const Rigid3d& view_from_rig, const Rigid3d& rig_from_odom, 
   return ((view_from_rig * (rig_from_odom * point)).normalized() - ray).norm();
 }
 
+// Whether a point looks the same from two centres: SIFT stands about 40 deg of change of viewpoint and a factor of 2.5
+// in distance.
+bool LooksAlike(const Eigen::Vector3d& from_pano, const Eigen::Vector3d& from_cam) {
+  const double d_pano = from_pano.norm(), d_cam = from_cam.norm();
+  if (d_pano < 0.3 || from_pano.dot(from_cam) < 0.77 * d_pano * d_cam) return false;
+  return !(d_pano > 2.5 * d_cam || d_cam > 2.5 * d_pano);
+}
+
+// The view's features within a radius whose scale is about the one given.
+void FindNearby(const PreparedView& view, const Eigen::Vector2d& pixel, double radius, float scale,
+                std::vector<int>* nearby) {
+  nearby->clear();
+  view.grid->Visit(pixel.x(), pixel.y(), radius, [&](int j, const Eigen::Vector2f& at) {
+    const float s = view.features.scales[static_cast<size_t>(j)];
+    if (s > 2.0F * scale || scale > 2.0F * s) return;
+    if ((at.cast<double>() - pixel).squaredNorm() > radius * radius) return;
+    nearby->push_back(j);
+  });
+}
+
+// The best match of a point in a view.
+struct PointMatch {
+  int distance = std::numeric_limits<int>::max();
+  Correspondence c;
+};
+using PointMatches = std::map<std::pair<int, int>, PointMatch>;  // (view, point)
+
+// A feature shows one point: of those it was matched with, the closest.
+std::vector<Correspondence> OnePointEach(const PointMatches& of_point) {
+  std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
+  for (const auto& [key, best] : of_point) {
+    auto [it, fresh] = of_feature.try_emplace({key.first, best.c.observation.feature}, best.distance, key.second);
+    if (!fresh && best.distance < it->second.first) it->second = {best.distance, key.second};
+  }
+  std::vector<Correspondence> out;
+  for (const auto& [key, best] : of_point) {
+    if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
+  }
+  return out;
+}
+
 class Registrar {
  public:
   Registrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
@@ -639,12 +680,7 @@ class Registrar {
     const ReferenceViews& ref = job.ref;
     const Eigen::Vector3d centre = rig_from_odom.TargetOriginInSource();
     const std::vector<int> images = NearImages(job, centre, middle);
-    struct Best {
-      int distance = std::numeric_limits<int>::max();
-      Correspondence c;
-    };
-    std::map<std::pair<int, int>, Best> of_point;                   // (view, point)
-    std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
+    PointMatches of_point;
     std::set<int> predicted;
     std::vector<int> nearby, distances;
     const int most = static_cast<int>(o_.max_distance * o_.max_distance * 255 * 255);
@@ -657,10 +693,8 @@ class Registrar {
       for (const ImagePoint& p : image_points_[static_cast<size_t>(image)]) {
         const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(p.point)];
         const Eigen::Vector3d from_pano = y - centre, from_cam = y - centres_[static_cast<size_t>(image)];
+        if (!LooksAlike(from_pano, from_cam)) continue;
         const double d_pano = from_pano.norm(), d_cam = from_cam.norm();
-        // SIFT stands about 40 deg of change of viewpoint and a factor of 2.5 in distance.
-        if (d_pano < 0.3 || from_pano.dot(from_cam) < 0.77 * d_pano * d_cam) continue;
-        if (d_pano > 2.5 * d_cam || d_cam > 2.5 * d_pano) continue;
         const Eigen::Vector3d in_rig = rig_from_odom * y;
         for (size_t v = 0; v < views.size(); ++v) {
           const Camera& view_camera = ref.rig.views[v].camera;
@@ -668,46 +702,28 @@ class Registrar {
           if (!pixel || !view_camera.Contains(*pixel)) continue;
           const float scale = features.scales[static_cast<size_t>(p.feature)] *
                               static_cast<float>(view_camera.MeanFocal() / camera.MeanFocal() * d_cam / d_pano);
-          nearby.clear();
           const PreparedView& view = views[v];
-          view.grid->Visit(pixel->x(), pixel->y(), radius, [&](int j, const Eigen::Vector2f& at) {
-            const float s = view.features.scales[static_cast<size_t>(j)];
-            if (s > 2.0F * scale || scale > 2.0F * s) return;
-            if ((at.cast<double>() - *pixel).squaredNorm() > radius * radius) return;
-            nearby.push_back(j);
-          });
+          FindNearby(view, *pixel, radius, scale, &nearby);
           // A point counts as expected where the view has texture of its scale.
           if (!nearby.empty()) predicted.insert(p.point);
           block.SquaredDistances(p.feature, view.descriptors, nearby, &distances);
-          int best = most, second = std::numeric_limits<int>::max(), index = -1;
-          for (size_t k = 0; k < nearby.size(); ++k) {
-            if (distances[k] < best) {
-              second = best, best = distances[k], index = nearby[k];
-            } else if (distances[k] < second) {
-              second = distances[k];
-            }
-          }
-          if (index < 0 || best > 0.9 * 0.9 * second) continue;
-          Best& slot = of_point[{static_cast<int>(v), p.point}];
-          if (best >= slot.distance) continue;
-          const auto ray = view_camera.Unproject(view.features.points[static_cast<size_t>(index)].cast<double>());
+          NearestTwo nearest;
+          nearest.best = most;
+          for (size_t k = 0; k < nearby.size(); ++k) nearest.Offer(distances[k], nearby[k]);
+          if (nearest.index < 0 || nearest.best > 0.9 * 0.9 * nearest.second) continue;
+          PointMatch& slot = of_point[{static_cast<int>(v), p.point}];
+          if (nearest.best >= slot.distance) continue;
+          const Eigen::Vector2f& found = view.features.points[static_cast<size_t>(nearest.index)];
+          const auto ray = view_camera.Unproject(found.cast<double>());
           if (!ray) continue;
-          slot.distance = best;
+          slot.distance = nearest.best;
           slot.c.ray = *ray;
-          slot.c.descriptor_distance = std::sqrt(static_cast<double>(best)) / 255;
-          slot.c.observation = {
-              static_cast<int>(v), index, p.point, image, view.features.points[static_cast<size_t>(index)], false};
+          slot.c.descriptor_distance = std::sqrt(static_cast<double>(nearest.best)) / 255;
+          slot.c.observation = {static_cast<int>(v), nearest.index, p.point, image, found, false};
         }
       }
     }
-    for (const auto& [key, best] : of_point) {
-      auto [it, fresh] = of_feature.try_emplace({key.first, best.c.observation.feature}, best.distance, key.second);
-      if (!fresh && best.distance < it->second.first) it->second = {best.distance, key.second};
-    }
-    std::vector<Correspondence> out;
-    for (const auto& [key, best] : of_point) {
-      if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
-    }
+    std::vector<Correspondence> out = OnePointEach(of_point);
     Whiten(ref, &out);
     *expected = static_cast<int>(predicted.size());
     return out;
