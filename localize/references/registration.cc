@@ -115,6 +115,18 @@ struct PointMatch {
 };
 using PointMatches = std::map<std::pair<int, int>, PointMatch>;  // (view, point)
 
+// A point in the overlap of two views of one centre is one observation, not two: that nearest to its view's axis.
+void MarkRepeated(std::vector<Correspondence>* inliers) {
+  std::map<int, Correspondence*> best;  // of each point
+  for (Correspondence& c : *inliers) {
+    const auto [it, fresh] = best.try_emplace(c.observation.point, &c);
+    if (fresh) continue;
+    Correspondence* repeated = &c;
+    if (c.ray.z() > it->second->ray.z()) std::swap(it->second, repeated);
+    repeated->observation.repeated = true;
+  }
+}
+
 // A feature shows one point: of those it was matched with, the closest.
 std::vector<Correspondence> OnePointEach(const PointMatches& of_point) {
   std::map<std::pair<int, int>, std::pair<int, int>> of_feature;  // (view, feature) -> (distance, point)
@@ -543,8 +555,7 @@ class Registrar {
     for (const Correspondence& c : *matches) {
       const Eigen::Vector3d& y = r_.problem.points[static_cast<size_t>(c.observation.point)];
       kinds.push_back(
-          {FocalOf(ref.rig) * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray, y),
-           c.descriptor_distance, (pose * y).norm()});
+          {FocalOf(ref.rig) * AngularErrorOf(view_from_rig, pose, c), c.descriptor_distance, (pose * y).norm()});
     }
     const std::vector<double> shares = TrueShares(kinds, radius_px);
     double noise = 1;  // of a match, in sigma_px; at least as stated
@@ -588,12 +599,27 @@ class Registrar {
     return static_cast<int>(likely.size()) >= 2 * o_.min_inliers ? likely : above(kPossible);
   }
 
+  // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of the
+  // radius, less a third of what lies in the outer ring (a third of its area), is evidence.
+  double SupportOf(const std::vector<Correspondence>& found, const ReferenceViews& ref,
+                   const std::vector<Rigid3d>& view_from_rig, const Rigid3d& pose, double radius_px) const {
+    int inner = 0, outer = 0;
+    for (const Correspondence& c : found) {
+      const double e = FocalOf(ref.rig) * AngularErrorOf(view_from_rig, pose, c);
+      if (e < 0.5 * radius_px) {
+        ++inner;
+      } else if (e < radius_px) {
+        ++outer;
+      }
+    }
+    return inner - outer / 3.0;
+  }
+
   // From a first pose: refine, look for every point that should be seen, refine again.
   void Grow(const Job& job, const std::vector<Rigid3d>& view_from_rig, const Rigid3d& start, double middle,
             Registration* out) const {
     const ReferenceViews& ref = job.ref;
     Rigid3d pose = start;
-    const double focal = FocalOf(ref.rig);
     std::vector<Correspondence> found;
     int expected = 0;
     double radius = o_.guided_px;
@@ -606,36 +632,10 @@ class Registrar {
         if (sigma <= o_.sigma_px) break;
       }
     }
-    // Chance matches fill the search circle evenly; true ones gather at its middle. What lies in the inner half of
-    // the radius, less a third of what lies in the outer ring (a third of its area), is evidence.
-    int inner = 0, outer = 0;
-    for (const Correspondence& c : found) {
-      const double e = focal * AngularError(view_from_rig[static_cast<size_t>(c.observation.view)], pose, c.ray,
-                                            r_.problem.points[static_cast<size_t>(c.observation.point)]);
-      if (e < 0.5 * radius) {
-        ++inner;
-      } else if (e < radius) {
-        ++outer;
-      }
-    }
-    out->support = inner - outer / 3.0;
+    out->support = SupportOf(found, ref, view_from_rig, pose, radius);
     pose = WeighMatches(ref, view_from_rig, radius, pose, &found);
     std::vector<Correspondence> inliers = LikelyMatches(found);
-    // A point in the overlap of two views of one centre is one observation, not two.
-    if (IsCentral(ref.rig)) {
-      std::map<int, size_t> best;
-      for (size_t i = 0; i < inliers.size(); ++i) {
-        const auto off_axis = [&](size_t k) { return -inliers[k].ray.z(); };
-        const auto [it, fresh] = best.try_emplace(inliers[i].observation.point, i);
-        if (fresh) continue;
-        if (off_axis(i) < off_axis(it->second)) {
-          inliers[it->second].observation.repeated = true;
-          it->second = i;
-        } else {
-          inliers[i].observation.repeated = true;
-        }
-      }
-    }
+    if (IsCentral(ref.rig)) MarkRepeated(&inliers);
     std::vector<Correspondence> independent;
     for (const Correspondence& c : inliers) {
       if (!c.observation.repeated) independent.push_back(c);
