@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 
@@ -139,6 +140,59 @@ std::vector<Correspondence> OnePointEach(const PointMatches& of_point) {
     if (of_feature.at({key.first, best.c.observation.feature}).second == key.second) out.push_back(best.c);
   }
   return out;
+}
+
+using Documents = std::vector<std::pair<int, int>>;  // reference, view
+
+// An even share of every view trains the codebook.
+DescriptorBlock TrainingDescriptors(const LocalizeInput& input, const Documents& documents, int wanted, uint64_t seed,
+                                    const CancelToken& cancel) {
+  DescriptorBlock training;
+  const int share = std::max(1, wanted / static_cast<int>(documents.size()));
+  for (size_t d = 0; d < documents.size(); ++d) {
+    cancel.ThrowIfCancelled();
+    const DescriptorBlock block(input.view_features(documents[d].first, documents[d].second).descriptors);
+    std::vector<int> order(static_cast<size_t>(block.size()));
+    std::iota(order.begin(), order.end(), 0);
+    Random random(seed * 1000003 + d);
+    random.Shuffle(order);
+    for (int i = 0; i < std::min(share, block.size()); ++i) training.Append(block, order[static_cast<size_t>(i)]);
+  }
+  return training;
+}
+
+// An image's best views, those of hand-held sets left out (paper: no difference is made).
+std::vector<Retrieval::Hit> BestViews(const LocalizeInput& input, const Documents& documents,
+                                      const std::vector<RetrievalHit>& ranked, int top_k, bool paper) {
+  std::vector<Retrieval::Hit> hits;
+  for (const RetrievalHit& hit : ranked) {
+    if (static_cast<int>(hits.size()) >= top_k) break;
+    const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
+    if (paper || !OfSet(input.references[static_cast<size_t>(r)])) hits.push_back({r, v, hit.score});
+  }
+  return hits;
+}
+
+// A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
+// place either: sets are named where they are among the image's best places, by their best photos, with what they
+// exceed the first place left out by.
+void AppendBestPhotos(const LocalizeInput& input, const Documents& documents, const std::vector<RetrievalHit>& ranked,
+                      int top_k, std::vector<Retrieval::Hit>* hits) {
+  std::vector<Retrieval::Hit> photos;
+  std::map<int, int> views_of;  // place -> views seen
+  float floor = 0;
+  for (const RetrievalHit& hit : ranked) {
+    if (static_cast<int>(views_of.size()) > top_k) break;
+    const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
+    const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
+    const int place = reference.set < 0 ? r : -1 - reference.set;
+    const auto [views, fresh] = views_of.try_emplace(place, 0);
+    if (fresh) floor = hit.score;
+    if (OfSet(reference) && ++views->second <= kViewsOfSet) photos.push_back({r, v, hit.score});
+  }
+  for (const Retrieval::Hit& photo : photos) {
+    if (photo.score > floor) hits->push_back({photo.reference, photo.view, photo.score - floor});
+  }
 }
 
 class Registrar {
@@ -1048,24 +1102,13 @@ Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& opti
                         int threads, ProgressSink& progress, const CancelToken& cancel) {
   Retrieval result;
   result.of_image.resize(input.images.size());
-  std::vector<std::pair<int, int>> documents;
+  Documents documents;
   for (size_t r = 0; r < input.references.size(); ++r) {
     for (size_t v = 0; v < input.references[r].rig.views.size(); ++v) documents.emplace_back(r, v);
   }
   if (documents.empty()) return result;
   progress.Begin("codebook", 0);
-  // An even share of every view trains the codebook.
-  DescriptorBlock training;
-  const int share = std::max(1, options.training_descriptors / static_cast<int>(documents.size()));
-  for (size_t d = 0; d < documents.size(); ++d) {
-    cancel.ThrowIfCancelled();
-    const DescriptorBlock block(input.view_features(documents[d].first, documents[d].second).descriptors);
-    std::vector<int> order(static_cast<size_t>(block.size()));
-    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
-    Random random(seed * 1000003 + d);
-    random.Shuffle(order);
-    for (int i = 0; i < std::min(share, block.size()); ++i) training.Append(block, order[static_cast<size_t>(i)]);
-  }
+  const DescriptorBlock training = TrainingDescriptors(input, documents, options.training_descriptors, seed, cancel);
   if (training.size() == 0) return result;
   const Vocabulary vocabulary(training, options, seed, threads, cancel);
   RetrievalIndex index(vocabulary);
@@ -1080,26 +1123,8 @@ Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& opti
     const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
     const std::vector<RetrievalHit> ranked = index.Query(block, with_sets ? index.size() : options.top_k);
     std::vector<Retrieval::Hit>& hits = result.of_image[static_cast<size_t>(i)];
-    std::vector<Retrieval::Hit> sets;
-    // A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
-    // place either: sets are named where they are among the image's best places, by their best photos, with what they
-    // exceed the first place left out by.
-    std::map<int, int> views_of;  // place -> views seen
-    float floor = 0;
-    int alone = 0;
-    for (const RetrievalHit& hit : ranked) {
-      const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
-      const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
-      if ((paper || !OfSet(reference)) && ++alone <= options.top_k) hits.push_back({r, v, hit.score});
-      if (!with_sets || static_cast<int>(views_of.size()) > options.top_k) continue;
-      const int place = reference.set < 0 ? r : -1 - reference.set;
-      const auto [views, fresh] = views_of.try_emplace(place, 0);
-      if (fresh) floor = hit.score;
-      if (OfSet(reference) && ++views->second <= kViewsOfSet) sets.push_back({r, v, hit.score});
-    }
-    for (Retrieval::Hit& hit : sets) {
-      if (hit.score > floor) hits.push_back({hit.reference, hit.view, hit.score - floor});
-    }
+    hits = BestViews(input, documents, ranked, options.top_k, paper);
+    if (with_sets) AppendBestPhotos(input, documents, ranked, options.top_k, &hits);
     progress.Advance(1);
   });
   result.words = vocabulary.size();
