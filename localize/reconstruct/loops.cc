@@ -129,6 +129,40 @@ std::vector<double> Surprise(const BundleProblem& p, const LoopFinder& finder, c
   return surprise;
 }
 
+// The loops that are no surprise and that enough others nearby agree with.
+std::vector<Loop> BelievedLoops(const LoopFinder& finder, const LoopOptions& options, const std::vector<Loop>& found,
+                                const std::vector<double>& surprise) {
+  std::vector<Loop> loops;
+  for (size_t i = 0; i < found.size(); ++i) {
+    int agreeing = 0;
+    for (size_t k = 0; k < found.size(); ++k) {
+      if (k != i && surprise[k] < options.gate_chi2 &&
+          std::abs(found[k].travelled - found[i].travelled) < options.gap_m && finder.Agree(found[i], found[k]))
+        ++agreeing;
+    }
+    if (surprise[i] < options.gate_chi2 && agreeing >= options.min_agreeing) loops.push_back(found[i]);
+  }
+  return loops;
+}
+
+// Bends the chain of poses until the traversals lie on each other.
+void BendPoses(const LocalizeInput& input, const std::vector<Loop>& loops, const BundleOptions& bundle,
+               BundleProblem* p, ProgressSink& progress, const CancelToken& cancel) {
+  const size_t odometry = p->factors.size();
+  for (const Loop& loop : loops) {
+    PoseFactor f;
+    f.kind = PoseFactor::Kind::kBetween;
+    f.a = loop.anchor;
+    f.b = input.images[static_cast<size_t>(loop.image)].pose;
+    f.measured = p->poses[static_cast<size_t>(f.a)] * loop.body_from_odom.Inverse();
+    f.sqrt_info.setZero();
+    f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.02);
+    p->factors.push_back(f);
+  }
+  SolveBundle(*p, bundle, progress, cancel);
+  p->factors.resize(odometry);
+}
+
 // The loops' observations; what the later traversal has tracked of the same features becomes one point with them.
 int MergePoints(const LocalizeInput& input, const std::vector<Loop>& loops, double sigma_px, Reconstruction* r) {
   BundleProblem& p = r->problem;
@@ -191,40 +225,19 @@ LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, c
   }
   summary.found = static_cast<int>(found.size());
   const std::vector<double> surprise = Surprise(p, finder, input, options, found, threads, cancel);
-  std::vector<Loop> loops;
-  for (size_t i = 0; i < found.size(); ++i) {
-    int agreeing = 0;
-    for (size_t k = 0; k < found.size(); ++k) {
-      if (k != i && surprise[k] < options.gate_chi2 &&
-          std::abs(found[k].travelled - found[i].travelled) < options.gap_m && finder.Agree(found[i], found[k]))
-        ++agreeing;
-    }
-    if (surprise[i] < options.gate_chi2 && agreeing >= options.min_agreeing) loops.push_back(found[i]);
-  }
+  const std::vector<Loop> loops = BelievedLoops(finder, options, found, surprise);
   summary.closed = static_cast<int>(loops.size());
   summary.contradicting = summary.found - summary.closed;
   if (loops.empty()) return summary;
 
-  // First the chain of poses is bent until the traversals lie on each other: the drift is far larger than what the
-  // kernel of the observations would believe. Then the observations take over.
+  // First the chain of poses is bent: the drift is far larger than what the kernel of the observations would believe.
+  // Then the observations take over.
   const std::vector<Rigid3d> before = p.poses;
-  const size_t odometry = p.factors.size();
-  for (const Loop& loop : loops) {
-    PoseFactor f;
-    f.kind = PoseFactor::Kind::kBetween;
-    f.a = loop.anchor;
-    f.b = input.images[static_cast<size_t>(loop.image)].pose;
-    f.measured = p.poses[static_cast<size_t>(f.a)] * loop.body_from_odom.Inverse();
-    f.sqrt_info.setZero();
-    f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / (0.1 * kDegToRad)), Eigen::Vector3d::Constant(1 / 0.02);
-    p.factors.push_back(f);
-  }
   BundleOptions bundle;
   bundle.threads = threads;
   bundle.max_iterations = 15;
   bundle.relative_cost_tolerance = 1e-4;
-  SolveBundle(p, bundle, progress, cancel);
-  p.factors.resize(odometry);
+  BendPoses(input, loops, bundle, &p, progress, cancel);
   summary.merged_points = MergePoints(input, loops, r->sigma_px * r->correlation_inflation, r);
   Settle(reconstruct, 9 * reconstruct.outlier_chi2, r, threads, cancel);
   SolveBundle(p, bundle, progress, cancel);
