@@ -25,6 +25,34 @@ void DotsAt(const int16_t* a, const int16_t* b, const int* rows, int count, int*
   for (int k = 0; k < count; ++k) out[k] = Dot(a, b + static_cast<std::ptrdiff_t>(rows[k]) * DescriptorBlock::kDim);
 }
 
+constexpr double kCurveStep_px = 16;  // between samples along an epipolar curve
+
+// Calls look(pixel) along the epipolar curve of a far point and a baseline. Depth from infinity (inverse depth 0) to
+// the nearest: where the curve leaves the image it simply ends.
+template <typename Look>
+void WalkEpipolarCurve(const Camera& camera, const Eigen::Vector3d& far, const Eigen::Vector3d& t, double nearest,
+                       Look&& look) {
+  const std::optional<Eigen::Vector2d> p_far = camera.Project(far);
+  const std::optional<Eigen::Vector2d> p_mid = camera.Project(far + t * (0.5 / nearest));
+  const std::optional<Eigen::Vector2d> p_near = camera.Project(far + t / nearest);
+  double length = 200;
+  if (p_far && p_near) length = (*p_far - *p_near).norm();
+  const int samples = std::clamp(static_cast<int>(length / kCurveStep_px) + 2, 2, 64);
+  // Nearly always the curve is a straight line as far as the search cares; strong distortion bends it.
+  const Eigen::Vector2d along = p_far && p_near ? Eigen::Vector2d(*p_near - *p_far) : Eigen::Vector2d::Zero();
+  const bool straight =
+      p_far && p_mid && p_near && length < 63 * kCurveStep_px &&
+      std::abs(along.x() * (p_mid->y() - p_far->y()) - along.y() * (p_mid->x() - p_far->x())) < std::max(length, 1.0);
+  for (int s = 0; s < samples; ++s) {
+    const double part = static_cast<double>(s) / (samples - 1);
+    if (straight) {
+      look(*p_far + part * along);
+    } else if (const auto p = camera.Project(far + t * (part / nearest))) {
+      look(*p);
+    }
+  }
+}
+
 int MaxSquared(double max_distance) { return static_cast<int>(max_distance * max_distance * 255.0 * 255.0); }
 
 }  // namespace
@@ -121,7 +149,6 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
   const Eigen::Matrix3d rotation = b_from_a.rotation.toRotationMatrix();
   const Eigen::Vector3d t = b_from_a.translation;
   const double band = options.epipolar_px / camera_b.MeanFocal();
-  constexpr double kStep = 16;  // px between samples along the curve
   // Nearer than about the baseline, SIFT does not stand the change of viewpoint.
   const double nearest = std::max(options.min_depth_m, 1.2 * t.norm());
   for (int i = 0; i < a.size(); ++i) {
@@ -133,7 +160,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
     const auto look = [&](const Eigen::Vector2d& p) {
       if (!camera_b.Contains(p)) return;
       const auto fresh = [&](size_t cell) { return std::exchange(visited[cell], i) != i; };
-      grid_b.Visit(p.x(), p.y(), 0.5 * kStep + options.epipolar_px, fresh, [&](int j, const Eigen::Vector2f&) {
+      grid_b.Visit(p.x(), p.y(), 0.5 * kCurveStep_px + options.epipolar_px, fresh, [&](int j, const Eigen::Vector2f&) {
         const Eigen::Vector3d& ray = rays_b[static_cast<size_t>(j)];
         if (normal_length > 1e-6 && std::abs(ray.dot(normal)) > band * normal_length) return;
         const float scale_b = features_b.scales[static_cast<size_t>(j)];
@@ -141,26 +168,7 @@ Matches MatchGuided(const FeatureSet& features_a, const DescriptorBlock& a, cons
         near.push_back(j);
       });
     };
-    // Depth from infinity (inverse depth 0) to the nearest: where the curve leaves the image it simply ends.
-    const std::optional<Eigen::Vector2d> p_far = camera_b.Project(far);
-    const std::optional<Eigen::Vector2d> p_mid = camera_b.Project(far + t * (0.5 / nearest));
-    const std::optional<Eigen::Vector2d> p_near = camera_b.Project(far + t / nearest);
-    double length = 200;
-    if (p_far && p_near) length = (*p_far - *p_near).norm();
-    const int samples = std::clamp(static_cast<int>(length / kStep) + 2, 2, 64);
-    // Nearly always the curve is a straight line as far as the search cares; strong distortion bends it.
-    const Eigen::Vector2d along = p_far && p_near ? Eigen::Vector2d(*p_near - *p_far) : Eigen::Vector2d::Zero();
-    const bool straight =
-        p_far && p_mid && p_near && length < 63 * kStep &&
-        std::abs(along.x() * (p_mid->y() - p_far->y()) - along.y() * (p_mid->x() - p_far->x())) < std::max(length, 1.0);
-    for (int s = 0; s < samples; ++s) {
-      const double part = static_cast<double>(s) / (samples - 1);
-      if (straight) {
-        look(*p_far + part * along);
-      } else if (const auto p = camera_b.Project(far + t * (part / nearest))) {
-        look(*p);
-      }
-    }
+    WalkEpipolarCurve(camera_b, far, t, nearest, look);
     a.SquaredDistances(i, b, near, &distances);
     for (size_t k = 0; k < near.size(); ++k) {
       of_a[static_cast<size_t>(i)].Offer(distances[k], near[k]);
