@@ -335,6 +335,40 @@ void ScaleObservationNoise(double factor, BundleProblem* p) {
   for (BearingObservation& o : p->observations) o.w /= static_cast<float>(factor);
 }
 
+// The observations know less than they seem to: their noise acts wider, and the loss with it.
+void WidenNoise(const ReconstructOptions& options, double wider, Reconstruction* r) {
+  ScaleObservationNoise(wider, &r->problem);
+  r->correlation_inflation *= wider;
+  r->problem.loss = MakeLoss(options.loss, options.loss_chi2 / (r->correlation_inflation * r->correlation_inflation));
+}
+
+// Widens the noise of features that stray from odometry over long stretches. Returns the factor.
+double WidenByLongWave(const ReconstructOptions& options, Reconstruction* r) {
+  const double excess = LongWaveExcess(r->problem);
+  if (!(excess > kMostExcess)) return 1;
+  const double wider = std::sqrt(excess);
+  WidenNoise(options, wider, r);
+  return wider;
+}
+
+// The factor on odometry's noise that follows from the one its factors have.
+Vector6d NextNoiseFactor(const BundleProblem& p, const Vector6d& noise_factor, const Vector6d& most_noise, int threads,
+                         const CancelToken& cancel) {
+  const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
+  return noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+}
+
+// The features' noise as their residuals show it. `long_wave`: factor on it because images contradict odometry.
+void EstimateSigma(const ReconstructOptions& options, double long_wave, Reconstruction* r) {
+  // sigma_px is of a single observation; the weights count its inflation by correlation, too.
+  const double factor = std::clamp(std::sqrt(VarianceFactor(r->problem)), 0.1, 10.0);
+  const double inflation = CorrelationInflation(r->problem) * long_wave;
+  ScaleObservationNoise(factor * inflation, &r->problem);
+  r->sigma_px *= factor * r->correlation_inflation;
+  r->correlation_inflation = inflation;
+  r->problem.loss = MakeLoss(options.loss, options.loss_chi2 / (inflation * inflation));
+}
+
 }  // namespace
 
 namespace {
@@ -403,15 +437,12 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
     const double contradiction = Contradiction(p, wanted, *noise_factor, most_noise);
     if (contradiction < limit) return;
     const double wider = std::clamp(std::sqrt(contradiction), 1.4, 3.0);
-    ScaleObservationNoise(wider, &p);
-    r->correlation_inflation *= wider;
-    p.loss = MakeLoss(options.loss, options.loss_chi2 / (r->correlation_inflation * r->correlation_inflation));
+    WidenNoise(options, wider, r);
     Gate(options, options.outlier_chi2, r);
     r->summary = SolveBundle(p, bundle, progress, cancel);
     RetriangulateInvalid(4 * options.outlier_chi2, r, bundle.threads, cancel);
     Gate(options, options.outlier_chi2, r);
-    const Vector6d factor = EstimateOdometryNoise(p, bundle.threads, cancel);
-    *noise_factor = noise_factor->cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+    *noise_factor = NextNoiseFactor(p, *noise_factor, most_noise, bundle.threads, cancel);
     p.factors = OdometryFactors(input, options, *noise_factor);
   }
 }
@@ -521,27 +552,13 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
       gate = round == 0 ? 9 * options.outlier_chi2 : options.outlier_chi2;
       if (options.estimate_sigma) {
         Gate(options, gate, &r);
-        // sigma_px is of a single observation; the weights count its inflation by correlation, too.
-        const double factor = std::clamp(std::sqrt(VarianceFactor(p)), 0.1, 10.0);
-        const double inflation = CorrelationInflation(p) * long_wave;
-        ScaleObservationNoise(factor * inflation, &p);
-        r.sigma_px *= factor * r.correlation_inflation;
-        r.correlation_inflation = inflation;
-        p.loss = MakeLoss(options.loss, options.loss_chi2 / (inflation * inflation));
+        EstimateSigma(options, long_wave, &r);
       }
       if (options.estimate_odometry && p.factors.size() >= 8) {
         Gate(options, gate, &r);
-        const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
-        noise_factor = noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+        noise_factor = NextNoiseFactor(p, noise_factor, most_noise, threads, cancel);
         p.factors = OdometryFactors(input, options, noise_factor);
-        const double excess = LongWaveExcess(p);
-        if (options.estimate_sigma && excess > kMostExcess) {
-          const double wider = std::sqrt(excess);
-          long_wave *= wider;
-          ScaleObservationNoise(wider, &p);
-          r.correlation_inflation *= wider;
-          p.loss = MakeLoss(options.loss, options.loss_chi2 / (r.correlation_inflation * r.correlation_inflation));
-        }
+        if (options.estimate_sigma) long_wave *= WidenByLongWave(options, &r);
       }
     }
   }
