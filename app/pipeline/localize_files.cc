@@ -149,6 +149,92 @@ struct Line {
   std::vector<size_t> answers;
 };
 
+struct LineAnswer {
+  const ReferenceAnswer* shown = nullptr;
+  bool answered = false;
+  int matches = 0, inliers = 0, views = 0;
+  Rigid3d odom_from_pano;
+  PoseEstimate world;
+};
+
+// A set: its centre is the mean of its photos' centres, its attitude that of the first photo that has one.
+LineAnswer AnswerOf(const Line& line, const Localization& result) {
+  LineAnswer l;
+  l.shown = &result.references[line.answers.front()];
+  std::vector<const ReferenceAnswer*> good;
+  for (size_t i : line.answers) {
+    const ReferenceAnswer& a = result.references[i];
+    l.matches += a.registration.view_matches;
+    if (a.registration.status != AnswerStatus::kLocalized) continue;
+    if (good.empty()) l.shown = &a;
+    good.push_back(&a);
+    for (const ViewObservation& o : a.registration.inliers) l.inliers += o.repeated ? 0 : 1;
+    for (const ViewAnswer& v : a.registration.views) l.views += v.inliers > 0 ? 1 : 0;
+  }
+  l.answered = !good.empty();
+  l.odom_from_pano = l.shown->registration.rig_from_odom.Inverse();
+  l.world = l.shown->world;
+  if (good.size() < 2) return l;
+  // The photos of a set share the run's error: their mean is no better known than one of them.
+  const double n = static_cast<double>(good.size());
+  l.odom_from_pano.translation.setZero();
+  l.world.world_from_x.translation.setZero();
+  for (const ReferenceAnswer* a : good) {
+    l.odom_from_pano.translation += a->registration.rig_from_odom.TargetOriginInSource() / n;
+    l.world.world_from_x.translation += a->world.world_from_x.translation / n;
+  }
+  return l;
+}
+
+// How far the geotag lies from the estimated position, and what was made of it.
+void PutGeotag(CsvWriter& csv, const GeoTag& tag, const LocalFrame& frame, const LineAnswer& l) {
+  const Eigen::Vector3d d = frame.EnuFromGeodetic(tag.position) - l.world.world_from_x.translation;
+  csv.Number(d.x(), 4).Number(d.y(), 4);
+  if (tag.has_height) {
+    csv.Number(d.z(), 4);
+  } else {
+    csv.Empty();
+  }
+  csv.Text(!l.shown->geotag_used ? "unused" : l.shown->geotag_outlier ? "outlier" : "ok");
+}
+
+void PutLine(CsvWriter& csv, const Line& line, const Localization& result, const LocalFrame& frame) {
+  const LineAnswer l = AnswerOf(line, result);
+  const Registration& g = l.shown->registration;
+  const bool on_earth = l.answered && result.on_earth;
+  csv.Text(line.reference->name).Text(line.reference->station).Text(AnswerStatusName(g.status)).Text(g.reason);
+  if (on_earth) {
+    PutWorldPose(csv, l.world);
+  } else {
+    csv.Empty(10);
+  }
+  csv.Integer(l.matches).Integer(l.inliers).Integer(l.views);
+  if (l.answered) {
+    PutPose(csv, l.odom_from_pano);
+  } else {
+    csv.Empty(7);
+  }
+  if (on_earth) {
+    PutGeodeticPose(csv, frame, l.world.world_from_x);
+  } else {
+    csv.Empty(6);
+  }
+  const GeoTag& tag = line.reference->geotag;
+  if (on_earth && tag.has_position) {
+    PutGeotag(csv, tag, frame, l);
+  } else {
+    csv.Empty(3).Text(tag.has_position ? "unused" : "missing");
+  }
+  if (l.answered) {
+    const Matrix6d odom_covariance = InverseCovariance(g.rig_from_odom, g.covariance);
+    for (double s : odom_covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt()) csv.Number(s, 5);
+    csv.Number(g.matched_share, 4).Number(g.distance_m, 3);
+  } else {
+    csv.Empty(5);
+  }
+  csv.EndRow();
+}
+
 void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result,
                     const std::filesystem::path& dir) {
   CsvWriter csv({"panorama",
@@ -197,103 +283,43 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
     line.reference = &site.references[static_cast<size_t>(job.references[i].reference)];
     line.answers.push_back(i);
   }
-  for (const auto& [index, line] : lines) {
-    // A set: its centre is the mean of its photos' centres, its attitude that of the first photo that has one.
-    std::vector<size_t> good;
-    const ReferenceAnswer* shown = &result.references[line.answers.front()];
-    int matches = 0, inliers = 0, views = 0;
-    for (size_t i : line.answers) {
-      const ReferenceAnswer& a = result.references[i];
-      matches += a.registration.view_matches;
-      if (a.registration.status != AnswerStatus::kLocalized) continue;
-      if (good.empty()) shown = &a;
-      good.push_back(i);
-      for (const ViewObservation& o : a.registration.inliers) inliers += o.repeated ? 0 : 1;
-      for (const ViewAnswer& v : a.registration.views) views += v.inliers > 0 ? 1 : 0;
-    }
-    const Registration& g = shown->registration;
-    csv.Text(line.reference->name).Text(line.reference->station).Text(AnswerStatusName(g.status)).Text(g.reason);
-    const bool answered = !good.empty();
-    const double n = static_cast<double>(good.size());
-    Rigid3d odom_from_pano = g.rig_from_odom.Inverse();
-    PoseEstimate world = shown->world;
-    Matrix6d odom_covariance = InverseCovariance(g.rig_from_odom, g.covariance);
-    if (good.size() > 1) {
-      // The photos of a set share the run's error: their mean is no better known than one of them.
-      odom_from_pano.translation.setZero();
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      for (size_t i : good) {
-        odom_from_pano.translation += result.references[i].registration.rig_from_odom.TargetOriginInSource() / n;
-        sum += result.references[i].world.world_from_x.translation / n;
-      }
-      world.world_from_x.translation = sum;
-    }
-    if (answered && result.on_earth) {
-      PutWorldPose(csv, world);
-    } else {
-      csv.Empty(10);
-    }
-    csv.Integer(matches).Integer(inliers).Integer(views);
-    if (answered) {
-      PutPose(csv, odom_from_pano);
-    } else {
-      csv.Empty(7);
-    }
-    if (answered && result.on_earth) {
-      PutGeodeticPose(csv, job.input.frame, world.world_from_x);
-    } else {
-      csv.Empty(6);
-    }
-    const GeoTag& tag = line.reference->geotag;
-    if (answered && result.on_earth && tag.has_position) {
-      const Eigen::Vector3d d = job.input.frame.EnuFromGeodetic(tag.position) - world.world_from_x.translation;
-      csv.Number(d.x(), 4).Number(d.y(), 4);
-      if (tag.has_height) {
-        csv.Number(d.z(), 4);
-      } else {
-        csv.Empty();
-      }
-      csv.Text(!shown->geotag_used ? "unused" : shown->geotag_outlier ? "outlier" : "ok");
-    } else {
-      csv.Empty(3).Text(tag.has_position ? "unused" : "missing");
-    }
-    if (answered) {
-      for (double s : odom_covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt()) csv.Number(s, 5);
-      csv.Number(g.matched_share, 4).Number(g.distance_m, 3);
-    } else {
-      csv.Empty(5);
-    }
-    csv.EndRow();
-  }
+  for (const auto& [index, line] : lines) PutLine(csv, line, result, job.input.frame);
   csv.Save(dir / "panoramas.csv");
+}
 
-  CsvWriter rows({"panorama", "view", "status", "reason", "odom_x", "odom_y", "odom_z", "odom_qx", "odom_qy", "odom_qz",
-                  "odom_qw", "inliers", "distance_m"},
-                 {"trigpoint views 1; frame=odom; each view by itself (G1)"});
+// A set's photo goes by its own name, whether it stands by itself or is a view of the set's rig.
+const std::string& NameOfView(const Reference& reference, const PreparedReference& prepared, size_t view) {
+  const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
+  return lone_photo ? prepared.name : prepared.rig.views[view].name;
+}
+
+void WriteViews(const Site& site, const LocalizeJob& job, const Localization& result,
+                const std::filesystem::path& dir) {
+  CsvWriter csv({"panorama", "view", "status", "reason", "odom_x", "odom_y", "odom_z", "odom_qx", "odom_qy", "odom_qz",
+                 "odom_qw", "inliers", "distance_m"},
+                {"trigpoint views 1; frame=odom; each view by itself (G1)"});
   for (size_t i = 0; i < job.references.size(); ++i) {
     const PreparedReference& prepared = job.references[i];
     const Reference& reference = site.references[static_cast<size_t>(prepared.reference)];
     for (size_t v = 0; v < prepared.rig.views.size(); ++v) {
       const ViewAnswer& a = result.references[i].registration.views[v];
-      rows.Text(reference.name);
-      const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
-      rows.Text(lone_photo ? prepared.name : prepared.rig.views[v].name);
-      rows.Text(AnswerStatusName(a.status)).Text(a.reason);
+      csv.Text(reference.name).Text(NameOfView(reference, prepared, v));
+      csv.Text(AnswerStatusName(a.status)).Text(a.reason);
       if (a.status == AnswerStatus::kLocalized) {
-        PutPose(rows, a.view_from_odom.Inverse());
+        PutPose(csv, a.view_from_odom.Inverse());
       } else {
-        rows.Empty(7);
+        csv.Empty(7);
       }
-      rows.Integer(a.inliers);
+      csv.Integer(a.inliers);
       if (a.status == AnswerStatus::kLocalized) {
-        rows.Number(a.distance_m, 3);
+        csv.Number(a.distance_m, 3);
       } else {
-        rows.Empty();
+        csv.Empty();
       }
-      rows.EndRow();
+      csv.EndRow();
     }
   }
-  rows.Save(dir / "views.csv");
+  csv.Save(dir / "views.csv");
 }
 
 // What each answer rests on: a point's pixel in an image of the run and in a view of the reference.
@@ -324,10 +350,7 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
       const Camera& camera = job.input.cameras[static_cast<size_t>(image.camera)].camera;
       const auto pixel = camera.Project(seen->ray.cast<double>());
       if (!pixel) continue;
-      csv.Text(reference.name);
-      // A set's photo, whether it stands by itself or is a view of the set's rig.
-      const bool alone = reference.kind == ReferenceKind::kPhotoSet && prepared.rig.views.size() == 1;
-      csv.Text(alone ? prepared.name : prepared.rig.views[static_cast<size_t>(o.view)].name);
+      csv.Text(reference.name).Text(NameOfView(reference, prepared, static_cast<size_t>(o.view)));
       csv.Text(image.name).Number(pixel->x(), 2).Number(pixel->y(), 2);
       // In the pixels of the view or photo as it is.
       const Camera& as_is = prepared.rig.views[static_cast<size_t>(o.view)].camera;
@@ -521,6 +544,7 @@ void WriteLocalization(const Site& site, const LocalizeJob& job, const Localizat
                        const std::filesystem::path& dir) {
   WriteCameras(job.input, result, dir);
   WritePanoramas(site, job, result, dir);
+  WriteViews(site, job, result, dir);
   WriteMatches(site, job, result, dir);
 }
 
