@@ -17,38 +17,60 @@
 namespace trigpoint {
 namespace {
 
-// The joint problem over images, points and references: indices of the references' poses (-1: not part of it).
-struct Joint {
-  std::vector<int> pose_of_reference;
+// What every step is given.
+struct Task {
+  const LocalizeInput& input;
+  const std::vector<GpsPlace>& gps;
+  const LocalizeOptions& options;
+  int threads;
+  uint64_t seed;
+  ProgressSink& progress;
+  const CancelToken& cancel;
+
+  bool IsPaper() const { return options.mode == "paper"; }
+  BundleOptions Bundle(int max_iterations) const {
+    BundleOptions bundle;
+    bundle.threads = threads;
+    bundle.max_iterations = max_iterations;
+    bundle.relative_cost_tolerance = 1e-5;
+    return bundle;
+  }
 };
+
+bool IsLocalized(const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; }
+
+// The pose of a reference becomes one of the joint problem over images, points and references.
+void AddPose(ReferenceAnswer* answer, BundleProblem* p) {
+  answer->pose = static_cast<int>(p->poses.size());
+  p->poses.push_back(answer->registration.rig_from_odom);
+  p->pose_constant.push_back(false);
+}
 
 // Adds the localized ones of the references taken to the reconstruction: a pose each, their observations, sorted by
 // point.
-void AddReferences(const std::vector<ReferenceViews>& references, const std::vector<ReferenceAnswer>& answers,
-                   const std::vector<bool>& taken, double sigma_px, Reconstruction* r, Joint* joint) {
+void AddReferences(const std::vector<ReferenceViews>& references, const std::vector<bool>& taken, double sigma_px,
+                   std::vector<ReferenceAnswer>* answers, Reconstruction* r) {
   BundleProblem& p = r->problem;
   std::vector<ImageObservation> rows;
-  for (size_t i = 0; i < answers.size(); ++i) {
-    const Registration& g = answers[i].registration;
-    if (!taken[i] || g.status != AnswerStatus::kLocalized) continue;
+  for (size_t i = 0; i < answers->size(); ++i) {
+    ReferenceAnswer& answer = (*answers)[i];
+    if (!taken[i] || !IsLocalized(answer)) continue;
     const ReferenceViews& ref = references[i];
     const int first_view = static_cast<int>(p.views.size());
     for (const View& v : ref.rig.views) p.views.push_back(v.rig_from_view.Inverse());
-    joint->pose_of_reference[i] = static_cast<int>(p.poses.size());
-    for (const ViewObservation& v : g.inliers) {
+    AddPose(&answer, &p);
+    for (const ViewObservation& v : answer.registration.inliers) {
       if (v.repeated) continue;
       const Camera& camera = ref.rig.views[static_cast<size_t>(v.view)].camera;
       BearingObservation o;
       o.point = v.point;
-      o.pose = joint->pose_of_reference[i];
+      o.pose = answer.pose;
       o.view = first_view + v.view;
       o.ray = camera.Unproject(v.pixel.cast<double>())->cast<float>();
       o.w = (std::sqrt(v.weight) * camera.BearingSqrtInfo(v.pixel.cast<double>(), sigma_px)).cast<float>();
       // image -1 - reference, feature within its view: told apart from the run's own
       rows.push_back({o, -1 - static_cast<int>(i), v.feature});
     }
-    p.poses.push_back(g.rig_from_odom);
-    p.pose_constant.push_back(false);
   }
   AddObservations(rows, r);
 }
@@ -73,10 +95,9 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
 }
 
 // Of the solved problem, with what the lenses leave open.
-std::unique_ptr<BundleCovariance> CovarianceOf(const LocalizeInput& input, int threads, const CancelToken& cancel,
-                                               Reconstruction* r) {
-  r->problem.pose_shifts = PoseShiftsByLenses(input, *r, threads, cancel);
-  return std::make_unique<BundleCovariance>(r->problem, threads, cancel);
+std::unique_ptr<BundleCovariance> CovarianceOf(const Task& task, Reconstruction* r) {
+  r->problem.pose_shifts = PoseShiftsByLenses(task.input, *r, task.threads, task.cancel);
+  return std::make_unique<BundleCovariance>(r->problem, task.threads, task.cancel);
 }
 
 // Covariance of places' odom_from_rig (left tangent, odom axes), jointly.
@@ -131,7 +152,7 @@ void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<Referenc
   for (const auto& [set, members] : sets) {
     std::vector<size_t> answered;
     for (size_t i : members) {
-      if ((*answers)[i].registration.status == AnswerStatus::kLocalized) answered.push_back(i);
+      if (IsLocalized((*answers)[i])) answered.push_back(i);
     }
     const auto centre = [&](size_t i) { return (*answers)[i].registration.rig_from_odom.TargetOriginInSource(); };
     std::vector<size_t> best;
@@ -159,25 +180,27 @@ struct EarthInput : GeoStart {
   bool gps = false;
 };
 
-EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, const Joint& joint,
-                        const std::vector<GpsPlace>& gps, const GeoRegistrationOptions& options) {
+EarthInput CollectEarth(const Task& task, const Localization& result) {
+  const LocalizeInput& input = task.input;
+  const GeoRegistrationOptions& options = task.options.geo;
   EarthInput e;
   const BundleProblem& p = result.reconstruction.problem;
   if (input.has_frame) {
     for (size_t i = 0; i < result.references.size(); ++i) {
       const GeoTag& tag = input.references[i].geotag;
-      if (joint.pose_of_reference[i] < 0 || (!tag.has_position && !tag.has_heading)) continue;
-      const Rigid3d& rig_from_odom = p.poses[static_cast<size_t>(joint.pose_of_reference[i])];
+      const int pose = result.references[i].pose;
+      if (pose < 0 || (!tag.has_position && !tag.has_heading)) continue;
+      const Rigid3d& rig_from_odom = p.poses[static_cast<size_t>(pose)];
       e.observations.push_back(GeoObservationOf(tag, input.frame, rig_from_odom.Inverse()));
       e.observations.back().source = input.references[i].source;
-      e.poses.push_back(joint.pose_of_reference[i]);
+      e.poses.push_back(pose);
       e.references.push_back(static_cast<int>(i));
     }
   }
   const bool use_gps = options.use_gps == "always" || (options.use_gps == "auto" && e.observations.empty());
   if (use_gps) {
     int64_t last = std::numeric_limits<int64_t>::min();
-    for (const GpsPlace& g : gps) {
+    for (const GpsPlace& g : task.gps) {
       if (last != std::numeric_limits<int64_t>::min() &&
           static_cast<double>(g.stamp_ns - last) * 1e-9 < options.gps_correlation_s)
         continue;
@@ -198,32 +221,163 @@ EarthInput CollectEarth(const LocalizeInput& input, const Localization& result, 
   return e;
 }
 
+// The run's way onto the Earth.
+struct EarthFit {
+  EarthInput input;
+  std::unique_ptr<BundleCovariance> covariance;  // of the problem as it is; none while that is solved, to save memory
+  Eigen::MatrixXd with_fit;                      // see CovarianceWithFit; empty: not on the Earth
+};
+
+GeoRegistration FitSources(const Task& task, const BundleProblem& p, double scale_prior, EarthFit* earth) {
+  EarthInput& e = earth->input;
+  GeoRegistration geo = RegisterBySources(&e.observations, PlacesCovariance(p, e.poses, *earth->covariance),
+                                          scale_prior, task.input.scale_sigma, task.input.levelled, task.options.geo);
+  e.gps ? CheckGpsShape(p, task.gps, task.options.geo, e.references.front() < 0, &geo) : HeedGps(p, task.gps, &geo);
+  return geo;
+}
+
+// All lengths of the run, from its first place.
+void ApplyScale(double scale, BundleProblem* p) {
+  const Eigen::Vector3d origin = p->poses[0].TargetOriginInSource();
+  for (Rigid3d& pose : p->poses) {
+    const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
+    pose.translation = -(pose.rotation * centre);
+  }
+  for (Eigen::Vector3d& y : p->points) y = origin + scale * (y - origin);
+  p->scales.front().value = scale;
+}
+
 // The bundle with what was measured in the world, and what follows from it.
-void UseWorld(const LocalizeInput& input, const GeoStart& start, const std::vector<GpsPlace>& gps,
-              const WorldEvidence& evidence, const GeoRegistrationOptions& options, const BundleOptions& bundle,
-              ProgressSink& progress, const CancelToken& cancel, Localization* result, Eigen::MatrixXd* with_fit,
-              std::unique_ptr<BundleCovariance>* covariance) {
+void UseWorld(const Task& task, const WorldEvidence& evidence, EarthFit* earth, Localization* result) {
   BundleProblem& p = result->reconstruction.problem;
   WorldFit& fit = result->world;
-  fit = FitWorld(input, start, gps, evidence, options, bundle, &p, &result->reconstruction.summary, progress, cancel);
-  *covariance = CovarianceOf(input, bundle.threads, cancel, &result->reconstruction);
+  earth->covariance.reset();
+  earth->input.registration = result->geo;
+  fit = FitWorld(task.input, earth->input, task.gps, evidence, task.options.geo, task.Bundle(20), &p,
+                 &result->reconstruction.summary, task.progress, task.cancel);
+  earth->covariance = CovarianceOf(task, &result->reconstruction);
   result->on_earth = fit.solved;
   result->earth_reason = fit.reason;
   if (!fit.solved) return;
-  result->geo = GeoRegistrationOf(fit, start, options, p, **covariance, with_fit, &result->odometry_scale_sigma);
+  result->geo = GeoRegistrationOf(fit, earth->input, task.options.geo, p, *earth->covariance, &earth->with_fit,
+                                  &result->odometry_scale_sigma);
   result->odometry_scale = p.scales.front().value;
   result->earth_source = SourceOf(fit);
-  for (const std::string& warning : fit.warnings) progress.Log(LogLevel::kWarning, warning);
+  for (const std::string& warning : fit.warnings) task.progress.Log(LogLevel::kWarning, warning);
+}
+
+void LeaveOutHeadings(EarthInput* earth) {
+  for (GeoObservation& o : earth->observations) o.has_heading = o.has_tilt = false;
+}
+
+// The Earth by geotags and GPS, and the odometry's scale with it. One more round with the scale applied makes the run's
+// frame metric.
+void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localization* result) {
+  BundleProblem& p = result->reconstruction.problem;
+  result->geo = FitSources(task, p, 1, earth);
+  if (result->geo.solved && !task.IsPaper()) {
+    const double scale = result->odometry_scale = result->geo.world_from_odom.scale;
+    ApplyScale(scale, &p);
+    // Lever arms do not scale: one more solution accounts for it.
+    earth->covariance.reset();
+    result->reconstruction.summary = SolveBundle(p, task.Bundle(5), task.progress, task.cancel);
+    earth->input = CollectEarth(task, *result);
+    if (!with_headings) LeaveOutHeadings(&earth->input);
+    earth->covariance = CovarianceOf(task, &result->reconstruction);
+    result->geo = FitSources(task, p, 1 / scale, earth);
+  }
+  result->earth_reason = result->geo.reason;
+  if (!result->geo.solved) return;
+  result->on_earth = true;
+  result->earth_source =
+      earth->input.gps ? (earth->input.references.front() >= 0 ? "geotags and gps" : "gps") : "geotags";
+  result->odometry_scale_sigma = std::sqrt(result->geo.covariance(6, 6));
+}
+
+EarthFit Georeference(const Task& task, const WorldEvidence& evidence, Localization* result) {
+  result->odometry_scale_sigma = task.input.scale_sigma;
+  EarthFit earth;
+  earth.input = CollectEarth(task, *result);
+  const std::optional<std::string> other_headings = OtherHeadings(earth.input.observations);
+  if (other_headings) {
+    task.progress.Log(LogLevel::kWarning,
+                      "judging by their positions, the headings of the panoramas seem to be " + *other_headings +
+                          "; expected degrees clockwise from north; not used: correct table or EXIF");
+    LeaveOutHeadings(&earth.input);
+  }
+  earth.covariance = CovarianceOf(task, &result->reconstruction);
+  if (!task.input.has_frame) {
+    result->earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
+    return earth;
+  }
+  UseSources(task, !other_headings, &earth, result);
+  if (evidence.Any()) {
+    UseWorld(task, evidence, &earth, result);
+  } else if (result->on_earth) {
+    earth.with_fit =
+        CovarianceWithFit(result->reconstruction.problem, earth.input.poses, result->geo, *earth.covariance);
+  }
+  return earth;
 }
 
 // Where no panorama is localized: their pictures may be mirrored.
-void TellMirrored(const LocalizeInput& input, const LocalizeOptions& options, int threads, uint64_t seed,
-                  ProgressSink& progress, const CancelToken& cancel, const Localization& result) {
-  const auto localized = [](const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; };
-  if (std::any_of(result.references.begin(), result.references.end(), localized)) return;
-  const auto mirrored = FindMirroredPanoramas(input, result.reconstruction, options.retrieval, options.registration,
-                                              threads, seed, progress, cancel);
-  if (mirrored) progress.Log(LogLevel::kWarning, *mirrored);
+void TellMirrored(const Task& task, const Localization& result) {
+  if (std::any_of(result.references.begin(), result.references.end(), IsLocalized)) return;
+  const auto mirrored =
+      FindMirroredPanoramas(task.input, result.reconstruction, task.options.retrieval, task.options.registration,
+                            task.threads, task.seed, task.progress, task.cancel);
+  if (mirrored) task.progress.Log(LogLevel::kWarning, *mirrored);
+}
+
+// As published: the points stay as they are, the references' poses are appended for the global fit only.
+void HoldReferences(Localization* result) {
+  BundleProblem& p = result->reconstruction.problem;
+  for (ReferenceAnswer& answer : result->references) {
+    if (!IsLocalized(answer)) continue;
+    AddPose(&answer, &p);
+    PoseFactor held;
+    held.kind = PoseFactor::Kind::kPrior;
+    held.a = answer.pose;
+    held.measured = answer.registration.rig_from_odom;
+    held.sqrt_info = Matrix6d(answer.registration.covariance.llt().solve(Matrix6d::Identity())).llt().matrixU();
+    p.factors.push_back(held);
+  }
+}
+
+// The references taken join the solution, with the noise that they show in it.
+void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
+               Localization* result) {
+  const RegistrationOptions& options = task.options.registration;
+  Reconstruction& r = result->reconstruction;
+  BundleProblem& p = r.problem;
+  AddReferences(references, taken, options.sigma_px, &result->references, &r);
+  SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+  const double factor = std::clamp(ReferenceNoiseFactor(r, taken), 0.3, 10.0);
+  for (size_t k = 0; k < p.observations.size(); ++k) {
+    BearingObservation& o = p.observations[k];
+    if (!IsOf(r, k, taken)) continue;
+    o.w /= static_cast<float>(factor);
+    o.active = r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.outlier_chi2;
+  }
+  r.summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+}
+
+// The stitched sets follow once `refine` has seen what the others say.
+void SolveJointly(const Task& task, const RefineReferences& refine, std::vector<Registration> registrations,
+                  Localization* result) {
+  std::vector<ReferenceViews> references = task.input.references;
+  std::vector<bool> sets(references.size()), others(references.size());
+  for (size_t i = 0; i < references.size(); ++i) {
+    sets[i] = refine && references[i].stitched;
+    others[i] = !sets[i];
+  }
+  SolveWith(task, references, others, result);
+  if (std::find(sets.begin(), sets.end(), true) == sets.end()) return;
+  refine(result->reconstruction, result->retrieval, &references, &registrations);
+  for (size_t i = 0; i < references.size(); ++i) {
+    if (sets[i]) result->references[i].registration = registrations[i];
+  }
+  SolveWith(task, references, sets, result);
 }
 
 void NoteGeotags(const GeoStart& earth, Localization* result) {
@@ -234,6 +388,52 @@ void NoteGeotags(const GeoStart& earth, Localization* result) {
     answer.geotag_outlier = result->geo.outlier[k];
     answer.geotag_difference = result->geo.residuals[k];
   }
+}
+
+// World pose of one of the problem's poses.
+PoseEstimate WorldPose(const Localization& result, int pose) {
+  const auto at = static_cast<size_t>(pose);
+  const Rigid3d& rig_from_odom = result.reconstruction.problem.poses[at];
+  const Matrix6d own = InverseCovariance(rig_from_odom, result.pose_covariances[at]);
+  return ToWorld(result.geo, rig_from_odom.Inverse(), own, result.with_fit[at]);
+}
+
+// The camera rides on the body: its position moves with the body's rotation.
+PoseEstimate CameraOnBody(const PoseEstimate& body, const Rigid3d& body_from_cam) {
+  PoseEstimate camera;
+  camera.world_from_x = body.world_from_x * body_from_cam;
+  Matrix6d j = Matrix6d::Identity();
+  j.bottomLeftCorner<3, 3>() = -Skew(body.world_from_x.rotation * body_from_cam.translation);
+  camera.covariance = j * body.covariance * j.transpose();
+  return camera;
+}
+
+// What the solved problem says of references, bodies and cameras.
+void Answer(const Task& task, EarthFit earth, Localization* result) {
+  const BundleProblem& p = result->reconstruction.problem;
+  std::vector<Matrix6d> unused;
+  std::move(*earth.covariance).PoseBlocks({}, &result->pose_covariances, &unused);
+  earth.covariance.reset();
+  for (Eigen::Index row = 0; row < earth.with_fit.rows(); row += 6)
+    result->with_fit.push_back(earth.with_fit.middleRows<6>(row));
+  for (ReferenceAnswer& answer : result->references) {
+    if (answer.pose < 0) continue;
+    answer.registration.rig_from_odom = p.poses[static_cast<size_t>(answer.pose)];
+    answer.registration.covariance = result->pose_covariances[static_cast<size_t>(answer.pose)];
+    if (result->on_earth) answer.world = WorldPose(*result, answer.pose);
+  }
+  const size_t body_poses = task.input.odom_from_body.size();
+  if (result->on_earth) {
+    NoteGeotags(earth.input, result);
+    std::vector<PoseEstimate> bodies(body_poses);
+    ParallelFor(static_cast<int64_t>(body_poses), task.threads, task.cancel,
+                [&](int64_t i) { bodies[static_cast<size_t>(i)] = WorldPose(*result, static_cast<int>(i)); });
+    for (const FrameImage& image : task.input.images) {
+      const Rigid3d body_from_cam = task.input.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
+      result->cameras.push_back(CameraOnBody(bodies[static_cast<size_t>(image.pose)], body_from_cam));
+    }
+  }
+  result->body_from_odom.assign(p.poses.begin(), p.poses.begin() + static_cast<std::ptrdiff_t>(body_poses));
 }
 
 }  // namespace
@@ -259,171 +459,27 @@ std::vector<std::string> LocalizeOptions::Check() const {
 Localization Localize(const LocalizeInput& input, Reconstruction run, const std::vector<GpsPlace>& gps,
                       const LocalizeOptions& options, int threads, uint64_t seed, ProgressSink& progress,
                       const CancelToken& cancel, const RefineReferences& refine, const WorldEvidence& world_evidence) {
-  const bool paper = options.mode == "paper";
+  const Task task{input, gps, options, threads, seed, progress, cancel};
+  const bool paper = task.IsPaper();
   Localization result;
   result.reconstruction = std::move(run);
   StepTimes steps(&result.seconds);
-  Reconstruction& r = result.reconstruction;
-  BundleProblem& p = r.problem;
-  const size_t body_poses = input.odom_from_body.size();
   result.retrieval = RetrieveViews(input, options.retrieval, paper, seed, threads, progress, cancel);
   steps.End("retrieval");
-  std::vector<Registration> registrations =
-      RegisterReferences(input, r, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
+  std::vector<Registration> registrations = RegisterReferences(
+      input, result.reconstruction, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
   for (const Registration& g : registrations) result.references.emplace_back().registration = g;
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
-  if (!paper) TellMirrored(input, options, threads, seed, progress, cancel, result);
+  if (!paper) TellMirrored(task, result);
   steps.End("registration");
-
-  BundleOptions bundle;
-  bundle.threads = threads;
-  bundle.max_iterations = 10;
-  bundle.relative_cost_tolerance = 1e-5;
-  Joint joint;
   if (paper) {
-    // The points stay as they are: the references' poses are appended for the global fit only.
-    joint.pose_of_reference.assign(registrations.size(), -1);
-    for (size_t i = 0; i < registrations.size(); ++i) {
-      if (result.references[i].registration.status != AnswerStatus::kLocalized) continue;
-      joint.pose_of_reference[i] = static_cast<int>(p.poses.size());
-      p.poses.push_back(registrations[i].rig_from_odom);
-      p.pose_constant.push_back(false);
-      PoseFactor held;
-      held.kind = PoseFactor::Kind::kPrior;
-      held.a = joint.pose_of_reference[i];
-      held.measured = registrations[i].rig_from_odom;
-      held.sqrt_info = Matrix6d(registrations[i].covariance.llt().solve(Matrix6d::Identity())).llt().matrixU();
-      p.factors.push_back(held);
-    }
+    HoldReferences(&result);
   } else {
-    std::vector<ReferenceViews> references = input.references;
-    joint.pose_of_reference.assign(references.size(), -1);
-    const auto solve_with = [&](const std::vector<bool>& taken) {
-      AddReferences(references, result.references, taken, options.registration.sigma_px, &r, &joint);
-      SolveBundle(p, bundle, progress, cancel);
-      const double factor = std::clamp(ReferenceNoiseFactor(r, taken), 0.3, 10.0);
-      for (size_t k = 0; k < p.observations.size(); ++k) {
-        BearingObservation& o = p.observations[k];
-        if (!IsOf(r, k, taken)) continue;
-        o.w /= static_cast<float>(factor);
-        o.active =
-            r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.registration.outlier_chi2;
-      }
-      r.summary = SolveBundle(p, bundle, progress, cancel);
-    };
-    std::vector<bool> sets(references.size()), others(references.size());
-    for (size_t i = 0; i < references.size(); ++i) {
-      sets[i] = refine && references[i].stitched;
-      others[i] = !sets[i];
-    }
-    solve_with(others);
-    if (std::find(sets.begin(), sets.end(), true) != sets.end()) {
-      refine(r, result.retrieval, &references, &registrations);
-      for (size_t i = 0; i < references.size(); ++i) {
-        if (sets[i]) result.references[i].registration = registrations[i];
-      }
-      solve_with(sets);
-    }
+    SolveJointly(task, refine, std::move(registrations), &result);
   }
   steps.End("joint solution");
-
-  // The Earth, and the odometry's scale with it. One more round with the scale applied makes the run's frame metric.
-  result.odometry_scale_sigma = input.scale_sigma;
-  EarthInput earth = CollectEarth(input, result, joint, gps, options.geo);
-  const std::optional<std::string> other_headings = OtherHeadings(earth.observations);
-  const auto leave_out_headings = [&] {
-    for (GeoObservation& o : earth.observations) o.has_heading = o.has_tilt = false;
-  };
-  if (other_headings) {
-    progress.Log(LogLevel::kWarning, "judging by their positions, the headings of the panoramas seem to be " +
-                                         *other_headings +
-                                         "; expected degrees clockwise from north; not used: correct table or EXIF");
-    leave_out_headings();
-  }
-  std::unique_ptr<BundleCovariance> local = CovarianceOf(input, threads, cancel, &r);
-  if (!input.has_frame) {
-    result.earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
-  } else {
-    const auto fit = [&](double scale_prior) {
-      GeoRegistration geo = RegisterBySources(&earth.observations, PlacesCovariance(p, earth.poses, *local),
-                                              scale_prior, input.scale_sigma, input.levelled, options.geo);
-      earth.gps ? CheckGpsShape(p, gps, options.geo, earth.references.front() < 0, &geo) : HeedGps(p, gps, &geo);
-      return geo;
-    };
-    result.geo = fit(1);
-    if (result.geo.solved && !paper) {
-      const double scale = result.odometry_scale = result.geo.world_from_odom.scale;
-      const Eigen::Vector3d origin = p.poses[0].TargetOriginInSource();
-      for (Rigid3d& pose : p.poses) {
-        const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
-        pose.translation = -(pose.rotation * centre);
-      }
-      for (Eigen::Vector3d& y : p.points) y = origin + scale * (y - origin);
-      p.scales.front().value = scale;
-      // Lever arms do not scale: one more solution accounts for it.
-      bundle.max_iterations = 5;
-      local.reset();
-      r.summary = SolveBundle(p, bundle, progress, cancel);
-      earth = CollectEarth(input, result, joint, gps, options.geo);
-      if (other_headings) leave_out_headings();
-      local = CovarianceOf(input, threads, cancel, &r);
-      result.geo = fit(1 / scale);
-    }
-    result.earth_reason = result.geo.reason;
-    if (result.geo.solved) {
-      result.on_earth = true;
-      result.earth_source = earth.gps ? (earth.references.front() >= 0 ? "geotags and gps" : "gps") : "geotags";
-      result.odometry_scale_sigma = std::sqrt(result.geo.covariance(6, 6));
-    }
-  }
-  Eigen::MatrixXd with_fit;
-  if (world_evidence.Any() && input.has_frame) {
-    local.reset();
-    earth.registration = result.geo;
-    bundle.max_iterations = 20;
-    UseWorld(input, earth, gps, world_evidence, options.geo, bundle, progress, cancel, &result, &with_fit, &local);
-  } else if (result.on_earth) {
-    with_fit = CovarianceWithFit(p, earth.poses, result.geo, *local);
-  }
-
-  // Answers.
-  const auto odom_from = [&](int pose) { return p.poses[static_cast<size_t>(pose)].Inverse(); };
-  std::vector<Matrix6d>& covariances = result.pose_covariances;
-  std::vector<Matrix6d> unused;
-  std::move(*local).PoseBlocks({}, &covariances, &unused);
-  local.reset();
-  for (Eigen::Index row = 0; row < with_fit.rows(); row += 6) result.with_fit.push_back(with_fit.middleRows<6>(row));
-  const auto world = [&](int pose) {
-    const Matrix6d own = InverseCovariance(p.poses[static_cast<size_t>(pose)], covariances[static_cast<size_t>(pose)]);
-    return ToWorld(result.geo, odom_from(pose), own, result.with_fit[static_cast<size_t>(pose)]);
-  };
-  for (size_t i = 0; i < result.references.size(); ++i) {
-    ReferenceAnswer& answer = result.references[i];
-    const int pose = joint.pose_of_reference[i];
-    if (pose < 0) continue;
-    answer.pose = pose;
-    answer.registration.rig_from_odom = p.poses[static_cast<size_t>(pose)];
-    answer.registration.covariance = covariances[static_cast<size_t>(pose)];
-    if (result.on_earth) answer.world = world(pose);
-  }
-  if (result.on_earth) {
-    NoteGeotags(earth, &result);
-    std::vector<PoseEstimate> bodies(body_poses);
-    ParallelFor(static_cast<int64_t>(body_poses), threads, cancel,
-                [&](int64_t i) { bodies[static_cast<size_t>(i)] = world(static_cast<int>(i)); });
-    for (const FrameImage& image : input.images) {
-      const PoseEstimate& body = bodies[static_cast<size_t>(image.pose)];
-      const Rigid3d body_from_cam = input.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse();
-      PoseEstimate camera;
-      camera.world_from_x = body.world_from_x * body_from_cam;
-      // The camera rides on the body: its position moves with the body's rotation.
-      Matrix6d j = Matrix6d::Identity();
-      j.bottomLeftCorner<3, 3>() = -Skew(body.world_from_x.rotation * body_from_cam.translation);
-      camera.covariance = j * body.covariance * j.transpose();
-      result.cameras.push_back(camera);
-    }
-  }
-  result.body_from_odom.assign(p.poses.begin(), p.poses.begin() + static_cast<std::ptrdiff_t>(body_poses));
+  EarthFit earth = Georeference(task, world_evidence, &result);
+  Answer(task, std::move(earth), &result);
   steps.End("earth and covariances");
   return result;
 }
