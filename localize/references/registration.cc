@@ -765,11 +765,11 @@ class Registrar {
           nearest.best = most;
           for (size_t k = 0; k < nearby.size(); ++k) nearest.Offer(distances[k], nearby[k]);
           if (nearest.index < 0 || nearest.best > 0.9 * 0.9 * nearest.second) continue;
-          PointMatch& slot = of_point[{static_cast<int>(v), p.point}];
-          if (nearest.best >= slot.distance) continue;
           const Eigen::Vector2f& found = view.features.points[static_cast<size_t>(nearest.index)];
           const auto ray = view_camera.Unproject(found.cast<double>());
           if (!ray) continue;
+          PointMatch& slot = of_point[{static_cast<int>(v), p.point}];
+          if (nearest.best >= slot.distance) continue;
           slot.distance = nearest.best;
           slot.c.ray = *ray;
           slot.c.descriptor_distance = std::sqrt(static_cast<double>(nearest.best)) / 255;

@@ -2,20 +2,17 @@
 """Refuses functions that are not read on one screen.
 
     check_functions.py ROOT            checks
-    check_functions.py ROOT --shrink   takes what became shorter into the list of exceptions
     check_functions.py ROOT --all N    prints the N longest functions
 
-At most 60 lines, signature and braces included, in calib, datasets, localize, survey and eval; at most 100 anywhere.
-long_functions.txt beside this file lists those that are longer today: none may grow, none may be added. It relies on
-the sources' form, which clang-format fixes: what stands in a namespace begins at column 0, in a class two further in,
-and a block ends with a brace at the column where it began.
+At most 60 lines, signature and braces included, in calib, datasets, localize, survey and eval; at most 100 anywhere. It
+relies on the sources' form, which clang-format fixes: what stands in a namespace begins at column 0, in a class two
+further in, and a block ends with a brace at the column where it began.
 """
 import os
 import re
 import sys
 
 LIMITS = {"calib": 60, "datasets": 60, "localize": 60, "survey": 60, "eval": 60, "app": 100, "tests": 100}
-LIST = os.path.join(os.path.dirname(os.path.abspath(__file__)), "long_functions.txt")
 TYPE = re.compile(r"^\s*(template <.*> )?(struct|class|union|enum)\b[^()]*\{$")
 SCOPE = re.compile(r'^\s*(inline )?(namespace\b[^=]*|extern "C" )\{$')
 
@@ -90,36 +87,10 @@ def limit_of(key):
     return LIMITS[key[0].split("/")[0]]
 
 
-def check(found, listed):
+def check(found):
     """One sentence about each violation."""
-    problems = []
-    for key, lines in sorted(found.items()):
-        if lines > limit_of(key) and key not in listed:
-            problems.append(f"{key[0]}: {key[1]} has {lines} lines, expected at most {limit_of(key)}: split it")
-        elif lines > max(limit_of(key), listed.get(key, 0)):
-            problems.append(f"{key[0]}: {key[1]} grew from {listed[key]} to {lines} lines: split it")
-    for key, lines in sorted(listed.items()):
-        if found.get(key, 0) <= limit_of(key):
-            problems.append(f"{key[0]}: {key[1]} is listed with {lines} lines and is not as long any more: run "
-                            "check_functions.py ROOT --shrink")
-    return problems
-
-
-def shrunk(found, listed):
-    return {key: min(lines, found[key]) for key, lines in listed.items() if found.get(key, 0) > limit_of(key)}
-
-
-def read_list():
-    with open(LIST, encoding="utf-8") as text:
-        rows = [line.split() for line in text if line.strip() and not line.startswith("#")]
-    return {(file, name): int(lines) for lines, file, name in rows}
-
-
-def write_list(listed):
-    with open(LIST, "w", encoding="utf-8") as out:
-        out.write("# Functions longer than check_functions.py allows: lines, file, name. The list may only shrink.\n")
-        for (file, name), lines in sorted(listed.items(), key=lambda row: (-row[1], row[0])):
-            out.write(f"{lines} {file} {name}\n")
+    return [f"{key[0]}: {key[1]} has {lines} lines, expected at most {limit_of(key)}: split it"
+            for key, lines in sorted(found.items()) if lines > limit_of(key)]
 
 
 def main():
@@ -128,11 +99,8 @@ def main():
         for key, lines in sorted(found.items(), key=lambda row: -row[1])[: int(sys.argv[sys.argv.index("--all") + 1])]:
             print(lines, *key)
         return 0
-    if "--shrink" in sys.argv:
-        write_list(shrunk(found, read_list()))
-    listed = read_list()
-    problems = check(found, listed)
-    print("\n".join(problems) or f"{len(found)} functions, {len(listed)} listed as too long; none grew")
+    problems = check(found)
+    print("\n".join(problems) or f"{len(found)} functions, none too long")
     return 1 if problems else 0
 
 
