@@ -31,16 +31,18 @@ const Camera& CameraOf(const LocalizeInput& input, int image) {
 }
 
 struct View {
+  int image = 0;
   DescriptorBlock descriptors;
   std::vector<Eigen::Vector3d> rays;
 };
 
-View ReadView(const LocalizeInput& input, int image, size_t most) {
+View ReadView(const LocalizeInput& input, int image, size_t most = kFeatures) {
   const FeatureSet all = input.image_features(image);
   std::vector<size_t> order(all.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return all.scales[a] > all.scales[b]; });
   View view;
+  view.image = image;
   cv::Mat descriptors(0, DescriptorBlock::kDim, CV_8U);
   for (size_t i : order) {
     const auto ray = CameraOf(input, image).Unproject(all.points[i].cast<double>());
@@ -61,12 +63,10 @@ struct MatchedPair {
 };
 
 // Nothing where too few features match.
-std::optional<MatchedPair> Match(const LocalizeInput& input, int image_a, int image_b,
-                                 const OdometryCheckOptions& options, size_t features = kFeatures) {
-  const View a = ReadView(input, image_a, features), b = ReadView(input, image_b, features);
+std::optional<MatchedPair> Match(const View& a, const View& b, const OdometryCheckOptions& options) {
   const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
   if (static_cast<int>(matches.size()) < options.least_matches) return std::nullopt;
-  MatchedPair pair{image_a, image_b, {}, {}, 0};
+  MatchedPair pair{a.image, b.image, {}, {}, 0};
   std::vector<double> motions;
   for (const auto& [i, j] : matches) {
     pair.rays_a.push_back(a.rays[static_cast<size_t>(i)]);
@@ -122,11 +122,12 @@ int Later(const std::vector<int>& next, int image, int count) {
 // From an image to a later one, at least `first_apart` images on, that shows enough motion and yet the same things.
 std::optional<MeasuredMotion> MeasureFrom(const LocalizeInput& input, const std::vector<int>& next, int image,
                                           int first_apart, const OdometryCheckOptions& options, uint64_t seed) {
+  const View view = ReadView(input, image);
   std::optional<MeasuredMotion> found;
   for (int apart = first_apart; apart <= options.most_apart; apart *= 2) {
     const int other = Later(next, image, apart);
     if (other < 0) break;
-    const std::optional<MatchedPair> pair = Match(input, image, other, options);
+    const std::optional<MatchedPair> pair = Match(view, ReadView(input, other), options);
     if (!pair) break;
     if (pair->motion_rad > options.least_deg * kDegToRad) {
       const auto motion = Measure(input, *pair, options, seed + static_cast<uint64_t>(apart));
@@ -161,7 +162,8 @@ std::vector<MeasuredMotion> MeasureNeighbours(const LocalizeInput& input, Odomet
   std::vector<std::optional<MeasuredMotion>> measured(pairs.size());
   ParallelFor(static_cast<int64_t>(pairs.size()), threads, cancel, [&](int64_t i) {
     const auto [image, other] = pairs[static_cast<size_t>(i)];
-    const std::optional<MatchedPair> pair = Match(input, image, other, options, kAllFeatures);
+    const std::optional<MatchedPair> pair =
+        Match(ReadView(input, image, kAllFeatures), ReadView(input, other, kAllFeatures), options);
     if (!pair || pair->motion_rad < options.least_deg * kDegToRad) return;
     measured[static_cast<size_t>(i)] = Measure(input, *pair, options, seed + static_cast<uint64_t>(i));
   });
@@ -258,7 +260,8 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
         input.images[static_cast<size_t>(next[i])].pose != step.pose + 1) {
       continue;
     }
-    const std::optional<MatchedPair> pair = Match(input, static_cast<int>(i), next[i], options);
+    const std::optional<MatchedPair> pair =
+        Match(ReadView(input, static_cast<int>(i)), ReadView(input, next[i]), options);
     auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
     if (!motion) continue;
     motion->a = 0, motion->b = 1;
@@ -344,7 +347,7 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
     };
     const double step = (pose(other) - pose(image)).norm();
     if (step < kMoves_m) continue;
-    const std::optional<MatchedPair> pair = Match(input, image, other, options);
+    const std::optional<MatchedPair> pair = Match(ReadView(input, image), ReadView(input, other), options);
     if (!pair || pair->motion_rad > kStill_rad) return std::nullopt;
     ++compared;
     moved += step;
