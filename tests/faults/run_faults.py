@@ -69,6 +69,9 @@ class Earth:
 class Truth:
     def __init__(self, folder, site, run):
         self.cameras, self.panoramas, self.tags, self.attitudes = {}, {}, {}, {}
+        rows = [line.split() for line in (site / "runs" / run / "images.txt").read_text().splitlines()
+                if line and not line.startswith("#")]
+        self.taken = {row[1]: row[0] for row in rows}
         origin = json.loads((site / "origin.json").read_text())
         self.earth = Earth(origin["lat"], origin["lon"], origin["alt"])
         for name in (f"runs/{run}_cameras.tum", f"{run}_cameras.tum"):
@@ -84,6 +87,10 @@ class Truth:
         if (folder / "tags.csv").exists():
             for row in rows_of(folder / "tags.csv"):
                 self.tags[row["tag_id"]] = np.array([float(row[k]) for k in "xyz"])
+
+    def camera(self, row):
+        """Where a picture was taken, whatever time a faulty list gives it; None where that is not known."""
+        return self.cameras.get(f"{float(self.taken.get(row['image'], row['timestamp'])):.4f}")
 
     @staticmethod
     def lines(path):
@@ -132,7 +139,7 @@ def judge_localize(project, run, truth, positions):
     if not manifest["metrics"].get("on_earth"):
         return manifest["metrics"].get("earth_reason") or "not georeferenced"
     for row in rows_of(folder / "cameras.csv"):
-        at = truth.cameras.get(f"{float(row['timestamp']):.4f}")
+        at = truth.camera(row)
         if at is not None and row.get("latitude_deg"):
             positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "enu"])
     for row in rows_of(folder / "panoramas.csv"):
