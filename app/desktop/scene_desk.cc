@@ -34,6 +34,7 @@
 #include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
+#include "calib/base/memory.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 
@@ -415,6 +416,7 @@ void SceneDesk::Load() {
           scene->model = source.project == snapshot->dir
                              ? LoadScene(*snapshot->project, options)
                              : LoadScene(Project::OpenTolerant(source.project, &problems), options);
+          ReturnFreeMemory();  // of the sparse models, before the points are drawn
           return std::shared_ptr<const LoadedScene>(scene);
         },
         [this, generation, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {

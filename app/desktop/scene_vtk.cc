@@ -1,7 +1,6 @@
 #include "app/desktop/scene_vtk.h"
 
 #include <vtkCamera.h>
-#include <vtkEDLShading.h>
 #include <vtkFollower.h>
 #include <vtkImageData.h>
 #include <vtkPolyDataMapper.h>
@@ -13,6 +12,7 @@
 
 #include <opencv2/core.hpp>
 
+#include "app/desktop/depth_shading.h"
 #include "calib/camera/camera.h"
 #include "datasets/io/text.h"
 #include "eval/scene/props.h"
@@ -137,7 +137,7 @@ void SceneDesk::Vtk::UseShading(bool on) {
     return;
   }
   vtkNew<vtkRenderStepsPass> steps;
-  vtkNew<vtkEDLShading> shading;
+  vtkNew<DepthShading> shading;
   shading->SetDelegatePass(steps);
   renderer->SetPass(shading);
 }

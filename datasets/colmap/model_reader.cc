@@ -6,8 +6,8 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
-#include <iterator>
 #include <limits>
+#include <optional>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -448,43 +448,56 @@ void CheckIds(const SparseModel& model, const std::string& where) {
 }
 
 std::string ReadBytes(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
   if (!in) throw InputError(file.string() + ": cannot be read");
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  std::string bytes(static_cast<size_t>(in.tellg()), '\0');
+  in.seekg(0).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<size_t>(in.gcount()));
+  return bytes;
 }
+
+// A file's content by its name; nothing if it isn't there. Asked for one by one, since only one is held at a time.
+using Content = std::function<std::optional<std::string>(const std::string& name)>;
 
 // Calls `read` with the file as bytes or lines. False if it isn't there.
 template <typename Read>
-bool With(const std::map<std::string, std::string>& files, const std::string& where, const std::string& stem,
-          bool binary, const Read& read) {
-  const auto it = files.find(stem + (binary ? ".bin" : ".txt"));
-  if (it == files.end()) return false;
-  const std::string name = (fs::path(where) / it->first).string();
+bool With(const Content& content, const std::string& where, const std::string& stem, bool binary, const Read& read) {
+  const std::string name = stem + (binary ? ".bin" : ".txt");
+  const std::optional<std::string> bytes = content(name);
+  if (!bytes) return false;
+  const std::string file = (fs::path(where) / name).string();
   if (binary) {
-    read(Bytes(name, it->second));
+    read(Bytes(file, *bytes));
   } else {
-    read(Lines(name, it->second));
+    read(Lines(file, *bytes));
   }
   return true;
 }
 
-}  // namespace
-
-SparseModel ParseColmapModel(const std::map<std::string, std::string>& files, const std::string& where) {
+SparseModel Parse(const Content& content, bool binary, const std::string& where) {
   SparseModel model;
-  const bool binary = files.count("cameras.bin") > 0;
   const auto need = [&](const char* stem, bool found) {
     if (found) return;
     throw InputError(fmt::format("{}: {}.{} is missing; a COLMAP model is cameras, images and points3D, .bin or .txt",
                                  where, stem, binary ? "bin" : "txt"));
   };
-  need("cameras", With(files, where, "cameras", binary, [&](auto in) { ReadCameras(std::move(in), model); }));
-  need("images", With(files, where, "images", binary, [&](auto in) { ReadImages(std::move(in), model); }));
-  need("points3D", With(files, where, "points3D", binary, [&](auto in) { ReadPoints(std::move(in), model); }));
-  With(files, where, "rigs", binary, [&](auto in) { ReadRigs(std::move(in), model); });
-  With(files, where, "frames", binary, [&](auto in) { ReadFrames(std::move(in), model); });
+  need("cameras", With(content, where, "cameras", binary, [&](auto in) { ReadCameras(std::move(in), model); }));
+  need("images", With(content, where, "images", binary, [&](auto in) { ReadImages(std::move(in), model); }));
+  need("points3D", With(content, where, "points3D", binary, [&](auto in) { ReadPoints(std::move(in), model); }));
+  With(content, where, "rigs", binary, [&](auto in) { ReadRigs(std::move(in), model); });
+  With(content, where, "frames", binary, [&](auto in) { ReadFrames(std::move(in), model); });
   CheckIds(model, where);
   return model;
+}
+
+}  // namespace
+
+SparseModel ParseColmapModel(const std::map<std::string, std::string>& files, const std::string& where) {
+  const auto content = [&files](const std::string& name) -> std::optional<std::string> {
+    const auto it = files.find(name);
+    return it == files.end() ? std::nullopt : std::optional(it->second);
+  };
+  return Parse(content, files.count("cameras.bin") > 0, where);
 }
 
 bool HasColmapModel(const fs::path& dir) {
@@ -496,13 +509,11 @@ SparseModel ReadColmapModel(const fs::path& dir) {
   if (!HasColmapModel(dir)) {
     throw InputError(dir.string() + ": no COLMAP model here; expected cameras, images and points3D, .bin or .txt");
   }
-  const std::string ending = fs::exists(dir / "cameras.bin") ? ".bin" : ".txt";
-  std::map<std::string, std::string> files;
-  for (const char* stem : {"cameras", "images", "points3D", "rigs", "frames"}) {
-    const fs::path file = dir / (stem + ending);
-    if (fs::is_regular_file(file)) files[stem + ending] = ReadBytes(file);
-  }
-  return ParseColmapModel(files, dir.string());
+  const auto content = [&dir](const std::string& name) -> std::optional<std::string> {
+    const fs::path file = dir / name;
+    return fs::is_regular_file(file) ? std::optional(ReadBytes(file)) : std::nullopt;
+  };
+  return Parse(content, fs::exists(dir / "cameras.bin"), dir.string());
 }
 
 }  // namespace trigpoint

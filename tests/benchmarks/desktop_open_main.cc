@@ -75,6 +75,7 @@ int main(int argc, char** argv) {
     WaitFor([&] { return loaded.count() >= 1; });
     QApplication::processEvents();
     std::printf("first picture after %.2f s\n", 1e-3 * static_cast<double>(timer.elapsed()));
+    std::printf("peak memory until then %.0f MiB\n", PeakMiB());
     WaitFor([&] { return loaded.count() >= 2; });
     QApplication::processEvents();
     std::printf("all points after %.2f s\n", 1e-3 * static_cast<double>(timer.elapsed()));

@@ -127,6 +127,11 @@ int main(int argc, char** argv) {
     WaitFor([&] { return loaded.count() >= 2; });
     window.workspace()->Select("station:" + station);
     Save(window, out, "scene");
+    if (auto* shading = window.scene()->findChild<QAbstractButton*>("scene.edl")) {
+      shading->setChecked(true);
+      Save(window, out, "shaded");
+      shading->setChecked(false);
+    }
     window.scene()->SetMode("plan");
     Save(window, out, "plan");
     window.scene()->SetMode("orbit");
