@@ -283,18 +283,30 @@ void CompareDesk::ShowScenes() {
       column->setContentsMargins(0, 0, 0, 0);
       side.title = new QLabel;
       side.title->setObjectName(QString("compare.title_") + (i == 0 ? "a" : "b"));
+      side.title->setWordWrap(true);
       side.scene = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
+      connect(side.scene, &SceneDesk::Loaded, this, &CompareDesk::ShowTitles);
       column->addWidget(side.title);
       column->addWidget(side.scene, 1);
       scenes_->layout()->addWidget(half);
     }
-    const QString name =
-        QString("%1: %2, %3").arg(i == 0 ? "A" : "B", side.result->currentText(), side.run->currentText());
-    side.title->setText(side.source ? name : tr("%1 (has errors only, no results to draw)").arg(name));
     side.scene->setVisible(side.source.has_value());
     if (side.source) side.scene->ShowResults(*side.source, side.run->currentData().toString());
   }
   sides_[1].scene->ShareCamera(sides_[0].scene);
+  ShowTitles();
+}
+
+void CompareDesk::ShowTitles() {
+  for (int i = 0; i < 2; ++i) {
+    const Side& side = sides_[i];
+    if (side.scene == nullptr) continue;
+    QString name = QString("%1: %2, %3").arg(i == 0 ? "A" : "B", side.result->currentText(), side.run->currentText());
+    if (!side.source) name = tr("%1 (has errors only, no results to draw)").arg(name);
+    const bool both = i == 1 && side.source && sides_[0].source && sides_[0].scene != nullptr;
+    const QString differs = both ? side.scene->DiffersFrom(*sides_[0].scene) : QString();
+    side.title->setText(differs.isEmpty() ? name : name + "\n" + differs);
+  }
 }
 
 }  // namespace trigpoint

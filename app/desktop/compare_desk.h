@@ -41,6 +41,7 @@ class CompareDesk : public QWidget {
   void Compare();
   void ShowErrors(const std::vector<ReviewedError>& rows, bool single);
   void ShowScenes();
+  void ShowTitles();               // of the scenes
   void Note(const QString& text);  // what is compared, or why nothing is
 
   Workspace* workspace_;

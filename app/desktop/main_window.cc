@@ -196,6 +196,8 @@ void MainWindow::MakeStatusBar() {
   cancel_->setObjectName("cancel");
   cancel_->hide();
   statusBar()->addWidget(progress_, 1);
+  statusBar()->addWidget(scene_->place(), 3);
+  scene_->place()->hide();
   statusBar()->addWidget(problem_, 2);
   // As high as with a problem, so that none moves what is above.
   statusBar()->setMinimumHeight(std::max(problem_->sizeHint().height(), cancel_->sizeHint().height()) + 4);

@@ -62,20 +62,30 @@ MeasurementList::MeasurementList(Workspace* workspace, QWidget* parent) : QTable
   hide();
 }
 
-void MeasurementList::Add(const Measurement& measurement) {
+int MeasurementList::Add(const Measurement& measurement) {
   all_.push_back(measurement);
   Show();
   scrollToBottom();
+  return cleared_ + static_cast<int>(all_.size()) - 1;
+}
+
+bool MeasurementList::Complete(int number, const Measurement& measurement) {
+  if (number < cleared_) return false;
+  all_.at(static_cast<size_t>(number - cleared_)) = measurement;
+  ShowRow(number - cleared_);
+  resizeColumnsToContents();
+  return true;
 }
 
 void MeasurementList::Clear() {
+  cleared_ += static_cast<int>(all_.size());
   all_.clear();
   Show();
 }
 
 void MeasurementList::Show() {
   setVisible(!all_.empty());
-  setRowCount(0);
+  setRowCount(static_cast<int>(all_.size()));
   const QString unit = workspace_->unit();
   const QStringList header{tr("from"),
                            tr("to"),
@@ -86,27 +96,29 @@ void MeasurementList::Show() {
                            tr("sigmas")};
   setColumnCount(header.size());
   setHorizontalHeaderLabels(header);
+  for (int row = 0; row < rowCount(); ++row) ShowRow(row);
+  resizeColumnsToContents();
+}
+
+void MeasurementList::ShowRow(int row) {
   const auto value = [](const std::optional<double>& v, const std::optional<double>& sigma, double scale) {
     QString text = v ? QString::number(*v / scale, 'f', 3) : QString();
     if (v && sigma) text += QString::fromUtf8(" \xc2\xb1 ") + QString::number(*sigma / scale, 'f', 3);
     return text;
   };
   const double metres = workspace_->metres_per_unit();
-  for (const Measurement& m : all_) {
-    const QStringList cells{m.from.name,
-                            m.to.name,
-                            value(m.slope_m, m.sigma_slope_m, metres),
-                            value(m.horizontal_m, m.sigma_horizontal_m, metres),
-                            value(m.height_m, m.sigma_height_m, metres),
-                            value(m.azimuth_deg, m.sigma_azimuth_deg, 1),
-                            !m.sigma_height_m ? QString()
-                            : m.joint         ? tr("joint")
+  const Measurement& m = all_[static_cast<size_t>(row)];
+  const QStringList cells{m.from.name,
+                          m.to.name,
+                          value(m.slope_m, m.sigma_slope_m, metres),
+                          value(m.horizontal_m, m.sigma_horizontal_m, metres),
+                          value(m.height_m, m.sigma_height_m, metres),
+                          value(m.azimuth_deg, m.sigma_azimuth_deg, 1),
+                          m.pending           ? tr("being computed ...")
+                          : !m.sigma_height_m ? QString()
+                          : m.joint           ? tr("joint")
                                               : tr("independent")};
-    const int row = rowCount();
-    insertRow(row);
-    for (int c = 0; c < cells.size(); ++c) setItem(row, c, new QTableWidgetItem(cells[c]));
-  }
-  resizeColumnsToContents();
+  for (int c = 0; c < cells.size(); ++c) setItem(row, c, new QTableWidgetItem(cells[c]));
 }
 
 void MeasurementList::Save(const QString& file, const QString& frame) const {
@@ -124,7 +136,7 @@ void MeasurementList::Save(const QString& file, const QString& frame) const {
     put(m.horizontal_m, 4), put(m.sigma_horizontal_m, 5);
     put(m.height_m, 4), put(m.sigma_height_m, 5);
     put(m.azimuth_deg, 4), put(m.sigma_azimuth_deg, 5);
-    csv.Text(!m.sigma_height_m ? "" : m.joint ? "joint" : "independent");
+    csv.Text(m.pending ? "pending" : !m.sigma_height_m ? "" : m.joint ? "joint" : "independent");
     csv.EndRow();
   }
   csv.Save(file.toStdString());

@@ -25,7 +25,8 @@ struct Measurement {
   MeasuredPlace from, to;
   double slope_m = 0, horizontal_m = 0, height_m = 0;
   std::optional<double> azimuth_deg;  // clockwise from north; not given where the frame has no north
-  bool joint = false;  // sigmas from the joint covariance of both places; else these are taken as independent
+  bool joint = false;    // sigmas from the joint covariance of both places; else these are taken as independent
+  bool pending = false;  // the joint covariance is being computed: no sigma is shown yet
   // 1 sigma; not given unless both places have theirs.
   std::optional<double> sigma_slope_m, sigma_horizontal_m, sigma_height_m, sigma_azimuth_deg;
 };
@@ -39,10 +40,13 @@ class MeasurementList : public QTableWidget {
 
  public:
   explicit MeasurementList(Workspace* workspace, QWidget* parent = nullptr);
-  void Add(const Measurement& measurement);
+  // Returns the number by which it is known.
+  int Add(const Measurement& measurement);
+  // In its place what is known now; false: the list was cleared meanwhile, and nothing happens.
+  bool Complete(int number, const Measurement& measurement);
   void Clear();
   const std::vector<Measurement>& measurements() const { return all_; }
-  // In metres and degrees. Throws IoError.
+  // In metres and degrees; `sigmas` is "pending" where they are being computed. Throws IoError.
   void Save(const QString& file, const QString& frame) const;
 
  signals:
@@ -51,9 +55,11 @@ class MeasurementList : public QTableWidget {
 
  private:
   void Show();
+  void ShowRow(int row);
 
   Workspace* workspace_;
   std::vector<Measurement> all_;
+  int cleared_ = 0;  // measurements that were in the list before
 };
 
 }  // namespace trigpoint

@@ -6,7 +6,6 @@
 #include <QCheckBox>
 #include <QClipboard>
 #include <QComboBox>
-#include <QFileDialog>
 #include <QKeyEvent>
 #include <QLabel>
 #include <QListWidget>
@@ -17,14 +16,12 @@
 #include <cmath>
 #include <map>
 
-#include "app/desktop/measurement.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/export/crs.h"
-#include "datasets/project/project.h"
 
 namespace trigpoint {
 
@@ -34,7 +31,7 @@ constexpr double kKeyTurn_deg = 5;
 constexpr double kKeyZoom = 1.2;
 constexpr double kNarrowest_deg = 5, kWidest_deg = 110;  // of the view from inside a panorama
 
-// In the project's CRS where that has metres or feet; else empty.
+// In the CRS where that has metres or feet; else empty.
 QString CrsText(const Geodetic& place, const Crs* crs) {
   if (crs == nullptr || crs->geographic()) return "";
   try {
@@ -52,22 +49,25 @@ bool SceneDesk::eventFilter(QObject* watched, QEvent* event) {
   switch (event->type()) {
     case QEvent::MouseButtonPress:
       pressed_ = static_cast<QMouseEvent*>(event)->localPos();
-      vtk_->pivot = vtk_->PlaceUnder(ratio * pressed_.x(), ratio * pressed_.y());
+      vtk_->pivot = vtk_->Aim(ratio * pressed_);
       break;
     case QEvent::MouseButtonRelease: {
       const auto* mouse = static_cast<QMouseEvent*>(event);
-      if (mouse->button() == Qt::LeftButton && (mouse->localPos() - pressed_).manhattanLength() < 4) {
-        PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y());
-      }
-      if (mouse->button() == Qt::RightButton && (mouse->localPos() - pressed_).manhattanLength() < 4 &&
-          !measure_->isChecked() && !PickAt(ratio * mouse->localPos().x(), ratio * mouse->localPos().y()).isEmpty()) {
-        workspace_->AskMenu(workspace_->selected(), mouse->globalPos());
+      if ((mouse->localPos() - pressed_).manhattanLength() >= 4) break;
+      const QPointF at = ratio * mouse->localPos();
+      if (mouse->button() == Qt::LeftButton) PickAt(at.x(), at.y());
+      if (mouse->button() == Qt::RightButton && !measure_->isChecked()) {
+        workspace_->AskMenu(ObjectAt(at), mouse->globalPos());
       }
       break;
     }
-    case QEvent::MouseButtonDblClick:
-      if (!workspace_->selected().isEmpty()) emit Activated(workspace_->selected());
+    case QEvent::MouseButtonDblClick: {
+      const auto* mouse = static_cast<QMouseEvent*>(event);
+      if (mouse->button() != Qt::LeftButton || measure_->isChecked()) break;
+      const QString object = ObjectAt(ratio * mouse->localPos());
+      if (!object.isEmpty()) emit Activated(object);
       break;
+    }
     case QEvent::MouseMove: Hover(ratio * static_cast<QMouseEvent*>(event)->localPos()); break;
     case QEvent::Wheel: {
       const auto* wheel = static_cast<QWheelEvent*>(event);
@@ -113,6 +113,7 @@ bool SceneDesk::PressKey(QKeyEvent* event) {
     case Qt::Key_Home: ShowAll(); break;
     case Qt::Key_F: LookAt(workspace_->selected()); break;
     case Qt::Key_Escape:
+      stepping_.reset();
       if (inside()) StepOutside();
       break;
     case Qt::Key_PageDown: StepBy(1); break;
@@ -145,7 +146,7 @@ void SceneDesk::ZoomAt(const QPointF& at, double factor) {
     camera->SetViewAngle(std::clamp(camera->GetViewAngle() / factor, kNarrowest_deg, kWidest_deg));
   } else {
     const Eigen::Vector3d eye(camera->GetPosition()), focus(camera->GetFocalPoint());
-    const Eigen::Vector3d place = vtk_->PlaceUnder(at.x(), at.y());
+    const Eigen::Vector3d place = vtk_->Aim(at);
     // What is under the mouse stays there.
     if (camera->GetParallelProjection()) {
       const Eigen::Vector3d ahead = (focus - eye).normalized();
@@ -173,79 +174,25 @@ void SceneDesk::ShowAll() {
 
 void SceneDesk::Hover(const QPointF& at) {
   const SceneModel* model = vtk_->model();
-  if (model == nullptr || inside() || model->Empty()) return place_->clear();
+  if (model == nullptr || inside() || model->Empty()) return SayPlace("");
   const Eigen::Vector3d p = vtk_->PlaceUnder(at.x(), at.y());
   const double metres = workspace_->metres_per_unit();
   const auto length = [&](double value) { return QString::number(value / metres, 'f', 2); };
   QString text = (model->on_earth ? tr("E %1  N %2  U %3 %4") : tr("x %1  y %2  z %3 %4"))
                      .arg(length(p.x()), length(p.y()), length(p.z()), workspace_->unit());
-  const auto& snapshot = workspace_->snapshot();
-  if (model->on_earth && snapshot && snapshot->project->has_frame()) {
-    const Geodetic place = snapshot->project->frame().GeodeticFromEnu(p);
+  if (vtk_->scene->frame) {
+    const Geodetic place = vtk_->scene->frame->GeodeticFromEnu(p);
     text += QString("   WGS 84 %1, %2").arg(place.latitude_deg, 0, 'f', 7).arg(place.longitude_deg, 0, 'f', 7);
-    const QString in_crs = CrsText(place, ProjectCrs());
+    const QString in_crs = CrsText(place, vtk_->scene->crs.get());
     if (!in_crs.isEmpty()) text += "   " + in_crs;
   }
+  SayPlace(text);
+}
+
+void SceneDesk::SayPlace(const QString& text) {
   place_->setText(text);
-}
-
-std::optional<Eigen::Matrix3d> SceneDesk::JointCovariance(const MeasuredPlace& from, const MeasuredPlace& to) {
-  // Results of another project, or of a release, are drawn, not solved.
-  if (!from.thing || !to.thing || !workspace_->snapshot() || source_) return std::nullopt;
-  QApplication::setOverrideCursor(Qt::WaitCursor);
-  std::optional<Eigen::Matrix3d> between;
-  try {
-    between = CovarianceBetween(*workspace_->snapshot()->project, variant_->currentData().toString().toStdString(),
-                                vtk_->model()->on_earth, *from.thing, *to.thing);
-  } catch (const std::exception& e) {
-    emit workspace_->Problem(QString::fromUtf8(e.what()), tr("The two places are taken as independent."));
-  }
-  QApplication::restoreOverrideCursor();
-  return between;
-}
-
-void SceneDesk::MeasureTo(const ScenePick& pick) {
-  const QString what = pick.name.empty() ? QString::fromStdString(pick.layer) : QString::fromStdString(pick.name);
-  MeasuredPlace place{what, pick.position, pick.sigma_m, std::nullopt};
-  static const std::map<std::string, SceneThing::Kind> kKinds = {{"cameras", SceneThing::Kind::kCamera},
-                                                                 {"panoramas", SceneThing::Kind::kPanorama},
-                                                                 {"tags", SceneThing::Kind::kTag}};
-  if (const auto kind = kKinds.find(pick.layer); kind != kKinds.end()) {
-    place.thing = SceneThing{kind->second, pick.run, pick.name, pick.position};
-  }
-  if (!measured_from_) {
-    vtk_->Clear(vtk_->measure);
-    measured_from_ = std::make_unique<MeasuredPlace>(place);
-    vtk_->AddRing(vtk_->measure, place.position, 0.3);
-    Say(tr("from %1").arg(QString::fromStdString(pick.text)));
-  } else {
-    const Measurement m =
-        MeasureBetween(*measured_from_, place, vtk_->model()->on_earth, JointCovariance(*measured_from_, place));
-    measured_from_.reset();
-    const QString length = workspace_->Length(m.slope_m);
-    vtk_->AddLine(m.from.position, m.to.position, length.toStdString());
-    measurements_->Add(m);
-    QString text = tr("%1 to %2").arg(length, QString::fromStdString(pick.text));
-    text += "\n" + tr("horizontal %1, height difference %2")
-                       .arg(workspace_->Length(m.horizontal_m), workspace_->Length(m.height_m));
-    if (m.azimuth_deg) text += tr(", azimuth %1 deg").arg(*m.azimuth_deg, 0, 'f', 3);
-    Say(text);
-  }
-  Render();
-}
-
-void SceneDesk::SaveMeasurements() {
-  QFileDialog dialog(this, tr("Save the measurements"), QString(), tr("CSV (*.csv)"));
-  dialog.setAcceptMode(QFileDialog::AcceptSave);
-  dialog.setDefaultSuffix("csv");
-  dialog.selectFile("measurements.csv");
-  if (dialog.exec() != QDialog::Accepted || dialog.selectedFiles().isEmpty()) return;
-  try {
-    measurements_->Save(dialog.selectedFiles().first(),
-                        vtk_->model() == nullptr ? "" : QString::fromStdString(vtk_->model()->frame));
-  } catch (const std::exception& e) {
-    emit workspace_->Problem(QString::fromUtf8(e.what()), "");
-  }
+  // Below the view of two side by side it keeps its room, in the status bar it leaves it to others.
+  if (kind_ == Kind::kFull) place_->setVisible(!text.isEmpty());
 }
 
 void SceneDesk::FollowSlider() {
@@ -278,12 +225,13 @@ void SceneDesk::StepBy(int by) {
   const SceneModel* model = vtk_->model();
   if (model == nullptr || !inside()) return;
   const ScenePanorama& here = model->panoramas[vtk_->inside];
+  const size_t from = stepping_.value_or(vtk_->inside);  // as fast as the keys are pressed
   std::vector<size_t> others;
   for (size_t i = 0; i < model->panoramas.size(); ++i) {
     const ScenePanorama& p = model->panoramas[i];
     if (p.run == here.run && p.kind == ReferenceKind::kPanorama && !p.file.empty()) others.push_back(i);
   }
-  const auto at = std::find(others.begin(), others.end(), vtk_->inside);
+  const auto at = std::find(others.begin(), others.end(), from);
   if (at == others.end() || others.size() < 2) return;
   const auto count = static_cast<std::ptrdiff_t>(others.size());
   const std::ptrdiff_t next = ((at - others.begin()) + by + count) % count;

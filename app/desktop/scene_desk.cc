@@ -34,9 +34,11 @@
 #include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
+#include "calib/base/error.h"
 #include "calib/base/memory.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
+#include "eval/release/compared.h"
 
 namespace trigpoint {
 
@@ -58,6 +60,32 @@ std::string ObjectOf(const ScenePick& pick) {
   if (pick.layer == "control") return "control:" + pick.name;
   if (pick.layer == "points") return "point:" + pick.run + "/" + pick.name;
   return "";
+}
+
+// A release keeps the origin that its results were computed with.
+std::optional<LocalFrame> FrameOf(const Project& project, const std::string& release) {
+  if (!release.empty()) {
+    const auto record = ReadJsonOrNothing(project.dir() / "releases" / release / "release.json");
+    const auto origin = record.find("origin");
+    if (origin != record.end() && origin->is_array() && origin->size() == 3) {
+      return LocalFrame({(*origin)[0].get<double>(), (*origin)[1].get<double>(), (*origin)[2].get<double>()});
+    }
+  }
+  return project.has_frame() ? std::make_optional(project.frame()) : std::nullopt;
+}
+
+std::shared_ptr<const LoadedScene> LoadAll(const Project& project, const SceneOptions& options) {
+  const auto scene = std::make_shared<LoadedScene>();
+  scene->model = LoadScene(project, options);
+  ReturnFreeMemory();  // of the sparse models, before the points are drawn
+  if (!scene->model.on_earth) return scene;
+  scene->frame = FrameOf(project, options.release);
+  try {
+    if (scene->frame && !project.crs().empty())
+      scene->crs = std::make_shared<const Crs>(Crs::Named(project.crs(), scene->frame->origin()));
+  } catch (const Error&) {  // needs PROJ, which isn't there; or is said elsewhere to be wrong
+  }
+  return scene;
 }
 
 // The names of the layers, for lupdate, which finds no string that is put together elsewhere.
@@ -136,6 +164,12 @@ void SceneDesk::MakeControls() {
   text_->setObjectName("scene.text");
   text_->setWordWrap(true);
   text_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  note_ = new QLabel;
+  note_->setObjectName("scene.note");
+  note_->setAccessibleName(tr("Notes on the scene"));
+  note_->setWordWrap(true);
+  note_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  note_->hide();
   camera_ = new QLabel;
   place_ = new QLabel;
   place_->setObjectName("scene.place");
@@ -200,6 +234,7 @@ void SceneDesk::Arrange() {
   column->setContentsMargins(0, 0, 0, 0);
   column->addWidget(ArrangeLook(), 3);
   column->addWidget(text_);
+  column->addWidget(note_);
   column->addWidget(picture_, 2);
   auto* top = new FlowLayout;
   for (QWidget* w : std::initializer_list<QWidget*>{mode_, variant_, measure_, edl_, step_, previous_, next_,
@@ -216,7 +251,7 @@ void SceneDesk::Arrange() {
   rows->setContentsMargins(0, 0, 0, 0);
   rows->addLayout(top);
   rows->addWidget(vtk_->widget, 1);
-  rows->addWidget(place_);
+  if (kind_ == Kind::kCompact) rows->addWidget(place_);
   rows->addLayout(bottom);
   rows->addWidget(measurements_);
   measurements_->setMaximumHeight(6 * fontMetrics().height() + 20);
@@ -260,7 +295,8 @@ void SceneDesk::ConnectControls() {
   connect(follow_, &QCheckBox::toggled, this, [this] { ShowCamera(time_->value()); });
   connect(measure_, &QCheckBox::toggled, this, [this](bool on) {
     measured_from_.reset();
-    if (!on) vtk_->Clear(vtk_->measure);
+    if (!on) ForgetMeasured();
+    if (!on) Note("");
     Render();
   });
   connect(step_, &QPushButton::clicked, this, [this] {
@@ -268,7 +304,7 @@ void SceneDesk::ConnectControls() {
     for (const std::string& object : workspace_->related()) {
       if (object.starts_with("panorama:") && StepInside(QString::fromStdString(object.substr(9)))) return;
     }
-    Say(tr("Select a localized panorama first."));
+    Note(tr("Select a localized panorama first."));
   });
   connect(screenshot_, &QPushButton::clicked, this, [this] {
     bool ok = false;
@@ -304,6 +340,7 @@ void SceneDesk::ConnectWorkspace() {
   connect(workspace_, &Workspace::Replaced, this, &SceneDesk::Forget);
   connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowSelected);
+  connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowMeasured);
 }
 
 void SceneDesk::ConnectLook() {
@@ -334,7 +371,7 @@ void SceneDesk::ConnectLook() {
   connect(measurements_, &MeasurementList::SaveRequested, this, &SceneDesk::SaveMeasurements);
   connect(measurements_, &MeasurementList::ClearRequested, this, [this] {
     measurements_->Clear();
-    vtk_->Clear(vtk_->measure);
+    ForgetMeasured();
     Render();
   });
 }
@@ -355,6 +392,11 @@ SceneDesk::~SceneDesk() {
 bool SceneDesk::HasScene() const { return vtk_->view != nullptr; }
 QStringList SceneDesk::Highlighted() const { return vtk_->highlighted; }
 bool SceneDesk::inside() const { return vtk_->sphere != nullptr; }
+
+void SceneDesk::hideEvent(QHideEvent* event) {
+  QWidget::hideEvent(event);
+  SayPlace("");
+}
 
 void SceneDesk::showEvent(QShowEvent* event) {
   QWidget::showEvent(event);
@@ -411,13 +453,9 @@ void SceneDesk::Load() {
           options.max_cameras = kMostCameras;
           if (points == 0) options.aerial_px = 0;
           if (points == 0 || snapshot->references.size() > kMostTextures) options.panorama_width_px = 0;
-          const auto scene = std::make_shared<LoadedScene>();
           std::vector<std::string> problems;
-          scene->model = source.project == snapshot->dir
-                             ? LoadScene(*snapshot->project, options)
-                             : LoadScene(Project::OpenTolerant(source.project, &problems), options);
-          ReturnFreeMemory();  // of the sparse models, before the points are drawn
-          return std::shared_ptr<const LoadedScene>(scene);
+          return source.project == snapshot->dir ? LoadAll(*snapshot->project, options)
+                                                 : LoadAll(Project::OpenTolerant(source.project, &problems), options);
         },
         [this, generation, points](const Attempted<std::shared_ptr<const LoadedScene>>& loaded) {
           if (generation != generation_) return;
@@ -437,17 +475,17 @@ void SceneDesk::Load() {
           vtk_->view->AddTo(vtk_->renderer);
           ShowBackground();
           if (!vtk_->looked) {
-            vtk_->view->LookOblique(vtk_->renderer);
+            ShowAll();
             vtk_->looked = !vtk_->scene->model.Empty();
           }
+          QStringList notes;
+          for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
+          if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
+          load_notes_ = notes.join("\n");
           ShowLayers();
           ShowSelected();
           if (!look_at_.isEmpty()) LookAt(std::exchange(look_at_, QString()));
           Render();
-          QStringList notes;
-          for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
-          if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
-          if (!notes.isEmpty()) Say(notes.join("\n"));
           FetchRgb();
           emit Loaded();
         });
@@ -457,8 +495,8 @@ void SceneDesk::Load() {
 void SceneDesk::ClearScene() {
   vtk_->widget->makeCurrent();
   vtk_->Clear(vtk_->highlights);
-  vtk_->Clear(vtk_->measure);
-  measured_from_.reset();
+  ForgetMeasured();
+  stepping_.reset();
   vtk_->highlighted.clear();
   if (inside()) UseStyle(mode());
   vtk_->HideSky();
@@ -471,6 +509,7 @@ void SceneDesk::ClearScene() {
 
 void SceneDesk::Forget() {
   ++generation_;
+  ++shown_;
   ClearScene();
   stale_ = false;
   look_at_.clear();
@@ -483,10 +522,12 @@ void SceneDesk::Forget() {
   run_->clear();
   time_->setRange(0, 0);
   camera_->clear();
-  place_->clear();
+  SayPlace("");
   measurements_->Clear();
   picture_->SetMarks({});
   picture_->SetPicture({}, "");
+  load_notes_.clear();
+  Note("");
   Say("");
   Render();
 }
@@ -528,9 +569,11 @@ void SceneDesk::ShowLayers() {
 }
 
 void SceneDesk::ShowSelected() {
+  ++shown_;
   vtk_->Clear(vtk_->highlights);
   vtk_->highlighted.clear();
   if (!vtk_->view) return;
+  Note("");  // what was done before is of another selection
   vtk_->view->SetUnit({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
   QStringList texts;
   for (const std::string& object : workspace_->related()) {
@@ -540,14 +583,22 @@ void SceneDesk::ShowSelected() {
     const bool small = object.starts_with("image:") || object.starts_with("point:");
     for (const ScenePick& pick : found) {
       // From inside a panorama the ring of its own mark would surround the viewer.
-      if (pick.layer != "errors" && !inside()) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
+      const bool own =
+          inside() && pick.layer == "panoramas" && pick.name == vtk_->scene->model.panoramas[vtk_->inside].panorama;
+      if (pick.layer != "errors" && !own) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
       const QString text = QString::fromStdString(pick.text);
       if (pick.layer != "errors" && !texts.contains(text)) texts << text;  // errors stand on the station's card
     }
   }
   texts.sort();
-  if (!texts.isEmpty())
-    Say(texts.join("\n") + "\n" + tr("frame: %1").arg(QString::fromStdString(vtk_->scene->model.frame)));
+  if (!texts.isEmpty()) texts << tr("frame: %1").arg(QString::fromStdString(vtk_->scene->model.frame));
+  const QString& selected = workspace_->selected();
+  const bool there = selected.isEmpty() || !vtk_->Find(selected.toStdString()).empty();
+  // A tag or control point stands in for a station that isn't localized; a detection is its image and its tag.
+  if (!there && texts.isEmpty()) texts << tr("%1 is not in the scene.").arg(selected);
+  if (!there && !selected.startsWith("detection:") && vtk_->highlighted.size() > 0)
+    texts.prepend(tr("%1 is not in the scene; what belongs to it is:").arg(selected));
+  Say(texts.join("\n"));
   Render();
   ShowPicture();
   FollowSlider();
@@ -572,8 +623,8 @@ void SceneDesk::ShowPicture() {
           }
           return {};
         },
-        [this, object, of = workspace_->selected(), generation = generation_](const Attempted<QImage>& image) {
-          if (generation != generation_ || workspace_->selected() != of) return;
+        [this, object, selection = shown_](const Attempted<QImage>& image) {
+          if (selection != shown_) return;
           picture_->SetMarks({});
           picture_->SetPicture(image.value, image.error.isEmpty()
                                                 ? QString::fromStdString(object.substr(object.find(':') + 1))
@@ -581,6 +632,8 @@ void SceneDesk::ShowPicture() {
         });
     return;
   }
+  picture_->SetMarks({});
+  picture_->SetPicture({}, "");
 }
 
 // The images that see the point, and the first of them with the point marked.
@@ -612,8 +665,8 @@ void SceneDesk::ShowPointPicture(const std::string& name) {
         seen.picture = LoadRunPicture(*snapshot->project, run, seen.images.front());
         return seen;
       },
-      [this, of = workspace_->selected(), generation = generation_](const Attempted<Seen>& seen) {
-        if (generation != generation_ || workspace_->selected() != of) return;
+      [this, selection = shown_](const Attempted<Seen>& seen) {
+        if (selection != shown_) return;
         if (seen.value.images.empty()) return Say(text_->text() + "\n" + seen.error);
         QStringList images;
         for (const std::string& image : seen.value.images) images << QString::fromStdString(image);
@@ -630,18 +683,19 @@ void SceneDesk::ShowPointPicture(const std::string& name) {
 }
 
 QString SceneDesk::PickAt(double x, double y) {
-  if (!vtk_->view) return "";
-  const auto pick = vtk_->view->Pick(vtk_->renderer, x, vtk_->window->GetSize()[1] - 1 - y);
+  const auto pick = vtk_->Pick({x, y});
   if (!pick) return "";
+  if (measure_->isChecked()) return MeasureTo(*pick);
   const QString text = QString::fromStdString(pick->text);
-  if (measure_->isChecked()) {
-    MeasureTo(*pick);
-    return text_->text();
-  }
-  Say(text);
   const std::string object = ObjectOf(*pick);
   if (!object.empty()) workspace_->Select(QString::fromStdString(object));  // says what belongs to it, too
+  if (object.empty() || pick->layer == "errors") Note(text);
   return text;
+}
+
+QString SceneDesk::ObjectAt(const QPointF& at) const {
+  const auto pick = vtk_->Pick(at);
+  return pick ? QString::fromStdString(ObjectOf(*pick)) : QString();
 }
 
 std::vector<std::pair<std::string, double>> SceneDesk::ErrorsAt(const QString& object) const {
@@ -686,6 +740,7 @@ bool SceneDesk::StepInside(const QString& panorama) {
 }
 
 void SceneDesk::StepInto(size_t panorama) {
+  stepping_ = panorama;
   InBackground(
       this,
       [file = vtk_->model()->panoramas[panorama].file]() -> cv::Mat {
@@ -695,7 +750,8 @@ void SceneDesk::StepInto(size_t panorama) {
         return picture;
       },
       [this, panorama, generation = generation_](const Attempted<cv::Mat>& picture) {
-        if (generation != generation_) return;
+        if (generation != generation_ || stepping_ != panorama) return;  // another one was asked for, or none any more
+        stepping_.reset();
         if (!picture.error.isEmpty()) {
           emit workspace_->Problem(picture.error, tr("The panorama is not shown."));
           return;
@@ -706,7 +762,6 @@ void SceneDesk::StepInto(size_t panorama) {
         vtk_->inside = panorama;
         vtk_->ShadeByDepth(false);
         ListInside();
-        vtk_->Clear(vtk_->highlights);
         // Over the picture only what is seen in it.
         for (const std::string& layer : SceneView::Layers()) {
           const bool over = layer == "points" || layer == "tags" || layer == "labels";
@@ -714,14 +769,22 @@ void SceneDesk::StepInto(size_t panorama) {
         }
         UseStyle("inside");
         step_->setText(tr("Step &outside"));
-        Say(tr("inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others")
-                .arg(QString::fromStdString(shown.panorama), QString::fromStdString(shown.run)));
+        // The card and the other desks go along.
+        const std::string object = "panorama:" + shown.panorama;
+        if (workspace_->related().count(object) > 0) {
+          ShowSelected();
+        } else {
+          workspace_->Select(QString::fromStdString(object));
+        }
+        Note(tr("inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others")
+                 .arg(QString::fromStdString(shown.panorama), QString::fromStdString(shown.run)));
         Render();
         emit SteppedInside();
       });
 }
 
 void SceneDesk::StepOutside() {
+  stepping_.reset();
   vtk_->widget->makeCurrent();
   vtk_->HideSky();
   vtk_->ShadeByDepth(edl_->isChecked());
@@ -756,10 +819,29 @@ std::vector<double> SceneDesk::Turn(int steps) {
 
 void SceneDesk::LookAt(const QString& object) {
   look_at_ = vtk_->view ? QString() : object;
-  const std::vector<ScenePick> found = vtk_->Find(object.toStdString());
-  if (found.empty() || inside()) return;
-  vtk_->LookNear(found.front().position);
+  if (!vtk_->view || !workspace_->snapshot() || inside() || object.isEmpty()) return;
+  Eigen::AlignedBox3d box;
+  for (const std::string& related : workspace_->snapshot()->Related(object.toStdString())) {
+    for (const ScenePick& pick : vtk_->Find(related)) box.extend(pick.position);
+  }
+  if (box.isEmpty()) return Note(tr("%1 is not in the scene.").arg(object));
+  vtk_->Fit(box);
   Render();
+}
+
+QString SceneDesk::DiffersFrom(const SceneDesk& other) const {
+  if (!vtk_->scene || !other.vtk_->scene) return "";
+  const SceneModel &here = vtk_->scene->model, &there = other.vtk_->scene->model;
+  if (here.Empty() || there.Empty()) return "";
+  if (here.frame != there.frame) {
+    return tr("The two are in different frames and do not lie over each other: %1, and %2.")
+        .arg(QString::fromStdString(there.frame), QString::fromStdString(here.frame));
+  }
+  if (!vtk_->scene->frame || !other.vtk_->scene->frame) return "";
+  const double off_m = vtk_->scene->frame->EnuFromGeodetic(other.vtk_->scene->frame->origin()).norm();
+  if (off_m < 0.001) return "";
+  return tr("The origins of the two are %1 apart: the same place is not drawn at the same place.")
+      .arg(workspace_->Length(off_m));
 }
 
 void SceneDesk::UseStyle(const QString& mode) {
@@ -777,6 +859,7 @@ void SceneDesk::SetMode(const QString& mode) {
   UseStyle(mode);
   PlaceOverlays();
   ShowAll();
+  if (twin_ != nullptr && twin_->mode() != mode) twin_->SetMode(mode);  // one camera cannot be in two
 }
 
 void SceneDesk::ShowCamera(int index) {
@@ -785,8 +868,14 @@ void SceneDesk::ShowCamera(int index) {
   const SceneCamera& camera = model->cameras[static_cast<size_t>(vtk_->cameras[static_cast<size_t>(index)])];
   camera_->setText(QString::fromStdString(camera.image));
   workspace_->Select(QString::fromStdString("image:" + camera.run + "/" + camera.image));
-  if (!follow_->isChecked()) return;
-  vtk_->LookThrough(camera);
+  if (!follow_->isChecked() || inside()) return;  // one stands at the panorama's centre
+  if (mode() == "plan") {
+    const Eigen::Vector3d focus(vtk_->renderer->GetActiveCamera()->GetFocalPoint());
+    const Eigen::Vector3d away = camera.world_from_cam.translation - focus;
+    vtk_->Move({away.x(), away.y(), 0});
+  } else {
+    vtk_->LookThrough(camera);
+  }
   Render();
 }
 
@@ -796,5 +885,10 @@ void SceneDesk::Render() {
 }
 
 void SceneDesk::Say(const QString& text) { text_->setText(text); }
+
+void SceneDesk::Note(const QString& text) {
+  note_->setText(load_notes_.isEmpty() || text.isEmpty() ? load_notes_ + text : load_notes_ + "\n" + text);
+  note_->setVisible(!note_->text().isEmpty());
+}
 
 }  // namespace trigpoint

@@ -7,6 +7,7 @@
 #include <QWidget>
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "app/desktop/workspace.h"
@@ -28,10 +29,10 @@ namespace trigpoint {
 
 class MeasurementList;
 class PictureView;
-class Crs;
 class PlanOverlay;
 class ViewCube;
 struct MeasuredPlace;
+struct Measurement;
 struct PlanFrame;
 struct ScenePick;
 
@@ -63,7 +64,9 @@ class SceneDesk : public QWidget {
   void ShowResults(const SceneSource& source, const QString& run);
   // Both views are turned and moved together from now on.
   void ShareCamera(SceneDesk* other);
-  // Near an object, from where one looks now; as soon as the scene is there.
+  // What keeps this scene and another under one camera from lying over each other, in a sentence; empty: nothing.
+  QString DiffersFrom(const SceneDesk& other) const;
+  // An object and what belongs to it, in the direction one looks now; as soon as the scene is there.
   void LookAt(const QString& object);
   // "orbit", "fly", "plan".
   void SetMode(const QString& mode);
@@ -73,6 +76,8 @@ class SceneDesk : public QWidget {
   MeasurementList* measurements() const { return measurements_; }
   ViewCube* cube() const { return cube_; }
   PlanOverlay* plan_overlay() const { return overlay_; }
+  // Coordinates under the mouse, for the window's status bar; two side by side show their own.
+  QLabel* place() const { return place_; }
   // From a side of the scene, as a click on the cube does; `from`: towards the viewer.
   void LookFrom(const Eigen::Vector3d& from);
   size_t PointsShown() const;
@@ -86,6 +91,7 @@ class SceneDesk : public QWidget {
  protected:
   bool eventFilter(QObject* watched, QEvent* event) override;
   void showEvent(QShowEvent* event) override;
+  void hideEvent(QHideEvent* event) override;
   void changeEvent(QEvent* event) override;
 
  private:
@@ -112,11 +118,16 @@ class SceneDesk : public QWidget {
   bool PressKey(QKeyEvent* event);
   bool LookFromKey(int key);
   void Hover(const QPointF& at);  // says where the mouse is
+  void SayPlace(const QString& text);
+  QString ObjectAt(const QPointF& at) const;  // device pixels; empty: none
   void ShowAll();
   void StepInto(size_t panorama);  // index into the model
   void StepBy(int by);             // to the next panorama of the run one stands in
-  void MeasureTo(const ScenePick& pick);
-  std::optional<Eigen::Matrix3d> JointCovariance(const MeasuredPlace& from, const MeasuredPlace& to);
+  MeasuredPlace PlaceMeasured(const ScenePick& pick) const;
+  QString MeasureTo(const ScenePick& pick);  // returns what it says
+  void SolveMeasured();
+  QString ShowMeasured();  // in the unit shown
+  void ForgetMeasured();   // what is drawn of it
   void SaveMeasurements();
   void ShowOpacity();
   void SetOpacity(int percent);  // of the chosen layer
@@ -128,10 +139,10 @@ class SceneDesk : public QWidget {
   void PlaceOverlays();  // and shows those that belong to the mode
   bool IsChecked(const QString& layer) const;
   PlanFrame PlanOf() const;
-  const Crs* ProjectCrs() const;  // null: none, or not known here
-  void ListInside();              // runs that have the panorama one stands in
+  void ListInside();  // runs that have the panorama one stands in
   void Render();
-  void Say(const QString& text);
+  void Say(const QString& text);   // of the selection
+  void Note(const QString& text);  // of what was done last, below what is to be known of the scene
   void ShowBackground();
 
   Workspace* workspace_;
@@ -150,10 +161,12 @@ class SceneDesk : public QWidget {
   QToolButton *previous_, *next_;
   ViewCube* cube_ = nullptr;
   PlanOverlay* overlay_ = nullptr;
-  QLabel *text_, *camera_, *place_;
+  QLabel *text_, *note_, *camera_, *place_;
+  QString load_notes_;
   MeasurementList* measurements_;
   std::unique_ptr<MeasuredPlace> measured_from_;
-  std::map<std::string, int> opacities_;  // percent, by layer; others are 100
+  std::unique_ptr<Measurement> measured_;  // whose line is drawn
+  std::map<std::string, int> opacities_;   // percent, by layer; others are 100
   PictureView* picture_;
   QPointF pressed_;
   SceneDesk* twin_ = nullptr;
@@ -161,11 +174,11 @@ class SceneDesk : public QWidget {
   std::optional<SceneSource> source_;  // nothing: the opened project's, with the chosen variant
   QString only_run_, look_at_;
   std::shared_ptr<const Snapshot> shown_from_;
-  mutable std::shared_ptr<const Crs> crs_;  // of `crs_of_`
-  mutable std::string crs_of_;
-  bool picturing_ = false;  // what is rendered is a picture to be saved
-  bool stale_ = false;      // to be loaded when it is seen
+  std::optional<size_t> stepping_;  // the panorama that is being read, to step into it
+  bool picturing_ = false;          // what is rendered is a picture to be saved
+  bool stale_ = false;              // to be loaded when it is seen
   int generation_ = 0;
+  int shown_ = 0;  // selections so far
 };
 
 }  // namespace trigpoint

@@ -20,7 +20,6 @@
 #include "app/desktop/scene_vtk.h"
 #include "calib/base/error.h"
 #include "datasets/export/crs.h"
-#include "datasets/project/project.h"
 
 namespace trigpoint {
 
@@ -162,7 +161,7 @@ void SceneDesk::FetchRgb() {
   const bool wanted = static_cast<PointColour>(colour_->currentData().toInt()) == PointColour::kPicture;
   if (!wanted || !vtk_->scene || vtk_->rgb_of == vtk_->scene || vtk_->scene->model.points.empty()) return;
   vtk_->rgb_of = vtk_->scene;
-  Say(tr("Reading the points' colours from the pictures ..."));
+  Note(tr("Reading the points' colours from the pictures ..."));
   InBackground(
       this,
       [scene = vtk_->scene] {
@@ -171,25 +170,11 @@ void SceneDesk::FetchRgb() {
       },
       [this, scene = vtk_->scene](const Attempted<std::vector<std::array<uint8_t, 3>>>& colours) {
         if (scene != vtk_->scene || !vtk_->view) return;
-        if (!colours.error.isEmpty()) return Say(colours.error);
+        if (!colours.error.isEmpty()) return Note(colours.error);
         vtk_->view->SetPointRgb(colours.value);
-        Say("");
+        Note("");
         Render();
       });
-}
-
-const Crs* SceneDesk::ProjectCrs() const {
-  const auto& snapshot = workspace_->snapshot();
-  if (!snapshot || !snapshot->project->has_frame() || snapshot->project->crs().empty()) return nullptr;
-  if (crs_of_ != snapshot->project->crs()) {
-    crs_of_ = snapshot->project->crs();
-    try {
-      crs_ = std::make_shared<const Crs>(Crs::Named(crs_of_, snapshot->project->frame().origin()));
-    } catch (const Error&) {  // needs PROJ, which isn't there; or is said elsewhere to be wrong
-      crs_.reset();
-    }
-  }
-  return crs_.get();
 }
 
 PlanFrame SceneDesk::PlanOf() const {
@@ -209,12 +194,10 @@ PlanFrame SceneDesk::PlanOf() const {
   frame.origin = plain(origin);
   frame.a = (plain(right) - plain(origin)) / 100;
   frame.b = (plain(down) - plain(origin)) / 100;
-  const Crs* crs = model->on_earth ? ProjectCrs() : nullptr;
+  const Crs* crs = vtk_->scene->crs.get();
   if (crs == nullptr || crs->geographic()) return frame;
   try {
-    const auto at = [&](const Eigen::Vector3d& p) {
-      return crs->FromGeodetic(workspace_->snapshot()->project->frame().GeodeticFromEnu(p));
-    };
+    const auto at = [&](const Eigen::Vector3d& p) { return crs->FromGeodetic(vtk_->scene->frame->GeodeticFromEnu(p)); };
     frame.origin = at(origin);
     frame.a = (at(right) - at(origin)) / 100;
     frame.b = (at(down) - at(origin)) / 100;

@@ -21,8 +21,9 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kFarGround = 4;  // times as far as what one looks at, the ground is no longer meant
-constexpr double kNear_m = 16;    // from what is looked at
+constexpr double kFarGround = 4;      // times as far as what one looks at, the ground is no longer meant
+constexpr double kLeastRadius_m = 5;  // of what is looked at
+constexpr double kMargin = 1.2;       // about it
 constexpr int kSkyColumns = 128, kSkyRows = 64;
 
 }  // namespace
@@ -99,6 +100,18 @@ Eigen::Vector3d SceneDesk::Vtk::PlaceUnder(double x, double y) const {
   return t > 0 && t < kFarGround ? Eigen::Vector3d(from + t * ray) : at_focus;
 }
 
+std::optional<ScenePick> SceneDesk::Vtk::Pick(const QPointF& at) const {
+  if (!view) return std::nullopt;
+  return view->Pick(renderer, at.x(), window->GetSize()[1] - 1 - at.y());
+}
+
+Eigen::Vector3d SceneDesk::Vtk::Aim(const QPointF& at) const {
+  // Seen from straight above, how high it is makes no difference.
+  const bool parallel = renderer->GetActiveCamera()->GetParallelProjection() != 0;
+  const std::optional<ScenePick> pick = parallel ? std::nullopt : Pick(at);
+  return pick ? pick->drawn_at : PlaceUnder(at.x(), at.y());
+}
+
 void SceneDesk::Vtk::Move(const Eigen::Vector3d& by) {
   vtkCamera* camera = renderer->GetActiveCamera();
   const Eigen::Vector3d eye = Eigen::Vector3d(camera->GetPosition()) + by;
@@ -142,14 +155,21 @@ void SceneDesk::Vtk::UseShading(bool on) {
   renderer->SetPass(shading);
 }
 
-void SceneDesk::Vtk::LookNear(const Eigen::Vector3d& at) {
+void SceneDesk::Vtk::Fit(const Eigen::AlignedBox3d& box) {
   vtkCamera* camera = renderer->GetActiveCamera();
-  double direction[3];
-  camera->GetDirectionOfProjection(direction);
-  camera->SetFocalPoint(at.x(), at.y(), at.z());
-  const double away = camera->GetParallelProjection() ? camera->GetDistance() : kNear_m;
-  camera->SetPosition(at.x() - away * direction[0], at.y() - away * direction[1], at.z() - away * direction[2]);
-  if (camera->GetParallelProjection()) camera->SetParallelScale(0.5 * kNear_m);
+  const double radius = std::max(kLeastRadius_m, kMargin * 0.5 * box.diagonal().norm());
+  const int* size = window->GetSize();
+  const double aspect = size[1] > 0 ? std::min(1.0, static_cast<double>(size[0]) / size[1]) : 1;
+  double away = camera->GetDistance();
+  if (camera->GetParallelProjection()) {
+    camera->SetParallelScale(radius / aspect);
+  } else {
+    away = radius / std::sin(std::atan(aspect * std::tan(0.5 * camera->GetViewAngle() * M_PI / 180)));
+  }
+  const Eigen::Vector3d at = box.center(), ahead(camera->GetDirectionOfProjection());
+  const Eigen::Vector3d eye = at - away * ahead;
+  camera->SetFocalPoint(at.data());
+  camera->SetPosition(eye.data());
   renderer->ResetCameraClippingRange();
 }
 

@@ -11,10 +11,14 @@
 #include <vtkRenderer.h>
 #include <vtkSmartPointer.h>
 
+#include <Eigen/Geometry>
+#include <QPointF>
 #include <memory>
 #include <optional>
 
 #include "app/desktop/scene_desk.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/export/crs.h"
 #include "eval/scene/scene_view.h"
 
 namespace trigpoint {
@@ -22,6 +26,9 @@ namespace trigpoint {
 // What is loaded in the background.
 struct LoadedScene {
   SceneModel model;
+  // Of the project or release that is shown, where it is on the earth: what turns its site coordinates into others.
+  std::optional<LocalFrame> frame;
+  std::shared_ptr<const Crs> crs;  // null: none, or it needs PROJ, which isn't there
 };
 
 struct SceneDesk::Vtk {
@@ -52,14 +59,18 @@ struct SceneDesk::Vtk {
   void AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
   // Of a pixel (device pixels from the top left) the place on the ground, else at the distance one looks at.
   Eigen::Vector3d PlaceUnder(double x, double y) const;
+  // What is picked at such a pixel.
+  std::optional<ScenePick> Pick(const QPointF& at) const;
+  // Where it is drawn, else the place under the pixel: what one turns about and zooms to.
+  Eigen::Vector3d Aim(const QPointF& at) const;
   void Move(const Eigen::Vector3d& by);  // the camera
   void AddLine(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const std::string& text);
   void DrawMoving(bool moving);
   // Eye-dome lighting: what stands before something is outlined, so that bare points look solid.
   void ShadeByDepth(bool on);
   void UseShading(bool on);
-  // The same direction of view, a few metres away.
-  void LookNear(const Eigen::Vector3d& at);
+  // The same direction of view, with the box as large as it fits, or a few metres.
+  void Fit(const Eigen::AlignedBox3d& box);
   // The camera of an image.
   void LookThrough(const SceneCamera& camera);
   // A sphere about the viewer with the panorama on it.

@@ -166,7 +166,12 @@ void StyleText(vtkTextProperty* text, double height_px, const Colour& colour) {
   text->SetFontSize(static_cast<int>(height_px));
   text->SetColor(colour[0], colour[1], colour[2]);
   text->SetBackgroundColor(1, 1, 1);
-  text->SetBackgroundOpacity(0.75);
+  FadeText(text, 1);
+}
+
+void FadeText(vtkTextProperty* text, double opacity) {
+  text->SetOpacity(opacity);
+  text->SetBackgroundOpacity(0.75 * opacity);
 }
 
 vtkSmartPointer<vtkBillboardTextActor3D> Label(const std::string& text, const Eigen::Vector3d& at, double height_px) {

@@ -47,6 +47,8 @@ vtkSmartPointer<vtkActor> TexturedActor(vtkPolyData* data, const cv::Mat& pictur
 
 // Dark text on a light plate.
 void StyleText(vtkTextProperty* text, double height_px, const Colour& colour);
+// Of the text with its plate.
+void FadeText(vtkTextProperty* text, double opacity);
 vtkSmartPointer<vtkBillboardTextActor3D> Label(const std::string& text, const Eigen::Vector3d& at, double height_px);
 
 }  // namespace trigpoint

@@ -252,14 +252,14 @@ void SceneView::Parts::BuildCameras() {
 
 void SceneView::Parts::BuildPanoramas() {
   std::map<std::string, std::vector<Eigen::Vector3d>> dots;  // by run
-  std::vector<Eigen::Vector3d> geotags;
-  std::vector<std::vector<Eigen::Vector3d>> to_geotag;
-  std::set<std::string> spheres, stations, tagged;
+  std::map<std::string, std::vector<Eigen::Vector3d>> geotags;
+  std::map<std::string, std::vector<std::vector<Eigen::Vector3d>>> to_geotag;
+  std::set<std::string> spheres;
   for (const ScenePanorama& panorama : model.panoramas) {
     const Rigid3d& pose = panorama.world_from_pano;
-    if (panorama.geotag && tagged.insert(panorama.panorama).second) {
-      geotags.push_back(*panorama.geotag);
-      to_geotag.push_back({*panorama.geotag, pose.translation});
+    if (panorama.geotag) {
+      geotags[panorama.run].push_back(*panorama.geotag);
+      to_geotag[panorama.run].push_back({*panorama.geotag, pose.translation});
     }
     const bool picture = !panorama.texture.empty() && static_cast<int>(spheres.size()) < style.max_spheres &&
                          spheres.insert(panorama.panorama).second;
@@ -279,29 +279,50 @@ void SceneView::Parts::BuildPanoramas() {
       }
       Add("panoramas", TexturedActor(TexturedGrid(corners, 2, 2), panorama.texture, false), panorama.run);
     }
-    stations.insert(panorama.station);
   }
   for (const auto& [run, places] : dots) {
     vtkSmartPointer<vtkActor> actor = FlatActor(Dots(places), kBlue, 9);
     actor->GetProperty()->SetRenderPointsAsSpheres(true);
     Add("panoramas", actor, run);
   }
-  if (!geotags.empty()) {
-    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(geotags), kSky, 10);
+  for (const auto& [run, places] : geotags) {
+    vtkSmartPointer<vtkActor> actor = FlatActor(Dots(places), kSky, 10);
     actor->GetProperty()->SetRenderPointsAsSpheres(true);
-    Add("geotags", actor);
-    Add("geotags", FlatActor(Lines(to_geotag), kSky, 2));
+    Add("geotags", actor, run);
+    Add("geotags", FlatActor(Lines(to_geotag[run]), kSky, 2), run);
   }
+  BuildStationLabels();
+}
+
+void SceneView::Parts::BuildStationLabels() {
+  std::set<std::string> stations;
+  for (const ScenePanorama& panorama : model.panoramas) stations.insert(panorama.station);
   if (static_cast<int>(stations.size()) > style.max_labels) return;
-  std::vector<Eigen::Vector3d> labelled;
   for (const ScenePanorama& panorama : model.panoramas) {
     const Eigen::Vector3d at = panorama.world_from_pano.translation + Eigen::Vector3d(0, 0, style.sphere_radius_m);
-    const bool taken = std::any_of(labelled.begin(), labelled.end(), [&](const Eigen::Vector3d& other) {
-      return (other - at).norm() < 3 * style.sphere_radius_m;
+    if (const auto known = station_labels.find(panorama.station); known != station_labels.end()) {
+      known->second.places.emplace_back(panorama.run, at);
+      continue;
+    }
+    const bool taken = std::any_of(station_labels.begin(), station_labels.end(), [&](const auto& other) {
+      return (other.second.places.front().second - at).norm() < 3 * style.sphere_radius_m;
     });
     if (stations.erase(panorama.station) == 0 || taken) continue;
-    labelled.push_back(at);
-    AddLabel("labels", Label(panorama.station, at, style.text_px));
+    const auto label = Label(panorama.station, at, style.text_px);
+    station_labels[panorama.station] = {label, {{panorama.run, at}}};
+    AddLabel("labels", label);
+  }
+  PlaceStationLabels();
+}
+
+void SceneView::Parts::PlaceStationLabels() {
+  for (const auto& [station, labelled] : station_labels) {
+    const auto& places = labelled.places;
+    auto place =
+        std::find_if(places.begin(), places.end(), [&](const auto& at) { return hidden_runs.count(at.first) == 0; });
+    if (place == places.end()) place = places.begin();
+    run_of[labelled.label] = place->first;
+    labelled.label->SetPosition(place->second.x(), place->second.y(), place->second.z());
   }
 }
 

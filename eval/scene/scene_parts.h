@@ -31,7 +31,14 @@ struct SceneView::Parts {
   std::vector<size_t> shown;                     // points that are drawn, indices into the model
   std::vector<std::array<uint8_t, 3>> rgb;       // of all of the model's points, or empty
   std::map<const vtkProp*, std::string> run_of;  // of props that are of one
+  // Stands where the first of its runs that is shown has the station.
+  struct StationLabel {
+    vtkSmartPointer<vtkBillboardTextActor3D> label;
+    std::vector<std::pair<std::string, Eigen::Vector3d>> places;  // by run
+  };
+  std::map<std::string, StationLabel> station_labels;
   std::set<std::string> hidden_runs;
+  std::map<std::string, double> opacities;          // of layers that were given one
   std::vector<vtkSmartPointer<vtkProp>> scale_bar;  // of the layer "axes"
   double error_scale = 1;
   double extent_m = 10;  // longest side of the scene's box
@@ -49,7 +56,9 @@ struct SceneView::Parts {
 
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
   void Add(const std::string& layer, vtkProp* prop, const std::string& run = "");
-  void ShowLayer(const std::string& layer);  // as `visible`, `hidden_runs` and `moving` have it
+  bool IsOfHiddenRun(const vtkProp* prop) const;
+  void Fade(const std::string& layer, vtkProp* prop) const;  // as `opacities` has it
+  void ShowLayer(const std::string& layer);                  // as `visible`, `hidden_runs` and `moving` have it
   void AddLabel(const std::string& layer, vtkBillboardTextActor3D* label);
 
   // Each fills the layers it is named after.
@@ -57,6 +66,8 @@ struct SceneView::Parts {
   void BuildPoints();
   void BuildCameras();
   void BuildPanoramas();
+  void BuildStationLabels();
+  void PlaceStationLabels();  // as `hidden_runs` has it
   void BuildTags();
   double ChooseScale(double radius) const;  // `radius` of an ellipsoid in sigmas
   void BuildErrors();

@@ -102,6 +102,15 @@ void FillIn(const SceneModel& model, const Words& say, ScenePick* pick) {
   }
 }
 
+// Of the place that was hit, which isn't always that of the thing.
+void TakeDrawnPlace(const SceneModel& model, ScenePick* pick) {
+  if (pick->layer != "errors") {
+    pick->position = pick->drawn_at;  // of a path its nearest pose
+  } else if (pick->drawn_at != pick->position) {
+    pick->position += model.errors[static_cast<size_t>(pick->index)].difference;  // its tip, not enlarged
+  }
+}
+
 // Where things are drawn, by the renderer's camera alone: no picture is needed, so that it works everywhere.
 class Projector {
  public:
@@ -153,15 +162,33 @@ std::string ShortNumber(double value) { return fmt::format("{:g}", value); }
 void SceneView::Parts::Add(const std::string& layer, vtkProp* prop, const std::string& run) {
   layers[layer].emplace_back(prop);
   if (!run.empty()) run_of[prop] = run;
+  Fade(layer, prop);
+}
+
+bool SceneView::Parts::IsOfHiddenRun(const vtkProp* prop) const {
+  const auto run = run_of.find(prop);
+  return run != run_of.end() && hidden_runs.count(run->second) > 0;
+}
+
+void SceneView::Parts::Fade(const std::string& layer, vtkProp* prop) const {
+  const auto set = opacities.find(layer);
+  if (set == opacities.end()) return;
+  if (auto* actor = vtkActor::SafeDownCast(prop)) {
+    // Ellipsoids are translucent already.
+    actor->GetProperty()->SetOpacity(layer.ends_with("ellipsoids") ? kVeil * set->second : set->second);
+  } else if (auto* label = vtkBillboardTextActor3D::SafeDownCast(prop)) {
+    FadeText(label->GetTextProperty(), set->second);
+  } else if (auto* line = vtkTextActor::SafeDownCast(prop)) {
+    FadeText(line->GetTextProperty(), set->second);
+  }
 }
 
 void SceneView::Parts::ShowLayer(const std::string& layer) {
   // A single translucent thing costs three pictures of the window's size and their sum.
   const bool drawn = visible[layer] && !(moving && layer.ends_with("ellipsoids"));
   for (const auto& prop : layers[layer]) {
-    const auto run = run_of.find(prop);
     const bool no_bar = prop == points_bar && points_by == PointColour::kPicture;  // it has no scale
-    prop->SetVisibility(drawn && !no_bar && (run == run_of.end() || hidden_runs.count(run->second) == 0));
+    prop->SetVisibility(drawn && !no_bar && !IsOfHiddenRun(prop));
   }
 }
 
@@ -224,6 +251,7 @@ void SceneView::SetRunVisible(const std::string& run, bool visible) {
   } else {
     parts_->hidden_runs.insert(run);
   }
+  parts_->PlaceStationLabels();
   for (const std::string& layer : Layers()) parts_->ShowLayer(layer);
   parts_->PlaceLegend();
   parts_->ChoosePoints();
@@ -233,12 +261,8 @@ void SceneView::SetOpacity(const std::string& layer, double opacity) {
   if (parts_->visible.count(layer) == 0) {
     throw OptionError("unknown layer '" + layer + "'; nearest known one: '" + NearestName(layer, Layers()) + "'");
   }
-  for (const auto& prop : parts_->layers[layer]) {
-    // Ellipsoids are translucent already.
-    if (auto* actor = vtkActor::SafeDownCast(prop)) {
-      actor->GetProperty()->SetOpacity(layer.ends_with("ellipsoids") ? kVeil * opacity : opacity);
-    }
-  }
+  parts_->opacities[layer] = opacity;
+  for (const auto& prop : parts_->layers[layer]) parts_->Fade(layer, prop);
 }
 
 void SceneView::SetPointSize(double pixels) {
@@ -318,7 +342,7 @@ void SceneView::MakeRoomForLabels(vtkRenderer* renderer) const {
   std::vector<Eigen::AlignedBox2d> taken;
   for (const auto& prop : parts_->layers["labels"]) {
     auto* label = vtkBillboardTextActor3D::SafeDownCast(prop);
-    if (label == nullptr || !shown) continue;
+    if (label == nullptr || !shown || parts_->IsOfHiddenRun(label)) continue;
     const auto at = project(Eigen::Vector3d(label->GetPosition()));
     const double height = label->GetTextProperty()->GetFontSize();
     const double half = 0.3 * height * static_cast<double>(std::strlen(label->GetInput())) + 2;
@@ -451,6 +475,8 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
       "errors", model.errors,
       [&](const auto& e) { return where(e.run, e.reference_position + parts_->error_scale * e.difference); }, small);
   offer_all(
+      "errors", model.errors, [&](const auto& e) { return where(e.run, e.reference_position); }, small);
+  offer_all(
       "cameras", model.cameras, [&](const auto& c) { return where(c.run, c.world_from_cam.translation); }, small);
   for (size_t i = 0; !best && i < model.paths.size(); ++i) {
     const char* layer = LayerOf(model.paths[i].kind);
@@ -461,9 +487,9 @@ std::optional<ScenePick> SceneView::Pick(vtkRenderer* renderer, double x, double
     for (const size_t i : parts_->shown) offer("points", i, model.points[i].position, 0);
   }
   if (!best) return best;
-  const Eigen::Vector3d at = best->position;  // of an error its tip, of a path its nearest pose
+  best->drawn_at = best->position;
   FillIn(model, Words(parts_->unit), &*best);
-  best->position = at;
+  TakeDrawnPlace(model, &*best);
   return best;
 }
 
@@ -481,6 +507,7 @@ ScenePick SceneView::Describe(const std::string& layer, int index) const {
   }
   ScenePick pick{layer, index};
   FillIn(m, Words(parts_->unit), &pick);
+  pick.drawn_at = pick.position;
   return pick;
 }
 

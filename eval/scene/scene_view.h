@@ -56,7 +56,9 @@ struct ScenePick {
   int index = -1;     // into the model's vector of that layer: paths, points, cameras, panoramas, tags, control, errors
   std::string run;    // empty where it is of no run
   std::string name;   // image, panorama, tag id, the point's number, or the path's source
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the object, scene frame; of a path its nearest pose
+  // Of the object, scene frame; of a path its nearest pose, of an error the end that was hit: reference or estimate.
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d drawn_at = Eigen::Vector3d::Zero();  // of an error's tip: enlarged
   std::optional<Eigen::Vector3d> sigma_m;              // of the position per axis, where it is given
   std::string text;                                    // one line for a person, with units and sigmas
 };

@@ -178,6 +178,33 @@ TEST_F(WorkTest, RunsStandBesideEachOtherInThreeDimensions) {
   EXPECT_EQ(std::count_if(scenes.begin(), scenes.end(), [](SceneDesk* s) { return s->isVisible(); }), 1);
 }
 
+TEST_F(WorkTest, AnotherProjectsSceneHasCoordinatesOfItsOwn) {
+  const QTemporaryDir other;
+  WriteResultsSite(other.path().toStdString(), {});
+  WriteFileAtomically((other.path() + "/origin.json").toStdString(), R"({"lat": 48.5, "lon": 7.8, "alt": 240.0})");
+  window_->ShowDesk("compare");
+  auto* errors = Child<QTableWidget>(window_.get(), "compare.errors");
+  ASSERT_TRUE(WaitFor([&] { return errors->rowCount() == 4; }));
+  auto* tabs = window_->compare()->findChild<QTabWidget*>();
+  tabs->setCurrentIndex(tabs->count() - 1);
+  ASSERT_TRUE(window_->compare()->Add(other.path()));
+  auto* title = Child<QLabel>(window_.get(), "compare.title_b");
+  EXPECT_TRUE(WaitFor([&] { return title->text().contains("origins of the two are"); })) << title->text().toStdString();
+  const auto scenes = window_->compare()->findChildren<SceneDesk*>();
+  ASSERT_EQ(scenes.size(), 2);
+  scenes[0]->SetMode("plan");
+  EXPECT_EQ(scenes[1]->mode(), "plan");  // they share a camera
+  for (const auto& [scene, latitude] : {std::pair(scenes[0], "WGS 84 47.99"), std::pair(scenes[1], "WGS 84 48.49")}) {
+    auto* place = Child<QLabel>(scene, "scene.place");
+    QTest::mouseMove(Child<QWidget>(scene, "scene.view"), {60, 60});
+    EXPECT_TRUE(WaitFor([&] { return place->text().contains("WGS 84"); }));
+    EXPECT_THAT(
+        place->text().toStdString(),
+        testing::AnyOf(HasSubstr(latitude),
+                       HasSubstr(QString(latitude).replace("47.99", "48.00").replace("48.49", "48.50").toStdString())));
+  }
+}
+
 TEST_F(WorkTest, PhotoSetShowsItsPairsAndCentres) {
   for (const char* name : {"IMG_1.jpg", "IMG_2.jpg", "IMG_3.jpg"}) {
     QDir().mkpath(Path("photos/ring"));

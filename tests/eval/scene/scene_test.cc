@@ -4,6 +4,7 @@
 #include <vtkRenderer.h>
 
 #include <cmath>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -156,6 +157,89 @@ TEST_F(SceneTest, DrawsLessWhileItMovesAndEverythingWhenItStands) {
   view.DrawMoving(false);
   EXPECT_EQ(cv::norm(Draw(), standing, cv::NORM_INF), 0);
   view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, AHiddenRunTakesItsLabelsAndGeotagsAlong) {
+  SceneModel model = Ring();
+  model.runs = {"run1", "run2"};
+  ScenePanorama again = model.panoramas[0];
+  again.run = "run2", again.world_from_pano.translation.x() += 3;
+  model.panoramas.push_back(again);
+  SceneView view(model);
+  view.AddTo(window_->renderer());
+  view.SetVisible("tags", false);
+  window_->Render(960, 640);
+  view.LookDown(window_->renderer());
+  const auto labels = [&] {
+    view.MakeRoomForLabels(window_->renderer());
+    std::map<std::string, Eigen::Vector3d> seen;
+    vtkPropCollection* props = window_->renderer()->GetViewProps();
+    props->InitTraversal();
+    while (vtkProp* prop = props->GetNextProp()) {
+      auto* label = vtkBillboardTextActor3D::SafeDownCast(prop);
+      if (label != nullptr && label->GetVisibility() != 0)
+        seen[label->GetInput()] = Eigen::Vector3d(label->GetPosition());
+    }
+    return seen;
+  };
+  EXPECT_EQ(labels().count("S1"), 1U);
+  const double before = labels().at("S0").x();
+  view.SetRunVisible("run1", false);
+  EXPECT_EQ(labels().count("S1"), 0U);
+  EXPECT_NEAR(labels().at("S0").x(), before + 3, 1e-9);  // where the other run has it
+  view.SetRunVisible("run2", false);
+  EXPECT_EQ(labels().count("S0"), 0U);
+  const cv::Mat hidden = Draw();
+  view.SetVisible("geotags", false);
+  view.SetVisible("legend", false);
+  const cv::Mat without = Draw();
+  view.SetVisible("geotags", true);
+  EXPECT_EQ(cv::norm(Draw(), without, cv::NORM_INF), 0);
+  EXPECT_GT(cv::norm(hidden, without, cv::NORM_INF), 0);  // the legend
+  view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, OpacityIsOfLabelsTooAndOutlastsAnotherUnit) {
+  const SceneModel model = Ring();
+  SceneView view(model);
+  view.AddTo(window_->renderer());
+  for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, layer == "labels");
+  window_->Render(960, 640);
+  view.LookDown(window_->renderer());
+  const cv::Mat full = Draw();
+  view.SetOpacity("labels", 0.2);
+  EXPECT_GT(cv::norm(Draw(), full, cv::NORM_INF), 50);
+  view.SetVisible("labels", false);
+  view.SetVisible("axes", true);
+  view.SetOpacity("axes", 0.2);
+  const cv::Mat faint = Draw();
+  view.SetUnit({"ft", 0.3048});
+  view.SetUnit({"m", 1});
+  EXPECT_LT(Difference(Draw(), faint), 1e-3);
+  view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, AnErrorIsPickedAtBothEndsAndIsWhereItIs) {
+  const SceneModel model = Ring();
+  SceneStyle style;
+  style.error_scale = 50;
+  SceneView view(model, style);
+  vtkRenderer* renderer = window_->renderer();
+  view.AddTo(renderer);
+  for (const std::string& layer : SceneView::Layers()) view.SetVisible(layer, layer == "errors");
+  window_->Render(960, 640);
+  view.LookDown(renderer);
+  const SceneError& error = model.errors[1];
+  const Eigen::Vector3d drawn = error.reference_position + 50 * error.difference;
+  const Eigen::Vector2d tip = Pixel(drawn), tail = Pixel(error.reference_position);
+  auto pick = view.Pick(renderer, tip.x(), tip.y());
+  ASSERT_TRUE(pick);
+  EXPECT_LT((pick->drawn_at - drawn).norm(), 1e-9);
+  EXPECT_LT((pick->position - (error.reference_position + error.difference)).norm(), 1e-9);
+  pick = view.Pick(renderer, tail.x(), tail.y());
+  ASSERT_TRUE(pick);
+  EXPECT_EQ(pick->position, error.reference_position);
+  view.RemoveFrom(renderer);
 }
 
 TEST_F(SceneTest, PicksWhatLiesUnderThePixel) {
