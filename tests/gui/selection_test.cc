@@ -185,6 +185,8 @@ TEST_F(SelectionTest, HeadersSayWhatColumnsMeanAndTheirMenuOpensThere) {
   }
   EXPECT_GT(columns, 70);
   EXPECT_EQ(ColumnHelp({}, "what_a_plugin_wrote", "m"), "what_a_plugin_wrote");
+  const auto* parameters = Child<QTableWidget>(window_.get(), "calibration.parameters");
+  EXPECT_THAT(parameters->horizontalHeaderItem(2)->toolTip().toStdString(), HasSubstr("in the parameter's unit"));
   auto* header = view_->horizontalHeader();
   const QPoint at(view_->columnViewportPosition(1) + 10, header->height() / 2);
   emit header->customContextMenuRequested(at);
