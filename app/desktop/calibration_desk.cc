@@ -13,6 +13,7 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
 #include "calib/base/grid.h"
@@ -76,6 +77,11 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   parameters_->setObjectName("calibration.parameters");
   parameters_->setAccessibleName(tr("Parameters"));
   parameters_->setHorizontalHeaderLabels({tr("parameter"), tr("value"), tr("1 sigma")});
+  SetHeaderHelp(parameters_,
+                {tr("parameter of the camera model, as in calibration.json: focal lengths and principal point (px), "
+                    "distortion (without unit)"),
+                 tr("estimated value, in the parameter's unit"),
+                 tr("1 sigma (standard deviation) of the value, in the parameter's unit")});
   parameters_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   parameters_->verticalHeader()->setDefaultSectionSize(parameters_->fontMetrics().height() + 6);
   auto* calibrate = new QPushButton(tr("Calibra&te ..."));
@@ -165,7 +171,7 @@ void CalibrationDesk::ShowCamera() {
       picture->SetPicture({}, "");
       picture->SetMarks({});
     }
-    QString text = tr("No calibration yet: trigpoint calibrate DIR --images GLOB --target T");
+    QString text = tr("No calibration yet: press Calibrate, and give the pictures of a board and the board's target.");
     if (view_ && !view_->problems.empty()) text = QString::fromStdString(view_->problems.front());
     text_->setText(text);
     return;
@@ -206,7 +212,7 @@ void CalibrationDesk::ShowCamera() {
     }
     residuals_->SetMarks(std::move(marks));
   }
-  map_->SetPicture({}, tr("no map"));
+  map_->SetPicture({}, tr("No uncertainty map: run calibrate again to make it."));
   if (!std::filesystem::exists(camera.uncertainty)) return;
   InBackground(
       this, [file = camera.uncertainty] { return LoadAnyPicture(file, 0); },

@@ -21,8 +21,9 @@ std::string TitleOf(const std::string& caption) {
 }  // namespace
 
 PaintedDrawing PaintDrawing(const Drawing& drawing, double scale) {
-  PaintedDrawing painted{PngOf(drawing, scale), drawing.spots};
+  PaintedDrawing painted{PngOf(drawing, scale), drawing.spots, drawing.groups};
   for (Spot& spot : painted.spots) spot.x *= scale, spot.y *= scale;
+  for (SpotGroup& g : painted.groups) g.x *= scale, g.y *= scale, g.width *= scale, g.height *= scale;
   return painted;
 }
 

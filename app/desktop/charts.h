@@ -12,7 +12,8 @@ namespace trigpoint {
 
 struct PaintedDrawing {
   std::string png;          // empty: there is nothing
-  std::vector<Spot> spots;  // in the picture's pixels
+  std::vector<Spot> spots;  // in the picture's pixels, as are the groups
+  std::vector<SpotGroup> groups;
 };
 
 PaintedDrawing PaintDrawing(const Drawing& drawing, double scale);

@@ -3,6 +3,7 @@
 #include <QFileDialog>
 #include <QLabel>
 #include <QListWidget>
+#include <QMenu>
 #include <QPushButton>
 #include <QSplitter>
 #include <QVBoxLayout>
@@ -33,6 +34,18 @@ void ShowDrawing(PictureView* view, const PaintedDrawing& drawing, const QString
       QImage::fromData(reinterpret_cast<const uchar*>(drawing.png.data()), static_cast<int>(drawing.png.size()), "PNG"),
       title);
   view->SetMarks(std::move(marks));
+}
+
+void HighlightSelected(PictureView* view, const Workspace& workspace) {
+  QString marked = workspace.selected();
+  const auto drawn = [view](const QString& object) {
+    return std::any_of(view->marks().begin(), view->marks().end(), [&](const auto& m) { return m.object == object; });
+  };
+  for (const std::string& related : workspace.related()) {
+    if (drawn(marked)) break;
+    marked = QString::fromStdString(related);
+  }
+  view->SetHighlight(marked);
 }
 
 ChartsDesk::ChartsDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
@@ -69,8 +82,9 @@ ChartsDesk::ChartsDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
 
   connect(list_, &QListWidget::currentRowChanged, this, &ChartsDesk::ShowChart);
   connect(save, &QPushButton::clicked, this, &ChartsDesk::Save);
-  connect(view_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
-    if (!object.isEmpty()) workspace_->Select(object);
+  connect(view_, &PictureView::Clicked, this, [this](const QPointF& pixel, const QString& object) {
+    if (object.isEmpty()) return ListGroup(pixel);
+    workspace_->Select(object);
   });
   connect(view_, &PictureView::DoubleClicked, this, [this](const QString& object) {
     if (!object.isEmpty()) emit Activated(object);
@@ -145,17 +159,24 @@ void ChartsDesk::ShowChart() {
   ShowSelected();
 }
 
-void ChartsDesk::ShowSelected() {
-  // The selected object, else what belongs to it and is drawn.
-  QString marked = workspace_->selected();
-  const auto drawn = [this](const QString& object) {
-    return std::any_of(view_->marks().begin(), view_->marks().end(), [&](const auto& m) { return m.object == object; });
-  };
-  for (const std::string& related : workspace_->related()) {
-    if (drawn(marked)) break;
-    marked = QString::fromStdString(related);
+void ChartsDesk::ShowSelected() { HighlightSelected(view_, *workspace_); }
+
+void ChartsDesk::ListGroup(const QPointF& pixel) {
+  const int row = list_->currentRow();
+  if (row < 0 || row >= static_cast<int>(charts_.size())) return;
+  for (const SpotGroup& g : charts_[static_cast<size_t>(row)].painted.groups) {
+    if (!QRectF(g.x, g.y, g.width, g.height).contains(pixel)) continue;
+    auto* menu = new QMenu(this);
+    menu->setObjectName("charts.group");
+    menu->setAttribute(Qt::WA_DeleteOnClose);
+    menu->addSection(tr("In this bar: %1").arg(g.objects.size()));
+    for (const std::string& name : g.objects) {
+      const QString object = QString::fromStdString(name);
+      menu->addAction(object, this, [this, object] { workspace_->Select(object); });
+    }
+    menu->popup(view_->mapToGlobal(view_->WidgetAt(pixel).toPoint()));
+    return;
   }
-  view_->SetHighlight(marked);
 }
 
 void ChartsDesk::Save() {

@@ -18,6 +18,8 @@ class PictureView;
 
 // A drawing with its spots as marks that can be clicked and are seen when they are selected.
 void ShowDrawing(PictureView* view, const PaintedDrawing& drawing, const QString& title);
+// The mark of the selected object, else of what belongs to it.
+void HighlightSelected(PictureView* view, const Workspace& workspace);
 
 class ChartsDesk : public QWidget {
   Q_OBJECT
@@ -39,6 +41,7 @@ class ChartsDesk : public QWidget {
   void Load();
   void ShowChart();
   void ShowSelected();
+  void ListGroup(const QPointF& pixel);  // what is in the bar there, to select
   void Save();
 
   Workspace* workspace_;

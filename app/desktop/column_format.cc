@@ -33,9 +33,12 @@ ColumnFormat FormatOf(const QString& column, bool numeric) {
   return format;
 }
 
+QString ColumnFormat::UnitShown(const DisplayUnit& shown) const {
+  return length ? QString::fromStdString(shown.name) : unit;
+}
+
 QString ColumnFormat::Header(const DisplayUnit& shown) const {
-  if (unit.isEmpty()) return name;
-  return name + " (" + (length ? QString::fromStdString(shown.name) : unit) + ")";
+  return unit.isEmpty() ? name : name + " (" + UnitShown(shown) + ")";
 }
 
 QString ColumnFormat::Cell(const QString& text, const DisplayUnit& shown) const {

@@ -15,6 +15,7 @@ struct ColumnFormat {
   bool error = false;   // coloured by its size
   int decimals = -1;    // -1: as in the file
 
+  QString UnitShown(const DisplayUnit& shown) const;  // empty: none
   QString Header(const DisplayUnit& shown) const;
   QString Cell(const QString& text, const DisplayUnit& shown) const;
 };

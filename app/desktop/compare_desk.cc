@@ -107,6 +107,8 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
     if (tabs_->currentWidget() == scenes_) ShowScenes();
   });
   LinkTable(errors_, workspace_);
+  connect(errors_, &QTableWidget::cellActivated, this,
+          [this](int row) { emit Activated(errors_->item(row, 0)->data(Qt::UserRole).toString()); });
   connect(workspace_, &Workspace::Replaced, this, [this] { added_.clear(); });
   connect(workspace_, &Workspace::Opened, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CompareDesk::Refresh);
@@ -215,6 +217,7 @@ void CompareDesk::Compare() {
         text_->setPlainText(QString::fromStdString(compared.value.text));
         differences_->setColumnCount(1);
         differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
+        SetHeaderHelp(differences_, {tr("inputs, options and versions of the results that differ")});
         QStringList changes;
         for (const std::string& change : compared.value.changes) changes << QString::fromStdString(change);
         if (changes.empty()) changes << tr("nothing: options, inputs and versions are the same");
@@ -241,6 +244,14 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
   errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
                                       tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
                                       tr("B - A (%1)").arg(unit), tr("status A / B")});
+  SetHeaderHelp(errors_,
+                {tr("what the answers are compared with"), tr("how the answer was made: panorama (G2) or view (G1)"),
+                 tr("run that the panorama was localized against"), tr("station at which the panorama was taken"),
+                 tr("panorama, photo or photo set"),
+                 tr("distance in space between the answer of A and the reference (%1)").arg(unit),
+                 tr("distance in space between the answer of B and the reference (%1)").arg(unit),
+                 tr("error of B minus error of A: negative where B is better (%1)").arg(unit),
+                 tr("localized, refused, not matched or without reference: in A, then in B")});
   for (const ReviewedError& row : rows) {
     const int r = errors_->rowCount();
     errors_->insertRow(r);

@@ -29,6 +29,7 @@ class CompareDesk : public QWidget {
 
  signals:
   void Compared();
+  void Activated(const QString& object);  // a row was opened: show what it is about
 
  private:
   struct Side {

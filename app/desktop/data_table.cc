@@ -70,6 +70,7 @@ DataTable LoadDataTable(const DataTableSource& source) {
   table.title = source.title;
   table.file = source.file;
   table.columns = csv.columns();
+  if (!csv.comments().empty()) table.comment = csv.comments().front();
   csv.ForEachUsable(&table.warnings, [&](const CsvRow& row) {
     std::vector<std::string> cells;
     cells.reserve(table.columns.size());

@@ -11,6 +11,7 @@ struct DataTable {
   std::string title;  // "localize/run1/panoramas"
   std::filesystem::path file;
   std::vector<std::string> columns;
+  std::string comment;  // of the file: frame, datum, what its values mean
   std::vector<std::vector<std::string>> rows;
   std::vector<std::string> objects;   // of each row, as the review names objects; empty: none
   std::vector<std::string> warnings;  // rows that could not be read

@@ -158,6 +158,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
   connect(charts_, &ChartsDesk::Activated, this, &MainWindow::Show);
+  connect(compare_, &CompareDesk::Activated, this, &MainWindow::Show);
   ConnectOverview();
   connect(calibration_, &CalibrationDesk::CalibrateRequested, this, [this] { ChooseStage("calibrate"); });
   connect(plan_, &PlanDesk::OptionsRequested, this, [this] { ChooseStage("plan"); });
@@ -259,6 +260,7 @@ void MainWindow::ConnectOverview() {
   connect(card_, &StationCard::ImageRequested, this, &MainWindow::Show);
   connect(card_, &StationCard::SceneRequested, this, &MainWindow::ShowInScene);
   connect(overview_, &OverviewDesk::SceneRequested, this, &MainWindow::ShowInScene);
+  connect(overview_, &OverviewDesk::LookRequested, scene_, &SceneDesk::LookAt);
   connect(overview_, &OverviewDesk::RunRequested, this, &MainWindow::RunAll);
   connect(overview_, &OverviewDesk::ReportRequested, this, &MainWindow::ShowReport);
   connect(overview_, &OverviewDesk::CreateRequested, this, &MainWindow::CreateProject);

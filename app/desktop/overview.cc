@@ -1,8 +1,12 @@
 #include "app/desktop/overview.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <set>
+#include <tuple>
 
+#include "calib/base/counted.h"
 #include "datasets/project/look.h"
 #include "datasets/project/stage.h"
 #include "eval/report/chapters.h"
@@ -55,24 +59,65 @@ void FillVerdict(const ReportInput& input, const ReportData& data, const Display
   }
 }
 
-void FillPlan(const Snapshot& snapshot, Overview* overview) {
+void FillPlan(const Snapshot& snapshot, const DisplayUnit& unit, Overview* overview) {
   SceneOptions options;
   options.max_points = options.max_cameras = options.panorama_width_px = 0;
   const SceneModel scene = LoadScene(*snapshot.project, options);
   if (scene.paths.empty() && scene.panoramas.empty()) return;
-  const Plan plan = PlanOf(scene);
+  const Plan plan = PlanOf(scene, unit);
   overview->plan = PaintDrawing(plan.drawing, kPlanScale);
   overview->plan_caption = plan.caption;
 }
 
-void FillWarnings(const Project& project, const ReportData& data, Overview* overview) {
+void FillGeotagWarnings(const ProjectVerdict& verdict, const DisplayUnit& unit, Overview* overview) {
+  for (const VerdictGeotag& g : verdict.geotags) {
+    std::string text = fmt::format("Outlying geotag: {}, {:.2f} {} {} from the answer of {}", g.panorama,
+                                   g.off_m / unit.metres, unit.name, g.direction, g.run);
+    if (g.sigmas) text += fmt::format(" ({:.1f} sigma)", *g.sigmas);
+    overview->warnings.push_back({std::move(text), "panorama:" + g.panorama});
+  }
+}
+
+// What the command line printed when the results were made. The same words of several results are said once.
+void FillResultWarnings(const ReportInput& input, const std::set<std::string>& said, Overview* overview) {
+  constexpr size_t kNamed = 3;  // results of one warning
+  std::vector<std::pair<std::string, std::vector<std::string>>> all;
+  for (const ResultRecord& result : input.stages) {
+    if (!result.manifest.is_object()) continue;
+    const bool alone = result.name.empty() || result.name.front() == '@';
+    for (const nlohmann::json& warning : result.manifest.value("warnings", nlohmann::json::array())) {
+      if (!warning.is_string() || said.count(warning.get<std::string>()) > 0) continue;
+      const auto text = warning.get<std::string>();
+      auto same = std::find_if(all.begin(), all.end(), [&](const auto& w) { return w.first == text; });
+      if (same == all.end()) same = all.insert(all.end(), {text, {}});
+      same->second.push_back(result.stage + (alone ? "" : "/") + result.name);
+    }
+  }
+  for (const auto& [text, titles] : all) {
+    const std::set<std::string> distinct(titles.begin(), titles.end());
+    std::string names;
+    size_t named = 0;
+    for (const std::string& title : distinct) {
+      if (++named <= kNamed) names += (names.empty() ? "" : ", ") + title;
+    }
+    if (named > kNamed) names += fmt::format(" and {} more", named - kNamed);
+    overview->warnings.push_back(
+        {names + ": " + text + (titles.size() > 1 ? " (" + Counted(titles.size(), "time") + ")" : "")});
+  }
+}
+
+void FillWarnings(const ReportInput& input, const ReportData& data, const ProjectVerdict& verdict,
+                  const DisplayUnit& unit, Overview* overview) {
+  const Project& project = *input.project;
   std::vector<std::string> all = project.warnings();
   for (const Run& run : project.site().runs) all.insert(all.end(), run.warnings.begin(), run.warnings.end());
   all.insert(all.end(), data.notes.begin(), data.notes.end());
-  std::set<std::string> seen;
+  std::set<std::string> said;
   for (const std::string& warning : all) {
-    if (seen.insert(warning).second) overview->warnings.push_back(warning);
+    if (said.insert(warning).second) overview->warnings.push_back({warning});
   }
+  FillGeotagWarnings(verdict, unit, overview);
+  FillResultWarnings(input, said, overview);
 }
 
 }  // namespace
@@ -99,7 +144,6 @@ Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
   const ReportInput input = ReportInputOf(snapshot, false);
   ProgressSink progress;
   const ReportData data = ReadReportData(input, progress, {});
-  FillWarnings(*snapshot.project, data, &overview);
   if (!overview.has_project_file) {
     InitReport look = LookAt(snapshot.dir);
     overview.found = std::move(look.found);
@@ -107,6 +151,7 @@ Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
   }
   FillVerdict(input, data, unit, &overview);
   const ProjectVerdict verdict = MakeVerdict(input, data);
+  FillWarnings(input, data, verdict, unit, &overview);
   if (verdict.Best() != nullptr) FillMatrix(data, *verdict.Best(), &overview);
   for (const VariantData& variant : data.variants) {
     for (const ErrorRecord& e : variant.errors) {
@@ -114,11 +159,29 @@ Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
     }
   }
   try {
-    FillPlan(snapshot, &overview);
+    FillPlan(snapshot, unit, &overview);
   } catch (const Error& e) {
-    overview.warnings.push_back(std::string("plan: ") + e.what());
+    overview.warnings.push_back({std::string("plan: ") + e.what()});
   }
   return overview;
+}
+
+std::string StationShown(const Overview* overview, const std::set<std::string>& related, const std::string& selected) {
+  std::set<std::string> known;
+  if (overview != nullptr) {
+    for (const std::string& station : overview->stations) known.insert("station:" + station);
+    for (const ErrorRecord& e : overview->errors) known.insert("station:" + e.station);
+  }
+  // A set of photos called station_077 also belongs to a station of that name, which nobody lists.
+  const auto rank = [&](const std::string& object) {
+    return std::tuple(object.starts_with("station:"), known.count(object) > 0, object == selected);
+  };
+  std::string best;
+  for (const std::string& object : related) {
+    if (!object.starts_with("station:") && !object.starts_with("panorama:")) continue;
+    if (best.empty() || rank(object) > rank(best)) best = object;
+  }
+  return best;
 }
 
 NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, bool has_project_file) {

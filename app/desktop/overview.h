@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,10 +15,15 @@
 
 namespace trigpoint {
 
+struct OverviewWarning {
+  std::string text;
+  std::string object = {};  // that it is about, as the review names objects; may be empty
+};
+
 struct Overview {
   bool has_project_file = false;
   std::vector<std::string> found, missing;  // of a folder without trigpoint.yaml
-  std::vector<std::string> warnings;        // of the inputs, and of results that could not be read
+  std::vector<OverviewWarning> warnings;    // of the inputs, of the geotags, of the results and of reading them
   std::vector<Block> verdict;               // facts, paragraphs and headings; a station's anchor is its object
   std::string comparison;                   // what the matrix is of; empty: nothing is evaluated
   std::vector<std::string> stations, runs;  // of the matrix
@@ -32,6 +38,10 @@ ReportInput ReportInputOf(const Snapshot& snapshot, bool points);
 
 // Reads what is there; what is missing or broken is left out, or named in `warnings`.
 Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit);
+
+// Of what is selected and what belongs to it the station whose numbers are shown: one that the results know before
+// others, else a panorama; empty: neither.
+std::string StationShown(const Overview* overview, const std::set<std::string>& related, const std::string& selected);
 
 // What to do next, as `status` shows it.
 struct NextStep {

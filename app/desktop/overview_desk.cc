@@ -30,10 +30,11 @@ namespace trigpoint {
 namespace {
 
 constexpr int kTileWidth = 196;
-constexpr int kSideBySide = 900;     // px; in a narrower desk the plan stands below
-constexpr int kHighestMatrix = 420;  // px, then it scrolls
-constexpr int kMostWarnings = 12;
-constexpr int kThumbnail_px = 96;  // of a project's plan on the welcome page
+constexpr int kSideBySide = 900;      // px; in a narrower desk the plan stands below
+constexpr int kHighestMatrix = 420;   // px, then it scrolls
+constexpr size_t kMostWarnings = 12;  // until all are asked for
+constexpr int kWidestReason = 24;     // characters of a refusal in the matrix
+constexpr int kThumbnail_px = 96;     // of a project's plan on the welcome page
 
 QString Text(const std::string& text) { return QString::fromStdString(text); }
 
@@ -121,8 +122,9 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   all->addLayout(top);
   all->addWidget(split_, 1);
 
-  connect(plan_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
-    if (!object.isEmpty()) workspace_->Select(object);
+  connect(plan_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) { Choose(object); });
+  connect(plan_, &PictureView::DoubleClicked, this, [this](const QString& object) {
+    if (!object.isEmpty()) emit SceneRequested(object);
   });
   connect(plan_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
   connect(next_, &QPushButton::clicked, this, [this] { Follow(next_->property("anchor").toString()); });
@@ -263,6 +265,43 @@ void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
   }
 }
 
+void OverviewDesk::Choose(const QString& object) {
+  if (object.isEmpty()) return;
+  workspace_->Select(object);
+  emit LookRequested(object);
+}
+
+QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
+  const double metres = workspace_->metres_per_unit();
+  auto* item = new QTableWidgetItem;
+  item->setData(Qt::UserRole, e.error_3d_m.value_or(-1));
+  item->setData(Qt::UserRole + 1, Text("station:" + e.station));
+  item->setTextAlignment(Qt::AlignCenter);
+  item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
+                   (e.reason.empty() ? "" : "\n" + Text(e.reason)));
+  QString text, below;
+  if (e.Answered()) {
+    text = QString::number(*e.error_3d_m / metres, 'f', 3);
+    if (e.sigma_e_m && e.sigma_n_m && e.sigma_u_m) {
+      const double sigma = std::hypot(*e.sigma_e_m, *e.sigma_n_m, *e.sigma_u_m);
+      below = QString::fromUtf8("\xcf\x83 ") + QString::number(sigma / metres, 'f', 3);
+    }
+    if (e.nees && e.dof > 0) below += (below.isEmpty() ? "" : "  ") + QString::number(*e.nees / e.dof, 'f', 1);
+    const ErrorColours colours = ColoursOfError(*e.error_3d_m);
+    item->setBackground(colours.background);
+    item->setForeground(colours.text);
+  } else {
+    text = e.status == "no_reference" ? tr("no reference")
+           : e.status == "unmatched"  ? tr("no match")
+           : e.status == "rejected"   ? tr("refused")
+                                      : Text(e.status);
+    const QFontMetrics metrics = matrix_->fontMetrics();
+    below = metrics.elidedText(Text(e.reason), Qt::ElideRight, kWidestReason * metrics.averageCharWidth());
+  }
+  item->setText(below.isEmpty() ? text : text + "\n" + below);
+  return item;
+}
+
 void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   const QString unit = workspace_->unit();
   auto* caption = Wrapped(tr("<b>3D error (%1)</b>, %2. Below it 1 sigma of the difference, and NEES per degree of "
@@ -284,67 +323,49 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   const auto index = [](const std::vector<std::string>& all, const std::string& name) {
     return static_cast<int>(std::find(all.begin(), all.end(), name) - all.begin());
   };
-  const double metres = workspace_->metres_per_unit();
   for (const ErrorRecord& e : overview_->matrix) {
     const int row = index(overview_->stations, e.station), at = index(overview_->runs, e.run);
     const QTableWidgetItem* before = matrix_->item(row, at);
     const bool worse = before == nullptr || before->data(Qt::UserRole).toDouble() < e.error_3d_m.value_or(-1);
     if (!worse) continue;  // of several panoramas the largest
-    auto* item = new QTableWidgetItem;
-    item->setData(Qt::UserRole, e.error_3d_m.value_or(-1));
-    item->setData(Qt::UserRole + 1, Text("station:" + e.station));
-    item->setTextAlignment(Qt::AlignCenter);
-    item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
-                     (e.reason.empty() ? "" : "\n" + Text(e.reason)));
-    if (e.Answered()) {
-      QString text = QString::number(*e.error_3d_m / metres, 'f', 3), below;
-      if (e.sigma_e_m && e.sigma_n_m && e.sigma_u_m) {
-        const double sigma =
-            std::sqrt(*e.sigma_e_m * *e.sigma_e_m + *e.sigma_n_m * *e.sigma_n_m + *e.sigma_u_m * *e.sigma_u_m);
-        below = QString::fromUtf8("\xcf\x83 ") + QString::number(sigma / metres, 'f', 3);
-      }
-      if (e.nees && e.dof > 0) below += (below.isEmpty() ? "" : "  ") + QString::number(*e.nees / e.dof, 'f', 1);
-      item->setText(below.isEmpty() ? text : text + "\n" + below);
-      const ErrorColours colours = ColoursOfError(*e.error_3d_m);
-      item->setBackground(colours.background);
-      item->setForeground(colours.text);
-    } else {
-      item->setText(e.status == "no_reference" ? tr("no reference")
-                    : e.status == "unmatched"  ? tr("no match")
-                    : e.status == "rejected"   ? tr("refused")
-                                               : Text(e.status));
-    }
-    matrix_->setItem(row, at, item);
+    matrix_->setItem(row, at, MatrixItem(e));
   }
   matrix_->resizeColumnsToContents();
   matrix_->resizeRowsToContents();
   const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
   matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
-  connect(matrix_, &QTableWidget::currentCellChanged, this, [this](int row) {
-    if (!showing_ && row >= 0) workspace_->Select("station:" + matrix_->verticalHeaderItem(row)->text());
-  });
-  connect(matrix_, &QTableWidget::cellDoubleClicked, this, [this] { emit SceneRequested(workspace_->selected()); });
+  const auto choose = [this](int row) {
+    if (!showing_ && row >= 0) Choose("station:" + matrix_->verticalHeaderItem(row)->text());
+  };
+  connect(matrix_, &QTableWidget::currentCellChanged, this, choose);
+  connect(matrix_, &QTableWidget::cellClicked, this, choose);  // the current one, too
+  connect(matrix_, &QTableWidget::cellActivated, this, [this] { emit SceneRequested(workspace_->selected()); });
   AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
   column->addWidget(matrix_);
 }
 
-void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
-  if (overview_->warnings.empty()) return;
-  QString text = "<b>" + tr("Warnings (%1)").arg(overview_->warnings.size()) + "</b><ul>";
-  int shown = 0;
-  for (const std::string& warning : overview_->warnings) {
-    if (++shown > kMostWarnings) break;
-    text += "<li>" + Text(warning).toHtmlEscaped() + "</li>";
+QString OverviewDesk::WarningsText(size_t most) const {
+  const std::vector<OverviewWarning>& warnings = overview_->warnings;
+  QString text = "<b>" + tr("Warnings (%1)").arg(warnings.size()) + "</b><ul>";
+  for (size_t i = 0; i < std::min(most, warnings.size()); ++i) {
+    const QString words = Text(warnings[i].text).toHtmlEscaped(), object = Text(warnings[i].object).toHtmlEscaped();
+    text += "<li>" + (object.isEmpty() ? words : QString("<a href=\"%1\">%2</a>").arg(object, words)) + "</li>";
   }
   text += "</ul>";
-  if (shown > kMostWarnings) {
-    text += tr("... and %1 more; <tt>trigpoint status</tt> lists all.")
-                .arg(overview_->warnings.size() - static_cast<size_t>(kMostWarnings));
-  }
-  QLabel* label = Wrapped(text);
+  if (warnings.size() <= most) return text;
+  return text + "<a href=\"do:warnings\">" + tr("Show the other %1").arg(warnings.size() - most) + "</a>";
+}
+
+void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
+  if (overview_->warnings.empty()) return;
+  QLabel* label = Wrapped(WarningsText(kMostWarnings));
   label->setObjectName("overview.warnings");
   label->setStyleSheet(QString("background: palette(base); border-left: 4px solid %1; padding: 4px 6px;")
                            .arg(ToneColour(Tone::kWarning)));
+  connect(label, &QLabel::linkActivated, this, [this, label](const QString& anchor) {
+    if (anchor != "do:warnings") return Follow(anchor);
+    label->setText(WarningsText(overview_->warnings.size()));
+  });
   column->addWidget(label);
 }
 
@@ -393,13 +414,9 @@ void OverviewDesk::ShowNext() {
 }
 
 void OverviewDesk::ShowSelected() {
-  QString object;
-  for (const std::string& related : workspace_->related()) {
-    if (related.starts_with("station:") || (object.isEmpty() && related.starts_with("panorama:"))) {
-      object = Text(related);
-    }
-  }
-  plan_->SetHighlight(object);
+  HighlightSelected(plan_, *workspace_);
+  const QString object =
+      Text(StationShown(overview_.get(), workspace_->related(), workspace_->selected().toStdString()));
   if (matrix_ != nullptr) {
     showing_ = true;
     const int at = matrix_->currentRow();
@@ -426,7 +443,7 @@ void OverviewDesk::Follow(const QString& anchor) {
   } else if (anchor.startsWith("open:")) {
     emit ProjectRequested(anchor.section(':', 1));
   } else if (anchor.contains(':')) {
-    workspace_->Select(anchor);
+    Choose(anchor);
   }
 }
 

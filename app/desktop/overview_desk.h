@@ -11,10 +11,12 @@ class QPushButton;
 class QScrollArea;
 class QSplitter;
 class QTableWidget;
+class QTableWidgetItem;
 class QVBoxLayout;
 
 namespace trigpoint {
 
+struct ErrorRecord;
 struct Overview;
 class PictureView;
 
@@ -30,7 +32,8 @@ class OverviewDesk : public QWidget {
  signals:
   void Loaded();  // what is there is shown
   void SceneRequested(const QString& object);
-  void RunRequested();  // all that is out of date
+  void LookRequested(const QString& object);  // the scene is to look at it, whenever it is seen
+  void RunRequested();                        // all that is out of date
   void ReportRequested();
   void CreateRequested(const QString& dir);   // write trigpoint.yaml
   void ProjectRequested(const QString& dir);  // open it
@@ -47,11 +50,14 @@ class OverviewDesk : public QWidget {
   void SaveThumbnail() const;  // of the plan, for the welcome page
   void ShowVerdict(QVBoxLayout* column);
   void ShowMatrix(QVBoxLayout* column);
+  QTableWidgetItem* MatrixItem(const ErrorRecord& error) const;
   void ShowFolder(QVBoxLayout* column);
   void ShowWarnings(QVBoxLayout* column);
+  QString WarningsText(size_t most) const;
   void ShowPlan();
   void ShowNext();
-  void ShowSelected();  // the plan's mark, the matrix' row
+  void ShowSelected();                 // the plan's mark, the matrix' row
+  void Choose(const QString& object);  // selects it, and asks to look at it
   void Follow(const QString& anchor);
 
   Workspace* workspace_;

@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "app/desktop/background.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/photo_set_view.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
@@ -81,11 +82,13 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   photos_->setSelectionBehavior(QAbstractItemView::SelectRows);
   photos_->verticalHeader()->setDefaultSectionSize(photos_->fontMetrics().height() + 6);
   panorama_ = new PictureView;
+  panorama_->setObjectName("panorama.picture");
   panorama_->setAccessibleName(tr("Panorama"));
   graph_ = new PictureView;
   graph_->setObjectName("panorama.graph");
   graph_->setAccessibleName(tr("Which photos match, by where they look"));
   photo_ = new PictureView;
+  photo_->setObjectName("panorama.photo");
   photo_->setAccessibleName(tr("Photo"));
   auto* top = new QHBoxLayout;
   top->addWidget(set_);
@@ -105,11 +108,14 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   all->addWidget(split, 1);
   connect(set_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &PanoramaDesk::ShowSet);
   connect(set_, QOverload<int>::of(&QComboBox::activated), this, [this] {
-    const auto& snapshot = workspace_->snapshot();
-    if (!snapshot || set_->currentIndex() < 0) return;
-    const auto index = static_cast<size_t>(set_->currentData().toInt());
-    workspace_->Select(QString::fromStdString("panorama:" + snapshot->references[index].name));
+    if (!Object().isEmpty()) workspace_->Select(Object());
   });
+  AskMenuOn(photos_, workspace_, Qt::UserRole);
+  for (QWidget* widget : std::initializer_list<QWidget*>{set_, panorama_, graph_, photo_}) {
+    widget->setContextMenuPolicy(Qt::CustomContextMenu);
+    connect(widget, &QWidget::customContextMenuRequested, this,
+            [this, widget](const QPoint& at) { workspace_->AskMenu(Object(), widget->mapToGlobal(at)); });
+  }
   connect(workspace_, &Workspace::Selected, this, &PanoramaDesk::ShowSelected);
   connect(stitch, &QPushButton::clicked, this, &PanoramaDesk::StitchRequested);
   connect(photos_, &QTableWidget::currentCellChanged, this, &PanoramaDesk::ShowPhoto);
@@ -136,6 +142,13 @@ void PanoramaDesk::Refresh() {
     set_->setCurrentIndex(std::max(0, set_->findText(before)));
   }
   ShowSet();
+}
+
+QString PanoramaDesk::Object() const {
+  const auto& snapshot = workspace_->snapshot();
+  if (!snapshot || set_->currentIndex() < 0) return "";
+  return QString::fromStdString("panorama:" +
+                                snapshot->references[static_cast<size_t>(set_->currentData().toInt())].name);
 }
 
 void PanoramaDesk::ShowSelected() {
@@ -172,8 +185,9 @@ void PanoramaDesk::Clear() {
   photos_->setRowCount(0);
   graph_->SetMarks({});
   graph_->SetPicture({}, "");
-  photo_->SetPicture({}, tr("select a photo"));
-  panorama_->SetPicture({}, tr("no panorama"));
+  photo_->SetPicture({}, tr("Select a photo in the table."));
+  panorama_->SetPicture({},
+                        tr("No panorama yet: put pictures into panoramas/ or photos/, and read the project again."));
   text_->clear();
 }
 
@@ -211,9 +225,10 @@ void PanoramaDesk::ShowSet() {
        generation = generation_](const Attempted<Loaded>& loaded) {
         if (generation != generation_) return;
         const PhotoSetView& set = loaded.value.set;
-        panorama_->SetPicture(loaded.value.picture, !loaded.error.isEmpty()         ? loaded.error
-                                                    : loaded.value.picture.isNull() ? tr("not stitched yet")
-                                                                                    : shown);
+        panorama_->SetPicture(loaded.value.picture, !loaded.error.isEmpty() ? loaded.error
+                                                    : loaded.value.picture.isNull()
+                                                        ? tr("Not stitched yet: press Stitch.")
+                                                        : shown);
         QStringList facts{tr("%1 photos").arg(reference.files.size())};
         if (set.closure_deg) facts << tr("closure error %1 deg").arg(*set.closure_deg, 0, 'f', 3);
         if (set.covered_share) facts << tr("%1 % of the sphere covered").arg(100 * *set.covered_share, 0, 'f', 0);
@@ -222,30 +237,45 @@ void PanoramaDesk::ShowSet() {
         text_->setText(is_set ? facts.join(", ") : QString::fromStdString(reference.station));
         QImage paper(kGraphSize, kGraphSize, QImage::Format_RGB32);
         paper.fill(Qt::white);
-        graph_->SetPicture(is_set ? paper : QImage(), is_set ? tr("pairs, by direction") : tr("no photo set"));
+        graph_->SetPicture(is_set ? paper : QImage(), is_set ? tr("pairs, by direction") : tr("This is no photo set."));
         graph_->SetMarks(is_set ? GraphMarks(set) : std::vector<PictureMark>());
-        const QString unit = workspace_->unit();
-        photos_->setHorizontalHeaderLabels({tr("photo"), tr("right (%1)").arg(unit), tr("down (%1)").arg(unit),
-                                            tr("forward (%1)").arg(unit), tr("1 sigma (%1)").arg(unit),
-                                            tr("focal length (px)")});
-        photos_->setRowCount(0);
-        for (const PlacedPhoto& photo : set.photos) {
-          const int row = photos_->rowCount();
-          photos_->insertRow(row);
-          const auto number = [&](double metres) {
-            return photo.placed ? QString::number(metres / workspace_->metres_per_unit(), 'f', 4) : QString();
-          };
-          const double sigma = std::max({photo.sigma_x, photo.sigma_y, photo.sigma_z});
-          const QStringList cells{QString::fromStdString(std::filesystem::path(photo.name).filename().string()),
-                                  number(photo.x),
-                                  number(photo.y),
-                                  number(photo.z),
-                                  number(sigma),
-                                  photo.placed ? QString::number(photo.focal_px, 'f', 1) : tr("not placed")};
-          for (int c = 0; c < cells.size(); ++c) photos_->setItem(row, c, new QTableWidgetItem(cells[c]));
-        }
-        photos_->resizeColumnsToContents();
+        ShowPhotos(set);
       });
+}
+
+void PanoramaDesk::ShowPhotos(const PhotoSetView& set) {
+  const QString unit = workspace_->unit();
+  photos_->setHorizontalHeaderLabels({tr("photo"), tr("right (%1)").arg(unit), tr("down (%1)").arg(unit),
+                                      tr("forward (%1)").arg(unit), tr("1 sigma (%1)").arg(unit),
+                                      tr("focal length (px)")});
+  SetHeaderHelp(
+      photos_, {tr("file of the photo"), tr("centre of the photo to the right of the panorama's centre (%1)").arg(unit),
+                tr("centre of the photo below the panorama's centre (%1)").arg(unit),
+                tr("centre of the photo in front of the panorama's centre (%1)").arg(unit),
+                tr("1 sigma of the photo's centre relative to the panorama's, the largest axis (%1)").arg(unit),
+                tr("focal length as estimated (px)")});
+  const QString object = Object();
+  photos_->setRowCount(0);
+  for (const PlacedPhoto& photo : set.photos) {
+    const int row = photos_->rowCount();
+    photos_->insertRow(row);
+    const auto number = [&](double metres) {
+      return photo.placed ? QString::number(metres / workspace_->metres_per_unit(), 'f', 4) : QString();
+    };
+    const double sigma = std::max({photo.sigma_x, photo.sigma_y, photo.sigma_z});
+    const QStringList cells{QString::fromStdString(std::filesystem::path(photo.name).filename().string()),
+                            number(photo.x),
+                            number(photo.y),
+                            number(photo.z),
+                            number(sigma),
+                            photo.placed ? QString::number(photo.focal_px, 'f', 1) : tr("not placed")};
+    for (int c = 0; c < cells.size(); ++c) {
+      auto* item = new QTableWidgetItem(cells[c]);
+      item->setData(Qt::UserRole, object);
+      photos_->setItem(row, c, item);
+    }
+  }
+  photos_->resizeColumnsToContents();
 }
 
 }  // namespace trigpoint

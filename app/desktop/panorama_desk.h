@@ -12,6 +12,7 @@ class QTableWidget;
 namespace trigpoint {
 
 class PictureView;
+struct PhotoSetView;
 
 class PanoramaDesk : public QWidget {
   Q_OBJECT
@@ -30,6 +31,8 @@ class PanoramaDesk : public QWidget {
  private:
   void Refresh();
   void ShowSet();
+  void ShowPhotos(const PhotoSetView& set);
+  QString Object() const;  // the set or panorama that is shown; empty: none
   void ShowSelected();
   void ShowPhoto(int row);
   void Clear();

@@ -17,6 +17,7 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/import/run_track.h"
@@ -113,6 +114,7 @@ ServicesDialog::ServicesDialog(Workspace* workspace, QWidget* parent, Open open)
   connect(map_, &ServicesMap::Clicked, this,
           [this](int index) { Pick(index, !found_[static_cast<size_t>(index)].picked); });
   connect(workspace_, &Workspace::Replaced, this, &QDialog::close);
+  connect(workspace_, &Workspace::UnitChanged, this, &ServicesDialog::ShowRows);
   ShowState();
 }
 
@@ -177,6 +179,13 @@ void ServicesDialog::MakeTable() {
   table_->setAccessibleName(tr("Panoramas that were found"));
   table_->setHorizontalHeaderLabels({tr("Pick"), tr("Source"), tr("Panorama"), tr("Taken"), tr("Away"), tr("Heading"),
                                      tr("Width"), tr("Licence"), tr("Owner")});
+  SetHeaderHelp(table_,
+                {tr("Picked panoramas are downloaded"), tr("Service that has the panorama"),
+                 tr("Name of the panorama at its service"), tr("Day on which the panorama was taken"),
+                 tr("Distance from the run's path, in the unit shown"),
+                 tr("Direction of the panorama's centre as the service states it, clockwise from true north (deg)"),
+                 tr("Width of the picture at the service (px)"), tr("Licence under which the picture may be used"),
+                 tr("Who took the picture")});
   table_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   table_->setSelectionBehavior(QAbstractItemView::SelectRows);
   table_->verticalHeader()->hide();
@@ -255,7 +264,14 @@ void ServicesDialog::TakeIn(const std::string& service, const SearchArea& area, 
 }
 
 void ServicesDialog::ShowFound() {
+  ShowRows();
+  map_->Show(track_, found_);
+  ShowState();
+}
+
+void ServicesDialog::ShowRows() {
   filling_ = true;
+  map_->SetUnit({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
   SearchArea area;
   area.points = track_;
   table_->setRowCount(static_cast<int>(found_.size()));
@@ -269,7 +285,7 @@ void ServicesDialog::ShowFound() {
     const QString texts[] = {Text(f.service),
                              Text(r.id),
                              Text(r.date.substr(0, 10)),
-                             QString("%1 m").arg(area.Distance_m(r.position), 0, 'f', 0),
+                             workspace_->Length(area.Distance_m(r.position), 0),
                              r.heading_deg ? QString::fromUtf8("%1 deg").arg(*r.heading_deg, 0, 'f', 0) : "-",
                              r.width_px > 0 ? QString("%1 px").arg(r.width_px) : "-",
                              Text(r.licence),
@@ -278,8 +294,6 @@ void ServicesDialog::ShowFound() {
   }
   table_->resizeColumnsToContents();
   filling_ = false;
-  map_->Show(track_, found_);
-  ShowState();
 }
 
 void ServicesDialog::Pick(int index, bool picked) {

@@ -53,6 +53,7 @@ class ServicesDialog : public QDialog {
   void End(const QString& status);
   void TakeIn(const std::string& service, const SearchArea& area, std::vector<PanoramaRecord> records);
   void ShowFound();
+  void ShowRows();  // of the table
   void Pick(int index, bool picked);
   void ShowState();  // the buttons, the command line
 

@@ -126,6 +126,17 @@ void ServicesMap::paintEvent(QPaintEvent*) {
   DrawLegend(&painter);
 }
 
+void ServicesMap::SetUnit(const DisplayUnit& unit) {
+  unit_ = unit;
+  update();
+}
+
+double ServicesMap::ScaleLength() const { return RoundDown(0.25 * width() / (Scale() * unit_.metres)); }
+
+QString ServicesMap::ScaleText() const {
+  return QString("%1 %2").arg(ScaleLength()).arg(QString::fromStdString(unit_.name));
+}
+
 void ServicesMap::DrawLegend(QPainter* painter) const {
   const QColor ink = palette().text().color();
   const int row = fontMetrics().height() + 4;
@@ -145,12 +156,11 @@ void ServicesMap::DrawLegend(QPainter* painter) const {
     entry(0, ColourOf(year), QString("%1: %2").arg(QString::fromStdString(year)).arg(count));
   }
   if (track_.empty() && found_.empty()) return;
-  const double length_m = RoundDown(0.25 * width() / Scale()), px = length_m * Scale();
+  const double px = ScaleLength() * unit_.metres * Scale();
   const QPointF end(width() - 12, height() - 12);
   painter->setPen(QPen(ink, 2));
   painter->drawLine(end - QPointF(px, 0), end);
-  painter->drawText(QRectF(end.x() - px - 100, end.y() - row - 2, px + 100, row), Qt::AlignRight,
-                    QString("%1 m").arg(length_m));
+  painter->drawText(QRectF(end.x() - px - 100, end.y() - row - 2, px + 100, row), Qt::AlignRight, ScaleText());
   painter->drawText(QRectF(width() - 60, 8, 48, row), Qt::AlignRight, tr("N up"));
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "datasets/import/panorama_provider.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 
@@ -30,6 +31,10 @@ class ServicesMap : public QWidget {
   void Show(const std::vector<Geodetic>& track, const std::vector<FoundPanorama>& found);
   // Those of the same order as shown; the view stays.
   void Mark(const std::vector<FoundPanorama>& found);
+  // Of the scale bar.
+  void SetUnit(const DisplayUnit& unit);
+  // What the scale bar says: "20 m".
+  QString ScaleText() const;
   // Where one is drawn, for tests.
   QPoint PlaceOf(int index) const;
 
@@ -48,6 +53,7 @@ class ServicesMap : public QWidget {
   QPointF East(const Geodetic& position) const;  // east, north of the first point, m
   QPointF OnScreen(const QPointF& east_north) const;
   double Scale() const;               // pixels a metre
+  double ScaleLength() const;         // of the scale bar, in the unit
   int At(const QPoint& place) const;  // the nearest within reach; -1: none
   void DrawLegend(QPainter* painter) const;
   QColor ColourOf(const std::string& year) const;
@@ -56,6 +62,7 @@ class ServicesMap : public QWidget {
   std::vector<QPointF> track_, places_;
   std::map<std::string, int> years_;  // with how many there are, in order
   std::vector<std::string> services_;
+  DisplayUnit unit_;
   Geodetic origin_;
   QRectF extent_;
   double zoom_ = 1;

@@ -141,6 +141,7 @@ void SiteTree::Refresh() {
     }
   }
   results_ = AddGroup(tr("results"));
+  FillResults();
   for (int i = 0; i < topLevelItemCount(); ++i) {
     QTreeWidgetItem* group = topLevelItem(i);
     group->setExpanded(first ? group->childCount() <= kMostUnfolded : open.contains(name(group)));
@@ -149,12 +150,17 @@ void SiteTree::Refresh() {
     }
   }
   showing_ = false;
-  ShowStates();
   ShowSelected();
 }
 
 void SiteTree::ShowStates() {
   if (results_ == nullptr) return;
+  const bool open = results_->isExpanded();
+  FillResults();
+  results_->setExpanded(open);
+}
+
+void SiteTree::FillResults() {
   qDeleteAll(results_->takeChildren());
   for (const SnapshotResult& result : workspace_->results()) {
     const QString state = result.state.empty() ? tr("checking ...") : tr(result.state.c_str());
@@ -165,7 +171,6 @@ void SiteTree::ShowStates() {
     item->setToolTip(0, QString::fromStdString(result.metric));
     item->setToolTip(1, QString::fromStdString(result.reason));
   }
-  results_->setExpanded(true);
 }
 
 QTreeWidgetItem* SiteTree::ResultItem(const QString& title) const {

@@ -29,6 +29,7 @@ class SiteTree : public QTreeWidget {
  private:
   void Refresh();
   void ShowStates();
+  void FillResults();
   void ShowSelected();
   QTreeWidgetItem* ResultItem(const QString& title) const;
   QTreeWidgetItem* AddGroup(const QString& text);

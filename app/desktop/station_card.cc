@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "app/desktop/flow_layout.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/tolerance.h"
 #include "eval/report/verdict.h"
@@ -70,6 +71,8 @@ StationCard::StationCard(Workspace* workspace, QWidget* parent) : QWidget(parent
   column->addWidget(note_);
   column->addWidget(views_);
   column->addWidget(buttons_);
+  AskMenuOn(table_, workspace_, Qt::UserRole);
+  connect(table_, &QTableWidget::cellActivated, this, [this] { emit ImageRequested(object_); });
   connect(views_, &QCheckBox::toggled, this, &StationCard::Show);
   connect(workspace_, &Workspace::Selected, this, &StationCard::Show);
   connect(workspace_, &Workspace::UnitChanged, this, &StationCard::Show);
@@ -83,14 +86,7 @@ void StationCard::SetOverview(std::shared_ptr<const Overview> overview) {
 }
 
 void StationCard::Show() {
-  object_.clear();
-  for (const std::string& related : workspace_->related()) {
-    if (related.starts_with("station:") &&
-        (object_.isEmpty() || !object_.startsWith("station:") || Text(related) == workspace_->selected())) {
-      object_ = Text(related);
-    }
-    if (object_.isEmpty() && related.starts_with("panorama:")) object_ = Text(related);
-  }
+  object_ = Text(StationShown(overview_.get(), workspace_->related(), workspace_->selected().toStdString()));
   const auto& snapshot = workspace_->snapshot();
   table_->setRowCount(0);
   table_->clearSpans();
@@ -124,7 +120,7 @@ void StationCard::Show() {
                          tr("1 sigma of the difference in space (%1)").arg(unit),
                          tr("the tolerance that the error keeps, of 0.1, 0.25, 0.5 and 1 m (%1)").arg(unit),
                          tr("squared error in its own sigmas, by degrees of freedom: about 1 if the sigmas are right")};
-  for (int c = 0; c < help.size(); ++c) table_->horizontalHeaderItem(c)->setToolTip(help[c]);
+  SetHeaderHelp(table_, help);
   std::vector<const ErrorRecord*> rows;
   bool views = false;
   for (const ErrorRecord& e : overview_->errors) {
@@ -148,7 +144,7 @@ void StationCard::Show() {
   }
   table_->setColumnWidth(0, widest);
   table_->setVisible(!rows.empty());
-  note_->setText(rows.empty() ? tr("No answer of it is evaluated.")
+  note_->setText(rows.empty() ? tr("No answer of it is evaluated: run localize, then evaluate.")
                               : tr("Lengths in %1. Absolute: in site coordinates (east, north, up), with the "
                                    "georeference's error. Relative: in the run's own frame.")
                                     .arg(unit));
@@ -166,6 +162,7 @@ void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
   item->setFont(bold);
   item->setFlags(Qt::ItemIsEnabled);
   item->setToolTip(item->text());
+  item->setData(Qt::UserRole, object_);
   table_->setItem(row, 0, item);
   table_->setSpan(row, 0, 1, table_->columnCount());
   for (const ErrorRecord* e : rows) AddRow(*e);
@@ -184,6 +181,7 @@ void StationCard::AddRow(const ErrorRecord& e) {
     auto* item = new QTableWidgetItem(text);
     if (column > 0) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
     item->setToolTip(Text(e.panorama));
+    item->setData(Qt::UserRole, object_);
     table_->setItem(row, column, item);
     return item;
   };

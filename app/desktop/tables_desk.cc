@@ -20,6 +20,7 @@
 #include <map>
 
 #include "app/desktop/background.h"
+#include "app/desktop/column_help.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/tolerance.h"
 #include "eval/text/method_name.h"
@@ -126,8 +127,11 @@ QVariant DataTableModel::headerData(int section, Qt::Orientation orientation, in
   if (!table_ || (role != Qt::DisplayRole && role != Qt::ToolTipRole)) return {};
   if (orientation == Qt::Vertical) return section + 1;
   const auto c = static_cast<size_t>(section);
-  if (role == Qt::ToolTipRole) return QString::fromStdString(table_->columns[c]);
-  return formats_[c].Header({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  if (role == Qt::ToolTipRole) {
+    return ColumnHelp(*table_, QString::fromStdString(table_->columns[c]), formats_[c].UnitShown(unit));
+  }
+  return formats_[c].Header(unit);
 }
 
 TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
@@ -151,23 +155,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   auto* columns = new QPushButton(tr("Co&lumns ..."));
   columns->setObjectName("tables.columns");
   columns->setToolTip(tr("Choose the columns that are shown; also by a right click on the header"));
-  view_ = new QTableView;
-  view_->setObjectName("tables.view");
-  view_->setAccessibleName(tr("Rows of the table"));
-  view_->setSelectionBehavior(QAbstractItemView::SelectRows);
-  view_->setSortingEnabled(true);
-  view_->setAlternatingRowColors(true);
-  view_->setEditTriggers(QAbstractItemView::NoEditTriggers);
-  view_->verticalHeader()->setDefaultSectionSize(view_->fontMetrics().height() + 6);
-  model_ = new DataTableModel(workspace, this);
-  proxy_ = new BlanksLast(this);
-  proxy_->setSourceModel(model_);
-  proxy_->setSortRole(DataTableModel::kSortRole);
-  proxy_->setFilterKeyColumn(-1);
-  proxy_->setFilterCaseSensitivity(Qt::CaseInsensitive);
-  view_->setModel(proxy_);
-  view_->sortByColumn(-1, Qt::AscendingOrder);
-
+  MakeView();
   auto* line = new QHBoxLayout;
   line->addWidget(filter_, 1);
   line->addWidget(count_);
@@ -179,6 +167,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   rows->setContentsMargins(0, 0, 0, 0);
   rows->addLayout(line);
   rows->addWidget(view_, 1);
+  rows->addWidget(empty_, 1);
   auto* split = new QSplitter;
   split->addWidget(tree_);
   split->addWidget(right);
@@ -188,8 +177,10 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   all->addWidget(split);
 
   view_->horizontalHeader()->setContextMenuPolicy(Qt::CustomContextMenu);
-  connect(view_->horizontalHeader(), &QWidget::customContextMenuRequested, this, &TablesDesk::ColumnMenu);
-  connect(columns, &QPushButton::clicked, this, [this, columns] { ColumnMenu(columns->mapTo(this, {0, 0})); });
+  connect(view_->horizontalHeader(), &QWidget::customContextMenuRequested, this,
+          [this](const QPoint& at) { ColumnMenu(view_->horizontalHeader()->viewport()->mapToGlobal(at)); });
+  connect(columns, &QPushButton::clicked, this,
+          [this, columns] { ColumnMenu(columns->mapToGlobal(QPoint(0, columns->height()))); });
   AskMenuOn(view_, workspace_, DataTableModel::kObjectRole);
   connect(tree_, &QTreeWidget::currentItemChanged, this, &TablesDesk::ShowTable);
   connect(filter_, &QLineEdit::textChanged, this, [this](const QString& text) {
@@ -229,6 +220,30 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(workspace_, &Workspace::Closed, this, &TablesDesk::Refresh);
   connect(workspace_, &Workspace::Selected, this, &TablesDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, model_, &DataTableModel::ShowUnit);
+  Refresh();
+}
+
+void TablesDesk::MakeView() {
+  view_ = new QTableView;
+  view_->setObjectName("tables.view");
+  view_->setAccessibleName(tr("Rows of the table"));
+  view_->setSelectionBehavior(QAbstractItemView::SelectRows);
+  view_->setSortingEnabled(true);
+  view_->setAlternatingRowColors(true);
+  view_->setEditTriggers(QAbstractItemView::NoEditTriggers);
+  view_->verticalHeader()->setDefaultSectionSize(view_->fontMetrics().height() + 6);
+  model_ = new DataTableModel(workspace_, this);
+  proxy_ = new BlanksLast(this);
+  proxy_->setSourceModel(model_);
+  proxy_->setSortRole(DataTableModel::kSortRole);
+  proxy_->setFilterKeyColumn(-1);
+  proxy_->setFilterCaseSensitivity(Qt::CaseInsensitive);
+  view_->setModel(proxy_);
+  empty_ = new QLabel;
+  empty_->setObjectName("tables.empty");
+  empty_->setAlignment(Qt::AlignCenter);
+  empty_->setWordWrap(true);
+  view_->sortByColumn(-1, Qt::AscendingOrder);
 }
 
 QTreeWidgetItem* TablesDesk::ItemOf(const QString& title) const {
@@ -289,15 +304,17 @@ void TablesDesk::Refresh() {
 
 void TablesDesk::ColumnMenu(const QPoint& at) {
   if (model_->table() == nullptr) return;
-  QMenu menu;
+  auto* menu = new QMenu(this);
+  menu->setObjectName("tables.column_menu");
+  menu->setAttribute(Qt::WA_DeleteOnClose);
   for (int c = 0; c < model_->columnCount(); ++c) {
     const QString name = QString::fromStdString(model_->table()->columns[static_cast<size_t>(c)]);
-    QAction* action = menu.addAction(model_->headerData(c, Qt::Horizontal, Qt::DisplayRole).toString());
+    QAction* action = menu->addAction(model_->headerData(c, Qt::Horizontal, Qt::DisplayRole).toString());
     action->setCheckable(true);
     action->setChecked(!view_->isColumnHidden(c));
     connect(action, &QAction::toggled, this, [this, name](bool on) { ShowColumn(name, on); });
   }
-  menu.exec(mapToGlobal(at));
+  menu->popup(at);
 }
 
 void TablesDesk::ShowColumn(const QString& column, bool shown) {
@@ -324,9 +341,14 @@ void TablesDesk::ShowTable() {
   const auto found = std::find_if(sources_.begin(), sources_.end(), [&](const DataTableSource& source) {
     return QString::fromStdString(source.title) == wanted;
   });
+  empty_->setVisible(found == sources_.end());
+  view_->setVisible(found != sources_.end());
   if (found == sources_.end()) {
     model_->SetTable(nullptr);
-    count_->setText(tr("no tables yet"));
+    count_->clear();
+    empty_->setText(workspace_->snapshot() ? tr("No tables yet: run a stage. detect, localize, survey and evaluate "
+                                                "write tables into results/.")
+                                           : tr("Open a project (Ctrl+O) to see the tables of its results."));
     return;
   }
   InBackground(

@@ -62,11 +62,12 @@ class TablesDesk : public QWidget {
   void Activated(const QString& object);  // a row was opened: show what it is about
 
  private:
+  void MakeView();
   void Refresh();
   void ShowTable();
   void ShowSelected();
-  void ShowColumns();  // all but those that somebody hid
-  void ColumnMenu(const QPoint& at);
+  void ShowColumns();                 // all but those that somebody hid
+  void ColumnMenu(const QPoint& at);  // a place of the screen
   QTreeWidgetItem* ItemOf(const QString& title) const;
   QString title() const;  // of the table chosen
 
@@ -74,7 +75,7 @@ class TablesDesk : public QWidget {
   std::vector<DataTableSource> sources_;
   QTreeWidget* tree_;
   QLineEdit* filter_;
-  QLabel* count_;
+  QLabel *count_, *empty_;
   QTableView* view_;
   DataTableModel* model_;
   QSortFilterProxyModel* proxy_;

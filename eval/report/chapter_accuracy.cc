@@ -308,7 +308,10 @@ void AddTrust(const std::string& variant, const GroupRecords& of_group, std::vec
     }
     trust.push_back(std::move(s));
     Sample sample{fmt::format("{} (n = {})", name, records.size()), {}};
-    for (const ErrorRecord* e : records) sample.values.push_back(*e->nees / e->dof);
+    for (const ErrorRecord* e : records) {
+      sample.values.push_back(*e->nees / e->dof);
+      sample.objects.push_back("station:" + e->station);
+    }
     samples.push_back(std::move(sample));
   }
   const std::string suffix = variant.empty() ? "" : "_" + Slug(variant);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <set>
 
 namespace trigpoint {
 namespace {
@@ -149,6 +151,34 @@ std::vector<std::string> Names(const std::vector<T>& series) {
   return names;
 }
 
+size_t BinOf(double value, size_t bins, double limit) {
+  const auto count = static_cast<double>(bins);
+  return static_cast<size_t>(std::clamp(value / limit * count, 0.0, count - 1.0));
+}
+
+// Each value's object stands on the axis, those of a bin in its highest bar.
+void AddBinSpots(const std::vector<Sample>& samples, const std::vector<std::vector<double>>& shares, double limit,
+                 Plot* plot) {
+  std::map<size_t, std::set<std::string>> of_bin;
+  for (const Sample& sample : samples) {
+    for (size_t k = 0; k < std::min(sample.values.size(), sample.objects.size()); ++k) {
+      if (std::isnan(sample.values[k]) || sample.objects[k].empty()) continue;
+      plot->AddSpot(sample.values[k], 0, sample.objects[k]);
+      of_bin[BinOf(sample.values[k], shares.front().size(), limit)].insert(sample.objects[k]);
+    }
+  }
+  for (const auto& [bin, objects] : of_bin) {
+    double top = 0;
+    for (const std::vector<double>& share : shares) top = std::max(top, share[bin]);
+    const double width = limit / static_cast<double>(shares.front().size()), left = width * static_cast<double>(bin);
+    plot->drawing().groups.push_back({plot->X(left),
+                                      plot->Y(top),
+                                      plot->X(left + width) - plot->X(left),
+                                      plot->bottom() - plot->Y(top),
+                                      {objects.begin(), objects.end()}});
+  }
+}
+
 }  // namespace
 
 Drawing CumulativeChart(const std::vector<Series>& series, const std::string& x_axis, const std::string& y_axis,
@@ -254,7 +284,7 @@ Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limi
     size_t count = 0;
     for (double v : sample.values) {
       if (std::isnan(v)) continue;
-      ++share[static_cast<size_t>(std::clamp(v / limit * bins, 0.0, bins - 1.0))];
+      ++share[BinOf(v, share.size(), limit)];
       ++count;
     }
     for (double& s : share) top = std::max(top, s /= static_cast<double>(std::max<size_t>(1, count)));
@@ -282,6 +312,7 @@ Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limi
     for (const CurvePoint& p : expected->points) line.emplace_back(plot.X(p.x), plot.Y(p.y));
     plot.drawing().Line(line, ColourOf(samples.size()), 2, true);
   }
+  AddBinSpots(samples, shares, limit, &plot);
   return plot.drawing();
 }
 

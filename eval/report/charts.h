@@ -43,6 +43,7 @@ Drawing DotChart(const std::vector<std::string>& categories, const std::vector<D
 struct Sample {
   std::string name;
   std::vector<double> values;
+  std::vector<std::string> objects;  // that the values are of, see Spot; may be empty
 };
 Drawing HistogramChart(const std::vector<Sample>& samples, int bins, double limit, const std::string& x_axis,
                        const Series* expected = nullptr, double width = Drawing().width);

@@ -34,12 +34,18 @@ struct Spot {
   double x = 0, y = 0;
   std::string object;  // as the review names objects: "station:S57", "tag:57", "image:run1/images/000012.jpg"
 };
+// Several of them in a rectangle of a drawing, a bar of a histogram; x, y: its upper left corner.
+struct SpotGroup {
+  double x = 0, y = 0, width = 0, height = 0;
+  std::vector<std::string> objects;
+};
 
 // x to the right, y down; units are pixels of a screen, 1/96 inch on paper.
 struct Drawing {
   double width = 720, height = 360;
   std::vector<Shape> shapes;
   std::vector<Spot> spots;
+  std::vector<SpotGroup> groups;
 
   void Line(std::vector<std::pair<double, double>> points, const std::string& colour, double width_px = 1,
             bool dashed = false);

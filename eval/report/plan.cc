@@ -27,7 +27,7 @@ constexpr double kArrow = 34;  // units, of a typical difference
 
 class PlanPainter {
  public:
-  explicit PlanPainter(const SceneModel& scene) : scene_(scene) {}
+  PlanPainter(const SceneModel& scene, const DisplayUnit& unit) : scene_(scene), unit_(unit) {}
 
   Plan Draw() {
     Frame();
@@ -38,7 +38,7 @@ class PlanPainter {
     Panoramas();
     Legend();
     std::string caption = "Plan, " + std::string(scene_.on_earth ? "north up; east and north in " : "x and y in ") +
-                          scene_.frame + " (m).";
+                          scene_.frame + " (" + unit_.name + ").";
     if (!scene_.errors.empty()) {
       caption += fmt::format(
           " Arrows: from the reference to the answer, horizontally, {}; dashed ellipses: 95 % of the difference at the "
@@ -93,19 +93,23 @@ class PlanPainter {
   }
 
   void Grid() {
-    const double step = RoundDown((high_.x() - low_.x()) / 4);
+    const Eigen::Vector2d low = low_ / unit_.metres, high = high_ / unit_.metres;
+    const double step = RoundDown((high.x() - low.x()) / 4);
     const double right = X(high_.x()), bottom = Y(low_.y());
-    for (double e = std::ceil(low_.x() / step) * step; e < high_.x(); e += step) {
-      drawing_.Line({{X(e), kTop}, {X(e), bottom}}, "#8a949d", 0.6);
-      drawing_.Text(X(e), bottom + 16, fmt::format("{:g}", std::abs(e) < 1e-9 ? 0 : e), 0, 12, kInk);
+    for (double e = std::ceil(low.x() / step) * step; e < high.x(); e += step) {
+      const double x = X(e * unit_.metres);
+      drawing_.Line({{x, kTop}, {x, bottom}}, "#8a949d", 0.6);
+      drawing_.Text(x, bottom + 16, fmt::format("{:g}", std::abs(e) < 1e-9 ? 0 : e), 0, 12, kInk);
     }
-    for (double n = std::ceil(low_.y() / step) * step; n < high_.y(); n += step) {
-      drawing_.Line({{kLeft, Y(n)}, {right, Y(n)}}, "#8a949d", 0.6);
-      drawing_.Text(kLeft - 6, Y(n) + 4, fmt::format("{:g}", std::abs(n) < 1e-9 ? 0 : n), 1, 12, kInk);
+    for (double n = std::ceil(low.y() / step) * step; n < high.y(); n += step) {
+      const double y = Y(n * unit_.metres);
+      drawing_.Line({{kLeft, y}, {right, y}}, "#8a949d", 0.6);
+      drawing_.Text(kLeft - 6, y + 4, fmt::format("{:g}", std::abs(n) < 1e-9 ? 0 : n), 1, 12, kInk);
     }
     drawing_.Line({{kLeft, kTop}, {right, kTop}, {right, bottom}, {kLeft, bottom}, {kLeft, kTop}}, kInk, 1);
-    drawing_.Text(0.5 * (kLeft + right), bottom + 33, scene_.on_earth ? "east (m)" : "x (m)", 0, 12, kInk);
-    drawing_.Text(14, 0.5 * (kTop + bottom), scene_.on_earth ? "north (m)" : "y (m)", 0, 12, kInk, false, true);
+    const std::string in = " (" + unit_.name + ")";
+    drawing_.Text(0.5 * (kLeft + right), bottom + 33, (scene_.on_earth ? "east" : "x") + in, 0, 12, kInk);
+    drawing_.Text(14, 0.5 * (kTop + bottom), (scene_.on_earth ? "north" : "y") + in, 0, 12, kInk, false, true);
   }
 
   size_t IndexOf(const std::string& run) const {
@@ -224,6 +228,7 @@ class PlanPainter {
   }
 
   const SceneModel& scene_;
+  const DisplayUnit& unit_;
   Drawing drawing_;
   std::vector<std::vector<std::pair<double, double>>> lines_;  // that names keep clear of
   Eigen::Vector2d low_, high_;
@@ -289,6 +294,6 @@ std::string EnlargedText(double factor) {
   return factor == 1 ? "at true scale" : fmt::format("{:g} times enlarged", factor);
 }
 
-Plan PlanOf(const SceneModel& scene) { return PlanPainter(scene).Draw(); }
+Plan PlanOf(const SceneModel& scene, const DisplayUnit& unit) { return PlanPainter(scene, unit).Draw(); }
 
 }  // namespace trigpoint

@@ -8,6 +8,7 @@
 
 #include "eval/report/drawing.h"
 #include "eval/scene/scene_model.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 
@@ -46,7 +47,7 @@ struct Plan {
   std::string caption;
 };
 
-// Of a scene with a path or a panorama. Lengths in the scene's frame, metres.
-Plan PlanOf(const SceneModel& scene);
+// Of a scene with a path or a panorama. Coordinates are those of the scene's frame, in `unit`.
+Plan PlanOf(const SceneModel& scene, const DisplayUnit& unit = {});
 
 }  // namespace trigpoint

@@ -1,8 +1,10 @@
 // The report's charts on the screen: a mark selects, and what is selected elsewhere is marked.
 #include <gmock/gmock.h>
 
+#include <QAction>
 #include <QLabel>
 #include <QListWidget>
+#include <QMenu>
 #include <QTableWidget>
 
 #include "app/desktop/charts_desk.h"
@@ -105,6 +107,28 @@ TEST_F(ChartsTest, AMarkSelectsAndTheSelectionIsMarked) {
   EXPECT_TRUE(Ringed("image:run1/images/000007.jpg"));
   QTest::mouseDClick(charts_->view(), Qt::LeftButton, {}, At("image:run1/images/000011.jpg"));
   EXPECT_EQ(window_->desk(), "images");
+}
+
+TEST_F(ChartsTest, TheSelectionIsOnTheAxisOfTheHistogramAndABarListsWhatIsInIt) {
+  ASSERT_TRUE(charts_->Choose("nees"));
+  window_->workspace()->Select("station:S2");
+  const QPoint at = At("station:S2");
+  ASSERT_GT(at.x(), 0);
+  EXPECT_TRUE(Ringed("station:S2"));
+  // All four errors have one NEES, so that one bar has all.
+  QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, at - QPoint(0, 40));
+  auto* menu = Child<QMenu>(window_.get(), "charts.group");
+  QStringList stations;
+  for (QAction* action : menu->actions()) {
+    if (!action->isSeparator()) stations << action->text();
+  }
+  EXPECT_EQ(stations.join(' ').toStdString(), "station:S0 station:S1 station:S2 station:S3");
+  menu->actions().back()->trigger();
+  menu->close();
+  EXPECT_EQ(window_->workspace()->selected(), "station:S3");
+  EXPECT_TRUE(Ringed("station:S3"));
+  QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, {at.x() + 150, at.y() - 40});  // no bar
+  EXPECT_EQ(window_->workspace()->selected(), "station:S3");
 }
 
 TEST_F(ChartsTest, FollowTheUnitAndAnotherProject) {

@@ -1,20 +1,31 @@
 // The overview: what a project opens on.
+#include "app/desktop/overview.h"
+
 #include <gmock/gmock.h>
 
+#include <QCheckBox>
 #include <QLabel>
+#include <QMenu>
 #include <QPushButton>
 #include <QSignalSpy>
 #include <QTableWidget>
+#include <filesystem>
+#include <sstream>
 
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
+#include "app/pipeline/jobs.h"
 #include "datasets/io/text.h"
+#include "datasets/project/project.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
 
 constexpr const char* kSummary = R"({"schema": "trigpoint evaluate 1", "groups": [{"variant": "", "method": "single",
   "reference": "control", "kind": "absolute", "shares_evidence": false, "answers": 4, "attempts": 4,
@@ -95,6 +106,51 @@ TEST_F(OverviewTest, ACellAPlaceAndATreeSelectTheSameStation) {
   }));
 }
 
+TEST_F(OverviewTest, AClickMakesTheSceneLookThereWithoutChangingTheDesk) {
+  const auto looked_at = [this](const char* panorama) {
+    window_->ShowDesk("scene");
+    const QWidget* view = Child<QWidget>(window_.get(), "scene.view");
+    const bool found = WaitFor([&] {
+      if (!window_->scene()->HasScene()) return false;
+      const QPointF at = window_->scene()->PlaceOf(panorama) / view->devicePixelRatioF();
+      return (at - QPointF(view->rect().center())).manhattanLength() < 40;
+    });
+    window_->ShowDesk("overview");
+    return found;
+  };
+  const auto click = [this](int row) {
+    QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {},
+                      Matrix()->visualItemRect(Matrix()->item(row, 0)).center());
+  };
+  click(3);
+  EXPECT_EQ(window_->desk(), "overview");
+  EXPECT_TRUE(looked_at("panorama:panoramas/p003.jpg"));  // as soon as there is a scene
+  PictureView* plan = window_->overview()->plan();
+  QTest::mouseClick(plan, Qt::LeftButton, {}, plan->WidgetAt(plan->marks()[0].points[0]).toPoint());
+  EXPECT_EQ(window_->desk(), "overview");
+  EXPECT_TRUE(looked_at("panorama:panoramas/p000.jpg"));
+  window_->scene()->LookAt("station:S2");
+  click(0);  // selected already
+  EXPECT_TRUE(looked_at("panorama:panoramas/p000.jpg"));
+  // Enter and a double click go there.
+  Matrix()->setFocus();
+  QTest::keyClick(Matrix(), Qt::Key_Return);
+  EXPECT_EQ(window_->desk(), "scene");
+  window_->ShowDesk("overview");
+  QTest::mouseDClick(plan, Qt::LeftButton, {}, plan->WidgetAt(plan->marks()[1].points[0]).toPoint());
+  EXPECT_EQ(window_->desk(), "scene");
+  EXPECT_EQ(window_->workspace()->selected(), "station:S1");
+}
+
+TEST_F(OverviewTest, ThePlanIsInTheUnitShown) {
+  const auto* desk = window_->overview();
+  const QImage metres = desk->plan()->image();
+  EXPECT_THAT(desk->overview()->plan_caption, HasSubstr("(m)"));
+  window_->workspace()->SetUnit("ft");
+  EXPECT_TRUE(WaitFor([&] { return desk->overview()->plan_caption.find("(ft)") != std::string::npos; }));
+  EXPECT_NE(desk->plan()->image(), metres);
+}
+
 TEST_F(OverviewTest, NextIsWhatStatusAdvises) {
   auto* next = Child<QPushButton>(window_.get(), "overview.next");
   ASSERT_TRUE(WaitFor([&] { return next->isVisible(); }));
@@ -109,6 +165,203 @@ TEST_F(OverviewTest, NextIsWhatStatusAdvises) {
   QSignalSpy opened(window_->workspace(), &Workspace::Opened);
   emit Child<QLabel>(window_.get(), "overview.recent")->linkActivated("open:" + site_->path());
   EXPECT_TRUE(WaitFor([&] { return opened.count() == 1; }));
+}
+
+// Results that are up to date for the program, without computing any; `fails` is a stage, or empty.
+void PretendResults(const std::filesystem::path& dir, const std::string& fails) {
+  const Project project = Project::Open(dir);
+  ProgressSink progress;
+  for (const Job& job : PlanJobs(project, {})) {
+    if (job.stage->not_needed && !job.stage->not_needed(project, job.target).empty()) continue;
+    StageRequest request = MakeRequest(project, *job.stage, job.target);
+    const bool failing = job.stage->name == fails;
+    request.body = [failing](StageContext& context) {
+      if (failing) throw InputError("the datum is missing");
+      WriteFileAtomically(context.out / "index.html", "pretended");
+    };
+    const auto run = [&] { RunStage(project, request, 1, 1, progress, {}); };
+    if (failing) {
+      EXPECT_THROW(run(), InputError);  // a record of it is there now
+    } else {
+      run();
+    }
+  }
+}
+
+TEST(NextStepTest, AfterAFailureAndWhenNothingIsLeft) {
+  QSettings().clear();
+  const QTemporaryDir site;
+  const std::filesystem::path dir = site.path().toStdString();
+  WriteResultsSite(dir, {});
+  std::filesystem::remove_all(dir / "results");
+  WriteFileAtomically(dir / "trigpoint.yaml", "name: next\n");
+  PretendResults(dir, "survey");
+  const auto window = OpenWindow(site.path());
+  auto* desk = window->overview();
+  desk->disconnect(window.get());  // nothing is run, no browser is opened
+  QSignalSpy run(desk, &OverviewDesk::RunRequested), report(desk, &OverviewDesk::ReportRequested);
+  auto* next = Child<QPushButton>(window.get(), "overview.next");
+  const auto* text = Child<QLabel>(window.get(), "overview.next_text");
+  ASSERT_TRUE(WaitFor([&] { return text->text().startsWith("Failed results: 1."); })) << text->text().toStdString();
+  EXPECT_THAT(text->text().toStdString(), HasSubstr("survey: the datum is missing"));
+  EXPECT_EQ(next->text().remove('&'), "Run again what failed");
+  QTest::mouseClick(next, Qt::LeftButton);
+  EXPECT_EQ(run.count(), 1);
+  PretendResults(dir, "");
+  window->workspace()->Reload();
+  ASSERT_TRUE(WaitFor([&] { return text->text() == "Every result is up to date."; })) << text->text().toStdString();
+  EXPECT_EQ(next->text().remove('&'), "Open the report");
+  QTest::mouseClick(next, Qt::LeftButton);
+  EXPECT_EQ(report.count(), 1);
+}
+
+// Two runs past the same four stations; the second has a refusal and a panorama that it doesn't match.
+class TwoRunsTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    namespace fs = std::filesystem;
+    QSettings().clear();
+    const fs::path dir = site_.path().toStdString(), results = dir / "results";
+    WriteResultsSite(dir, {});
+    for (const char* folder : {"runs", "results/localize"}) {
+      fs::copy(dir / folder / "run1", dir / folder / "run2", fs::copy_options::recursive);
+    }
+    WriteFileAtomically(dir / "trigpoint.yaml", "name: two runs\n");
+    WriteFileAtomically(results / "evaluate/summary.json", kSummary);
+    WriteFileAtomically(
+        results / "evaluate/errors.csv",
+        ReadTextFile(results / "evaluate/errors.csv") +
+            "run2,,single,S0,panoramas/p000.jpg,0,control,absolute,localized,,0.3,0.3,0,0.3,0,0,,0.05,0.05,0.08,1,3\n"
+            "run2,,single,S1,panoramas/p001.jpg,1,control,absolute,rejected,only 12 of 20 matches agree on one "
+            "pose,,,,,,,,,,,,\n"
+            "run2,,single,S2,panoramas/p002.jpg,2,control,absolute,unmatched,no matches,,,,,,,,,,,,\n"
+            "run1,,g1,S2,panoramas/p002.jpg,2,control,absolute,localized,,0.5,0.5,0,0.5,0,0,,,,,,\n");
+    const auto warn = [&](const char* result, const char* warnings) {
+      WriteFileAtomically(results / result / "manifest.json",
+                          std::string(R"({"schema": 1, "warnings": [)") + warnings + "]}\n");
+    };
+    warn("localize/run1", R"("few matches at dusk", "an own one")");
+    warn("localize/run2", R"("few matches at dusk")");
+    // Geotags that contradict the run at two stations.
+    std::istringstream lines(ReadTextFile(results / "localize/run1/panoramas.csv"));
+    std::string table;
+    for (std::string line; std::getline(lines, line);) {
+      const bool off = line.find("p001") != std::string::npos || line.find("p003") != std::string::npos;
+      if (!line.starts_with("#")) {
+        line += line.starts_with("panorama,") ? ",geotag_de_m,geotag_dn_m,geotag_du_m,geotag_status"
+                : off                         ? ",12,0,0,outlier"
+                                              : ",0,0,0,used";
+      }
+      table += line + "\n";
+    }
+    WriteFileAtomically(results / "localize/run1/panoramas.csv", table);
+    Open();
+  }
+  void Open() {
+    window_ = OpenWindow(site_.path());
+    ASSERT_TRUE(WaitFor([&] { return Matrix() != nullptr; }));
+  }
+  QTableWidget* Matrix() { return window_->findChild<QTableWidget*>("overview.matrix"); }
+  QTableWidget* Card() { return Child<QTableWidget>(window_.get(), "card.table"); }
+
+  QTemporaryDir site_;
+  std::unique_ptr<MainWindow> window_;
+};
+
+TEST_F(TwoRunsTest, HaveAColumnEachAndARefusalSaysWhy) {
+  ASSERT_EQ(Matrix()->columnCount(), 2);
+  EXPECT_EQ(Matrix()->horizontalHeaderItem(1)->text(), "run2");
+  EXPECT_THAT(Matrix()->item(0, 1)->text().toStdString(), StartsWith("0.300\n"));
+  const QStringList refused = Matrix()->item(1, 1)->text().split('\n');
+  ASSERT_EQ(refused.size(), 2);
+  EXPECT_EQ(refused[0], "refused");
+  EXPECT_THAT(refused[1].toStdString(), StartsWith("only 12 of"));
+  EXPECT_TRUE(refused[1].endsWith(QChar(0x2026)));  // elided
+  EXPECT_THAT(Matrix()->item(1, 1)->toolTip().toStdString(), HasSubstr("only 12 of 20 matches agree on one pose"));
+  EXPECT_EQ(Matrix()->item(2, 1)->text(), "no match\nno matches");
+  EXPECT_EQ(Matrix()->item(3, 1), nullptr);
+  Screenshot(window_.get(), "overview_two_runs");
+}
+
+TEST_F(TwoRunsTest, TheCardListsBothAndTheViewsOnRequest) {
+  window_->workspace()->Select("station:S2");
+  QTableWidget* card = Card();
+  ASSERT_EQ(card->rowCount(), 3);  // what is compared, and the runs
+  EXPECT_EQ(card->item(1, 0)->text(), "run1");
+  EXPECT_EQ(card->item(2, 0)->text(), "run2");
+  EXPECT_EQ(card->item(2, 1)->text(), "unmatched: no matches");
+  auto* views = Child<QCheckBox>(window_.get(), "card.views");
+  ASSERT_TRUE(views->isVisible());
+  views->setChecked(true);
+  ASSERT_EQ(card->rowCount(), 5);
+  EXPECT_THAT(card->item(3, 0)->text().toStdString(), HasSubstr("view (G1)"));
+  EXPECT_EQ(card->item(4, 1)->text(), "0.500");
+  views->setChecked(false);
+  EXPECT_EQ(card->rowCount(), 3);
+  window_->workspace()->Select("station:S1");  // no view of it is evaluated
+  EXPECT_FALSE(views->isVisible());
+  // A right click on the table decides about the station, Enter shows its image.
+  emit card->customContextMenuRequested(card->visualItemRect(card->item(1, 0)).center());
+  QMenu* menu = Child<QMenu>(window_.get(), "object.menu");
+  EXPECT_NE(menu->findChild<QMenu*>("exclude station:S1"), nullptr);
+  menu->close();
+  card->setFocus();
+  card->setCurrentCell(1, 0);
+  QTest::keyClick(card, Qt::Key_Return);
+  EXPECT_EQ(window_->desk(), "images");
+}
+
+TEST_F(TwoRunsTest, WarningsAreThoseOfTheResultsAndOfAllOutlyingGeotags) {
+  auto* warnings = Child<QLabel>(window_.get(), "overview.warnings");
+  const std::string text = warnings->text().toStdString();
+  EXPECT_THAT(text, HasSubstr("localize/run1, localize/run2: few matches at dusk (2 times)"));
+  EXPECT_THAT(text, HasSubstr("localize/run1: an own one<"));
+  EXPECT_THAT(text, HasSubstr("Outlying geotag: panoramas/p001.jpg, 12.00 m horizontally from the answer of run1"));
+  EXPECT_THAT(text, HasSubstr("Outlying geotag: panoramas/p003.jpg"));
+  emit warnings->linkActivated("panorama:panoramas/p003.jpg");
+  EXPECT_EQ(window_->workspace()->selected(), "panorama:panoramas/p003.jpg");
+  EXPECT_EQ(Matrix()->currentRow(), 3);
+}
+
+TEST_F(TwoRunsTest, ManyWarningsAreShownOnRequest) {
+  std::string many;
+  for (int i = 10; i < 40; ++i) many += (many.empty() ? "" : ", ") + ("\"the " + std::to_string(i)) + "th\"";
+  WriteFileAtomically((site_.path() + "/results/localize/run2/manifest.json").toStdString(),
+                      R"({"schema": 1, "warnings": [)" + many + "]}\n");
+  Open();
+  auto* warnings = Child<QLabel>(window_.get(), "overview.warnings");
+  EXPECT_THAT(warnings->text().toStdString(), Not(HasSubstr("the 39th")));
+  emit warnings->linkActivated("do:warnings");
+  EXPECT_THAT(warnings->text().toStdString(), AllOf(HasSubstr("the 39th"), Not(HasSubstr("do:warnings"))));
+}
+
+// Photos called by a number also belong to a station of the set's name, which no table has.
+TEST_F(TwoRunsTest, TheStationThatTheResultsKnowIsShown) {
+  const QString photos = site_.path() + "/photos/station_002";
+  QDir().mkpath(photos);
+  for (const char* name : {"/a.jpg", "/b.jpg"}) {
+    QImage photo(320, 240, QImage::Format_RGB32);
+    photo.fill(Qt::darkGreen);
+    ASSERT_TRUE(photo.save(photos + name));
+  }
+  Open();
+  ASSERT_EQ(window_->workspace()->snapshot()->Related("station:S2").count("station:station_002"), 1u);
+  const QRect cell = Matrix()->visualItemRect(Matrix()->item(2, 0));
+  QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {}, cell.center());
+  EXPECT_EQ(Matrix()->currentRow(), 2);
+  EXPECT_EQ(Card()->rowCount(), 3);
+  window_->workspace()->Select("panorama:station_002");
+  EXPECT_EQ(Matrix()->currentRow(), 2);
+  EXPECT_EQ(Card()->rowCount(), 3);
+  // Whichever comes first by name.
+  Overview overview;
+  overview.stations = {"zone 2"};
+  const std::set<std::string> related = {"panorama:station_002", "station:station_002", "station:zone 2", "tag:2"};
+  EXPECT_EQ(StationShown(&overview, related, "panorama:station_002"), "station:zone 2");
+  EXPECT_EQ(StationShown(&overview, related, "station:station_002"), "station:zone 2");
+  EXPECT_EQ(StationShown(nullptr, related, "station:zone 2"), "station:zone 2");
+  EXPECT_EQ(StationShown(nullptr, {"panorama:p"}, "panorama:p"), "panorama:p");
+  EXPECT_EQ(StationShown(nullptr, {"image:run1/a.jpg"}, "image:run1/a.jpg"), "");
 }
 
 }  // namespace

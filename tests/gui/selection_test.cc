@@ -3,6 +3,7 @@
 
 #include <QAction>
 #include <QComboBox>
+#include <QHeaderView>
 #include <QImage>
 #include <QLabel>
 #include <QLineEdit>
@@ -13,6 +14,7 @@
 #include <QTableWidget>
 #include <QTreeWidget>
 
+#include "app/desktop/column_help.h"
 #include "app/desktop/decisions.h"
 #include "app/desktop/images_desk.h"
 #include "app/desktop/picture_view.h"
@@ -126,6 +128,104 @@ TEST_F(SelectionTest, AContextMenuExcludesWithAReasonToPick) {
   OpenedMenu()->close();
   ASSERT_TRUE(WaitFor([&] { return decided.count() == 2; }));
   EXPECT_FALSE(Excluded("station:S2"));
+}
+
+TEST_F(SelectionTest, ThePanoramasDeskHasTheMenuOfItsPanorama) {
+  window_->ShowDesk("panoramas");
+  auto* set = Child<QComboBox>(window_.get(), "panorama.set");
+  set->setCurrentIndex(set->findText("panoramas/p002.jpg", Qt::MatchStartsWith));
+  for (const char* name : {"panorama.set", "panorama.picture", "panorama.graph", "panorama.photo"}) {
+    emit Child<QWidget>(window_.get(), name)->customContextMenuRequested({5, 5});
+    EXPECT_EQ(window_->workspace()->selected(), "panorama:panoramas/p002.jpg") << name;
+    ASSERT_NE(Reasons("exclude panorama:panoramas/p002.jpg"), nullptr) << name;
+    EXPECT_NE(Reasons("exclude station:S2"), nullptr) << name;
+    OpenedMenu()->close();
+  }
+  auto* photos = Child<QTableWidget>(window_.get(), "panorama.photos");
+  ASSERT_TRUE(WaitFor([&] { return photos->horizontalHeaderItem(1) != nullptr; }));
+  EXPECT_THAT(photos->horizontalHeaderItem(1)->toolTip().toStdString(),
+              HasSubstr("right of the panorama's centre (m)"));
+}
+
+TEST_F(SelectionTest, AComparedRowIsOpenedByEnter) {
+  window_->ShowDesk("compare");
+  auto* compared = Child<QTableWidget>(window_.get(), "compare.errors");
+  ASSERT_TRUE(WaitFor([&] { return compared->rowCount() == 4; }));
+  EXPECT_THAT(compared->horizontalHeaderItem(7)->toolTip().toStdString(), HasSubstr("error of B minus error of A"));
+  compared->setFocus();
+  compared->setCurrentCell(RowWith(compared, "S1"), 3);
+  QTest::keyClick(compared, Qt::Key_Return);
+  EXPECT_EQ(window_->workspace()->selected(), "station:S1");
+  EXPECT_EQ(window_->desk(), "images");
+}
+
+TEST_F(SelectionTest, HeadersSayWhatColumnsMeanAndTheirMenuOpensThere) {
+  ShowErrors();
+  const auto help = [this](const char* column) {
+    for (int c = 0; c < view_->model()->columnCount(); ++c) {
+      const QString text = view_->model()->headerData(c, Qt::Horizontal, Qt::ToolTipRole).toString();
+      if (text.endsWith(QString("In the file: ") + column)) return text.toStdString();
+    }
+    return std::string();
+  };
+  EXPECT_THAT(help("error_3d_m"), HasSubstr("Distance in space between the answer and the reference (m)"));
+  window_->workspace()->SetUnit("ft");
+  EXPECT_THAT(help("error_3d_m"), HasSubstr("(ft)"));
+  // Of every table of this project; what nobody knows keeps its name.
+  int columns = 0;
+  for (const DataTableSource& source : FindTables(Path("results").toStdString())) {
+    const DataTable table = LoadDataTable(source);
+    for (const std::string& column : table.columns) {
+      ++columns;
+      const std::string text = ColumnHelp(table, QString::fromStdString(column), "m").toStdString();
+      EXPECT_NE(text, column) << source.title;
+      if (column != "x") continue;
+      EXPECT_THAT(text, HasSubstr("(m)\nFrame: site: x east, y north, z up")) << source.title;
+    }
+  }
+  EXPECT_GT(columns, 70);
+  EXPECT_EQ(ColumnHelp({}, "what_a_plugin_wrote", "m"), "what_a_plugin_wrote");
+  const auto* parameters = Child<QTableWidget>(window_.get(), "calibration.parameters");
+  EXPECT_THAT(parameters->horizontalHeaderItem(2)->toolTip().toStdString(), HasSubstr("in the parameter's unit"));
+  auto* header = view_->horizontalHeader();
+  const QPoint at(view_->columnViewportPosition(1) + 10, header->height() / 2);
+  emit header->customContextMenuRequested(at);
+  auto* menu = Child<QMenu>(window_.get(), "tables.column_menu");
+  EXPECT_EQ(menu->pos(), header->viewport()->mapToGlobal(at));
+  menu->close();
+}
+
+TEST_F(SelectionTest, TablesWithoutAnySayWhatToDo) {
+  window_->ShowDesk("tables");
+  auto* empty = Child<QLabel>(window_.get(), "tables.empty");
+  ASSERT_TRUE(WaitFor([&] { return Child<QTableView>(window_.get(), "tables.view")->isVisible(); }));
+  EXPECT_FALSE(empty->isVisible());
+  window_->workspace()->Close();
+  EXPECT_TRUE(empty->isVisible());
+  EXPECT_THAT(empty->text().toStdString(), HasSubstr("Open a project"));
+  const QTemporaryDir fresh;
+  WriteResultsSite(fresh.path().toStdString(), {});
+  QDir(fresh.path() + "/results").removeRecursively();
+  window_->OpenProject(fresh.path());
+  EXPECT_TRUE(WaitFor([&] { return empty->text().contains("run a stage"); }));
+}
+
+TEST_F(SelectionTest, ManyResultsStayFolded) {
+  auto* tree = window_->tree();
+  const auto results = tree->findItems("results", Qt::MatchExactly);
+  ASSERT_EQ(results.size(), 1);
+  ASSERT_GT(results.front()->childCount(), 12);
+  EXPECT_FALSE(results.front()->isExpanded());
+  QSignalSpy changed(window_->workspace(), &Workspace::ResultsChanged);
+  const auto refresh = [&] {
+    const int before = changed.count();
+    window_->workspace()->Reload();
+    EXPECT_TRUE(WaitFor([&] { return changed.count() > before; }));
+    return tree->findItems("results", Qt::MatchExactly).front();
+  };
+  EXPECT_FALSE(refresh()->isExpanded());
+  tree->findItems("results", Qt::MatchExactly).front()->setExpanded(true);
+  EXPECT_TRUE(refresh()->isExpanded());
 }
 
 TEST_F(SelectionTest, UndoOfDecisionsIsApartFromThatOfText) {

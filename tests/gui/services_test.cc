@@ -122,6 +122,20 @@ TEST_F(ServicesTest, APermissionIsAskedForWhereOneIsNeeded) {
   dialog->close();
 }
 
+TEST_F(ServicesTest, DistancesAreInTheUnitShown) {
+  ServicesDialog* dialog = Open();
+  Search(dialog);
+  auto* table = Child<QTableWidget>(dialog, "services.table");
+  const auto* map = Child<ServicesMap>(dialog, "services.map");
+  EXPECT_TRUE(table->item(0, 4)->text().endsWith(" m"));
+  EXPECT_TRUE(map->ScaleText().endsWith(" m"));
+  window_->workspace()->SetUnit("ft");
+  EXPECT_TRUE(table->item(0, 4)->text().endsWith(" ft"));
+  EXPECT_TRUE(map->ScaleText().endsWith(" ft"));
+  EXPECT_THAT(table->horizontalHeaderItem(4)->toolTip().toStdString(), HasSubstr("in the unit shown"));
+  dialog->close();
+}
+
 TEST_F(ServicesTest, TheMenuOpensIt) {
   for (QAction* menu : window_->menuBar()->actions()) {
     for (QAction* action : menu->menu()->actions()) {

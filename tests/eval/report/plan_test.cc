@@ -168,5 +168,23 @@ TEST(TrajectoryPlotTest, EveryAxisHasAtLeastThreeNumbers) {
   }
 }
 
+TEST(PlanTest, CoordinatesAreInTheUnit) {
+  const SceneModel scene = Ring(9, 20, 0.15, 0.14);
+  const Plan metres = PlanOf(scene), feet = PlanOf(scene, {"ft", 0.3048});
+  // Where a coordinate's line stands, below the frame.
+  const auto at = [](const Plan& plan, const std::string& text) {
+    for (const Shape& s : plan.drawing.shapes) {
+      if (s.text == text && s.anchor == 0) return s.points[0].first;
+    }
+    ADD_FAILURE() << text;
+    return 0.0;
+  };
+  EXPECT_THAT(metres.caption, HasSubstr("(m)"));
+  EXPECT_THAT(feet.caption, HasSubstr("(ft)"));
+  at(metres, "east (m)"), at(feet, "north (ft)");
+  const double per_metre = (at(metres, "20") - at(metres, "0")) / 20;
+  EXPECT_NEAR((at(feet, "20") - at(feet, "0")) / (20 * 0.3048), per_metre, 1e-9);
+}
+
 }  // namespace
 }  // namespace trigpoint
