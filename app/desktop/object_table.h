@@ -23,6 +23,11 @@ inline QTableWidget* MakeTable(const char* name, const QString& accessible, cons
   return table;
 }
 
+// What the columns mean, with their units, as tooltips of the header.
+inline void SetHeaderHelp(QTableWidget* table, const QStringList& help) {
+  for (int c = 0; c < help.size(); ++c) table->horizontalHeaderItem(c)->setToolTip(help[c]);
+}
+
 // A right click on an entry asks for the menu of the object that `role` holds, with `prefix` before it.
 inline void AskMenuOn(QAbstractItemView* view, Workspace* workspace, int role, const QString& prefix = "") {
   view->setContextMenuPolicy(Qt::CustomContextMenu);

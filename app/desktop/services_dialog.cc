@@ -14,9 +14,11 @@
 #include <QSplitter>
 #include <QTableWidget>
 #include <QTimer>
+#include <QToolButton>
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/path_button.h"
 #include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/import/run_track.h"
@@ -151,11 +153,13 @@ void ServicesDialog::MakeFields() {
       line->addWidget(widget, 1);
     }
     form->addRow(label, line);
+    return line;
   };
   row(tr("Service"), {{"services.service", service_}});
   row(tr("Along run, within"), {{"services.run", run_}, {"services.radius", radius_}});
   row(tr("Taken since, until"), {{"services.since", since_}, {"services.until", until_}});
-  row(tr("File with the key"), {{"services.key", key_file_}});
+  row(tr("File with the key"), {{"services.key", key_file_}})
+      ->addWidget(MakePathButton(key_file_, PathKind::kFile, [this] { return workspace_->dir(); }));
   row(tr("Server"), {{"services.url", url_}});
   row("", {{"services.permitted", permitted_}});
   connect(service_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ServicesDialog::ShowState);
@@ -191,7 +195,9 @@ ServicesDialog::Query ServicesDialog::Asked() const {
   Query query;
   query.service = &Services()[static_cast<size_t>(service_->currentIndex())];
   query.options.url = url_->text().isEmpty() ? query.service->url : url_->text().toStdString();
-  query.key_file = query.service->token_env.empty() ? "" : key_file_->text().toStdString();
+  if (!query.service->token_env.empty()) {
+    query.key_file = AbsolutePath(workspace_->dir(), key_file_->text()).toStdString();
+  }
   query.run = run_->currentText().toStdString();
   query.dir = workspace_->snapshot()->dir.string();
   query.radius_m = radius_->value();
