@@ -322,7 +322,8 @@ void MainWindow::MakeMenus() {
                   QKeySequence::Open);
   recent_ = file->addMenu(tr("&Recent projects"));
   file->addAction(IconNamed("reload"), tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
-  file->addAction(tr("&Close project"), workspace_, &Workspace::Close, QKeySequence::Close);
+  file->addAction(
+      tr("&Close project"), this, [this] { LeaveProject([this] { workspace_->Close(); }); }, QKeySequence::Close);
   file->addSeparator();
   file->addAction(
       IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
@@ -463,9 +464,28 @@ void MainWindow::ShowMenu(const QString& object, const QPoint& at) {
 }
 
 void MainWindow::OpenProject(const QString& dir) {
-  problem_->hide();
-  progress_->setText(tr("Opening %1 ...").arg(dir));
-  workspace_->Open(dir);
+  const auto open = [this, dir] {
+    problem_->hide();
+    progress_->setText(tr("Opening %1 ...").arg(dir));
+    workspace_->Open(dir);
+  };
+  // The same project again keeps its sketch.
+  if (workspace_->snapshot() && QFileInfo(dir) == QFileInfo(workspace_->dir())) return open();
+  LeaveProject(open);
+}
+
+void MainWindow::LeaveProject(const std::function<void()>& go_on) {
+  if (!plan_->sketch().changed()) return go_on();
+  if (findChild<QMessageBox*>("plan.ask") != nullptr) return;
+  auto* ask = new QMessageBox(QMessageBox::Question, tr("Plan"), tr("The sketch of the plan is not saved."),
+                              QMessageBox::Save | QMessageBox::Discard | QMessageBox::Cancel, this);
+  ask->setObjectName("plan.ask");
+  ask->setAttribute(Qt::WA_DeleteOnClose);
+  connect(ask, &QMessageBox::finished, this, [this, go_on](int answer) {
+    if (answer == QMessageBox::Discard) plan_->Discard();
+    if (answer == QMessageBox::Discard || (answer == QMessageBox::Save && plan_->Save())) go_on();
+  });
+  ask->open();
 }
 
 void MainWindow::CreateProject(const QString& dir) {
@@ -561,6 +581,10 @@ void MainWindow::SetTheme(const QString& name) {
 }
 
 void MainWindow::closeEvent(QCloseEvent* event) {
+  if (plan_->sketch().changed()) {
+    event->ignore();
+    return LeaveProject([this] { close(); });
+  }
   if (jobs_->running()) {  // the worker ends at its next breath; finished stages are kept
     closing_ = true;
     jobs_->Cancel();
