@@ -150,10 +150,11 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   });
   ConnectJobs();
   connect(tree_, &SiteTree::Activated, this, &MainWindow::Show);
-  connect(tree_, &SiteTree::RunRequested, this, [this](const QString& stage, const QString& run) {
-    run_->Choose(stage, run);
-    ShowDesk("run");
-  });
+  connect(tree_, &SiteTree::RunRequested, this,
+          [this](const QString& stage, const QString& run, const QString& variant) {
+            run_->Choose(stage, run, variant);
+            ShowDesk("run");
+          });
   connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
@@ -222,12 +223,17 @@ MainWindow::~MainWindow() {
 
 void MainWindow::ConnectJobs() {
   connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
-  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) {
-    if (jobs_->dir() == workspace_->dir()) tree_->SetState(job, "running");
+  connect(jobs_, &JobController::JobBegan, workspace_, [this](const QString& job) {
+    if (jobs_->dir() == workspace_->dir()) workspace_->SetState(job, "running");
   });
-  connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
-    if (end != "skipped" && jobs_->dir() == workspace_->dir())
-      tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
+  connect(jobs_, &JobController::JobEnded, workspace_,
+          [this](const QString& job, const QString& end, const QString& why) {
+            if (end != "skipped" && jobs_->dir() == workspace_->dir())
+              workspace_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end, why);
+          });
+  connect(workspace_, &Workspace::StateChanged, tree_, [this](int index) {
+    const SnapshotResult& result = workspace_->results()[static_cast<size_t>(index)];
+    tree_->SetState(QString::fromStdString(result.title), QString::fromStdString(result.state));
   });
   connect(
       jobs_, &JobController::Progress, this,
