@@ -44,7 +44,7 @@ void OpenDialog(QLineEdit* field, PathKind kind, bool is_folder, const QString& 
 
 QToolButton* MakePathButton(QLineEdit* field, PathKind kind, const std::function<QString()>& folder) {
   auto* button = new QToolButton;
-  button->setText("...");
+  button->setText(Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "...")));
   button->setObjectName(field->objectName() + "_browse");
   button->setAccessibleName(
       Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "Choose: %1")).arg(field->accessibleName()));

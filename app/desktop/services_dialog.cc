@@ -325,7 +325,8 @@ void ServicesDialog::Load() {
 void ServicesDialog::ShowState() {
   const Query query = Asked();
   const bool needs_key = !query.service->token_env.empty(), needs_permission = !query.service->permission.empty();
-  key_file_->setEnabled(needs_key);
+  for (QWidget* w : {static_cast<QWidget*>(key_file_), findChild<QWidget*>("services.key_browse")})
+    w->setEnabled(needs_key);
   key_file_->setPlaceholderText(needs_key ? tr("empty: the environment variable %1").arg(Text(query.service->token_env))
                                           : tr("none is needed"));
   permitted_->setVisible(needs_permission);

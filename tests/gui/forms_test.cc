@@ -143,6 +143,7 @@ TEST_F(FormsTest, FilesAndFoldersAreChosenByADialog) {
   Click(window_.get(), "option.camera_browse");
   ChoosePath(window_.get(), elsewhere.filePath("camchain.yaml"));
   EXPECT_EQ(value("camera"), elsewhere.filePath("camchain.yaml"));
+  Screenshot(window_.get(), "run_paths");
   window_->run_desk()->Choose("calibrate", "");
   QTest::qWait(50);
   Click(window_.get(), "option.images_browse");
