@@ -10,6 +10,7 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/path_button.h"
 #include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 
@@ -76,6 +77,7 @@ ActionDialog::ActionDialog(Workspace* workspace, Action action, QWidget* parent)
   });
   connect(close, &QPushButton::clicked, this, &QDialog::close);
   connect(workspace_, &Workspace::Replaced, this, &QDialog::close);
+  form_->SetFolder(workspace_->dir());
   form_->SetOptions(action_.options, nlohmann::json::object(), action_.check);
 }
 
@@ -83,10 +85,24 @@ ActionDialog::~ActionDialog() {
   if (work_) work_->cancel.Cancel();
 }
 
+nlohmann::json ActionDialog::Values() const {
+  nlohmann::json values = form_->Changes();
+  for (const OptionDescription& option : action_.options) {
+    if (option.name == action_.required && !values.contains(option.name) && option.default_value != "") {
+      values[option.name] = option.default_value;
+    }
+    if (option.path == PathKind::kNone || !values.contains(option.name)) continue;
+    const QString path = QString::fromStdString(values[option.name].get<std::string>());
+    if (path.startsWith("gpg:")) continue;  // the name of a key
+    values[option.name] = AbsolutePath(workspace_->dir(), path).toStdString();
+  }
+  return values;
+}
+
 void ActionDialog::ShowCommand() {
   std::string line = "trigpoint " + action_.command + " " + ShellWord(workspace_->dir().toStdString());
-  const nlohmann::json changes = form_->Changes();
-  for (const auto& [name, value] : changes.items()) {
+  const nlohmann::json values = Values();
+  for (const auto& [name, value] : values.items()) {
     line += " --" + QString::fromStdString(name).replace('_', '-').toStdString();
     if (!value.is_boolean()) line += " " + ShellWord(value.is_string() ? value.get<std::string>() : value.dump());
   }
@@ -103,7 +119,7 @@ void ActionDialog::Run() {
   ShowCommand();
   InBackground(
       this,
-      [work = work_, run = action_.run, dir = workspace_->snapshot()->dir, values = form_->Changes()] {
+      [work = work_, run = action_.run, dir = workspace_->snapshot()->dir, values = Values()] {
         return run(dir, values, *work, work->cancel);
       },
       [this](const Attempted<std::string>& outcome) {

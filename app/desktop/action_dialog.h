@@ -31,6 +31,8 @@ class ActionDialog : public QDialog {
  private:
   void Run();
   void ShowCommand();
+  // What is run, and what the command line states: paths as they are wherever it is typed.
+  nlohmann::json Values() const;
 
   Workspace* workspace_;
   Action action_;

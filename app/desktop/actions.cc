@@ -52,11 +52,14 @@ struct ImportForm {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.request.from, {"from", "", 0, 0, "file or folder to take in"});
+    visit(self.request.from, PathOption({"from", "", 0, 0, "file or folder to take in"}, PathKind::kFileOrFolder));
     visit(self.as, {"as", "", 0, 0, "what it is; auto: recognised by its contents"});
     visit(self.request.name, {"name", "", 0, 0, "name of the new run or photo set"});
-    visit(self.request.images, {"images", "", 0, 0, "colmap, gcp: folder of the pictures; empty: beside the file"});
-    visit(self.request.odometry, {"odometry", "", 0, 0, "dataset, video: file with poses; empty: none"});
+    visit(self.request.images,
+          PathOption({"images", "", 0, 0, "colmap, gcp: folder of the pictures; empty: beside the file"},
+                     PathKind::kFolder));
+    visit(self.request.odometry,
+          PathOption({"odometry", "", 0, 0, "dataset, video: file with poses; empty: none"}, PathKind::kFile));
     visit(self.request.bag.every, {"every", "images", 1, 100000, "bag, dataset, video: one image of so many is taken"});
     visit(self.request.scale, {"scale", "", 0, 1e9, "colmap: metres per unit of the model; 0: from EXIF positions"});
     visit(self.request.tag_size_m, {"tag_size", "m", 0, 100, "tag-layout: black square, where the file has none"});
@@ -95,7 +98,8 @@ struct ExportForm {
     visit(self.frame, {"frame", "", 0, 0, "of scenes and trajectories: world (site ENU) or odom (the run's own)"});
     visit(self.confidence, {"confidence", "", 0.01, 0.9999, "of the ellipses"});
     visit(self.ellipse_scale, {"ellipse_scale", "", 0.001, 1e6, "draw ellipses so many times larger"});
-    visit(self.out, {"out", "", 0, 0, "file or folder; empty: below results/export"});
+    visit(self.out,
+          PathOption({"out", "", 0, 0, "file or folder; empty: below results/export"}, PathKind::kNewFileOrFolder));
     visit(self.force, {"force", "", 0, 1, "replace files of an earlier export that were changed since"});
   }
   std::vector<std::string> Check() const {
@@ -129,11 +133,16 @@ struct PublishForm {
     visit(self.options.statement.author, {"author", "", 0, 0, "who is responsible, for the certificate"});
     visit(self.options.statement.instrument, {"instrument", "", 0, 0, "what the control was measured with"});
     visit(self.options.statement.note, {"note", "", 0, 0, "a sentence for the certificate"});
-    visit(self.sign, {"sign", "", 0, 0, "sign with the file of an SSH key, or gpg:KEY; empty: not signed"});
+    visit(self.sign, PathOption({"sign", "", 0, 0, "sign with the file of an SSH key, or gpg:KEY; empty: not signed"},
+                                PathKind::kFile));
     visit(self.options.copy_inputs,
           {"copy_inputs", "", 0, 1, "copy pictures and videos too; without it, their hashes"});
   }
-  std::vector<std::string> Check() const { return CheckRanges(*this); }
+  std::vector<std::string> Check() const {
+    std::vector<std::string> problems = CheckRanges(*this);
+    if (options.name.empty()) problems.push_back("option name: expected the release's name");
+    return problems;
+  }
   std::string Run(const fs::path& dir, ProgressSink&, const CancelToken& cancel) const {
     PublishOptions publish = options;
     if (!sign.empty()) publish.sign = sign;
@@ -152,9 +161,10 @@ std::vector<std::string> Fill(const nlohmann::json& values, Form* form) {
 }
 
 template <typename Form>
-Action ActionOf(const char* command, const QString& title, const QString& intro) {
+Action ActionOf(const char* command, const QString& title, const QString& intro, const char* required) {
   Action action;
   action.command = command;
+  action.required = required;
   action.title = title;
   action.intro = intro;
   action.options = DescribeOptions<Form>();
@@ -177,14 +187,16 @@ Action ImportAction() {
   return ActionOf<ImportForm>("import", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Import")),
                               Words(QT_TRANSLATE_NOOP("trigpoint::Action",
                                                       "Other people's data as new files of this project. Nothing that "
-                                                      "is there is replaced.")));
+                                                      "is there is replaced.")),
+                              "from");
 }
 
 Action ExportAction() {
   return ActionOf<ExportForm>("export", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Export")),
                               Words(QT_TRANSLATE_NOOP("trigpoint::Action",
                                                       "Results as files of other programs: maps, models, pose "
-                                                      "graphs. Files of others are never replaced.")));
+                                                      "graphs. Files of others are never replaced.")),
+                              "to");
 }
 
 Action PublishAction() {
@@ -192,7 +204,8 @@ Action PublishAction() {
       "publish", Words(QT_TRANSLATE_NOOP("trigpoint::Action", "Publish")),
       Words(QT_TRANSLATE_NOOP("trigpoint::Action",
                               "Freezes map, tables and all they were computed from under a name. A release is never "
-                              "overwritten; what is out of date is not published.")));
+                              "overwritten; what is out of date is not published.")),
+      "name");
 }
 
 }  // namespace trigpoint

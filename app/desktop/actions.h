@@ -18,6 +18,7 @@ struct Action {
   std::string command;  // "export"
   QString title, intro;
   std::vector<OptionDescription> options;
+  std::string required;  // the option that the command line states even where it has its default
   StageForm::Check check;
   // Does it with the options that differ from their defaults; what came of it, for people. Throws Error, Cancelled.
   std::function<std::string(const std::filesystem::path& dir, const nlohmann::json& values, ProgressSink& progress,

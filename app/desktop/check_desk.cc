@@ -123,7 +123,7 @@ void CheckDesk::MakeWidgets() {
                             "a viewer who faces the tag"),
                          tr("predicted, 1 sigma"),
                          tr("what the tag is needed for")};
-  for (int c = 0; c < help.size(); ++c) tags_->horizontalHeaderItem(c)->setToolTip(help[c]);
+  SetHeaderHelp(tags_, help);
   map_ = new PictureView;
   map_->setObjectName("check.map");
   map_->setAccessibleName(tr("Map of the check"));

@@ -96,12 +96,13 @@ void Decisions::Append(const ReviewRequest& wanted, bool again) {
         }
         return written;
       },
-      [this, again](const Attempted<Written>& written) {
+      [this, again, dir = workspace_->dir()](const Attempted<Written>& written) {
         busy_ = false;
         if (!written.error.isEmpty()) {
           emit workspace_->Problem(written.error, tr("Nothing was written to review.jsonl."));
           return;
         }
+        if (workspace_->dir() != dir) return;  // another project was opened meanwhile
         again_ = again;
         if (written.value.entry.action == "undo") {
           undone_.push_back(written.value.undone);
@@ -111,9 +112,9 @@ void Decisions::Append(const ReviewRequest& wanted, bool again) {
           undone_.clear();
         }
         const auto connection = std::make_shared<QMetaObject::Connection>();
-        *connection = connect(workspace_, &Workspace::Opened, this, [this, connection] {
+        *connection = connect(workspace_, &Workspace::Opened, this, [this, connection, dir] {
           disconnect(*connection);
-          emit Decided();
+          if (workspace_->dir() == dir) emit Decided();
         });
         workspace_->Reload();
       });

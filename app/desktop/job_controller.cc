@@ -5,7 +5,6 @@
 #include <mutex>
 
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/jobs.h"
 
 namespace trigpoint {
 
@@ -110,6 +109,7 @@ JobController::~JobController() {
 bool JobController::Start(const QString& dir, const JobQuery& query, int threads, quint64 seed) {
   if (thread_ != nullptr) return false;
   dir_ = dir;
+  query_ = query;
   cancel_ = std::make_shared<CancelToken>();
   const auto ending = std::make_shared<Ending>();
   thread_ = QThread::create([this, path = dir.toStdString(), query, threads, seed, cancel = cancel_, ending] {

@@ -5,12 +5,13 @@
 #include <QString>
 #include <memory>
 
+#include "app/pipeline/jobs.h"
+
 class QThread;
 
 namespace trigpoint {
 
 class CancelToken;
-struct JobQuery;
 
 class JobController : public QObject {
   Q_OBJECT
@@ -24,6 +25,7 @@ class JobController : public QObject {
   bool running() const { return thread_ != nullptr; }
   // Of the run that goes on, or went on last.
   const QString& dir() const { return dir_; }
+  const JobQuery& query() const { return query_; }
   // Its name if it is another one than that in `open`; else empty.
   QString OtherProject(const QString& open) const;
   // The same runner as `trigpoint run`. False if a run is going on.
@@ -41,6 +43,7 @@ class JobController : public QObject {
 
  private:
   QString dir_;
+  JobQuery query_;
   std::shared_ptr<CancelToken> cancel_;
   QThread* thread_ = nullptr;
 };

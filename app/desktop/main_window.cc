@@ -150,10 +150,11 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   });
   ConnectJobs();
   connect(tree_, &SiteTree::Activated, this, &MainWindow::Show);
-  connect(tree_, &SiteTree::RunRequested, this, [this](const QString& stage, const QString& run) {
-    run_->Choose(stage, run);
-    ShowDesk("run");
-  });
+  connect(tree_, &SiteTree::RunRequested, this,
+          [this](const QString& stage, const QString& run, const QString& variant) {
+            run_->Choose(stage, run, variant);
+            ShowDesk("run");
+          });
   connect(review_, &ReviewDesk::Reviewed, problem_, &QWidget::hide);
   connect(tables_, &TablesDesk::Activated, this, &MainWindow::Show);
   connect(scene_, &SceneDesk::Activated, this, &MainWindow::Show);
@@ -225,12 +226,17 @@ MainWindow::~MainWindow() {
 
 void MainWindow::ConnectJobs() {
   connect(jobs_, &JobController::Started, this, [this] { cancel_->show(); });
-  connect(jobs_, &JobController::JobBegan, tree_, [this](const QString& job) {
-    if (jobs_->dir() == workspace_->dir()) tree_->SetState(job, "running");
+  connect(jobs_, &JobController::JobBegan, workspace_, [this](const QString& job) {
+    if (jobs_->dir() == workspace_->dir()) workspace_->SetState(job, "running");
   });
-  connect(jobs_, &JobController::JobEnded, tree_, [this](const QString& job, const QString& end) {
-    if (end != "skipped" && jobs_->dir() == workspace_->dir())
-      tree_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end);
+  connect(jobs_, &JobController::JobEnded, workspace_,
+          [this](const QString& job, const QString& end, const QString& why) {
+            if (end != "skipped" && jobs_->dir() == workspace_->dir())
+              workspace_->SetState(job, end == "computed" || end == "up to date" ? QString("done") : end, why);
+          });
+  connect(workspace_, &Workspace::StateChanged, tree_, [this](int index) {
+    const SnapshotResult& result = workspace_->results()[static_cast<size_t>(index)];
+    tree_->SetState(QString::fromStdString(result.title), QString::fromStdString(result.state));
   });
   connect(
       jobs_, &JobController::Progress, this,
@@ -326,7 +332,8 @@ void MainWindow::MakeMenus() {
                   QKeySequence::Open);
   recent_ = file->addMenu(tr("&Recent projects"));
   file->addAction(IconNamed("reload"), tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
-  file->addAction(tr("&Close project"), workspace_, &Workspace::Close, QKeySequence::Close);
+  file->addAction(
+      tr("&Close project"), this, [this] { LeaveProject([this] { workspace_->Close(); }); }, QKeySequence::Close);
   file->addSeparator();
   file->addAction(
       IconNamed("export"), tr("&Export ..."), this, [this] { ShowAction(ExportAction()); }, QKeySequence(tr("Ctrl+E")));
@@ -467,9 +474,28 @@ void MainWindow::ShowMenu(const QString& object, const QPoint& at) {
 }
 
 void MainWindow::OpenProject(const QString& dir) {
-  problem_->hide();
-  progress_->setText(tr("Opening %1 ...").arg(dir));
-  workspace_->Open(dir);
+  const auto open = [this, dir] {
+    problem_->hide();
+    progress_->setText(tr("Opening %1 ...").arg(dir));
+    workspace_->Open(dir);
+  };
+  // The same project again keeps its sketch.
+  if (workspace_->snapshot() && QFileInfo(dir) == QFileInfo(workspace_->dir())) return open();
+  LeaveProject(open);
+}
+
+void MainWindow::LeaveProject(const std::function<void()>& go_on) {
+  if (!plan_->sketch().changed()) return go_on();
+  if (findChild<QMessageBox*>("plan.ask") != nullptr) return;
+  auto* ask = new QMessageBox(QMessageBox::Question, tr("Plan"), tr("The sketch of the plan is not saved."),
+                              QMessageBox::Save | QMessageBox::Discard | QMessageBox::Cancel, this);
+  ask->setObjectName("plan.ask");
+  ask->setAttribute(Qt::WA_DeleteOnClose);
+  connect(ask, &QMessageBox::finished, this, [this, go_on](int answer) {
+    if (answer == QMessageBox::Discard) plan_->Discard();
+    if (answer == QMessageBox::Discard || (answer == QMessageBox::Save && plan_->Save())) go_on();
+  });
+  ask->open();
 }
 
 void MainWindow::CreateProject(const QString& dir) {
@@ -565,6 +591,10 @@ void MainWindow::SetTheme(const QString& name) {
 }
 
 void MainWindow::closeEvent(QCloseEvent* event) {
+  if (plan_->sketch().changed()) {
+    event->ignore();
+    return LeaveProject([this] { close(); });
+  }
   if (jobs_->running()) {  // the worker ends at its next breath; finished stages are kept
     closing_ = true;
     jobs_->Cancel();

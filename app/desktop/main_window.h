@@ -2,6 +2,7 @@
 #pragma once
 
 #include <QMainWindow>
+#include <functional>
 
 #include "app/desktop/job_controller.h"
 #include "app/desktop/workspace.h"
@@ -42,7 +43,7 @@ class MainWindow : public QMainWindow {
   ~MainWindow() override;
 
   // A folder, whether it is a project yet or not; nothing is written.
-  void OpenProject(const QString& dir);
+  void OpenProject(const QString& dir);  // asks first where another's sketch is not saved
   // Writes its trigpoint.yaml, and opens it.
   void CreateProject(const QString& dir);
   // Copies the example into a new folder, and opens it.
@@ -89,6 +90,8 @@ class MainWindow : public QMainWindow {
   void ConnectJobs();
   void ConnectOverview();
   QDockWidget* MakeDock(const char* name, const QString& title, QWidget* widget);
+  // Calls `go_on` at once, or if the sketch of the plan is not saved when that was asked (plan.ask): Save, Discard.
+  void LeaveProject(const std::function<void()>& go_on);
   void ChooseProject();
   void Visit(const QString& dir);  // opens it, on the overview
   void RunAll();

@@ -23,7 +23,7 @@ inline QTableWidget* MakeTable(const char* name, const QString& accessible, cons
   return table;
 }
 
-// What each column holds, with its unit.
+// What the columns mean, with their units, as tooltips of the header.
 inline void SetHeaderHelp(QTableWidget* table, const QStringList& help) {
   for (int c = 0; c < help.size(); ++c) table->horizontalHeaderItem(c)->setToolTip(help[c]);
 }

@@ -413,8 +413,8 @@ void PlanDesk::AdoptProposal() {
   Show();
 }
 
-void PlanDesk::Save() {
-  if (!workspace_->snapshot()) return;
+bool PlanDesk::Save() {
+  if (!workspace_->snapshot()) return false;
   try {
     const fs::path kept = sketch_.Save();
     hint_->setText(kept.empty() ? tr("Saved as plan.csv.")
@@ -423,12 +423,12 @@ void PlanDesk::Save() {
     emit workspace_->Problem(QString::fromUtf8(e.what()), tr("The sketch was not saved."));
   }
   ShowButtons();
+  return !sketch_.changed();
 }
 
 void PlanDesk::Predict() {
   if (!workspace_->snapshot() || jobs_->running()) return;
-  if (sketch_.changed()) Save();
-  if (sketch_.changed()) return;  // it could not be saved, which was said
+  if (sketch_.changed() && !Save()) return;
   JobQuery query;
   query.stages = {"plan"};
   const std::string suggest = suggest_->currentData().toString().toStdString();
@@ -466,6 +466,12 @@ void PlanDesk::ShowItems() {
   items_->setHorizontalHeaderLabels({tr("kind"), tr("name"), tr("east (%1)").arg(unit), tr("north (%1)").arg(unit),
                                      tr("up (%1)").arg(unit), tr("faces (deg)"), tr("size (mm)"),
                                      tr("sigma h (%1)").arg(unit), tr("sigma v (%1)").arg(unit), tr("tag")});
+  SetHeaderHelp(items_, {tr("what the item is; a path has a row for each corner"), tr("its name, of a tag its id"),
+                         tr("site ENU, %1").arg(unit), tr("site ENU, %1").arg(unit), tr("site ENU, %1").arg(unit),
+                         tr("azimuth that its printed side faces, degrees from north over east"),
+                         tr("edge of a tag's black square, mm; empty: as in tags.yaml"),
+                         tr("1 sigma per horizontal axis of a surveyed position, %1").arg(unit),
+                         tr("1 sigma of a surveyed height, %1").arg(unit), tr("the tag that a station belongs to")});
   items_->setRowCount(static_cast<int>(sketch_.items().size()));
   for (int row = 0; row < items_->rowCount(); ++row) {
     const SketchItem& item = sketch_.items()[static_cast<size_t>(row)];
@@ -539,6 +545,10 @@ void PlanDesk::ShowPrediction() {
   const auto mm = [](double metres) { return QString::number(kMmPerMetre * metres, 'f', 1); };
   tags_->setHorizontalHeaderLabels(
       {tr("tag"), tr("role"), tr("pictures"), tr("passes"), tr("horizontal (mm)"), tr("up (mm)"), tr("3D (mm)")});
+  SetHeaderHelp(tags_,
+                {tr("id"), tr("what the tag is in the plan"), tr("number of pictures that see it"),
+                 tr("number of passes that see it"), tr("predicted 1 sigma of both horizontal axes together, mm"),
+                 tr("predicted 1 sigma of the height, mm"), tr("predicted 1 sigma in space, mm")});
   const CsvTable tags = CsvTable::Read(folder / "tags.csv", {"tag_id", "sigma_x_m", "ellipse_a_m"});
   for (const CsvRow& row : tags.rows()) {
     const int id = static_cast<int>(row.Integer("tag_id"));
@@ -560,6 +570,9 @@ void PlanDesk::ShowPrediction() {
   const bool proposed = fs::exists(folder / "suggestions.csv");
   gains_->setHorizontalHeaderLabels({tr("rank"), proposed ? tr("proposed, one after the other") : tr("one more of"),
                                      tr("RMS of the tags (mm)"), tr("gain (%)")});
+  SetHeaderHelp(gains_, {tr("the largest gain comes first"), tr("what is added to the plan"),
+                         tr("RMS of the tags' predicted 3D sigmas with it, mm"),
+                         tr("by how much it makes that RMS smaller, per cent")});
   const CsvTable gains = CsvTable::Read(folder / (proposed ? "suggestions.csv" : "gains.csv"), {"rank", "what"});
   for (const CsvRow& row : gains.rows()) {
     const double before = row.Number("rms_before_m", NAN),

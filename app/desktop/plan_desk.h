@@ -34,6 +34,10 @@ class PlanDesk : public QWidget {
   void ChooseTool(const QString& tool);
   // Saves the sketch and predicts with it. Nothing while another job goes on.
   void Predict();
+  // False if it could not be saved, which was said.
+  bool Save();
+  // The sketch as it was saved last.
+  void Discard() { Read(); }
 
  signals:
   void OptionsRequested();
@@ -55,7 +59,6 @@ class PlanDesk : public QWidget {
   void RemoveSelected();
   void Edit(QTableWidgetItem* cell);
   void AdoptProposal();
-  void Save();
   void Show();  // ground, marks, items, buttons
   void ShowItems();
   void ShowMap();

@@ -20,6 +20,7 @@
 #include <QSplitter>
 #include <QTableWidget>
 #include <QTimer>
+#include <QToolButton>
 #include <QUrl>
 #include <QVBoxLayout>
 #include <algorithm>
@@ -30,6 +31,7 @@
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
+#include "app/desktop/path_button.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/print_pages.h"
 #include "app/pipeline/command_line.h"
@@ -142,11 +144,20 @@ void PrintDesk::MakeForm() {
   form_->addRow(tr("Size of a tag"), size_);
   form_->addRow(tr("Centre to centre"), length_);
   form_->addRow(tr("Family"), family_);
-  form_->addRow(tr("Board"), target_);
+  const auto with_button = [this](QLineEdit* field, PathKind kind) {
+    auto* row = new QWidget;
+    auto* line = new QHBoxLayout(row);
+    line->setContentsMargins(0, 0, 0, 0);
+    line->addWidget(field, 1);
+    line->addWidget(MakePathButton(field, kind, [this] { return dir_; }));
+    return row;
+  };
+  target_row_ = with_button(target_, PathKind::kFile);
+  form_->addRow(tr("Board"), target_row_);
   form_->addRow(tr("Paper"), paper_);
   form_->addRow(tr("Margin"), margin_);
   form_->addRow(tr("On a sheet"), per_sheet_);
-  form_->addRow(tr("File"), out_);
+  form_->addRow(tr("File"), with_button(out_, PathKind::kNewFile));
   form_->addRow("", force_);
 }
 
@@ -182,7 +193,7 @@ void PrintDesk::MakeOutput() {
                          tr("when"),
                          tr("of the tags"),
                          tr("relative to the site's folder")};
-  for (int c = 0; c < help.size(); ++c) printed_->horizontalHeaderItem(c)->setToolTip(help[c]);
+  SetHeaderHelp(printed_, help);
   view_ = new PictureView;
   view_->setObjectName("print.view");
   view_->setAccessibleName(tr("Page of the PDF"));
@@ -308,7 +319,7 @@ void PrintDesk::ShowFields() {
   show(size_, !board);
   show(family_, !board);
   show(length_, what == "scale-bar");
-  show(target_, board);
+  show(target_row_, board);
   show(per_sheet_, what == "tags");
 }
 
@@ -328,7 +339,7 @@ void PrintDesk::ShowCommand() {
   add("paper", paper_->currentText(), paper_->currentText() != Text(PaperSize().name));
   add("margin", Number(margin_->value()), margin_->value() != SheetOptions().margin_mm);
   add("per-sheet", QString::number(per_sheet_->value()), what == "tags" && per_sheet_->value() > 0);
-  add("out", out_->text(), !out_->text().isEmpty());
+  add("out", AbsolutePath(dir_, out_->text()), !out_->text().isEmpty());
   command_->setText(line + (force_->isChecked() ? " --force" : ""));
   command_->setCursorPosition(0);
 }
@@ -372,7 +383,7 @@ PrintRequest PrintDesk::Request() const {
   request.what = what_->currentData().toString().toStdString();
   request.sheets.paper = PaperNamed(paper_->currentText().trimmed().toStdString());
   request.sheets.margin_mm = margin_->value();
-  if (!out_->text().isEmpty()) request.out = request.dir / out_->text().toStdString();
+  request.out = AbsolutePath(dir_, out_->text()).toStdString();
   request.force = force_->isChecked();
   if (request.what == "board") {
     request.target = target_->text().trimmed().toStdString();

@@ -80,6 +80,7 @@ class PrintDesk : public QWidget {
   QFormLayout* form_;
   QComboBox *what_, *family_, *paper_;
   QLineEdit *ids_, *target_, *out_, *command_;
+  QWidget* target_row_;
   QDoubleSpinBox *size_, *length_, *margin_, *across_, *up_, *nominal_;
   QSpinBox* per_sheet_;
   QCheckBox* force_;

@@ -120,7 +120,7 @@ void ReviewDesk::Connect() {
     const bool taken = !entries.empty() && entries.back().reason == reason_->text().trimmed().toStdString();
     if (taken) reason_->clear();
     const bool back = !entries.empty() && (entries.back().action == "undo" || decisions_->again());
-    if (back && !solved_state_.empty() && StateInForce() == earlier_state_) Solve();  // the results are kept
+    if (back && !solved_state_.empty() && StateInForce() == earlier_state_) StartSolving();  // the results are kept
     emit Reviewed();
   });
   connect(decisions_, &Decisions::Changed, this, [this] {
@@ -138,7 +138,7 @@ void ReviewDesk::Connect() {
   connect(workspace_, &Workspace::Closed, this, &ReviewDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &ReviewDesk::ShowChanges);
   connect(jobs_, &JobController::Started, this, [this] { solve_->setEnabled(false); });
-  connect(jobs_, &JobController::Finished, this, [this](JobController::End end) {
+  connect(jobs_, &JobController::Finished, this, [this](JobController::End end, const QString& error) {
     solve_->setEnabled(true);
     if (!solving_) return;
     solving_ = false;
@@ -146,6 +146,8 @@ void ReviewDesk::Connect() {
       summary_->setText(tr("Cancelled."));
       return;
     }
+    solved_ = true;
+    failure_ = end == JobController::End::kFailed ? error : QString();
     ShowChanges();
     emit Solved();
   });
@@ -158,7 +160,7 @@ void ReviewDesk::Forget() {
   solved_state_.clear();
   earlier_state_.clear();
   opened_.clear();
-  solving_ = false;
+  solving_ = solved_ = false;
   changes_->setRowCount(0);
   summary_->setText(tr("Re-solve to see what the review changes at stations and check points."));
   object_->clear();
@@ -172,9 +174,16 @@ void ReviewDesk::Decide(const char* action) {
 
 void ReviewDesk::Solve() {
   if (!workspace_->snapshot() || jobs_->running()) return;
+  StartAsked(this, *workspace_, ReviewQuery(variant_->currentData().toString().toStdString()),
+             [this] { StartSolving(); });
+}
+
+void ReviewDesk::StartSolving() {
+  if (!workspace_->snapshot() || jobs_->running()) return;
   solving_variant_ = variant_->currentData().toString().toStdString();
   before_ = ErrorsOf(*workspace_->snapshot()->project, solving_variant_);
   solving_ = true;
+  solved_ = false;
   const std::string state = StateInForce();
   if (state != solved_state_) {
     earlier_state_ = solved_state_.empty() ? opened_state_ : solved_state_;
@@ -214,8 +223,13 @@ void ReviewDesk::Refresh() {
 }
 
 void ReviewDesk::ShowChanges() {
-  if (!workspace_->snapshot() || solving_ || before_.empty()) return;
+  if (!workspace_->snapshot() || !solved_) return;
   changes_->setRowCount(0);
+  QString said = failure_.isEmpty() ? QString() : tr("Failed: %1").arg(failure_) + "\n";
+  if (before_.empty()) {
+    if (said.isEmpty()) said = tr("Solved. There was no evaluation before, so nothing is compared.");
+    return summary_->setText(said.trimmed());
+  }
   const auto text = [this](const std::optional<double>& metres) {
     return metres ? workspace_->Length(*metres, 4) : QString("-");
   };
@@ -231,11 +245,15 @@ void ReviewDesk::ShowChanges() {
             text(row.sigma_m), QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
            QString::fromStdString("station:" + row.station), false);
   }
-  summary_->setText(changed.empty()
-                        ? tr("Nothing changed at stations and check points.")
-                        : tr("3D errors that changed by more than their 1 sigma, or in status: %1; by less: %2.")
-                              .arg(changed.size() - small)
-                              .arg(small));
+  if (changed.empty()) {
+    said += failure_.isEmpty() ? tr("Nothing changed at stations and check points.")
+                               : tr("The results at stations and check points are still those of before.");
+  } else {
+    said += tr("3D errors that changed by more than their 1 sigma, or in status: %1; by less: %2.")
+                .arg(changed.size() - small)
+                .arg(small);
+  }
+  summary_->setText(said);
 }
 
 std::string ReviewDesk::StateInForce() const {

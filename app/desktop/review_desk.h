@@ -28,7 +28,7 @@ class ReviewDesk : public QWidget {
   ~ReviewDesk() override;
 
  public slots:
-  void Solve();
+  void Solve();  // asks before what takes long
 
  signals:
   void Reviewed();  // review.jsonl has a new entry, and the project was read again
@@ -39,6 +39,7 @@ class ReviewDesk : public QWidget {
   void Refresh();
   void Forget();  // before another project is opened
   void Decide(const char* action);
+  void StartSolving();
   void ShowChanges();
   std::string StateInForce() const;
 
@@ -57,6 +58,8 @@ class ReviewDesk : public QWidget {
   std::string solved_state_, earlier_state_, opened_state_;
   std::filesystem::path opened_;
   bool solving_ = false;
+  bool solved_ = false;  // since the project was opened: what changed is shown
+  QString failure_;      // of the last re-solve; empty: it went well
 };
 
 }  // namespace trigpoint

@@ -48,6 +48,30 @@ QComboBox* Narrow(QComboBox* box) {
   return box;
 }
 
+QString TextOf(const ExpectedTime& expected) {
+  if (expected.unchecked_s > 0) {
+    return RunDesk::tr("How long it takes is not known yet: %1 results are still checked; they took %2.")
+        .arg(expected.unchecked)
+        .arg(DurationText(expected.unchecked_s));
+  }
+  if (expected.again == 0) return "";
+  QString text = RunDesk::tr("Results that are computed again: %1.").arg(expected.again);
+  if (expected.seconds > 0)
+    text += " " + RunDesk::tr("The last time that took %1.").arg(DurationText(expected.seconds));
+  if (expected.never_made > 0) text += " " + RunDesk::tr("Never made before: %1.").arg(expected.never_made);
+  return text;
+}
+
+// Nothing is known of a query that is wrong: that is said when it is run.
+ExpectedTime ExpectedOf(const Workspace& workspace, const JobQuery& query) {
+  if (!workspace.snapshot()) return {};
+  try {
+    return ExpectedTimeOf(*workspace.snapshot(), workspace.results(), query);
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 }  // namespace
 
 QString DurationText(double seconds) {
@@ -55,6 +79,21 @@ QString DurationText(double seconds) {
   return s >= 3600
              ? QString("%1:%2:%3").arg(s / 3600).arg(s / 60 % 60, 2, 10, QChar('0')).arg(s % 60, 2, 10, QChar('0'))
              : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));
+}
+
+void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query,
+                const std::function<void()>& start) {
+  const ExpectedTime expected = ExpectedOf(workspace, query);
+  if (expected.seconds + expected.unchecked_s <= kLong_s) return start();
+  auto* ask =
+      new QMessageBox(QMessageBox::Question, RunDesk::tr("Run"), TextOf(expected) + "\n" + RunDesk::tr("Run it now?"),
+                      QMessageBox::Yes | QMessageBox::No, window);
+  ask->setObjectName("run.ask");
+  ask->setAttribute(Qt::WA_DeleteOnClose);
+  QObject::connect(ask, &QMessageBox::finished, window, [start](int answer) {
+    if (answer == QMessageBox::Yes) start();
+  });
+  ask->open();
 }
 
 RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
@@ -85,11 +124,17 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     ShowResults();
     ShowCommand();
   });
-  connect(results_, &QTableWidget::cellDoubleClicked, this, [this](int row) {
-    const SnapshotResult& result = workspace_->results()[static_cast<size_t>(row)];
-    Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run));
+  connect(workspace_, &Workspace::StateChanged, this, [this](int result) {
+    ShowResult(result);
+    graph_->ShowStates(workspace_->results());
   });
-  connect(graph_, &StageGraph::Chosen, this, [this](const QString& stage) { Choose(stage, ""); });
+  connect(results_, &QTableWidget::cellActivated, this, [this](int row) {
+    const SnapshotResult& result = workspace_->results()[static_cast<size_t>(row)];
+    Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run),
+           QString::fromStdString(result.variant));
+  });
+  connect(graph_, &StageGraph::Chosen, this,
+          [this](const QString& stage) { Choose(stage, "", variant_->currentText()); });
   Refresh();
 }
 
@@ -135,7 +180,8 @@ void RunDesk::MakeControls() {
   results_->setSelectionBehavior(QAbstractItemView::SelectRows);
   results_->verticalHeader()->hide();
   results_->verticalHeader()->setDefaultSectionSize(results_->fontMetrics().height() + 6);
-  results_->setToolTip(tr("In the order in which each needs those above it; a double click chooses the stage"));
+  results_->setToolTip(
+      tr("In the order in which each needs those above it; Return or a double click chooses the stage"));
 }
 
 void RunDesk::Arrange() {
@@ -172,12 +218,13 @@ void RunDesk::Arrange() {
   auto* drawn = new QScrollArea;
   drawn->setWidget(graph_);
   drawn->setWidgetResizable(true);
-  auto* states = new QTabWidget;
+  auto* states = Named(new QTabWidget, "run.states", tr("Stages and results"));
   states->addTab(drawn, tr("Stages"));
   states->addTab(results_, tr("Results"));
   auto* below = new QSplitter(Qt::Vertical);
   below->addWidget(states);
   below->addWidget(log_);
+  below->setSizes({700, 100});
   right->addWidget(below, 1);
   auto* split = new QSplitter;
   split->addWidget(options);
@@ -193,6 +240,7 @@ void RunDesk::ConnectJobs() {
     run_->setEnabled(false);
     cancel_->setEnabled(true);
     bar_->setRange(0, 0);
+    Expect();
     Say("$ " + command);
   });
   connect(jobs_, &JobController::Progress, this, &RunDesk::ShowProgress);
@@ -200,7 +248,12 @@ void RunDesk::ConnectJobs() {
     static const char* kLevels[] = {"debug", "info", "warning", "error"};
     if (level > 0) Say(QString(kLevels[level]) + ": " + text);
   });
+  connect(jobs_, &JobController::JobBegan, this, [this](const QString& job) {
+    job_ = job.toStdString();
+    since_.start();
+  });
   connect(jobs_, &JobController::JobEnded, this, [this](const QString& job, const QString& end, const QString& why) {
+    pending_.erase(job.toStdString());
     Say(job + ": " + end + (why.isEmpty() ? "" : ": " + why));
   });
   connect(jobs_, &JobController::Finished, this, &RunDesk::ShowEnd);
@@ -216,19 +269,29 @@ void RunDesk::ShowResults() {
                             result.seconds > 0 ? QString::number(result.seconds, 'f', 1) : QString()};
     for (int c = 0; c < cells.size(); ++c) {
       auto* item = new QTableWidgetItem(cells[c]);
-      item->setToolTip(QString::fromStdString(result.reason));
-      if (c == 1) item->setForeground(ColourOfState(result.state));
       if (c == 3) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
       results_->setItem(row, c, item);
     }
+    ShowResult(row);
   }
   results_->resizeColumnsToContents();
   const auto& snapshot = workspace_->snapshot();
   graph_->Show(snapshot ? StageBoxesOf(*snapshot->project, workspace_->results()) : std::vector<StageBox>());
 }
 
-void RunDesk::Choose(const QString& stage, const QString& run) {
+void RunDesk::ShowResult(int result) {
+  const SnapshotResult& shown = workspace_->results()[static_cast<size_t>(result)];
+  for (int c = 0; c < results_->columnCount(); ++c) {
+    results_->item(result, c)->setToolTip(QString::fromStdString(shown.reason));
+  }
+  results_->item(result, 1)->setText(QString::fromStdString(shown.state));
+  results_->item(result, 1)->setForeground(ColourOfState(shown.state));
+}
+
+void RunDesk::Choose(const QString& stage, const QString& run, const QString& variant) {
   stage_->setCurrentIndex(std::max(0, stage_->findData(stage)));
+  variant_->setCurrentText(variant);
+  if (stage.isEmpty()) seed_->setValue(1);  // another one would make all anew
   for (int i = 0; i < runs_->count(); ++i) {
     const bool on = run.isEmpty() || runs_->item(i)->text() == run;
     runs_->item(i)->setCheckState(on ? Qt::Checked : Qt::Unchecked);
@@ -264,6 +327,7 @@ JobQuery RunDesk::Query() const {
 void RunDesk::Refresh() {
   const auto& snapshot = workspace_->snapshot();
   setEnabled(snapshot != nullptr);
+  form_->SetFolder(workspace_->dir());
   ListNames();
   ShowResults();
   ShowStage();
@@ -360,52 +424,35 @@ void RunDesk::ShowCommand() {
   problem_->setText(text);
   problem_->setVisible(!text.isEmpty());
   run_->setEnabled(problems.empty() && !jobs_->running());
-  const QString expected = ExpectedText();
+  const JobQuery query = Query();
+  const QString expected = TextOf(ExpectedOf(*workspace_, query));
   expected_->setText(expected);
   expected_->setVisible(!expected.isEmpty());
-  const JobQuery query = Query();
   command_->setText(QString::fromStdString(
       CommandLine(workspace_->dir().toStdString(), query, threads_->value(), static_cast<uint64_t>(seed_->value()))));
 }
 
-QString RunDesk::ExpectedText() const {
-  ExpectedTime expected;
-  try {
-    expected = ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), Query());
-  } catch (const Error&) {  // what is wrong with the query is said when it is run
-    return "";
+void RunDesk::Expect() {
+  job_.clear();
+  const ExpectedTime expected = ExpectedOf(*workspace_, jobs_->query());
+  pending_ = expected.of_job;
+  at_least_ = expected.never_made + expected.unchecked > 0;
+}
+
+QString RunDesk::LeftText(double job_s) const {
+  double left_s = 0;
+  for (const auto& [job, seconds] : pending_) {
+    left_s += job == job_ ? std::max(0.0, seconds - 1e-3 * static_cast<double>(since_.elapsed())) : seconds;
   }
-  if (expected.again == 0) return "";
-  QString text = tr("Results that are computed again: %1.").arg(expected.again);
-  if (expected.seconds > 0) text += " " + tr("The last time that took %1.").arg(DurationText(expected.seconds));
-  if (expected.never_made > 0) text += " " + tr("Never made before: %1.").arg(expected.never_made);
-  return text;
+  if (left_s <= std::max(0.0, job_s)) return "";
+  return (at_least_ ? tr("; of all at least %1") : tr("; of all about %1")).arg(DurationText(left_s));
 }
 
 void RunDesk::Run() {
   if (!workspace_->snapshot() || !run_->isEnabled()) return;
-  expected_s_ = 0;
-  try {
-    const ExpectedTime expected = ExpectedTimeOf(*workspace_->snapshot(), workspace_->results(), Query());
-    if (expected.never_made == 0) expected_s_ = expected.seconds;
-    if (expected.seconds > kLong_s) {
-      auto* ask = new QMessageBox(QMessageBox::Question, tr("Run"), ExpectedText() + "\n" + tr("Run it now?"),
-                                  QMessageBox::Yes | QMessageBox::No, this);
-      ask->setObjectName("run.ask");
-      ask->setAttribute(Qt::WA_DeleteOnClose);
-      connect(ask, &QMessageBox::finished, this, [this](int answer) {
-        if (answer == QMessageBox::Yes) Start();
-      });
-      return ask->open();
-    }
-  } catch (const Error&) {  // the run says what is wrong
-  }
-  Start();
-}
-
-void RunDesk::Start() {
-  since_.start();
-  jobs_->Start(workspace_->dir(), Query(), threads_->value(), static_cast<quint64>(seed_->value()));
+  StartAsked(this, *workspace_, Query(), [this] {
+    jobs_->Start(workspace_->dir(), Query(), threads_->value(), static_cast<quint64>(seed_->value()));
+  });
 }
 
 void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left) {
@@ -415,13 +462,12 @@ void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done,
   QString text = (of.isEmpty() ? "" : tr("Project %1: ").arg(of)) + job + ": " + task;
   if (total > 0) text += tr(", %1 of %2").arg(done).arg(total);
   if (seconds_left >= 0) text += tr(", %1 left").arg(DurationText(seconds_left));
-  const double all_left = expected_s_ - 1e-3 * static_cast<double>(since_.isValid() ? since_.elapsed() : 0);
-  if (expected_s_ > 0 && all_left > seconds_left) text += tr("; of all about %1").arg(DurationText(all_left));
-  status_->setText(text);
+  status_->setText(text + LeftText(seconds_left));
 }
 
 void RunDesk::ShowEnd(JobController::End end, const QString& error) {
   cancel_->setEnabled(false);
+  pending_.clear();
   bar_->setRange(0, 1000);
   bar_->setValue(end == JobController::End::kDone ? 1000 : 0);
   switch (end) {

@@ -3,6 +3,9 @@
 
 #include <QElapsedTimer>
 #include <QWidget>
+#include <functional>
+#include <map>
+#include <string>
 
 #include "app/desktop/job_controller.h"
 #include "app/desktop/workspace.h"
@@ -25,6 +28,8 @@ class StageGraph;
 
 // "3:20", "1:02:00".
 QString DurationText(double seconds);
+// Calls `start` at once, or where much would be computed again when that was asked (run.ask) and answered with yes.
+void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query, const std::function<void()>& start);
 
 class RunDesk : public QWidget {
   Q_OBJECT
@@ -32,8 +37,8 @@ class RunDesk : public QWidget {
  public:
   RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
 
-  // Chooses a stage (empty: all that are out of date) and a run or photo set (empty: all).
-  void Choose(const QString& stage, const QString& run);
+  // Chooses a stage (empty: what `trigpoint run` makes, as it does it), a run or photo set (empty: all), a variant.
+  void Choose(const QString& stage, const QString& run, const QString& variant = "");
 
  public slots:
   void Run();
@@ -51,8 +56,9 @@ class RunDesk : public QWidget {
   void ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left);
   void ShowEnd(JobController::End end, const QString& error);
   void ShowResults();
-  QString ExpectedText() const;  // how long it took the last time; empty: not known, or nothing is computed again
-  void Start();
+  QString LeftText(double job) const;  // of all of the run; empty: not known, or no more than the `job` seconds left
+  void Expect();                       // what a run that begins takes
+  void ShowResult(int result);         // its state
   void Say(const QString& line);
 
   Workspace* workspace_;
@@ -76,8 +82,11 @@ class RunDesk : public QWidget {
   QLabel* expected_;
   QTableWidget* results_;  // of all stages, with their states
   StageGraph* graph_;      // the same, drawn
-  QElapsedTimer since_;    // the run began
-  double expected_s_ = 0;  // of the run that goes on; 0: not known
+  // Of the run that goes on.
+  std::map<std::string, double> pending_;  // seconds that jobs which have not ended took the last time
+  bool at_least_ = false;                  // it makes others, too
+  std::string job_;
+  QElapsedTimer since_;  // the job began
 };
 
 }  // namespace trigpoint

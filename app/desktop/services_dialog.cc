@@ -14,10 +14,12 @@
 #include <QSplitter>
 #include <QTableWidget>
 #include <QTimer>
+#include <QToolButton>
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
 #include "app/desktop/object_table.h"
+#include "app/desktop/path_button.h"
 #include "app/desktop/polled_progress.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/import/run_track.h"
@@ -153,11 +155,13 @@ void ServicesDialog::MakeFields() {
       line->addWidget(widget, 1);
     }
     form->addRow(label, line);
+    return line;
   };
   row(tr("Service"), {{"services.service", service_}});
   row(tr("Along run, within"), {{"services.run", run_}, {"services.radius", radius_}});
   row(tr("Taken since, until"), {{"services.since", since_}, {"services.until", until_}});
-  row(tr("File with the key"), {{"services.key", key_file_}});
+  row(tr("File with the key"), {{"services.key", key_file_}})
+      ->addWidget(MakePathButton(key_file_, PathKind::kFile, [this] { return workspace_->dir(); }));
   row(tr("Server"), {{"services.url", url_}});
   row("", {{"services.permitted", permitted_}});
   connect(service_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ServicesDialog::ShowState);
@@ -200,7 +204,9 @@ ServicesDialog::Query ServicesDialog::Asked() const {
   Query query;
   query.service = &Services()[static_cast<size_t>(service_->currentIndex())];
   query.options.url = url_->text().isEmpty() ? query.service->url : url_->text().toStdString();
-  query.key_file = query.service->token_env.empty() ? "" : key_file_->text().toStdString();
+  if (!query.service->token_env.empty()) {
+    query.key_file = AbsolutePath(workspace_->dir(), key_file_->text()).toStdString();
+  }
   query.run = run_->currentText().toStdString();
   query.dir = workspace_->snapshot()->dir.string();
   query.radius_m = radius_->value();
@@ -333,7 +339,8 @@ void ServicesDialog::Load() {
 void ServicesDialog::ShowState() {
   const Query query = Asked();
   const bool needs_key = !query.service->token_env.empty(), needs_permission = !query.service->permission.empty();
-  key_file_->setEnabled(needs_key);
+  for (QWidget* w : {static_cast<QWidget*>(key_file_), findChild<QWidget*>("services.key_browse")})
+    w->setEnabled(needs_key);
   key_file_->setPlaceholderText(needs_key ? tr("empty: the environment variable %1").arg(Text(query.service->token_env))
                                           : tr("none is needed"));
   permitted_->setVisible(needs_permission);

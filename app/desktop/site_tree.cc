@@ -10,7 +10,7 @@ namespace trigpoint {
 
 namespace {
 
-constexpr int kObject = Qt::UserRole, kStage = Qt::UserRole + 1, kRun = Qt::UserRole + 2;
+constexpr int kObject = Qt::UserRole, kStage = Qt::UserRole + 1, kRun = Qt::UserRole + 2, kVariant = Qt::UserRole + 3;
 constexpr int kMostImages = 20000;  // listed below a run
 constexpr int kMostUnfolded = 12;   // entries of a group that is open from the beginning
 
@@ -45,7 +45,7 @@ SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent),
   });
   connect(this, &QTreeWidget::itemActivated, this, [this](QTreeWidgetItem* item) {
     if (!item->data(0, kStage).toString().isEmpty()) {
-      emit RunRequested(item->data(0, kStage).toString(), item->data(0, kRun).toString());
+      AskForRun(item);
     } else if (!item->data(0, kObject).toString().isEmpty()) {
       emit Activated(item->data(0, kObject).toString());
     }
@@ -167,10 +167,16 @@ void SiteTree::FillResults() {
     auto* item = new QTreeWidgetItem(results_, {QString::fromStdString(result.title), state});
     item->setData(0, kStage, QString::fromStdString(result.stage));
     item->setData(0, kRun, QString::fromStdString(result.run));
+    item->setData(0, kVariant, QString::fromStdString(result.variant));
     item->setForeground(1, ColourOfState(result.state));
     item->setToolTip(0, QString::fromStdString(result.metric));
     item->setToolTip(1, QString::fromStdString(result.reason));
   }
+}
+
+void SiteTree::AskForRun(const QTreeWidgetItem* result) {
+  emit RunRequested(result->data(0, kStage).toString(), result->data(0, kRun).toString(),
+                    result->data(0, kVariant).toString());
 }
 
 QTreeWidgetItem* SiteTree::ResultItem(const QString& title) const {
@@ -217,7 +223,7 @@ void SiteTree::Menu(const QPoint& at) {
   const QPoint place = viewport()->mapToGlobal(at);
   if (stage.isEmpty()) return workspace_->AskMenu(object, place);
   QMenu menu;
-  menu.addAction(tr("Run ..."), this, [=, this] { emit RunRequested(stage, item->data(0, kRun).toString()); });
+  menu.addAction(tr("Run ..."), this, [=, this] { AskForRun(item); });
   menu.exec(place);
 }
 

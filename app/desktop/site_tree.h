@@ -23,13 +23,14 @@ class SiteTree : public QTreeWidget {
   void SetState(const QString& title, const QString& state);
 
  signals:
-  void Activated(const QString& object);                        // show it
-  void RunRequested(const QString& stage, const QString& run);  // a result was opened
+  void Activated(const QString& object);                                                // show it
+  void RunRequested(const QString& stage, const QString& run, const QString& variant);  // a result was opened
 
  private:
   void Refresh();
   void ShowStates();
   void FillResults();
+  void AskForRun(const QTreeWidgetItem* result);
   void ShowSelected();
   QTreeWidgetItem* ResultItem(const QString& title) const;
   QTreeWidgetItem* AddGroup(const QString& text);

@@ -217,6 +217,10 @@ ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<Snapshot
     } else if (changed || result->state == "out of date") {
       ++expected.again;
       expected.seconds += result->seconds;
+      expected.of_job[title] = result->seconds;
+    } else if (result->state.empty()) {
+      ++expected.unchecked;
+      expected.unchecked_s += result->seconds;
     }
   }
   return expected;

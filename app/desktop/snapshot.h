@@ -82,8 +82,11 @@ std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot);
 
 // How long what a query would compute again took the last time, and how many results that are not there it would make.
 struct ExpectedTime {
-  double seconds = 0;
+  double seconds = 0;  // of all that are computed again
   int again = 0, never_made = 0;
+  int unchecked = 0;                     // whether these are out of date is not known yet
+  double unchecked_s = 0;                // that they took
+  std::map<std::string, double> of_job;  // seconds of each that is computed again, by its title
 };
 ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results,
                             const JobQuery& query);

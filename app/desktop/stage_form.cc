@@ -8,9 +8,11 @@
 #include <QLabel>
 #include <QLineEdit>
 #include <QRegularExpression>
+#include <QToolButton>
 #include <QVBoxLayout>
 #include <cmath>
 
+#include "app/desktop/path_button.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -210,6 +212,9 @@ void StageForm::AddField(const Field& given, QFormLayout* form) {
                             .join(", ");
   input->setToolTip(help + "\n" + facts);
   line->addWidget(input);
+  if (field.edit != nullptr && option.path != PathKind::kNone) {
+    line->addWidget(MakePathButton(field.edit, option.path, [this] { return folder_; }));
+  }
   auto* texts = new QVBoxLayout;
   texts->setSpacing(0);
   auto* text = new QLabel(QString("<small>%1<br><i>%2</i></small>").arg(facts.toHtmlEscaped(), help.toHtmlEscaped()));

@@ -34,6 +34,8 @@ class StageForm : public QWidget {
   // Any other options.
   void SetOptions(const std::vector<OptionDescription>& options, const nlohmann::json& values, Check check);
   const std::string& stage() const { return stage_; }
+  // Of the project: paths in it are entered relative to it.
+  void SetFolder(const QString& folder) { folder_ = folder; }
   // {option: value}, nested: what differs from the values it was set to.
   nlohmann::json Changes() const;
   // What stands in the fields that were changed, by option, whether it is a value or not; and back into them.
@@ -56,6 +58,7 @@ class StageForm : public QWidget {
   void ShowProblems();
 
   std::string stage_;
+  QString folder_;
   Check check_;
   std::vector<Field> fields_;
   QLineEdit* filter_;

@@ -16,7 +16,10 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kGap = 14, kBetweenRows = 26, kPadding = 6;
+constexpr double kGap = 8, kBetweenRows = 14, kPadding = 5;
+constexpr int kMostBeside = 3;                                                            // boxes
+constexpr double kSmall = 0.85;                                                           // font of all but the stage
+constexpr const char *kNarrowText = "reconstruct", *kWideText = "reconstruct, 00:00:00";  // widths of a box
 
 // The worst comes first.
 int RankOf(const std::string& state) {
@@ -26,15 +29,35 @@ int RankOf(const std::string& state) {
   return static_cast<int>(it - kOrder.begin());
 }
 
+// "detections 12" and another result's "detections 30": 42; "median 0.3 m" and "median 0.5 m": the larger.
+void AddMetric(const std::string& metric, StageBox* box) {
+  const QString text = QString::fromStdString(metric), before = QString::fromStdString(box->metric);
+  const auto value = [](const QString& of) { return of.section(' ', 1, 1); };
+  bool number = false, count = false;
+  const double to_add = value(text).toDouble(&number);
+  value(text).toLongLong(&count);
+  if (before.isEmpty()) {
+    box->metric = metric;
+    box->summed = count;
+  } else if (count && box->summed) {
+    box->metric = (text.section(' ', 0, 0) + QString(" %1").arg(value(before).toLongLong() + value(text).toLongLong()))
+                      .toStdString();
+  } else if (number && to_add > value(before).toDouble()) {
+    box->metric = metric;
+  }
+}
+
 std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& results) {
   std::vector<StageBox> boxes;
   for (const StageInfo& stage : Stages()) {
     StageBox box;
     box.stage = stage.name;
+    std::string variant;  // the first of its results: other variants' metrics are for comparing
     for (const SnapshotResult& result : results) {
       if (result.stage != stage.name || result.state == "not needed") continue;
       if (box.results == 0 || RankOf(result.state) < RankOf(box.state)) box.state = result.state;
-      box.metric = box.results == 0 ? result.metric : "";
+      if (box.results == 0) variant = result.variant;
+      if (result.variant == variant && !result.metric.empty()) AddMetric(result.metric, &box);
       ++box.results;
       box.done += result.state == "done" ? 1 : 0;
       box.seconds += result.seconds;
@@ -42,6 +65,24 @@ std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& resul
     if (box.results > 0) boxes.push_back(box);
   }
   return boxes;
+}
+
+// Layers with more boxes than stand beside each other in a small window have several rows.
+void PlaceInRows(std::vector<StageBox>* boxes) {
+  std::map<int, std::vector<StageBox*>> layers;
+  for (StageBox& box : *boxes) {
+    // These read whatever results there are, and come after all others.
+    const bool last = box.stage == "gates" || box.stage == "report";
+    layers[last ? static_cast<int>(boxes->size()) : box.layer].push_back(&box);
+  }
+  int row = 0;
+  for (const auto& [layer, its] : layers) {
+    for (size_t i = 0; i < its.size(); ++i) {
+      its[i]->layer = row + static_cast<int>(i) / kMostBeside;
+      its[i]->place = static_cast<int>(i) % kMostBeside;
+    }
+    row = its.back()->layer + 1;
+  }
 }
 
 bool Needs(const Project& project, const std::string& stage, const StageTarget& target, const std::string& other) {
@@ -62,7 +103,6 @@ std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<Sna
     if (target.run.empty() && StageNamed(result.stage).per_run && !result.run.empty()) target.run = result.run;
   }
   std::vector<std::set<size_t>> above(boxes.size());  // all that a box needs, directly or through others
-  std::map<int, int> in_layer;
   for (size_t b = 0; b < boxes.size(); ++b) {
     for (size_t a = b; a-- > 0;) {  // nearest first: what it needs in turn is needed through it
       if (!Needs(project, boxes[b].stage, target, boxes[a].stage)) continue;
@@ -71,8 +111,8 @@ std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<Sna
       above[b].insert(above[a].begin(), above[a].end());
       boxes[b].layer = std::max(boxes[b].layer, boxes[a].layer + 1);
     }
-    boxes[b].place = in_layer[boxes[b].layer]++;
   }
+  PlaceInRows(&boxes);
   return boxes;
 }
 
@@ -85,24 +125,61 @@ StageGraph::StageGraph(QWidget* parent) : QWidget(parent) {
 void StageGraph::Show(std::vector<StageBox> boxes) {
   boxes_ = std::move(boxes);
   current_ = std::clamp(current_, 0, std::max(0, static_cast<int>(boxes_.size()) - 1));
-  QStringList said;
-  for (const StageBox& box : boxes_) said << DescriptionOf(box);
-  setAccessibleDescription(said.join("; "));
+  Describe();
   updateGeometry();
   update();
 }
 
+void StageGraph::ShowStates(const std::vector<SnapshotResult>& results) {
+  for (StageBox& now : BoxesWithoutNeeds(results)) {
+    for (StageBox& box : boxes_) {
+      if (box.stage != now.stage) continue;
+      now.needs = box.needs, now.layer = box.layer, now.place = box.place;
+      box = now;
+    }
+  }
+  Describe();
+  update();
+}
+
+void StageGraph::Describe() {
+  QStringList said;
+  for (const StageBox& box : boxes_) said << DescriptionOf(box);
+  setAccessibleDescription(said.join("; "));
+}
+
+int StageGraph::Columns() const {
+  int columns = 1;
+  for (const StageBox& box : boxes_) columns = std::max(columns, box.place + 1);
+  return columns;
+}
+
+QFont StageGraph::SmallFont() const {
+  QFont small = font();
+  small.setPointSizeF(kSmall * small.pointSizeF());
+  return small;
+}
+
+// As wide as there is room.
 QRectF StageGraph::RectOf(size_t box) const {
-  const double wide = fontMetrics().horizontalAdvance("reconstruct  00:00") + 2 * kPadding;
-  const double high = 2 * fontMetrics().height() + 2 * kPadding;
+  const double narrow = fontMetrics().horizontalAdvance(kNarrowText) + 2 * kPadding;
+  const double wide = fontMetrics().horizontalAdvance(kWideText) + 2 * kPadding;
+  const double width_px = std::clamp((width() - kGap) / Columns() - kGap, narrow, wide);
+  const double high = fontMetrics().height() + 2 * QFontMetrics(SmallFont()).height() + 2 * kPadding;
   const StageBox& b = boxes_[box];
-  return {kGap + b.place * (wide + kGap), kGap + b.layer * (high + kBetweenRows), wide, high};
+  return {kGap + b.place * (width_px + kGap), kGap + b.layer * (high + kBetweenRows), width_px, high};
+}
+
+QSize StageGraph::minimumSizeHint() const {
+  QRectF all(0, 0, 100, 40);
+  for (size_t b = 0; b < boxes_.size(); ++b) all |= RectOf(b);
+  const double narrow = fontMetrics().horizontalAdvance(kNarrowText) + 2 * kPadding;
+  return QSizeF(kGap + Columns() * (narrow + kGap), all.bottom() + kGap).toSize();
 }
 
 QSize StageGraph::sizeHint() const {
-  QRectF all(0, 0, 100, 40);
-  for (size_t b = 0; b < boxes_.size(); ++b) all |= RectOf(b);
-  return QSizeF(all.right() + kGap, all.bottom() + kGap).toSize();
+  const double wide = fontMetrics().horizontalAdvance(kWideText) + 2 * kPadding;
+  return {static_cast<int>(kGap + Columns() * (wide + kGap)), minimumSizeHint().height()};
 }
 
 QString StageGraph::DoneText(const StageBox& box) {
@@ -116,6 +193,7 @@ QString StageGraph::DescriptionOf(const StageBox& box) const {
   if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(QString::fromStdString(box.state));
   if (box.seconds > 0) text += ", " + DurationText(box.seconds);
   if (!box.metric.empty()) text += ", " + QString::fromStdString(box.metric);
+  if (!box.metric.empty() && box.results > 1) text += " " + (box.summed ? tr("in all") : tr("at most"));
   return text;
 }
 
@@ -137,20 +215,35 @@ void StageGraph::paintEvent(QPaintEvent*) {
   for (size_t b = 0; b < boxes_.size(); ++b) {
     for (const size_t a : boxes_[b].needs) PaintArrow(&painter, RectOf(a), RectOf(b));
   }
-  for (size_t b = 0; b < boxes_.size(); ++b) {
-    const StageBox& box = boxes_[b];
-    const QRectF rect = RectOf(b);
-    const QColor colour = ColourOfState(box.state);
-    painter.setBrush(palette().color(QPalette::Base));
-    painter.setPen(QPen(colour, static_cast<int>(b) == current_ && hasFocus() ? 3.5 : 2));
-    painter.drawRoundedRect(rect, 4, 4);
-    const QRectF inside = rect.adjusted(kPadding, kPadding, -kPadding, -kPadding);
-    painter.setPen(palette().color(QPalette::Text));
-    painter.drawText(inside, Qt::AlignLeft | Qt::AlignTop, QString::fromStdString(box.stage));
-    painter.drawText(inside, Qt::AlignRight | Qt::AlignTop, box.seconds > 0 ? DurationText(box.seconds) : QString());
-    painter.setPen(colour);
-    painter.drawText(inside, Qt::AlignLeft | Qt::AlignBottom, DoneText(box));
-  }
+  for (size_t b = 0; b < boxes_.size(); ++b) PaintBox(&painter, b);
+}
+
+// The stage; how far it is; its metric; its time in the first line that has room.
+void StageGraph::PaintBox(QPainter* painter, size_t index) const {
+  const StageBox& box = boxes_[index];
+  const QRectF rect = RectOf(index);
+  const QColor colour = ColourOfState(box.state);
+  painter->setBrush(palette().color(QPalette::Base));
+  painter->setPen(QPen(colour, static_cast<int>(index) == current_ && hasFocus() ? 3.5 : 2));
+  painter->drawRoundedRect(rect, 4, 4);
+  const QRectF inside = rect.adjusted(kPadding, kPadding, -kPadding, -kPadding);
+  painter->setFont(font());
+  painter->setPen(palette().color(QPalette::Text));
+  painter->drawText(inside, Qt::AlignLeft | Qt::AlignTop, QString::fromStdString(box.stage));
+  const QFontMetrics small(SmallFont());
+  painter->setFont(SmallFont());
+  const QString time = box.seconds > 0 ? DurationText(box.seconds) : QString();
+  const QRectF second = inside.adjusted(0, fontMetrics().height(), 0, -small.height());
+  const double time_px = time.isEmpty() ? 0 : small.horizontalAdvance(time + " ");
+  const bool above = fontMetrics().horizontalAdvance(QString::fromStdString(box.stage)) + time_px < inside.width();
+  painter->drawText(above ? inside.adjusted(0, fontMetrics().ascent() - small.ascent(), 0, 0) : second,
+                    Qt::AlignRight | (above ? Qt::AlignTop : Qt::AlignVCenter), time);
+  const auto fitting = [&](const QString& text, double less) {
+    return small.elidedText(text, Qt::ElideRight, static_cast<int>(inside.width() - less));
+  };
+  painter->drawText(inside, Qt::AlignLeft | Qt::AlignBottom, fitting(QString::fromStdString(box.metric), 0));
+  painter->setPen(colour);
+  painter->drawText(second, Qt::AlignLeft | Qt::AlignVCenter, fitting(DoneText(box), above ? 0 : time_px));
 }
 
 int StageGraph::BoxAt(const QPointF& at) const {

@@ -1,4 +1,4 @@
-// The stages of a project, drawn: what each needs, how far its results are, and how long they took.
+// The stages of a project, drawn: what each needs, how far its results are, their main metric, and how long they took.
 #pragma once
 
 #include <QWidget>
@@ -15,9 +15,10 @@ struct StageBox {
   std::string state;          // the worst of its results: failed, running, out of date, missing, done
   int results = 0, done = 0;  // those that are not needed do not count
   double seconds = 0;         // sum over the results that are there; 0: not known
-  std::string metric;         // empty if there are several results
+  std::string metric;         // the main one; of several results the sum of a count, else the largest
+  bool summed = false;        // it is a count
   std::vector<size_t> needs;  // boxes, without those that are needed through others
-  int layer = 0, place = 0;   // row from the top, place in it from the left
+  int layer = 0, place = 0;   // row from the top, below those of its needs; place in it from the left
 };
 
 // One box for each stage with a result that is needed; a box comes after those it needs.
@@ -29,10 +30,12 @@ class StageGraph : public QWidget {
  public:
   explicit StageGraph(QWidget* parent = nullptr);
   void Show(std::vector<StageBox> boxes);
+  // The same stages, with what became of their results.
+  void ShowStates(const std::vector<SnapshotResult>& results);
   const std::vector<StageBox>& boxes() const { return boxes_; }
   QRectF RectOf(size_t box) const;
   QSize sizeHint() const override;
-  QSize minimumSizeHint() const override { return sizeHint(); }
+  QSize minimumSizeHint() const override;
 
  signals:
   void Chosen(const QString& stage);  // by a click, or the return key
@@ -47,6 +50,10 @@ class StageGraph : public QWidget {
   int BoxAt(const QPointF& at) const;  // -1: none
   static QString DoneText(const StageBox& box);
   QString DescriptionOf(const StageBox& box) const;
+  void Describe();  // for those who do not see it
+  int Columns() const;
+  QFont SmallFont() const;
+  void PaintBox(QPainter* painter, size_t box) const;
   void PaintArrow(QPainter* painter, const QRectF& from, const QRectF& to) const;
   void SetCurrent(int box);
 

@@ -11,13 +11,14 @@ QString Workspace::dir() const { return snapshot_ ? QString::fromStdString(snaps
 void Workspace::Open(const QString& dir) { Load(dir, false); }
 
 void Workspace::Reload() {
-  if (snapshot_) Load(dir(), true);
+  if (snapshot_ && (opening_ == 0 || again_)) Load(dir(), true);
 }
 
 void Workspace::Close() {
   ++generation_;
   snapshot_.reset();
   results_.clear();
+  live_.clear();
   inspectors_.clear();
   Select("");
   emit Replaced();
@@ -27,6 +28,7 @@ void Workspace::Close() {
 void Workspace::Load(const QString& dir, bool again) {
   const int generation = ++generation_;
   ++opening_;
+  again_ = again;
   InBackground(
       this, [path = dir.toStdString()] { return OpenSnapshot(path); },
       [this, generation, again](const Attempted<std::shared_ptr<const Snapshot>>& opened) {
@@ -40,13 +42,16 @@ void Workspace::Load(const QString& dir, bool again) {
         snapshot_ = opened.value;
         inspectors_.clear();
         results_ = ResultsOfSnapshot(*snapshot_);
-        if (!again) selected_.clear();
+        live_.clear();
+        const bool cleared = !again && !selected_.isEmpty();
+        if (cleared) selected_.clear();
         if (other) emit Replaced();
         related_ = snapshot_->Related(selected_.toStdString());
         for (const std::string& problem : snapshot_->problems) {
           emit Problem(QString::fromStdString(problem), tr("The rest of the project is open."));
         }
         emit Opened();
+        if (cleared && selected_.isEmpty()) emit Selected(selected_);
         InBackground(
             this, [snapshot = snapshot_] { return StatesOfSnapshot(*snapshot); },
             [this, generation](const Attempted<std::vector<SnapshotResult>>& states) {
@@ -56,9 +61,23 @@ void Workspace::Load(const QString& dir, bool again) {
                 return;
               }
               results_ = states.value;
+              for (SnapshotResult& result : results_) {  // a run went on while they were looked at
+                const auto live = live_.find(result.title);
+                if (live != live_.end()) result.state = live->second.state, result.reason = live->second.reason;
+              }
               emit ResultsChanged();
             });
       });
+}
+
+void Workspace::SetState(const QString& title, const QString& state, const QString& reason) {
+  for (size_t i = 0; i < results_.size(); ++i) {
+    SnapshotResult& result = results_[i];
+    if (result.title != title.toStdString()) continue;
+    result.state = state.toStdString(), result.reason = reason.toStdString();
+    live_[result.title] = result;
+    emit StateChanged(static_cast<int>(i));
+  }
 }
 
 std::shared_ptr<SharedInspector> Workspace::InspectorOf(const std::string& run, const std::string& variant) {

@@ -25,13 +25,15 @@ class Workspace : public QObject {
 
   // Reads the folder in the background; Opened or Problem follows.
   void Open(const QString& dir);
-  // Again, after a run or a review: keeps the selection.
+  // Again, after a run or a review: keeps the selection. Nothing while another project is opened.
   void Reload();
   void Close();
 
   // Null while nothing is open.
   const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
   const std::vector<SnapshotResult>& results() const { return results_; }
+  // Of a result ("localize/run1") while a run goes on; the next reading of the project has the last word.
+  void SetState(const QString& title, const QString& state, const QString& reason = "");
   QString dir() const;
   bool opening() const { return opening_ > 0; }
   // Of the snapshot's results; the same one until a new snapshot is there. Throws InputError for an unknown run.
@@ -55,6 +57,7 @@ class Workspace : public QObject {
   void Replaced();        // another project than before is open, or none: nothing of the old one may stay on a desk
   void Opened();          // a snapshot is there, or a new one of the same project
   void ResultsChanged();  // states of results are known
+  void StateChanged(int result);  // of one, by SetState
   void Closed();
   void Selected(const QString& object);
   void MenuAsked(const QString& object, const QPoint& at);
@@ -67,12 +70,14 @@ class Workspace : public QObject {
 
   std::shared_ptr<const Snapshot> snapshot_;
   std::vector<SnapshotResult> results_;
+  std::map<std::string, SnapshotResult> live_;  // by title: those with a state set since the project was read
   std::map<std::string, std::shared_ptr<SharedInspector>> inspectors_;  // by run@variant
   QString selected_;
   std::set<std::string> related_;
   QString unit_ = "m";
   double metres_ = 1;
   int opening_ = 0;
+  bool again_ = false;  // what is opened is the same project again
   int generation_ = 0;
 };
 

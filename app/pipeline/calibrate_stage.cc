@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 
 #include "app/pipeline/calibrate_hand_eye.h"
+#include "calib/base/path_option.h"
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/calibration/calibration_images.h"
 #include "datasets/calibration/camera_files.h"
@@ -36,14 +37,19 @@ struct CalibrateStageOptions {
   HandEyeOptions hand_eye_options;
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.images, {"images", "", 0, 0, "the pictures: a file pattern, or camera=pattern for each camera, by ';'"});
-    visit(self.target, {"target", "", 0, 0, "the board: a Kalibr target YAML, or as checkerboard:9x6:0.025"});
+    visit(self.images,
+          PathOption({"images", "", 0, 0, "the pictures: a file pattern, or camera=pattern for each camera, by ';'"},
+                     PathKind::kPattern));
+    visit(self.target, PathOption({"target", "", 0, 0, "the board: a Kalibr target YAML, or as checkerboard:9x6:0.025"},
+                                  PathKind::kFile));
     visit(self.hand_eye,
           {"hand_eye", "", 0, 0,
            "instead of pictures of a board: a run whose odometry and tags give the poses of its cameras on the body"});
-    visit(self.from,
-          {"from", "", 0, 0,
-           "instead of pictures of a board: a file to import (Kalibr, OpenCV, ROS camera_info, COLMAP, JSON)"});
+    visit(
+        self.from,
+        PathOption({"from", "", 0, 0,
+                    "instead of pictures of a board: a file to import (Kalibr, OpenCV, ROS camera_info, COLMAP, JSON)"},
+                   PathKind::kFile));
     visit(self.from_camera, {"from_camera", "", 0, 0, "only this camera of the file"});
     visit(self.from_width, {"from_width", "px", 0, 1e6, "size of the pictures, where the file lacks it"});
     visit(self.from_height, {"from_height", "px", 0, 1e6, "size of the pictures, where the file lacks it"});

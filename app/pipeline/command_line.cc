@@ -35,8 +35,12 @@ std::vector<Job> AskedJobs(const Project& project, const JobQuery& query) {
   const std::string stage = query.stages.size() == 1 ? query.stages.front() : "";
   if (stage == "plan") return {{&StageNamed(stage), {"", "", query.overrides}}};
   if (stage == "stitch") return StitchJobs(project, query.runs, query.overrides);
-  if (stage != "calibrate") return PlanJobs(project, query);
   std::vector<Job> jobs;
+  if (query.stages.empty()) jobs = StitchJobs(project, {}, query.overrides);  // as `trigpoint run`
+  if (stage != "calibrate") {
+    for (Job& job : PlanJobs(project, query)) jobs.push_back(std::move(job));
+    return jobs;
+  }
   for (const std::string& name : query.runs) {
     CheckVariantName(name);
     jobs.push_back({&StageNamed(stage), {name, "", query.overrides}});
@@ -58,7 +62,9 @@ std::string CommandLine(const std::string& dir, const JobQuery& query, int threa
   std::string line = "trigpoint " + (single ? CommandOf(*stage) : "run") + " " + ShellWord(dir);
   const char* flag = NameFlag(single ? query.stages.front() : "");
   for (const std::string& run : query.runs) line += flag + ShellWord(run);
-  if (!single || stage->variants) {
+  // The first set of results and others: what `run` makes where no variant is named.
+  const bool all = !single && query.variants.size() > 1 && query.variants.front().empty();
+  if ((!single || stage->variants) && !all) {
     for (const std::string& variant : query.variants) {
       if (!variant.empty()) line += " --variant " + ShellWord(variant);
     }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/pipeline/stages.h"
+#include "calib/base/path_option.h"
 #include "survey/network/network.h"
 
 namespace trigpoint {
@@ -30,10 +31,13 @@ struct PlanOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     NetworkOptions::Visit(self.network, visit);
-    visit(self.sketch, {"sketch", "", 0, 0, "the sketch; empty: plan.csv, plan.geojson, else the site as surveyed"});
+    visit(self.sketch,
+          PathOption({"sketch", "", 0, 0, "the sketch; empty: plan.csv, plan.geojson, else the site as surveyed"},
+                     PathKind::kFile));
     visit(self.earlier_runs,
           {"earlier_runs", "", 0, 0, "where a sketch adds to a surveyed site: use the observations of its runs, too"});
-    visit(self.camera, {"camera", "", 0, 0, "of sketched paths: a calibration's name or a camchain file"});
+    visit(self.camera, PathOption({"camera", "", 0, 0, "of sketched paths: a calibration's name or a camchain file"},
+                                  PathKind::kFile));
     visit(self.fov_deg, {"fov_deg", "deg", 5.0, 170.0, "horizontal field of view, where no camera is named"});
     visit(self.width, {"width", "px", 16, 1e5, "width of a picture, where no camera is named"});
     visit(self.height, {"height", "px", 16, 1e5, "height of a picture, where no camera is named"});

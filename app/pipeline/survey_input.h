@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/pipeline/reference_tags.h"
+#include "calib/base/path_option.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -39,7 +40,9 @@ struct SurveyStageOptions {
     visit(self.repeatability, {"repeatability", "", 0, 1, "compare maps of fewer runs and of single days"});
     visit(self.photo_sets, {"photo_sets", "", 0, 1, "use the photos of stitched sets for the map, too"});
     visit(self.stations, {"stations", "", 0, 1, "estimate stations' offsets from the tags their panoramas show"});
-    visit(self.against, {"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"});
+    visit(self.against,
+          PathOption({"against", "", 0, 0, "test which tags moved since: a tags.csv, or a variant's name"},
+                     PathKind::kFile));
   }
   std::vector<std::string> Check() const;
 };

@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "calib/base/option.h"
+#include "calib/base/path_option.h"
 
 namespace trigpoint {
 
@@ -20,6 +20,7 @@ struct OptionDescription {
   nlohmann::json default_value;
   double min = 0, max = 0;  // infinite: no limit
   std::string help;
+  PathKind path = PathKind::kNone;
 };
 
 // {name: value}, groups as objects.
@@ -42,6 +43,13 @@ namespace options_json {
 
 template <typename T>
 constexpr bool kIsValue = std::is_arithmetic_v<T> || std::is_same_v<T, std::string>;
+
+template <typename... Visitors>
+struct Overloaded : Visitors... {
+  using Visitors::operator()...;
+};
+template <typename... Visitors>
+Overloaded(Visitors...) -> Overloaded<Visitors...>;
 
 template <typename T>
 constexpr const char* TypeName() {
@@ -108,8 +116,7 @@ void SetOptions(const nlohmann::json& values, const std::string& where, Options&
 template <typename Options>
 std::vector<OptionDescription> DescribeOptions(const std::string& prefix) {
   std::vector<OptionDescription> all;
-  const Options defaults;
-  Options::Visit(defaults, [&](const auto& value, const OptionInfo& info) {
+  const auto describe = [&](const auto& value, const OptionInfo& info) {
     using T = std::decay_t<decltype(value)>;
     const std::string name = prefix + info.name;
     if constexpr (options_json::kIsValue<T>) {
@@ -117,7 +124,12 @@ std::vector<OptionDescription> DescribeOptions(const std::string& prefix) {
     } else {
       for (OptionDescription& inner : DescribeOptions<T>(name + ".")) all.push_back(std::move(inner));
     }
-  });
+  };
+  const Options defaults;
+  Options::Visit(defaults, options_json::Overloaded{describe, [&](const std::string& value, const PathOption& info) {
+                                                      describe(value, info);
+                                                      all.back().path = info.kind;
+                                                    }});
   return all;
 }
 

@@ -24,6 +24,14 @@ TEST(CommandLine, StagesWithoutVariantsGetNone) {
   EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint detect s");
 }
 
+TEST(CommandLine, AllVariantsAreWhatRunMakesWithoutANamedOne) {
+  JobQuery query;
+  query.variants = {"", "paper"};
+  EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint run s");
+  query.variants = {"paper"};
+  EXPECT_EQ(CommandLine("s", query, 0, 1), "trigpoint run s --variant paper");
+}
+
 TEST(CommandLine, PhotoSetsAndCalibrationsHaveNamesOfTheirOwn) {
   JobQuery query;
   query.stages = {"stitch"};

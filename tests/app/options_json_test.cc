@@ -36,7 +36,7 @@ struct ToyOptions {
     visit(self.large, {"large", ""});
     visit(self.seed, {"seed", ""});
     visit(self.radius_m, {"radius_m", "m", 0, 1000, "how far"});
-    visit(self.mode, {"mode", ""});
+    visit(self.mode, PathOption({"mode", ""}, PathKind::kFile));
     visit(self.tracks, {"tracks", ""});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
@@ -119,6 +119,10 @@ TEST(OptionsJson, DescribesWhatHelpShows) {
   EXPECT_EQ(all[4].unit, "m");
   EXPECT_EQ(all[4].default_value, 12.0);
   EXPECT_EQ(all[4].max, 1000);
+  EXPECT_EQ(all[4].path, PathKind::kNone);
+  EXPECT_EQ(all[5].name, "mode");
+  EXPECT_EQ(all[5].type, "text");
+  EXPECT_EQ(all[5].path, PathKind::kFile);
   EXPECT_EQ(all[6].name, "tracks.ratio");
   EXPECT_EQ(all[6].help, "ratio test");
 }

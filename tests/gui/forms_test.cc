@@ -6,6 +6,7 @@
 #include <QComboBox>
 #include <QLabel>
 #include <QLineEdit>
+#include <QMenu>
 #include <QMenuBar>
 #include <QMessageBox>
 #include <QPlainTextEdit>
@@ -13,6 +14,7 @@
 #include <QTabWidget>
 #include <QTableWidget>
 #include <QTextBrowser>
+#include <QToolButton>
 
 #include "app/desktop/action_dialog.h"
 #include "app/desktop/icons.h"
@@ -125,6 +127,55 @@ TEST_F(FormsTest, OneIsAskedBeforeSomethingLongIsComputedAgain) {
   EXPECT_FALSE(window_->jobs()->running());
   Screenshot(window_.get(), "run_results");
   QFile::remove(Path("results/detect/run1/manifest.json"));
+}
+
+TEST_F(FormsTest, FilesAndFoldersAreChosenByADialog) {
+  window_->ShowDesk("run");
+  window_->run_desk()->Choose("plan", "");
+  QTest::qWait(50);
+  const auto value = [&](const char* name) { return qobject_cast<QLineEdit*>(Option(name))->text(); };
+  Click(window_.get(), "option.sketch_browse");
+  ChoosePath(window_.get(), Path("stations.csv"));
+  EXPECT_EQ(value("sketch"), "stations.csv");  // relative to the project
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("stations.csv"));
+  QTemporaryDir elsewhere;
+  WriteFileAtomically(elsewhere.filePath("camchain.yaml").toStdString(), "{}\n");
+  Click(window_.get(), "option.camera_browse");
+  ChoosePath(window_.get(), elsewhere.filePath("camchain.yaml"));
+  EXPECT_EQ(value("camera"), elsewhere.filePath("camchain.yaml"));
+  Screenshot(window_.get(), "run_paths");
+  window_->run_desk()->Choose("calibrate", "");
+  QTest::qWait(50);
+  Click(window_.get(), "option.images_browse");
+  ChoosePath(window_.get(), Path("panoramas/p000.jpg"));
+  EXPECT_EQ(value("images"), "panoramas/*.jpg");
+  EXPECT_EQ(window_->findChild<QWidget*>("option.from_camera_browse"), nullptr);  // that is no path
+}
+
+TEST_F(FormsTest, TheCommandOfAnActionRunsAsItStands) {
+  const auto line = [](QWidget* dialog) { return Child<QLineEdit>(dialog, "action.line")->text(); };
+  MenuAction("Export ...")->trigger();
+  auto* dialog = Child<ActionDialog>(window_.get(), "action.export");
+  EXPECT_EQ(line(dialog), "trigpoint export " + site_->path() + " --to gpkg");
+  Type(dialog, "option.out", "out/site.gpkg");
+  EXPECT_EQ(line(dialog), "trigpoint export " + site_->path() + " --out " + Path("out/site.gpkg") + " --to gpkg");
+  const QList<QAction*> kinds = Child<QToolButton>(dialog, "option.out_browse")->menu()->actions();
+  ASSERT_EQ(kinds.size(), 2);
+  kinds[0]->trigger();
+  ChoosePath(dialog, Path("new.gpkg"));  // that is not there yet
+  EXPECT_EQ(Child<QLineEdit>(dialog, "option.out")->text(), "new.gpkg");
+  Child<QToolButton>(dialog, "option.out_browse")->menu()->actions()[1]->trigger();
+  ChoosePath(dialog, Path("panoramas"));
+  EXPECT_EQ(Child<QLineEdit>(dialog, "option.out")->text(), "panoramas");
+  Click(dialog, "action.close");
+  MenuAction("Publish ...")->trigger();
+  dialog = Child<ActionDialog>(window_.get(), "action.publish");
+  EXPECT_FALSE(Child<QAbstractButton>(dialog, "action.run")->isEnabled());  // by which name?
+  Type(dialog, "option.name", "2026-05");
+  EXPECT_TRUE(Child<QAbstractButton>(dialog, "action.run")->isEnabled());
+  Type(dialog, "option.sign", "gpg:office");
+  EXPECT_EQ(line(dialog), "trigpoint publish " + site_->path() + " --name 2026-05 --sign gpg:office");
+  Click(dialog, "action.close");
 }
 
 TEST_F(FormsTest, ResultsAreExportedFromTheMenu) {

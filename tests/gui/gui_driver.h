@@ -7,7 +7,9 @@
 #include <QAbstractItemView>
 #include <QApplication>
 #include <QDir>
+#include <QFileDialog>
 #include <QLineEdit>
+#include <QMessageBox>
 #include <QSettings>
 #include <QTableView>
 #include <QTemporaryDir>
@@ -40,6 +42,12 @@ inline void Click(QWidget* parent, const char* button) {
   QTest::mouseClick(Child<QAbstractButton>(parent, button), Qt::LeftButton);
 }
 
+// On a machine on which that takes long one is asked whether it is to be run: yes.
+inline void ClickToRun(QWidget* window, const char* button) {
+  Click(window, button);
+  if (auto* ask = window->findChild<QMessageBox*>("run.ask")) ask->button(QMessageBox::Yes)->click();
+}
+
 inline void Type(QWidget* parent, const char* edit, const QString& text) {
   QLineEdit* line = Child<QLineEdit>(parent, edit);
   line->selectAll();
@@ -54,6 +62,15 @@ inline int RowWith(const QAbstractItemView* view, const QString& text) {
     }
   }
   return -1;
+}
+
+// Chooses a file or folder in the dialog that a form's button opened.
+inline void ChoosePath(QWidget* window, const QString& path) {
+  auto* dialog = Child<QFileDialog>(window, "path.dialog");
+  ASSERT_NE(dialog, nullptr);
+  Child<QLineEdit>(dialog, "fileNameEdit")->setText(path);
+  ASSERT_TRUE(QMetaObject::invokeMethod(dialog, "accept"));
+  ASSERT_TRUE(WaitFor([&] { return window->findChild<QFileDialog*>("path.dialog") == nullptr; }));
 }
 
 inline void ClickRow(QAbstractItemView* view, int row) {

@@ -68,6 +68,7 @@ int main(int argc, char** argv) {
     QSettings::setDefaultFormat(QSettings::IniFormat);
     QSettings::setPath(QSettings::IniFormat, QSettings::UserScope, settings.path());
     QSurfaceFormat::setDefaultFormat(QVTKOpenGLNativeWidget::defaultFormat());
+    QApplication::setAttribute(Qt::AA_DontUseNativeDialogs);  // the tests press their buttons
     QApplication app(argc, argv);
     QApplication::setOrganizationName("Trigpoint");
     QApplication::setApplicationName("gui_test");

@@ -6,9 +6,12 @@
 #include <QDockWidget>
 #include <QLabel>
 #include <QMenuBar>
+#include <QSignalSpy>
 #include <QTableWidget>
+#include <QThread>
 
 #include "app/desktop/compare_desk.h"
+#include "app/desktop/decisions.h"
 #include "app/desktop/images_desk.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/picture_view.h"
@@ -148,6 +151,46 @@ TEST_F(MendedTest, BlankNumbersComeLastInEitherOrder) {
   };
   EXPECT_EQ(order(Qt::AscendingOrder), "-1 9 10 ");
   EXPECT_EQ(order(Qt::DescendingOrder), "10 9 -1 ");
+}
+
+TEST_F(MendedTest, AProjectOpenedAgainHasNoSelectionOnAnyDesk) {
+  window_->workspace()->Select("station:S2");
+  QSignalSpy selected(window_->workspace(), &Workspace::Selected);
+  const auto before = window_->workspace()->snapshot();
+  window_->OpenProject(site_->path());
+  ASSERT_TRUE(WaitFor([&] { return window_->workspace()->snapshot() != before; }));
+  EXPECT_EQ(window_->workspace()->selected(), "");
+  ASSERT_EQ(selected.count(), 1);
+  EXPECT_EQ(selected[0][0].toString(), "");
+}
+
+// Whose project went away, or was left, before the decision was read again.
+TEST_F(MendedTest, ADecisionIsNotTakenForOneOfAnotherProject) {
+  QTemporaryDir first;
+  const QString site = first.filePath("site");
+  WriteResultsSite(site.toStdString(), {});
+  window_->OpenProject(site);
+  ASSERT_TRUE(WaitFor([&] { return window_->workspace()->dir() == site; }));
+  QSignalSpy decided(window_->decisions(), &Decisions::Decided), problems(window_->workspace(), &Workspace::Problem);
+  const auto open_other = [&] {
+    window_->OpenProject(site_->path());
+    return WaitFor([&] { return window_->workspace()->dir() == site_->path() && !window_->workspace()->opening(); });
+  };
+  // Left at once: the other one is opened, and nothing of the first can be made again there.
+  window_->decisions()->Decide("exclude", "station:S1", "was moved");
+  ASSERT_TRUE(open_other());
+  window_->OpenProject(site);
+  ASSERT_TRUE(WaitFor([&] { return window_->workspace()->dir() == site && !window_->workspace()->opening(); }));
+  ASSERT_TRUE(WaitFor([&] { return QFile::exists(site + "/review.jsonl"); }));
+  EXPECT_EQ(decided.count(), 0);
+  // Gone before it is read again.
+  const qint64 size = QFileInfo(site + "/review.jsonl").size();
+  window_->decisions()->Decide("exclude", "station:S2", "was moved");
+  while (QFileInfo(site + "/review.jsonl").size() == size) QThread::yieldCurrentThread();
+  ASSERT_TRUE(QDir().rename(site, first.filePath("gone")));
+  ASSERT_TRUE(WaitFor([&] { return problems.count() > 0; }));
+  ASSERT_TRUE(open_other());
+  EXPECT_EQ(decided.count(), 0);
 }
 
 TEST_F(MendedTest, ASelectionUnfoldsNoRun) {

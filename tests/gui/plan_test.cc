@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <QLabel>
+#include <QMessageBox>
 #include <QPushButton>
 #include <QTableWidget>
 #include <algorithm>
@@ -86,6 +87,7 @@ TEST_F(PlanDeskTest, WhatIsDrawnIsPredicted) {
   }
   EXPECT_TRUE(fs::exists(Path("results/plan/index.html").toStdString()));
   for (int row = 0; row < 4; ++row) EXPECT_GT(tags->item(row, 6)->text().toDouble(), 0) << row;
+  EXPECT_THAT(tags->horizontalHeaderItem(6)->toolTip().toStdString(), testing::HasSubstr("1 sigma in space, mm"));
   EXPECT_GT(Child<QTableWidget>(window_.get(), "plan.gains")->rowCount(), 0);
   const auto ellipses = [&] {
     const auto& marks = desk_->map()->marks();
@@ -130,6 +132,53 @@ TEST_F(PlanDeskTest, CellsAreEditedAndWrongOnesRefused) {
   EXPECT_FALSE(desk_->sketch().changed());
   EXPECT_FALSE(fs::is_empty(Path("results/replaced").toStdString()));
   EXPECT_NEAR(*ReadSiteSketch(Path("plan.csv").toStdString())[0].heading_rad, M_PI / 2, 1e-6);
+}
+
+TEST_F(PlanDeskTest, AnUnsavedSketchIsNotLostWithoutAQuestion) {
+  const auto draw = [&] {
+    Tool("tag");
+    ClickAt(3, 3);
+    ClickAt(0, 0);
+    ASSERT_TRUE(desk_->sketch().changed());
+  };
+  const auto answer = [&](QMessageBox::StandardButton button) {
+    auto* ask = Child<QMessageBox>(window_.get(), "plan.ask");
+    ASSERT_NE(ask, nullptr);
+    ask->button(button)->click();
+    ASSERT_TRUE(WaitFor([&] { return window_->findChild<QMessageBox*>("plan.ask") == nullptr; }));
+  };
+  const QTemporaryDir other;
+  WriteResultsSite(other.path().toStdString(), {});
+  draw();
+  window_->OpenProject(other.path());
+  answer(QMessageBox::Cancel);
+  EXPECT_FALSE(window_->workspace()->opening());
+  EXPECT_EQ(Count("tag"), 1U);
+  window_->OpenProject(site_->path());  // again: nothing is lost
+  EXPECT_EQ(window_->findChild<QMessageBox*>("plan.ask"), nullptr);
+  ASSERT_TRUE(WaitFor([&] { return !window_->workspace()->opening(); }));
+  EXPECT_EQ(Count("tag"), 1U);
+  window_->OpenProject(other.path());
+  answer(QMessageBox::Discard);
+  ASSERT_TRUE(WaitFor([&] { return window_->workspace()->dir() == other.path(); }));
+  EXPECT_FALSE(desk_->sketch().changed());
+  ASSERT_TRUE(WaitFor([&] { return !desk_->map()->image().isNull(); }));
+  draw();
+  window_->close();
+  EXPECT_TRUE(window_->isVisible());
+  answer(QMessageBox::Save);
+  EXPECT_TRUE(WaitFor([&] { return !window_->isVisible(); }));
+  EXPECT_EQ(ReadSiteSketch(other.filePath("plan.csv").toStdString()).size(), 1U);
+  EXPECT_FALSE(fs::exists(Path("plan.csv").toStdString()));
+}
+
+TEST_F(PlanDeskTest, ColumnsSayWhatTheyMean) {
+  const auto* items = Child<QTableWidget>(window_.get(), "plan.items");
+  for (int c = 0; c < items->columnCount(); ++c) {
+    EXPECT_FALSE(items->horizontalHeaderItem(c)->toolTip().isEmpty()) << c;
+  }
+  window_->workspace()->SetUnit("ft");
+  EXPECT_THAT(items->horizontalHeaderItem(2)->toolTip().toStdString(), testing::HasSubstr("ft"));
 }
 
 }  // namespace

@@ -231,5 +231,16 @@ TEST_F(PrintDeskTest, BoardsAndScaleBars) {
   EXPECT_THAT(Status(), HasSubstr("100,101,DISTANCE_M"));
 }
 
+TEST_F(PrintDeskTest, FilesAreChosenByADialog) {
+  Click(desk_, "print.out_browse");
+  ChoosePath(window_.get(), Path("sheets.pdf"));
+  EXPECT_EQ(Child<QLineEdit>(desk_, "print.out")->text(), "sheets.pdf");
+  EXPECT_THAT(Child<QLineEdit>(desk_, "print.command")->text().toStdString(),
+              HasSubstr("--out " + Path("sheets.pdf").toStdString()));  // wherever it is typed
+  EXPECT_FALSE(Child<QAbstractButton>(desk_, "print.target_browse")->isVisible());
+  Choice("print.what")->setCurrentIndex(1);
+  EXPECT_TRUE(Child<QAbstractButton>(desk_, "print.target_browse")->isVisible());
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -136,6 +136,18 @@ TEST_F(ServicesTest, DistancesAreInTheUnitShown) {
   dialog->close();
 }
 
+TEST_F(ServicesTest, TheFileWithTheKeyIsChosenByADialog) {
+  ServicesDialog* dialog = Open();
+  EXPECT_FALSE(Child<QAbstractButton>(dialog, "services.key_browse")->isEnabled());  // none is needed
+  Child<QComboBox>(dialog, "services.service")->setCurrentIndex(3);
+  Click(dialog, "services.key_browse");
+  ChoosePath(dialog, Path("tags.yaml"));
+  EXPECT_EQ(Child<QLineEdit>(dialog, "services.key")->text(), "tags.yaml");
+  EXPECT_THAT(Child<QLineEdit>(dialog, "services.line")->text().toStdString(),
+              HasSubstr("--token-file " + Path("tags.yaml").toStdString()));
+  dialog->close();
+}
+
 TEST_F(ServicesTest, TheMenuOpensIt) {
   for (QAction* menu : window_->menuBar()->actions()) {
     for (QAction* action : menu->menu()->actions()) {

@@ -89,7 +89,7 @@ class SessionTest : public testing::Test {
     window_->run_desk()->Choose(stage, run_);
     QSignalSpy ended(window_->jobs(), &JobController::Finished);
     QSignalSpy progress(window_->jobs(), &JobController::Progress);
-    Click(window_.get(), "run.run");
+    ClickToRun(window_.get(), "run.run");
     EXPECT_TRUE(window_->jobs()->running());
     if (cancel) {
       EXPECT_TRUE(WaitFor([&] { return progress.count() > 5; }, kLong));
@@ -178,7 +178,7 @@ void SessionTest::FromTheFirstRunToTheLastQuit() {
   Click(window_.get(), "review.exclude");
   ASSERT_TRUE(WaitFor([&] { return reviewed.count() == 1; }));
   EXPECT_EQ(window_->workspace()->selected(), detection);  // over the reload, too
-  Click(window_.get(), "review.solve");
+  ClickToRun(window_.get(), "review.solve");
   ASSERT_TRUE(WaitFor([&] { return solved.count() == 1; }, kLong));
   EXPECT_NE(Errors(), before);
   Child<QCheckBox>(window_.get(), "review.small")->setChecked(true);
@@ -202,7 +202,7 @@ void SessionTest::FromTheFirstRunToTheLastQuit() {
   window_->run_desk()->Choose("localize", run_);
   Child<QComboBox>(window_.get(), "run.variant")->setCurrentText("trial");
   QSignalSpy progress(window_->jobs(), &JobController::Progress);
-  Click(window_.get(), "run.run");
+  ClickToRun(window_.get(), "run.run");
   ASSERT_TRUE(WaitFor([&] { return progress.count() > 5; }, kLong));
   window_->close();
   EXPECT_TRUE(WaitFor([&] { return !window_->isVisible(); }));
