@@ -49,6 +49,7 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   });
   connect(slider_, &QSlider::valueChanged, images_, [this](int row) { images_->setCurrentRow(row); });
   connect(reference_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowReference);
+  connect(view_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowView);
   connect(match_, &QPushButton::clicked, this, &ImagesDesk::ShowMatches);
   connect(next_, &QPushButton::clicked, this, &ImagesDesk::NextImageOfTag);
   connect(order_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, [this] { tag_ = -1; });
@@ -64,6 +65,7 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(workspace_, &Workspace::Opened, this, &ImagesDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &ImagesDesk::Refresh);
   connect(workspace_, &Workspace::Selected, this, &ImagesDesk::ShowSelected);
+  Clear();
 }
 
 void ImagesDesk::MakeControls() {
@@ -85,6 +87,11 @@ void ImagesDesk::MakeControls() {
   reference_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
   reference_->setMinimumContentsLength(14);
   reference_->setAccessibleName(tr("Panorama or photo"));
+  view_ = new QComboBox;
+  view_->setObjectName("images.view");
+  view_->setAccessibleName(tr("Part of the panorama"));
+  view_->setToolTip(tr("All of the panorama, or one of the rectilinear views that localize matches"));
+  view_->addItem(tr("whole"));
   match_ = new QPushButton(tr("&Match"));
   match_->setObjectName("images.match");
   match_->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
@@ -150,7 +157,7 @@ void ImagesDesk::Arrange() {
   rows->setContentsMargins(0, 0, 0, 0);
   auto* top = new FlowLayout;
   for (QWidget* w :
-       std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, linked_, reference_, match_}) {
+       std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, linked_, reference_, view_, match_}) {
     top->addWidget(w);
   }
   rows->addLayout(top);
@@ -193,6 +200,9 @@ void ImagesDesk::ConnectViews() {
     });
     connect(view, &PictureView::ViewChanged, this, [this, view, other] { Follow(view, other); });
   }
+  connect(right_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) {
+    if (!object.isEmpty()) workspace_->Select(object);
+  });
   connect(right_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
   connect(linked_, &QCheckBox::toggled, this, [this] { Follow(left_, right_); });
 }
@@ -241,7 +251,7 @@ void ImagesDesk::PlacePanes() {
 
 void ImagesDesk::ShowSelected() {
   const QString object = workspace_->selected();
-  left_->SetHighlight(Highlighted());
+  for (PictureView* view : {left_, right_}) view->SetHighlight(Highlighted());
   const bool in_image = object.startsWith("detection:") || object.startsWith("image:");
   if (in_image) ShowObject(object);
   for (const std::string& related : workspace_->related()) {
@@ -301,11 +311,10 @@ void ImagesDesk::Refresh() {
 }
 
 void ImagesDesk::Clear() {
-  ++generation_;
-  ++reference_generation_;
+  for (int* generation : {&generation_, &reference_generation_, &view_generation_, &marks_generation_}) ++*generation;
+  DropMatches();
   pictured_ = false;
   inspected_.reset();
-  matches_.reset();
   predictions_.clear();
   marks_.clear();
   tag_images_.clear();
@@ -322,8 +331,7 @@ void ImagesDesk::Clear() {
   for (PictureView* view : {left_, right_}) view->SetMarks({});
   lines_->SetPairs({});
   thumbnails_->SetSource(nullptr);
-  left_->SetPicture({}, tr("no image"));
-  right_->SetPicture({}, tr("no panorama"));
+  for (PictureView* view : {left_, right_}) view->SetPicture({}, WhyEmpty(tr("Reading the picture ...")));
 }
 
 void ImagesDesk::FillImages() {
@@ -359,9 +367,11 @@ void ImagesDesk::ShowImage() {
   if (stale_ && workspace_->snapshot()) return;
   pictured_ = false;
   inspected_.reset();
-  matches_.reset();
+  DropMatches();
   if (!workspace_->snapshot() || image().isEmpty()) {
-    left_->SetPicture({}, tr("no image"));
+    left_->SetPicture({},
+                      WhyEmpty(tr("This project has no image. Choose File, Import to import a run, or put the run's "
+                                  "images below the folder runs.")));
     left_->SetMarks({});
     return;
   }
@@ -393,69 +403,24 @@ void ImagesDesk::ShowImage() {
       [this, generation](const Attempted<std::shared_ptr<const InspectedImage>>& inspected) {
         if (generation != generation_) return;
         inspected_ = inspected.value;
-        if (!inspected.error.isEmpty()) {
-          status_->setText(inspected.error);
-        } else {
-          QString text = tr("tags: %1, points: %2").arg(inspected_->tags.size()).arg(inspected_->points.size());
-          if (inspected_->rms_px) text += tr(", reprojection RMS %1 px").arg(*inspected_->rms_px, 0, 'f', 2);
-          if (inspected_->excluded) text += tr("; excluded by the review");
-          status_->setText(text);
-        }
+        SayImage();
+        if (!inspected.error.isEmpty()) status_->setText(inspected.error);
         Redraw();
         emit Shown(run() + "/" + image());
       });
 }
 
-void ImagesDesk::ShowReference() {
-  const int generation = ++reference_generation_;
-  right_->SetMarks({});
-  const auto& snapshot = workspace_->snapshot();
-  const int index = reference_->currentIndex();
-  if (!snapshot || index < 0 || index >= static_cast<int>(snapshot->references.size())) {
-    right_->SetPicture({}, tr("no panorama"));
-    return;
-  }
-  const SnapshotReference& reference = snapshot->references[static_cast<size_t>(index)];
-  matches_.reset();
-  Redraw();
-  if (stale_) return;
-  InBackground(
-      this,
-      [file = reference.files.empty() ? std::filesystem::path() : reference.files.front()] {
-        return LoadAnyPicture(file, 0);
-      },
-      [this, generation, name = QString::fromStdString(reference.name)](const Attempted<QImage>& picture) {
-        if (generation != reference_generation_) return;
-        right_->SetPicture(picture.value, picture.error.isEmpty() ? name : picture.error);
-        PlacePanes();
-      });
+void ImagesDesk::SayImage() {
+  if (!inspected_) return status_->clear();
+  QString text = tr("tags: %1, points: %2").arg(inspected_->tags.size()).arg(inspected_->points.size());
+  if (inspected_->rms_px) text += tr(", reprojection RMS %1 px").arg(*inspected_->rms_px, 0, 'f', 2);
+  if (inspected_->excluded) text += tr("; excluded by the review");
+  status_->setText(text);
 }
 
-void ImagesDesk::ShowMatches() {
-  if (!workspace_->snapshot() || image().isEmpty() || reference_->currentText().isEmpty()) return;
-  const int generation = generation_;
-  status_->setText(tr("Matching ..."));
-  const std::shared_ptr<SharedInspector> inspector = workspace_->InspectorOf(run().toStdString());
-  InBackground(
-      this,
-      [inspector, file = image().toStdString(), panorama = reference_->currentText().toStdString()] {
-        const std::lock_guard guard(inspector->mutex);
-        return std::shared_ptr<const std::vector<InspectedMatch>>(
-            std::make_shared<std::vector<InspectedMatch>>(inspector->inspector.Matches(file, panorama)));
-      },
-      [this, generation](const Attempted<std::shared_ptr<const std::vector<InspectedMatch>>>& matches) {
-        if (generation != generation_) return;
-        if (!matches.value) {
-          status_->setText(matches.error);
-          return;
-        }
-        matches_ = matches.value;
-        const auto inliers = std::count_if(matches_->begin(), matches_->end(), [](const auto& m) { return m.inlier; });
-        status_->setText(tr("%1 matches, %2 of them within 3 px of their epipolar lines")
-                             .arg(matches_->size())
-                             .arg(static_cast<int>(inliers)));
-        Redraw();
-      });
+// Instead of a picture: what to do. `without`: of a project that has none.
+QString ImagesDesk::WhyEmpty(const QString& without) const {
+  return workspace_->snapshot() ? without : tr("No project is open. Drop its folder here, or open it (Ctrl+O).");
 }
 
 void ImagesDesk::Redraw() {
@@ -493,7 +458,7 @@ void ImagesDesk::Redraw() {
   AddMarks(&left);
   left_->SetMarks(std::move(left));
   right_->SetMarks(std::move(right));
-  left_->SetHighlight(Highlighted());
+  for (PictureView* view : {left_, right_}) view->SetHighlight(Highlighted());
   if (inspected_ && pictured_ && !wanted_.startsWith("image:")) {
     for (const PictureMark& mark : left_->marks()) {
       if (wanted_.isEmpty() || mark.object != wanted_) continue;

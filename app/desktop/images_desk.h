@@ -3,10 +3,14 @@
 
 #include <QImage>
 #include <QWidget>
+#include <deque>
+#include <functional>
 #include <memory>
+#include <optional>
 
 #include "app/desktop/tag_images.h"
 #include "app/desktop/workspace.h"
+#include "calib/camera/rig.h"
 
 class QCheckBox;
 class QComboBox;
@@ -60,10 +64,20 @@ class ImagesDesk : public QWidget {
   void FillImages();
   void ShowImage();
   void ShowReference();
+  void ShowView();  // what is chosen of the panorama
+  std::optional<QPointF> InShownView(const Eigen::Vector2d& of_panorama) const;
   void ShowMatches();
+  void DropMatches();  // another image or panorama is shown
+  void SayImage();     // what was found in it
+  QString WhyEmpty(const QString& without) const;
   void ShowMarks();
+  void ShowPredictions();
   void Mark(double u, double v);
   void RemoveMark(const QString& point);
+  void ForgetPrediction();  // in this image, until it is predicted anew
+  void WriteMarks(std::function<void()> write, const QString& failed);
+  void WriteNextMarks();
+  bool IsHere(const QString& image) const;  // is it the image that is shown? Below the project, or RUN/FILE
   void ConnectMarks();
   void AddMarks(std::vector<PictureMark>* marks);  // to what is drawn
   void AddMatches(std::vector<PictureMark>* left, std::vector<PictureMark>* right);
@@ -81,7 +95,7 @@ class ImagesDesk : public QWidget {
   QComboBox* run_;
   QListWidget* images_;
   QSlider* slider_;
-  QComboBox* reference_;
+  QComboBox *reference_, *view_;
   QComboBox* point_;
   QPushButton *match_, *mark_, *confirm_, *remove_, *next_;
   QComboBox* order_;  // of the images of a tag
@@ -94,6 +108,9 @@ class ImagesDesk : public QWidget {
   MatchLines* lines_;
   Thumbnails* thumbnails_;
   bool following_ = false;
+  QImage reference_picture_;  // all of it
+  std::vector<View> views_;   // that localize matches of it; none of a photo
+  int view_shown_ = -1;       // -1: all of it
   std::shared_ptr<const InspectedImage> inspected_;
   std::shared_ptr<const std::vector<InspectedMatch>> matches_;
   struct Prediction {
@@ -107,11 +124,17 @@ class ImagesDesk : public QWidget {
     double u = 0, v = 0;
   };
   std::vector<PlacedMark> marks_;  // of all points
+  struct MarksChange {
+    std::function<void()> write;
+    QString failed;  // what to say then
+  };
+  std::deque<MarksChange> changes_;  // drawn already; the first is being written
   std::vector<TagImage> tag_images_;
   int tag_ = -1;       // whose images those are
   size_t tag_at_ = 0;  // the one that is shown
   QString wanted_;     // object to look at when its image is there
-  int generation_ = 0, reference_generation_ = 0;
+  int generation_ = 0, reference_generation_ = 0, view_generation_ = 0, match_generation_ = 0, marks_generation_ = 0;
+  bool matching_ = false;
 };
 
 }  // namespace trigpoint

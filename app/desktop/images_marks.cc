@@ -1,4 +1,4 @@
-// The images desk's marks of surveyed points, its matches, and the way from one image of a tag to the next.
+// The images desk's marks of surveyed points, and the way from one image of a tag to the next.
 #include <QCheckBox>
 #include <QComboBox>
 #include <QLabel>
@@ -9,8 +9,6 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/images_desk.h"
-#include "app/desktop/inspector.h"
-#include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/pipeline/marking.h"
 #include "calib/base/error.h"
@@ -20,8 +18,6 @@ namespace trigpoint {
 namespace {
 
 constexpr double kMarkRing_px = 4;  // about a mark, in the picture
-constexpr size_t kMostLines = 250;  // between the pictures; more cover them
-constexpr int kNumberEvery = 20;    // of the matches one in so many has its number in both pictures
 
 }  // namespace
 
@@ -42,49 +38,105 @@ void ImagesDesk::ConnectMarks() {
   });
   connect(confirm_, &QPushButton::clicked, this, [this] {
     for (const Prediction& p : predictions_) {
-      if (p.image == run() + "/" + image()) return Mark(p.u, p.v);
+      if (IsHere(p.image)) return Mark(p.u, p.v);
     }
   });
   connect(remove_, &QPushButton::clicked, this, [this] { RemoveMark(point_->currentText().trimmed()); });
   connect(point_, &QComboBox::currentTextChanged, this, &ImagesDesk::ShowMarks);
 }
 
+bool ImagesDesk::IsHere(const QString& of) const {
+  const QString where = run() + "/" + image();
+  return of == where || of.endsWith("/" + where);
+}
+
+void ImagesDesk::ForgetPrediction() {
+  predictions_.erase(
+      std::remove_if(predictions_.begin(), predictions_.end(), [this](const Prediction& p) { return IsHere(p.image); }),
+      predictions_.end());
+}
+
 void ImagesDesk::Mark(double u, double v) {
-  const std::string point = point_->currentText().trimmed().toStdString();
-  InBackground(
-      this,
-      [snapshot = workspace_->snapshot(), point, where = (run() + "/" + image()).toStdString(), u, v] {
+  const QString point = point_->currentText().trimmed(), where = run() + "/" + image();
+  const auto drawn = std::find_if(marks_.begin(), marks_.end(),
+                                  [&](const PlacedMark& mark) { return mark.point == point && IsHere(mark.image); });
+  if (drawn != marks_.end()) {
+    drawn->u = u, drawn->v = v;
+  } else {
+    marks_.push_back({point, where, u, v});
+  }
+  ForgetPrediction();
+  WriteMarks(
+      [snapshot = workspace_->snapshot(), point = point.toStdString(), where = where.toStdString(), u, v] {
         SavePointMark(*snapshot->project, point, where, {u, v});
-        return true;
       },
-      [this](const Attempted<bool>& saved) {
-        if (!saved.error.isEmpty()) emit workspace_->Problem(saved.error, tr("The mark was not saved."));
-        ShowMarks();
-      });
+      tr("The mark was not saved."));
 }
 
 void ImagesDesk::RemoveMark(const QString& point) {
+  marks_.erase(std::remove_if(marks_.begin(), marks_.end(),
+                              [&](const PlacedMark& mark) { return mark.point == point && IsHere(mark.image); }),
+               marks_.end());
+  if (point == point_->currentText().trimmed()) ForgetPrediction();
+  WriteMarks([snapshot = workspace_->snapshot(), point = point.toStdString(),
+              where = (run() + "/" + image()).toStdString()] { RemovePointMark(*snapshot->project, point, where); },
+             tr("The mark was not removed."));
+}
+
+// Draws what was changed at once; the file follows, one change after the other.
+void ImagesDesk::WriteMarks(std::function<void()> write, const QString& failed) {
+  ++marks_generation_;  // what is being read is older
+  Redraw();
+  changes_.push_back({std::move(write), failed});
+  if (changes_.size() == 1) WriteNextMarks();
+}
+
+void ImagesDesk::WriteNextMarks() {
   InBackground(
       this,
-      [snapshot = workspace_->snapshot(), point = point.toStdString(), where = (run() + "/" + image()).toStdString()] {
-        RemovePointMark(*snapshot->project, point, where);
+      [write = changes_.front().write] {
+        write();
         return true;
       },
-      [this](const Attempted<bool>& removed) {
-        if (!removed.error.isEmpty()) emit workspace_->Problem(removed.error, tr("The mark was not removed."));
-        ShowMarks();
+      [this](const Attempted<bool>& written) {
+        if (!written.error.isEmpty()) emit workspace_->Problem(written.error, changes_.front().failed);
+        changes_.pop_front();
+        if (!changes_.empty()) return WriteNextMarks();
+        ShowMarks();  // as the file has them: what was not written is taken back
       });
 }
 
 void ImagesDesk::ShowMarks() {
+  if (!changes_.empty()) return;  // then they are read when those are written
+  const int generation = ++marks_generation_;
   predictions_.clear();
   if (!workspace_->snapshot()) {
     marks_.clear();
     return Redraw();
   }
+  InBackground(
+      this,
+      [snapshot = workspace_->snapshot()] {
+        std::vector<PlacedMark> marks;
+        for (const PointMark& mark : ReadPointMarks(*snapshot->project)) {
+          marks.push_back(
+              {QString::fromStdString(mark.point), QString::fromStdString(mark.image), mark.pixel.x(), mark.pixel.y()});
+        }
+        return marks;
+      },
+      [this, generation](const Attempted<std::vector<PlacedMark>>& marks) {
+        if (generation != marks_generation_) return;
+        marks_ = marks.value;
+        Redraw();
+        if (!marks.error.isEmpty()) return status_->setText(marks.error);
+        ShowPredictions();
+      });
+}
+
+void ImagesDesk::ShowPredictions() {
   const std::string point = point_->currentText().trimmed().toStdString();
+  if (point.empty()) return;
   struct Answer {
-    std::vector<PlacedMark> marks;
     std::vector<Prediction> predictions;
     QString text;
   };
@@ -92,48 +144,36 @@ void ImagesDesk::ShowMarks() {
       this,
       [snapshot = workspace_->snapshot(), point] {
         Answer answer;
-        for (const PointMark& mark : ReadPointMarks(*snapshot->project)) {
-          answer.marks.push_back(
-              {QString::fromStdString(mark.point), QString::fromStdString(mark.image), mark.pixel.x(), mark.pixel.y()});
+        const PointSolution solution = PredictPoint(*snapshot->project, point, "");
+        for (const PredictedMark& p : solution.images) {
+          answer.predictions.push_back({QString::fromStdString(p.run + "/" + p.file), p.pixel.x(), p.pixel.y(),
+                                        std::sqrt(p.covariance_px2.trace() / 2),
+                                        p.marked ? (*p.marked - p.pixel).norm() : -1});
         }
-        if (point.empty()) return answer;
-        try {
-          const PointSolution solution = PredictPoint(*snapshot->project, point, "");
-          for (const PredictedMark& p : solution.images) {
-            answer.predictions.push_back({QString::fromStdString(p.run + "/" + p.file), p.pixel.x(), p.pixel.y(),
-                                          std::sqrt(p.covariance_px2.trace() / 2),
-                                          p.marked ? (*p.marked - p.pixel).norm() : -1});
-          }
-          answer.text = tr("%1 marks, %2 px; it must show in %3 images")
-                            .arg(solution.marks)
-                            .arg(solution.rms_px, 0, 'f', 2)
-                            .arg(solution.images.size());
-        } catch (const Error& e) {
-          answer.text = QString::fromUtf8(e.what());
-        }
+        answer.text = tr("%1 marks, %2 px; it must show in %3 images")
+                          .arg(solution.marks)
+                          .arg(solution.rms_px, 0, 'f', 2)
+                          .arg(solution.images.size());
         return answer;
       },
-      [this, point, of = workspace_->snapshot()](const Attempted<Answer>& answer) {
-        if (of != workspace_->snapshot() || point_->currentText().trimmed().toStdString() != point) return;
-        marks_ = answer.value.marks;
+      [this, generation = marks_generation_](const Attempted<Answer>& answer) {
+        if (generation != marks_generation_) return;
         predictions_ = answer.value.predictions;
-        if (!point.empty() || !answer.error.isEmpty()) {
-          status_->setText(answer.error.isEmpty() ? answer.value.text : answer.error);
-        }
+        status_->setText(answer.error.isEmpty() ? answer.value.text : answer.error);
         Redraw();
       });
 }
 
 void ImagesDesk::AddMarks(std::vector<PictureMark>* marks) {
-  const QString where = run() + "/" + image(), point = point_->currentText().trimmed();
+  const QString point = point_->currentText().trimmed();
   confirm_->setEnabled(false);
   remove_->setEnabled(false);
   const Prediction* predicted = nullptr;
   for (const Prediction& p : predictions_) {
-    if (p.image == where) predicted = &p;
+    if (IsHere(p.image)) predicted = &p;
   }
   for (const PlacedMark& placed : marks_) {
-    if (!placed.image.endsWith("/" + where) && placed.image != where) continue;
+    if (!IsHere(placed.image)) continue;
     PictureMark mark;
     mark.layer = "marks";
     mark.kind = PictureMark::Kind::kCircle;
@@ -158,32 +198,6 @@ void ImagesDesk::AddMarks(std::vector<PictureMark>* marks) {
   mark.text = point + tr(" predicted");
   marks->push_back(mark);
   confirm_->setEnabled(true);
-}
-
-void ImagesDesk::AddMatches(std::vector<PictureMark>* left, std::vector<PictureMark>* right) {
-  std::vector<MatchPair> pairs;
-  int number = 0;
-  const size_t step = matches_ ? matches_->size() / kMostLines + 1 : 1;
-  for (size_t i = 0; matches_ && i < matches_->size(); ++i) {
-    const InspectedMatch& match = (*matches_)[i];
-    if (!(match.inlier ? inliers_ : outliers_)->isChecked()) continue;
-    ++number;
-    PictureMark mark;
-    mark.layer = match.inlier ? "inliers" : "outliers";
-    mark.kind = PictureMark::Kind::kCircle;
-    mark.colour = match.inlier ? QColor(240, 228, 66) : QColor(204, 121, 167);
-    if (number % kNumberEvery == 1) mark.text = QString::number(number);  // the same in both pictures
-    const QPointF here(match.image.x(), match.image.y()), there(match.panorama.x(), match.panorama.y());
-    mark.points << here << QPointF(3, 0);
-    left->push_back(mark);
-    mark.points.clear();
-    mark.points << there << QPointF(3, 0);
-    right->push_back(mark);
-    QColor faint = mark.colour;
-    faint.setAlpha(140);
-    if (i % step == 0) pairs.push_back({here, there, faint});
-  }
-  lines_->SetPairs(std::move(pairs));
 }
 
 int ImagesDesk::SelectedTag() const {
@@ -214,6 +228,7 @@ void ImagesDesk::NextImageOfTag() {
         return ImagesOfTag(*snapshot->project, tag, order);
       },
       [this, tag, show](const Attempted<std::vector<TagImage>>& images) {
+        if (SelectedTag() != tag) return;  // something else was selected meanwhile
         if (!images.error.isEmpty()) return status_->setText(images.error);
         tag_ = tag;
         tag_images_ = images.value;

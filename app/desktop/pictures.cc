@@ -5,6 +5,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
+#include "datasets/io/views.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
@@ -40,6 +41,14 @@ QImage LoadAnyPicture(const std::filesystem::path& file, int longest) {
     picture = small;
   }
   return ToQImage(picture);
+}
+
+QImage LoadPanoramaPicture(const std::filesystem::path& file) { return ToQImage(LoadPanorama(file, false)); }
+
+QImage CutView(const QImage& panorama, const View& view) {
+  const cv::Mat picture(panorama.height(), panorama.width(), CV_8UC3, const_cast<uchar*>(panorama.constBits()),
+                        static_cast<size_t>(panorama.bytesPerLine()));
+  return ToQImage(RenderView(picture, view));
 }
 
 }  // namespace trigpoint

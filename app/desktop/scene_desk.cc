@@ -698,13 +698,13 @@ QString SceneDesk::ObjectAt(const QPointF& at) const {
   return pick ? QString::fromStdString(ObjectOf(*pick)) : QString();
 }
 
-std::vector<std::pair<std::string, double>> SceneDesk::ErrorsAt(const QString& object) const {
-  std::vector<std::pair<std::string, double>> errors;
+std::vector<SceneError> SceneDesk::ErrorsAt(const QString& object) const {
+  std::vector<SceneError> errors;
   const SceneModel* model = vtk_->model();
   if (model == nullptr) return errors;
   for (const SceneError& e : model->errors) {
     const std::string of = object.toStdString();
-    if (of == "station:" + e.station || of == "panorama:" + e.panorama) errors.emplace_back(e.run, e.difference.norm());
+    if (of == "station:" + e.station || of == "panorama:" + e.panorama) errors.push_back(e);
   }
   return errors;
 }

@@ -49,8 +49,8 @@ class SceneDesk : public QWidget {
   QStringList Highlighted() const;
   // Selects what lies under a pixel of the view (device pixels from its top left); returns its line of text.
   QString PickAt(double x, double y);
-  // The errors drawn at a station or panorama, m in space, by run; for tests.
-  std::vector<std::pair<std::string, double>> ErrorsAt(const QString& object) const;
+  // The errors drawn at a station or panorama; for tests.
+  std::vector<SceneError> ErrorsAt(const QString& object) const;
   // Where an object of the scene is drawn, for tests and for jumping to it; negative: not in the scene.
   QPointF PlaceOf(const QString& object) const;
   // Whatever size the window has. Throws IoError.

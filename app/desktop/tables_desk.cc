@@ -32,6 +32,8 @@ namespace {
 constexpr int kWidestColumn = 30;  // characters, until somebody widens it
 constexpr const char* kHidden = "tables/hidden";
 
+QString ObjectOf(const QModelIndex& row) { return row.data(DataTableModel::kObjectRole).toString(); }
+
 // What has no value comes last, whichever way one sorts.
 class BlanksLast : public QSortFilterProxyModel {
  public:
@@ -206,11 +208,11 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
       emit workspace_->Problem(QString::fromUtf8(e.what()), file);
     }
   });
-  connect(view_->selectionModel(), &QItemSelectionModel::currentRowChanged, this, [this](const QModelIndex& index) {
-    if (!showing_ && index.isValid()) workspace_->Select(index.data(DataTableModel::kObjectRole).toString());
+  // Not what becomes current: that is the first row, too, when the view gets the focus.
+  connect(view_->selectionModel(), &QItemSelectionModel::selectionChanged, this, [this](const QItemSelection& chosen) {
+    if (!showing_ && !chosen.isEmpty()) workspace_->Select(ObjectOf(chosen.indexes().front()));
   });
-  connect(view_, &QTableView::activated, this,
-          [this](const QModelIndex& index) { emit Activated(index.data(DataTableModel::kObjectRole).toString()); });
+  connect(view_, &QTableView::activated, this, [this](const QModelIndex& row) { emit Activated(ObjectOf(row)); });
   connect(workspace_, &Workspace::Replaced, this, [this] {
     ++generation_;
     model_->SetTable(nullptr);
@@ -372,9 +374,8 @@ void TablesDesk::ShowTable() {
 
 void TablesDesk::ShowSelected() {
   view_->viewport()->update();  // what belongs to the selection is tinted
-  if (view_->hasFocus() && view_->currentIndex().isValid() &&
-      view_->currentIndex().data(DataTableModel::kObjectRole).toString() == workspace_->selected()) {
-    return;
+  for (const QModelIndex& row : view_->selectionModel()->selectedRows()) {
+    if (ObjectOf(row) == workspace_->selected()) return;
   }
   showing_ = true;
   std::vector<std::string> wanted = {workspace_->selected().toStdString()};  // before what belongs to it

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <QAbstractButton>
+#include <QAbstractSpinBox>
 #include <QAction>
 #include <QApplication>
 #include <QCheckBox>
@@ -14,6 +15,7 @@
 #include <QPlainTextEdit>
 #include <QSettings>
 #include <QSignalSpy>
+#include <QSlider>
 #include <QTabBar>
 #include <QTableView>
 #include <QTableWidget>
@@ -308,22 +310,25 @@ TEST_F(DesksTest, OptionFormsSayRangesAndTheCommandLineFollows) {
 }
 
 TEST_F(DesksTest, EveryWidgetThatTakesInputHasAName) {
-  for (const char* desk : {"overview", "run", "scene", "images", "tables", "charts", "compare", "review", "panoramas",
-                           "calibration", "print", "check"}) {
+  for (const char* desk : kDesks) {
     window_->ShowDesk(desk);
     EXPECT_EQ(window_->desk(), desk);
     for (QWidget* widget : window_->findChildren<QWidget*>()) {
       if (!widget->isVisible() || widget->objectName().startsWith("qt_") || widget->parentWidget() == nullptr) continue;
       const bool input =
           qobject_cast<QComboBox*>(widget) != nullptr || qobject_cast<QAbstractItemView*>(widget) != nullptr ||
+          qobject_cast<QSlider*>(widget) != nullptr || qobject_cast<QAbstractSpinBox*>(widget) != nullptr ||
+          qobject_cast<PictureView*>(widget) != nullptr ||
           (qobject_cast<QLineEdit*>(widget) != nullptr && !widget->parentWidget()->inherits("QComboBox") &&
            !widget->parentWidget()->inherits("QAbstractSpinBox"));
       if (input && !widget->inherits("QHeaderView")) {
-        EXPECT_FALSE(widget->accessibleName().isEmpty()) << desk << " " << widget->objectName().toStdString();
+        EXPECT_FALSE(widget->accessibleName().isEmpty())
+            << desk << " " << widget->metaObject()->className() << " " << widget->objectName().toStdString();
       }
       const auto* button = qobject_cast<QAbstractButton*>(widget);
       if (button != nullptr && !widget->inherits("QToolButton") && !widget->inherits("QTableCornerButton")) {
-        EXPECT_FALSE(button->text().isEmpty() && button->accessibleName().isEmpty()) << desk;
+        EXPECT_FALSE(button->text().isEmpty() && button->accessibleName().isEmpty())
+            << desk << " " << button->objectName().toStdString();
       }
     }
   }

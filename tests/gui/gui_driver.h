@@ -25,6 +25,8 @@
 
 namespace trigpoint {
 
+constexpr const char* kDesks[] = {"overview", "run",       "scene",       "images", "tables", "charts", "compare",
+                                  "review",   "panoramas", "calibration", "plan",   "print",  "check"};
 constexpr int kPatience = 60000;  // ms; machines that are busy with other things are slow
 
 inline bool WaitFor(const std::function<bool()>& condition, int ms = kPatience) {

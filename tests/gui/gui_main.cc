@@ -13,6 +13,8 @@
 #include <QSurfaceFormat>
 #include <QTemporaryDir>
 #include <QThreadPool>
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -33,7 +35,10 @@ pid_t StartXvfb() {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     close(ends[0]);
     const std::string fd = std::to_string(ends[1]);
-    execlp("Xvfb", "Xvfb", "-displayfd", fd.c_str(), "-screen", "0", "1600x1000x24", "-nolisten", "tcp",
+    // A window has as many pixels more as it is scaled.
+    const int scale = std::max(1, static_cast<int>(std::lround(qEnvironmentVariable("QT_SCALE_FACTOR").toDouble())));
+    const std::string screen = std::to_string(1600 * scale) + "x" + std::to_string(1000 * scale) + "x24";
+    execlp("Xvfb", "Xvfb", "-displayfd", fd.c_str(), "-screen", "0", screen.c_str(), "-nolisten", "tcp",
            static_cast<char*>(nullptr));
     _exit(127);
   }

@@ -25,9 +25,6 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* kDesks[] = {"overview", "run",    "scene",     "images",      "tables", "charts",
-                                  "compare",  "review", "panoramas", "calibration", "print",  "check"};
-
 class MendedTest : public ResultsWindowTest {};
 
 TEST_F(MendedTest, AnotherProjectLeavesNothingOfTheFirst) {

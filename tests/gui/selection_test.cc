@@ -45,6 +45,26 @@ class SelectionTest : public ResultsWindowTest {
   bool Excluded(const char* object) const { return window_->workspace()->snapshot()->excluded.count(object) > 0; }
 };
 
+TEST_F(SelectionTest, ATableThatIsOnlyLookedAtSelectsNothing) {
+  ShowErrors();
+  window_->ShowDesk("images");
+  window_->workspace()->Select("image:run1/images/000004.jpg");  // has no row in the table
+  window_->ShowDesk("tables");
+  view_->setFocus();
+  ASSERT_TRUE(WaitFor([&] { return view_->hasFocus(); }));
+  EXPECT_EQ(window_->workspace()->selected(), "image:run1/images/000004.jpg");
+}
+
+TEST_F(SelectionTest, ARowIsSelectedAgainByAClick) {
+  ShowErrors();
+  ClickRow(view_, RowWith(view_, "S2"));
+  EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+  window_->workspace()->Select("image:run1/images/000004.jpg");  // has no row here
+  EXPECT_TRUE(view_->selectionModel()->selectedRows().isEmpty());
+  ClickRow(view_, RowWith(view_, "S2"));
+  EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+}
+
 TEST_F(SelectionTest, EveryDeskFollows) {
   ShowScene();
   auto* panoramas = Child<QComboBox>(window_.get(), "panorama.set");

@@ -148,6 +148,20 @@ TEST_F(ServicesTest, TheFileWithTheKeyIsChosenByADialog) {
   dialog->close();
 }
 
+TEST_F(ServicesTest, FitsIntoASmallScreen) {
+  ServicesDialog* dialog = Open();
+  Search(dialog);
+  dialog->resize(1024, 700);
+  ASSERT_TRUE(WaitFor([&] { return dialog->width() <= 1024 && dialog->height() <= 700; }))
+      << dialog->width() << " x " << dialog->height();
+  auto* map = Child<ServicesMap>(dialog, "services.map");
+  EXPECT_GE(map->width(), 300);
+  EXPECT_GE(map->height(), 200);
+  EXPECT_TRUE(dialog->rect().contains(QRect(map->mapTo(dialog, {0, 0}), map->size())));
+  Screenshot(dialog, "small_services");
+  dialog->close();
+}
+
 TEST_F(ServicesTest, TheMenuOpensIt) {
   for (QAction* menu : window_->menuBar()->actions()) {
     for (QAction* action : menu->menu()->actions()) {
