@@ -130,10 +130,6 @@
         <translation>Kalibrie&amp;ren ...</translation>
     </message>
     <message>
-        <source>No calibration yet: trigpoint calibrate DIR --images GLOB --target T</source>
-        <translation>Noch keine Kalibrierung: trigpoint calibrate ORDNER --images MUSTER --target T</translation>
-    </message>
-    <message>
         <source>%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (how well the model fits, not how accurate it is)</source>
         <translation>%1, %2 x %3 px, %4 von %5 Bildern verwendet, RMS der Residuen %6 px (das sagt, wie gut das Modell passt, nicht, wie genau es ist)</translation>
     </message>
@@ -154,12 +150,28 @@
         <translation>Residuen, %1-fach</translation>
     </message>
     <message>
-        <source>no map</source>
-        <translation>keine Karte</translation>
-    </message>
-    <message>
         <source>uncertainty</source>
         <translation>Unsicherheit</translation>
+    </message>
+    <message>
+        <source>parameter of the camera model, as in calibration.json: focal lengths and principal point (px), distortion (without unit)</source>
+        <translation>Parameter des Kameramodells wie in calibration.json: Brennweiten und Hauptpunkt (px), Verzeichnung (ohne Einheit)</translation>
+    </message>
+    <message>
+        <source>estimated value, in the parameter&apos;s unit</source>
+        <translation>geschätzter Wert in der Einheit des Parameters</translation>
+    </message>
+    <message>
+        <source>1 sigma (standard deviation) of the value, in the parameter&apos;s unit</source>
+        <translation>1 Sigma (Standardabweichung) des Werts in der Einheit des Parameters</translation>
+    </message>
+    <message>
+        <source>No calibration yet: press Calibrate, and give the pictures of a board and the board&apos;s target.</source>
+        <translation>Noch keine Kalibrierung: Kalibrieren drücken und die Bilder einer Tafel und die Beschreibung der Tafel angeben.</translation>
+    </message>
+    <message>
+        <source>No uncertainty map: run calibrate again to make it.</source>
+        <translation>Keine Karte der Unsicherheit: calibrate noch einmal rechnen.</translation>
     </message>
 </context>
 <context>
@@ -203,6 +215,10 @@
     <message>
         <source>%1: cannot be written</source>
         <translation>%1: kann nicht geschrieben werden</translation>
+    </message>
+    <message>
+        <source>In this bar: %1</source>
+        <translation>In diesem Balken: %1</translation>
     </message>
 </context>
 <context>
@@ -537,6 +553,46 @@
     <message>
         <source>%1 (has errors only, no results to draw)</source>
         <translation>%1 (nur Fehler, keine Ergebnisse zum Zeichnen)</translation>
+    </message>
+    <message>
+        <source>inputs, options and versions of the results that differ</source>
+        <translation>Eingaben, Optionen und Versionen der Ergebnisse, die sich unterscheiden</translation>
+    </message>
+    <message>
+        <source>what the answers are compared with</source>
+        <translation>womit die Antworten verglichen werden</translation>
+    </message>
+    <message>
+        <source>how the answer was made: panorama (G2) or view (G1)</source>
+        <translation>wie die Antwort entstand: Panorama (G2) oder Ansicht (G1)</translation>
+    </message>
+    <message>
+        <source>run that the panorama was localized against</source>
+        <translation>Lauf, in dem das Panorama lokalisiert wurde</translation>
+    </message>
+    <message>
+        <source>station at which the panorama was taken</source>
+        <translation>Station, an der das Panorama aufgenommen wurde</translation>
+    </message>
+    <message>
+        <source>panorama, photo or photo set</source>
+        <translation>Panorama, Foto oder Fotosatz</translation>
+    </message>
+    <message>
+        <source>distance in space between the answer of A and the reference (%1)</source>
+        <translation>räumlicher Abstand zwischen der Antwort von A und der Referenz (%1)</translation>
+    </message>
+    <message>
+        <source>distance in space between the answer of B and the reference (%1)</source>
+        <translation>räumlicher Abstand zwischen der Antwort von B und der Referenz (%1)</translation>
+    </message>
+    <message>
+        <source>error of B minus error of A: negative where B is better (%1)</source>
+        <translation>Fehler von B minus Fehler von A: negativ, wo B besser ist (%1)</translation>
+    </message>
+    <message>
+        <source>localized, refused, not matched or without reference: in A, then in B</source>
+        <translation>lokalisiert, abgelehnt, nicht zugeordnet oder ohne Referenz: in A, dann in B</translation>
     </message>
 </context>
 <context>
@@ -916,14 +972,6 @@
         <translation>%1, %2 px</translation>
     </message>
     <message>
-        <source>no image</source>
-        <translation>kein Bild</translation>
-    </message>
-    <message>
-        <source>no panorama</source>
-        <translation>kein Panorama</translation>
-    </message>
-    <message>
         <source>tags: %1, points: %2</source>
         <translation>Marken: %1, Punkte: %2</translation>
     </message>
@@ -1030,6 +1078,42 @@
     <message>
         <source>, residual %1 px</source>
         <translation>, Residuum %1 px</translation>
+    </message>
+    <message>
+        <source>Part of the panorama</source>
+        <translation>Teil des Panoramas</translation>
+    </message>
+    <message>
+        <source>All of the panorama, or one of the rectilinear views that localize matches</source>
+        <translation>Das ganze Panorama oder eine der ebenen Ansichten, die localize zuordnet</translation>
+    </message>
+    <message>
+        <source>whole</source>
+        <translation>ganz</translation>
+    </message>
+    <message>
+        <source>Reading the picture ...</source>
+        <translation>Das Bild wird gelesen ...</translation>
+    </message>
+    <message>
+        <source>This project has no image. Choose File, Import to import a run, or put the run&apos;s images below the folder runs.</source>
+        <translation>Dieses Projekt hat kein Bild. Mit Datei, Importieren einen Lauf importieren oder die Bilder des Laufs in den Ordner runs legen.</translation>
+    </message>
+    <message>
+        <source>No project is open. Drop its folder here, or open it (Ctrl+O).</source>
+        <translation>Kein Projekt ist geöffnet. Seinen Ordner hierher ziehen oder ihn öffnen (Strg+O).</translation>
+    </message>
+    <message>
+        <source>%1, view %2: yaw %3, pitch %4, field of view %5</source>
+        <translation>%1, Ansicht %2: Gieren %3, Nicken %4, Bildwinkel %5</translation>
+    </message>
+    <message>
+        <source>This project has no panorama. Put panoramas into the folder panoramas, or choose File, Panoramas of services to load some.</source>
+        <translation>Dieses Projekt hat kein Panorama. Panoramen in den Ordner panoramas legen oder mit Datei, Panoramen von Diensten welche laden.</translation>
+    </message>
+    <message>
+        <source>view %1</source>
+        <translation>Ansicht %1</translation>
     </message>
 </context>
 <context>
@@ -1362,16 +1446,16 @@
         <source>Print</source>
         <translation>Drucken</translation>
     </message>
+    <message>
+        <source>The sketch of the plan is not saved.</source>
+        <translation>Die Skizze der Planung ist nicht gespeichert.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::MeasurementList</name>
     <message>
         <source>Measurements</source>
         <translation>Messungen</translation>
-    </message>
-    <message>
-        <source>1 sigma behind each value, the two places taken as independent. Right click: save, clear.</source>
-        <translation>Hinter jedem Wert 1 Sigma, beide Orte als unabhängig angenommen. Rechtsklick: speichern, leeren.</translation>
     </message>
     <message>
         <source>&amp;Save as CSV ...</source>
@@ -1404,6 +1488,26 @@
     <message>
         <source>azimuth (deg)</source>
         <translation>Richtungswinkel (Grad)</translation>
+    </message>
+    <message>
+        <source>1 sigma behind each value: from the joint covariance of two cameras or panoramas of one run, or of two tags; other places are taken as independent (last column). Right click: save, clear.</source>
+        <translation>Hinter jedem Wert 1 Sigma: aus der gemeinsamen Kovarianz zweier Kameras oder Panoramen eines Laufs oder zweier Marken; andere Orte gelten als unabhängig (letzte Spalte). Rechtsklick: speichern, leeren.</translation>
+    </message>
+    <message>
+        <source>sigmas</source>
+        <translation>Sigmas</translation>
+    </message>
+    <message>
+        <source>being computed ...</source>
+        <translation>wird berechnet ...</translation>
+    </message>
+    <message>
+        <source>joint</source>
+        <translation>gemeinsam</translation>
+    </message>
+    <message>
+        <source>independent</source>
+        <translation>unabhängig</translation>
     </message>
 </context>
 <context>
@@ -1469,10 +1573,6 @@
         <translation>Warnungen (%1)</translation>
     </message>
     <message>
-        <source>... and %1 more; &lt;tt&gt;trigpoint status&lt;/tt&gt; lists all.</source>
-        <translation>... und %1 weitere; &lt;tt&gt;trigpoint status&lt;/tt&gt; nennt alle.</translation>
-    </message>
-    <message>
         <source>Nothing to draw yet: run localize.</source>
         <translation>Noch nichts zu zeichnen: localize ausführen.</translation>
     </message>
@@ -1536,6 +1636,10 @@
         <source>None yet. Begin with the example.</source>
         <translation>Noch keine. Mit dem Beispiel beginnen.</translation>
     </message>
+    <message>
+        <source>Show the other %1</source>
+        <translation>Die anderen %1 zeigen</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::PanoramaDesk</name>
@@ -1564,20 +1668,8 @@
         <translation>Foto</translation>
     </message>
     <message>
-        <source>select a photo</source>
-        <translation>ein Foto wählen</translation>
-    </message>
-    <message>
-        <source>no panorama</source>
-        <translation>kein Panorama</translation>
-    </message>
-    <message>
         <source>reading %1 ...</source>
         <translation>%1 wird gelesen ...</translation>
-    </message>
-    <message>
-        <source>not stitched yet</source>
-        <translation>noch nicht zusammengesetzt</translation>
     </message>
     <message>
         <source>%1 photos</source>
@@ -1598,10 +1690,6 @@
     <message>
         <source>pairs, by direction</source>
         <translation>Paare, nach Richtung</translation>
-    </message>
-    <message>
-        <source>no photo set</source>
-        <translation>kein Fotosatz</translation>
     </message>
     <message>
         <source>photo</source>
@@ -1630,6 +1718,77 @@
     <message>
         <source>not placed</source>
         <translation>nicht eingepasst</translation>
+    </message>
+    <message>
+        <source>Select a photo in the table.</source>
+        <translation>Ein Foto in der Tabelle auswählen.</translation>
+    </message>
+    <message>
+        <source>No panorama yet: put pictures into panoramas/ or photos/, and read the project again.</source>
+        <translation>Noch kein Panorama: Bilder in panoramas/ oder photos/ legen und das Projekt neu lesen.</translation>
+    </message>
+    <message>
+        <source>Not stitched yet: press Stitch.</source>
+        <translation>Noch nicht zusammengesetzt: Zusammensetzen drücken.</translation>
+    </message>
+    <message>
+        <source>This is no photo set.</source>
+        <translation>Das ist kein Fotosatz.</translation>
+    </message>
+    <message>
+        <source>file of the photo</source>
+        <translation>Datei des Fotos</translation>
+    </message>
+    <message>
+        <source>centre of the photo to the right of the panorama&apos;s centre (%1)</source>
+        <translation>Zentrum des Fotos rechts vom Zentrum des Panoramas (%1)</translation>
+    </message>
+    <message>
+        <source>centre of the photo below the panorama&apos;s centre (%1)</source>
+        <translation>Zentrum des Fotos unter dem Zentrum des Panoramas (%1)</translation>
+    </message>
+    <message>
+        <source>centre of the photo in front of the panorama&apos;s centre (%1)</source>
+        <translation>Zentrum des Fotos vor dem Zentrum des Panoramas (%1)</translation>
+    </message>
+    <message>
+        <source>1 sigma of the photo&apos;s centre relative to the panorama&apos;s, the largest axis (%1)</source>
+        <translation>1 Sigma des Zentrums des Fotos gegen das des Panoramas, größte Achse (%1)</translation>
+    </message>
+    <message>
+        <source>focal length as estimated (px)</source>
+        <translation>geschätzte Brennweite (px)</translation>
+    </message>
+</context>
+<context>
+    <name>trigpoint::PathButton</name>
+    <message>
+        <source>Choose a folder</source>
+        <translation>Einen Ordner wählen</translation>
+    </message>
+    <message>
+        <source>Choose a file</source>
+        <translation>Eine Datei wählen</translation>
+    </message>
+    <message>
+        <source>...</source>
+        <translation>...</translation>
+    </message>
+    <message>
+        <source>Choose: %1</source>
+        <translation>Wählen: %1</translation>
+    </message>
+    <message>
+        <source>Choose a file or a folder</source>
+        <translation>Eine Datei oder einen Ordner wählen</translation>
+    </message>
+    <message>
+        <source>F&amp;ile ...</source>
+        <translation>&amp;Datei ...</translation>
+    </message>
+    <message>
+        <source>F&amp;older ...</source>
+        <translation>&amp;Ordner ...</translation>
     </message>
 </context>
 <context>
@@ -1972,6 +2131,82 @@
     <message>
         <source>gain (%)</source>
         <translation>Gewinn (%)</translation>
+    </message>
+    <message>
+        <source>what the item is; a path has a row for each corner</source>
+        <translation>was der Eintrag ist; ein Weg hat eine Zeile für jede Ecke</translation>
+    </message>
+    <message>
+        <source>its name, of a tag its id</source>
+        <translation>sein Name, bei einer Marke ihre Nummer</translation>
+    </message>
+    <message>
+        <source>site ENU, %1</source>
+        <translation>ENU des Geländes, %1</translation>
+    </message>
+    <message>
+        <source>azimuth that its printed side faces, degrees from north over east</source>
+        <translation>Azimut, in das die bedruckte Seite zeigt, Grad von Nord über Ost</translation>
+    </message>
+    <message>
+        <source>edge of a tag&apos;s black square, mm; empty: as in tags.yaml</source>
+        <translation>Kante des schwarzen Quadrats einer Marke, mm; leer: wie in tags.yaml</translation>
+    </message>
+    <message>
+        <source>1 sigma per horizontal axis of a surveyed position, %1</source>
+        <translation>1 Sigma je waagrechter Achse einer vermessenen Position, %1</translation>
+    </message>
+    <message>
+        <source>1 sigma of a surveyed height, %1</source>
+        <translation>1 Sigma einer vermessenen Höhe, %1</translation>
+    </message>
+    <message>
+        <source>the tag that a station belongs to</source>
+        <translation>die Marke, zu der eine Station gehört</translation>
+    </message>
+    <message>
+        <source>id</source>
+        <translation>Nummer</translation>
+    </message>
+    <message>
+        <source>what the tag is in the plan</source>
+        <translation>was die Marke in der Planung ist</translation>
+    </message>
+    <message>
+        <source>number of pictures that see it</source>
+        <translation>Zahl der Bilder, die sie sehen</translation>
+    </message>
+    <message>
+        <source>number of passes that see it</source>
+        <translation>Zahl der Vorbeifahrten, die sie sehen</translation>
+    </message>
+    <message>
+        <source>predicted 1 sigma of both horizontal axes together, mm</source>
+        <translation>vorhergesagtes 1 Sigma beider waagrechten Achsen zusammen, mm</translation>
+    </message>
+    <message>
+        <source>predicted 1 sigma of the height, mm</source>
+        <translation>vorhergesagtes 1 Sigma der Höhe, mm</translation>
+    </message>
+    <message>
+        <source>predicted 1 sigma in space, mm</source>
+        <translation>vorhergesagtes räumliches 1 Sigma, mm</translation>
+    </message>
+    <message>
+        <source>the largest gain comes first</source>
+        <translation>der größte Gewinn steht zuerst</translation>
+    </message>
+    <message>
+        <source>what is added to the plan</source>
+        <translation>was zur Planung hinzukommt</translation>
+    </message>
+    <message>
+        <source>RMS of the tags&apos; predicted 3D sigmas with it, mm</source>
+        <translation>RMS der vorhergesagten räumlichen Sigmas der Marken damit, mm</translation>
+    </message>
+    <message>
+        <source>by how much it makes that RMS smaller, per cent</source>
+        <translation>um wie viel es diesen RMS verkleinert, Prozent</translation>
     </message>
 </context>
 <context>
@@ -2554,6 +2789,18 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>3D errors that changed by more than their 1 sigma, or in status: %1; by less: %2.</source>
         <translation>3D-Fehler, die sich um mehr als ihr 1 Sigma oder im Status geändert haben: %1; um weniger: %2.</translation>
     </message>
+    <message>
+        <source>Failed: %1</source>
+        <translation>Fehlgeschlagen: %1</translation>
+    </message>
+    <message>
+        <source>Solved. There was no evaluation before, so nothing is compared.</source>
+        <translation>Gelöst. Vorher gab es keine Auswertung, deshalb wird nichts verglichen.</translation>
+    </message>
+    <message>
+        <source>The results at stations and check points are still those of before.</source>
+        <translation>Die Ergebnisse an Stationen und Kontrollpunkten sind noch die von vorher.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::RunDesk</name>
@@ -2710,10 +2957,6 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <translation>Zeit (s)</translation>
     </message>
     <message>
-        <source>In the order in which each needs those above it; a double click chooses the stage</source>
-        <translation>In der Reihenfolge, in der jedes die darüber braucht; ein Doppelklick wählt die Stufe</translation>
-    </message>
-    <message>
         <source>Results that are computed again: %1.</source>
         <translation>Ergebnisse, die neu berechnet werden: %1.</translation>
     </message>
@@ -2733,6 +2976,30 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>; of all about %1</source>
         <translation>; insgesamt etwa %1</translation>
     </message>
+    <message>
+        <source>How long it takes is not known yet: %1 results are still checked; they took %2.</source>
+        <translation>Wie lange es dauert, ist noch nicht bekannt: %1 Ergebnisse werden noch geprüft; sie dauerten %2.</translation>
+    </message>
+    <message>
+        <source>In the order in which each needs those above it; Return or a double click chooses the stage</source>
+        <translation>In der Reihenfolge, in der jede die darüber braucht; Eingabe oder Doppelklick wählt die Stufe</translation>
+    </message>
+    <message>
+        <source>Stages and results</source>
+        <translation>Stufen und Ergebnisse</translation>
+    </message>
+    <message>
+        <source>Stages</source>
+        <translation>Stufen</translation>
+    </message>
+    <message>
+        <source>Results</source>
+        <translation>Ergebnisse</translation>
+    </message>
+    <message>
+        <source>; of all at least %1</source>
+        <translation>; von allen mindestens %1</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::SceneDesk</name>
@@ -2747,10 +3014,6 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>from %1</source>
         <translation>von %1</translation>
-    </message>
-    <message>
-        <source>%1 to %2</source>
-        <translation>%1 bis %2</translation>
     </message>
     <message>
         <source>horizontal %1, height difference %2</source>
@@ -3096,6 +3359,62 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>x and y in %1</source>
         <translation>x und y in %1</translation>
     </message>
+    <message>
+        <source>Notes on the scene</source>
+        <translation>Hinweise zur Szene</translation>
+    </message>
+    <message>
+        <source>%1 is not in the scene.</source>
+        <translation>%1 ist nicht in der Szene.</translation>
+    </message>
+    <message>
+        <source>%1 is not in the scene; what belongs to it is:</source>
+        <translation>%1 ist nicht in der Szene; was dazu gehört, ist darin:</translation>
+    </message>
+    <message>
+        <source>The two are in different frames and do not lie over each other: %1, and %2.</source>
+        <translation>Die beiden sind in verschiedenen Bezugssystemen und liegen nicht übereinander: %1 und %2.</translation>
+    </message>
+    <message>
+        <source>The origins of the two are %1 apart: the same place is not drawn at the same place.</source>
+        <translation>Die Ursprünge der beiden liegen %1 auseinander: derselbe Ort wird nicht am selben Ort gezeichnet.</translation>
+    </message>
+    <message>
+        <source>%1 by %2</source>
+        <translation>%1 durch %2</translation>
+    </message>
+    <message>
+        <source>tag %1</source>
+        <translation>Marke %1</translation>
+    </message>
+    <message>
+        <source>geotag of %1</source>
+        <translation>Geotag von %1</translation>
+    </message>
+    <message>
+        <source>surveyed point %1</source>
+        <translation>vermessener Punkt %1</translation>
+    </message>
+    <message>
+        <source>point %1 of %2</source>
+        <translation>Punkt %1 von %2</translation>
+    </message>
+    <message>
+        <source>%1 of %2</source>
+        <translation>%1 von %2</translation>
+    </message>
+    <message>
+        <source>reference of %1 (%2)</source>
+        <translation>Referenz von %1 (%2)</translation>
+    </message>
+    <message>
+        <source>The two places are taken as independent.</source>
+        <translation>Die beiden Orte gelten als unabhängig.</translation>
+    </message>
+    <message>
+        <source>%1 from %2 to %3</source>
+        <translation>%1 von %2 nach %3</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::ServicesDialog</name>
@@ -3231,6 +3550,42 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>Download %1</source>
         <translation>%1 laden</translation>
     </message>
+    <message>
+        <source>Picked panoramas are downloaded</source>
+        <translation>Gewählte Panoramen werden geladen</translation>
+    </message>
+    <message>
+        <source>Service that has the panorama</source>
+        <translation>Dienst, der das Panorama hat</translation>
+    </message>
+    <message>
+        <source>Name of the panorama at its service</source>
+        <translation>Name des Panoramas bei seinem Dienst</translation>
+    </message>
+    <message>
+        <source>Day on which the panorama was taken</source>
+        <translation>Tag, an dem das Panorama aufgenommen wurde</translation>
+    </message>
+    <message>
+        <source>Distance from the run&apos;s path, in the unit shown</source>
+        <translation>Abstand vom Weg des Laufs, in der gezeigten Einheit</translation>
+    </message>
+    <message>
+        <source>Direction of the panorama&apos;s centre as the service states it, clockwise from true north (deg)</source>
+        <translation>Richtung der Mitte des Panoramas nach Angabe des Dienstes, im Uhrzeigersinn von geographisch Nord (Grad)</translation>
+    </message>
+    <message>
+        <source>Width of the picture at the service (px)</source>
+        <translation>Breite des Bilds beim Dienst (px)</translation>
+    </message>
+    <message>
+        <source>Licence under which the picture may be used</source>
+        <translation>Lizenz, unter der das Bild benutzt werden darf</translation>
+    </message>
+    <message>
+        <source>Who took the picture</source>
+        <translation>Wer das Bild aufgenommen hat</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::ServicesMap</name>
@@ -3342,6 +3697,33 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     </message>
 </context>
 <context>
+    <name>trigpoint::StageGraph</name>
+    <message>
+        <source>Stages and what they need</source>
+        <translation>Stufen und was sie brauchen</translation>
+    </message>
+    <message>
+        <source>%1 of %2 done</source>
+        <translation>%1 von %2 fertig</translation>
+    </message>
+    <message>
+        <source>worst: %1</source>
+        <translation>schlechtester Zustand: %1</translation>
+    </message>
+    <message>
+        <source>in all</source>
+        <translation>insgesamt</translation>
+    </message>
+    <message>
+        <source>at most</source>
+        <translation>höchstens</translation>
+    </message>
+    <message>
+        <source>Each stage below those whose results it needs; click to choose</source>
+        <translation>Jede Stufe unter denen, deren Ergebnisse sie braucht; ein Klick wählt sie</translation>
+    </message>
+</context>
+<context>
     <name>trigpoint::StationCard</name>
     <message>
         <source>also each &amp;view (G1)</source>
@@ -3432,16 +3814,16 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <translation>quadrierter Fehler in den eigenen Sigmas je Freiheitsgrad: etwa 1, wenn die Sigmas stimmen</translation>
     </message>
     <message>
-        <source>No answer of it is evaluated.</source>
-        <translation>Keine Antwort dazu ist ausgewertet.</translation>
-    </message>
-    <message>
         <source>Lengths in %1. Absolute: in site coordinates (east, north, up), with the georeference&apos;s error. Relative: in the run&apos;s own frame.</source>
         <translation>Längen in %1. Absolut: in Koordinaten des Messgebiets (Ost, Nord, oben), mit dem Fehler der Georeferenz. Relativ: im eigenen System der Fahrt.</translation>
     </message>
     <message>
         <source>none</source>
         <translation>keine</translation>
+    </message>
+    <message>
+        <source>No answer of it is evaluated: run localize, then evaluate.</source>
+        <translation>Keine Antwort davon ist ausgewertet: localize rechnen, dann evaluate.</translation>
     </message>
 </context>
 <context>
@@ -3495,12 +3877,16 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <translation>CSV (*.csv)</translation>
     </message>
     <message>
-        <source>no tables yet</source>
-        <translation>noch keine Tabellen</translation>
-    </message>
-    <message>
         <source>The table is not shown.</source>
         <translation>Die Tabelle wird nicht gezeigt.</translation>
+    </message>
+    <message>
+        <source>No tables yet: run a stage. detect, localize, survey and evaluate write tables into results/.</source>
+        <translation>Noch keine Tabellen: eine Stufe rechnen. detect, localize, survey und evaluate schreiben Tabellen nach results/.</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O) to see the tables of its results.</source>
+        <translation>Ein Projekt öffnen (Strg+O), um die Tabellen seiner Ergebnisse zu sehen.</translation>
     </message>
 </context>
 <context>
