@@ -2,7 +2,6 @@
 
 #include <GL/gl.h>
 #include <vtkCamera.h>
-#include <vtkObjectFactory.h>
 #include <vtkOpenGLFramebufferObject.h>
 #include <vtkOpenGLQuadHelper.h>
 #include <vtkOpenGLRenderWindow.h>
@@ -48,7 +47,11 @@ void main() {
 
 }  // namespace
 
-vtkStandardNewMacro(DepthShading)
+DepthShading* DepthShading::New() {
+  auto* pass = new DepthShading;
+  pass->InitializeObjectBase();
+  return pass;
+}
 
 DepthShading::DepthShading() = default;
 DepthShading::~DepthShading() = default;

@@ -16,7 +16,6 @@ namespace trigpoint {
 class DepthShading : public vtkDepthImageProcessingPass {
  public:
   static DepthShading* New();
-  vtkTypeMacro(DepthShading, vtkDepthImageProcessingPass)
   void Render(const vtkRenderState* state) override;
   void ReleaseGraphicsResources(vtkWindow* window) override;
 

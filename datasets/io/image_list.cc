@@ -235,6 +235,36 @@ void ReadVideos(Run* run) {
   }
 }
 
+// A camera takes one picture at a time: of several at one time none is used, as nothing shows whose time is wrong. One
+// that is listed twice is kept once. The images are sorted by time and camera.
+void DropSimultaneous(Run* run) {
+  auto& images = run->images;
+  const auto same = [](const ImageEntry& a, const ImageEntry& b) {
+    return a.stamp_ns == b.stamp_ns && a.camera == b.camera;
+  };
+  const auto twice = [&](const ImageEntry& a, const ImageEntry& b) {
+    return same(a, b) && a.path == b.path && a.video_frame == b.video_frame;
+  };
+  images.erase(std::unique(images.begin(), images.end(), twice), images.end());
+  std::vector<ImageEntry> kept;
+  std::string first;
+  for (size_t i = 0; i < images.size();) {
+    size_t end = i + 1;
+    while (end < images.size() && same(images[i], images[end])) ++end;
+    if (end == i + 1) {
+      kept.push_back(images[i]);
+    } else if (first.empty()) {
+      first = "'" + images[i].file + "' and '" + images[i + 1].file + "'";
+    }
+    i = end;
+  }
+  if (first.empty()) return;
+  run->warnings.push_back(run->dir.string() + ": left out " + Counted(images.size() - kept.size(), "image") +
+                          " with the time of another image of the same camera (" + first +
+                          "), as nothing shows which time is right; give each image its own time");
+  images = std::move(kept);
+}
+
 }  // namespace
 
 void ReadImageList(const std::filesystem::path& site_dir, Run* run) {
@@ -255,13 +285,7 @@ void ReadImageList(const std::filesystem::path& site_dir, Run* run) {
     }
     std::stable_sort(images.begin(), images.end(), earlier);
   }
-  const auto doubled = std::unique(images.begin(), images.end(),
-                                   [&](const ImageEntry& a, const ImageEntry& b) { return key(a) == key(b); });
-  if (doubled != images.end()) {
-    run->warnings.push_back(run->dir.string() + ": dropped " + Counted(images.end() - doubled, "image") +
-                            " with a timestamp seen before in the same camera; the first of each is kept");
-    images.erase(doubled, images.end());
-  }
+  DropSimultaneous(run);
 }
 
 }  // namespace trigpoint
