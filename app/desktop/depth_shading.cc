@@ -64,6 +64,8 @@ void DepthShading::MakeTargets(vtkOpenGLRenderWindow* window) {
     colour_->SetContext(window);
     depth_ = vtkSmartPointer<vtkTextureObject>::New();
     depth_->SetContext(window);
+    depth_->SetWrapS(vtkTextureObject::ClampToEdge);  // what lies at the other edge is no neighbour
+    depth_->SetWrapT(vtkTextureObject::ClampToEdge);
     quad_ = std::make_unique<vtkOpenGLQuadHelper>(window, nullptr, kShade, "");
   }
   const auto width = static_cast<unsigned>(W), height = static_cast<unsigned>(H);
@@ -88,10 +90,12 @@ void DepthShading::Render(const vtkRenderState* state) {
   vtkOpenGLState::ScopedglViewport viewport(gl);
   vtkOpenGLState::ScopedglEnableDisable blend(gl, GL_BLEND), test(gl, GL_DEPTH_TEST);
   vtkOpenGLState::ScopedglDepthFunc compare(gl);
+  vtkOpenGLState::ScopedglDepthMask written(gl);
   gl->vtkglViewport(Origin[0], Origin[1], Width, Height);
   gl->vtkglScissor(Origin[0], Origin[1], Width, Height);
   gl->vtkglDisable(GL_BLEND);
   gl->vtkglEnable(GL_DEPTH_TEST);
+  gl->vtkglDepthMask(GL_TRUE);
   gl->vtkglDepthFunc(GL_ALWAYS);  // depths are written for what is drawn later
   window->GetShaderCache()->ReadyShaderProgram(quad_->Program);
   colour_->Activate();

@@ -418,9 +418,9 @@ void ImagesDesk::SayImage() {
   status_->setText(text);
 }
 
-// Instead of a picture: what to do. `without`: of a project that has none.
-QString ImagesDesk::WhyEmpty(const QString& without) const {
-  return workspace_->snapshot() ? without : tr("No project is open. Drop its folder here, or open it (Ctrl+O).");
+// Instead of a picture: `opened` while a project is open, else what to do.
+QString ImagesDesk::WhyEmpty(const QString& opened) const {
+  return workspace_->snapshot() ? opened : tr("No project is open. Drop its folder here, or open it (Ctrl+O).");
 }
 
 void ImagesDesk::Redraw() {

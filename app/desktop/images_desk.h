@@ -69,7 +69,7 @@ class ImagesDesk : public QWidget {
   void ShowMatches();
   void DropMatches();  // another image or panorama is shown
   void SayImage();     // what was found in it
-  QString WhyEmpty(const QString& without) const;
+  QString WhyEmpty(const QString& opened) const;
   void ShowMarks();
   void ShowPredictions();
   void Mark(double u, double v);

@@ -63,6 +63,7 @@ void ImagesDesk::ShowReference() {
   const int generation = ++reference_generation_;
   ++view_generation_;
   reference_picture_ = {};
+  view_shown_ = -1;
   right_->SetMarks({});
   DropMatches();
   const auto& snapshot = workspace_->snapshot();
@@ -121,8 +122,8 @@ void ImagesDesk::ShowView() {
 
 // Where a pixel of the panorama is seen; nothing if that is outside the view that is shown.
 std::optional<QPointF> ImagesDesk::InShownView(const Eigen::Vector2d& of_panorama) const {
-  if (view_shown_ < 0) return QPointF(of_panorama.x(), of_panorama.y());
   if (reference_picture_.isNull()) return std::nullopt;  // the next panorama is being read
+  if (view_shown_ < 0) return QPointF(of_panorama.x(), of_panorama.y());
   const View& view = views_[static_cast<size_t>(view_shown_)];
   const Camera sphere = Camera::Equirectangular(reference_picture_.width(), reference_picture_.height());
   const auto ray = sphere.Unproject(of_panorama);

@@ -19,6 +19,7 @@
 #include <QTabWidget>
 #include <QTimer>
 #include <QUrl>
+#include <utility>
 
 #include "app/desktop/action_dialog.h"
 #include "app/desktop/background.h"
@@ -289,7 +290,7 @@ void MainWindow::Visit(const QString& dir) {
 }
 
 void MainWindow::RunAll() {
-  run_->Choose("", "");
+  run_->Choose("", "", "");
   ShowDesk("run");
   run_->Run();
 }
@@ -593,6 +594,8 @@ void MainWindow::SetTheme(const QString& name) {
 void MainWindow::closeEvent(QCloseEvent* event) {
   if (plan_->sketch().changed()) {
     event->ignore();
+    // Asked at the end of a run that was to close the window: that run is read like any other, and the answer decides.
+    if (std::exchange(closing_, false)) workspace_->Reload();
     return LeaveProject([this] { close(); });
   }
   if (jobs_->running()) {  // the worker ends at its next breath; finished stages are kept

@@ -133,8 +133,7 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
     Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run),
            QString::fromStdString(result.variant));
   });
-  connect(graph_, &StageGraph::Chosen, this,
-          [this](const QString& stage) { Choose(stage, "", variant_->currentText()); });
+  connect(graph_, &StageGraph::Chosen, this, [this](const QString& stage) { Choose(stage, ""); });
   Refresh();
 }
 
@@ -288,9 +287,9 @@ void RunDesk::ShowResult(int result) {
   results_->item(result, 1)->setForeground(ColourOfState(shown.state));
 }
 
-void RunDesk::Choose(const QString& stage, const QString& run, const QString& variant) {
+void RunDesk::Choose(const QString& stage, const QString& run, const std::optional<QString>& variant) {
   stage_->setCurrentIndex(std::max(0, stage_->findData(stage)));
-  variant_->setCurrentText(variant);
+  if (variant) variant_->setCurrentText(*variant);
   if (stage.isEmpty()) seed_->setValue(1);  // another one would make all anew
   for (int i = 0; i < runs_->count(); ++i) {
     const bool on = run.isEmpty() || runs_->item(i)->text() == run;

@@ -5,6 +5,7 @@
 #include <QWidget>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "app/desktop/job_controller.h"
@@ -38,7 +39,7 @@ class RunDesk : public QWidget {
   RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent = nullptr);
 
   // Chooses a stage (empty: what `trigpoint run` makes, as it does it), a run or photo set (empty: all), a variant.
-  void Choose(const QString& stage, const QString& run, const QString& variant = "");
+  void Choose(const QString& stage, const QString& run, const std::optional<QString>& variant = std::nullopt);
 
  public slots:
   void Run();

@@ -1,5 +1,7 @@
 #include "app/desktop/workspace.h"
 
+#include <utility>
+
 #include "app/desktop/background.h"
 #include "app/desktop/inspector.h"
 #include "app/pipeline/display_unit.h"
@@ -11,7 +13,8 @@ QString Workspace::dir() const { return snapshot_ ? QString::fromStdString(snaps
 void Workspace::Open(const QString& dir) { Load(dir, false); }
 
 void Workspace::Reload() {
-  if (snapshot_ && (opening_ == 0 || again_)) Load(dir(), true);
+  reload_ = snapshot_ && opening_ > 0 && !again_;
+  if (snapshot_ && !reload_) Load(dir(), true);
 }
 
 void Workspace::Close() {
@@ -36,9 +39,11 @@ void Workspace::Load(const QString& dir, bool again) {
         if (generation != generation_) return;  // another project was asked for meanwhile
         if (!opened.value) {
           emit Problem(opened.error, tr("The project was not opened."));
+          if (reload_) Reload();
           return;
         }
         const bool other = snapshot_ && snapshot_->dir != opened.value->dir;
+        if (std::exchange(reload_, false) && !other) return Load(this->dir(), true);  // it was read before it was written
         snapshot_ = opened.value;
         inspectors_.clear();
         results_ = ResultsOfSnapshot(*snapshot_);

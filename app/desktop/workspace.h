@@ -25,7 +25,8 @@ class Workspace : public QObject {
 
   // Reads the folder in the background; Opened or Problem follows.
   void Open(const QString& dir);
-  // Again, after a run or a review: keeps the selection. Nothing while another project is opened.
+  // Again, after a run or a review: keeps the selection. While another one is opened: after that, if it is still this
+  // one.
   void Reload();
   void Close();
 
@@ -77,7 +78,8 @@ class Workspace : public QObject {
   QString unit_ = "m";
   double metres_ = 1;
   int opening_ = 0;
-  bool again_ = false;  // what is opened is the same project again
+  bool again_ = false;   // what is opened is the same project again
+  bool reload_ = false;  // asked for while a project was opened
   int generation_ = 0;
 };
 

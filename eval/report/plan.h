@@ -48,6 +48,6 @@ struct Plan {
 };
 
 // Of a scene with a path or a panorama. Coordinates are those of the scene's frame, in `unit`.
-Plan PlanOf(const SceneModel& scene, const DisplayUnit& unit = {});
+Plan PlanOf(const SceneModel& scene, const DisplayUnit& unit);
 
 }  // namespace trigpoint

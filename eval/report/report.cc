@@ -250,7 +250,8 @@ ReportSummary WriteReport(const ReportInput& input, const ReportOptions& options
   ChapterContext context{input, data, unit, {}, {}};
   for (size_t i = 0; i < data.stations.size(); ++i)
     context.station_anchor[data.stations[i]] = fmt::format("station-{}", i + 1);
-  Scenes scenes = DrawScenes(input, options.images, options.scene_px, &data.notes, &summary.renderer, progress, cancel);
+  Scenes scenes =
+      DrawScenes(input, unit, options.images, options.scene_px, &data.notes, &summary.renderer, progress, cancel);
   if (options.images) {
     DrawMatches(&context, options, &data.notes, &summary, progress, cancel);
     if (summary.match_pictures_left_out > 0) {

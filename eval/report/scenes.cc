@@ -155,8 +155,9 @@ class RenderedScene {
 
 }  // namespace
 
-Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<std::string>* notes,
-                  std::string* renderer, ProgressSink& progress, const CancelToken& cancel) {
+Scenes DrawScenes(const ReportInput& input, const DisplayUnit& unit, bool images, int width,
+                  std::vector<std::string>* notes, std::string* renderer, ProgressSink& progress,
+                  const CancelToken& cancel) {
   Scenes scenes;
   std::vector<Block>& blocks = scenes.pictures;
   progress.Begin("the scene", 0);
@@ -168,7 +169,7 @@ Scenes DrawScenes(const ReportInput& input, bool images, int width, std::vector<
     blocks.push_back(Paragraph{"There is nothing to draw yet: no run has a result."});
     return scenes;
   }
-  Plan plan = PlanOf(model);
+  Plan plan = PlanOf(model, unit);
   scenes.plan = Figure{"plan", plan.caption, std::move(plan.drawing)};
   std::string reason;
   const std::unique_ptr<OffscreenWindow> window = OffscreenWindow::Create(&reason);

@@ -162,6 +162,15 @@ TEST_F(MendedTest, AProjectOpenedAgainHasNoSelectionOnAnyDesk) {
 }
 
 // Whose project went away, or was left, before the decision was read again.
+TEST_F(MendedTest, AReloadOutlastsAnOpeningThatFails) {
+  Workspace* workspace = window_->workspace();
+  QSignalSpy opened(workspace, &Workspace::Opened), problems(workspace, &Workspace::Problem);
+  workspace->Open(site_->path() + "/nowhere");
+  workspace->Reload();  // as the end of a run does
+  EXPECT_TRUE(WaitFor([&] { return problems.count() > 0 && opened.count() > 0; }));
+  EXPECT_EQ(workspace->dir(), site_->path());
+}
+
 TEST_F(MendedTest, ADecisionIsNotTakenForOneOfAnotherProject) {
   QTemporaryDir first;
   const QString site = first.filePath("site");

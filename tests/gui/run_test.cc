@@ -86,6 +86,17 @@ class RunTest : public ResultsWindowTest {
   StageGraph* graph_ = nullptr;
 };
 
+TEST_F(RunTest, ACalibrationsNameIsNoVariant) {
+  auto* variant = Child<QComboBox>(window_.get(), "run.variant");
+  window_->run_desk()->Choose("calibrate", "");
+  variant->setCurrentText("phone");
+  window_->run_desk()->Choose("calibrate", "");  // as the window's other buttons do
+  EXPECT_EQ(variant->currentText(), "phone");
+  emit graph_->Chosen("localize");
+  EXPECT_EQ(Child<QComboBox>(window_.get(), "run.stage")->currentData().toString(), "localize");
+  EXPECT_EQ(variant->currentText(), "");
+}
+
 TEST_F(RunTest, AllIsWhatStatusAdvises) {
   window_->run_desk()->Choose("localize", "run1", "trial");
   EXPECT_EQ(Child<QComboBox>(window_.get(), "run.variant")->currentText(), "trial");

@@ -88,7 +88,7 @@ TEST(PlanTest, EllipsesStayInTheFrameAndApart) {
   for (const int stations : {1, 2, 9, 40}) {
     for (const double sigma : {0.01, 0.14, 0.6}) {
       SCOPED_TRACE(testing::Message() << stations << " stations, sigma " << sigma << " m");
-      const Plan plan = PlanOf(Ring(stations, 20, 0.15, sigma));
+      const Plan plan = PlanOf(Ring(stations, 20, 0.15, sigma), {});
       ExpectInside(plan.drawing);
       const auto ellipses = EllipsesOf(plan.drawing);
       ASSERT_EQ(ellipses.size(), static_cast<size_t>(stations));
@@ -107,7 +107,7 @@ TEST(PlanTest, EllipsesStayInTheFrameAndApart) {
 }
 
 TEST(PlanTest, SaysHowMuchItEnlarges) {
-  const Plan plan = PlanOf(Ring(9, 20, 0.15, 0.14));
+  const Plan plan = PlanOf(Ring(9, 20, 0.15, 0.14), {});
   std::vector<std::string> words;
   for (const Shape& s : plan.drawing.shapes) words.push_back(s.text);
   // Half of the 13.7 m between neighbours over 2.45 x 0.14 m: 20; what the margin allows is less.
@@ -120,7 +120,7 @@ TEST(PlanTest, OneGrossErrorDoesNotShrinkTheOthers) {
   SceneModel scene = Ring(9, 20, 0.15, 0.03);
   scene.errors[0].difference = {5, 0, 0};
   scene.errors[0].sigma_m = Eigen::Vector3d::Constant(3);
-  const Plan plan = PlanOf(scene);
+  const Plan plan = PlanOf(scene, {});
   ExpectInside(plan.drawing);
   EXPECT_EQ(EllipsesOf(plan.drawing).size(), 8u);
   EXPECT_THAT(plan.caption, HasSubstr("Without ellipse or head: 1 difference that reaches too far"));
@@ -128,7 +128,7 @@ TEST(PlanTest, OneGrossErrorDoesNotShrinkTheOthers) {
 }
 
 TEST(PlanTest, NamesDoNotOverlap) {
-  const Plan plan = PlanOf(Ring(40, 20, 0.15, 0.14));
+  const Plan plan = PlanOf(Ring(40, 20, 0.15, 0.14), {});
   std::vector<DrawnBox> boxes;
   for (const Shape& s : plan.drawing.shapes) {
     if (s.kind != Shape::Kind::kText || !s.bold) continue;
@@ -170,7 +170,7 @@ TEST(TrajectoryPlotTest, EveryAxisHasAtLeastThreeNumbers) {
 
 TEST(PlanTest, CoordinatesAreInTheUnit) {
   const SceneModel scene = Ring(9, 20, 0.15, 0.14);
-  const Plan metres = PlanOf(scene), feet = PlanOf(scene, {"ft", 0.3048});
+  const Plan metres = PlanOf(scene, {}), feet = PlanOf(scene, {"ft", 0.3048});
   // Where a coordinate's line stands, below the frame.
   const auto at = [](const Plan& plan, const std::string& text) {
     for (const Shape& s : plan.drawing.shapes) {
