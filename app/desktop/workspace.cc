@@ -43,7 +43,8 @@ void Workspace::Load(const QString& dir, bool again) {
           return;
         }
         const bool other = snapshot_ && snapshot_->dir != opened.value->dir;
-        if (std::exchange(reload_, false) && !other) return Load(this->dir(), true);  // it was read before it was written
+        if (std::exchange(reload_, false) && !other)
+          return Load(this->dir(), true);  // it was read before it was written
         snapshot_ = opened.value;
         inspectors_.clear();
         results_ = ResultsOfSnapshot(*snapshot_);
