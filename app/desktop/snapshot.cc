@@ -31,7 +31,8 @@ std::string Metric(const StageInfo& stage, const nlohmann::json& manifest) {
   if (stage.metric.ends_with("_m") && it->is_number()) {
     return fmt::format("{} {:.3f} m", stage.metric.substr(0, stage.metric.size() - 2), it->get<double>());
   }
-  return stage.metric + " " + (it->is_string() ? it->get<std::string>() : it->dump());
+  if (it->is_string()) return it->get<std::string>();  // a verdict, a page: says itself what it is
+  return stage.metric + " " + it->dump();
 }
 
 double Seconds(const nlohmann::json& manifest) {
