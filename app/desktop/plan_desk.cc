@@ -131,6 +131,7 @@ void PlanDesk::MakeWidgets() {
   tags_->setColumnCount(7);
   gains_ = MakeTable("plan.gains", tr("Gain of one more"));
   gains_->setColumnCount(4);
+  HeadPrediction(false);
   for (QTableWidget* table : {items_, tags_, gains_}) table->setSelectionMode(QAbstractItemView::SingleSelection);
   map_ = new PictureView;
   map_->setObjectName("plan.map");
@@ -524,6 +525,20 @@ void PlanDesk::ShowMap() {
                              current ? places_ : std::vector<PlannedPlace>()));
 }
 
+void PlanDesk::HeadPrediction(bool proposed) {
+  tags_->setHorizontalHeaderLabels(
+      {tr("tag"), tr("role"), tr("pictures"), tr("passes"), tr("horizontal (mm)"), tr("up (mm)"), tr("3D (mm)")});
+  SetHeaderHelp(tags_,
+                {tr("id"), tr("what the tag is in the plan"), tr("number of pictures that see it"),
+                 tr("number of passes that see it"), tr("predicted 1 sigma of both horizontal axes together, mm"),
+                 tr("predicted 1 sigma of the height, mm"), tr("predicted 1 sigma in space, mm")});
+  gains_->setHorizontalHeaderLabels({tr("rank"), proposed ? tr("proposed, one after the other") : tr("one more of"),
+                                     tr("RMS of the tags (mm)"), tr("gain (%)")});
+  SetHeaderHelp(gains_, {tr("the largest gain comes first"), tr("what is added to the plan"),
+                         tr("RMS of the tags' predicted 3D sigmas with it, mm"),
+                         tr("by how much it makes that RMS smaller, per cent")});
+}
+
 void PlanDesk::ShowPrediction() {
   const fs::path folder = PlanFolder(*workspace_->snapshot()->project);
   if (!fs::exists(folder / "summary.json")) return;
@@ -543,12 +558,6 @@ void PlanDesk::ShowPrediction() {
     }
   };
   const auto mm = [](double metres) { return QString::number(kMmPerMetre * metres, 'f', 1); };
-  tags_->setHorizontalHeaderLabels(
-      {tr("tag"), tr("role"), tr("pictures"), tr("passes"), tr("horizontal (mm)"), tr("up (mm)"), tr("3D (mm)")});
-  SetHeaderHelp(tags_,
-                {tr("id"), tr("what the tag is in the plan"), tr("number of pictures that see it"),
-                 tr("number of passes that see it"), tr("predicted 1 sigma of both horizontal axes together, mm"),
-                 tr("predicted 1 sigma of the height, mm"), tr("predicted 1 sigma in space, mm")});
   const CsvTable tags = CsvTable::Read(folder / "tags.csv", {"tag_id", "sigma_x_m", "ellipse_a_m"});
   for (const CsvRow& row : tags.rows()) {
     const int id = static_cast<int>(row.Integer("tag_id"));
@@ -568,11 +577,7 @@ void PlanDesk::ShowPrediction() {
     add(tags_, cells, "tag:" + QString::number(id));
   }
   const bool proposed = fs::exists(folder / "suggestions.csv");
-  gains_->setHorizontalHeaderLabels({tr("rank"), proposed ? tr("proposed, one after the other") : tr("one more of"),
-                                     tr("RMS of the tags (mm)"), tr("gain (%)")});
-  SetHeaderHelp(gains_, {tr("the largest gain comes first"), tr("what is added to the plan"),
-                         tr("RMS of the tags' predicted 3D sigmas with it, mm"),
-                         tr("by how much it makes that RMS smaller, per cent")});
+  HeadPrediction(proposed);
   const CsvTable gains = CsvTable::Read(folder / (proposed ? "suggestions.csv" : "gains.csv"), {"rank", "what"});
   for (const CsvRow& row : gains.rows()) {
     const double before = row.Number("rms_before_m", NAN),

@@ -62,6 +62,7 @@ class PlanDesk : public QWidget {
   void Show();  // ground, marks, items, buttons
   void ShowItems();
   void ShowMap();
+  void HeadPrediction(bool proposed);  // its tables; of places proposed, or of one more of each
   void ShowPrediction();
   void ShowButtons();
   int Selected() const;  // index of the item; -1: none

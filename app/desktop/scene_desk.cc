@@ -45,6 +45,7 @@ namespace trigpoint {
 namespace {
 
 constexpr int kMostPoints = 1000000;
+constexpr int kRest_ms = 250;
 constexpr int kMostCameras = 2000;
 constexpr size_t kMostTextures = 40;  // panoramas drawn with their pictures; with more they are plain
 constexpr int kMostNames = 8;         // images listed of a point
@@ -212,10 +213,18 @@ void SceneDesk::MakeView() {
   detail->SetClientData(vtk_.get());
   detail->SetCallback([](vtkObject*, unsigned long event, void* parts, void*) {
     auto* vtk = static_cast<Vtk*>(parts);
-    vtk->DrawMoving(event == vtkCommand::StartInteractionEvent);
+    vtk->dragged = event == vtkCommand::StartInteractionEvent;
+    vtk->DrawMoving(vtk->dragged);
     if (event == vtkCommand::EndInteractionEvent) vtk->window->Render();
   });
   vtk_->detail = detail;
+  rest_.setSingleShot(true);
+  rest_.setInterval(kRest_ms);
+  connect(&rest_, &QTimer::timeout, this, [this] {
+    if (vtk_->dragged) return;  // its end draws them
+    vtk_->DrawMoving(false);
+    Render();
+  });
   vtk_->widget->installEventFilter(this);
   cube_ = new ViewCube(vtk_->widget);
   overlay_ = new PlanOverlay(vtk_->widget);
@@ -599,7 +608,7 @@ void SceneDesk::ShowSelected() {
   if (!there && !selected.startsWith("detection:") && vtk_->highlighted.size() > 0)
     texts.prepend(tr("%1 is not in the scene; what belongs to it is:").arg(selected));
   Say(texts.join("\n"));
-  Render();
+  RenderAtOnce();
   ShowPicture();
   FollowSlider();
 }
@@ -802,6 +811,7 @@ void SceneDesk::StepOutside() {
 std::vector<double> SceneDesk::Turn(int steps) {
   std::vector<double> frames_ms;
   if (!vtk_->view) return frames_ms;
+  vtk_->dragged = true;
   vtk_->DrawMoving(true);
   for (int i = 0; i < steps; ++i) {
     QElapsedTimer timer;
@@ -812,6 +822,7 @@ std::vector<double> SceneDesk::Turn(int steps) {
     QApplication::processEvents(QEventLoop::ExcludeUserInputEvents);  // until the widget shows it
     frames_ms.push_back(1e-6 * static_cast<double>(timer.nsecsElapsed()));
   }
+  vtk_->dragged = false;
   vtk_->DrawMoving(false);
   Render();
   return frames_ms;
@@ -882,6 +893,14 @@ void SceneDesk::ShowCamera(int index) {
 void SceneDesk::Render() {
   if (vtk_->widget->isVisible()) vtk_->window->Render();
   if (twin_ != nullptr && twin_->vtk_->widget->isVisible()) twin_->vtk_->window->Render();
+}
+
+void SceneDesk::RenderAtOnce() {
+  const bool many = vtk_->view && vtk_->view->PointsShown() > SceneView::kMovingPoints;
+  if (!many || vtk_->dragged) return Render();
+  vtk_->DrawMoving(true);
+  Render();
+  rest_.start();
 }
 
 void SceneDesk::Say(const QString& text) { text_->setText(text); }

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <QImage>
+#include <QTimer>
 #include <QWidget>
 #include <map>
 #include <memory>
@@ -141,6 +142,7 @@ class SceneDesk : public QWidget {
   PlanFrame PlanOf() const;
   void ListInside();  // runs that have the panorama one stands in
   void Render();
+  void RenderAtOnce();             // of many points some, until nothing else happens
   void Say(const QString& text);   // of the selection
   void Note(const QString& text);  // of what was done last, below what is to be known of the scene
   void ShowBackground();
@@ -169,6 +171,7 @@ class SceneDesk : public QWidget {
   std::map<std::string, int> opacities_;   // percent, by layer; others are 100
   PictureView* picture_;
   QPointF pressed_;
+  QTimer rest_;  // until all points are drawn
   SceneDesk* twin_ = nullptr;
   Kind kind_;
   std::optional<SceneSource> source_;  // nothing: the opened project's, with the chosen variant

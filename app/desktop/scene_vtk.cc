@@ -251,6 +251,7 @@ void SceneDesk::Vtk::SyncSky() {
 cv::Mat SceneDesk::Vtk::Picture(int width, int height) {
   const int* before = window->GetSize();
   const int old_width = before[0], old_height = before[1];
+  DrawMoving(false);
   widget->makeCurrent();
   window->SetSize(width, height);
   window->Render();

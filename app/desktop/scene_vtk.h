@@ -46,7 +46,8 @@ struct SceneDesk::Vtk {
   size_t inside = 0;                                // index of the panorama one stands in
   vtkSmartPointer<vtkActor> sphere;
   vtkSmartPointer<vtkCommand> detail;
-  bool shades = false;  // by depth, while the view rests
+  bool dragged = false;  // by the mouse
+  bool shades = false;   // by depth, while the view rests
   QStringList highlighted;
   std::vector<int> cameras;  // indices into the model, of the run that is scrubbed, by time
   bool looked = false;       // the user's view is kept over reloads

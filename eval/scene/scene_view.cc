@@ -23,8 +23,7 @@ namespace trigpoint {
 namespace {
 
 constexpr double kPickRadiusPx = 5;
-constexpr int kMovingPoints = 100000;  // drawn while the view moves
-constexpr size_t kLabelsAtOnce = 80;   // more are not read, and cost as much as the scene
+constexpr size_t kLabelsAtOnce = 80;  // more are not read, and cost as much as the scene
 
 // Says what an entry of the model is, lengths in one unit.
 class Words {

@@ -101,6 +101,7 @@ class SceneView {
   void MakeRoomForLabels(vtkRenderer* renderer) const;
   // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
   // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.
+  static constexpr int kMovingPoints = 100000;  // drawn while the view moves
   void DrawMoving(bool moving);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;

@@ -1,5 +1,5 @@
 // How fast a large project opens: time to the first picture, time until all points are there, frames a second while the
-// view turns, peak memory.
+// view turns, time from a selection until it is drawn, peak memory.
 //
 //   desktop_open DIR [IMAGES POINTS PANORAMAS]   DIR is made if it isn't there
 #include <QVTKOpenGLNativeWidget.h>
@@ -39,6 +39,25 @@ double PeakMiB() {
 constexpr int kPatience = 600000;  // ms
 
 bool WaitFor(const std::function<bool()>& condition) { return QTest::qWaitFor(condition, kPatience); }
+
+// From a selection until the scene is drawn with its ring.
+void PrintSelections(trigpoint::MainWindow& window) {
+  const auto& panoramas = window.workspace()->snapshot()->references;
+  std::vector<double> times_ms;
+  for (size_t i = 0; i < panoramas.size(); i += std::max<size_t>(1, panoramas.size() / 20)) {
+    const QString object = QString::fromStdString("panorama:" + panoramas[i].name);
+    QElapsedTimer timer;
+    timer.start();
+    window.workspace()->Select(object);
+    WaitFor([&] { return window.scene()->Highlighted().contains(object); });
+    QApplication::processEvents(QEventLoop::ExcludeUserInputEvents);
+    times_ms.push_back(1e-6 * static_cast<double>(timer.nsecsElapsed()));
+  }
+  std::sort(times_ms.begin(), times_ms.end());
+  if (times_ms.empty()) return;
+  std::printf("selection until it is drawn: median %.1f ms, largest %.1f ms of %zu\n", times_ms[times_ms.size() / 2],
+              times_ms.back(), times_ms.size());
+}
 
 }  // namespace
 
@@ -86,6 +105,7 @@ int main(int argc, char** argv) {
     const double median = frames[frames.size() / 2], slow = frames[frames.size() * 9 / 10];
     std::printf("turning: median %.1f ms a frame (%.1f a second), 90 %% within %.1f ms, %.1f ms of processor time\n",
                 median, 1e3 / median, slow, busy_ms);
+    PrintSelections(window);
     std::printf("peak memory %.0f MiB\n", PeakMiB());
   }
   QThreadPool::globalInstance()->waitForDone();

@@ -160,12 +160,12 @@ int main(int argc, char** argv) {
     Save(window, out, "tables");
     SaveCharts(window, out);
     SaveComparison(window, out);
-    for (const char* desk : {"review", "panoramas", "calibration"}) {
+    for (const char* desk : {"review", "panoramas", "calibration", "plan", "print", "check"}) {
       window.ShowDesk(desk);
       if (auto* photos = window.findChild<QTableWidget*>("panorama.photos"); desk == std::string("panoramas")) {
         WaitFor([&] { return photos->rowCount() > 0; }, kMayBeMissing);
       }
-      Save(window, out, desk);
+      Save(window, out, desk == std::string("plan") ? "survey_plan" : desk);
     }
     if (argc > 5) return 0;
     window.SetTheme("dark");

@@ -173,6 +173,11 @@ TEST_F(PlanDeskTest, AnUnsavedSketchIsNotLostWithoutAQuestion) {
 }
 
 TEST_F(PlanDeskTest, ColumnsSayWhatTheyMean) {
+  for (const char* name : {"plan.tags", "plan.gains"}) {  // before anything is predicted
+    const auto* table = Child<QTableWidget>(window_.get(), name);
+    ASSERT_NE(table->horizontalHeaderItem(0), nullptr) << name;
+    EXPECT_FALSE(table->horizontalHeaderItem(0)->toolTip().isEmpty()) << name;
+  }
   const auto* items = Child<QTableWidget>(window_.get(), "plan.items");
   for (int c = 0; c < items->columnCount(); ++c) {
     EXPECT_FALSE(items->horizontalHeaderItem(c)->toolTip().isEmpty()) << c;
