@@ -32,7 +32,8 @@ void ShowDrawing(PictureView* view, const PaintedDrawing& drawing, const QString
   }
   view->SetPicture(
       QImage::fromData(reinterpret_cast<const uchar*>(drawing.png.data()), static_cast<int>(drawing.png.size()), "PNG"),
-      title);
+      "");  // a title would cover its legend
+  view->setAccessibleDescription(title);
   view->SetMarks(std::move(marks));
 }
 

@@ -147,11 +147,14 @@ void PictureView::paintEvent(QPaintEvent*) {
     }
   }
   PaintNames(&painter);
-  const QString title = painter.fontMetrics().elidedText(title_, Qt::ElideLeft, width() - 8);
-  const QRectF plate(0, 0, painter.fontMetrics().horizontalAdvance(title) + 8.0, painter.fontMetrics().height() + 4.0);
-  painter.fillRect(plate, QColor(255, 255, 255, 200));
-  painter.setPen(Qt::black);
-  painter.drawText(QPointF(4, painter.fontMetrics().ascent() + 2), title);
+  if (!title_.isEmpty()) {
+    const QFontMetrics font = painter.fontMetrics();
+    const QString title = font.elidedText(title_, Qt::ElideLeft, width() - 8);
+    painter.fillRect(QRectF(0, 0, font.horizontalAdvance(title) + 8.0, font.height() + 4.0),
+                     QColor(255, 255, 255, 200));
+    painter.setPen(Qt::black);
+    painter.drawText(QPointF(4, font.ascent() + 2), title);
+  }
   if (hasFocus()) {
     painter.setPen(QPen(palette().color(QPalette::Highlight), 2));
     painter.drawRect(rect().adjusted(1, 1, -1, -1));
