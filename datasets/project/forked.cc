@@ -11,8 +11,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <fstream>
 #include <mutex>
 #include <new>
+#include <sstream>
 
 #include "calib/base/error.h"
 #include "datasets/project/files.h"
@@ -222,15 +224,51 @@ ForkedResult ForkedTask::Take() {
   return {std::move(listener_->text()), static_cast<int64_t>(usage.ru_maxrss) * 1024};
 }
 
-ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
-                       ProgressSink& progress, const CancelToken& cancel) {
-  ForkedTask task(what, body);
+std::optional<int64_t> ForkedTask::TicksAsleep() const {
+  std::ifstream in("/proc/" + std::to_string(child_) + "/stat");
+  std::string line;
+  std::getline(in, line);
+  const size_t name_end = line.rfind(')');  // the name may hold blanks
+  if (name_end == std::string::npos) return std::nullopt;
+  std::istringstream fields(line.substr(name_end + 1));
+  std::string state, skipped;
+  fields >> state;
+  for (int i = 0; i < 10; ++i) fields >> skipped;
+  int64_t user = 0, system = 0;
+  if (!(fields >> user >> system) || state != "S") return std::nullopt;
+  return user + system;
+}
+
+namespace {
+
+// True once the task has ended, false once it is stuck.
+bool ListenUntilStuck(ForkedTask& task, ProgressSink& progress, const CancelToken& cancel,
+                      std::optional<std::chrono::milliseconds> stuck) {
   constexpr std::chrono::milliseconds kPoll(50);
+  std::optional<int64_t> before;
+  auto since = std::chrono::steady_clock::now();
   while (!task.Listen(progress, kPoll)) {
     if (cancel.IsCancelled()) task.Kill();
+    const std::optional<int64_t> ticks = task.TicksAsleep();
+    const auto now = std::chrono::steady_clock::now();
+    if (!ticks || ticks != before) since = now;
+    before = ticks;
+    if (stuck && now - since > *stuck) return false;
   }
-  cancel.ThrowIfCancelled();
-  return task.Take();
+  return true;
+}
+
+}  // namespace
+
+ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
+                       ProgressSink& progress, const CancelToken& cancel, std::chrono::milliseconds stuck) {
+  constexpr int kAttempts = 5;
+  for (int attempt = 1;; ++attempt) {
+    ForkedTask task(what, body);
+    if (!ListenUntilStuck(task, progress, cancel, attempt < kAttempts ? std::optional(stuck) : std::nullopt)) continue;
+    cancel.ThrowIfCancelled();
+    return task.Take();
+  }
 }
 
 }  // namespace trigpoint

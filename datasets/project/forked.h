@@ -6,6 +6,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "calib/base/error.h"
@@ -37,6 +38,8 @@ class ForkedTask {
   // Hands on its progress; waits for it at most `patience`. True once it has ended.
   bool Listen(ProgressSink& progress, std::chrono::milliseconds patience);
   void Kill();
+  // Its processor time in clock ticks, all threads; nothing while it is ready to run, waits for a disk, or has ended.
+  std::optional<int64_t> TicksAsleep() const;
   // What it returned, once it has ended. Its errors arrive here as if it had run in this process. Where a signal ended
   // it, an Error names `what`, the signal and what to do.
   ForkedResult Take();
@@ -49,8 +52,11 @@ class ForkedTask {
   std::unique_ptr<Listener> listener_;
 };
 
-// Waits for a ForkedTask. Throws Cancelled after ending it.
+// Waits for a ForkedTask. Throws Cancelled after ending it. One that sleeps for `stuck` without using the processor
+// waits for a lock that another thread held during the fork: it is ended and begun anew, up to five times, with its
+// progress.
 ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
-                       ProgressSink& progress, const CancelToken& cancel);
+                       ProgressSink& progress, const CancelToken& cancel,
+                       std::chrono::milliseconds stuck = std::chrono::seconds(10));
 
 }  // namespace trigpoint

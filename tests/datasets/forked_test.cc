@@ -3,8 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <mutex>
 #include <new>
@@ -48,6 +51,24 @@ TEST(RunForked, GivesWhatTheBodyGives) {
   EXPECT_EQ(recorder.text, "counting100;odd;");
   EXPECT_EQ(recorder.advanced, 100);
   EXPECT_EQ(here, 0);
+}
+
+// As where a lock was held during the fork: the first child waits for ever.
+TEST(RunForked, AChildThatSleepsForEverIsBegunAnew) {
+  auto* children = static_cast<std::atomic<int>*>(
+      mmap(nullptr, sizeof(std::atomic<int>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
+  ASSERT_NE(children, MAP_FAILED);
+  ProgressSink progress;
+  const ForkedResult result = RunForked(
+      "work",
+      [&](ProgressSink&) {
+        while (children->fetch_add(1) == 0) pause();
+        return std::string("done");
+      },
+      progress, CancelToken(), std::chrono::milliseconds(300));
+  EXPECT_EQ(result.bytes, "done");
+  EXPECT_EQ(children->load(), 2);
+  munmap(children, sizeof(std::atomic<int>));
 }
 
 TEST(RunForked, ErrorsAndDeathArrive) {
