@@ -185,9 +185,9 @@ void SiteCheck::WatchSets(ProgressSink& progress) {
     const auto known = sets_.find(set.name);
     const bool news = set.photos > 0 && (known == sets_.end() || known->second.first != set.like);
     if (news && set.stable && !matching_) {
-      const auto body = [&](ProgressSink& its) {
+      const auto body = [dir, threads = threads_, seed = seed_](ProgressSink& its) {
         if (nice(kLessUrgent) < 0) its.Log(LogLevel::kDebug, "nice: refused");
-        return JsonOf(LookAtSet(dir, threads_, seed_, its, {})).dump();
+        return JsonOf(LookAtSet(dir, threads, seed, its, {})).dump();
       };
       matching_.reset(new Matching{set, {"photo set " + set.name + ": matching its photos", body}});
     }

@@ -128,6 +128,22 @@ std::pair<pid_t, int> Start(const std::string& what, const std::function<std::st
   }
 }
 
+// Its processor time in clock ticks, all threads; nothing while it is ready to run, waits for a disk, or has ended.
+std::optional<int64_t> TicksAsleep(pid_t process) {
+  std::ifstream in("/proc/" + std::to_string(process) + "/stat");
+  std::string line;
+  std::getline(in, line);
+  const size_t name_end = line.rfind(')');  // the name may hold blanks
+  if (name_end == std::string::npos) return std::nullopt;
+  std::istringstream fields(line.substr(name_end + 1));
+  std::string state, skipped;
+  fields >> state;
+  for (int i = 0; i < 10; ++i) fields >> skipped;
+  int64_t user = 0, system = 0;
+  if (!(fields >> user >> system) || state != "S") return std::nullopt;
+  return user + system;
+}
+
 }  // namespace
 
 // The child's side of the conversation, read until it ends.
@@ -183,24 +199,48 @@ class ForkedTask::Listener {
   int64_t error_kind_ = 0;
 };
 
-ForkedTask::ForkedTask(std::string what, const std::function<std::string(ProgressSink&)>& body)
-    : what_(std::move(what)) {
-  const auto [child, answers] = Start(what_, body);
-  child_ = child;
-  listener_ = std::make_unique<Listener>(answers);
+ForkedTask::ForkedTask(std::string what, Body body, std::chrono::milliseconds stuck)
+    : what_(std::move(what)), body_(std::move(body)), stuck_(stuck) {
+  Begin();
 }
 
 ForkedTask::~ForkedTask() {
-  if (child_ < 0) return;
+  if (child_ >= 0) End();
+}
+
+void ForkedTask::Begin() {
+  const auto [child, answers] = Start(what_, body_);
+  child_ = child;
+  listener_ = std::make_unique<Listener>(answers);
+  ticks_asleep_.reset();
+  changed_ = std::chrono::steady_clock::now();
+  ++attempts_;
+}
+
+void ForkedTask::End() {
   Kill();
   while (waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
   }
+  child_ = -1;
+}
+
+bool ForkedTask::IsStuck() {
+  const std::optional<int64_t> ticks = TicksAsleep(child_);
+  const auto now = std::chrono::steady_clock::now();
+  if (!ticks || ticks != ticks_asleep_) changed_ = now;
+  ticks_asleep_ = ticks;
+  return now - changed_ > stuck_;
 }
 
 bool ForkedTask::Listen(ProgressSink& progress, std::chrono::milliseconds patience) {
   while (listener_->IsReady(patience)) {
     if (!listener_->ReadSome(progress)) return true;
     patience = std::chrono::milliseconds(0);
+  }
+  constexpr int kAttempts = 5;
+  if (attempts_ < kAttempts && IsStuck()) {
+    End();
+    Begin();
   }
   return false;
 }
@@ -224,51 +264,15 @@ ForkedResult ForkedTask::Take() {
   return {std::move(listener_->text()), static_cast<int64_t>(usage.ru_maxrss) * 1024};
 }
 
-std::optional<int64_t> ForkedTask::TicksAsleep() const {
-  std::ifstream in("/proc/" + std::to_string(child_) + "/stat");
-  std::string line;
-  std::getline(in, line);
-  const size_t name_end = line.rfind(')');  // the name may hold blanks
-  if (name_end == std::string::npos) return std::nullopt;
-  std::istringstream fields(line.substr(name_end + 1));
-  std::string state, skipped;
-  fields >> state;
-  for (int i = 0; i < 10; ++i) fields >> skipped;
-  int64_t user = 0, system = 0;
-  if (!(fields >> user >> system) || state != "S") return std::nullopt;
-  return user + system;
-}
-
-namespace {
-
-// True once the task has ended, false once it is stuck.
-bool ListenUntilStuck(ForkedTask& task, ProgressSink& progress, const CancelToken& cancel,
-                      std::optional<std::chrono::milliseconds> stuck) {
+ForkedResult RunForked(const std::string& what, const ForkedTask::Body& body, ProgressSink& progress,
+                       const CancelToken& cancel, std::chrono::milliseconds stuck) {
+  ForkedTask task(what, body, stuck);
   constexpr std::chrono::milliseconds kPoll(50);
-  std::optional<int64_t> before;
-  auto since = std::chrono::steady_clock::now();
   while (!task.Listen(progress, kPoll)) {
     if (cancel.IsCancelled()) task.Kill();
-    const std::optional<int64_t> ticks = task.TicksAsleep();
-    const auto now = std::chrono::steady_clock::now();
-    if (!ticks || ticks != before) since = now;
-    before = ticks;
-    if (stuck && now - since > *stuck) return false;
   }
-  return true;
-}
-
-}  // namespace
-
-ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
-                       ProgressSink& progress, const CancelToken& cancel, std::chrono::milliseconds stuck) {
-  constexpr int kAttempts = 5;
-  for (int attempt = 1;; ++attempt) {
-    ForkedTask task(what, body);
-    if (!ListenUntilStuck(task, progress, cancel, attempt < kAttempts ? std::optional(stuck) : std::nullopt)) continue;
-    cancel.ThrowIfCancelled();
-    return task.Take();
-  }
+  cancel.ThrowIfCancelled();
+  return task.Take();
 }
 
 }  // namespace trigpoint

@@ -29,8 +29,11 @@ struct ForkedResult {
 // start threads, but must not touch what other threads of this process may hold locked.
 class ForkedTask {
  public:
-  // `what` names it in errors. Throws IoError where no process can be started.
-  ForkedTask(std::string what, const std::function<std::string(ProgressSink&)>& body);
+  using Body = std::function<std::string(ProgressSink&)>;
+  // `what` names it in errors. A process that sleeps for `stuck` without using the processor waits for a lock that
+  // another thread held during the fork: it is ended and begun anew, up to five times, with its progress. `body` must
+  // own what it needs until then. Throws IoError where no process can be started.
+  ForkedTask(std::string what, Body body, std::chrono::milliseconds stuck = std::chrono::seconds(10));
   ~ForkedTask();  // ends it
   ForkedTask(const ForkedTask&) = delete;
   ForkedTask& operator=(const ForkedTask&) = delete;
@@ -38,25 +41,28 @@ class ForkedTask {
   // Hands on its progress; waits for it at most `patience`. True once it has ended.
   bool Listen(ProgressSink& progress, std::chrono::milliseconds patience);
   void Kill();
-  // Its processor time in clock ticks, all threads; nothing while it is ready to run, waits for a disk, or has ended.
-  std::optional<int64_t> TicksAsleep() const;
   // What it returned, once it has ended. Its errors arrive here as if it had run in this process. Where a signal ended
   // it, an Error names `what`, the signal and what to do.
   ForkedResult Take();
 
  private:
   class Listener;
+  void Begin();
+  void End();
+  bool IsStuck();
 
   std::string what_;
+  Body body_;
+  std::chrono::milliseconds stuck_;
+  int attempts_ = 0;
+  std::optional<int64_t> ticks_asleep_;            // when it was asked last
+  std::chrono::steady_clock::time_point changed_;  // since then it sleeps without using the processor
   pid_t child_ = -1;
   std::unique_ptr<Listener> listener_;
 };
 
-// Waits for a ForkedTask. Throws Cancelled after ending it. One that sleeps for `stuck` without using the processor
-// waits for a lock that another thread held during the fork: it is ended and begun anew, up to five times, with its
-// progress.
-ForkedResult RunForked(const std::string& what, const std::function<std::string(ProgressSink&)>& body,
-                       ProgressSink& progress, const CancelToken& cancel,
-                       std::chrono::milliseconds stuck = std::chrono::seconds(10));
+// Waits for a ForkedTask. Throws Cancelled after ending it.
+ForkedResult RunForked(const std::string& what, const ForkedTask::Body& body, ProgressSink& progress,
+                       const CancelToken& cancel, std::chrono::milliseconds stuck = std::chrono::seconds(10));
 
 }  // namespace trigpoint

@@ -99,9 +99,9 @@ class SceneView {
   void SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb);
   // Labels that would lie on others are left out: the first ones stay. For one picture of `renderer`.
   void MakeRoomForLabels(vtkRenderer* renderer) const;
+  static constexpr int kMovingPoints = 100000;  // drawn while the view moves
   // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
   // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.
-  static constexpr int kMovingPoints = 100000;  // drawn while the view moves
   void DrawMoving(bool moving);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;
