@@ -8,7 +8,6 @@
 #include <fstream>
 #include <new>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "calib/base/error.h"
@@ -174,7 +173,10 @@ namespace {
 // All of the picture that the camera's part lies in.
 cv::Mat LoadStored(const ImageEntry& entry, const BodyCamera& camera, bool grey) {
   const bool video = entry.video_frame >= 0;
-  const auto frame = [&] { return ReadVideoFrameGrey(entry.path, entry.video_frame); };
+  const auto frame = [&] {
+    return grey ? ReadVideoFrameGrey(entry.path, entry.video_frame)
+                : ReadVideoFrameColour(entry.path, entry.video_frame);
+  };
   if (camera.part.kind == PicturePart::Kind::kAll) {
     if (!video) return LoadPhoto(entry.path, camera.camera, grey);
     cv::Mat picture = frame();
@@ -204,11 +206,7 @@ cv::Mat LoadImage(const Run& run, const ImageEntry& entry, bool grey) {
 
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) { return LoadImage(run, entry, true); }
 
-cv::Mat LoadColour(const Run& run, const ImageEntry& entry) {
-  cv::Mat picture = LoadImage(run, entry, false);
-  if (picture.channels() == 1) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
-  return picture;
-}
+cv::Mat LoadColour(const Run& run, const ImageEntry& entry) { return LoadImage(run, entry, false); }
 
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey) {
   const std::vector<uchar> bytes = ReadBytes(file);

@@ -13,7 +13,7 @@ namespace trigpoint {
 // file when it is missing, empty, truncated, not a picture, or of another size than the calibration (expected and found
 // sizes named).
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
-// The same in colour, BGR; frames of videos are grey.
+// The same in colour, BGR.
 cv::Mat LoadColour(const Run& run, const ImageEntry& entry);
 
 // The same of a photo with a known camera: 8-bit grey or BGR of the camera's size. Throws InputError.

@@ -24,10 +24,11 @@ cv::VideoCapture Open(const std::filesystem::path& file) {
   return video;
 }
 
-// One open video: frames in order, the last few kept, as several threads ask for neighbours.
+// One open video: frames in order, grey or BGR, the last few kept, as several threads ask for neighbours.
 class OpenVideo {
  public:
-  explicit OpenVideo(std::filesystem::path file) : file_(std::move(file)), video_(Open(file_)) {}
+  OpenVideo(std::filesystem::path file, bool grey)
+      : file_(std::move(file)), grey_(grey), most_kept_(grey ? 16 : 5), video_(Open(file_)) {}
 
   cv::Mat Frame(int index) {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -38,29 +39,30 @@ class OpenVideo {
       video_ = Open(file_);
       next_ = 0;
     }
-    cv::Mat frame, grey;
+    cv::Mat frame, wanted;
     for (; next_ <= index; ++next_) {
       if (!video_.grab()) {
         throw InputError(file_.string() + ": frame " + std::to_string(next_) + " cannot be read; the video is damaged");
       }
-      if (next_ + kKept <= index) continue;
+      if (next_ + most_kept_ <= index) continue;
       if (!video_.retrieve(frame) || frame.empty()) {
         throw InputError(file_.string() + ": frame " + std::to_string(next_) + " cannot be decoded");
       }
-      if (frame.channels() == 1) {
-        grey = frame.clone();
+      if ((frame.channels() == 1) == grey_) {
+        wanted = frame;
       } else {
-        cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
+        cv::cvtColor(frame, wanted, grey_ ? cv::COLOR_BGR2GRAY : cv::COLOR_GRAY2BGR);
       }
-      kept_.emplace_back(next_, grey.clone());
-      if (kept_.size() > static_cast<size_t>(kKept)) kept_.pop_front();
+      kept_.emplace_back(next_, wanted.clone());
+      if (kept_.size() > static_cast<size_t>(most_kept_)) kept_.pop_front();
     }
     return kept_.back().second.clone();
   }
 
  private:
-  static constexpr int kKept = 16;
-  std::filesystem::path file_;
+  const std::filesystem::path file_;
+  const bool grey_;
+  const int most_kept_;  // frames, about as many bytes of both kinds
   std::mutex mutex_;
   cv::VideoCapture video_;
   int next_ = 0;
@@ -88,23 +90,19 @@ bool EndsAt(const std::filesystem::path& file, int64_t count, double last_ms) {
   return std::abs(video.get(cv::CAP_PROP_POS_MSEC) - last_ms) < 1.5 && !video.grab();
 }
 
-}  // namespace
-
-cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) {
+cv::Mat ReadVideoFrame(const std::filesystem::path& file, int index, bool grey) {
   static std::mutex mutex;
-  static std::map<std::filesystem::path, std::pair<FileVersion, std::shared_ptr<OpenVideo>>> open;
+  static std::map<std::pair<std::filesystem::path, bool>, std::pair<FileVersion, std::shared_ptr<OpenVideo>>> open;
   std::shared_ptr<OpenVideo> video;
   {
     const FileVersion version = VersionOf(file);
     const std::lock_guard<std::mutex> lock(mutex);
-    auto& [known, slot] = open[file];
-    if (!slot || known != version) slot = std::make_shared<OpenVideo>(file), known = version;
+    auto& [known, slot] = open[{file, grey}];
+    if (!slot || known != version) slot = std::make_shared<OpenVideo>(file, grey), known = version;
     video = slot;
   }
   return video->Frame(index);
 }
-
-namespace {
 
 std::vector<int64_t> ReadFrameTimes(const std::filesystem::path& file) {
   cv::VideoCapture video = Open(file);
@@ -138,6 +136,12 @@ std::vector<int64_t> ReadFrameTimes(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index) { return ReadVideoFrame(file, index, true); }
+
+cv::Mat ReadVideoFrameColour(const std::filesystem::path& file, int index) {
+  return ReadVideoFrame(file, index, false);
+}
 
 std::vector<int64_t> VideoFrameTimes(const std::filesystem::path& file) {
   static std::mutex mutex;

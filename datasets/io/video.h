@@ -11,5 +11,7 @@ namespace trigpoint {
 // Frame `index` (0 = first) as 8-bit grey. Thread safe; fast when frames are asked for roughly in order.
 // Throws InputError naming the video and the frame.
 cv::Mat ReadVideoFrameGrey(const std::filesystem::path& file, int index);
+// The same in colour, BGR.
+cv::Mat ReadVideoFrameColour(const std::filesystem::path& file, int index);
 
 }  // namespace trigpoint

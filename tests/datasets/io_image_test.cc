@@ -385,6 +385,31 @@ TEST(Video, OneThatGrewIsOpenedAgain) {
   EXPECT_NEAR(cv::mean(ReadVideoFrameGrey(file, 25))[0], 125, 3);
 }
 
+TEST(Video, HasColours) {
+  const TempDir dir;
+  trigpoint::Run run = RunWithCamera(64, 48);
+  run.config.mirrored = true;
+  ImageEntry entry = Entry(dir / "clip.avi");
+  cv::VideoWriter writer(entry.path.string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 25, {64, 48});
+  if (!writer.isOpened()) GTEST_SKIP() << "this OpenCV writes no videos";
+  for (int i = 0; i < 9; ++i) {
+    cv::Mat frame(48, 64, CV_8UC3, cv::Scalar(40, 40, 20.0 * i));
+    frame.colRange(32, 64).setTo(cv::Scalar(20.0 * i, 40, 40));
+    writer.write(frame);
+  }
+  writer.release();
+  for (const int i : {8, 2, 7}) {  // back, too
+    entry.video_frame = i;
+    const cv::Mat picture = LoadColour(run, entry);
+    ASSERT_EQ(picture.type(), CV_8UC3);
+    const cv::Vec3b blue = picture.at<cv::Vec3b>(24, 10), red = picture.at<cv::Vec3b>(24, 54);
+    EXPECT_NEAR(blue[0], 20 * i, 8) << i;
+    EXPECT_NEAR(blue[2], 40, 8) << i;
+    EXPECT_NEAR(red[2], 20 * i, 8) << i;
+    EXPECT_EQ(LoadGrey(run, entry).type(), CV_8U);
+  }
+}
+
 class VideoTest : public testing::TestWithParam<int> {};
 
 TEST_P(VideoTest, FramesHaveTimesAndComeInAnyOrder) {
