@@ -39,6 +39,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "eval/release/compared.h"
+#include "eval/scene/scene_pairs.h"
 
 namespace trigpoint {
 
@@ -305,6 +306,7 @@ void SceneDesk::ConnectControls() {
   connect(measure_, &QCheckBox::toggled, this, [this](bool on) {
     measured_from_.reset();
     if (!on) ForgetMeasured();
+    pairs_ = std::make_shared<ScenePairs>();
     if (!on) Note("");
     Render();
   });
@@ -505,6 +507,7 @@ void SceneDesk::ClearScene() {
   vtk_->widget->makeCurrent();
   vtk_->Clear(vtk_->highlights);
   ForgetMeasured();
+  pairs_ = std::make_shared<ScenePairs>();
   stepping_.reset();
   vtk_->highlighted.clear();
   if (inside()) UseStyle(mode());

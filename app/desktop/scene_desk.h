@@ -31,6 +31,7 @@ namespace trigpoint {
 class MeasurementList;
 class PictureView;
 class PlanOverlay;
+class ScenePairs;
 class ViewCube;
 struct MeasuredPlace;
 struct Measurement;
@@ -168,6 +169,7 @@ class SceneDesk : public QWidget {
   MeasurementList* measurements_;
   std::unique_ptr<MeasuredPlace> measured_from_;
   std::unique_ptr<Measurement> measured_;  // whose line is drawn
+  std::shared_ptr<ScenePairs> pairs_;      // of the scene that is shown, while one measures
   std::map<std::string, int> opacities_;   // percent, by layer; others are 100
   PictureView* picture_;
   QPointF pressed_;

@@ -72,9 +72,9 @@ void SceneDesk::SolveMeasured() {
   const bool on_earth = vtk_->model()->on_earth;
   InBackground(
       this,
-      [snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(), on_earth,
-       from = *m.from.thing,
-       to = *m.to.thing] { return CovarianceBetween(*snapshot->project, variant, on_earth, from, to); },
+      [pairs = pairs_, snapshot = workspace_->snapshot(), variant = variant_->currentData().toString().toStdString(),
+       on_earth, from = *m.from.thing,
+       to = *m.to.thing] { return pairs->Between(*snapshot->project, variant, on_earth, from, to); },
       [this, number, m, on_earth](const Attempted<std::optional<Eigen::Matrix3d>>& between) {
         if (!measurements_->Complete(number, MeasureBetween(m.from, m.to, on_earth, between.value))) return;
         if (between.error.isEmpty()) return;

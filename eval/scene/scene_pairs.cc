@@ -36,24 +36,6 @@ bool StandsThere(const Solution& s, bool on_earth, const Mounted& mounted, const
   return ((rig * mounted.rig_from_thing).translation - thing.position).norm() < kSame_m;
 }
 
-std::optional<Eigen::Matrix3d> BetweenPoses(const Project& project, const std::string& variant, bool on_earth,
-                                            const SceneThing& a, const SceneThing& b) {
-  const std::string name = variant.empty() ? a.run : a.run + "@" + variant;
-  const std::filesystem::path file = project.ResultDir("localize", name) / kSolutionFile;
-  if (!std::filesystem::exists(file)) return std::nullopt;
-  const Solution s = ReadSolution(file);
-  if (on_earth && !s.georeference) return std::nullopt;
-  const auto from = FindIn(s, a), to = FindIn(s, b);
-  if (!from || !to || !StandsThere(s, on_earth, *from, a) || !StandsThere(s, on_earth, *to, b)) return std::nullopt;
-  const auto pose = [&](const Mounted& m) {
-    return on_earth ? WorldPose(s, m.pose, m.rig_from_thing) : OdomPose(s, m.pose, m.rig_from_thing);
-  };
-  Eigen::MatrixXd centre(3, 6);
-  centre << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
-  const CancelToken cancel;
-  return SolutionCovariance(s, !on_earth, 0, cancel).Of({centre * pose(*to) + Eigen::MatrixXd(-centre) * pose(*from)});
-}
-
 std::optional<Eigen::Matrix3d> BetweenTags(const Project& project, const SceneThing& a, const SceneThing& b) {
   const std::filesystem::path folder = project.ResultDir("survey", "");
   const int from = std::stoi(a.name), to = std::stoi(b.name);
@@ -72,13 +54,59 @@ std::optional<Eigen::Matrix3d> BetweenTags(const Project& project, const SceneTh
                          common.transpose());
 }
 
+// Which file it is, and which state of it.
+struct Version {
+  std::filesystem::path file;
+  std::filesystem::file_time_type written;
+  std::uintmax_t bytes = 0;
+  bool on_earth = false;
+  bool operator==(const Version&) const = default;
+};
+
 }  // namespace
 
-std::optional<Eigen::Matrix3d> CovarianceBetween(const Project& project, const std::string& variant, bool on_earth,
-                                                 const SceneThing& a, const SceneThing& b) {
+struct ScenePairs::Solved {
+  explicit Solved(const Version& v) : version(v), solution(ReadSolution(v.file)) {}
+  const SolutionCovariance& Covariance() {
+    if (!covariance) covariance.emplace(solution, !version.on_earth, 0, never);
+    return *covariance;
+  }
+
+  const Version version;
+  const Solution solution;
+  const CancelToken never;
+  std::optional<SolutionCovariance> covariance;
+};
+
+ScenePairs::ScenePairs() = default;
+ScenePairs::~ScenePairs() = default;
+
+std::optional<Eigen::Matrix3d> ScenePairs::BetweenPoses(const std::filesystem::path& file, bool on_earth,
+                                                        const SceneThing& a, const SceneThing& b) {
+  if (!std::filesystem::exists(file)) return std::nullopt;
+  const Version version{file, std::filesystem::last_write_time(file), std::filesystem::file_size(file), on_earth};
+  const std::lock_guard guard(mutex_);
+  if (solved_ && solved_->version != version) solved_.reset();  // before the next one needs its memory
+  if (!solved_) solved_ = std::make_unique<Solved>(version);
+  const Solution& s = solved_->solution;
+  if (on_earth && !s.georeference) return std::nullopt;
+  const auto from = FindIn(s, a), to = FindIn(s, b);
+  if (!from || !to || !StandsThere(s, on_earth, *from, a) || !StandsThere(s, on_earth, *to, b)) return std::nullopt;
+  const auto pose = [&](const Mounted& m) {
+    return on_earth ? WorldPose(s, m.pose, m.rig_from_thing) : OdomPose(s, m.pose, m.rig_from_thing);
+  };
+  Eigen::MatrixXd centre(3, 6);
+  centre << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
+  return solved_->Covariance().Of({centre * pose(*to) + Eigen::MatrixXd(-centre) * pose(*from)});
+}
+
+std::optional<Eigen::Matrix3d> ScenePairs::Between(const Project& project, const std::string& variant, bool on_earth,
+                                                   const SceneThing& a, const SceneThing& b) {
   const bool tag = a.kind == SceneThing::Kind::kTag;
   if (tag != (b.kind == SceneThing::Kind::kTag) || a.run != b.run) return std::nullopt;
-  return tag ? BetweenTags(project, a, b) : BetweenPoses(project, variant, on_earth, a, b);
+  if (tag) return BetweenTags(project, a, b);
+  const std::string name = variant.empty() ? a.run : a.run + "@" + variant;
+  return BetweenPoses(project.ResultDir("localize", name) / kSolutionFile, on_earth, a, b);
 }
 
 }  // namespace trigpoint

@@ -2,7 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <filesystem>
+#include <memory>
+#include <mutex>
 #include <optional>
+#include <string>
 
 #include "datasets/project/project.h"
 #include "eval/scene/scene_model.h"
@@ -17,11 +21,26 @@ struct SceneThing {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // scene frame, m
 };
 
-// Covariance (m^2, scene frame) of the vector between two things, from their joint covariance: two cameras or panoramas
-// of one run from its solution `variant`, two tags from tags_cov.csv. Nothing where there is none of both, and where
-// the results are no longer those of the scene. Throws Error for results that cannot be read. Seconds for thousands of
-// images.
-std::optional<Eigen::Matrix3d> CovarianceBetween(const Project& project, const std::string& variant, bool on_earth,
-                                                 const SceneThing& a, const SceneThing& b);
+// The solution that was asked for last stays factored until another one is, or it was made again. Thread safe.
+class ScenePairs {
+ public:
+  ScenePairs();
+  ~ScenePairs();
+
+  // Covariance (m^2, scene frame) of the vector between two things, from their joint covariance: two cameras or
+  // panoramas of one run from its solution `variant`, two tags from tags_cov.csv. Nothing where there is none of both,
+  // and where the results are no longer those of the scene. Throws Error for results that cannot be read. Seconds for
+  // thousands of images, once a solution.
+  std::optional<Eigen::Matrix3d> Between(const Project& project, const std::string& variant, bool on_earth,
+                                         const SceneThing& a, const SceneThing& b);
+
+ private:
+  struct Solved;
+  std::optional<Eigen::Matrix3d> BetweenPoses(const std::filesystem::path& file, bool on_earth, const SceneThing& a,
+                                              const SceneThing& b);
+
+  std::mutex mutex_;
+  std::unique_ptr<Solved> solved_;
+};
 
 }  // namespace trigpoint

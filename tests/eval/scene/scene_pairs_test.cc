@@ -26,12 +26,13 @@ class ScenePairsTest : public testing::Test {
             OdomFromCam(solution_, solution_.images[image]).translation};
   }
   std::optional<Eigen::Matrix3d> Between(const SceneThing& a, const SceneThing& b) const {
-    return CovarianceBetween(project_, "", false, a, b);
+    return pairs_.Between(project_, "", false, a, b);
   }
 
   ProjectFolder folder_;
   Project project_;
   Solution solution_;
+  mutable ScenePairs pairs_;
 };
 
 TEST_F(ScenePairsTest, CamerasOfOneMomentAreKnownByTheirMount) {
@@ -72,6 +73,23 @@ TEST_F(ScenePairsTest, NothingIsSaidOfOtherPairsAndOfPlacesThatMoved) {
   SceneThing unknown = Camera(6);
   unknown.name = "none.jpg";
   EXPECT_FALSE(Between(Camera(4), unknown));
+}
+
+TEST_F(ScenePairsTest, ASolutionIsReadAndFactoredOnceUntilItIsMadeAgain) {
+  const auto first = Between(Camera(4), Camera(10));
+  ASSERT_TRUE(first);
+  // Another content in a file that looks the same: it is not opened.
+  const std::filesystem::path file = project_.ResultDir("localize", "run1") / kSolutionFile;
+  const auto written = std::filesystem::last_write_time(file);
+  const std::string damaged(std::filesystem::file_size(file), ' ');
+  folder_.Write("results/localize/run1/" + std::string(kSolutionFile), damaged);
+  std::filesystem::last_write_time(file, written);
+  EXPECT_EQ(Between(Camera(4), Camera(10)), first);
+  EXPECT_TRUE(Between(Camera(2), Camera(8)));
+  std::filesystem::last_write_time(file, written + std::chrono::seconds(1));
+  EXPECT_THROW(Between(Camera(4), Camera(10)), Error);
+  WriteSolution(solution_, file);
+  EXPECT_EQ(Between(Camera(4), Camera(10)), first);
 }
 
 }  // namespace
