@@ -96,6 +96,7 @@ std::shared_ptr<const LoadedScene> LoadAll(const Project& project, const SceneOp
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "odometry"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "optimised"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "truth"),
+    QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "reference"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "estimates"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "points"),
     QT_TRANSLATE_NOOP("trigpoint::SceneDesk", "cameras"),

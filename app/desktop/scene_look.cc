@@ -182,6 +182,10 @@ PlanFrame SceneDesk::PlanOf() const {
   const SceneModel* model = vtk_->model();
   if (model == nullptr || model->Empty()) return frame;
   const double ratio = vtk_->widget->devicePixelRatioF(), metres = workspace_->metres_per_unit();
+  for (const Eigen::AlignedBox2d& box : vtk_->view->LegendBoxes(vtk_->renderer)) {
+    frame.legend.emplace_back(box.min().x() / ratio, (vtk_->window->GetSize()[1] - box.max().y()) / ratio,
+                              box.sizes().x() / ratio, box.sizes().y() / ratio);
+  }
   const Eigen::Vector3d origin = vtk_->PlaceUnder(0, 0), right = vtk_->PlaceUnder(ratio * 100, 0),
                         down = vtk_->PlaceUnder(0, ratio * 100);
   const double metres_per_px = (right - origin).head<2>().norm() / 100;

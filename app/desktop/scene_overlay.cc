@@ -159,7 +159,13 @@ void PlanOverlay::PaintGrid(QPainter* painter) const {
       painter->setPen(QPen(QColor(40, 40, 40, 150), 0.7));
       painter->drawLine(QPointF(p.x(), p.y()), QPointF(q.x(), q.y()));
       const QString text = QString::number(value, 'f', decimals);
-      PaintText(painter, axis == 0 ? QPointF(p.x() + 3, height() - 5) : QPointF(3, p.y() - 3), text);
+      QPointF at = axis == 0 ? QPointF(p.x() + 3, height() - 5) : QPointF(3, p.y() - 3);
+      for (const QRectF& line : frame_.legend) {
+        const bool over =
+            axis == 1 && line.intersects(painter->fontMetrics().boundingRect(text).translated(at.toPoint()));
+        if (over) at.setX(line.right() + 6);
+      }
+      PaintText(painter, at, text);
     }
   }
 }

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <QRectF>
 #include <QString>
 #include <QWidget>
 #include <array>
+#include <vector>
 
 namespace trigpoint {
 
@@ -50,6 +52,7 @@ struct PlanFrame {
   Eigen::Vector2d origin = Eigen::Vector2d::Zero(), a = Eigen::Vector2d::UnitX(), b = Eigen::Vector2d::UnitY();
   double north_deg = 0;  // of the grid, on the screen, clockwise from up
   bool has_north = true;
+  std::vector<QRectF> legend;  // the scene's, line by line: numbers of the grid keep away from it
   bool operator==(const PlanFrame&) const = default;
 };
 

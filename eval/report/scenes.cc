@@ -93,10 +93,12 @@ class RenderedScene {
       : model_(model), window_(window), width_(width), style_(StyleOf(model, width)), view_(model, style_) {
     view_.AddTo(window_.renderer());
     window_.Render(kSamples * width_, kSamples * height_);  // gives the renderer its size
-    const bool truth = std::any_of(model.paths.begin(), model.paths.end(),
-                                   [](const auto& p) { return p.kind == ScenePath::Kind::kTruth; });
+    const auto has = [&](ScenePath::Kind kind) {
+      return std::any_of(model.paths.begin(), model.paths.end(), [&](const auto& p) { return p.kind == kind; });
+    };
     lines_ = std::string(" Blue: optimised cameras; ochre: odometry from the first camera on") +
-             (truth ? "; black: reference poses." : ".");
+             (has(ScenePath::Kind::kTruth) ? "; black: true poses" : "") +
+             (has(ScenePath::Kind::kReference) ? "; vermilion: reference poses." : ".");
     frame_ = " Frame: " + model.frame + (model.on_earth ? " (x east, y north, z up, metres)." : " (metres).");
     if (!model.errors.empty()) errors_ = ErrorsCaption(view_.ErrorScale(), style_.confidence);
   }

@@ -189,11 +189,14 @@ void SceneView::Parts::BuildLegend() {
   };
   add("optimised", "cameras, optimised", kBlue);
   add("odometry", "odometry, begun at the first camera", kOrange);
-  std::set<std::string> truths;
-  for (const ScenePath& path : model.paths) {
-    if (path.kind == ScenePath::Kind::kTruth) truths.insert(path.source);
+  for (const auto& [kind, colour] :
+       {std::pair(ScenePath::Kind::kTruth, kBlack), std::pair(ScenePath::Kind::kReference, kVermilion)}) {
+    std::set<std::string> sources;
+    for (const ScenePath& path : model.paths) {
+      if (path.kind == kind) sources.insert(path.source);
+    }
+    for (const std::string& name : sources) add(LayerOf(kind), name, colour);
   }
-  for (const std::string& name : truths) add("truth", name, kBlack);
   add("estimates", "other systems, fitted rigidly", kPurple);
   add("geotags", "geotags of panoramas", kSky);
   add("errors", fmt::format("errors x {}", ShortNumber(error_scale)), kVermilion);

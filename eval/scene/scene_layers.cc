@@ -26,6 +26,7 @@ Colour ColourOf(ScenePath::Kind kind) {
     case ScenePath::Kind::kOdometry: return kOrange;
     case ScenePath::Kind::kOptimised: return kBlue;
     case ScenePath::Kind::kTruth: return kBlack;
+    case ScenePath::Kind::kReference: return kVermilion;
     case ScenePath::Kind::kEstimate: return kPurple;
     case ScenePath::Kind::kGps: return kGreen;
   }
@@ -85,6 +86,7 @@ const char* LayerOf(ScenePath::Kind kind) {
     case ScenePath::Kind::kOdometry: return "odometry";
     case ScenePath::Kind::kOptimised: return "optimised";
     case ScenePath::Kind::kTruth: return "truth";
+    case ScenePath::Kind::kReference: return "reference";
     case ScenePath::Kind::kEstimate: return "estimates";
     case ScenePath::Kind::kGps: return "gps";
   }

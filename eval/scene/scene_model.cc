@@ -15,6 +15,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/project/review.h"
+#include "datasets/project/stage.h"
 #include "eval/errors/evaluate.h"
 #include "eval/errors/results.h"
 #include "eval/scene/scene_points.h"
@@ -185,17 +186,47 @@ class Loader {
       }
       if (path.poses.size() > 1) model_.paths.push_back(std::move(path));
     }
-    if (!part.on_earth) return;
-    for (const fs::path& truth : {project_.dir() / "truth" / "runs" / (run.name + "_cameras.tum"),
-                                  ReferencePosesOf(run.name) / "cameras.tum"}) {
-      if (!fs::exists(truth)) continue;
-      Guard("truth of " + run.name, [&] {
-        const char* name = truth.filename() == "cameras.tum" ? "reference poses from the tag map" : "truth";
-        model_.paths.push_back({ScenePath::Kind::kTruth, run.name, name, ReadTrajectory(truth).poses});
-      });
-      break;
+    Guard("truth of " + run.name, [&] {
+      AddWorldPoses(part, ScenePath::Kind::kTruth, "truth", TruthFolder() / "runs" / (run.name + "_cameras.tum"));
+    });
+    Guard("reference poses of " + run.name, [&] {
+      AddWorldPoses(part, ScenePath::Kind::kReference, "reference poses from the tag map",
+                    ReferencePosesOf(run.name) / "cameras.tum");
+    });
+    if (part.on_earth) AddEstimates(run, optimised);
+  }
+
+  // The one `evaluate` scored against, else the project's own.
+  fs::path TruthFolder() const {
+    const std::string name = options_.variant.empty() ? "" : "@" + options_.variant;
+    const nlohmann::json manifest = ReadManifest(project_, "evaluate", name).value_or(nlohmann::json::object());
+    const std::string given = manifest.value("/options/truth"_json_pointer, "");
+    return project_.dir() / (given.empty() ? "truth" : given);
+  }
+
+  // True poses of the first camera in the world, from a file that need not be there.
+  void AddWorldPoses(const RunPart& part, ScenePath::Kind kind, const std::string& name, const fs::path& file) {
+    if (!fs::exists(file)) return;
+    const Trajectory known = ReadTrajectory(file);
+    ScenePath path{kind, part.run->name, name, known.poses};
+    if (!part.on_earth) {
+      const Sim3d fit = FitTo(part.result.cameras_odom, known, kSameTimeNs);
+      for (TimedPose& pose : path.poses) pose.target_from_body = fit.TransformPose(pose.target_from_body);
+      path.source += ", fitted rigidly";
     }
-    AddEstimates(run, optimised);
+    model_.paths.push_back(std::move(path));
+  }
+
+  // Rigid, by the positions at the same times.
+  static Sim3d FitTo(const std::vector<TimedPose>& poses, const Trajectory& theirs, int64_t max_gap_ns) {
+    std::vector<Eigen::Vector3d> source, target;
+    for (const TimedPose& pose : poses) {
+      if (const auto at = theirs.At(pose.stamp_ns, max_gap_ns)) {
+        source.push_back(at->translation);
+        target.push_back(pose.target_from_body.translation);
+      }
+    }
+    return AlignPoints(source, target, AlignmentKind::kSE3);
   }
 
   void AddGps(const RunPart& part) {
@@ -222,14 +253,7 @@ class Loader {
       const std::string name = system.filename().string();
       Guard("estimate of " + name + " for " + run.name, [&] {
         const Trajectory theirs = ReadTrajectory(file);
-        std::vector<Eigen::Vector3d> source, target;
-        for (const TimedPose& pose : optimised) {
-          if (const auto at = theirs.At(pose.stamp_ns, 20 * kSameTimeNs)) {
-            source.push_back(at->translation);
-            target.push_back(pose.target_from_body.translation);
-          }
-        }
-        const Sim3d fit = AlignPoints(source, target, AlignmentKind::kSE3);
+        const Sim3d fit = FitTo(optimised, theirs, 20 * kSameTimeNs);
         ScenePath path{ScenePath::Kind::kEstimate, run.name, name, {}};
         for (const TimedPose& pose : theirs.poses) {
           path.poses.push_back({pose.stamp_ns, fit.TransformPose(pose.target_from_body)});
@@ -322,10 +346,11 @@ class Loader {
     std::map<std::string, const ImageEntry*> entries;
     for (const ImageEntry& image : part.run->images) entries[image.file] = &image;
     const auto first = static_cast<int>(model_.images.size());
+    const auto cameras = std::make_shared<Run>();
+    cameras->cameras = part.run->cameras, cameras->config = part.run->config;
     for (const std::string& name : names) {
       const auto entry = entries.find(name);
-      const bool there = entry != entries.end() && entry->second->video_frame < 0;
-      model_.images.push_back({there ? entry->second->path : fs::path(), part.run->config.mirrored});
+      model_.images.push_back(entry == entries.end() ? SceneImage() : SceneImage{cameras, *entry->second});
     }
     Thin(points, options_.max_points);
     for (ScenePoint& p : points) {

@@ -13,6 +13,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <filesystem>
+#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
@@ -36,12 +37,13 @@ struct SceneOptions {
 
 // A line through the scene.
 struct ScenePath {
-  enum class Kind { kOdometry, kOptimised, kTruth, kEstimate, kGps };
+  enum class Kind { kOdometry, kOptimised, kTruth, kReference, kEstimate, kGps };
   Kind kind = Kind::kOptimised;
   std::string run;
   std::string source;  // "odometry", "localize", "truth", "reference poses ...", or the other system's name
-  // Scene frame from camera (optimised, truth), body (odometry, estimates) or antenna (GPS: places alone). Odometry is
-  // laid onto the optimised pose of its first image, so that what is seen is its drift.
+  // Scene frame from camera (optimised, truth, reference), body (odometry, estimates) or antenna (GPS: places alone).
+  // Odometry is laid onto the optimised pose of its first image, so that what is seen is its drift. Truth and reference
+  // are in the world; in the frame of a run that is not georeferenced they are laid onto the optimised path.
   std::vector<TimedPose> poses;
 };
 
@@ -89,8 +91,8 @@ struct SceneTag {
 
 // A picture that points were seen in.
 struct SceneImage {
-  std::filesystem::path file;  // empty: not there, or a frame of a video
-  bool mirrored = false;       // pixels count in the picture flipped left to right
+  std::shared_ptr<const Run> run;  // its cameras and configuration alone; null: the run has no such image
+  ImageEntry entry;
 };
 
 // A surveyed point.
@@ -157,7 +159,7 @@ std::optional<SceneSource> SceneSourceOf(const std::string& written);
 SceneModel LoadScene(const Project& project, const SceneOptions& options = {}, const CancelToken& cancel = {});
 
 // The colour (R, G, B) of each point in the image that `image` and `pixel` name; grey where it cannot be read. Opens
-// each image once. Throws Cancelled.
+// each image once, a video's frames in their order. Throws Cancelled.
 std::vector<std::array<uint8_t, 3>> PointColoursOf(const SceneModel& model, ProgressSink& progress,
                                                    const CancelToken& cancel);
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <tuple>
 #include <unordered_map>
 
 #include "calib/base/error.h"
@@ -39,9 +41,9 @@ double LargestSigma(const ModelPoint& point, const std::unordered_map<uint32_t, 
 }
 
 // Empty: it cannot be read.
-cv::Mat LoadPictureIfAny(const std::filesystem::path& file) {
+cv::Mat LoadColourIfAny(const SceneImage& image) {
   try {
-    return LoadPicture(file, false);
+    return LoadColour(*image.run, image.entry);
   } catch (const Error&) {
     return {};
   }
@@ -101,16 +103,21 @@ std::vector<std::array<uint8_t, 3>> PointColoursOf(const SceneModel& model, Prog
   for (size_t i = 0; i < model.points.size(); ++i) {
     if (model.points[i].image >= 0) seen[static_cast<size_t>(model.points[i].image)].push_back(i);
   }
+  std::vector<size_t> order(seen.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    const ImageEntry &one = model.images[a].entry, &other = model.images[b].entry;
+    return std::tie(one.path, one.video_frame) < std::tie(other.path, other.video_frame);
+  });
   progress.Begin("colours of the points", static_cast<int64_t>(seen.size()));
-  for (size_t k = 0; k < seen.size(); ++k) {
+  for (const size_t k : order) {
     cancel.ThrowIfCancelled();
     progress.Advance(1);
-    if (seen[k].empty() || model.images[k].file.empty()) continue;
-    const cv::Mat picture = LoadPictureIfAny(model.images[k].file);
+    if (seen[k].empty() || !model.images[k].run) continue;
+    const cv::Mat picture = LoadColourIfAny(model.images[k]);
     for (const size_t i : seen[k]) {
       const auto row = static_cast<int>(std::lround(model.points[i].pixel.y()));
-      auto column = static_cast<int>(std::lround(model.points[i].pixel.x()));
-      if (model.images[k].mirrored) column = picture.cols - 1 - column;
+      const auto column = static_cast<int>(std::lround(model.points[i].pixel.x()));
       if (row < 0 || column < 0 || row >= picture.rows || column >= picture.cols) continue;
       const auto& bgr = picture.at<cv::Vec3b>(row, column);
       colours[i] = {bgr[2], bgr[1], bgr[0]};

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <vtkCamera.h>
+#include <vtkCoordinate.h>
 #include <vtkMatrix4x4.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
@@ -218,9 +219,9 @@ SceneView::~SceneView() = default;
 
 const std::vector<std::string>& SceneView::Layers() {
   static const std::vector<std::string> kLayers = {
-      "aerial",         "odometry",          "optimised", "truth", "estimates", "gps",    "points",
-      "cameras",        "panoramas",         "geotags",   "tags",  "control",   "errors", "ellipsoids",
-      "tag ellipsoids", "camera ellipsoids", "labels",    "axes",  "legend"};
+      "aerial",     "odometry",       "optimised",         "truth",   "reference", "estimates", "gps",
+      "points",     "cameras",        "panoramas",         "geotags", "tags",      "control",   "errors",
+      "ellipsoids", "tag ellipsoids", "camera ellipsoids", "labels",  "axes",      "legend"};
   return kLayers;
 }
 
@@ -272,6 +273,7 @@ std::string SceneView::ColourOfLayer(const std::string& layer) {
   static const std::map<std::string, Colour> kColours = {{"odometry", kOrange},
                                                          {"optimised", kBlue},
                                                          {"truth", kBlack},
+                                                         {"reference", kVermilion},
                                                          {"estimates", kPurple},
                                                          {"geotags", kSky},
                                                          {"errors", kVermilion},
@@ -335,17 +337,31 @@ void SceneView::SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb) {
   parts_->ColourPoints();
 }
 
+std::vector<Eigen::AlignedBox2d> SceneView::LegendBoxes(vtkRenderer* renderer) const {
+  std::vector<Eigen::AlignedBox2d> boxes;
+  for (const auto& [layer, line] : parts_->legend) {
+    if (line->GetVisibility() == 0) continue;
+    double box[4];  // about its position
+    line->GetBoundingBox(renderer, box);
+    const int* at = line->GetPositionCoordinate()->GetComputedDisplayValue(renderer);
+    boxes.emplace_back(Eigen::Vector2d(at[0] + box[0], at[1] + box[2]),
+                       Eigen::Vector2d(at[0] + box[1], at[1] + box[3]));
+  }
+  return boxes;
+}
+
 void SceneView::MakeRoomForLabels(vtkRenderer* renderer) const {
   const Projector project(renderer);
   const bool shown = Visible("labels");
-  std::vector<Eigen::AlignedBox2d> taken;
+  std::vector<Eigen::AlignedBox2d> taken = LegendBoxes(renderer);
+  const size_t most = taken.size() + kLabelsAtOnce;
   for (const auto& prop : parts_->layers["labels"]) {
     auto* label = vtkBillboardTextActor3D::SafeDownCast(prop);
     if (label == nullptr || !shown || parts_->IsOfHiddenRun(label)) continue;
     const auto at = project(Eigen::Vector3d(label->GetPosition()));
     const double height = label->GetTextProperty()->GetFontSize();
     const double half = 0.3 * height * static_cast<double>(std::strlen(label->GetInput())) + 2;
-    bool room = at.has_value() && taken.size() < kLabelsAtOnce;
+    bool room = at.has_value() && taken.size() < most;
     if (room) {
       const int* offset = label->GetDisplayOffset();
       const Eigen::Vector2d middle = at->head<2>() + Eigen::Vector2d(offset[0], offset[1]);

@@ -9,6 +9,7 @@
 // Not thread safe; build, change and destroy it in the thread that renders. The model must outlive it.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <limits>
 #include <memory>
@@ -70,9 +71,9 @@ class SceneView {
   SceneView(const SceneView&) = delete;
   SceneView& operator=(const SceneView&) = delete;
 
-  // "aerial", "odometry", "optimised", "truth", "estimates", "gps", "points", "cameras", "panoramas", "geotags",
-  // "tags", "control", "errors", "ellipsoids", "tag ellipsoids", "camera ellipsoids", "labels", "axes", "legend":
-  // always all, those without content too.
+  // "aerial", "odometry", "optimised", "truth", "reference", "estimates", "gps", "points", "cameras", "panoramas",
+  // "geotags", "tags", "control", "errors", "ellipsoids", "tag ellipsoids", "camera ellipsoids", "labels", "axes",
+  // "legend": always all, those without content too.
   static const std::vector<std::string>& Layers();
   // What the site's pictures need not show is hidden until it is asked for: gps, ellipsoids of tags and cameras.
   static bool ShownAtFirst(const std::string& layer);
@@ -97,8 +98,10 @@ class SceneView {
   size_t PointsShown() const;
   // Red, green and blue of every point of the model.
   void SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb);
-  // Labels that would lie on others are left out: the first ones stay. For one picture of `renderer`.
+  // Labels that would lie on the legend or on others are left out: the first ones stay. For one picture of `renderer`.
   void MakeRoomForLabels(vtkRenderer* renderer) const;
+  // Where the lines of the legend lie that are drawn: display coordinates, origin at the bottom left.
+  std::vector<Eigen::AlignedBox2d> LegendBoxes(vtkRenderer* renderer) const;
   static constexpr int kMovingPoints = 100000;  // drawn while the view moves
   // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
   // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <vtkBillboardTextActor3D.h>
+#include <vtkCamera.h>
 #include <vtkPropCollection.h>
 #include <vtkRenderer.h>
 
@@ -197,6 +198,56 @@ TEST_F(SceneTest, AHiddenRunTakesItsLabelsAndGeotagsAlong) {
   EXPECT_EQ(cv::norm(Draw(), without, cv::NORM_INF), 0);
   EXPECT_GT(cv::norm(hidden, without, cv::NORM_INF), 0);  // the legend
   view.RemoveFrom(window_->renderer());
+}
+
+TEST_F(SceneTest, ALabelUnderTheLegendIsLeftOut) {
+  const SceneModel model = Ring();
+  SceneView view(model);
+  vtkRenderer* renderer = window_->renderer();
+  view.AddTo(renderer);
+  view.SetVisible("tags", false);
+  window_->Render(960, 640);
+  view.LookDown(renderer);
+  const auto boxes = view.LegendBoxes(renderer);
+  ASSERT_EQ(boxes.size(), 5U);
+  for (size_t i = 1; i < boxes.size(); ++i) EXPECT_LT(boxes[i].max().y(), boxes[i - 1].max().y());
+  // Where they are said to be there is text, and only there.
+  view.SetVisible("legend", false);
+  EXPECT_TRUE(view.LegendBoxes(renderer).empty());
+  cv::Mat change;
+  const cv::Mat without = window_->Render(960, 640);
+  view.SetVisible("legend", true);
+  cv::absdiff(window_->Render(960, 640), without, change);
+  for (const Eigen::AlignedBox2d& box : boxes) {
+    const cv::Rect place(static_cast<int>(box.min().x()), static_cast<int>(640 - box.max().y()),
+                         static_cast<int>(box.sizes().x()), static_cast<int>(box.sizes().y()));
+    EXPECT_GT(cv::norm(change(place), cv::NORM_INF), 100);
+    const cv::Rect wider(place.x - 4, place.y - 4, place.width + 8, place.height + 8);
+    change(wider & cv::Rect(0, 0, 960, 640)).setTo(0);
+  }
+  EXPECT_EQ(cv::norm(change, cv::NORM_INF), 0);
+  // The view is moved until a station lies there.
+  vtkBillboardTextActor3D* label = nullptr;
+  vtkPropCollection* props = renderer->GetViewProps();
+  props->InitTraversal();
+  while (vtkProp* prop = props->GetNextProp()) {
+    auto* other = vtkBillboardTextActor3D::SafeDownCast(prop);
+    if (other != nullptr && std::string(other->GetInput()) == "S1") label = other;
+  }
+  ASSERT_NE(label, nullptr);
+  vtkCamera* camera = renderer->GetActiveCamera();
+  const double metres_per_px = 2 * camera->GetParallelScale() / 640;
+  const Eigen::Vector2d by = metres_per_px * (Pixel(Eigen::Vector3d(label->GetPosition())) - boxes[0].center());
+  camera->SetPosition(camera->GetPosition()[0] + by.x(), camera->GetPosition()[1] + by.y(), camera->GetPosition()[2]);
+  camera->SetFocalPoint(camera->GetFocalPoint()[0] + by.x(), camera->GetFocalPoint()[1] + by.y(),
+                        camera->GetFocalPoint()[2]);
+  window_->Render(960, 640);
+  view.MakeRoomForLabels(renderer);
+  EXPECT_EQ(label->GetVisibility(), 0);
+  view.SetVisible("legend", false);
+  view.MakeRoomForLabels(renderer);
+  EXPECT_NE(label->GetVisibility(), 0);
+  view.RemoveFrom(renderer);
 }
 
 TEST_F(SceneTest, OpacityIsOfLabelsTooAndOutlastsAnotherUnit) {
