@@ -1,5 +1,5 @@
-// What the columns of the results' tables mean, as docs/file_formats.md and docs/evaluation.md say it. English, as the
-// files and the help of options are. No widgets here.
+// What the columns of the results' tables mean, as docs/file_formats.md and docs/evaluation.md say it, in the
+// window's language. No widgets here.
 #pragma once
 
 #include <QString>

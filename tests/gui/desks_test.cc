@@ -22,6 +22,7 @@
 #include <QTemporaryDir>
 #include <QTranslator>
 
+#include "app/desktop/column_help.h"
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
 #include "app/desktop/overview_desk.h"
@@ -37,7 +38,9 @@
 namespace trigpoint {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 class DesksTest : public ResultsWindowTest {};
 
@@ -376,6 +379,11 @@ TEST_F(DesksTest, WhatIsReadOnButtonsMenusAndTabsCanBeTranslated) {
       for (int i = 0; i < bar->count(); ++i) check(bar->tabText(i), bar);
     }
     for (const auto* widget : window->findChildren<QWidget*>()) check(widget->accessibleName(), widget);
+    for (const char* column : {"error_3d_m", "qx", "stated_east_m"}) {
+      EXPECT_THAT(ColumnHelp({}, column, "").toStdString(),
+                  AllOf(StartsWith("\xc2\xbb"), HasSubstr("\n\xc2\xbbIn the file: ")));
+    }
+    EXPECT_THAT(ColumnHelp({}, "stated_east_m", "").toStdString(), HasSubstr("\xc2\xbbstated"));
   }
   QApplication::removeTranslator(&marking);
 }

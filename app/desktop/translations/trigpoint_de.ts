@@ -2,6 +2,1197 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="de">
 <context>
+    <name>ColumnHelp</name>
+    <message>
+        <source>stated</source>
+        <translation>angegebener</translation>
+    </message>
+    <message>
+        <source>estimated</source>
+        <translation>geschätzter</translation>
+    </message>
+    <message>
+        <source>combined</source>
+        <translation>verbundener</translation>
+    </message>
+    <message>
+        <source>east</source>
+        <translation>Ost</translation>
+    </message>
+    <message>
+        <source>north</source>
+        <translation>Nord</translation>
+    </message>
+    <message>
+        <source>up</source>
+        <translation>oben</translation>
+    </message>
+    <message>
+        <source>run of images</source>
+        <translation>Fahrt mit Bildern</translation>
+    </message>
+    <message>
+        <source>variant of the options; empty: the first results</source>
+        <translation>Variante der Optionen; leer: die ersten Ergebnisse</translation>
+    </message>
+    <message>
+        <source>station at which the panorama was taken</source>
+        <translation>Station, an der das Panorama aufgenommen wurde</translation>
+    </message>
+    <message>
+        <source>panorama, photo or photo set</source>
+        <translation>Panorama, Foto oder Fotosatz</translation>
+    </message>
+    <message>
+        <source>photo of the set</source>
+        <translation>Foto des Satzes</translation>
+    </message>
+    <message>
+        <source>rectilinear view of the panorama, or photo of a set</source>
+        <translation>geradlinige Ansicht des Panoramas oder Foto eines Satzes</translation>
+    </message>
+    <message>
+        <source>image of the run</source>
+        <translation>Bild der Fahrt</translation>
+    </message>
+    <message>
+        <source>camera of the run, as camchain.yaml names it</source>
+        <translation>Kamera der Fahrt, wie sie in camchain.yaml heißt</translation>
+    </message>
+    <message>
+        <source>time of the image on the run&apos;s own clock, seconds</source>
+        <translation>Zeit des Bildes nach der Uhr der Fahrt, Sekunden</translation>
+    </message>
+    <message>
+        <source>number of the tag</source>
+        <translation>Nummer der Marke</translation>
+    </message>
+    <message>
+        <source>family of the tag</source>
+        <translation>Familie der Marke</translation>
+    </message>
+    <message>
+        <source>surveyed point</source>
+        <translation>eingemessener Punkt</translation>
+    </message>
+    <message>
+        <source>control: may hold the map; check: is only compared</source>
+        <translation>control: darf die Karte halten; check: wird nur verglichen</translation>
+    </message>
+    <message>
+        <source>state of the row, in one word</source>
+        <translation>Zustand der Zeile, in einem Wort</translation>
+    </message>
+    <message>
+        <source>why there is no value</source>
+        <translation>warum es keinen Wert gibt</translation>
+    </message>
+    <message>
+        <source>program whose poses are compared</source>
+        <translation>Programm, dessen Posen verglichen werden</translation>
+    </message>
+    <message>
+        <source>images that show it or belong to it</source>
+        <translation>Bilder, die es zeigen oder dazugehören</translation>
+    </message>
+    <message>
+        <source>runs that show or localized it</source>
+        <translation>Fahrten, die es zeigen oder lokalisiert haben</translation>
+    </message>
+    <message>
+        <source>tags that are seen</source>
+        <translation>Marken, die gesehen werden</translation>
+    </message>
+    <message>
+        <source>the best comes first</source>
+        <translation>das Beste steht vorn</translation>
+    </message>
+    <message>
+        <source>what is proposed or compared</source>
+        <translation>was vorgeschlagen oder verglichen wird</translation>
+    </message>
+    <message>
+        <source>position, x</source>
+        <translation>Position, x</translation>
+    </message>
+    <message>
+        <source>position, y</source>
+        <translation>Position, y</translation>
+    </message>
+    <message>
+        <source>position, z</source>
+        <translation>Position, z</translation>
+    </message>
+    <message>
+        <source>position in the rig: right of its origin</source>
+        <translation>Position im Kamerasystem: rechts von seinem Ursprung</translation>
+    </message>
+    <message>
+        <source>position in the rig: below its origin</source>
+        <translation>Position im Kamerasystem: unter seinem Ursprung</translation>
+    </message>
+    <message>
+        <source>position in the rig: in front of its origin</source>
+        <translation>Position im Kamerasystem: vor seinem Ursprung</translation>
+    </message>
+    <message>
+        <source>position in the run&apos;s own frame (odom), x</source>
+        <translation>Position im System der Fahrt (odom), x</translation>
+    </message>
+    <message>
+        <source>position in the run&apos;s own frame (odom), y</source>
+        <translation>Position im System der Fahrt (odom), y</translation>
+    </message>
+    <message>
+        <source>position in the run&apos;s own frame (odom), z</source>
+        <translation>Position im System der Fahrt (odom), z</translation>
+    </message>
+    <message>
+        <source>latitude on WGS 84</source>
+        <translation>Breite in WGS 84</translation>
+    </message>
+    <message>
+        <source>longitude on WGS 84</source>
+        <translation>Länge in WGS 84</translation>
+    </message>
+    <message>
+        <source>height above the WGS 84 ellipsoid</source>
+        <translation>Höhe über dem Ellipsoid von WGS 84</translation>
+    </message>
+    <message>
+        <source>easting in the project&apos;s coordinate system</source>
+        <translation>Rechtswert im Koordinatensystem des Projekts</translation>
+    </message>
+    <message>
+        <source>northing in the project&apos;s coordinate system</source>
+        <translation>Hochwert im Koordinatensystem des Projekts</translation>
+    </message>
+    <message>
+        <source>direction of the optical axis or of a panorama&apos;s image centre, clockwise from true north</source>
+        <translation>Richtung der optischen Achse oder der Bildmitte eines Panoramas, im Uhrzeigersinn ab geographisch Nord</translation>
+    </message>
+    <message>
+        <source>angle of the optical axis above the horizon</source>
+        <translation>Winkel der optischen Achse über dem Horizont</translation>
+    </message>
+    <message>
+        <source>roll, clockwise as seen from behind the camera</source>
+        <translation>Rollwinkel, im Uhrzeigersinn von hinter der Kamera gesehen</translation>
+    </message>
+    <message>
+        <source>1 sigma of the heading</source>
+        <translation>1 Sigma der Richtung</translation>
+    </message>
+    <message>
+        <source>1 sigma of the pitch</source>
+        <translation>1 Sigma der Neigung</translation>
+    </message>
+    <message>
+        <source>1 sigma of the roll</source>
+        <translation>1 Sigma des Rollwinkels</translation>
+    </message>
+    <message>
+        <source>1 sigma to the east</source>
+        <translation>1 Sigma nach Osten</translation>
+    </message>
+    <message>
+        <source>1 sigma to the north</source>
+        <translation>1 Sigma nach Norden</translation>
+    </message>
+    <message>
+        <source>1 sigma upwards</source>
+        <translation>1 Sigma nach oben</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the axis x of the frame</source>
+        <translation>1 Sigma der Drehung um die x-Achse des Systems</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the tag&apos;s own axis x</source>
+        <translation>1 Sigma der Drehung um die eigene x-Achse der Marke</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the axis y of the frame</source>
+        <translation>1 Sigma der Drehung um die y-Achse des Systems</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the tag&apos;s own axis y</source>
+        <translation>1 Sigma der Drehung um die eigene y-Achse der Marke</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the axis z of the frame</source>
+        <translation>1 Sigma der Drehung um die z-Achse des Systems</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation about the tag&apos;s own axis z</source>
+        <translation>1 Sigma der Drehung um die eigene z-Achse der Marke</translation>
+    </message>
+    <message>
+        <source>panorama (G2): one answer for the whole panorama; view (G1): one for each rectilinear view</source>
+        <translation>Panorama (G2): eine Antwort für das ganze Panorama; Ansicht (G1): je eine für jede geradlinige Ansicht</translation>
+    </message>
+    <message>
+        <source>ground truth that the answer is compared with: self (the run&apos;s own tags), control (surveyed points), survey (the tag map), or a release</source>
+        <translation>Referenz, mit der die Antwort verglichen wird: self (die Marken der Fahrt selbst), control (eingemessene Punkte), survey (die Markenkarte) oder eine Veröffentlichung</translation>
+    </message>
+    <message>
+        <source>relative: in the run&apos;s own frame; absolute: in the site&apos;s frame</source>
+        <translation>relative: im System der Fahrt; absolute: im System des Messgebiets</translation>
+    </message>
+    <message>
+        <source>localized, rejected or unmatched; no_reference, missing: there is nothing to compare</source>
+        <translation>localized (lokalisiert), rejected (abgelehnt) oder unmatched (nicht zugeordnet); no_reference, missing: es gibt nichts zu vergleichen</translation>
+    </message>
+    <message>
+        <source>distance in space between the answer and the reference</source>
+        <translation>räumlicher Abstand zwischen der Antwort und der Referenz</translation>
+    </message>
+    <message>
+        <source>horizontal distance between the answer and the reference</source>
+        <translation>waagerechter Abstand zwischen der Antwort und der Referenz</translation>
+    </message>
+    <message>
+        <source>difference in height between the answer and the reference, without sign</source>
+        <translation>Höhenunterschied zwischen der Antwort und der Referenz, ohne Vorzeichen</translation>
+    </message>
+    <message>
+        <source>difference to the east: answer minus reference</source>
+        <translation>Differenz nach Osten: Antwort minus Referenz</translation>
+    </message>
+    <message>
+        <source>difference to the north: answer minus reference</source>
+        <translation>Differenz nach Norden: Antwort minus Referenz</translation>
+    </message>
+    <message>
+        <source>difference upwards: answer minus reference</source>
+        <translation>Differenz nach oben: Antwort minus Referenz</translation>
+    </message>
+    <message>
+        <source>angle between the rotations of the answer and the reference</source>
+        <translation>Winkel zwischen den Drehungen der Antwort und der Referenz</translation>
+    </message>
+    <message>
+        <source>1 sigma of the difference to the east, the ground truth&apos;s included</source>
+        <translation>1 Sigma der Differenz nach Osten, das der Referenz eingeschlossen</translation>
+    </message>
+    <message>
+        <source>1 sigma of the difference to the north, the ground truth&apos;s included</source>
+        <translation>1 Sigma der Differenz nach Norden, das der Referenz eingeschlossen</translation>
+    </message>
+    <message>
+        <source>1 sigma of the difference upwards, the ground truth&apos;s included</source>
+        <translation>1 Sigma der Differenz nach oben, das der Referenz eingeschlossen</translation>
+    </message>
+    <message>
+        <source>1 sigma of the rotation, root mean square of the axes</source>
+        <translation>1 Sigma der Drehung, quadratisches Mittel der Achsen</translation>
+    </message>
+    <message>
+        <source>squared error over its stated covariance; about dof if the sigmas are right</source>
+        <translation>quadrierter Fehler in Einheiten der angegebenen Kovarianz; etwa dof, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>squared horizontal error over its covariance; about 2 if the sigmas are right</source>
+        <translation>quadrierter waagerechter Fehler in Einheiten seiner Kovarianz; etwa 2, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>squared vertical error over its variance; about 1 if the sigmas are right</source>
+        <translation>quadrierter Höhenfehler in Einheiten seiner Varianz; etwa 1, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>degrees of freedom of nees</source>
+        <translation>Freiheitsgrade von nees</translation>
+    </message>
+    <message>
+        <source>part of the 1 sigma in space that comes from the tag map</source>
+        <translation>Anteil am räumlichen 1 Sigma, der von der Markenkarte kommt</translation>
+    </message>
+    <message>
+        <source>part of the 1 sigma in space that comes from the offset between station and tag</source>
+        <translation>Anteil am räumlichen 1 Sigma, der vom Abstand zwischen Station und Marke kommt</translation>
+    </message>
+    <message>
+        <source>part of the 1 sigma in space that comes from stitching</source>
+        <translation>Anteil am räumlichen 1 Sigma, der vom Zusammensetzen kommt</translation>
+    </message>
+    <message>
+        <source>part of the 1 sigma in space that comes from localization</source>
+        <translation>Anteil am räumlichen 1 Sigma, der von der Lokalisierung kommt</translation>
+    </message>
+    <message>
+        <source>the largest part of the 1 sigma</source>
+        <translation>der größte Anteil am 1 Sigma</translation>
+    </message>
+    <message>
+        <source>parallax of the points around the panorama (within 30 m), median</source>
+        <translation>Parallaxe der Punkte um das Panorama (bis 30 m), Median</translation>
+    </message>
+    <message>
+        <source>distance of the points around the panorama (within 30 m), median</source>
+        <translation>Entfernung der Punkte um das Panorama (bis 30 m), Median</translation>
+    </message>
+    <message>
+        <source>distance over parallax times 1 mrad, median of the points around the panorama</source>
+        <translation>Entfernung durch Parallaxe mal 1 mrad, Median der Punkte um das Panorama</translation>
+    </message>
+    <message>
+        <source>whether depth_sigma_m keeps the limit trust_depth_sigma_m</source>
+        <translation>ob depth_sigma_m die Grenze trust_depth_sigma_m einhält</translation>
+    </message>
+    <message>
+        <source>1: answer and reference depend on the same data: agreement, not accuracy</source>
+        <translation>1: Antwort und Referenz hängen von denselben Daten ab: Übereinstimmung, keine Genauigkeit</translation>
+    </message>
+    <message>
+        <source>error in space</source>
+        <translation>räumlicher Fehler</translation>
+    </message>
+    <message>
+        <source>share of the attempts with at most this error</source>
+        <translation>Anteil der Versuche mit höchstens diesem Fehler</translation>
+    </message>
+    <message>
+        <source>lower limit of the share&apos;s confidence band</source>
+        <translation>untere Grenze des Vertrauensbereichs des Anteils</translation>
+    </message>
+    <message>
+        <source>upper limit of the share&apos;s confidence band</source>
+        <translation>obere Grenze des Vertrauensbereichs des Anteils</translation>
+    </message>
+    <message>
+        <source>share of the answers that are used, the best supported depth first</source>
+        <translation>Anteil der verwendeten Antworten, die am besten gestützte Tiefe zuerst</translation>
+    </message>
+    <message>
+        <source>median of the errors in space</source>
+        <translation>Median der räumlichen Fehler</translation>
+    </message>
+    <message>
+        <source>90th percentile of the errors in space</source>
+        <translation>90. Perzentil der räumlichen Fehler</translation>
+    </message>
+    <message>
+        <source>largest error in space</source>
+        <translation>größter räumlicher Fehler</translation>
+    </message>
+    <message>
+        <source>how the reference pose is determined: tags, bridged or none</source>
+        <translation>woraus die Referenzpose bestimmt ist: tags (Marken), bridged (überbrückt) oder none (keine)</translation>
+    </message>
+    <message>
+        <source>1 sigma of the estimate to the east, as it states it</source>
+        <translation>1 Sigma der Schätzung nach Osten, wie sie es angibt</translation>
+    </message>
+    <message>
+        <source>1 sigma of the estimate to the north, as it states it</source>
+        <translation>1 Sigma der Schätzung nach Norden, wie sie es angibt</translation>
+    </message>
+    <message>
+        <source>1 sigma of the estimate upwards, as it states it</source>
+        <translation>1 Sigma der Schätzung nach oben, wie sie es angibt</translation>
+    </message>
+    <message>
+        <source>difference to the east: estimate minus reference</source>
+        <translation>Differenz nach Osten: Schätzung minus Referenz</translation>
+    </message>
+    <message>
+        <source>difference to the north: estimate minus reference</source>
+        <translation>Differenz nach Norden: Schätzung minus Referenz</translation>
+    </message>
+    <message>
+        <source>difference upwards: estimate minus reference</source>
+        <translation>Differenz nach oben: Schätzung minus Referenz</translation>
+    </message>
+    <message>
+        <source>1 sigma of the reference to the east</source>
+        <translation>1 Sigma der Referenz nach Osten</translation>
+    </message>
+    <message>
+        <source>1 sigma of the reference to the north</source>
+        <translation>1 Sigma der Referenz nach Norden</translation>
+    </message>
+    <message>
+        <source>1 sigma of the reference upwards</source>
+        <translation>1 Sigma der Referenz nach oben</translation>
+    </message>
+    <message>
+        <source>path since the last image with a tag, over which the run&apos;s motion leads</source>
+        <translation>Weg seit dem letzten Bild mit einer Marke, über den die Bewegung der Fahrt führt</translation>
+    </message>
+    <message>
+        <source>localized, rejected or unmatched</source>
+        <translation>localized (lokalisiert), rejected (abgelehnt) oder unmatched (nicht zugeordnet)</translation>
+    </message>
+    <message>
+        <source>matches between the panorama and the run&apos;s images</source>
+        <translation>Zuordnungen zwischen dem Panorama und den Bildern der Fahrt</translation>
+    </message>
+    <message>
+        <source>matches that agree with the answer</source>
+        <translation>Zuordnungen, die mit der Antwort übereinstimmen</translation>
+    </message>
+    <message>
+        <source>views of the panorama that have such matches</source>
+        <translation>Ansichten des Panoramas mit solchen Zuordnungen</translation>
+    </message>
+    <message>
+        <source>difference to the east: geotag minus answer</source>
+        <translation>Differenz nach Osten: Geotag minus Antwort</translation>
+    </message>
+    <message>
+        <source>difference to the north: geotag minus answer</source>
+        <translation>Differenz nach Norden: Geotag minus Antwort</translation>
+    </message>
+    <message>
+        <source>difference upwards: geotag minus answer</source>
+        <translation>Differenz nach oben: Geotag minus Antwort</translation>
+    </message>
+    <message>
+        <source>whether the geotag was used for the run&apos;s position, or contradicts it</source>
+        <translation>ob der Geotag für die Lage der Fahrt verwendet wurde oder ihr widerspricht</translation>
+    </message>
+    <message>
+        <source>1 sigma of the position in the run&apos;s own frame (odom), x</source>
+        <translation>1 Sigma der Position im System der Fahrt (odom), x</translation>
+    </message>
+    <message>
+        <source>1 sigma of the position in the run&apos;s own frame (odom), y</source>
+        <translation>1 Sigma der Position im System der Fahrt (odom), y</translation>
+    </message>
+    <message>
+        <source>1 sigma of the position in the run&apos;s own frame (odom), z</source>
+        <translation>1 Sigma der Position im System der Fahrt (odom), z</translation>
+    </message>
+    <message>
+        <source>found points as a share of those that should be seen</source>
+        <translation>gefundene Punkte als Anteil derer, die zu sehen sein sollten</translation>
+    </message>
+    <message>
+        <source>distance of the answer from the nearest camera of the run</source>
+        <translation>Abstand der Antwort von der nächsten Kamera der Fahrt</translation>
+    </message>
+    <message>
+        <source>pixel in the image, to the right</source>
+        <translation>Pixel im Bild, nach rechts</translation>
+    </message>
+    <message>
+        <source>pixel in the image, down</source>
+        <translation>Pixel im Bild, nach unten</translation>
+    </message>
+    <message>
+        <source>pixel in the view, to the right</source>
+        <translation>Pixel in der Ansicht, nach rechts</translation>
+    </message>
+    <message>
+        <source>pixel in the view, down</source>
+        <translation>Pixel in der Ansicht, nach unten</translation>
+    </message>
+    <message>
+        <source>what of the photo&apos;s pose was refined with the run&apos;s points</source>
+        <translation>was von der Pose des Fotos mit den Punkten der Fahrt verbessert wurde</translation>
+    </message>
+    <message>
+        <source>bits of the tag&apos;s code that had to be corrected</source>
+        <translation>Bits im Code der Marke, die berichtigt werden mussten</translation>
+    </message>
+    <message>
+        <source>decision margin: how clearly the bits of the code are black or white</source>
+        <translation>Entscheidungsabstand: wie deutlich die Bits des Codes schwarz oder weiß sind</translation>
+    </message>
+    <message>
+        <source>1 sigma of a coordinate in the picture</source>
+        <translation>1 Sigma einer Koordinate im Bild</translation>
+    </message>
+    <message>
+        <source>edge of the tag&apos;s black square</source>
+        <translation>Kante des schwarzen Quadrats der Marke</translation>
+    </message>
+    <message>
+        <source>root mean square of the residuals in the pictures</source>
+        <translation>quadratisches Mittel der Residuen in den Bildern</translation>
+    </message>
+    <message>
+        <source>ok; weak: too few pictures; ambiguous: two solutions; duplicate: at two places; moved; size: the printed size is contradicted; bent; unsolved</source>
+        <translation>ok; weak: zu wenige Bilder; ambiguous: zwei Lösungen; duplicate: an zwei Orten; moved: bewegt; size: der gedruckten Größe wird widersprochen; bent: gewölbt; unsolved: ohne Lösung</translation>
+    </message>
+    <message>
+        <source>used, taken out (contradicts the other control), or not used</source>
+        <translation>verwendet, herausgenommen (widerspricht den anderen Passpunkten) oder nicht verwendet</translation>
+    </message>
+    <message>
+        <source>check, or moved: the tag has moved</source>
+        <translation>check oder moved: die Marke hat sich bewegt</translation>
+    </message>
+    <message>
+        <source>position as surveyed, x</source>
+        <translation>Position laut Einmessung, x</translation>
+    </message>
+    <message>
+        <source>position as surveyed, y</source>
+        <translation>Position laut Einmessung, y</translation>
+    </message>
+    <message>
+        <source>position as surveyed, z</source>
+        <translation>Position laut Einmessung, z</translation>
+    </message>
+    <message>
+        <source>horizontal 1 sigma of the survey, per axis</source>
+        <translation>waagerechtes 1 Sigma der Einmessung, je Achse</translation>
+    </message>
+    <message>
+        <source>vertical 1 sigma of the survey</source>
+        <translation>1 Sigma der Höhe der Einmessung</translation>
+    </message>
+    <message>
+        <source>covariance of the differences to the east and to the north</source>
+        <translation>Kovarianz der Differenzen nach Osten und nach Norden</translation>
+    </message>
+    <message>
+        <source>size of the residual or difference in its own sigmas</source>
+        <translation>Größe des Residuums oder der Differenz in eigenen Sigmas</translation>
+    </message>
+    <message>
+        <source>difference to the east in its own sigmas</source>
+        <translation>Differenz nach Osten in eigenen Sigmas</translation>
+    </message>
+    <message>
+        <source>difference to the north in its own sigmas</source>
+        <translation>Differenz nach Norden in eigenen Sigmas</translation>
+    </message>
+    <message>
+        <source>difference upwards in its own sigmas</source>
+        <translation>Differenz nach oben in eigenen Sigmas</translation>
+    </message>
+    <message>
+        <source>difference to the east if the map were made without the point</source>
+        <translation>Differenz nach Osten, wenn die Karte ohne den Punkt entstünde</translation>
+    </message>
+    <message>
+        <source>difference to the north if the map were made without the point</source>
+        <translation>Differenz nach Norden, wenn die Karte ohne den Punkt entstünde</translation>
+    </message>
+    <message>
+        <source>difference upwards if the map were made without the point</source>
+        <translation>Differenz nach oben, wenn die Karte ohne den Punkt entstünde</translation>
+    </message>
+    <message>
+        <source>1 sigma of left_out_de_m</source>
+        <translation>1 Sigma von left_out_de_m</translation>
+    </message>
+    <message>
+        <source>1 sigma of left_out_dn_m</source>
+        <translation>1 Sigma von left_out_dn_m</translation>
+    </message>
+    <message>
+        <source>1 sigma of left_out_du_m</source>
+        <translation>1 Sigma von left_out_du_m</translation>
+    </message>
+    <message>
+        <source>squared difference over its covariance, of 3 degrees of freedom</source>
+        <translation>quadrierte Differenz in Einheiten ihrer Kovarianz, 3 Freiheitsgrade</translation>
+    </message>
+    <message>
+        <source>squared difference of the poses over its covariance, of 6 degrees of freedom</source>
+        <translation>quadrierte Differenz der Posen in Einheiten ihrer Kovarianz, 6 Freiheitsgrade</translation>
+    </message>
+    <message>
+        <source>squared residuals of the tag&apos;s 8 coordinates over their variances</source>
+        <translation>quadrierte Residuen der 8 Koordinaten der Marke in Einheiten ihrer Varianzen</translation>
+    </message>
+    <message>
+        <source>set-up of the total station</source>
+        <translation>Aufstellung des Tachymeters</translation>
+    </message>
+    <message>
+        <source>target of the reading</source>
+        <translation>Ziel der Ablesung</translation>
+    </message>
+    <message>
+        <source>direction, zenith angle or slope distance</source>
+        <translation>Richtung, Zenitwinkel oder Schrägstrecke</translation>
+    </message>
+    <message>
+        <source>value that was read</source>
+        <translation>abgelesener Wert</translation>
+    </message>
+    <message>
+        <source>1 sigma of the reading as stated</source>
+        <translation>1 Sigma der Ablesung wie angegeben</translation>
+    </message>
+    <message>
+        <source>value by the map minus value read</source>
+        <translation>Wert nach der Karte minus abgelesener Wert</translation>
+    </message>
+    <message>
+        <source>unit of the row&apos;s values</source>
+        <translation>Einheit der Werte der Zeile</translation>
+    </message>
+    <message>
+        <source>line of total_station.csv</source>
+        <translation>Zeile in total_station.csv</translation>
+    </message>
+    <message>
+        <source>first tag</source>
+        <translation>erste Marke</translation>
+    </message>
+    <message>
+        <source>second tag</source>
+        <translation>zweite Marke</translation>
+    </message>
+    <message>
+        <source>distance as measured</source>
+        <translation>gemessene Strecke</translation>
+    </message>
+    <message>
+        <source>1 sigma of the measured distance as stated</source>
+        <translation>1 Sigma der gemessenen Strecke wie angegeben</translation>
+    </message>
+    <message>
+        <source>the distance by the map</source>
+        <translation>die Strecke nach der Karte</translation>
+    </message>
+    <message>
+        <source>distance by the map minus measured distance</source>
+        <translation>Strecke nach der Karte minus gemessene Strecke</translation>
+    </message>
+    <message>
+        <source>1 sigma of the difference</source>
+        <translation>1 Sigma der Differenz</translation>
+    </message>
+    <message>
+        <source>run or photo set</source>
+        <translation>Fahrt oder Fotosatz</translation>
+    </message>
+    <message>
+        <source>date of the run</source>
+        <translation>Datum der Fahrt</translation>
+    </message>
+    <message>
+        <source>tags in images</source>
+        <translation>Marken in Bildern</translation>
+    </message>
+    <message>
+        <source>observations that were left out</source>
+        <translation>Beobachtungen, die weggelassen wurden</translation>
+    </message>
+    <message>
+        <source>factor on the stated sigmas of corners</source>
+        <translation>Faktor auf die angegebenen Sigmas der Ecken</translation>
+    </message>
+    <message>
+        <source>true length over the length by the odometry</source>
+        <translation>wahre Länge durch Länge nach der Odometrie</translation>
+    </message>
+    <message>
+        <source>1 sigma of the scale</source>
+        <translation>1 Sigma des Maßstabs</translation>
+    </message>
+    <message>
+        <source>turn of the odometry&apos;s heading for each metre</source>
+        <translation>Drehung der Richtung der Odometrie je Meter</translation>
+    </message>
+    <message>
+        <source>1 sigma of the heading&apos;s drift</source>
+        <translation>1 Sigma der Drift der Richtung</translation>
+    </message>
+    <message>
+        <source>jumps that were found in the odometry</source>
+        <translation>in der Odometrie gefundene Sprünge</translation>
+    </message>
+    <message>
+        <source>root mean square of the tags: the map without this run against the map of all</source>
+        <translation>quadratisches Mittel der Marken: die Karte ohne diese Fahrt gegen die Karte aus allen</translation>
+    </message>
+    <message>
+        <source>tags that were compared for it</source>
+        <translation>Marken, die dafür verglichen wurden</translation>
+    </message>
+    <message>
+        <source>1 sigma of the tag&apos;s centre in space, three axes in quadrature</source>
+        <translation>räumliches 1 Sigma der Mitte der Marke, drei Achsen quadratisch addiert</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from control points</source>
+        <translation>Anteil an sigma_3d_m, der von Passpunkten kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from geotags</source>
+        <translation>Anteil an sigma_3d_m, der von Geotags kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from GPS</source>
+        <translation>Anteil an sigma_3d_m, der von GPS kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from corners of tags and marks</source>
+        <translation>Anteil an sigma_3d_m, der von Ecken der Marken und von Markierungen kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from odometry</source>
+        <translation>Anteil an sigma_3d_m, der von der Odometrie kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from points of the scene</source>
+        <translation>Anteil an sigma_3d_m, der von Punkten der Szene kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from measured distances and total stations</source>
+        <translation>Anteil an sigma_3d_m, der von gemessenen Strecken und Tachymetern kommt</translation>
+    </message>
+    <message>
+        <source>part of sigma_3d_m that comes from other assumptions</source>
+        <translation>Anteil an sigma_3d_m, der von anderen Annahmen kommt</translation>
+    </message>
+    <message>
+        <source>the largest part of sigma_3d_m</source>
+        <translation>der größte Anteil an sigma_3d_m</translation>
+    </message>
+    <message>
+        <source>epoch of the earlier coordinates</source>
+        <translation>Epoche der früheren Koordinaten</translation>
+    </message>
+    <message>
+        <source>epoch of the coordinates that are used</source>
+        <translation>Epoche der verwendeten Koordinaten</translation>
+    </message>
+    <message>
+        <source>moved (beyond 99.9 %) or same</source>
+        <translation>moved (bewegt, über 99,9 %) oder same (gleich)</translation>
+    </message>
+    <message>
+        <source>difference to the east: epoch used minus earlier epoch</source>
+        <translation>Differenz nach Osten: verwendete minus frühere Epoche</translation>
+    </message>
+    <message>
+        <source>difference to the north: epoch used minus earlier epoch</source>
+        <translation>Differenz nach Norden: verwendete minus frühere Epoche</translation>
+    </message>
+    <message>
+        <source>difference upwards: epoch used minus earlier epoch</source>
+        <translation>Differenz nach oben: verwendete minus frühere Epoche</translation>
+    </message>
+    <message>
+        <source>difference to the east: now minus before</source>
+        <translation>Differenz nach Osten: jetzt minus vorher</translation>
+    </message>
+    <message>
+        <source>difference to the north: now minus before</source>
+        <translation>Differenz nach Norden: jetzt minus vorher</translation>
+    </message>
+    <message>
+        <source>difference upwards: now minus before</source>
+        <translation>Differenz nach oben: jetzt minus vorher</translation>
+    </message>
+    <message>
+        <source>angle between the rotations now and before</source>
+        <translation>Winkel zwischen den Drehungen jetzt und vorher</translation>
+    </message>
+    <message>
+        <source>agrees, contradicts (beyond 99.9 %) or unseen</source>
+        <translation>agrees (stimmt überein), contradicts (widerspricht, über 99,9 %) oder unseen (nicht gesehen)</translation>
+    </message>
+    <message>
+        <source>squared difference of stated and estimated offset over its covariance, 3 degrees of freedom</source>
+        <translation>quadrierte Differenz zwischen angegebenem und geschätztem Abstand in Einheiten ihrer Kovarianz, 3 Freiheitsgrade</translation>
+    </message>
+    <message>
+        <source>estimated offset from the tag along the wall, to the right</source>
+        <translation>geschätzter Abstand von der Marke entlang der Wand, nach rechts</translation>
+    </message>
+    <message>
+        <source>estimated offset from the tag out of the wall</source>
+        <translation>geschätzter Abstand von der Marke aus der Wand heraus</translation>
+    </message>
+    <message>
+        <source>estimated offset from the tag upwards</source>
+        <translation>geschätzter Abstand von der Marke nach oben</translation>
+    </message>
+    <message>
+        <source>1 sigma of right_m</source>
+        <translation>1 Sigma von right_m</translation>
+    </message>
+    <message>
+        <source>1 sigma of out_m</source>
+        <translation>1 Sigma von out_m</translation>
+    </message>
+    <message>
+        <source>1: the station&apos;s own tag is among the tags used</source>
+        <translation>1: die Marke der Station selbst ist unter den verwendeten Marken</translation>
+    </message>
+    <message>
+        <source>planned pass along a path</source>
+        <translation>geplanter Durchgang entlang eines Weges</translation>
+    </message>
+    <message>
+        <source>passes that see the tag</source>
+        <translation>Durchgänge, die die Marke sehen</translation>
+    </message>
+    <message>
+        <source>pictures that reach the wanted sigma; empty: no number does</source>
+        <translation>Bilder, mit denen das gewünschte Sigma erreicht wird; leer: mit keiner Anzahl</translation>
+    </message>
+    <message>
+        <source>1 sigma along the long axis of the horizontal ellipse</source>
+        <translation>1 Sigma entlang der langen Achse der waagerechten Ellipse</translation>
+    </message>
+    <message>
+        <source>1 sigma along the short axis of the horizontal ellipse</source>
+        <translation>1 Sigma entlang der kurzen Achse der waagerechten Ellipse</translation>
+    </message>
+    <message>
+        <source>bearing of the ellipse&apos;s long axis, clockwise from north</source>
+        <translation>Richtungswinkel der langen Achse der Ellipse, im Uhrzeigersinn ab Nord</translation>
+    </message>
+    <message>
+        <source>points of the scene that are seen</source>
+        <translation>Punkte der Szene, die gesehen werden</translation>
+    </message>
+    <message>
+        <source>matches that agree, or that are to be expected</source>
+        <translation>Zuordnungen, die übereinstimmen oder zu erwarten sind</translation>
+    </message>
+    <message>
+        <source>matches before those that disagree were left out</source>
+        <translation>Zuordnungen, bevor die falschen weggelassen wurden</translation>
+    </message>
+    <message>
+        <source>edge of the tag in the picture</source>
+        <translation>Kante der Marke im Bild</translation>
+    </message>
+    <message>
+        <source>angle between the tag&apos;s normal and the line of sight</source>
+        <translation>Winkel zwischen der Normalen der Marke und der Blicklinie</translation>
+    </message>
+    <message>
+        <source>0: nothing controls the observation; 1: the others determine it</source>
+        <translation>0: nichts kontrolliert die Beobachtung; 1: die anderen bestimmen sie</translation>
+    </message>
+    <message>
+        <source>redundancy of the horizontal position</source>
+        <translation>Redundanz der Lage</translation>
+    </message>
+    <message>
+        <source>redundancy of the height</source>
+        <translation>Redundanz der Höhe</translation>
+    </message>
+    <message>
+        <source>smallest blunder that is found with 80 % probability</source>
+        <translation>kleinster grober Fehler, der mit 80 % Wahrscheinlichkeit gefunden wird</translation>
+    </message>
+    <message>
+        <source>smallest horizontal blunder that is found with 80 % probability</source>
+        <translation>kleinster grober Fehler der Lage, der mit 80 % Wahrscheinlichkeit gefunden wird</translation>
+    </message>
+    <message>
+        <source>smallest vertical blunder that is found with 80 % probability</source>
+        <translation>kleinster grober Fehler der Höhe, der mit 80 % Wahrscheinlichkeit gefunden wird</translation>
+    </message>
+    <message>
+        <source>how far an undetected blunder of that size moves the tag</source>
+        <translation>wie weit ein unentdeckter grober Fehler dieser Größe die Marke verschiebt</translation>
+    </message>
+    <message>
+        <source>how far an undetected horizontal blunder moves the tag</source>
+        <translation>wie weit ein unentdeckter grober Fehler der Lage die Marke verschiebt</translation>
+    </message>
+    <message>
+        <source>how far an undetected vertical blunder moves the tag</source>
+        <translation>wie weit ein unentdeckter grober Fehler der Höhe die Marke verschiebt</translation>
+    </message>
+    <message>
+        <source>whether it takes part</source>
+        <translation>ob es mitwirkt</translation>
+    </message>
+    <message>
+        <source>root mean square sigma of the tags in space, without the proposal</source>
+        <translation>quadratisches Mittel der räumlichen Sigmas der Marken, ohne den Vorschlag</translation>
+    </message>
+    <message>
+        <source>root mean square sigma of the tags in space, with the proposal</source>
+        <translation>quadratisches Mittel der räumlichen Sigmas der Marken, mit dem Vorschlag</translation>
+    </message>
+    <message>
+        <source>green, amber or red</source>
+        <translation>green (grün), amber (gelb) oder red (rot)</translation>
+    </message>
+    <message>
+        <source>what the finding is about</source>
+        <translation>wovon der Befund handelt</translation>
+    </message>
+    <message>
+        <source>what was found</source>
+        <translation>was gefunden wurde</translation>
+    </message>
+    <message>
+        <source>why it is proposed</source>
+        <translation>warum es vorgeschlagen wird</translation>
+    </message>
+    <message>
+        <source>where to stand, x in the frame of the map</source>
+        <translation>wo man stehen soll, x im System der Karte</translation>
+    </message>
+    <message>
+        <source>where to stand, y in the frame of the map</source>
+        <translation>wo man stehen soll, y im System der Karte</translation>
+    </message>
+    <message>
+        <source>where to stand, z in the frame of the map</source>
+        <translation>wo man stehen soll, z im System der Karte</translation>
+    </message>
+    <message>
+        <source>direction to look, clockwise from the map&apos;s y axis</source>
+        <translation>Blickrichtung, im Uhrzeigersinn ab der y-Achse der Karte</translation>
+    </message>
+    <message>
+        <source>direction that the tag faces, clockwise from north</source>
+        <translation>Richtung, in die die Marke zeigt, im Uhrzeigersinn ab Nord</translation>
+    </message>
+    <message>
+        <source>pictures that show the tag</source>
+        <translation>Bilder, die die Marke zeigen</translation>
+    </message>
+    <message>
+        <source>runs that show the tag</source>
+        <translation>Fahrten, die die Marke zeigen</translation>
+    </message>
+    <message>
+        <source>largest edge of the tag in a picture</source>
+        <translation>größte Kante der Marke in einem Bild</translation>
+    </message>
+    <message>
+        <source>smallest distance from which the tag was photographed</source>
+        <translation>kleinste Entfernung, aus der die Marke aufgenommen wurde</translation>
+    </message>
+    <message>
+        <source>direction farthest to the left from which it is seen, from the tag&apos;s normal</source>
+        <translation>Richtung am weitesten links, aus der sie gesehen wird, ab der Normalen der Marke</translation>
+    </message>
+    <message>
+        <source>direction farthest to the right from which it is seen, from the tag&apos;s normal</source>
+        <translation>Richtung am weitesten rechts, aus der sie gesehen wird, ab der Normalen der Marke</translation>
+    </message>
+    <message>
+        <source>first photo</source>
+        <translation>erstes Foto</translation>
+    </message>
+    <message>
+        <source>second photo</source>
+        <translation>zweites Foto</translation>
+    </message>
+    <message>
+        <source>focal length</source>
+        <translation>Brennweite</translation>
+    </message>
+    <message>
+        <source>pixel, to the right</source>
+        <translation>Pixel, nach rechts</translation>
+    </message>
+    <message>
+        <source>pixel, down</source>
+        <translation>Pixel, nach unten</translation>
+    </message>
+    <message>
+        <source>residual to the right: predicted minus observed</source>
+        <translation>Residuum nach rechts: vorhergesagt minus beobachtet</translation>
+    </message>
+    <message>
+        <source>residual down: predicted minus observed</source>
+        <translation>Residuum nach unten: vorhergesagt minus beobachtet</translation>
+    </message>
+    <message>
+        <source>whether points of the board were seen there</source>
+        <translation>ob dort Punkte der Tafel gesehen wurden</translation>
+    </message>
+    <message>
+        <source>points of the board that were used</source>
+        <translation>Punkte der Tafel, die verwendet wurden</translation>
+    </message>
+    <message>
+        <source>angle between the board and the picture</source>
+        <translation>Winkel zwischen Tafel und Bild</translation>
+    </message>
+    <message>
+        <source>distance of the board</source>
+        <translation>Entfernung der Tafel</translation>
+    </message>
+    <message>
+        <source>points of the board that were found</source>
+        <translation>Punkte der Tafel, die gefunden wurden</translation>
+    </message>
+    <message>
+        <source>number of the exposure: pictures with the same one were taken together</source>
+        <translation>Nummer der Aufnahme: Bilder mit derselben Nummer entstanden zusammen</translation>
+    </message>
+    <message>
+        <source>panoramas that other runs share</source>
+        <translation>Panoramen, die andere Fahrten auch haben</translation>
+    </message>
+    <message>
+        <source>tags that other runs share</source>
+        <translation>Marken, die andere Fahrten auch haben</translation>
+    </message>
+    <message>
+        <source>points that other runs share</source>
+        <translation>Punkte, die andere Fahrten auch haben</translation>
+    </message>
+    <message>
+        <source>1 sigma of the odometry&apos;s scale</source>
+        <translation>1 Sigma des Maßstabs der Odometrie</translation>
+    </message>
+    <message>
+        <source>largest movement of a camera against the run by itself</source>
+        <translation>größte Verschiebung einer Kamera gegenüber der Fahrt für sich allein</translation>
+    </message>
+    <message>
+        <source>models into which the reconstruction fell</source>
+        <translation>Modelle, in die die Rekonstruktion zerfiel</translation>
+    </message>
+    <message>
+        <source>images that the other program placed</source>
+        <translation>Bilder, die das andere Programm einordnete</translation>
+    </message>
+    <message>
+        <source>mean reprojection error of the other program</source>
+        <translation>mittlerer Rückprojektionsfehler des anderen Programms</translation>
+    </message>
+    <message>
+        <source>poses that both have</source>
+        <translation>Posen, die beide haben</translation>
+    </message>
+    <message>
+        <source>root mean square of the differences in space</source>
+        <translation>quadratisches Mittel der räumlichen Differenzen</translation>
+    </message>
+    <message>
+        <source>median angle between the rotations</source>
+        <translation>Median des Winkels zwischen den Drehungen</translation>
+    </message>
+    <message>
+        <source>largest angle between the rotations</source>
+        <translation>größter Winkel zwischen den Drehungen</translation>
+    </message>
+    <message>
+        <source>median difference over our stated covariance</source>
+        <translation>Median der Differenz in Einheiten unserer angegebenen Kovarianz</translation>
+    </message>
+    <message>
+        <source>95th percentile of the differences over our stated covariance</source>
+        <translation>95. Perzentil der Differenzen in Einheiten unserer angegebenen Kovarianz</translation>
+    </message>
+    <message>
+        <source>share of the differences beyond the 99 % value of our covariance: 0.01 by chance</source>
+        <translation>Anteil der Differenzen über dem 99-%-Wert unserer Kovarianz: zufällig 0,01</translation>
+    </message>
+    <message>
+        <source>step of the other program</source>
+        <translation>Schritt des anderen Programms</translation>
+    </message>
+    <message>
+        <source>time that it took</source>
+        <translation>benötigte Zeit</translation>
+    </message>
+    <message>
+        <source>time of all processors</source>
+        <translation>Zeit aller Prozessoren</translation>
+    </message>
+    <message>
+        <source>largest memory, MiB</source>
+        <translation>größter Speicherbedarf, MiB</translation>
+    </message>
+    <message>
+        <source>how the two programs agree</source>
+        <translation>wie die beiden Programme übereinstimmen</translation>
+    </message>
+    <message>
+        <source>our status and reason</source>
+        <translation>unser Zustand und Grund</translation>
+    </message>
+    <message>
+        <source>how the two were aligned</source>
+        <translation>wie die beiden aufeinander gelegt wurden</translation>
+    </message>
+    <message>
+        <source>image or panorama</source>
+        <translation>Bild oder Panorama</translation>
+    </message>
+    <message>
+        <source>theirs minus ours, x</source>
+        <translation>deren Wert minus unserer, x</translation>
+    </message>
+    <message>
+        <source>theirs minus ours, y</source>
+        <translation>deren Wert minus unserer, y</translation>
+    </message>
+    <message>
+        <source>theirs minus ours, z</source>
+        <translation>deren Wert minus unserer, z</translation>
+    </message>
+    <message>
+        <source>length of the difference</source>
+        <translation>Länge der Differenz</translation>
+    </message>
+    <message>
+        <source>angle between the rotations</source>
+        <translation>Winkel zwischen den Drehungen</translation>
+    </message>
+    <message>
+        <source>difference over our stated covariance: about 1 if they agree within it</source>
+        <translation>Differenz in Einheiten unserer angegebenen Kovarianz: etwa 1, wenn beide darin übereinstimmen</translation>
+    </message>
+    <message>
+        <source>rotation, part %1 of its unit quaternion</source>
+        <translation>Drehung, Teil %1 ihres Einheitsquaternions</translation>
+    </message>
+    <message>
+        <source>1 sigma of the position, %1</source>
+        <translation>1 Sigma der Position, %1</translation>
+    </message>
+    <message>
+        <source>row %1, column %2 of the 6 x 6 covariance: rotation (rad) first, then translation (m)</source>
+        <translation>Zeile %1, Spalte %2 der 6-x-6-Kovarianz: zuerst Drehung (rad), dann Verschiebung (m)</translation>
+    </message>
+    <message>
+        <source>pixel %1 of corner %2 (0 bottom-left, then counter-clockwise)</source>
+        <translation>Pixel %1 der Ecke %2 (0 unten links, dann gegen den Uhrzeigersinn)</translation>
+    </message>
+    <message>
+        <source>%1 offset of the station from its tag, %2</source>
+        <translation>%1 Abstand der Station von ihrer Marke, %2</translation>
+    </message>
+    <message>
+        <source>1 sigma of the offset, %1</source>
+        <translation>1 Sigma des Abstands, %1</translation>
+    </message>
+    <message>
+        <source>row and column of the covariance belong to this pose (%1)</source>
+        <translation>Zeile und Spalte der Kovarianz gehören zu dieser Pose (%1)</translation>
+    </message>
+    <message>
+        <source>site: x east, y north, z up from its origin</source>
+        <translation>Messgebiet: x Ost, y Nord, z oben ab seinem Ursprung</translation>
+    </message>
+    <message>
+        <source>the surveyor&apos;s own, not georeferenced</source>
+        <translation>das des Vermessers, ohne Georeferenz</translation>
+    </message>
+    <message>
+        <source>the tag map&apos;s own, without a datum</source>
+        <translation>das der Markenkarte, ohne Datum</translation>
+    </message>
+    <message>
+        <source>the run&apos;s own (odom)</source>
+        <translation>das der Fahrt (odom)</translation>
+    </message>
+    <message>
+        <source>Frame: %1</source>
+        <translation>System: %1</translation>
+    </message>
+    <message>
+        <source>In the file: %1</source>
+        <translation>In der Datei: %1</translation>
+    </message>
+</context>
+<context>
     <name>QObject</name>
     <message>
         <source>%1
