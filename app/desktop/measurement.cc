@@ -46,7 +46,8 @@ MeasurementList::MeasurementList(Workspace* workspace, QWidget* parent) : QTable
   setAccessibleName(tr("Measurements"));
   setToolTip(
       tr("1 sigma behind each value: from the joint covariance of two cameras or panoramas of one run, or of two tags; "
-         "other places are taken as independent (last column). Right click: save, clear."));
+         "other places are taken as independent (last column); points, paths and geotags have no sigma of their own. "
+         "Right click: save, clear."));
   setEditTriggers(QAbstractItemView::NoEditTriggers);
   setSelectionBehavior(QAbstractItemView::SelectRows);
   verticalHeader()->hide();
@@ -85,6 +86,7 @@ void MeasurementList::Clear() {
 
 void MeasurementList::Show() {
   setVisible(!all_.empty());
+  emit Filled(!all_.empty());
   setRowCount(static_cast<int>(all_.size()));
   const QString unit = workspace_->unit();
   const QStringList header{tr("from"),
@@ -115,7 +117,7 @@ void MeasurementList::ShowRow(int row) {
                           value(m.height_m, m.sigma_height_m, metres),
                           value(m.azimuth_deg, m.sigma_azimuth_deg, 1),
                           m.pending           ? tr("being computed ...")
-                          : !m.sigma_height_m ? QString()
+                          : !m.sigma_height_m ? tr("not known")
                           : m.joint           ? tr("joint")
                                               : tr("independent")};
   for (int c = 0; c < cells.size(); ++c) setItem(row, c, new QTableWidgetItem(cells[c]));

@@ -52,6 +52,7 @@ class MeasurementList : public QTableWidget {
  signals:
   void SaveRequested();
   void ClearRequested();
+  void Filled(bool filled);  // or emptied
 
  private:
   void Show();

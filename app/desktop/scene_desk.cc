@@ -248,7 +248,13 @@ void SceneDesk::Arrange() {
   column->addWidget(note_);
   column->addWidget(picture_, 2);
   auto* top = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{mode_, variant_, measure_, edl_, step_, previous_, next_,
+  auto* save = new QPushButton(tr("Save m&easurements ..."));
+  save->setObjectName("scene.save_measurements");
+  save->setToolTip(tr("The list of measurements with their sigmas, as CSV"));
+  save->hide();
+  connect(save, &QPushButton::clicked, this, &SceneDesk::SaveMeasurements);
+  connect(measurements_, &MeasurementList::Filled, save, &QWidget::setVisible);
+  for (QWidget* w : std::initializer_list<QWidget*>{mode_, variant_, measure_, save, edl_, step_, previous_, next_,
                                                     inside_run_, screenshot_}) {
     top->addWidget(w);
   }
@@ -486,6 +492,7 @@ void SceneDesk::Load() {
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
           ShowBackground();
+          ShowLayers();  // before anything is drawn: axes go by the list
           if (!vtk_->looked) {
             ShowAll();
             vtk_->looked = !vtk_->scene->model.Empty();
@@ -494,7 +501,6 @@ void SceneDesk::Load() {
           for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
           if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
           load_notes_ = notes.join("\n");
-          ShowLayers();
           ShowSelected();
           if (!look_at_.isEmpty()) LookAt(std::exchange(look_at_, QString()));
           Render();
@@ -532,6 +538,7 @@ void SceneDesk::Forget() {
   shown_from_.reset();
   const QSignalBlocker block_run(run_), block_time(time_);
   layers_->clear();
+  ForgetLook();
   run_->clear();
   time_->setRange(0, 0);
   camera_->clear();
@@ -539,7 +546,7 @@ void SceneDesk::Forget() {
   measurements_->Clear();
   picture_->SetMarks({});
   picture_->SetPicture({}, "");
-  load_notes_.clear();
+  load_notes_ = workspace_->snapshot() ? QString() : tr("Open a project (Ctrl+O): its scene is drawn here.");
   Note("");
   Say("");
   Render();
@@ -834,12 +841,13 @@ std::vector<double> SceneDesk::Turn(int steps) {
 
 void SceneDesk::LookAt(const QString& object) {
   look_at_ = vtk_->view ? QString() : object;
-  if (!vtk_->view || !workspace_->snapshot() || inside() || object.isEmpty()) return;
+  if (!vtk_->view || !workspace_->snapshot() || object.isEmpty()) return;
   Eigen::AlignedBox3d box;
   for (const std::string& related : workspace_->snapshot()->Related(object.toStdString())) {
     for (const ScenePick& pick : vtk_->Find(related)) box.extend(pick.position);
   }
   if (box.isEmpty()) return Note(tr("%1 is not in the scene.").arg(object));
+  if (inside()) StepOutside();
   vtk_->Fit(box);
   Render();
 }

@@ -136,6 +136,7 @@ class SceneDesk : public QWidget {
   void DrawAsSet();              // opacities, points and runs, in a scene that is new
   void ShowRuns();
   void ShowFilterUnit();
+  void ForgetLook();     // runs, filters and opacities of another project
   void FetchRgb();       // of the pictures, for points in their colours
   void ShowOverlays();   // as the camera stands
   void PlaceOverlays();  // and shows those that belong to the mode
@@ -171,6 +172,7 @@ class SceneDesk : public QWidget {
   std::unique_ptr<Measurement> measured_;  // whose line is drawn
   std::shared_ptr<ScenePairs> pairs_;      // of the scene that is shown, while one measures
   std::map<std::string, int> opacities_;   // percent, by layer; others are 100
+  double filter_unit_m_ = 1;               // in which a filter's length stands
   PictureView* picture_;
   QPointF pressed_;
   QTimer rest_;  // until all points are drawn

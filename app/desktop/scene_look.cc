@@ -105,7 +105,7 @@ QTabWidget* SceneDesk::ArrangeLook() {
   form->addRow(QString::fromUtf8("\xcf\x83") + tr(", at most"), most_sigma_);
   form->addRow(tr("residual, at most"), most_residual_);
   form->addRow(points_shown_);
-  colour_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+  if (kind_ == Kind::kFull) colour_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
   auto* tabs = new QTabWidget;
   tabs->setObjectName("scene.look");
   tabs->setAccessibleName(tr("How the scene is drawn"));
@@ -130,9 +130,26 @@ void SceneDesk::ShowRuns() {
   runs_->setMaximumHeight((std::min(runs_->count(), 4) * (fontMetrics().height() + 6)) + 6);
 }
 
+void SceneDesk::ForgetLook() {
+  for (QWidget* widget : std::initializer_list<QWidget*>{runs_, opacity_, least_images_, most_sigma_, most_residual_}) {
+    widget->blockSignals(true);
+  }
+  runs_->clear();
+  opacities_.clear();
+  opacity_->setValue(100);
+  least_images_->setValue(least_images_->minimum());
+  most_sigma_->setValue(0);
+  most_residual_->setValue(0);
+  for (QWidget* widget : std::initializer_list<QWidget*>{runs_, opacity_, least_images_, most_sigma_, most_residual_}) {
+    widget->blockSignals(false);
+  }
+}
+
 void SceneDesk::ShowFilterUnit() {
   const QSignalBlocker block(most_sigma_);
+  const double metres = workspace_->metres_per_unit();
   most_sigma_->setSuffix(" " + workspace_->unit());
+  most_sigma_->setValue(most_sigma_->value() * std::exchange(filter_unit_m_, metres) / metres);
   DrawAsSet();
 }
 
@@ -214,6 +231,7 @@ PlanFrame SceneDesk::PlanOf() const {
 void SceneDesk::ShowOverlays() {
   if (cube_ == nullptr || !vtk_->view) return;
   vtk_->view->MakeRoomForLabels(vtk_->renderer);
+  vtk_->SizeRings(devicePixelRatioF());
   if (inside()) return;
   // In the plan scale and north stay at the window's edge; the scene's own are for pictures of it.
   const bool plan = mode() == "plan";

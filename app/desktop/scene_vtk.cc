@@ -24,6 +24,7 @@ namespace {
 constexpr double kFarGround = 4;      // times as far as what one looks at, the ground is no longer meant
 constexpr double kLeastRadius_m = 5;  // of what is looked at
 constexpr double kMargin = 1.2;       // about it
+constexpr double kSmallestRing_px = 9, kLargestRing_px = 40;
 constexpr int kSkyColumns = 128, kSkyRows = 64;
 
 }  // namespace
@@ -78,6 +79,26 @@ void SceneDesk::Vtk::AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const
   ring->PickableOff();
   renderer->AddActor(ring);
   props.emplace_back(ring);
+}
+
+void SceneDesk::Vtk::SizeRings(double pixel_ratio) {
+  vtkCamera* camera = renderer->GetActiveCamera();
+  const Eigen::Vector3d eye(camera->GetPosition()), ahead(camera->GetDirectionOfProjection());
+  const double height_px = std::max(1, renderer->GetSize()[1]) / pixel_ratio;
+  for (const auto* props : {&highlights, &measure}) {
+    for (const auto& prop : *props) {
+      auto* ring = vtkFollower::SafeDownCast(prop);
+      if (ring == nullptr) continue;
+      const double away = (Eigen::Vector3d(ring->GetPosition()) - eye).dot(ahead);
+      const double half_height_m = camera->GetParallelProjection() != 0
+                                       ? camera->GetParallelScale()
+                                       : std::abs(away) * std::tan(camera->GetViewAngle() * M_PI / 360);
+      const double metres_per_px = 2 * half_height_m / height_px;
+      const double radius_px = ring->GetMapper()->GetBounds()[1] / metres_per_px;  // a circle about 0
+      if (std::isfinite(radius_px))
+        ring->SetScale(std::clamp(radius_px, kSmallestRing_px, kLargestRing_px) / radius_px);
+    }
+  }
 }
 
 Eigen::Vector3d SceneDesk::Vtk::PlaceUnder(double x, double y) const {

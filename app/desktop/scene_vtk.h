@@ -56,8 +56,9 @@ struct SceneDesk::Vtk {
   // What the scene has of an object: a panorama's answers and their errors, a tag's poses; the main one first.
   std::vector<ScenePick> Find(const std::string& object) const;
   void Clear(std::vector<vtkSmartPointer<vtkProp>>& props);
-  // It faces the viewer and hides nothing.
+  // It faces the viewer and hides nothing; `radius` (m) as far as that is neither a dot nor fills the picture.
   void AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const Eigen::Vector3d& at, double radius);
+  void SizeRings(double pixel_ratio);  // as the camera stands
   // Of a pixel (device pixels from the top left) the place on the ground, else at the distance one looks at.
   Eigen::Vector3d PlaceUnder(double x, double y) const;
   // What is picked at such a pixel.

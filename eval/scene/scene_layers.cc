@@ -21,6 +21,8 @@
 namespace trigpoint {
 namespace {
 
+constexpr double kBarWidth_text = 9;  // of the points' colours with its numbers, in heights of its text
+
 Colour ColourOf(ScenePath::Kind kind) {
   switch (kind) {
     case ScenePath::Kind::kOdometry: return kOrange;
@@ -114,6 +116,7 @@ void SceneView::Parts::BuildPoints() {
   vtkNew<vtkScalarBarActor> bar;
   bar->SetOrientationToVertical();
   bar->SetNumberOfLabels(5);
+  bar->SetTextPositionToPrecedeScalarBar();
   bar->SetPosition(0.93, 0.04);
   bar->SetWidth(0.055);
   bar->SetHeight(0.36);
@@ -134,6 +137,14 @@ void SceneView::Parts::BuildPoints() {
   Add("points", bar);
   points_by = style.points;
   ChoosePoints();
+}
+
+void SceneView::Parts::PlaceBar(vtkRenderer* renderer) const {
+  auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
+  if (bar == nullptr) return;
+  const double room = std::clamp(kBarWidth_text * style.text_px / std::max(1, renderer->GetSize()[0]), 0.055, 0.5);
+  bar->SetWidth(room);
+  bar->SetPosition(0.985 - room, 0.04);
 }
 
 void SceneView::Parts::ChoosePoints() {

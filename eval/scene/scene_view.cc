@@ -351,6 +351,7 @@ std::vector<Eigen::AlignedBox2d> SceneView::LegendBoxes(vtkRenderer* renderer) c
 }
 
 void SceneView::MakeRoomForLabels(vtkRenderer* renderer) const {
+  parts_->PlaceBar(renderer);
   const Projector project(renderer);
   const bool shown = Visible("labels");
   std::vector<Eigen::AlignedBox2d> taken = LegendBoxes(renderer);

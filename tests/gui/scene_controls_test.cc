@@ -11,6 +11,7 @@
 #include <QListWidget>
 #include <QMenu>
 #include <QMouseEvent>
+#include <QPushButton>
 #include <QSignalSpy>
 #include <QSlider>
 #include <QSpinBox>
@@ -163,6 +164,7 @@ TEST_F(SceneControlsTest, MeasurementsAreListedWithTheirSigmasAndSaved) {
   MeasurementList* list = scene_->measurements();
   ASSERT_EQ(list->rowCount(), 1);
   EXPECT_TRUE(list->isVisible());
+  EXPECT_TRUE(Child<QPushButton>(window_.get(), "scene.save_measurements")->isVisible());
   // At once; its sigmas follow.
   EXPECT_EQ(list->item(0, 2)->text(), "3.600");
   EXPECT_EQ(list->item(0, 6)->text(), "being computed ...");
@@ -422,6 +424,41 @@ TEST_F(SceneControlsTest, TheCubeShowsTheDirectionOfViewAndSetsIt) {
   EXPECT_FALSE(cube->isVisible());
 }
 
+TEST_F(SceneControlsTest, AxesAreThereFromTheBeginning) {
+  const QListWidget* layers = Child<QListWidget>(window_.get(), "scene.layers");
+  const auto axes = layers->findItems("axes", Qt::MatchExactly);
+  ASSERT_EQ(axes.size(), 1);
+  EXPECT_EQ(axes[0]->checkState(), Qt::Checked);
+}
+
+TEST_F(SceneControlsTest, WhoAsksToSeeSomethingStepsOutside) {
+  QSignalSpy stepped(scene_, &SceneDesk::SteppedInside);
+  ASSERT_TRUE(scene_->StepInside("panoramas/p001.jpg"));
+  ASSERT_TRUE(WaitFor([&] { return stepped.count() == 1; }));
+  scene_->LookAt("panorama:panoramas/p002.jpg");
+  EXPECT_FALSE(scene_->inside());
+  EXPECT_TRUE(view_widget_->rect().contains(At("panorama:panoramas/p002.jpg").toPoint()));
+}
+
+TEST_F(SceneControlsTest, AnotherProjectIsDrawnAsItIs) {
+  auto* layers = Child<QListWidget>(window_.get(), "scene.layers");
+  auto* runs = Child<QListWidget>(window_.get(), "scene.runs");
+  ASSERT_GT(runs->count(), 0);
+  runs->item(0)->setCheckState(Qt::Unchecked);
+  Child<QSpinBox>(window_.get(), "scene.least_images")->setValue(1000);
+  layers->setCurrentRow(0);
+  Child<QSlider>(window_.get(), "scene.opacity")->setValue(10);
+  window_->workspace()->Close();
+  EXPECT_EQ(Text("scene.note"), "Open a project (Ctrl+O): its scene is drawn here.");
+  window_->OpenProject(site_->path());
+  ShowScene();
+  ASSERT_TRUE(WaitFor([&] { return runs->count() > 0; }));
+  EXPECT_EQ(runs->item(0)->checkState(), Qt::Checked);
+  EXPECT_GT(scene_->PointsShown(), 100U);
+  layers->setCurrentRow(0);
+  EXPECT_EQ(Child<QSlider>(window_.get(), "scene.opacity")->value(), 100);
+}
+
 TEST_F(SceneControlsTest, ThePlanKeepsItsScaleAndGrid) {
   scene_->SetMode("plan");
   PlanOverlay* overlay = scene_->plan_overlay();
@@ -450,8 +487,9 @@ TEST_F(SceneControlsTest, PointsAreFilteredColouredAndShaded) {
   sigma->setValue(0.001);
   const size_t sure = scene_->PointsShown();
   EXPECT_LT(sure, all);
-  window_->workspace()->SetUnit("ft");  // a thousandth of a foot is less
-  EXPECT_LE(scene_->PointsShown(), sure);
+  sigma->setValue(0.1);
+  window_->workspace()->SetUnit("ft");
+  EXPECT_NEAR(sigma->value(), 0.328, 0.001);  // the same length
   sigma->setValue(0);
   window_->workspace()->SetUnit("m");
   auto* colour = Child<QComboBox>(window_.get(), "scene.colour");
