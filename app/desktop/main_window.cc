@@ -308,18 +308,21 @@ void MainWindow::ShowReport() {
 
 void MainWindow::AddDesk(QWidget* desk, const char* name, const QString& title) {
   desk->setObjectName(QString("desk.") + name);
-  const int tab = desks_->addTab(desk, IconNamed(name), title);
+  icons_.push_back(IconNamed(name));
+  const int tab = desks_->addTab(desk, icons_.back(), title);
   desks_->setTabToolTip(tab, title);
 }
 
 void MainWindow::ShowTabs() {
-  const auto name = [this](bool all) {
+  const auto show = [this](bool names, bool icons) {
     for (int i = 0; i < desks_->count(); ++i) {
-      desks_->setTabText(i, all || i == desks_->currentIndex() ? desks_->tabToolTip(i) : QString());
+      const bool named = names || i == desks_->currentIndex();
+      desks_->setTabText(i, named ? desks_->tabToolTip(i) : QString());
+      desks_->setTabIcon(i, icons ? icons_.at(static_cast<size_t>(i)) : QIcon());
     }
+    return desks_->tabBar()->sizeHint().width() <= desks_->width();
   };
-  name(true);
-  if (desks_->tabBar()->sizeHint().width() > desks_->width()) name(false);
+  if (!show(true, true) && !show(true, false)) show(false, true);
 }
 
 void MainWindow::resizeEvent(QResizeEvent* event) {
@@ -412,7 +415,7 @@ void MainWindow::MakeViewMenu() {
   QMenu* view = menuBar()->addMenu(tr("&View"));
   for (int i = 0; i < desks_->count(); ++i) {
     view->addAction(
-        desks_->tabIcon(i), desks_->tabToolTip(i), this, [this, i] { desks_->setCurrentIndex(i); },
+        icons_.at(static_cast<size_t>(i)), desks_->tabToolTip(i), this, [this, i] { desks_->setCurrentIndex(i); },
         QKeySequence((i < 10 ? tr("Ctrl+%1") : tr("Ctrl+Alt+%1")).arg((i + 1) % 10)));
   }
   view->addSeparator();

@@ -1,8 +1,10 @@
 // The workstation's window: the site on the left, the desks as tabs, problems above, progress below.
 #pragma once
 
+#include <QIcon>
 #include <QMainWindow>
 #include <functional>
+#include <vector>
 
 #include "app/desktop/job_controller.h"
 #include "app/desktop/workspace.h"
@@ -104,7 +106,7 @@ class MainWindow : public QMainWindow {
   void MakeRunMenu();
   void MakeViewMenu();
   void MakeHelpMenu();
-  void ShowTabs();                        // names where there is room, else icons
+  void ShowTabs();                        // icons and names, where there is room, else names, else icons
   void ShowAction(const Action& action);  // its form
   void ShowServices();
   void ChooseStage(const QString& stage);
@@ -119,6 +121,7 @@ class MainWindow : public QMainWindow {
   SiteTree* tree_;
   StationCard* card_;
   QTabWidget* desks_;
+  std::vector<QIcon> icons_;  // of the desks
   QDockWidget *site_, *station_;
   OverviewDesk* overview_;
   RunDesk* run_;
