@@ -150,7 +150,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 15;
+    request.version = 16;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

@@ -1,4 +1,5 @@
 // Mouse and keyboard in the scene: zooming, keys, standing inside, coordinates, measuring.
+#include <QVTKOpenGLNativeWidget.h>
 #include <gmock/gmock.h>
 #include <vtkCamera.h>
 #include <vtkNew.h>
@@ -516,6 +517,56 @@ TEST_F(SceneControlsTest, PointsAreFilteredColouredAndShaded) {
   Screenshot(window_.get(), "scene_shaded");
   edl->setChecked(false);
   EXPECT_FALSE(scene_->shades_by_depth());
+}
+
+class ManyPointsTest : public testing::Test {
+ protected:
+  static constexpr int kPoints = 4 * SceneView::kMovingPoints;
+  void SetUp() override {
+    QSettings().clear();
+    WriteResultsSite(site_.path().toStdString(), {.points = kPoints});
+    window_ = OpenWindow(site_.path());
+    window_->ShowDesk("scene");
+    scene_ = window_->scene();
+    view_ = Child<QVTKOpenGLNativeWidget>(window_.get(), "scene.view");
+    ASSERT_TRUE(WaitFor([&] { return scene_->PointsShown() > size_t{kPoints} / 2; }));
+  }
+  QImage Drawn() const { return view_->grabFramebuffer().convertToFormat(QImage::Format_RGB888); }
+
+  QTemporaryDir site_;
+  std::unique_ptr<MainWindow> window_;
+  SceneDesk* scene_ = nullptr;
+  QVTKOpenGLNativeWidget* view_ = nullptr;
+};
+
+int Painted(const QImage& image) {
+  int painted = 0;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) painted += image.pixel(x, y) != image.pixel(image.width() - 1, 0) ? 1 : 0;
+  }
+  return painted;
+}
+
+TEST_F(ManyPointsTest, ASelectionIsSeenAtOnceWithSomeOfThemAndAllFollow) {
+  auto* points = Child<QSlider>(window_.get(), "scene.size");
+  points->setValue(1);
+  ASSERT_TRUE(scene_->PointsShown() > size_t{SceneView::kMovingPoints});
+  window_->workspace()->Select("station:S2");
+  const QImage at_once = Drawn();
+  const QSize size = at_once.size();
+  QImage later = at_once;
+  ASSERT_TRUE(WaitFor([&] { return (later = Drawn()) != at_once; }, 5000));
+  // The ring is in both; of the points a picture for a file has all.
+  EXPECT_EQ(later, scene_->Screenshot(size.width(), size.height()));
+  EXPECT_LT(Painted(at_once), 0.95 * Painted(later));
+  window_->workspace()->Select("");
+  EXPECT_NE(Drawn(), at_once);
+  EXPECT_LT(Painted(Drawn()), Painted(later));
+  // Several selections one after the other wait for the last.
+  for (const char* station : {"station:S0", "station:S1"}) window_->workspace()->Select(station);
+  const int some = Painted(Drawn());
+  ASSERT_TRUE(WaitFor([&] { return Painted(Drawn()) > some; }, 5000));
+  EXPECT_EQ(Drawn(), scene_->Screenshot(size.width(), size.height()));
 }
 
 }  // namespace
