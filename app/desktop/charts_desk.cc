@@ -8,6 +8,7 @@
 #include <QSplitter>
 #include <QVBoxLayout>
 #include <algorithm>
+#include <set>
 
 #include "app/desktop/background.h"
 #include "app/desktop/picture_view.h"
@@ -16,7 +17,9 @@ namespace trigpoint {
 
 namespace {
 
-constexpr double kRing_px = 18;  // about a mark, in the picture
+constexpr double kRing_px = 18;        // about a mark, in the picture
+constexpr size_t kMostListed = 30;     // objects of a bar in its menu
+constexpr const char* kBars = "bars";  // layer of the bars that are marked
 
 }  // namespace
 
@@ -146,34 +149,66 @@ bool ChartsDesk::Choose(const QString& name) {
   return false;
 }
 
-void ChartsDesk::ShowChart() {
+const NamedChart* ChartsDesk::Chosen() const {
   const int row = list_->currentRow();
-  if (row < 0 || row >= static_cast<int>(charts_.size())) {
+  return row < 0 || row >= static_cast<int>(charts_.size()) ? nullptr : &charts_[static_cast<size_t>(row)];
+}
+
+void ChartsDesk::ShowChart() {
+  const NamedChart* chart = Chosen();
+  if (chart == nullptr) {
     caption_->clear();
     view_->SetMarks({});
     view_->SetPicture({}, tr("No chart yet: run evaluate, then they are drawn here as in the report."));
     return;
   }
-  const NamedChart& chart = charts_[static_cast<size_t>(row)];
-  ShowDrawing(view_, chart.painted, QString::fromStdString(chart.title));
-  caption_->setText(QString::fromStdString(chart.caption));
+  ShowDrawing(view_, chart->painted, QString::fromStdString(chart->title));
+  caption_->setText(QString::fromStdString(chart->caption));
   ShowSelected();
 }
 
-void ChartsDesk::ShowSelected() { HighlightSelected(view_, *workspace_); }
+void ChartsDesk::ShowSelected() {
+  MarkBars();
+  HighlightSelected(view_, *workspace_);
+}
+
+void ChartsDesk::MarkBars() {
+  const NamedChart* chart = Chosen();
+  if (chart == nullptr || chart->painted.groups.empty()) return;
+  std::vector<PictureMark> marks = view_->marks();
+  std::erase_if(marks, [](const PictureMark& mark) { return mark.layer == kBars; });
+  for (const SpotGroup& g : chart->painted.groups) {
+    const std::set<std::string>& selected = workspace_->related();
+    if (std::none_of(g.objects.begin(), g.objects.end(), [&](const auto& o) { return selected.count(o) > 0; })) {
+      continue;
+    }
+    PictureMark mark;
+    mark.kind = PictureMark::Kind::kOutline;
+    mark.layer = kBars;
+    mark.points = QPolygonF(QRectF(g.x, g.y, g.width, g.height));
+    mark.colour = QColor(0, 0, 0, 0);
+    mark.strong = true;
+    marks.push_back(mark);
+  }
+  view_->SetMarks(std::move(marks));
+}
 
 void ChartsDesk::ListGroup(const QPointF& pixel) {
-  const int row = list_->currentRow();
-  if (row < 0 || row >= static_cast<int>(charts_.size())) return;
-  for (const SpotGroup& g : charts_[static_cast<size_t>(row)].painted.groups) {
+  const NamedChart* chart = Chosen();
+  if (chart == nullptr) return;
+  for (const SpotGroup& g : chart->painted.groups) {
     if (!QRectF(g.x, g.y, g.width, g.height).contains(pixel)) continue;
     auto* menu = new QMenu(this);
     menu->setObjectName("charts.group");
     menu->setAttribute(Qt::WA_DeleteOnClose);
     menu->addSection(tr("In this bar: %1").arg(g.objects.size()));
-    for (const std::string& name : g.objects) {
-      const QString object = QString::fromStdString(name);
+    for (size_t i = 0; i < std::min(g.objects.size(), kMostListed); ++i) {
+      const QString object = QString::fromStdString(g.objects[i]);
       menu->addAction(object, this, [this, object] { workspace_->Select(object); });
+    }
+    if (g.objects.size() > kMostListed) {
+      menu->addSection(
+          tr("These have the largest values; %1 more are not listed.").arg(g.objects.size() - kMostListed));
     }
     menu->popup(view_->mapToGlobal(view_->WidgetAt(pixel).toPoint()));
     return;

@@ -41,6 +41,8 @@ class ChartsDesk : public QWidget {
   void Load();
   void ShowChart();
   void ShowSelected();
+  void MarkBars();                       // those with what is selected
+  const NamedChart* Chosen() const;      // null: none
   void ListGroup(const QPointF& pixel);  // what is in the bar there, to select
   void Save();
 

@@ -20,6 +20,7 @@
 #include "app/pipeline/reviewed.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"
+#include "eval/text/display_unit.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -48,6 +49,17 @@ void ForgetVariant(std::vector<ErrorRow>* rows) {
   for (ErrorRow& row : *rows) row.variant.clear();
 }
 
+// As the other desks name methods and references.
+std::string PairedText(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b, const std::string& name_a,
+                       const std::string& name_b, const DisplayUnit& unit) {
+  std::vector<ComparedGroup> groups = CompareErrors(a, b);
+  for (ComparedGroup& group : groups) {
+    group.reference = ReferenceName(group.reference);
+    group.method_a = MethodName(group.method_a), group.method_b = MethodName(group.method_b);
+  }
+  return FormatComparison(groups, name_a, name_b, unit.name, unit.metres);
+}
+
 }  // namespace
 
 CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
@@ -57,6 +69,8 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
     Side& side = sides_[i];
     side.result = new QComboBox;
     side.result->setObjectName(QString("compare.") + names[i]);
+    side.result->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
+    side.result->setMinimumContentsLength(14);  // whatever is opened later: "first results", "release 2026.1"
     side.result->setAccessibleName(i == 0 ? tr("First evaluation") : tr("Second evaluation"));
     side.run = new QComboBox;
     side.run->setObjectName(QString("compare.run_") + names[i]);
@@ -188,7 +202,7 @@ void CompareDesk::Compare() {
   InBackground(
       this,
       [written_a = written[0], written_b = written[1], run_a = runs[0], run_b = runs[1], name_a = names[0],
-       name_b = names[1]] {
+       name_b = names[1], unit = DisplayUnit{workspace_->unit().toStdString(), workspace_->metres_per_unit()}] {
         trigpoint::Compared a = OpenCompared(written_a), b = OpenCompared(written_b);
         Comparison c;
         for (const std::string& line : a.notes) c.text += line + "\n";
@@ -199,10 +213,10 @@ void CompareDesk::Compare() {
         KeepRun(run_b.empty() ? run_a : run_b, rename, &b.rows);
         ForgetVariant(&a.rows);
         ForgetVariant(&b.rows);
-        c.text += FormatComparison(CompareErrors(a.rows, b.rows), name_a, name_b);
+        c.text += PairedText(a.rows, b.rows, name_a, name_b, unit);
         // A panorama's answer is one, by whichever method.
         for (std::vector<ErrorRow>* rows : {&a.rows, &b.rows}) {
-          for (ErrorRow& row : *rows) row.method = MethodName(row.method);
+          for (ErrorRow& row : *rows) row.method = MethodName(row.method), row.reference = ReferenceName(row.reference);
         }
         c.rows = ChangedErrors(a.rows, b.rows, -1);
         c.changes = ChangesBetween(a, b);
@@ -239,11 +253,11 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
   };
   const QSignalBlocker block(errors_);
   errors_->setSortingEnabled(false);
-  errors_->setColumnCount(9);
+  errors_->setColumnCount(10);
   errors_->setColumnHidden(2, single);
   errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
                                       tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
-                                      tr("B - A (%1)").arg(unit), tr("status A / B")});
+                                      tr("B - A (%1)").arg(unit), tr("1 sigma (%1)").arg(unit), tr("status A / B")});
   SetHeaderHelp(errors_,
                 {tr("what the answers are compared with"), tr("how the answer was made: panorama (G2) or view (G1)"),
                  tr("run that the panorama was localized against"), tr("station at which the panorama was taken"),
@@ -251,6 +265,7 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
                  tr("distance in space between the answer of A and the reference (%1)").arg(unit),
                  tr("distance in space between the answer of B and the reference (%1)").arg(unit),
                  tr("error of B minus error of A: negative where B is better (%1)").arg(unit),
+                 tr("standard deviation of the error in space, the larger one of A and B (%1)").arg(unit),
                  tr("localized, refused, not matched or without reference: in A, then in B")});
   for (const ReviewedError& row : rows) {
     const int r = errors_->rowCount();
@@ -267,9 +282,10 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
                             length(row.before_m),
                             length(row.after_m),
                             length(difference),
+                            length(row.sigma_m),
                             status};
     for (int c = 0; c < cells.size(); ++c) {
-      auto* item = c >= 5 && c <= 7 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
+      auto* item = c >= 5 && c <= 8 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
       item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
       errors_->setItem(r, c, item);
     }

@@ -85,7 +85,7 @@ void ImagesDesk::MakeControls() {
   reference_ = new QComboBox;
   reference_->setObjectName("images.reference");
   reference_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  reference_->setMinimumContentsLength(14);
+  reference_->setMinimumContentsLength(20);  // panoramas/pano_057.jpg
   reference_->setAccessibleName(tr("Panorama or photo"));
   view_ = new QComboBox;
   view_->setObjectName("images.view");

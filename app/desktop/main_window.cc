@@ -36,6 +36,7 @@
 #include "app/desktop/plan_desk.h"
 #include "app/desktop/print_desk.h"
 #include "app/desktop/problem_bar.h"
+#include "app/desktop/question.h"
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/scene_desk.h"
@@ -490,16 +491,11 @@ void MainWindow::OpenProject(const QString& dir) {
 
 void MainWindow::LeaveProject(const std::function<void()>& go_on) {
   if (!plan_->sketch().changed()) return go_on();
-  if (findChild<QMessageBox*>("plan.ask") != nullptr) return;
-  auto* ask = new QMessageBox(QMessageBox::Question, tr("Plan"), tr("The sketch of the plan is not saved."),
-                              QMessageBox::Save | QMessageBox::Discard | QMessageBox::Cancel, this);
-  ask->setObjectName("plan.ask");
-  ask->setAttribute(Qt::WA_DeleteOnClose);
-  connect(ask, &QMessageBox::finished, this, [this, go_on](int answer) {
-    if (answer == QMessageBox::Discard) plan_->Discard();
-    if (answer == QMessageBox::Discard || (answer == QMessageBox::Save && plan_->Save())) go_on();
-  });
-  ask->open();
+  Ask(this, "plan.ask", tr("Plan"), tr("The sketch of the plan is not saved."),
+      QMessageBox::Save | QMessageBox::Discard | QMessageBox::Cancel, [this, go_on](int answer) {
+        if (answer == QMessageBox::Discard) plan_->Discard();
+        if (answer == QMessageBox::Discard || (answer == QMessageBox::Save && plan_->Save())) go_on();
+      });
 }
 
 void MainWindow::CreateProject(const QString& dir) {

@@ -1,5 +1,6 @@
 #include "app/desktop/overview_desk.h"
 
+#include <QApplication>
 #include <QCryptographicHash>
 #include <QDir>
 #include <QFileInfo>
@@ -334,11 +335,14 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   matrix_->resizeRowsToContents();
   const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
   matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
-  const auto choose = [this](int row) {
-    if (!showing_ && row >= 0) Choose("station:" + matrix_->verticalHeaderItem(row)->text());
-  };
-  connect(matrix_, &QTableWidget::currentCellChanged, this, choose);
-  connect(matrix_, &QTableWidget::cellClicked, this, choose);  // the current one, too
+  const auto station = [this](int row) { return "station:" + matrix_->verticalHeaderItem(row)->text(); };
+  connect(matrix_, &QTableWidget::currentCellChanged, this, [this, station](int row) {
+    if (showing_ || row < 0) return;
+    // While a button is pressed, the click that follows makes the scene look.
+    if (QApplication::mouseButtons() == Qt::NoButton) return Choose(station(row));
+    workspace_->Select(station(row));
+  });
+  connect(matrix_, &QTableWidget::cellClicked, this, [this, station](int row) { Choose(station(row)); });
   connect(matrix_, &QTableWidget::cellActivated, this, [this] { emit SceneRequested(workspace_->selected()); });
   AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
   column->addWidget(matrix_);

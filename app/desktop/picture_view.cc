@@ -123,7 +123,7 @@ void PictureView::paintEvent(QPaintEvent*) {
   }
   painter.setRenderHint(QPainter::Antialiasing);
   for (const PictureMark& mark : marks_) {
-    const bool strong = !mark.object.isEmpty() && mark.object == highlight_;
+    const bool strong = mark.strong || (!mark.object.isEmpty() && mark.object == highlight_);
     if (mark.colour.alpha() == 0 && !strong) continue;  // it can be clicked, the picture shows it
     painter.setPen(QPen(mark.colour.alpha() == 0 ? QColor(213, 94, 0) : mark.colour, strong ? 4 : 1.5));
     painter.setBrush(Qt::NoBrush);

@@ -23,6 +23,7 @@ struct PictureMark {
   QString layer;         // "detections", "tracks", ...
   QString object;        // what it is, as the review names objects; may be empty
   bool movable = false;  // by dragging its centre
+  bool strong = false;   // drawn as the highlighted object is
 };
 
 class PictureView : public QWidget {

@@ -9,7 +9,6 @@
 #include <QLabel>
 #include <QLineEdit>
 #include <QListWidget>
-#include <QMessageBox>
 #include <QPlainTextEdit>
 #include <QProgressBar>
 #include <QPushButton>
@@ -23,6 +22,7 @@
 #include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/question.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/stage_form.h"
 #include "app/desktop/stage_graph.h"
@@ -44,7 +44,7 @@ Widget* Named(Widget* widget, const char* object, const QString& accessible) {
 // The longest text of a box must not make the window wide.
 QComboBox* Narrow(QComboBox* box) {
   box->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  box->setMinimumContentsLength(40);
+  box->setMinimumContentsLength(24);
   return box;
 }
 
@@ -85,15 +85,10 @@ void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& que
                 const std::function<void()>& start) {
   const ExpectedTime expected = ExpectedOf(workspace, query);
   if (expected.seconds + expected.unchecked_s <= kLong_s) return start();
-  auto* ask =
-      new QMessageBox(QMessageBox::Question, RunDesk::tr("Run"), TextOf(expected) + "\n" + RunDesk::tr("Run it now?"),
-                      QMessageBox::Yes | QMessageBox::No, window);
-  ask->setObjectName("run.ask");
-  ask->setAttribute(Qt::WA_DeleteOnClose);
-  QObject::connect(ask, &QMessageBox::finished, window, [start](int answer) {
-    if (answer == QMessageBox::Yes) start();
-  });
-  ask->open();
+  Ask(window, "run.ask", RunDesk::tr("Run"), TextOf(expected) + "\n" + RunDesk::tr("Run it now?"),
+      QMessageBox::Yes | QMessageBox::No, [start](int answer) {
+        if (answer == QMessageBox::Yes) start();
+      });
 }
 
 RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)

@@ -198,6 +198,8 @@ void ServicesDialog::MakeTable() {
   connect(table_, &QTableWidget::itemChanged, this, [this](QTableWidgetItem* item) {
     if (!filling_ && item->column() == kPicked) Pick(item->row(), item->checkState() == Qt::Checked);
   });
+  connect(table_, &QTableWidget::cellActivated, this,
+          [this](int row) { Pick(row, !found_[static_cast<size_t>(row)].picked); });
 }
 
 ServicesDialog::Query ServicesDialog::Asked() const {

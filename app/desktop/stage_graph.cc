@@ -17,8 +17,8 @@ namespace trigpoint {
 namespace {
 
 constexpr double kGap = 8, kBetweenRows = 14, kPadding = 5;
-constexpr int kMostBeside = 3;                                                            // boxes
-constexpr double kSmall = 0.85;                                                           // font of all but the stage
+constexpr int kLeastBeside = 2, kMostBeside = 3;  // boxes, in a narrow and in a wide window
+constexpr double kSmall = 0.85;                   // font of all but the stage
 constexpr const char *kNarrowText = "reconstruct", *kWideText = "reconstruct, 00:00:00";  // widths of a box
 
 // The worst comes first.
@@ -67,8 +67,8 @@ std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& resul
   return boxes;
 }
 
-// Layers with more boxes than stand beside each other in a small window have several rows.
-void PlaceInRows(std::vector<StageBox>* boxes) {
+// Layers with more boxes than stand beside each other have several rows.
+void PlaceInRows(int most_beside, std::vector<StageBox>* boxes) {
   std::map<int, std::vector<StageBox*>> layers;
   for (StageBox& box : *boxes) {
     // These read whatever results there are, and come after all others.
@@ -78,10 +78,10 @@ void PlaceInRows(std::vector<StageBox>* boxes) {
   int row = 0;
   for (const auto& [layer, its] : layers) {
     for (size_t i = 0; i < its.size(); ++i) {
-      its[i]->layer = row + static_cast<int>(i) / kMostBeside;
-      its[i]->place = static_cast<int>(i) % kMostBeside;
+      its[i]->row = row + static_cast<int>(i) / most_beside;
+      its[i]->place = static_cast<int>(i) % most_beside;
     }
-    row = its.back()->layer + 1;
+    row = its.back()->row + 1;
   }
 }
 
@@ -112,7 +112,6 @@ std::vector<StageBox> StageBoxesOf(const Project& project, const std::vector<Sna
       boxes[b].layer = std::max(boxes[b].layer, boxes[a].layer + 1);
     }
   }
-  PlaceInRows(&boxes);
   return boxes;
 }
 
@@ -125,6 +124,7 @@ StageGraph::StageGraph(QWidget* parent) : QWidget(parent) {
 void StageGraph::Show(std::vector<StageBox> boxes) {
   boxes_ = std::move(boxes);
   current_ = std::clamp(current_, 0, std::max(0, static_cast<int>(boxes_.size()) - 1));
+  PlaceInRows(Beside(), &boxes_);
   Describe();
   updateGeometry();
   update();
@@ -134,7 +134,7 @@ void StageGraph::ShowStates(const std::vector<SnapshotResult>& results) {
   for (StageBox& now : BoxesWithoutNeeds(results)) {
     for (StageBox& box : boxes_) {
       if (box.stage != now.stage) continue;
-      now.needs = box.needs, now.layer = box.layer, now.place = box.place;
+      now.needs = box.needs, now.layer = box.layer, now.row = box.row, now.place = box.place;
       box = now;
     }
   }
@@ -146,6 +146,17 @@ void StageGraph::Describe() {
   QStringList said;
   for (const StageBox& box : boxes_) said << DescriptionOf(box);
   setAccessibleDescription(said.join("; "));
+}
+
+double StageGraph::NarrowWidth() const { return fontMetrics().horizontalAdvance(kNarrowText) + 2 * kPadding; }
+
+int StageGraph::Beside() const {
+  return std::clamp(static_cast<int>((width() - kGap) / (NarrowWidth() + kGap)), kLeastBeside, kMostBeside);
+}
+
+void StageGraph::resizeEvent(QResizeEvent*) {
+  PlaceInRows(Beside(), &boxes_);
+  updateGeometry();
 }
 
 int StageGraph::Columns() const {
@@ -162,19 +173,17 @@ QFont StageGraph::SmallFont() const {
 
 // As wide as there is room.
 QRectF StageGraph::RectOf(size_t box) const {
-  const double narrow = fontMetrics().horizontalAdvance(kNarrowText) + 2 * kPadding;
   const double wide = fontMetrics().horizontalAdvance(kWideText) + 2 * kPadding;
-  const double width_px = std::clamp((width() - kGap) / Columns() - kGap, narrow, wide);
+  const double width_px = std::clamp((width() - kGap) / Columns() - kGap, NarrowWidth(), wide);
   const double high = fontMetrics().height() + 2 * QFontMetrics(SmallFont()).height() + 2 * kPadding;
   const StageBox& b = boxes_[box];
-  return {kGap + b.place * (width_px + kGap), kGap + b.layer * (high + kBetweenRows), width_px, high};
+  return {kGap + b.place * (width_px + kGap), kGap + b.row * (high + kBetweenRows), width_px, high};
 }
 
 QSize StageGraph::minimumSizeHint() const {
   QRectF all(0, 0, 100, 40);
   for (size_t b = 0; b < boxes_.size(); ++b) all |= RectOf(b);
-  const double narrow = fontMetrics().horizontalAdvance(kNarrowText) + 2 * kPadding;
-  return QSizeF(kGap + Columns() * (narrow + kGap), all.bottom() + kGap).toSize();
+  return QSizeF(kGap + std::min(kLeastBeside, Columns()) * (NarrowWidth() + kGap), all.bottom() + kGap).toSize();
 }
 
 QSize StageGraph::sizeHint() const {

@@ -18,7 +18,8 @@ struct StageBox {
   std::string metric;         // the main one; of several results the sum of a count, else the largest
   bool summed = false;        // it is a count
   std::vector<size_t> needs;  // boxes, without those that are needed through others
-  int layer = 0, place = 0;   // row from the top, below those of its needs; place in it from the left
+  int layer = 0;              // below those of its needs
+  int row = 0, place = 0;     // where it is drawn, from the top and from the left
 };
 
 // One box for each stage with a result that is needed; a box comes after those it needs.
@@ -43,6 +44,7 @@ class StageGraph : public QWidget {
  protected:
   bool event(QEvent* event) override;
   void paintEvent(QPaintEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
   void mousePressEvent(QMouseEvent* event) override;
   void keyPressEvent(QKeyEvent* event) override;
 
@@ -52,6 +54,8 @@ class StageGraph : public QWidget {
   QString DescriptionOf(const StageBox& box) const;
   void Describe();  // for those who do not see it
   int Columns() const;
+  int Beside() const;  // boxes that have room beside each other
+  double NarrowWidth() const;
   QFont SmallFont() const;
   void PaintBox(QPainter* painter, size_t box) const;
   void PaintArrow(QPainter* painter, const QRectF& from, const QRectF& to) const;

@@ -296,6 +296,7 @@ void TablesDesk::Refresh() {
       }
       auto* item = new QTreeWidgetItem(folders[folder], {parts.last()});
       item->setData(0, Qt::UserRole, QString::fromStdString(source.title));
+      item->setToolTip(0, parts.last());  // where it is cut
     }
     QTreeWidgetItem* now = ItemOf(before);
     if (now == nullptr && !sources_.empty()) now = ItemOf(QString::fromStdString(sources_.front().title));

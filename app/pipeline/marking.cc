@@ -12,6 +12,7 @@
 #include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/lock.h"
 #include "eval/errors/results.h"
 
 namespace trigpoint {
@@ -110,6 +111,7 @@ void RequireCommas(const fs::path& file, const std::string& text) {
 // file as it was is kept in results/replaced/. Returns whether one was.
 bool EditMarks(const Project& project, const std::string& point, const std::string& image, const PointMark* added) {
   const fs::path file = FileOf(project);
+  const InputLock lock(project.results());
   if (!fs::exists(file)) {
     if (added == nullptr) return false;
     CsvWriter csv(kMarkColumns, {"trigpoint control_observations 1; pixels from the centre of the first"});

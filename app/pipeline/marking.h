@@ -16,7 +16,8 @@ namespace trigpoint {
 // Empty without the file. Throws InputError naming file and line.
 std::vector<PointMark> ReadPointMarks(const Project& project);
 // Adds a mark, or moves the one of the same point in the same image; then the file as it was is kept in
-// results/replaced/. The other lines of the file stay as they are. `image` may be RUN/FILE or below the project.
+// results/replaced/. The other lines of the file stay as they are. `image` may be RUN/FILE or below the project. Other
+// programs may add marks at the same time: each waits until the other has written.
 // Throws InputError for an unknown image, a name that is empty, a pixel outside the image; IoError.
 PointMark SavePointMark(const Project& project, const std::string& point, const std::string& image,
                         const Eigen::Vector2d& pixel);

@@ -134,6 +134,26 @@ void ProjectLock::Announce(const std::string& stage) {
 
 std::optional<LockHolder> ProjectLock::Holder(const fs::path& results) { return HolderOf(results / ".lock"); }
 
+InputLock::InputLock(const fs::path& results) {
+  constexpr double kPatience_s = 10;
+  const fs::path file = results / ".inputs.lock";
+  fd_ = OpenLocked(file, F_WRLCK, kPatience_s);
+  if (fd_ < 0) ThrowInUse(results.parent_path(), file);
+  try {
+    WriteHolder(fd_, file, {HostName(), getpid(), UserName(), UtcTimeText(), ""});
+  } catch (const IoError&) {
+    close(fd_);
+    throw;
+  }
+}
+
+// Unlocked, not only closed: a child that was forked meanwhile has the file open, too.
+InputLock::~InputLock() {
+  struct flock none = WholeFile(F_UNLCK);
+  fcntl(fd_, F_OFD_SETLK, &none);
+  close(fd_);
+}
+
 TaskLock::TaskLock(const fs::path& results, const std::string& result, double patience_s) {
   const fs::path project_file = results / ".lock", file = FileOfResult(results, result);
   const LockHolder holder{HostName(), getpid(), UserName(), UtcTimeText(), result};

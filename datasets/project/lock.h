@@ -39,4 +39,18 @@ class ProjectLock {
   int fd_ = -1;
 };
 
+// One writer at a time of the input files that a command reads, changes and writes again: results/.inputs.lock. It is
+// not the project's lock, so that a point can be marked while a run goes on.
+class InputLock {
+ public:
+  // Waits for another writer; throws IoError naming it if that takes longer than a file takes to write.
+  explicit InputLock(const std::filesystem::path& results);
+  ~InputLock();
+  InputLock(const InputLock&) = delete;
+  InputLock& operator=(const InputLock&) = delete;
+
+ private:
+  int fd_ = -1;
+};
+
 }  // namespace trigpoint

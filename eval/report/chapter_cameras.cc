@@ -91,7 +91,8 @@ void AddCameras(const ChapterContext& c, std::vector<Block>* blocks) {
                                  [](const ErrorAlong& e) { return e.error_m.has_value(); });
     if (!any || charts == kMostCharts) return;
     blocks->push_back(Figure{fmt::format("camera_errors_{}", ++charts),
-                             TextAt(score.summary, "system") + " on " + TextAt(score.summary, "run") +
+                             "Camera errors of " + TextAt(score.summary, "system") + " on " +
+                                 TextAt(score.summary, "run") +
                                  ": estimate minus reference along the run. Band: two sigmas of that difference, the "
                                  "reference's and, where stated, the estimate's together.",
                              ErrorRunChart(score.images, c.unit.name, c.unit.metres)});

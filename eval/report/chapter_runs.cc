@@ -15,6 +15,21 @@ constexpr size_t kChartRuns = 7;  // outlines in one histogram
 
 std::string Count(const std::optional<double>& value) { return value ? fmt::format("{:.0f}", *value) : ""; }
 
+std::optional<double> ResidualOf(const RunData::PointQuality& point) { return point.residual_px; }
+std::optional<double> TrackLengthOf(const RunData::PointQuality& point) { return point.track_length; }
+
+// The values of the points that have one.
+Sample SampleOf(const RunData& run, std::optional<double> (*value)(const RunData::PointQuality&)) {
+  Sample sample{run.run + (run.variant.empty() ? "" : "@" + run.variant), {}, {}};
+  for (const RunData::PointQuality& point : run.points) {
+    const std::optional<double> of_point = value(point);
+    if (!of_point) continue;
+    sample.values.push_back(*of_point);
+    sample.objects.push_back(point.object);
+  }
+  return sample;
+}
+
 void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
   Table table{"runs",
               "Each run. Scale: of the odometry, estimated; 1 sigma. Residual: median over points of "
@@ -43,8 +58,8 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
       if (const auto sigma = number("odometry_scale_sigma")) scale += fmt::format(" ± {:.4f}", *sigma);
     }
     TableCell residual;
-    if (!run.residuals_px.empty()) {
-      const double median = Quantile(run.residuals_px, 0.5);
+    if (const Sample residuals = SampleOf(run, ResidualOf); !residuals.values.empty()) {
+      const double median = Quantile(residuals.values, 0.5);
       residual = {fmt::format("{:.2f}", median), median};
     }
     const auto answers = [&](int count, Tone tone) -> TableCell {
@@ -68,16 +83,17 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
 
 void AddHistograms(const ChapterContext& c, std::vector<Block>* blocks) {
   std::vector<Sample> residuals, lengths;
-  Sample all_residuals{"all runs", {}}, all_lengths{"all runs", {}};
   for (const RunData& run : c.data.runs) {
-    const std::string name = run.run + (run.variant.empty() ? "" : "@" + run.variant);
-    if (!run.residuals_px.empty()) residuals.push_back({name, run.residuals_px});
-    if (!run.track_lengths.empty()) lengths.push_back({name, run.track_lengths});
+    if (Sample sample = SampleOf(run, ResidualOf); !sample.values.empty()) residuals.push_back(std::move(sample));
+    if (Sample sample = SampleOf(run, TrackLengthOf); !sample.values.empty()) lengths.push_back(std::move(sample));
   }
   const auto pool = [](std::vector<Sample>* samples) {
     if (samples->size() <= kChartRuns) return;
-    Sample all{fmt::format("{} results together", samples->size()), {}};
-    for (const Sample& s : *samples) all.values.insert(all.values.end(), s.values.begin(), s.values.end());
+    Sample all{fmt::format("{} results together", samples->size()), {}, {}};
+    for (const Sample& s : *samples) {
+      all.values.insert(all.values.end(), s.values.begin(), s.values.end());
+      all.objects.insert(all.objects.end(), s.objects.begin(), s.objects.end());
+    }
     *samples = {std::move(all)};
   };
   pool(&residuals), pool(&lengths);

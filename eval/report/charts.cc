@@ -156,26 +156,39 @@ size_t BinOf(double value, size_t bins, double limit) {
   return static_cast<size_t>(std::clamp(value / limit * count, 0.0, count - 1.0));
 }
 
-// Each value's object stands on the axis, those of a bin in its highest bar.
-void AddBinSpots(const std::vector<Sample>& samples, const std::vector<std::vector<double>>& shares, double limit,
-                 Plot* plot) {
-  std::map<size_t, std::set<std::string>> of_bin;
+// The values of samples with the objects they are of, the largest first.
+std::vector<std::pair<double, const std::string*>> ValuesOfObjects(const std::vector<Sample>& samples) {
+  std::vector<std::pair<double, const std::string*>> values;
   for (const Sample& sample : samples) {
     for (size_t k = 0; k < std::min(sample.values.size(), sample.objects.size()); ++k) {
       if (std::isnan(sample.values[k]) || sample.objects[k].empty()) continue;
-      plot->AddSpot(sample.values[k], 0, sample.objects[k]);
-      of_bin[BinOf(sample.values[k], shares.front().size(), limit)].insert(sample.objects[k]);
+      values.emplace_back(sample.values[k], &sample.objects[k]);
     }
   }
-  for (const auto& [bin, objects] : of_bin) {
+  std::sort(values.begin(), values.end(), [](const auto& a, const auto& b) {
+    return a.first != b.first ? a.first > b.first : *a.second < *b.second;
+  });
+  return values;
+}
+
+// The objects of a bin are in its highest bar. Each of a few objects stands on the axis, too; more would overlap.
+void AddBinSpots(const std::vector<Sample>& samples, const std::vector<std::vector<double>>& shares, double limit,
+                 Plot* plot) {
+  constexpr size_t kMostSpots = 200;
+  const auto values = ValuesOfObjects(samples);
+  std::map<size_t, std::vector<std::string>> of_bin;
+  std::set<std::pair<size_t, std::string>> there;
+  for (const auto& [value, object] : values) {
+    if (values.size() <= kMostSpots) plot->AddSpot(value, 0, *object);
+    const size_t bin = BinOf(value, shares.front().size(), limit);
+    if (there.emplace(bin, *object).second) of_bin[bin].push_back(*object);
+  }
+  for (auto& [bin, objects] : of_bin) {
     double top = 0;
     for (const std::vector<double>& share : shares) top = std::max(top, share[bin]);
     const double width = limit / static_cast<double>(shares.front().size()), left = width * static_cast<double>(bin);
-    plot->drawing().groups.push_back({plot->X(left),
-                                      plot->Y(top),
-                                      plot->X(left + width) - plot->X(left),
-                                      plot->bottom() - plot->Y(top),
-                                      {objects.begin(), objects.end()}});
+    plot->drawing().groups.push_back({plot->X(left), plot->Y(top), plot->X(left + width) - plot->X(left),
+                                      plot->bottom() - plot->Y(top), std::move(objects)});
   }
 }
 

@@ -39,7 +39,8 @@ struct DotSeries {
 Drawing DotChart(const std::vector<std::string>& categories, const std::vector<DotSeries>& series,
                  const std::string& y_axis, const std::string& kind = "station");
 
-// Shares of values in equal bins from 0 to `limit`, an outline a series; larger values count in the last bin.
+// Shares of values in equal bins from 0 to `limit`, an outline a series; larger values count in the last bin. A bin's
+// objects are the group of its bar, the largest value first; where they are few each also has a spot on the axis.
 struct Sample {
   std::string name;
   std::vector<double> values;

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kFurtherRows = 100000;  // of a table that has no chapter of its own
-constexpr size_t kSampleSize = 20000;    // of the points of a run
+constexpr size_t kSampleSize = 200000;   // of the points of a run
 
 // An empty, missing or unusable cell is "not given".
 std::optional<double> Number(const CsvTable& table, const CsvRow& row, const char* column) {
@@ -252,8 +252,11 @@ class Reader {
       const SparseModel model = ReadColmapModel(dir / "sparse");
       const size_t step = model.points.size() / kSampleSize + 1;
       for (size_t i = 0; i < model.points.size(); i += step) {
-        if (std::isfinite(model.points[i].error_px)) run.residuals_px.push_back(model.points[i].error_px);
-        run.track_lengths.push_back(static_cast<double>(model.points[i].track.size()));
+        const ModelPoint& point = model.points[i];
+        RunData::PointQuality& quality = run.points.emplace_back();
+        if (std::isfinite(point.error_px)) quality.residual_px = point.error_px;
+        quality.track_length = static_cast<double>(point.track.size());
+        if (run.variant.empty()) quality.object = "point:" + run.run + "/" + std::to_string(point.id);
       }
       ReadImageResiduals(model, &run);
     });

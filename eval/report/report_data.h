@@ -74,8 +74,13 @@ struct RunData {
     std::optional<Eigen::Vector3d> place_m;  // in site ENU
   };
   std::vector<Answer> answers;
-  std::vector<double> residuals_px;   // mean of each point
-  std::vector<double> track_lengths;  // of each point
+  // Points of the sparse model, a sample of them where there are many.
+  struct PointQuality {
+    std::optional<double> residual_px;  // mean over its images
+    double track_length = 0;            // images that see it
+    std::string object;                 // "point:run1/123"; empty in a variant, whose points no desk shows
+  };
+  std::vector<PointQuality> points;
   // Of each image in the order of time: the mean over the points it sees of their reprojection errors.
   struct ImageResidual {
     double time_s = 0;  // since the run began

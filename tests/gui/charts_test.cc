@@ -76,6 +76,7 @@ TEST_F(ChartsTest, AreThoseOfTheReport) {
                            "camera_errors_1", "residuals_over_time", "tag_residuals"}) {
     EXPECT_TRUE(names.contains(name)) << name;
   }
+  EXPECT_GE(RowWith(list_, "Camera errors of trigpoint on run1"), 0);
   EXPECT_FALSE(charts_->view()->image().isNull());
   EXPECT_THAT(Child<QLabel>(window_.get(), "charts.caption")->text().toStdString(), HasSubstr("Cumulative histogram"));
   Screenshot(window_.get(), "charts");
@@ -115,6 +116,7 @@ TEST_F(ChartsTest, TheSelectionIsOnTheAxisOfTheHistogramAndABarListsWhatIsInIt) 
   const QPoint at = At("station:S2");
   ASSERT_GT(at.x(), 0);
   EXPECT_TRUE(Ringed("station:S2"));
+  EXPECT_EQ(charts_->view()->marks().back().layer, "bars");
   // All four errors have one NEES, so that one bar has all.
   QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, at - QPoint(0, 40));
   auto* menu = Child<QMenu>(window_.get(), "charts.group");
@@ -129,6 +131,42 @@ TEST_F(ChartsTest, TheSelectionIsOnTheAxisOfTheHistogramAndABarListsWhatIsInIt) 
   EXPECT_TRUE(Ringed("station:S3"));
   QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, {at.x() + 150, at.y() - 40});  // no bar
   EXPECT_EQ(window_->workspace()->selected(), "station:S3");
+}
+
+TEST_F(ChartsTest, ABarOfTheResidualsListsItsPointsAndTheSelectionMarksTheBar) {
+  ASSERT_TRUE(charts_->Choose("residuals"));
+  const auto bars = [this] {
+    std::vector<PictureMark> marked = charts_->view()->marks();
+    std::erase_if(marked, [](const PictureMark& mark) { return mark.layer != "bars"; });
+    return marked;
+  };
+  EXPECT_TRUE(bars().empty());
+  // A point that is selected elsewhere marks its bar.
+  window_->workspace()->Select("point:run1/7");
+  ASSERT_EQ(bars().size(), 1u);
+  EXPECT_TRUE(bars().front().strong);
+  const QRectF bar = bars().front().points.boundingRect();
+  Screenshot(window_.get(), "charts_residuals");
+  // A click in the bar lists what is in it, not all of 2000 points.
+  QTest::mouseClick(charts_->view(), Qt::LeftButton, {}, charts_->view()->WidgetAt(bar.center()).toPoint());
+  auto* menu = Child<QMenu>(window_.get(), "charts.group");
+  ASSERT_NE(menu, nullptr);
+  QList<QAction*> points = menu->actions();
+  EXPECT_THAT(points.front()->text().toStdString(), HasSubstr("2000"));
+  EXPECT_THAT(points.back()->text().toStdString(), HasSubstr("1970 more"));
+  EXPECT_EQ(points.size(), 32);
+  const QString chosen = points[2]->text();
+  EXPECT_TRUE(chosen.startsWith("point:run1/"));
+  points[2]->trigger();
+  menu->close();
+  EXPECT_EQ(window_->workspace()->selected(), chosen);
+  EXPECT_EQ(bars().size(), 1u);
+  window_->workspace()->Select("station:S2");
+  EXPECT_TRUE(bars().empty());
+  // In how many images a point is, likewise.
+  ASSERT_TRUE(charts_->Choose("track_lengths"));
+  window_->workspace()->Select("point:run1/7");
+  EXPECT_EQ(bars().size(), 1u);
 }
 
 TEST_F(ChartsTest, FollowTheUnitAndAnotherProject) {

@@ -284,7 +284,16 @@ TEST_F(DesksTest, VariantsAreComparedStationByStation) {
   EXPECT_EQ(errors->item(row, 5)->text(), "0.0200");
   EXPECT_EQ(errors->item(row, 6)->text(), "0.0400");
   EXPECT_EQ(errors->item(row, 7)->text(), "0.0200");
-  EXPECT_THAT(Child<QPlainTextEdit>(window_.get(), "compare.text")->toPlainText().toStdString(), HasSubstr("control"));
+  EXPECT_EQ(errors->horizontalHeaderItem(8)->text(), "1 sigma (m)");
+  EXPECT_EQ(errors->item(row, 8)->text(), "0.1068");  // of 0.05, 0.05 and 0.08 m
+  const auto* paired = Child<QPlainTextEdit>(window_.get(), "compare.text");
+  EXPECT_THAT(paired->toPlainText().toStdString(), AllOf(HasSubstr("panorama (G2)"), HasSubstr("surveyed control"),
+                                                         Not(HasSubstr("single")), HasSubstr("errors [m]")));
+  EXPECT_EQ(errors->item(row, 0)->text(), "surveyed control");
+  window_->workspace()->SetUnit("ft");
+  EXPECT_TRUE(WaitFor([&] { return paired->toPlainText().contains("errors [ft]"); }));
+  window_->workspace()->SetUnit("m");
+  ASSERT_TRUE(WaitFor([&] { return errors->rowCount() == 4 && paired->toPlainText().contains("errors [m]"); }));
   ClickRow(errors, row);
   EXPECT_EQ(window_->workspace()->selected(), "station:S1");
   Screenshot(window_.get(), "compare");

@@ -122,7 +122,9 @@ TEST_F(OverviewTest, AClickMakesTheSceneLookThereWithoutChangingTheDesk) {
     QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {},
                       Matrix()->visualItemRect(Matrix()->item(row, 0)).center());
   };
+  QSignalSpy looks(window_->overview(), &OverviewDesk::LookRequested);
   click(3);
+  EXPECT_EQ(looks.count(), 1);
   EXPECT_EQ(window_->desk(), "overview");
   EXPECT_TRUE(looked_at("panorama:panoramas/p003.jpg"));  // as soon as there is a scene
   PictureView* plan = window_->overview()->plan();
@@ -130,10 +132,15 @@ TEST_F(OverviewTest, AClickMakesTheSceneLookThereWithoutChangingTheDesk) {
   EXPECT_EQ(window_->desk(), "overview");
   EXPECT_TRUE(looked_at("panorama:panoramas/p000.jpg"));
   window_->scene()->LookAt("station:S2");
+  looks.clear();
   click(0);  // selected already
+  EXPECT_EQ(looks.count(), 1);
   EXPECT_TRUE(looked_at("panorama:panoramas/p000.jpg"));
   // Enter and a double click go there.
   Matrix()->setFocus();
+  QTest::keyClick(Matrix(), Qt::Key_Down);
+  EXPECT_EQ(looks.count(), 2);
+  EXPECT_EQ(window_->workspace()->selected(), "station:S1");
   QTest::keyClick(Matrix(), Qt::Key_Return);
   EXPECT_EQ(window_->desk(), "scene");
   window_->ShowDesk("overview");

@@ -183,6 +183,24 @@ TEST_F(RunTest, TheGraphShowsMetricsAndFitsItsWindow) {
   EXPECT_NE(graph_->grab().toImage(), with);
 }
 
+TEST_F(RunTest, InASmallWindowNoStageIsBeyondTheGraphsRightEdge) {
+  window_->resize(1024, 700);
+  ASSERT_TRUE(WaitFor([&] { return window_->width() == 1024; }));
+  const auto seen = [this] {
+    for (size_t b = 0; b < graph_->boxes().size(); ++b) {
+      if (graph_->RectOf(b).right() > graph_->parentWidget()->width()) return false;
+    }
+    return true;
+  };
+  EXPECT_TRUE(WaitFor(seen, 2000)) << graph_->parentWidget()->width();
+  const std::vector<StageBox>& boxes = graph_->boxes();
+  for (size_t b = 0; b < boxes.size(); ++b) {
+    for (const size_t a : boxes[b].needs) EXPECT_LT(graph_->RectOf(a).bottom(), graph_->RectOf(b).top());
+    for (size_t a = 0; a < b; ++a) EXPECT_FALSE(graph_->RectOf(a).intersects(graph_->RectOf(b)));
+  }
+  Screenshot(window_.get(), "small_run_graph");
+}
+
 TEST_F(RunTest, OfSeveralResultsCountsAreAddedAndTheLargestErrorIsTaken) {
   std::vector<SnapshotResult> results;
   const auto add = [&](const char* stage, const char* run, const char* variant, const char* metric) {

@@ -90,6 +90,15 @@ TEST_F(ServicesTest, WhatIsThereIsPickedOnTheMapAndLoaded) {
   EXPECT_THAT(
       Child<QLineEdit>(dialog, "services.line")->text().toStdString(),
       AllOf(HasSubstr("--from panoramax --along run1 --radius 30"), HasSubstr("--id p2"), HasSubstr("--id p9")));
+  // Enter on a row picks it, and again leaves it.
+  table->setFocus();
+  table->setCurrentCell(4, 3);
+  QTest::keyClick(table, Qt::Key_Return);
+  EXPECT_TRUE(dialog->found()[4].picked);
+  EXPECT_EQ(table->item(4, 0)->checkState(), Qt::Checked);
+  EXPECT_TRUE(dialog->isVisible());
+  QTest::keyClick(table, Qt::Key_Enter);
+  EXPECT_FALSE(dialog->found()[4].picked);
   // Another source joins it on the map.
   auto* service = Child<QComboBox>(dialog, "services.service");
   service->setCurrentIndex(2);

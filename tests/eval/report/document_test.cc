@@ -208,6 +208,19 @@ TEST(Charts, AreDrawnFromNothingAndFromAnything) {
   }
 }
 
+TEST(Charts, ABarHasItsObjectsTheLargestValueFirst) {
+  const Drawing few = HistogramChart({{"a", {0.1, 0.95, 7, 0.12}, {"p:1", "p:2", "p:3", "p:4"}}}, 10, 1, "x");
+  ASSERT_EQ(few.groups.size(), 2u);
+  EXPECT_THAT(few.groups[0].objects, testing::ElementsAre("p:4", "p:1"));
+  EXPECT_THAT(few.groups[1].objects, testing::ElementsAre("p:3", "p:2"));
+  EXPECT_EQ(few.spots.size(), 4u);
+  Sample many{"a", {}, {}};
+  for (int i = 0; i < 1000; ++i) many.values.push_back(1e-3 * i), many.objects.push_back("p:" + std::to_string(i));
+  const Drawing crowded = HistogramChart({many}, 10, 1, "x");
+  EXPECT_EQ(crowded.groups.size(), 10u);
+  EXPECT_TRUE(crowded.spots.empty());
+}
+
 TEST(Drawings, AFileOfItsOwnHasANamespaceAndASize) {
   Drawing drawing;
   drawing.width = 300, drawing.height = 200;
