@@ -13,6 +13,7 @@
 #include "datasets/calibration/calibration_images.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/calibration/target_file.h"
+#include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -93,25 +94,57 @@ CalibrateStageOptions OptionsFor(const Project& project, const StageTarget& targ
   return options;
 }
 
-cv::Mat LoadBoardPicture(const fs::path& file, bool mirrored) {
-  cv::Mat grey = LoadPicture(file, true);
+cv::Mat LoadBoardPicture(const fs::path& file, bool mirrored, const SizeCheck& check = {}) {
+  cv::Mat grey = LoadPicture(file, true, check);
   if (mirrored) cv::flip(grey, grey, 1);
   return grey;
+}
+
+std::string OtherSize(const std::pair<int, int>& most, const std::string& camera, int width, int height) {
+  return fmt::format("expected a picture of {} x {} as the other pictures of {}, found {} x {}", most.first,
+                     most.second, camera, width, height);
+}
+
+using Sizes = std::map<std::pair<int, int>, int>;  // how many pictures have it
+std::pair<int, int> MostFrequent(const Sizes& sizes) {
+  const auto most =
+      std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == sizes.end() ? std::pair(0, 0) : most->first;
+}
+
+// Of most of a camera's pictures, as their headers state it; 0 x 0: unknown.
+std::pair<int, int> StatedSize(const CalibrationImages& camera) {
+  Sizes sizes;
+  for (const fs::path& file : camera.files) {
+    try {
+      const PhotoMetadata metadata = ReadPhotoMetadata(file);
+      if (metadata.width > 0) ++sizes[{metadata.width, metadata.height}];
+    } catch (const InputError&) {  // said where it is read
+    }
+  }
+  return MostFrequent(sizes);
+}
+
+// Refuses a picture that is larger than most, whose pixels would take gigabytes; others are compared once they are
+// read.
+SizeCheck NotLarger(const fs::path& file, const std::pair<int, int>& most, const std::string& camera) {
+  return [=](const cv::Size& stored) {
+    if (most.first == 0 || int64_t{stored.width} * stored.height <= int64_t{most.first} * most.second) return;
+    throw InputError(file.string() + ": " + OtherSize(most, camera, stored.width, stored.height));
+  };
 }
 
 // Pictures of another size than most are left out and named.
 void RequireOneSize(const std::vector<CalibrationImages>& cameras, std::vector<std::vector<BoardView>>* found) {
   for (size_t c = 0; c < cameras.size(); ++c) {
-    std::map<std::pair<int, int>, int> sizes;
+    Sizes sizes;
     for (const BoardView& view : (*found)[c]) {
       if (view.width > 0) ++sizes[{view.width, view.height}];
     }
-    const auto most =
-        std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    const std::pair<int, int> most = MostFrequent(sizes);
     for (BoardView& view : (*found)[c]) {
-      if (view.width == 0 || std::pair(view.width, view.height) == most->first) continue;
-      view.problem = fmt::format("expected a picture of {} x {} as the other pictures of {}, found {} x {}",
-                                 most->first.first, most->first.second, cameras[c].camera, view.width, view.height);
+      if (view.width == 0 || std::pair(view.width, view.height) == most) continue;
+      view.problem = OtherSize(most, cameras[c].camera, view.width, view.height);
       view.usable = false;
     }
   }
@@ -168,10 +201,15 @@ void Calibrate(const CalibrateStageOptions& options, const Target& target, std::
     for (size_t i = 0; i < cameras[c].files.size(); ++i) pictures.push_back({c, i});
   }
   const auto file = [&](const Picture& p) -> const fs::path& { return cameras[p.camera].files[p.index]; };
-  const std::vector<BoardView> all = DetectBoards(
-      static_cast<int64_t>(pictures.size()),
-      [&](int64_t i) { return LoadBoardPicture(file(pictures[static_cast<size_t>(i)]), options.mirrored); }, target,
-      context.threads, context.progress, context.cancel);
+  std::vector<std::pair<int, int>> stated;
+  for (const CalibrationImages& camera : cameras) stated.push_back(StatedSize(camera));
+  const auto load = [&](int64_t i) {
+    const Picture& p = pictures[static_cast<size_t>(i)];
+    const SizeCheck check = NotLarger(file(p), stated[p.camera], cameras[p.camera].camera);
+    return LoadBoardPicture(file(p), options.mirrored, check);
+  };
+  const std::vector<BoardView> all = DetectBoards(static_cast<int64_t>(pictures.size()), load, target, context.threads,
+                                                  context.progress, context.cancel);
   std::vector<std::vector<BoardView>> found(cameras.size());
   for (size_t i = 0; i < pictures.size(); ++i) found[pictures[i].camera].push_back(all[i]);
   RequireOneSize(cameras, &found);

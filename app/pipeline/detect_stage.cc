@@ -7,17 +7,15 @@
 #include <set>
 #include <tuple>
 
+#include "app/pipeline/detect_apart.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
-#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/picture_parts.h"
 #include "datasets/io/tag_families.h"
-#include "datasets/project/forked.h"
-#include "survey/tags/detection_json.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_finder.h"
 
@@ -58,76 +56,23 @@ void DrawOverlay(const Run& run, const ImageEntry& image, const ImageDetections&
   if (!written) throw IoError(file.string() + ": cannot be written");
 }
 
-// Exact, unlike detections.csv: the result does not depend on the process it was computed in.
-std::string Packed(const DetectTagsResult& result) {
-  nlohmann::json images = nlohmann::json::array();
-  for (const ImageTags& image : result.images) {
-    nlohmann::json tags = nlohmann::json::array();
-    for (const TagDetection& t : image.detections) tags.push_back(JsonOf(t));
-    images.push_back({image.usable, image.problem, tags});
-  }
-  std::string bytes;
-  nlohmann::json::to_cbor({images, result.unusable, result.detections, result.refused, result.unrefined}, bytes);
-  return bytes;
-}
-
-DetectTagsResult Unpacked(const std::string& bytes) {
-  const nlohmann::json all = nlohmann::json::from_cbor(bytes);
-  DetectTagsResult result;
-  for (const nlohmann::json& i : all.at(0)) {
-    ImageTags image;
-    image.usable = i.at(0);
-    image.problem = i.at(1);
-    for (const nlohmann::json& t : i.at(2)) image.detections.push_back(DetectionOf(t));
-    result.images.push_back(std::move(image));
-  }
-  result.unusable = all.at(1);
-  result.detections = all.at(2);
-  result.refused = all.at(3);
-  result.unrefined = all.at(4);
-  return result;
-}
-
-// Workers that the free memory allows. Throws Error if it is too small for one: the detector of the library does not
-// check what it allocates.
-int WorkersWithin(const Run& run, const DetectTagsOptions& options, int threads) {
-  // By its structures: labels of 8 bytes, copies of 1 byte, and up to four points of 12 bytes a border pixel, in arrays
-  // that grow twofold. Border pixels are taken as half of all.
-  constexpr double kBytesPerPixel = 64, kFixedBytes = 96 << 20;
+// In a process of its own, so that a detector that dies of memory fails this stage and nothing else.
+DetectTagsResult DetectInRun(const Run& run, const DetectOptions& options, StageContext& context) {
+  const auto entry = [&](int64_t i) -> const ImageEntry& { return run.images[static_cast<size_t>(i)]; };
   double pixels = 0;
   for (const BodyCamera& camera : run.cameras) {
     pixels = std::max(pixels, static_cast<double>(camera.camera.width()) * camera.camera.height());
   }
-  const double searched = pixels / (options.quad_decimate * options.quad_decimate);
-  const double each = std::max(1.0, kBytesPerPixel * searched + 4 * pixels);  // and the picture as it is read
-  const auto available = static_cast<double>(AvailableMemoryBytes());
-  const int workers = static_cast<int>(std::min<double>((available - kFixedBytes) / each, ResolveThreads(threads)));
-  if (workers >= 1) return workers;
-  constexpr double kMiB = 1 << 20;
-  throw Error(fmt::format(
-      "run {}: detecting tags in images of {:.1f} megapixels needs about {:.0f} MiB of memory, {:.0f} MiB are free; "
-      "free some, raise its limit (ulimit -v), or use a larger quad_decimate",
-      run.name, pixels * 1e-6, (each + kFixedBytes) / kMiB, available / kMiB));
-}
-
-// In a process of its own, so that a detector that dies of memory fails this stage and nothing else.
-DetectTagsResult DetectApart(const Run& run, const DetectOptions& options, StageContext& context) {
-  const auto entry = [&](int64_t i) -> const ImageEntry& { return run.images[static_cast<size_t>(i)]; };
-  const auto camera = [&](int64_t i) -> const Camera* {
-    const auto index = static_cast<size_t>(entry(i).camera);
-    return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
-  };
-  const int workers = WorkersWithin(run, options.detector, context.threads);
-  const ForkedResult forked = RunForked(
-      "run " + run.name + ": detecting tags",
-      [&](ProgressSink& progress) {
-        return Packed(DetectTags(
-            static_cast<int64_t>(run.images.size()), [&](int64_t i) { return LoadGrey(run, entry(i)); }, camera,
-            options.detector, workers, progress, context.cancel));
+  DetectedApart found = DetectTagsApart(
+      "run " + run.name, pixels, static_cast<int64_t>(run.images.size()),
+      [&](int64_t i) { return LoadGrey(run, entry(i)); },
+      [&](int64_t i) -> const Camera* {
+        const auto index = static_cast<size_t>(entry(i).camera);
+        return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
       },
-      context.progress, context.cancel);
-  context.metrics["detector_peak_memory_bytes"] = forked.peak_memory_bytes;
-  return Unpacked(forked.bytes);
+      options.detector, context.threads, context.progress, context.cancel);
+  context.metrics["detector_peak_memory_bytes"] = found.peak_memory_bytes;
+  return std::move(found.tags);
 }
 
 int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
@@ -184,7 +129,7 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
   if (count == 0) {
     throw InputError(run.dir.string() + ": found no images; expected images.txt with its pictures, or a video");
   }
-  DetectTagsResult result = DetectApart(run, options, context);
+  DetectTagsResult result = DetectInRun(run, options, context);
   context.metrics["masked"] = LeaveOutMasked(run, &result.images);
   context.metrics["repeated"] = LeaveOutRepeated(run, &result.images);
   std::vector<ImageDetections> images;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/plan_choices.h"
 #include "app/pipeline/plan_report.h"
 #include "datasets/io/text.h"
@@ -314,6 +315,7 @@ void MakePlan(const PlanOptions& options, StageContext& context) {
   for (const std::string& note : findings.layout.notes) context.progress.Log(LogLevel::kWarning, note);
   Planner(options, &findings, context).Run();
   findings.aerial = AerialUnder(findings, context);
+  RequireDrawingMemory("drawing the plan", kPageMemory_mib);
   WritePlan(findings, context.out);
   const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(context.out / "summary.json"));
   for (const char* key : {"source", "tags", "rms_tag_sigma_m", "weakest_tag", "datum"}) {

@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/drawing_memory.h"
 #include "datasets/calibration/target_file.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/tables.h"
@@ -352,6 +353,7 @@ PrintOutcome PrintSheetsFor(const PrintRequest& request) {
   OutputFiles output(out.parent_path(), request.force);
   outcome.pdf = out;
   outcome.points = out.parent_path() / (out.stem().string() + "_points.csv");
+  RequireDrawingMemory("drawing the pages", kPageMemory_mib);
   outcome.sheets = WriteSheets(pieces.artworks, pieces.places, options, output.staging() / out.filename());
   WritePoints(outcome.sheets, output.staging() / outcome.points.filename());
   output.Publish();

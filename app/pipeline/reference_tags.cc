@@ -5,6 +5,7 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
+#include "app/pipeline/detect_apart.h"
 #include "app/pipeline/set_localization.h"
 #include "datasets/io/image.h"
 #include "datasets/io/views.h"
@@ -50,12 +51,16 @@ ReferenceTags FindReferenceTags(const Project& project, const Reference& referen
                                 const StageContext& context) {
   ReferenceTags out;
   const std::vector<cv::Mat> pictures = LoadPictures(project, reference, &out);
+  if (pictures.empty()) return out;
+  double pixels = 0;
+  for (const cv::Mat& picture : pictures) pixels = std::max(pixels, static_cast<double>(picture.total()));
   ProgressSink silent;
-  out.tags = DetectTags(
-                 static_cast<int64_t>(pictures.size()), [&](int64_t i) { return pictures[static_cast<size_t>(i)]; },
+  out.tags = DetectTagsApart(
+                 reference.name, pixels, static_cast<int64_t>(pictures.size()),
+                 [&](int64_t i) { return pictures[static_cast<size_t>(i)]; },
                  [&](int64_t i) { return &out.rig.views[static_cast<size_t>(i)].camera; }, options, context.threads,
                  silent, context.cancel)
-                 .images;
+                 .tags.images;
   return out;
 }
 

@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/tags_wanted.h"
 #include "calib/base/counted.h"
-#include "calib/base/memory.h"
 #include "calib/base/parallel.h"
-#include "datasets/project/forked.h"
 #include "eval/release/versions.h"
 #include "eval/report/report.h"
 
@@ -123,19 +122,6 @@ std::string ProgramText() {
   return "Trigpoint " + versions.value("trigpoint", "") + " on " + versions.value("system", "");
 }
 
-// The software renderer and Pango end the process where they get no memory. Without a limit, the system gives it.
-void EnsureRoom() {
-  constexpr double kMiB = 1 << 20;
-  const double needed = (800 + 80.0 * ResolveThreads(0)) * kMiB;  // of address space; threads reserve theirs
-  const auto left = static_cast<double>(MemoryWithinLimitsBytes());
-  if (left >= needed) return;
-  throw MemoryError(
-      fmt::format("drawing the report needs about {:.0f} MiB of memory, the limit of this process leaves {:.0f} MiB; "
-                  "raise its limit "
-                  "(ulimit -v)",
-                  needed / kMiB, left / kMiB));
-}
-
 }  // namespace
 
 StageInfo ReportStage() {
@@ -166,7 +152,7 @@ StageInfo ReportStage() {
           {s.stage, s.name, s.state, s.reason, s.manifest.is_object() ? s.manifest.value("end", "") : ""});
     }
     request.body = [=](StageContext& context) {
-      EnsureRoom();
+      RequireDrawingMemory("drawing the report", 800 + 80.0 * ResolveThreads(0));  // threads reserve theirs
       ReportInput its = input;
       its.project = &context.project;
       its.default_gates = DefaultGates(context.project);

@@ -48,8 +48,20 @@ size_t JpegScanBegin(const std::vector<uchar>& b) {
   return 0;
 }
 
-// Pixels across and down as stored, from the header of a PNG or JPEG; nothing for other kinds.
-std::optional<cv::Size> StoredSize(const std::vector<uchar>& b) {
+bool IsTiff(const std::vector<uchar>& b) {
+  return b.size() > 4 && (std::memcmp(b.data(), "II*", 4) == 0 || std::memcmp(b.data(), "MM\0*", 4) == 0);
+}
+
+// Pixels across and down as stored, from the header of a PNG, JPEG or TIFF; nothing for other kinds.
+std::optional<cv::Size> StoredSize(const std::filesystem::path& file, const std::vector<uchar>& b) {
+  if (IsTiff(b)) {
+    try {
+      const PhotoMetadata metadata = ReadPhotoMetadata(file);
+      if (metadata.width > 0 && metadata.height > 0) return cv::Size(metadata.width, metadata.height);
+    } catch (const InputError&) {  // said by who decodes it
+    }
+    return std::nullopt;
+  }
   const auto number = [&](size_t at, size_t bytes) {
     int64_t value = 0;
     for (size_t k = 0; k < bytes; ++k) value = value << 8 | b[at + k];
@@ -75,6 +87,11 @@ std::optional<cv::Size> StoredSize(const std::vector<uchar>& b) {
   return std::nullopt;
 }
 
+// A block of 8 x 8 pixels takes a bit at least, in its first scan. A few bytes may state gigabytes otherwise.
+bool HoldsItsBlocks(const std::vector<uchar>& jpeg, const cv::Size& size) {
+  return 8 * 64 * static_cast<double>(jpeg.size()) >= static_cast<double>(size.width) * size.height;
+}
+
 // libjpeg fills what is missing with grey and calls it a success: look for the end marker ourselves.
 void CheckComplete(const std::filesystem::path& file, const std::vector<uchar>& b) {
   const auto truncated = [&] {
@@ -82,6 +99,10 @@ void CheckComplete(const std::filesystem::path& file, const std::vector<uchar>& 
                      " bytes, its end is missing); copy it again");
   };
   if (b.size() >= 3 && b[0] == 0xFF && b[1] == 0xD8) {
+    if (const auto size = StoredSize(file, b); size && !HoldsItsBlocks(b, *size)) {
+      throw InputError(fmt::format("{}: the picture is cut off: {} bytes are too few for {} x {} pixels; copy it again",
+                                   file.string(), b.size(), size->width, size->height));
+    }
     if (b[b.size() - 2] == 0xFF && b[b.size() - 1] == 0xD9) return;  // the usual case
     const size_t begin = JpegScanBegin(b);
     if (begin == 0 || memmem(b.data() + begin, b.size() - begin, "\xFF\xD9", 2) == nullptr) truncated();
@@ -119,7 +140,7 @@ cv::Mat Oriented(const cv::Mat& stored, int orientation) {
 
 cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& bytes, bool grey, bool raw_orientation) {
   constexpr int64_t kMostPixels = int64_t{1} << 30;  // what OpenCV decodes
-  if (const auto size = StoredSize(bytes); size && int64_t{size->width} * size->height > kMostPixels) {
+  if (const auto size = StoredSize(file, bytes); size && int64_t{size->width} * size->height > kMostPixels) {
     throw InputError(file.string() + ": expected a picture of at most 2^30 pixels, found " +
                      Size(size->width, size->height));
   }
@@ -156,7 +177,7 @@ cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool 
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);
   // Before gigabytes are decoded for nothing. EXIF may say that sides are to be swapped.
-  if (const auto size = StoredSize(bytes); size && !Fits({size->height, size->width}, camera)) {
+  if (const auto size = StoredSize(file, bytes); size && !Fits({size->height, size->width}, camera)) {
     CheckFits(file, *size, camera);
   }
   cv::Mat picture = Decode(file, bytes, grey, false);
@@ -208,9 +229,12 @@ cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) { return LoadImage(run
 
 cv::Mat LoadColour(const Run& run, const ImageEntry& entry) { return LoadImage(run, entry, false); }
 
-cv::Mat LoadPicture(const std::filesystem::path& file, bool grey) {
+cv::Mat LoadPicture(const std::filesystem::path& file, bool grey, const SizeCheck& check) {
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);
+  if (check) {
+    if (const auto size = StoredSize(file, bytes)) check(*size);
+  }
   return Decode(file, bytes, grey, false);
 }
 
@@ -221,7 +245,7 @@ cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest) {
   };
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);
-  const std::optional<cv::Size> stored = StoredSize(bytes);
+  const std::optional<cv::Size> stored = StoredSize(file, bytes);
   std::optional<GPano> pano;
   if (stored && stored->width != 2 * stored->height && stored->height != 2 * stored->width) {
     pano = ReadPhotoMetadata(file).gpano;

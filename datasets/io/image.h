@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <opencv2/core/mat.hpp>
 
 #include "datasets/io/site.h"
@@ -19,8 +20,12 @@ cv::Mat LoadColour(const Run& run, const ImageEntry& entry);
 // The same of a photo with a known camera: 8-bit grey or BGR of the camera's size. Throws InputError.
 cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey);
 
+// Is given the size that a picture's header states, before gigabytes are decoded for nothing; EXIF orientation may swap
+// its sides. Throws to refuse it.
+using SizeCheck = std::function<void(const cv::Size& stored)>;
+
 // Colour 8-bit BGR (or grey, if `grey`) picture of any file, EXIF orientation applied. Throws InputError.
-cv::Mat LoadPicture(const std::filesystem::path& file, bool grey);
+cv::Mat LoadPicture(const std::filesystem::path& file, bool grey, const SizeCheck& check = {});
 
 // An equirectangular panorama, 2:1. A partial one whose GPano tags say where it lies is put into a black full sphere.
 // Throws InputError naming the size found for any other picture, and for a full sphere of more than `widest` px.

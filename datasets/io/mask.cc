@@ -27,12 +27,15 @@ void Intersect(const cv::Mat& more, cv::Mat* mask) {
 }
 
 cv::Mat LoadMask(const fs::path& file, const cv::Size& size) {
-  const cv::Mat picture = LoadPicture(file, true);
-  if (picture.size() != size) {
+  const auto refuse = [&](const cv::Size& found) {
     throw InputError(file.string() + ": expected a mask of " + std::to_string(size.width) + " x " +
                      std::to_string(size.height) + " px as the picture it belongs to, found " +
-                     std::to_string(picture.cols) + " x " + std::to_string(picture.rows));
-  }
+                     std::to_string(found.width) + " x " + std::to_string(found.height));
+  };
+  const cv::Mat picture = LoadPicture(file, true, [&](const cv::Size& stored) {
+    if (stored != size && cv::Size(stored.height, stored.width) != size) refuse(stored);
+  });
+  if (picture.size() != size) refuse(picture.size());
   return picture > 0;
 }
 

@@ -228,6 +228,23 @@ TEST(LoadGrey, RefusesHugePicturesBeforeTheyAreDecoded) {
   const auto larger = dir.Write("larger.png", png(60000, 30000));
   EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(larger, true); }),
               HasSubstr("expected a picture of at most 2^30 pixels, found 60000 x 30000"));
+  trigpoint::Run run = RunWithCamera(64, 48);
+  run.cameras[0].mask.pictures = {file};
+  EXPECT_THAT(MessageOf<InputError>([&] { RunMasks masks(run); }),
+              HasSubstr("expected a mask of 64 x 48 px as the picture it belongs to, found 20000 x 20000"));
+  // A whole TIFF, of a kind that OpenCV does not decode.
+  cv::Mat doubles(3, 4, CV_64F, cv::Scalar(1));
+  ASSERT_TRUE(cv::imwrite((dir / "doubles.tif").string(), doubles));
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, Entry(dir / "doubles.tif")); }),
+              HasSubstr("as its camera was calibrated, found 4 x 3"));
+  // Whoever decodes it gets gigabytes of grey and no error.
+  ASSERT_TRUE(cv::imwrite((dir / "small.jpg").string(), Ramp(64, 48)));
+  std::string jpeg = ReadTextFile(dir / "small.jpg");
+  const size_t frame = jpeg.find("\xFF\xC0");
+  ASSERT_NE(frame, std::string::npos);
+  jpeg.replace(frame + 5, 4, "\x59\xD8\xB3\xB0");
+  EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(dir.Write("stretched.jpg", jpeg), true); }),
+              HasSubstr("bytes are too few for 46000 x 23000 pixels"));
 }
 
 TEST(LoadGrey, WorksInManyThreads) {

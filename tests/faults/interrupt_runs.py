@@ -177,6 +177,24 @@ class Interruptions:
             self.expect_same(site, what)
         print(f"{wanted} times too little memory, {refused} refused", flush=True)
 
+    def starve_alone(self, wanted):
+        """Commands that `run` needs more memory for elsewhere, or that it does not have: little more than they start with."""
+        least = self.peak_kib("status", str(self.good))
+        commands = [("survey", []), ("print", ["--ids", "900-903", "--size", "100"]), ("plan", [])]
+        before_survey = self.stages_before(self.order.index("survey"))
+        for k in range(wanted):
+            kib = least + self.draw.uniform(0, 200) * 1024
+            for command, flags in commands:
+                what = f"{kib / 1024:.0f} MiB for {command}"
+                site = self.copy("alone", before_survey)
+                limit = int(kib * 1024)
+                done = self.run(site, command, *flags,
+                                preexec_fn=lambda b=limit: resource.setrlimit(resource.RLIMIT_AS, (b, b)))
+                self.expect(done.returncode in (0, 1), f"{what}: exit code {done.returncode}: {done.stderr[-300:]}")
+                self.expect(done.returncode == 0 or re.search(r"memory", done.stderr),
+                            f"{what}: memory is not named: {done.stderr[-300:]}")
+        print(f"{wanted} times too little memory for each of {len(commands)} commands", flush=True)
+
     def fill(self, wanted):
         size = sum(p.stat().st_size for p in (self.good / "results").rglob("*") if p.is_file())
         for k in range(wanted):
@@ -225,6 +243,7 @@ def main():
     try:
         runs.kill(options.kills)
         runs.starve(options.memory)
+        runs.starve_alone(2 * options.memory)
         runs.fill(options.disk)
     finally:
         shutil.rmtree(runs.work, ignore_errors=True)
