@@ -6,6 +6,7 @@
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
 #include <vtkProperty2D.h>
+#include <vtkRenderer.h>
 #include <vtkScalarBarActor.h>
 #include <vtkTextProperty.h>
 #include <vtkUnsignedCharArray.h>
@@ -139,10 +140,10 @@ void SceneView::Parts::BuildPoints() {
   ChoosePoints();
 }
 
-void SceneView::Parts::PlaceBar(vtkRenderer* renderer) const {
+void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
   if (bar == nullptr) return;
-  const double room = std::clamp(kBarWidth_text * style.text_px / std::max(1, renderer->GetSize()[0]), 0.055, 0.5);
+  const double room = std::clamp(kBarWidth_text * style.text_px / std::max(1, of->GetSize()[0]), 0.055, 0.5);
   bar->SetWidth(room);
   bar->SetPosition(0.985 - room, 0.04);
 }
