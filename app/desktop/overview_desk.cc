@@ -15,6 +15,7 @@
 #include <QSplitter>
 #include <QStandardPaths>
 #include <QTableWidget>
+#include <QTimer>
 #include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
@@ -220,12 +221,14 @@ void OverviewDesk::ReturnTo(const Place& place) {
     if (place.column >= 0 && place.column < matrix_->columnCount() && matrix_->currentRow() >= 0) {
       matrix_->setCurrentCell(matrix_->currentRow(), place.column);
     }
-    matrix_->verticalScrollBar()->setValue(place.row_scrolled);
     showing_ = false;
   }
   QWidget* focus = place.focus.isEmpty() ? nullptr : content->findChild<QWidget*>(place.focus);
   if (focus != nullptr) focus->setFocus();
-  scroll_->verticalScrollBar()->setValue(place.scrolled);
+  QTimer::singleShot(0, content, [this, place] {  // the new content has its size then
+    scroll_->verticalScrollBar()->setValue(place.scrolled);
+    if (matrix_ != nullptr) matrix_->verticalScrollBar()->setValue(place.row_scrolled);
+  });
 }
 
 void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
